@@ -1,0 +1,152 @@
+"""Parameters: a value with its unit, bounds, prior, tolerance, and whether it is free."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from math import inf, isfinite
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.core.units import unit_named
+from benchtool.errors import InputError, UnknownChoice
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Prior:
+    """State what is known of a parameter before the data.
+
+    Attributes:
+        kind: "uniform" within the bounds, or "normal" cut off at the bounds.
+        mean, sd: of the normal prior, in the parameter's unit; unused for "uniform".
+        source: where the numbers come from (data sheet, calibration, a guess).
+    """
+
+    kind: Literal["uniform", "normal"] = "uniform"
+    mean: float = 0.0
+    sd: float = 1.0
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        if self.kind == "normal" and not (self.sd > 0.0 and isfinite(self.mean)):
+            raise InputError(
+                f"a normal prior needs a finite mean and sd above 0, got {self.mean} and {self.sd}"
+            )
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """Hold one number of a model.
+
+    Attributes:
+        name: without its owner ("K_b"); a model names it "body_lift.K_b" or, for its baseline, "R_m".
+        unit: one of `core.units.UNITS`.
+        value: present value.
+        neutral: value at which the owner is exactly absent; None for baseline parameters.
+        lower, upper: bounds, infinite when there are none.
+        prior: what is known beforehand.
+        tolerance: a change smaller than this does not matter on the bench; None when not stated.
+        free: whether a fit may move it.
+        source: where the value comes from.
+    """
+
+    name: str
+    unit: str
+    value: float
+    neutral: float | None = None
+    lower: float = -inf
+    upper: float = inf
+    prior: Prior = Prior()
+    tolerance: float | None = None
+    free: bool = False
+    description: str = ""
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        unit_named(self.unit)
+        if not self.lower <= self.value <= self.upper:
+            raise InputError(
+                f"parameter {self.name} is {self.value:g} {self.unit}, outside its bounds "
+                f"[{self.lower:g}, {self.upper:g}]; move the value or the bounds"
+            )
+
+    def at(self, value: float) -> Parameter:
+        """Return the parameter at another value."""
+        return replace(self, value=float(value))
+
+    def freed(self) -> Parameter:
+        """Return the parameter as one that a fit may move."""
+        return replace(self, free=True)
+
+    def fixed(self, value: float | None = None) -> Parameter:
+        """Return the parameter as one that a fit leaves alone."""
+        return replace(self, free=False, value=self.value if value is None else float(value))
+
+    @property
+    def is_neutral(self) -> bool:
+        """Whether the owner is exactly absent at this value."""
+        return self.neutral is not None and self.value == self.neutral
+
+
+class Parameters(Mapping[str, Parameter]):
+    """Hold parameters by their full names, in a fixed order, and pack the free ones."""
+
+    __slots__ = ("_by_name",)
+
+    def __init__(self, items: Iterable[tuple[str, Parameter]]) -> None:
+        self._by_name = dict(items)
+
+    def __getitem__(self, name: str) -> Parameter:
+        try:
+            return self._by_name[name]
+        except KeyError:
+            raise UnknownChoice("parameter", name, self._by_name) from None
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._by_name
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._by_name)
+
+    def __len__(self) -> int:
+        return len(self._by_name)
+
+    @property
+    def free_names(self) -> tuple[str, ...]:
+        """Full names of the free parameters, in order."""
+        return tuple(name for name, item in self._by_name.items() if item.free)
+
+    def values_array(self) -> Array:
+        """Return all values (n_parameters,), each in its own unit."""
+        return np.array([item.value for item in self._by_name.values()], float)
+
+    def pack(self) -> Array:
+        """Return the free values (n_free,)."""
+        return np.array([item.value for item in self._by_name.values() if item.free], float)
+
+    def bounds(self) -> tuple[Array, Array]:
+        """Return lower and upper bounds of the free parameters, (n_free,) each."""
+        free = [item for item in self._by_name.values() if item.free]
+        return (
+            np.array([item.lower for item in free], float),
+            np.array([item.upper for item in free], float),
+        )
+
+    def replaced(self, name: str, parameter: Parameter) -> Parameters:
+        """Return the set with one parameter replaced."""
+        self[name]
+        return Parameters((key, parameter if key == name else item) for key, item in self.items())
+
+    def at(self, free_values: Array) -> Parameters:
+        """Return the set with the free parameters at `free_values` (n_free,)."""
+        names = self.free_names
+        if len(free_values) != len(names):
+            raise InputError(f"{len(names)} free parameters, but {len(free_values)} values")
+        new = dict(zip(names, (float(value) for value in free_values), strict=True))
+        return Parameters(
+            (key, item.at(new[key]) if key in new else item) for key, item in self.items()
+        )

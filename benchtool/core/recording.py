@@ -1,0 +1,96 @@
+"""A recording: n instants by c channels, with provenance."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.core.channel import Channel
+from benchtool.core.units import to_si
+from benchtool.errors import InputError, UnknownChoice
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Recording:
+    """Hold one table of numbers and say where it comes from.
+
+    Attributes:
+        channels: (c,) what each column is.
+        values: (n, c) float64 in each channel's own unit; nan where a channel had no new value.
+        provenance: facts about the source, as text (device, file, hash, repairs, simulated).
+        simulated: True for data that no physical bench produced; figures and tables say so.
+    """
+
+    channels: tuple[Channel, ...]
+    values: Array
+    provenance: Mapping[str, str] = field(default_factory=dict)
+    simulated: bool = False
+
+    def __post_init__(self) -> None:
+        if self.values.ndim != 2 or self.values.shape[1] != len(self.channels):
+            raise InputError(
+                f"a recording of {len(self.channels)} channels needs a table of that many columns, "
+                f"but its values have shape {self.values.shape}"
+            )
+        names = [channel.name for channel in self.channels]
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise InputError(f"channel {twice[0]!r} stands twice in one recording; rename one")
+
+    def __len__(self) -> int:
+        return int(self.values.shape[0])
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The channel names in column order."""
+        return tuple(channel.name for channel in self.channels)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.names
+
+    def index(self, name: str) -> int:
+        """Return the column of a channel, or refuse the name with the known ones."""
+        try:
+            return self.names.index(name)
+        except ValueError:
+            raise UnknownChoice("channel", name, self.names) from None
+
+    def column(self, name: str) -> Array:
+        """Return one channel (n,) in the unit it is stored in."""
+        return self.values[:, self.index(name)]
+
+    def si(self, name: str) -> Array:
+        """Return one channel (n,) in SI units."""
+        index = self.index(name)
+        return to_si(self.values[:, index], self.channels[index].unit)
+
+    def select(self, rows: NDArray[np.bool_] | NDArray[np.intp]) -> Recording:
+        """Return the recording of only those rows."""
+        return replace(self, values=self.values[rows])
+
+    def with_column(self, channel: Channel, values: Array) -> Recording:
+        """Return the recording with one more column (n,)."""
+        return replace(
+            self,
+            channels=(*self.channels, channel),
+            values=np.column_stack([self.values, np.asarray(values, float)]),
+        )
+
+    @classmethod
+    def from_columns(
+        cls,
+        columns: Sequence[tuple[Channel, Array]],
+        provenance: Mapping[str, str] | None = None,
+        simulated: bool = False,
+    ) -> Recording:
+        """Build a recording from (channel, values (n,)) pairs."""
+        if not columns:
+            raise InputError("a recording needs at least one channel")
+        values = np.column_stack([np.asarray(column, float) for _, column in columns])
+        channels = tuple(channel for channel, _ in columns)
+        return cls(channels, values, dict(provenance or {}), simulated)

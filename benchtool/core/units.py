@@ -1,0 +1,113 @@
+"""The closed set of units that files and columns may carry, each with its factor to SI.
+
+Inside benchtool everything is SI; other units exist only where a file is read or a number printed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import pi
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.errors import InputError, UnknownChoice
+
+Number = TypeVar("Number", float, NDArray[np.float64])
+
+STANDARD_GRAVITY_M_S2 = 9.80665
+"""Standard acceleration of free fall (CGPM 1901), used for gram-force and kilogram-force."""
+
+POUND_FORCE_N = 4.4482216152605
+"""One pound-force: 0.45359237 kg (international pound, 1959) times standard gravity."""
+
+
+@dataclass(frozen=True, slots=True)
+class Unit:
+    """One unit: value_SI = factor * value + offset, in the SI unit of its dimension."""
+
+    symbol: str
+    dimension: str
+    factor: float = 1.0
+    offset: float = 0.0
+
+
+_ALL = (
+    Unit("1", "ratio"),
+    Unit("%", "ratio", 1e-2),
+    Unit("count", "count"),
+    Unit("s", "time"),
+    Unit("ms", "time", 1e-3),
+    Unit("us", "time", 1e-6),
+    Unit("pwm_us", "pulse width"),
+    Unit("m", "length"),
+    Unit("cm", "length", 1e-2),
+    Unit("mm", "length", 1e-3),
+    Unit("in", "length", 0.0254),
+    Unit("rad", "angle"),
+    Unit("deg", "angle", pi / 180.0),
+    Unit("rad/s", "angular speed"),
+    Unit("deg/s", "angular speed", pi / 180.0),
+    Unit("rpm", "angular speed", 2.0 * pi / 60.0),
+    Unit("N", "force"),
+    Unit("mN", "force", 1e-3),
+    Unit("gf", "force", 1e-3 * STANDARD_GRAVITY_M_S2),
+    Unit("kgf", "force", STANDARD_GRAVITY_M_S2),
+    Unit("lbf", "force", POUND_FORCE_N),
+    Unit("N m", "torque"),
+    Unit("mN m", "torque", 1e-3),
+    Unit("kg", "mass"),
+    Unit("g", "mass", 1e-3),
+    Unit("V", "voltage"),
+    Unit("mV", "voltage", 1e-3),
+    Unit("A", "current"),
+    Unit("W", "power"),
+    Unit("K", "temperature"),
+    Unit("degC", "temperature", 1.0, 273.15),
+    Unit("Pa", "pressure"),
+    Unit("hPa", "pressure", 100.0),
+    Unit("kg/m3", "density"),
+    Unit("m/s", "speed"),
+    Unit("m/s2", "acceleration"),
+    Unit("kg m2", "moment of inertia"),
+    Unit("N/s", "force rate"),
+    Unit("1/s", "rate"),
+    Unit("N/(rad/s)2", "thrust coefficient"),
+    Unit("N m/(rad/s)2", "drag coefficient"),
+    Unit("N m s", "angular damping"),
+    Unit("N m/rad", "angular stiffness"),
+)
+
+UNITS: dict[str, Unit] = {unit.symbol: unit for unit in _ALL}
+"""Every known unit by its symbol. Pulse widths stay in microseconds, as every ESC names them."""
+
+
+def unit_named(symbol: str) -> Unit:
+    """Return the unit of that symbol, or refuse it with the list of known ones."""
+    try:
+        return UNITS[symbol]
+    except KeyError:
+        raise UnknownChoice("unit", symbol, UNITS) from None
+
+
+def to_si(value: Number, symbol: str) -> Number:
+    """Return `value`, given in `symbol`, in the SI unit of its dimension."""
+    unit = unit_named(symbol)
+    return value * unit.factor + unit.offset
+
+
+def from_si(value: Number, symbol: str) -> Number:
+    """Return `value`, given in SI, in the unit `symbol`."""
+    unit = unit_named(symbol)
+    return (value - unit.offset) / unit.factor
+
+
+def same_dimension(symbol: str, other: str) -> None:
+    """Refuse two units that do not measure the same thing."""
+    one, two = unit_named(symbol), unit_named(other)
+    if one.dimension != two.dimension:
+        raise InputError(
+            f"unit {symbol!r} measures {one.dimension}, but {two.dimension} ({other}) is needed; "
+            f"give the column's own unit"
+        )

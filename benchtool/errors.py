@@ -1,0 +1,195 @@
+"""Every error that benchtool raises on purpose.
+
+    BenchtoolError                 exit code 1
+    ├── InputError                 2   something the user gave cannot be used
+    │   ├── UnknownChoice          2   a name outside a known list (driver, key, unit, effect)
+    │   ├── FileFormatError        2   a file that does not say what it must
+    │   ├── PlanError              2   a plan the bench or its limits do not allow
+    │   ├── CalibrationError       2   a calibration that does not hold
+    │   └── WouldOverwrite         2   the target exists already
+    ├── BenchError                 3   the bench or its link
+    │   ├── LinkError              3   the port or socket
+    │   │   ├── PortBusy           3   somebody else holds it
+    │   │   ├── PortDenied         3   no permission
+    │   │   ├── NoDevice           3   nothing there, or nothing that answers
+    │   │   └── LinkLost           3   it answered and went silent
+    │   ├── ProtocolError          3   an answer that makes no sense
+    │   ├── CommandRefused         3   the device said no
+    │   ├── LimitExceeded          4   a reading beyond its limit
+    │   ├── StageError             3   the plate's stage
+    │   └── DeviceStopped          4   the device stopped its motors by itself
+    ├── RunStopped                 5   a run ended early, safely, for a stated reason
+    ├── EstimationError            6   no estimate can be given
+    │   └── NotConverged           6   a sampler that has not converged
+    └── MissingLibrary             7   an optional package is not installed
+
+A message is one sentence: what happened, the value against the limit or the known choices, and
+what to do next. The numbers are attributes too, so that no caller parses text.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+
+class BenchtoolError(Exception):
+    """Root of everything benchtool raises on purpose."""
+
+    exit_code = 1
+
+
+class InputError(BenchtoolError):
+    """Refuse something the user gave."""
+
+    exit_code = 2
+
+
+class UnknownChoice(InputError):
+    """Refuse a name outside a known list.
+
+    Args:
+        kind: what was named, in the singular ("unit", "key in [limits] of plan.toml").
+        name: the name as given.
+        known: the names that would have been accepted.
+    """
+
+    def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
+        self.kind = kind
+        self.name = name
+        self.known = tuple(sorted(known))
+        close = get_close_matches(name, self.known, n=1)
+        hint = f"did you mean {close[0]!r}? " if close else ""
+        listed = ", ".join(self.known) or "none"
+        super().__init__(f"unknown {kind} {name!r}; {hint}known: {listed}")
+
+
+class FileFormatError(InputError):
+    """Refuse a file that does not say what it must.
+
+    Args:
+        where: the file, with the line or key when there is one.
+        problem: what is wrong and what to do next.
+    """
+
+    def __init__(self, where: str, problem: str) -> None:
+        self.where = where
+        self.problem = problem
+        super().__init__(f"{where}: {problem}")
+
+
+class PlanError(InputError):
+    """Refuse a plan that the bench or its limits do not allow."""
+
+
+class CalibrationError(InputError):
+    """Refuse a calibration that does not hold."""
+
+
+class WouldOverwrite(InputError):
+    """Refuse to write over what exists."""
+
+    def __init__(self, path: str) -> None:
+        self.path = path
+        super().__init__(f"{path} exists already and was left as it is; choose another name")
+
+
+class BenchError(BenchtoolError):
+    """The bench or its link failed."""
+
+    exit_code = 3
+
+
+class LinkError(BenchError):
+    """The port or socket failed."""
+
+
+class PortBusy(LinkError):
+    """Somebody else holds the port."""
+
+
+class PortDenied(LinkError):
+    """The port may not be opened by this user."""
+
+
+class NoDevice(LinkError):
+    """Nothing is there, or nothing that answers."""
+
+
+class LinkLost(LinkError):
+    """The device answered before and went silent."""
+
+
+class ProtocolError(BenchError):
+    """The device answered something that makes no sense."""
+
+
+class CommandRefused(BenchError):
+    """The device refused a command.
+
+    Args:
+        command: the command as sent.
+        reason: the device's own words.
+    """
+
+    def __init__(self, command: str, reason: str) -> None:
+        self.command = command
+        self.reason = reason
+        super().__init__(f"the device refused {command!r}: {reason}")
+
+
+class LimitExceeded(BenchError):
+    """A reading went beyond its limit; the motors were stopped.
+
+    Args:
+        channel: channel name with its unit suffix.
+        value: what was read.
+        limit: the limit that it broke.
+        advice: what to do next.
+    """
+
+    exit_code = 4
+
+    def __init__(self, channel: str, value: float, limit: float, advice: str) -> None:
+        self.channel = channel
+        self.value = value
+        self.limit = limit
+        super().__init__(
+            f"{channel} read {value:.6g}, limit {limit:.6g}; motors stopped; {advice}"
+        )
+
+
+class StageError(BenchError):
+    """The stage that moves the plate failed or refused."""
+
+
+class DeviceStopped(BenchError):
+    """The device stopped its motors by itself and said why."""
+
+    exit_code = 4
+
+
+class RunStopped(BenchtoolError):
+    """A run ended early, safely, for a stated reason."""
+
+    exit_code = 5
+
+
+class EstimationError(BenchtoolError):
+    """No estimate can be given."""
+
+    exit_code = 6
+
+
+class NotConverged(EstimationError):
+    """A sampler has not converged; the message says what to change."""
+
+
+class MissingLibrary(BenchtoolError):
+    """An optional package is not installed."""
+
+    exit_code = 7
+
+    def __init__(self, package: str, purpose: str, extra: str) -> None:
+        self.package = package
+        super().__init__(f"{purpose} needs {package}; install it with: pip install benchtool[{extra}]")
