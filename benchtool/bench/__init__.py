@@ -1,0 +1,1 @@
+"""Hardware and its equals: one Protocol, several drivers, a guard around any of them."""

@@ -1,0 +1,163 @@
+"""The seam to hardware: what a rotor bench is, whoever answers.
+
+A `Bench` is a device with motors, a plate and a stream of readings. Drivers block, with a timeout.
+The time of a bench is its own (`now_s`): the wall clock of a real one, a virtual clock of a
+simulated one, so that nothing above this seam ever sleeps on real time by itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import TracebackType
+from typing import Protocol, Self, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.core.channel import Channel
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Identity:
+    """Say who answers.
+
+    Attributes:
+        address: as the user gave it.
+        device_id: the device's own unchanging name (serial number).
+        firmware: name and version in the device's words.
+        protocol: protocol name and version ("benchtool-1", "replay").
+        channels: what the stream carries, in order, without the two times.
+        rate_Hz: present stream rate.
+        n_rotors: how many motors can be commanded.
+        simulated: True when no physical motor turns.
+        moves_plate: whether the device moves the plate itself.
+        limits: device-side limits by channel name.
+        watchdog_s: the device stops its motors after so long without a heartbeat.
+        facts: anything else worth keeping with a run.
+    """
+
+    address: str
+    device_id: str
+    firmware: str
+    protocol: str
+    channels: tuple[Channel, ...]
+    rate_Hz: float
+    n_rotors: int
+    simulated: bool
+    moves_plate: bool
+    limits: Mapping[str, float] = field(default_factory=dict)
+    watchdog_s: float = 0.25
+    facts: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Readings:
+    """Hold the samples that arrived since the last read.
+
+    Attributes:
+        time_s: (m,) host time of each sample on the bench's clock.
+        device_time_us: (m,) device time, unwrapped, microseconds.
+        values: (m, c) in the order and units of `Identity.channels`; nan where a channel had no
+            new value at that instant.
+        lost: samples that the sequence numbers say were lost since the last read.
+        corrupt: frames thrown away for a wrong checksum since the last read.
+        messages: what the device said of itself (events, warnings), oldest first.
+    """
+
+    time_s: Array
+    device_time_us: Array
+    values: Array
+    lost: int = 0
+    corrupt: int = 0
+    messages: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+
+@runtime_checkable
+class Bench(Protocol):
+    """Command motors and plate, and read the stream; every method blocks at most its timeout.
+
+    A bench is a context manager: leaving it commands zero, closes the link and never raises over
+    the error that is already on its way.
+    """
+
+    @property
+    def identity(self) -> Identity:
+        """Who answers; known once the bench is open."""
+        ...
+
+    def now_s(self) -> float:
+        """Return the bench's clock in seconds, monotonic."""
+        ...
+
+    def open(self) -> None:
+        """Open the link and learn who answers.
+
+        Raises:
+            PortBusy, PortDenied, NoDevice: the port cannot be had, or nothing answers on it.
+            ProtocolError: it answers, but not in a protocol that we speak.
+        """
+        ...
+
+    def close(self) -> None:
+        """Command zero if that is still possible and close the link; safe to call twice."""
+        ...
+
+    def set_pwm(self, pwm_us: Array) -> None:
+        """Command every motor's pulse (n_rotors,): us; the acknowledgement has been read.
+
+        Raises:
+            CommandRefused: the device said no.
+            LinkLost: no acknowledgement came.
+        """
+        ...
+
+    def stop(self) -> None:
+        """Command zero to every motor and halt the plate at once; never raises for a second stop."""
+        ...
+
+    def move_plate(self, z_m: float, x_m: float = 0.0, tilt_rad: float = 0.0) -> None:
+        """Ask for a plate position and return when it stands there.
+
+        Raises:
+            StageError: the stage refused, alarmed, or did not arrive in time.
+        """
+        ...
+
+    def tare(self) -> None:
+        """Let the device take the present load-cell reading as zero thrust."""
+        ...
+
+    def set_rate(self, rate_Hz: float) -> None:
+        """Ask for a stream rate.
+
+        Raises:
+            InputError: the rate does not fit the link; the message carries the arithmetic.
+        """
+        ...
+
+    def read(self, timeout_s: float) -> Readings:
+        """Return what arrived, waiting at most `timeout_s` for the first sample.
+
+        A heartbeat is sent as often as the device's watchdog needs it while reading. On a virtual
+        clock the call advances time by `timeout_s`.
+
+        Raises:
+            LinkLost: the link broke or stayed silent for longer than the stale limit.
+            DeviceStopped: the device says that it stopped by itself.
+        """
+        ...
+
+    def __enter__(self) -> Self: ...
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None: ...

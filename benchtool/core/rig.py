@@ -1,0 +1,156 @@
+"""A rig: the vehicle or rotor on the bench, its sensors, its plate and its limits, with sources."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Annotated, Literal
+
+import numpy as np
+from annotated_types import Ge, Gt, Le, Len
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Positive = Annotated[float, Gt(0.0)]
+NotNegative = Annotated[float, Ge(0.0)]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RotorPlace:
+    """Place one rotor: x forward, y left, seen from above; spin +1 is counter-clockwise."""
+
+    name: str
+    x_m: float
+    y_m: float
+    spin: Literal[-1, 1]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Propulsion:
+    """Describe motor, ESC and rotor, the same for every place.
+
+    Attributes:
+        radius_m: rotor radius.
+        thrust_coefficient_N_s2: k of T = k w^2 (eq. 8), N/(rad/s)^2.
+        drag_coefficient_Nm_s2: c of Q = c w^2 (eq. 8), N m/(rad/s)^2.
+        pwm_stop_us: pulse at which the motor stands still.
+        pwm_start_us: pulse at which the speed line crosses zero.
+        pwm_max_us: longest pulse.
+        speed_per_us_rad_s: slope of speed over pulse at nominal voltage.
+        voltage_nominal_V: battery voltage at which the slope holds.
+        lag_s: first-order time constant of speed.
+        efficiency: mechanical over electrical power at hover, for current and power readings.
+    """
+
+    radius_m: Positive
+    thrust_coefficient_N_s2: Positive
+    drag_coefficient_Nm_s2: Positive
+    pwm_stop_us: Positive
+    pwm_start_us: Positive
+    pwm_max_us: Positive
+    speed_per_us_rad_s: Positive
+    voltage_nominal_V: Positive
+    lag_s: NotNegative
+    efficiency: Annotated[float, Gt(0.0), Le(1.0)]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Body:
+    """Describe mass and inertia of the whole vehicle about its centre."""
+
+    mass_kg: Positive
+    inertia_xx_kgm2: Positive
+    inertia_yy_kgm2: Positive
+    inertia_zz_kgm2: Positive
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sensor:
+    """Describe one sensor: white noise (sd), quantum and sample rate, in the channel's unit."""
+
+    noise: NotNegative = 0.0
+    quantum: NotNegative = 0.0
+    rate_Hz: Positive = 80.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlateStage:
+    """Describe what moves the plate.
+
+    Attributes:
+        moved_by: "device" (the bench itself), "grbl" (a G-code stage) or "hand".
+        z_min_m, z_max_m: travel; the plate never comes nearer than z_min_m.
+        z_park_m: distance at which the plate counts as out of ground effect.
+        speed_m_s: feed.
+        backlash_m: play when the direction changes.
+        size_x_m, size_y_m: plate dimensions.
+    """
+
+    moved_by: Literal["device", "grbl", "hand"]
+    z_min_m: Positive
+    z_max_m: Positive
+    z_park_m: Positive
+    speed_m_s: Positive
+    backlash_m: NotNegative
+    size_x_m: Positive
+    size_y_m: Positive
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Limits:
+    """State what no reading may exceed; they never exceed the load cell's rating."""
+
+    thrust_N: Positive
+    load_cell_rating_N: Positive
+    rpm: Positive
+    current_A: Positive
+    voltage_min_V: NotNegative
+    temperature_degC: Positive
+    pwm_us: Positive
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rig:
+    """Describe everything about a bench that a model or a device needs.
+
+    Attributes:
+        rotors: places, in the order of channels pwm1, rpm1 and so on.
+        sensors: by channel family: "thrust_N", "rpm", "voltage_V", "current_A", "plate_z_m".
+        sources: where each number comes from, by its dotted key.
+        assumed: dotted keys whose numbers are assumptions, not measurements.
+    """
+
+    name: str
+    title: str
+    rotors: Annotated[tuple[RotorPlace, ...], Len(1, 16)]
+    propulsion: Propulsion
+    body: Body
+    sensors: Mapping[str, Sensor]
+    plate: PlateStage
+    limits: Limits
+    sources: Mapping[str, str] = field(default_factory=dict)
+    assumed: tuple[str, ...] = ()
+
+    @property
+    def n_rotors(self) -> int:
+        """How many rotors there are."""
+        return len(self.rotors)
+
+    @cached_property
+    def positions_m(self) -> Array:
+        """Rotor centres (n, 2): x, y in m."""
+        return np.array([[place.x_m, place.y_m] for place in self.rotors], float)
+
+    @cached_property
+    def distances_m(self) -> Array:
+        """Distances between rotor axes (n, n): m."""
+        difference = self.positions_m[:, None, :] - self.positions_m[None, :, :]
+        distances: Array = np.hypot(difference[..., 0], difference[..., 1])
+        return distances
+
+    @cached_property
+    def arms_m(self) -> Array:
+        """Distances from body centre to rotor axes (n,): m."""
+        arms: Array = np.hypot(self.positions_m[:, 0], self.positions_m[:, 1])
+        return arms
