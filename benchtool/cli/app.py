@@ -1,0 +1,113 @@
+"""The command line's entry: the table of commands and the one boundary where errors end.
+
+A command is a module of its name in this package with a function ``command``, or, where it has
+subcommands, a ``typer.Typer`` named ``app``. Only the module of the command that was asked for
+is imported; the others appear in the help by their line in `COMMANDS`.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable, Sequence
+from importlib import import_module
+from typing import Annotated, Any
+
+import typer
+
+from benchtool import __version__
+from benchtool.errors import BenchtoolError
+
+COMMANDS: dict[str, str] = {}
+"""Name of each command, in the order of the help, and its one line there. The line is also the
+first line of the command's docstring."""
+
+UNEXPECTED = 70
+"""Exit code of a fault in benchtool itself (EX_SOFTWARE of BSD's sysexits.h)."""
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command line and leave the process with its exit code.
+
+    Args:
+        arguments: words after the program's name; those of the process when left out.
+    """
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    for stream in (sys.stdout, sys.stderr):
+        # A console that cannot show a character gets a stand-in for it instead of a traceback.
+        if reconfigure := getattr(stream, "reconfigure", None):
+            reconfigure(errors="replace")
+    try:
+        build(words)(args=words or ["--help"], prog_name="benchtool")
+    except BenchtoolError as error:
+        print(f"benchtool: {error}", file=sys.stderr)
+        sys.exit(error.exit_code)
+    except KeyboardInterrupt:
+        sys.exit(130)
+    except Exception as error:
+        if os.environ.get("BENCHTOOL_DEBUG"):
+            raise
+        print(f"benchtool: {_describe_fault(error)}", file=sys.stderr)
+        sys.exit(UNEXPECTED)
+
+
+def build(words: Sequence[str]) -> typer.Typer:
+    """Assemble the application for one invocation, importing at most one command.
+
+    Args:
+        words: words after the program's name; the first that is no option names the command.
+    """
+    app = typer.Typer(
+        help="Drive rotor test benches near surfaces and fit ground-effect models.",
+        add_completion=False,
+        rich_markup_mode=None,
+        pretty_exceptions_enable=False,
+    )
+    app.callback()(_options)
+    asked = next((word for word in words if not word.startswith("-")), None)
+    for name, line in COMMANDS.items():
+        if name == asked:
+            _attach(app, name)
+        else:
+            app.command(name, help=line)(_unloaded)
+    return app
+
+
+def _attach(app: typer.Typer, name: str) -> None:
+    module = import_module(f"benchtool.cli.{name}")
+    group: typer.Typer | None = getattr(module, "app", None)
+    if group is not None:
+        app.add_typer(group, name=name, help=COMMANDS[name], no_args_is_help=True)
+        return
+    command: Callable[..., Any] = module.command
+    app.command(name)(command)
+
+
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", help="Show the version and exit.", is_eager=True)
+    ] = False,
+) -> None:
+    if version:
+        print(f"benchtool {__version__}")
+        raise typer.Exit
+
+
+def _unloaded() -> None:
+    """Stand in for a command that was not asked for."""
+
+
+def _describe_fault(error: Exception) -> str:
+    """Keep the traceback of a fault of our own in a file and say where it is."""
+    import tempfile
+    import traceback
+
+    handle, path = tempfile.mkstemp(prefix="benchtool-fault-", suffix=".txt", text=True)
+    with os.fdopen(handle, "w", encoding="utf-8") as file:
+        file.write(f"benchtool {__version__}, python {sys.version}\n{sys.argv}\n")
+        traceback.print_exception(error, file=file)
+    summary = " ".join(str(error).split())
+    return (
+        f"a fault in benchtool itself, {type(error).__name__}: {summary}; please report it with "
+        f"{path}, or run again with BENCHTOOL_DEBUG=1 to see the traceback"
+    )
