@@ -1,0 +1,71 @@
+# `make demo` and `make test` set everything up in .venv; nothing else needs to be installed.
+# Another interpreter: make test PYTHON=python3.13. On Windows see README.md.
+FITS = import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))
+PYTHON ?= $(or $(shell for p in python3 python3.13 python3.12 python3.11; do \
+  $$p -c '$(FITS)' 2>/dev/null && echo $$p && break; done),python3)
+VENV := .venv
+BIN := $(VENV)/bin
+RUNTIME := $(VENV)/.runtime-installed
+TESTING := $(VENV)/.testing-installed
+PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
+PROJECT := pyproject.toml benchtool/__init__.py
+
+.PHONY: demo test lint bench soak coverage-truth requirements wheel clean
+
+demo: $(RUNTIME)
+	$(BIN)/benchtool demo
+
+test: $(TESTING)
+	$(BIN)/python -m pytest
+
+lint: $(TESTING)
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports --no-cache
+
+# Ratios measured side by side, printed; nothing here passes or fails.
+bench: $(TESTING)
+	@for script in tests/benchmarks/bench_*.py; do \
+	  echo "== $$script"; $(BIN)/python "$$script" || exit 1; done
+
+# How often the intervals hold the truth over 400 simulated sweeps; minutes long.
+coverage-truth: $(TESTING)
+	$(BIN)/python -m pytest -m slow --timeout 0 -s tests/truth
+
+# Everything that takes minutes.
+soak: $(TESTING)
+	$(BIN)/python -m pytest -m slow --timeout 0 -s
+
+wheel: $(TESTING)
+	$(BIN)/python -m pip --disable-pip-version-check wheel --quiet --no-deps \
+	  --no-build-isolation --wheel-dir dist .
+
+# Needs uv. The test set is resolved first, so that both files agree on every version.
+UV := uv pip compile pyproject.toml --quiet --universal --python-version 3.11 \
+  --generate-hashes --no-header --no-annotate --group build
+requirements:
+	$(UV) --all-extras --output-file requirements-test.txt
+	$(UV) --extra fast --constraints requirements-test.txt --output-file requirements.txt
+
+clean:
+	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+# The project itself comes after its hashed requirements: pip refuses a local folder under hashes.
+$(TESTING): $(BIN)/python requirements-test.txt $(PROJECT)
+	$(PIP) install --require-hashes --requirement requirements-test.txt
+	$(PIP) install --no-deps --no-build-isolation --editable .
+	touch $(TESTING) $(RUNTIME)
+
+$(RUNTIME): $(BIN)/python requirements.txt $(PROJECT)
+	@echo "Installing benchtool and what it needs into $(VENV); this takes a minute."
+	$(PIP) install --require-hashes --requirement requirements.txt
+	$(PIP) install --no-deps --no-build-isolation --editable .
+	touch $(RUNTIME)
+
+$(BIN)/python:
+	@$(PYTHON) -c '$(FITS)' || { \
+	  echo "Python 3.11 to 3.13 is needed and $(PYTHON) is not; name one: make PYTHON=python3.12"; \
+	  exit 1; }
+	$(PYTHON) -m venv $(VENV) || { rm -rf $(VENV); exit 1; }
