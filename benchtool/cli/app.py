@@ -14,9 +14,10 @@ from importlib import import_module
 from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from benchtool import __version__
-from benchtool.errors import BenchtoolError
+from benchtool.errors import BenchtoolError, UnknownChoice
 
 COMMANDS: dict[str, str] = {}
 """Name of each command, in the order of the help, and its one line there. The line is also the
@@ -38,7 +39,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if reconfigure := getattr(stream, "reconfigure", None):
             reconfigure(errors="replace")
     try:
-        build(words)(args=words or ["--help"], prog_name="benchtool")
+        code = build(words)(args=words, prog_name="benchtool", standalone_mode=False)
+        sys.exit(code if isinstance(code, int) else 0)
+    except typer.TyperException as error:
+        print(f"benchtool: {_describe_misuse(error)}", file=sys.stderr)
+        sys.exit(error.exit_code)
+    except typer.Abort:
+        print("benchtool: aborted; nothing was answered", file=sys.stderr)
+        sys.exit(1)
     except BenchtoolError as error:
         print(f"benchtool: {error}", file=sys.stderr)
         sys.exit(error.exit_code)
@@ -58,6 +66,7 @@ def build(words: Sequence[str]) -> typer.Typer:
         words: words after the program's name; the first that is no option names the command.
     """
     app = typer.Typer(
+        cls=_Group,
         help="Drive rotor test benches near surfaces and fit ground-effect models.",
         add_completion=False,
         rich_markup_mode=None,
@@ -65,6 +74,8 @@ def build(words: Sequence[str]) -> typer.Typer:
     )
     app.callback()(_options)
     asked = next((word for word in words if not word.startswith("-")), None)
+    if asked is not None and asked not in COMMANDS:
+        raise UnknownChoice("command", asked, COMMANDS)
     for name, line in COMMANDS.items():
         if name == asked:
             _attach(app, name)
@@ -73,11 +84,28 @@ def build(words: Sequence[str]) -> typer.Typer:
     return app
 
 
+class _Group(TyperGroup):
+    """A group that shows its help without a word and converts no value on the way to a command.
+
+    A help option that was not given has no value, and to convert that one typer imports pydantic;
+    False needs no conversion.
+    """
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        return super().parse_args(ctx, args or ["--help"])
+
+    def get_help_option(self, ctx: Any) -> Any:
+        option = super().get_help_option(ctx)
+        if option is not None:
+            option.default = False
+        return option
+
+
 def _attach(app: typer.Typer, name: str) -> None:
     module = import_module(f"benchtool.cli.{name}")
     group: typer.Typer | None = getattr(module, "app", None)
     if group is not None:
-        app.add_typer(group, name=name, help=COMMANDS[name], no_args_is_help=True)
+        app.add_typer(group, name=name, cls=_Group, help=COMMANDS[name])
         return
     command: Callable[..., Any] = module.command
     app.command(name)(command)
@@ -102,6 +130,16 @@ def _options(
 
 def _unloaded() -> None:
     """Stand in for a command that was not asked for."""
+
+
+def _describe_misuse(error: typer.TyperException) -> str:
+    """Join what typer says about wrong words into one sentence with the value and a next step."""
+    said = " ".join(error.format_message().split()).rstrip(".?")
+    details = getattr(error.__cause__, "errors", None)  # a ValidationError holds what was given
+    given = f" (given: {details()[0]['input']!r})" if callable(details) else ""
+    context = getattr(error, "ctx", None)
+    command = context.command_path if context is not None else "benchtool"
+    return f"{said}{given}; see {command} --help"
 
 
 def _describe_fault(error: Exception) -> str:

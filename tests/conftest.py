@@ -1,0 +1,33 @@
+"""Fixtures for every test: measured reference data where there is some, and seeded randomness."""
+
+from __future__ import annotations
+
+import os
+import zlib
+from pathlib import Path
+
+import hypothesis
+import numpy as np
+import pytest
+
+os.environ.setdefault("MPLBACKEND", "Agg")
+
+hypothesis.settings.register_profile("seeded", derandomize=True, deadline=None, database=None)
+hypothesis.settings.load_profile("seeded")
+
+
+@pytest.fixture(scope="session")
+def reference_data() -> Path:
+    """Give the folder of measured reference data, or skip the test where there is none."""
+    folder = os.environ.get("BENCHTOOL_REFERENCE_DATA")
+    if not folder:
+        pytest.skip("BENCHTOOL_REFERENCE_DATA is not set to a folder of measured reference data")
+    path = Path(folder)
+    assert path.is_dir(), f"BENCHTOOL_REFERENCE_DATA names {path}, which is no folder"
+    return path
+
+
+@pytest.fixture
+def rng(request: pytest.FixtureRequest) -> np.random.Generator:
+    """Give a generator seeded from the test's own name, the same on every machine."""
+    return np.random.default_rng(zlib.crc32(request.node.name.encode()))

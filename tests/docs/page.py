@@ -1,0 +1,128 @@
+"""Code blocks of a Markdown page, and how each is run.
+
+In order, in one empty folder per page:
+
+- ``console`` and ``sh``: lines that begin with ``$ benchtool`` or ``$ python`` are run. Exit code 0
+  is expected, another one where the line ends in ``# exit CODE``. A line that ends in ``&`` runs
+  on until the page ends. Other programs (make, pip, git) and shown output are passed over.
+- ``python``: executed, all blocks of a page in one namespace.
+- any block below ``<!-- file: NAME -->`` is written to that file.
+- a block below ``<!-- not run: REASON -->`` is passed over.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+BLOCK = re.compile(
+    r"(?:^<!--[ ]*(?P<mark>not[ ]run|file):[ ]*(?P<note>[^\n]*?)[ ]*-->\n\s*)?"
+    r"^(?P<indent>[ ]*)```(?P<language>\w+)[^\n]*\n(?P<body>.*?)^(?P=indent)```[ ]*$",
+    re.MULTILINE | re.DOTALL,
+)
+LONGEST_S = 150.0
+PROGRAMS = {"benchtool": [sys.executable, "-m", "benchtool"], "python": [sys.executable]}
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """One fenced block: where, in which language, its text, and the comment above it."""
+
+    line: int
+    language: str
+    body: str
+    mark: str | None
+    note: str
+
+    @property
+    def is_run(self) -> bool:
+        """Tell whether this block does anything when the page is run."""
+        if self.mark == "not run":
+            return False
+        return self.mark == "file" or self.language == "python" or bool(list(self.commands()))
+
+    def commands(self) -> list[str]:
+        """List the command lines that are run, continuation lines joined, without their ``$``."""
+        if self.language not in {"console", "sh"}:
+            return []
+        lines = self.body.replace("\\\n", " ").splitlines()
+        typed = [line.strip()[2:] for line in lines if line.strip().startswith("$ ")]
+        return [command for command in typed if command.split()[0] in PROGRAMS]
+
+
+def blocks_of(text: str) -> list[Block]:
+    """Find the fenced blocks of a page."""
+    return [
+        Block(
+            line=text.count("\n", 0, found.start("body")),
+            language=found["language"],
+            body="".join(
+                line.removeprefix(found["indent"]) for line in found["body"].splitlines(True)
+            ),
+            mark=found["mark"],
+            note=found["note"] or "",
+        )
+        for found in BLOCK.finditer(text)
+    ]
+
+
+def run_page(text: str, name: str, folder: Path) -> list[str]:
+    """Run a page's blocks in ``folder``, the current one; give what went wrong, a line each."""
+    namespace: dict[str, Any] = {"__name__": "__main__"}
+    failures: list[str] = []
+    with ExitStack() as until_the_end:
+        for block in blocks_of(text):
+            if not block.is_run:
+                continue
+            if block.mark == "file":
+                target = folder / block.note
+                target.parent.mkdir(parents=True, exist_ok=True)
+                target.write_text(block.body, encoding="utf-8")
+            elif block.language == "python":
+                source = "\n" * block.line + block.body  # a traceback then names the page's line
+                exec(compile(source, name, "exec"), namespace)
+            for command in block.commands() if block.mark is None else []:
+                problem = run_command(command, folder, until_the_end)
+                failures += [f"{name}:{block.line}: $ {command}\n{problem}"] if problem else []
+    return failures
+
+
+def run_command(command: str, folder: Path, until_the_end: ExitStack) -> str | None:
+    """Run one command line; say what is wrong with how it ended, or None."""
+    words = shlex.split(command, comments=True)
+    expected = int(found[1]) if (found := re.search(r"# exit (\d+)\s*$", command)) else 0
+    arguments = [*PROGRAMS[words[0]], *words[1:]]
+    environment = os.environ | {"MPLBACKEND": "Agg", "COLUMNS": "100", "PYTHONIOENCODING": "utf-8"}
+    if words[-1] == "&":
+        process = subprocess.Popen(
+            arguments[:-1], cwd=folder, env=environment, stdout=subprocess.PIPE, text=True
+        )
+        until_the_end.callback(stop, process)
+        assert process.stdout is not None
+        return None if process.stdout.readline() else "ended without a word"
+    ended = subprocess.run(
+        arguments,
+        cwd=folder,
+        env=environment,
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        encoding="utf-8",
+        timeout=LONGEST_S,
+        check=False,
+    )
+    if ended.returncode == expected:
+        return None
+    return f"exit code {ended.returncode}, expected {expected}\n{ended.stdout}{ended.stderr}"
+
+
+def stop(process: subprocess.Popen[str]) -> None:
+    """End a command that was left running and close its pipe."""
+    process.terminate()
+    process.communicate(timeout=10)
