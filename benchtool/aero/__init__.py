@@ -1,0 +1,1 @@
+"""Ground-effect physics, written once: branch-free expressions for NumPy and compiled loops."""
