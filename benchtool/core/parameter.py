@@ -43,7 +43,7 @@ class Parameter:
     """Hold one number of a model.
 
     Attributes:
-        name: without its owner ("K_b"); a model names it "body_lift.K_b" or, for its baseline, "R_m".
+        name: without its owner ("K_b"); a model's full name for it is "body_lift.K_b".
         unit: one of `core.units.UNITS`.
         value: present value.
         neutral: value at which the owner is exactly absent; None for baseline parameters.

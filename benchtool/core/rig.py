@@ -11,13 +11,15 @@ import numpy as np
 from annotated_types import Ge, Gt, Le, Len
 from numpy.typing import NDArray
 
+from benchtool.core.toml_text import FileTable
+
 Array = NDArray[np.float64]
 Positive = Annotated[float, Gt(0.0)]
 NotNegative = Annotated[float, Ge(0.0)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RotorPlace:
+class RotorPlace(FileTable):
     """Place one rotor: x forward, y left, seen from above; spin +1 is counter-clockwise."""
 
     name: str
@@ -27,7 +29,7 @@ class RotorPlace:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Propulsion:
+class Propulsion(FileTable):
     """Describe motor, ESC and rotor, the same for every place.
 
     Attributes:
@@ -56,7 +58,7 @@ class Propulsion:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Body:
+class Body(FileTable):
     """Describe mass and inertia of the whole vehicle about its centre."""
 
     mass_kg: Positive
@@ -66,7 +68,7 @@ class Body:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Sensor:
+class Sensor(FileTable):
     """Describe one sensor: white noise (sd), quantum and sample rate, in the channel's unit."""
 
     noise: NotNegative = 0.0
@@ -75,7 +77,7 @@ class Sensor:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PlateStage:
+class PlateStage(FileTable):
     """Describe what moves the plate.
 
     Attributes:
@@ -98,7 +100,7 @@ class PlateStage:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Limits:
+class Limits(FileTable):
     """State what no reading may exceed; they never exceed the load cell's rating."""
 
     thrust_N: Positive
@@ -111,7 +113,7 @@ class Limits:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Rig:
+class Rig(FileTable):
     """Describe everything about a bench that a model or a device needs.
 
     Attributes:
@@ -138,19 +140,26 @@ class Rig:
         return len(self.rotors)
 
     @cached_property
-    def positions_m(self) -> Array:
-        """Rotor centres (n, 2): x, y in m."""
-        return np.array([[place.x_m, place.y_m] for place in self.rotors], float)
+    def disc_of_rotor(self) -> NDArray[np.intp]:
+        """Disc that each rotor belongs to (n_rotors,): coaxial rotors share one disc."""
+        places = [(round(place.x_m, 6), round(place.y_m, 6)) for place in self.rotors]
+        first = list(dict.fromkeys(places))
+        return np.array([first.index(place) for place in places], np.intp)
 
     @cached_property
-    def distances_m(self) -> Array:
-        """Distances between rotor axes (n, n): m."""
-        difference = self.positions_m[:, None, :] - self.positions_m[None, :, :]
+    def n_discs(self) -> int:
+        """How many discs there are: coaxial rotors blow through one."""
+        return int(self.disc_of_rotor.max()) + 1
+
+    @cached_property
+    def disc_positions_m(self) -> Array:
+        """Disc centres (n_discs, 2): x, y in m."""
+        first = [int(np.argmax(self.disc_of_rotor == disc)) for disc in range(self.n_discs)]
+        return np.array([[self.rotors[i].x_m, self.rotors[i].y_m] for i in first], float)
+
+    @cached_property
+    def disc_distances_m(self) -> Array:
+        """Distances between disc axes (n_discs, n_discs): m."""
+        difference = self.disc_positions_m[:, None, :] - self.disc_positions_m[None, :, :]
         distances: Array = np.hypot(difference[..., 0], difference[..., 1])
         return distances
-
-    @cached_property
-    def arms_m(self) -> Array:
-        """Distances from body centre to rotor axes (n,): m."""
-        arms: Array = np.hypot(self.positions_m[:, 0], self.positions_m[:, 1])
-        return arms

@@ -1,0 +1,149 @@
+"""Read TOML text into frozen dataclasses, strictly: unknown keys are refused, numbers have sources.
+
+A number may stand plain, under its table's `source`, or as `{ value = 0.225, source = "...",
+assumed = true }`. Types and ranges come from the dataclass annotations and are checked by pydantic.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import tomllib
+import types
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, TypeVar, Union, get_args, get_origin, get_type_hints
+
+from benchtool.errors import FileFormatError, UnknownChoice
+
+T = TypeVar("T")
+
+_QUANTITY_KEYS = {"value", "source", "assumed"}
+_UNKNOWN_KEY = {"extra_forbidden", "unexpected_keyword_argument"}  # pydantic's names for it
+
+
+class FileTable:
+    """Mark a dataclass that is read from a file: keys that it has not are refused."""
+
+    __slots__ = ()
+    __pydantic_config__: ClassVar[dict[str, str]] = {"extra": "forbid"}
+
+
+@dataclass(slots=True)
+class Sources:
+    """Collect where each number of a file comes from, by its dotted key."""
+
+    by_key: dict[str, str] = field(default_factory=dict)
+    assumed: list[str] = field(default_factory=list)
+    missing: list[str] = field(default_factory=list)
+
+
+def parse_toml(text: str, where: str) -> dict[str, Any]:
+    """Return the tables of TOML text, or say where it breaks."""
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise FileFormatError(where, f"this is not valid TOML: {error}; mend that line") from error
+
+
+def unwrap_quantities(data: Mapping[str, Any], found: Sources) -> dict[str, Any]:
+    """Return `data` with every `{value, source}` replaced by its value, noting the sources."""
+    return {
+        key: _unwrap(value, key, str(data.get("source", "")), found) for key, value in data.items()
+    }
+
+
+def _unwrap(value: Any, key: str, source: str, found: Sources) -> Any:
+    if isinstance(value, dict):
+        if "value" in value and set(value) <= _QUANTITY_KEYS:
+            return _note(
+                value["value"], key, value.get("source", source), value.get("assumed"), found
+            )
+        own = str(value.get("source", source))
+        return {
+            name: _unwrap(item, f"{key}.{name}", own, found)
+            for name, item in value.items()
+            if name != "source"
+        }
+    if isinstance(value, list):
+        return [_unwrap(item, f"{key}[{index}]", source, found) for index, item in enumerate(value)]
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return _note(value, key, source, None, found)
+    return value
+
+
+def _note(value: Any, key: str, source: str, assumed: bool | None, found: Sources) -> Any:
+    if not source:
+        found.missing.append(key)
+    found.by_key[key] = source
+    if assumed if assumed is not None else source.lower().startswith("assumed"):
+        found.assumed.append(key)
+    return value
+
+
+def require_sources(found: Sources, where: str) -> None:
+    """Refuse a file in which some number has no source."""
+    if found.missing:
+        raise FileFormatError(
+            where,
+            f"{found.missing[0]} has no source; write it as {{ value = ..., source = '...' }} or "
+            f"give its table a source (a guess says that it is one: source = 'assumed: ...')",
+        )
+
+
+def build(cls: type[T], data: Mapping[str, Any], where: str) -> T:
+    """Return `data` as an instance of the dataclass `cls`, checked key by key.
+
+    Raises:
+        UnknownChoice: a key that `cls` has not, with the known ones.
+        FileFormatError: a value of the wrong type or range, a missing key.
+    """
+    from pydantic import TypeAdapter, ValidationError
+
+    text = json.dumps(data, default=str)
+    try:
+        return TypeAdapter(cls).validate_json(text, strict=True)
+    except ValidationError as error:
+        first = min(error.errors(), key=lambda item: item["type"] not in _UNKNOWN_KEY)
+        location = tuple(first["loc"])
+        dotted = _dotted(location)
+        if first["type"] in _UNKNOWN_KEY:
+            table = _dotted(location[:-1])
+            place = f"[{table}] of {where}" if table else where
+            raise UnknownChoice(
+                f"key in {place}", str(location[-1]), _known_keys(cls, location[:-1])
+            ) from error
+        if first["type"] == "missing":
+            raise FileFormatError(where, f"{dotted} is missing; add it") from error
+        shown = json.dumps(first["input"], default=str)
+        reason = first["msg"].lower().replace("an object", "a table")
+        problem = f"{dotted} is {shown[:80]}: {reason}; correct the value"
+        raise FileFormatError(where, problem) from error
+
+
+def read_strict(cls: type[T], text: str, where: str) -> T:
+    """Return TOML text as an instance of `cls` (a `FileTable` dataclass)."""
+    return build(cls, parse_toml(text, where), where)
+
+
+def _dotted(location: Sequence[int | str]) -> str:
+    parts = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in location)
+    return parts.removeprefix(".")
+
+
+def _known_keys(cls: Any, location: Sequence[int | str]) -> list[str]:
+    """Return the field names of the table that `location` leads to, starting from `cls`."""
+    for part in location:
+        origin = get_origin(cls)
+        if origin in (Union, types.UnionType):
+            cls = next(arg for arg in get_args(cls) if arg is not type(None))
+            origin = get_origin(cls)
+        if dataclasses.is_dataclass(cls):
+            hints = get_type_hints(cls)
+            cls = hints.get(str(part), object)
+        elif origin is not None:
+            arguments = [arg for arg in get_args(cls) if arg is not Ellipsis]
+            cls = arguments[-1] if issubclass(origin, Mapping) else arguments[0]
+    if dataclasses.is_dataclass(cls):
+        return [item.name for item in dataclasses.fields(cls)]
+    return []

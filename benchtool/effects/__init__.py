@@ -1,0 +1,1 @@
+"""Named physical effects that add to a model: one file each, listed in `catalogue`."""

@@ -1,0 +1,43 @@
+"""Every effect by name: the directory is the list of what the tool knows."""
+
+from __future__ import annotations
+
+from benchtool.effects import (
+    battery_sag,
+    body_lift,
+    load_cell_drift,
+    motor_lag,
+    neighbour_images,
+    partial_coverage,
+    plate_offset,
+    plate_tilt,
+    tare_offset,
+    thrust_exponent,
+)
+from benchtool.effects.effect import Effect
+from benchtool.errors import UnknownChoice
+
+EFFECTS: dict[str, Effect] = {
+    module.EFFECT.name: module.EFFECT
+    for module in (
+        motor_lag,
+        battery_sag,
+        plate_offset,
+        plate_tilt,
+        neighbour_images,
+        body_lift,
+        partial_coverage,
+        thrust_exponent,
+        tare_offset,
+        load_cell_drift,
+    )
+}
+"""Every effect, in the order of the chain from pulse width to reading."""
+
+
+def effect_named(name: str) -> Effect:
+    """Return the effect of that name, or refuse it with the known ones."""
+    try:
+        return EFFECTS[name]
+    except KeyError:
+        raise UnknownChoice("effect", name, EFFECTS) from None

@@ -1,0 +1,146 @@
+"""The seam for physics: what an effect may supply, and what it may see.
+
+An effect is a value. Each hook is a module-level function marked `@expression` (branch-free, so
+that the same source serves scalars in a compiled loop, arrays in a fit, and complex steps), or
+None, which means that the effect is exactly absent there. A model never calls the hooks of an
+effect whose parameters are all fixed at their neutral values.
+
+Hooks see discs, not rotors: coaxial rotors blow through one disc. The disc axis comes first, so
+`flow.height_m[i]` is a scalar in a simulator and an array over samples in a fit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple, TypeAlias
+
+from benchtool.core.parameter import Parameter
+
+Quantity: TypeAlias = Any
+"""A scalar in a compiled loop, or anything that broadcasts outside of one."""
+
+Stage = Literal["pwm_to_rpm", "rpm_to_thrust", "hinge", "sensor", "plate"]
+STAGES: tuple[Stage, ...] = ("pwm_to_rpm", "rpm_to_thrust", "hinge", "sensor", "plate")
+
+
+class Flow(NamedTuple):
+    """What a hook may see of the bench at one instant, or at many.
+
+    Attributes:
+        radius_m: effective rotor radius R: m.
+        position_x_m, position_y_m: disc centres (n,): m.
+        height_m: distance of each disc to the plate (n, ...): m.
+        area: fraction of each disc over the plate (n, ...).
+        active: 1 where a disc's rotors turn, else 0 (n, ...).
+        speed_rad_s: rotor speed (n, ...); the root of the summed squares on a coaxial disc.
+        neighbour_images: upward velocity at each disc from the neighbours' images, per R^2 and own
+            induced velocity (n, ...): 1/m2 (eq. 3).
+        body_images: the same from all images, at the body's centre (n, ...): 1/m2 (eq. 4).
+        body_weight: share of the body lift that the wake rule grants (...).
+        voltage_V: battery voltage over nominal is what speed follows (...).
+        elapsed_s: time since the last tare (...).
+        time_s: time since the run began (...).
+    """
+
+    radius_m: Quantity
+    position_x_m: Quantity
+    position_y_m: Quantity
+    height_m: Quantity
+    area: Quantity
+    active: Quantity
+    speed_rad_s: Quantity
+    neighbour_images: Quantity
+    body_images: Quantity
+    body_weight: Quantity
+    voltage_V: Quantity
+    elapsed_s: Quantity
+    time_s: Quantity
+
+
+Values: TypeAlias = Any
+"""The effect's parameters in its own order: p[0] is the first."""
+
+DiscHook = Callable[[int, Flow, Values], Quantity]
+"""hook(i, flow, p) -> contribution for disc i."""
+
+ChangeHook = Callable[[int, Quantity, Flow, Values], Quantity]
+"""hook(i, quantity, flow, p) -> the quantity of disc i, changed."""
+
+ReadingHook = Callable[[Quantity, Flow, Sequence[Quantity], Values], Quantity]
+"""hook(reading, flow, states, p) -> the reading, changed."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OwnState:
+    """Give an effect memory.
+
+    Attributes:
+        name: for people and logs.
+        per_disc: one state for each disc, or one in all.
+        drive: what drives it: "speed_rad_s" (commanded rotor speed) or "none".
+        rate: rate(state, drive, p) -> time derivative, with the drive held.
+        settled: settled(drive, elapsed_s, p) -> the state on a bench that has been held still:
+            fast transients over, slow ones as far as `elapsed_s` since the tare has let them come.
+        resets_on_tare: whether taring the load cell sets it back to zero.
+    """
+
+    name: str
+    per_disc: bool
+    drive: Literal["speed_rad_s", "none"]
+    rate: Callable[[Quantity, Quantity, Values], Quantity]
+    settled: Callable[[Quantity, Quantity, Values], Quantity]
+    resets_on_tare: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Effect:
+    """Describe one physical effect and supply its part of the physics.
+
+    Attributes:
+        name: as in files and on the command line.
+        title: for people, three or four words.
+        description: what it is, one or two sentences.
+        stage: which link of the chain it sits in.
+        law: the formula, in plain text.
+        parameters: with units, neutral values, default bounds and tolerances.
+        shows: where it shows in data.
+        source: paper and equation, data sheet, or that it is a guess.
+        confused_with: names of effects that look alike, with what separates them.
+        candidate: whether an explanation may name it.
+        height: change of a disc's distance to the plate, added: m.
+        area: a disc's covered fraction, changed: area(i, fraction, flow, p).
+        denominator: term of the thrust denominator, added.
+        factor: factor of a disc's thrust.
+        speed: a disc's rotor speed, changed: speed(i, speed, flow, p).
+        torque: torque about the pitch axis: torque(0, flow, p), N m.
+        thrust_reading: the load cell's reading, changed.
+        states: own states; their values reach the reading hooks in this order, and a state
+            driven by speed replaces the speed that the thrust is made of.
+        configure: builds the effect for settings in a model file, for example its knots.
+    """
+
+    name: str
+    title: str
+    description: str
+    stage: Stage
+    law: str
+    parameters: tuple[Parameter, ...]
+    shows: str
+    source: str
+    confused_with: Mapping[str, str]
+    candidate: bool = True
+    height: DiscHook | None = None
+    area: ChangeHook | None = None
+    denominator: DiscHook | None = None
+    factor: DiscHook | None = None
+    speed: ChangeHook | None = None
+    torque: DiscHook | None = None
+    thrust_reading: ReadingHook | None = None
+    states: tuple[OwnState, ...] = ()
+    configure: Callable[[Mapping[str, Any]], Effect] | None = None
+
+    @property
+    def changes_geometry(self) -> bool:
+        """Whether heights or covered areas, and so the images, depend on its parameters."""
+        return self.height is not None or self.area is not None

@@ -1,0 +1,108 @@
+"""How the thrust increment grows with the covered area: free factors instead of a straight line.
+
+The paper takes the increment as linear in the covered area of the disc (after Seo et al. 2010).
+Free factors at the measured coverages let data test that. They are monotone by construction:
+between one knot and the next the factor takes a share of what is left up to one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from benchtool.aero.expression import expression
+from benchtool.core.parameter import Parameter
+from benchtool.effects.effect import Effect, Flow, Quantity, Values
+from benchtool.errors import InputError
+
+
+@expression
+def area(i: int, fraction: Quantity, flow: Flow, p: Values) -> Quantity:
+    """Return the effective fraction: piecewise linear through the factors at the knots."""
+    n = len(p) // 2
+    reached = 0.0
+    effective = 0.0
+    start = 0.0
+    for k in range(n):
+        step = p[k] * (1.0 - reached)
+        width = p[n + k] - start
+        effective = effective + step * np.minimum(np.maximum((fraction - start) / width, 0.0), 1.0)
+        reached = reached + step
+        start = p[n + k]
+    last = np.minimum(np.maximum((fraction - start) / (1.0 - start), 0.0), 1.0)
+    return effective + (1.0 - reached) * last
+
+
+def factors(shares: Sequence[float]) -> tuple[float, ...]:
+    """Return the area factors at the knots that these shares stand for."""
+    reached = 0.0
+    out = []
+    for share in shares:
+        reached += share * (1.0 - reached)
+        out.append(reached)
+    return tuple(out)
+
+
+def with_knots(coverages: Sequence[float]) -> Effect:
+    """Return the effect with its factors at these coverages, increasing between 0 and 1."""
+    edges = [0.0, *coverages, 1.0]
+    if len(edges) < 3 or any(b - a < 1e-3 for a, b in pairwise(edges)):
+        raise InputError(
+            f"area factors need coverages that increase between 0 and 1, got {list(coverages)}; "
+            f"leave out 0 and 1 and sort the others"
+        )
+    shares = tuple(
+        Parameter(
+            f"share_{k}",
+            "1",
+            (b - a) / (1.0 - a),
+            neutral=(b - a) / (1.0 - a),
+            lower=0.0,
+            upper=1.0,
+            tolerance=0.1,
+            description=f"share of the remaining increment taken up to {b:.3g} of the disc",
+            source="neutral value: the straight line (paper, section 3.1)",
+        )
+        for k, (a, b) in enumerate(pairwise(edges[:-1]), start=1)
+    )
+    knots = tuple(
+        Parameter(
+            f"knot_{k}",
+            "1",
+            b,
+            lower=0.0,
+            upper=1.0,
+            description="covered fraction at the knot",
+            source="coverage as measured",
+        )
+        for k, b in enumerate(coverages, start=1)
+    )
+    return Effect(
+        name="partial_coverage",
+        title="Partial-area factors",
+        description="The increment of a partly covered disc departs from a straight line in area.",
+        stage="rpm_to_thrust",
+        law="f = 1 + g(a) (F - 1), g piecewise linear through the factors, g(0) = 0, g(1) = 1",
+        parameters=(*shares, *knots),
+        shows="lateral plate positions at a near distance",
+        source="linearity: paper section 3.1 after Seo et al. 2010; the free factors are ours",
+        confused_with={"body_lift": "a full cover at the same distance separates them"},
+        area=area,
+        configure=configured,
+    )
+
+
+def configured(settings: Mapping[str, Any]) -> Effect:
+    """Return the effect for the settings of a model file: `coverages = [...]`."""
+    unknown = set(settings) - {"coverages"}
+    if unknown:
+        raise InputError(
+            f"partial_coverage has no setting {sorted(unknown)[0]!r}; it has: coverages"
+        )
+    return with_knots([float(value) for value in settings.get("coverages", (0.25, 0.5, 0.75))])
+
+
+EFFECT = with_knots((0.25, 0.5, 0.75))

@@ -1,0 +1,41 @@
+"""The plate is not parallel to the rotor plane."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from benchtool.aero.expression import expression
+from benchtool.core.parameter import Parameter
+from benchtool.effects.effect import Effect, Flow, Quantity, Values
+
+
+@expression
+def height(i: int, flow: Flow, p: Values) -> Quantity:
+    """Return -x_i tan(a): the +x rotors come nearer for a positive tilt a."""
+    return -flow.position_x_m[i] * np.tan(p[0])
+
+
+EFFECT = Effect(
+    name="plate_tilt",
+    title="Plate tilt",
+    description="The plate leans by a small angle about the y axis that nobody noticed.",
+    stage="plate",
+    law="z_i = z - x_i tan(a)",
+    parameters=(
+        Parameter(
+            "angle_rad",
+            "rad",
+            0.0,
+            neutral=0.0,
+            lower=-0.3,
+            upper=0.3,
+            tolerance=0.02,
+            description="tilt beyond what was commanded",
+            source="neutral value",
+        ),
+    ),
+    shows="near distances, rotors away from the centre",
+    source="geometry",
+    confused_with={"plate_offset": "lateral plate positions separate them"},
+    height=height,
+)

@@ -1,0 +1,21 @@
+"""Packaged rigs and models, and the strict reading of a user's own."""
+
+from benchtool.library.model_file import (
+    LoadedModel,
+    load_model,
+    model_names,
+    model_to_toml,
+    read_columns,
+)
+from benchtool.library.rig_file import rig_named, rig_names, rig_to_dict
+
+__all__ = [
+    "LoadedModel",
+    "load_model",
+    "model_names",
+    "model_to_toml",
+    "read_columns",
+    "rig_named",
+    "rig_names",
+    "rig_to_dict",
+]

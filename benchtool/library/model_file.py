@@ -1,0 +1,273 @@
+"""Models as TOML files: a rig, named effects, parameters, and the columns of somebody's CSV."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import tomli_w
+
+from benchtool.aero.body_lift import BodyDistance
+from benchtool.core.parameter import Parameter, Prior
+from benchtool.core.rig import Rig
+from benchtool.core.toml_text import FileTable, build, parse_toml
+from benchtool.core.units import unit_named
+from benchtool.effects.catalogue import effect_named
+from benchtool.effects.model import Model
+from benchtool.errors import FileFormatError, InputError
+from benchtool.library.packaged import packaged_names, read_named
+from benchtool.library.rig_file import rig_named
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Column(FileTable):
+    """Say where one of our channels stands in somebody's table.
+
+    Attributes:
+        column: their column's name; or
+        constant: a number that holds for every row.
+        unit: their unit.
+        sign: -1 when their axis points the other way.
+    """
+
+    unit: str
+    column: str = ""
+    constant: float | None = None
+    sign: Literal[-1, 1] = 1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Head(FileTable):
+    name: str
+    rig: str
+    description: str = ""
+    wake_rule: str = "notes"
+    body_distance: BodyDistance = "half_diagonal"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _ModelFile(FileTable):
+    model: _Head
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    effects: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    columns: Mapping[str, Column] = field(default_factory=dict)
+    where: Mapping[str, str] = field(default_factory=dict)
+    imperfections: Mapping[str, float] = field(default_factory=dict)
+    provenance: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _ParameterTable(FileTable):
+    value: float
+    lower: float | None = None
+    upper: float | None = None
+    free: bool = False
+    tolerance: float | None = None
+    prior: Prior | None = None
+    source: str = ""
+    assumed: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoadedModel:
+    """A model with what its file says beyond physics.
+
+    Attributes:
+        model: the physics.
+        columns: our channel name to the source column, for somebody's CSV.
+        row_filter: column to value: only those rows are read.
+        imperfections: numbers of a virtual bench, when the file describes a truth.
+    """
+
+    model: Model
+    columns: Mapping[str, Column] = field(default_factory=dict)
+    row_filter: Mapping[str, str] = field(default_factory=dict)
+    imperfections: Mapping[str, float] = field(default_factory=dict)
+
+
+def model_names() -> tuple[str, ...]:
+    """Return the names of the models that benchtool ships."""
+    return packaged_names("models")
+
+
+def load_model(name_or_path: str | Path, rig: Rig | None = None) -> LoadedModel:
+    """Return a shipped model by name, or a user's own by the path of its TOML file.
+
+    Args:
+        name_or_path: shipped name or path. A path's rig may be a path beside it.
+        rig: use this rig in place of the one that the file names.
+    """
+    text, where = read_named("model", "models", name_or_path)
+    return model_from_toml(text, where, rig)
+
+
+def model_from_toml(text: str, where: str, rig: Rig | None = None) -> LoadedModel:
+    """Return the model that TOML text describes.
+
+    Raises:
+        UnknownChoice: a key, effect, parameter, rule or unit that does not exist.
+        FileFormatError: a value of the wrong type or range.
+    """
+    read = build(_ModelFile, parse_toml(text, where), where)
+    chosen = rig if rig is not None else _rig_beside(read.model.rig, where)
+    try:
+        model = replace(
+            Model.single(chosen, read.model.name),
+            wake_rule=read.model.wake_rule,
+            body_distance=read.model.body_distance,
+            description=read.model.description,
+            provenance=dict(read.provenance),
+        )
+        for name, tables in read.effects.items():
+            effect = effect_named(name)
+            settings = tables.get("settings", {})
+            if effect.configure is not None:
+                effect = effect.configure(settings)
+            elif settings:
+                raise InputError(f"effect {name!r} takes no settings; take them out")
+            model = model.with_effect(effect)
+            own = {key: table for key, table in tables.items() if key != "settings"}
+            model = _set(model, {f"{name}.{key}": table for key, table in own.items()}, where)
+        model = _set(model, _flattened(read.parameters), where)
+    except InputError as error:
+        if isinstance(error, FileFormatError):
+            raise
+        raise FileFormatError(where, str(error)) from error
+    for column in read.columns.values():
+        unit_named(column.unit)
+    return LoadedModel(
+        model=model,
+        columns=read.columns,
+        row_filter=read.where,
+        imperfections=read.imperfections,
+    )
+
+
+def read_columns(path: str | Path) -> Mapping[str, Column]:
+    """Return the `[columns]` of a mapping file of its own."""
+    text, where = read_named("columns file", "models", path)
+
+    data = parse_toml(text, where)
+    return build(_ColumnsFile, data if "columns" in data else {"columns": data}, where).columns
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _ColumnsFile(FileTable):
+    columns: Mapping[str, Column]
+
+
+def model_to_toml(loaded: LoadedModel, rig: str | None = None) -> str:
+    """Return a model as TOML text that reads back to the same model."""
+    model = loaded.model
+    effects: dict[str, dict[str, Any]] = {}
+    for effect in model.effects:
+        tables: dict[str, Any] = {
+            item.name: _parameter_table(model.parameters[f"{effect.name}.{item.name}"])
+            for item in effect.parameters
+        }
+        knots = [
+            model.parameters[f"{effect.name}.{item.name}"].value
+            for item in effect.parameters
+            if item.name.startswith("knot_")
+        ]
+        if knots:
+            tables = {key: table for key, table in tables.items() if "knot_" not in key}
+            tables["settings"] = {"coverages": knots}
+        effects[effect.name] = tables
+    baseline = {
+        name: _parameter_table(item)
+        for name, item in model.parameters.items()
+        if name.split(".")[0] not in effects
+    }
+    data: dict[str, Any] = {
+        "model": {
+            "name": model.name,
+            "rig": rig or model.rig.name,
+            "description": model.description,
+            "wake_rule": model.wake_rule,
+            "body_distance": model.body_distance,
+        },
+        "parameters": baseline,
+        "effects": effects,
+    }
+    if loaded.columns:
+        data["columns"] = {name: _column_table(column) for name, column in loaded.columns.items()}
+    if loaded.row_filter:
+        data["where"] = dict(loaded.row_filter)
+    if loaded.imperfections:
+        data["imperfections"] = dict(loaded.imperfections)
+    if model.provenance:
+        data["provenance"] = dict(model.provenance)
+    return tomli_w.dumps(data)
+
+
+def _rig_beside(name: str, where: str) -> Rig:
+    beside = Path(where).parent / name
+    return rig_named(beside if name.endswith(".toml") and beside.exists() else name)
+
+
+def _flattened(tables: Mapping[str, Any]) -> dict[str, Any]:
+    """Return {"noise": {"scale": 1}} as {"noise.scale": 1}, leaving parameter tables whole."""
+    flat: dict[str, Any] = {}
+    for key, table in tables.items():
+        if isinstance(table, Mapping) and "value" not in table:
+            flat.update({f"{key}.{name}": item for name, item in table.items()})
+        else:
+            flat[key] = table
+    return flat
+
+
+def _set(model: Model, tables: Mapping[str, Any], where: str) -> Model:
+    parameters = model.parameters
+    for name, table in tables.items():
+        present = parameters[name]
+        given = {"value": table} if isinstance(table, int | float) else table
+        if not isinstance(given, Mapping):
+            raise FileFormatError(
+                where, f"{name} is {given!r}; write a number or {{ value = ..., source = ... }}"
+            )
+        read = build(_ParameterTable, given, f"{where}: {name}")
+        parameters = parameters.replaced(
+            name,
+            replace(
+                present,
+                value=read.value,
+                lower=present.lower if read.lower is None else read.lower,
+                upper=present.upper if read.upper is None else read.upper,
+                free=read.free,
+                tolerance=present.tolerance if read.tolerance is None else read.tolerance,
+                prior=present.prior if read.prior is None else read.prior,
+                source=read.source or present.source,
+            ),
+        )
+    return model.at(parameters)
+
+
+def _parameter_table(item: Parameter) -> dict[str, Any]:
+    table: dict[str, Any] = {"value": item.value, "free": item.free}
+    table |= {"lower": item.lower, "upper": item.upper}
+    if item.tolerance is not None:
+        table["tolerance"] = item.tolerance
+    if item.prior.kind != "uniform":
+        table["prior"] = {
+            "kind": item.prior.kind,
+            "mean": item.prior.mean,
+            "sd": item.prior.sd,
+            "source": item.prior.source,
+        }
+    if item.source:
+        table["source"] = item.source
+    return table
+
+
+def _column_table(column: Column) -> dict[str, Any]:
+    table: dict[str, Any] = {"unit": column.unit}
+    if column.constant is not None:
+        table["constant"] = column.constant
+    else:
+        table["column"] = column.column
+    if column.sign != 1:
+        table["sign"] = column.sign
+    return table

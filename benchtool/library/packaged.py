@@ -1,0 +1,42 @@
+"""Find a file by the name under which benchtool ships it, or by its path."""
+
+from __future__ import annotations
+
+from importlib import resources
+from pathlib import Path
+
+from benchtool.errors import FileFormatError, UnknownChoice
+
+
+def packaged_names(folder: str) -> tuple[str, ...]:
+    """Return the names shipped in `benchtool/library/<folder>`."""
+    root = resources.files("benchtool.library") / folder
+    return tuple(
+        sorted(
+            item.name.removesuffix(".toml")
+            for item in root.iterdir()
+            if item.name.endswith(".toml")
+        )
+    )
+
+
+def read_named(kind: str, folder: str, name_or_path: str | Path) -> tuple[str, str]:
+    """Return (text, where) of a shipped name, or of a path that ends in .toml.
+
+    Raises:
+        UnknownChoice: a name that is not shipped, with the known ones.
+        FileFormatError: a path that cannot be read.
+    """
+    given = str(name_or_path)
+    if given in packaged_names(folder):
+        item = resources.files("benchtool.library") / folder / f"{given}.toml"
+        return item.read_text(encoding="utf-8"), f"{folder}/{given}.toml"
+    path = Path(given)
+    if path.suffix != ".toml" and not path.exists():
+        raise UnknownChoice(f"{kind} (and no file of that name)", given, packaged_names(folder))
+    try:
+        return path.read_text(encoding="utf-8"), given
+    except FileNotFoundError as error:
+        raise FileFormatError(given, "there is no such file; check the path") from error
+    except (OSError, UnicodeDecodeError) as error:
+        raise FileFormatError(given, f"it cannot be read as text ({error})") from error

@@ -1,0 +1,80 @@
+"""Rigs as TOML files: strict, with a source for every number."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from benchtool.core.rig import Rig
+from benchtool.core.toml_text import (
+    Sources,
+    build,
+    parse_toml,
+    require_sources,
+    unwrap_quantities,
+)
+from benchtool.errors import FileFormatError
+from benchtool.library.packaged import packaged_names, read_named
+
+
+def rig_names() -> tuple[str, ...]:
+    """Return the names of the rigs that benchtool ships."""
+    return packaged_names("rigs")
+
+
+@lru_cache(maxsize=32)
+def _packaged_rig(name: str) -> Rig:
+    return rig_from_toml(*read_named("rig", "rigs", name))
+
+
+def rig_named(name_or_path: str | Path) -> Rig:
+    """Return a shipped rig by name, or a user's own by the path of its TOML file."""
+    if str(name_or_path) in rig_names():
+        return _packaged_rig(str(name_or_path))
+    return rig_from_toml(*read_named("rig", "rigs", name_or_path))
+
+
+def rig_from_toml(text: str, where: str) -> Rig:
+    """Return the rig that TOML text describes.
+
+    Raises:
+        UnknownChoice: a key that a rig has not.
+        FileFormatError: a number without a source, of the wrong type, or out of range.
+    """
+    found = Sources()
+    data = unwrap_quantities(parse_toml(text, where), found)
+    data.pop("source", None)
+    require_sources(found, where)
+    rig = build(Rig, data, where)
+    rig = replace(rig, sources=found.by_key, assumed=tuple(found.assumed))
+    _check(rig, where)
+    return rig
+
+
+def _check(rig: Rig, where: str) -> None:
+    limits, plate, propulsion = rig.limits, rig.plate, rig.propulsion
+    if limits.thrust_N > limits.load_cell_rating_N:
+        raise FileFormatError(
+            where,
+            f"limits.thrust_N is {limits.thrust_N:g} N, above the load cell's rating of "
+            f"{limits.load_cell_rating_N:g} N; lower the limit",
+        )
+    if not plate.z_min_m < plate.z_max_m:
+        raise FileFormatError(
+            where,
+            f"plate.z_min_m {plate.z_min_m:g} is not below plate.z_max_m {plate.z_max_m:g}; "
+            f"swap or correct them",
+        )
+    if not propulsion.pwm_stop_us <= propulsion.pwm_start_us < propulsion.pwm_max_us:
+        raise FileFormatError(
+            where,
+            "propulsion needs pwm_stop_us <= pwm_start_us < pwm_max_us, got "
+            f"{propulsion.pwm_stop_us:g}, {propulsion.pwm_start_us:g}, {propulsion.pwm_max_us:g}",
+        )
+
+
+def rig_to_dict(rig: Rig) -> dict[str, Any]:
+    """Return a rig as plain tables, for a run's metadata."""
+    return asdict(rig)
