@@ -1,0 +1,138 @@
+"""Motors on a battery: speeds, voltage, current, charge and ESC temperature over stream ticks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.core.rig import Propulsion
+from benchtool.simulate.battery import Battery
+
+Array = NDArray[np.float64]
+
+HOLD_S = 0.05
+"""The voltage that sets the commanded speeds is held this long: shorter than any pack changes,
+and long enough to do the ticks in between at once."""
+
+STICTION_RAD_S = 1.0
+"""A motor without drive stands still below this speed; an assumption, far below any idle."""
+
+AMBIENT_DEGC = 22.0
+"""Room temperature at the start; an assumption."""
+
+
+SpeedChange = Callable[[Array, float, float], Array]
+"""change(speed (n,) rad/s, voltage V, time s) -> speed (n,): effects between pulse and speed."""
+
+
+class Run(NamedTuple):
+    """Hold m ticks: speeds (n, m) rad/s, shaft angles (n, m) rad, and (m,) of each of the rest."""
+
+    speed_rad_s: Array
+    angle_rad: Array
+    voltage_V: Array
+    current_A: Array
+    temperature_degC: Array
+
+
+class Powertrain:
+    """Advance motors and battery exactly in time: first-order lag, power drawn, charge, heat.
+
+    Args:
+        propulsion: pulse map, drag coefficient and efficiency.
+        n_rotors: how many motors.
+        battery: the pack.
+        lag_s: time constant of speed; 0 is none.
+        heating_K, heating_s: rise of the ESC's temperature at full throttle, and its time constant.
+        change: what else changes the speed that a pulse gives.
+    """
+
+    def __init__(
+        self,
+        propulsion: Propulsion,
+        n_rotors: int,
+        battery: Battery,
+        lag_s: float,
+        heating_K: float,
+        heating_s: float,
+        change: SpeedChange | None = None,
+    ) -> None:
+        self._propulsion = propulsion
+        self._battery = battery
+        self._lag_s = lag_s
+        self._heating_K = heating_K
+        self._heating_s = heating_s
+        self.pwm_us: Array = np.full(n_rotors, propulsion.pwm_stop_us)
+        self._speed: Array = np.zeros(n_rotors)
+        self._angle: Array = np.zeros(n_rotors)
+        self._drawn_C = 0.0
+        self._warmth_K = 0.0
+        self._change = change
+        self._time_s = self._held_since_s = 0.0
+        self._ticks_held = 0
+        self._power_W = 0.0
+        self._voltage_V = battery.open_circuit_V(0.0)
+        full_pulse = propulsion.pwm_max_us - propulsion.pwm_start_us
+        self.top_speed_rad_s = propulsion.speed_per_us_rad_s * full_pulse
+        self._full_power_W = n_rotors * self._electrical_W(np.array([self.top_speed_rad_s]))
+
+    def _electrical_W(self, speed_rad_s: Array) -> float:
+        """Return the electrical power of the motors: sum of c w^3 over the efficiency."""
+        shaft_W = self._propulsion.drag_coefficient_Nm_s2 * float(np.sum(speed_rad_s**3))
+        return shaft_W / self._propulsion.efficiency
+
+    def _commanded_rad_s(self) -> Array:
+        """Return the speeds that the pulses ask for at the present voltage (n,)."""
+        from_start = self.pwm_us - self._propulsion.pwm_start_us
+        drive = np.where(self.pwm_us > self._propulsion.pwm_stop_us, from_start, 0.0)
+        gain = self._propulsion.speed_per_us_rad_s * (
+            self._voltage_V / self._propulsion.voltage_nominal_V
+        )
+        commanded: Array = gain * np.maximum(drive, 0.0)
+        if self._change is not None:
+            commanded = self._change(commanded, self._voltage_V, self._held_since_s)
+        return commanded
+
+    def restart_hold(self) -> None:
+        """Begin a new holding interval with the next tick, after the tick length has changed."""
+        self._ticks_held = 0
+
+    def advance(self, ticks: int, tick_s: float) -> Run:
+        """Return the next `ticks` ticks of `tick_s`; however they are split, the same result."""
+        per_hold = max(1, round(HOLD_S / tick_s))
+        n = len(self._speed)
+        run = Run(np.empty((n, ticks)), np.empty((n, ticks)), *(np.empty(ticks) for _ in range(3)))
+        steps = np.arange(1, per_hold + 1)
+        fade = np.exp(-steps * tick_s / self._lag_s) if self._lag_s else np.zeros(per_hold)
+        cool = np.exp(-steps * tick_s / self._heating_s) if self._heating_s else np.zeros(per_hold)
+        done = 0
+        while done < ticks:
+            if self._ticks_held == 0:
+                self._held_since_s = self._time_s
+                self._power_W = self._electrical_W(self._speed)
+                self._voltage_V = self._battery.loaded_V(self._drawn_C, self._power_W)
+            count = min(per_hold - self._ticks_held, ticks - done)
+            now = slice(done, done + count)
+            target = self._commanded_rad_s()[:, None]
+            speed = target + (self._speed[:, None] - target) * fade[:count]
+            speed[(target == 0.0) & (speed < STICTION_RAD_S)] = 0.0
+            current_A = self._power_W / self._voltage_V
+            warm_K = self._power_W / self._full_power_W * self._heating_K
+            warmth_K = warm_K + (self._warmth_K - warm_K) * cool[:count]
+            run.speed_rad_s[:, now] = speed
+            run.voltage_V[now] = self._voltage_V
+            run.current_A[now] = current_A
+            run.temperature_degC[now] = AMBIENT_DEGC + warmth_K
+            self._drawn_C += count * tick_s * current_A
+            self._speed = speed[:, -1]
+            self._warmth_K = float(warmth_K[-1])
+            self._time_s += count * tick_s
+            self._ticks_held = (self._ticks_held + count) % per_hold
+            done += count
+        angle = self._angle[:, None] + np.cumsum(run.speed_rad_s, axis=1) * tick_s
+        run.angle_rad[:] = angle
+        self._angle = np.mod(angle[:, -1], 2.0 * np.pi)
+        return run

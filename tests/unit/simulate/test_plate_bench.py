@@ -1,0 +1,197 @@
+"""The virtual bench as a whole: perfect it is the model, imperfect it is off by what is stated."""
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+from benchtool.effects.conditions import Conditions
+from benchtool.effects.model import Model
+from benchtool.library import load_model, rig_named
+from benchtool.simulate.imperfections import Imperfections
+from benchtool.simulate.plate_bench import PlateBench
+
+RIG = rig_named("pquad")
+TRUTH = load_model("quad_body_lift", RIG).model
+NONE = Imperfections.none()
+
+
+def bench(imperfections=None, truth=TRUTH, seed=1, rate_Hz=200.0):
+    return PlateBench(RIG, truth, np.random.default_rng(seed), imperfections, rate_Hz)
+
+
+def column(plant, block, name):
+    return block[:, [channel.name for channel in plant.channels].index(name)]
+
+
+def settled(plant, pwm_us=1500.0, z_m=0.2, duration_s=30.0):
+    plant.command_plate(z_m)
+    while plant.plate_moving:
+        plant.advance(200)
+    plant.command_pwm(np.full(RIG.n_rotors, pwm_us))
+    plant.advance(round(2.0 * plant.rate_Hz))
+    return plant.advance(round(duration_s * plant.rate_Hz))
+
+
+def model_N(truth, speed_rad_s, z_m, **conditions):
+    at = Conditions.of(
+        RIG, speed_rad_s=np.full((4, 1), speed_rad_s), plate_z_m=np.array([z_m]), **conditions
+    )
+    return truth.thrust_N(at)[0]
+
+
+def test_a_perfect_bench_is_the_model_exactly():
+    plant = bench(NONE)
+    block = settled(plant, duration_s=1.0)
+    speed = RIG.propulsion.speed_per_us_rad_s * (1500.0 - RIG.propulsion.pwm_start_us)
+    expected = model_N(TRUTH, speed, 0.2)
+    np.testing.assert_allclose(column(plant, block, "thrust_N"), expected, rtol=1e-12)
+    np.testing.assert_allclose(column(plant, block, "rpm2"), speed * 30.0 / np.pi, rtol=1e-12)
+    assert np.all(column(plant, block, "plate_z_m") == 0.2)
+    voltage = column(plant, block, "voltage_V")
+    assert np.all(voltage[~np.isnan(voltage)] == RIG.propulsion.voltage_nominal_V)
+    assert not np.isnan(column(plant, block, "thrust_N")).any()
+
+
+@pytest.mark.parametrize("name", [item.name for item in fields(Imperfections)])
+def test_every_imperfection_is_neutral_at_zero_and_shows_elsewhere(name):
+    size = {"thrust_rate_Hz": 80.0, "motor_lag_s": 0.5, "battery_drop_V_per_Ah": 50.0}
+    size |= {"battery_excess_V": 1.0, "thrust_quantum_N": 0.5, "esc_time_s": 40.0}
+    size |= {"esc_heating_K": 30.0, "plate_quantum_m": 0.03}
+    flawed = replace(NONE, **{name: size.get(name, 0.05)})
+    perfect = NONE
+    if name == "esc_time_s":
+        flawed, perfect = replace(flawed, esc_heating_K=35.0), replace(perfect, esc_heating_K=35.0)
+    true, shown = [
+        np.concatenate([settled(plant, duration_s=1.0), settled(plant, 1300.0, 0.4, 1.0)])
+        for plant in (bench(perfect), bench(flawed))
+    ]
+    assert not np.array_equal(true, shown, equal_nan=True)
+    again = bench(replace(flawed, **{name: 0.0}))
+    back = np.concatenate([settled(again, duration_s=1.0), settled(again, 1300.0, 0.4, 1.0)])
+    assert np.array_equal(true, back, equal_nan=True)
+
+
+def test_the_same_seed_gives_the_same_readings_however_the_span_is_split():
+    whole, split = bench(), bench()
+    for plant in (whole, split):
+        plant.command_pwm(np.full(4, 1500.0))
+        plant.command_plate(1.2)
+    at_once = whole.advance(1000)
+    parts = np.concatenate([split.advance(n) for n in (1, 2, 97, 400, 500)])
+    np.testing.assert_allclose(parts, at_once, rtol=1e-9, atol=1e-9)
+    assert not np.array_equal(bench(seed=2).advance(1000), at_once, equal_nan=True)
+
+
+def test_the_load_cell_has_new_values_at_its_own_rate_only():
+    plant = bench()
+    thrust = column(plant, plant.advance(2000), "thrust_N")
+    assert np.count_nonzero(~np.isnan(thrust)) == 800
+
+
+def test_noise_and_counts_of_the_load_cell_are_as_the_rig_states():
+    plant = bench(replace(Imperfections(), vibration_N=0.0, drift_walk_N_per_sqrt_s=0.0))
+    block = plant.advance(40_000)
+    thrust = column(plant, block, "thrust_N")
+    sensor = RIG.sensors["thrust_N"]
+    assert np.nanstd(thrust) == pytest.approx(sensor.noise, rel=0.03)
+    raw = column(plant, block, "thrust_raw")
+    raw = raw[~np.isnan(raw)]
+    assert np.array_equal(raw, np.round(raw))
+    assert np.nanmean(thrust) == pytest.approx(Imperfections().start_offset_N, abs=1e-3)
+
+
+def test_a_tare_takes_offset_and_creep_away_and_leaves_the_counts():
+    plant = bench(replace(NONE, start_offset_N=0.7, drift_N_per_s=0.01))
+    before = plant.advance(2000)
+    assert column(plant, before, "thrust_N")[-1] == pytest.approx(0.8, abs=1e-9)
+    plant.tare()
+    after = plant.advance(200)
+    thrust = column(plant, after, "thrust_N")
+    assert thrust[0] == pytest.approx(0.0, abs=2e-3)
+    assert thrust[-1] - thrust[0] == pytest.approx(0.01 * 199 / 200, rel=1e-6)
+    raw = np.concatenate([column(plant, block, "thrust_raw") for block in (before, after)])
+    assert np.max(np.abs(np.diff(raw))) < 20.0
+
+
+def test_drift_and_offset_of_the_model_count_from_the_tare():
+    truth = TRUTH.with_effect("load_cell_drift", rate_N_per_s=0.02)
+    truth = truth.with_effect("tare_offset", thrust_N=0.3)
+    plant = bench(NONE, truth)
+    plant.advance(2000)
+    plant.tare()
+    thrust = column(plant, plant.advance(400), "thrust_N")
+    assert thrust[-1] == pytest.approx(0.3 + 0.02 * 2.0, abs=2e-3)
+    raw = column(plant, plant.advance(2), "thrust_raw")
+    assert abs(raw[0] * plant.count_N - (0.3 + 0.02 * 12.0)) < 2e-3
+
+
+def test_the_plate_offset_of_the_truth_moves_the_curve():
+    truth = TRUTH.with_effect("plate_offset", dz_m=-0.02)
+    plant = bench(NONE, truth)
+    block = settled(plant, z_m=0.2, duration_s=0.5)
+    speed = RIG.propulsion.speed_per_us_rad_s * (1500.0 - RIG.propulsion.pwm_start_us)
+    expected = model_N(TRUTH, speed, 0.18)
+    assert column(plant, block, "thrust_N")[-1] == pytest.approx(expected, rel=1e-12)
+    assert column(plant, block, "plate_z_m")[-1] == 0.2
+
+
+def test_battery_sag_of_the_truth_slows_the_rotors():
+    truth = TRUTH.with_effect("battery_sag", rate_per_s=0.001)
+    plant = bench(NONE, truth)
+    plant.command_pwm(np.full(4, 1500.0))
+    rpm = column(plant, plant.advance(20_000), "rpm1")
+    assert rpm[-1] / rpm[0] == pytest.approx(1.0 - 0.001 * 100.0, abs=1e-3)
+
+
+def test_motor_lag_of_the_truth_is_the_whole_lag():
+    plant = bench(NONE, TRUTH.with_effect("motor_lag", tau_s=0.2))
+    plant.command_pwm(np.full(4, 1500.0))
+    rpm = column(plant, plant.advance(400), "rpm1")
+    assert rpm[39] / rpm[-1] == pytest.approx(1.0 - np.exp(-1.0), rel=1e-3)
+
+
+def test_the_lateral_position_uncovers_rotors():
+    plant = bench(NONE)
+    plant.command_plate(0.2, 0.5)
+    while plant.plate_moving:
+        plant.advance(200)
+    plant.command_pwm(np.full(4, 1500.0))
+    shown = column(plant, plant.advance(10), "thrust_N")[-1]
+    speed = RIG.propulsion.speed_per_us_rad_s * (1500.0 - RIG.propulsion.pwm_start_us)
+    assert shown == pytest.approx(model_N(TRUTH, speed, 0.2, plate_x_m=0.5), rel=1e-12)
+    assert shown < model_N(TRUTH, speed, 0.2)
+
+
+def test_nearer_than_the_formulae_reach_is_clamped_and_counted():
+    plant = bench(NONE, Model.single(RIG))
+    settled(plant, z_m=0.08, duration_s=0.5)
+    assert plant.clamped_readings == 0
+    block = settled(plant, z_m=0.05, duration_s=0.5)
+    assert plant.clamped_readings > 0
+    speed = RIG.propulsion.speed_per_us_rad_s * (1500.0 - RIG.propulsion.pwm_start_us)
+    limit_N = model_N(Model.single(RIG), speed, 0.06)
+    assert column(plant, block, "thrust_N")[-1] == pytest.approx(limit_N, rel=1e-9)
+
+
+def test_rotors_at_rest_read_exactly_zero():
+    plant = bench()
+    assert np.nanmax(np.abs(column(plant, plant.advance(1000), "rpm3"))) == 0.0
+
+
+def test_vibration_grows_with_the_square_of_speed():
+    def shake(pwm_us):
+        plant = bench(replace(NONE, vibration_N=0.5))
+        return np.std(column(plant, settled(plant, pwm_us), "thrust_N"))
+
+    slow, fast = shake(1350.0), shake(1650.0)
+    assert fast / slow == pytest.approx(4.0, rel=0.1)
+
+
+def test_a_new_rate_goes_on_in_time():
+    plant = bench()
+    plant.advance(300)
+    plant.set_rate(1000.0)
+    assert plant.time_s == pytest.approx(1.5)
+    plant.advance(500)
+    assert plant.time_s == pytest.approx(2.0)
