@@ -1,0 +1,45 @@
+"""Numbers for people: a value with as many digits as its uncertainty allows."""
+
+from __future__ import annotations
+
+from math import floor, isfinite, log10
+
+_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def exponent_of(value: float, sd: float) -> int:
+    """Return the power of ten to take out: 0 unless the number is awkward to read without."""
+    size = max(abs(value), abs(sd) if isfinite(sd) else 0.0)
+    if size == 0.0 or not isfinite(size):
+        return 0
+    power = floor(log10(size))
+    return power if power < -3 or power > 4 else 0
+
+
+def decimals_for(sd: float) -> int:
+    """Return how many decimals show two significant digits of a standard deviation."""
+    if not isfinite(sd) or sd <= 0.0:
+        return 4
+    return min(12, max(0, 1 - floor(log10(float(f"{sd:.1e}")))))
+
+
+def power_of_ten(exponent: int) -> str:
+    """Return "10⁻⁵", or nothing for exponent 0."""
+    return "10" + str(exponent).translate(_SUPERSCRIPTS) if exponent else ""
+
+
+def scaled(value: float, exponent: int, decimals: int) -> str:
+    """Return value / 10**exponent with that many decimals, with a true minus sign."""
+    if not isfinite(value):
+        return "–"
+    return f"{value / 10.0**exponent:.{decimals}f}".replace("-", "−")
+
+
+def value_with_sd(value: float, sd: float) -> str:
+    """Return "1.974 ± 0.021", with a common power of ten where the number asks for one."""
+    if not isfinite(sd):
+        return f"{value:.5g}".replace("-", "−")
+    exponent = exponent_of(value, sd)
+    decimals = decimals_for(sd / 10.0**exponent)
+    text = f"{scaled(value, exponent, decimals)} ± {scaled(sd, exponent, decimals)}"
+    return f"({text})·{power_of_ten(exponent)}" if exponent else text

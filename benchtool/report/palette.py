@@ -1,0 +1,54 @@
+"""Colours by meaning: one role has one colour and one marker in every figure of the project.
+
+The colours are those of Okabe and Ito, "Color Universal Design" (2008), which stay apart under the
+common colour-vision deficiencies; markers and dashes repeat the difference without colour.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+Role = Literal[
+    "single_rotor",
+    "second_rig",
+    "three_rotors",
+    "quad",
+    "body_lift",
+    "formula",
+    "measurement",
+    "muted",
+]
+
+BLACK = "#1b1b1b"
+ORANGE = "#e69f00"
+SKY = "#56b4e9"
+GREEN = "#009e73"
+BLUE = "#0072b2"
+VERMILION = "#d55e00"
+PURPLE = "#cc79a7"
+GREY = "#6b7280"
+PALE = "#d7dbe0"
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """Give the colour and the marker of one role."""
+
+    color: str
+    marker: str
+
+
+LOOKS: dict[Role, Look] = {
+    "single_rotor": Look(BLUE, "o"),
+    "second_rig": Look(ORANGE, "s"),
+    "three_rotors": Look(PURPLE, "^"),
+    "quad": Look(GREEN, "D"),
+    "body_lift": Look(VERMILION, "v"),
+    "formula": Look(BLACK, "x"),
+    "measurement": Look(BLACK, "o"),
+    "muted": Look(GREY, "."),
+}
+
+CYCLE = (BLUE, ORANGE, GREEN, VERMILION, PURPLE, SKY, BLACK, GREY)
+"""Colours of things that are only numbered: rotors 1 to 8, four ensembles."""

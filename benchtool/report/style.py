@@ -1,0 +1,156 @@
+"""One look for every figure: fonts, sizes, grid, title line and the SIMULATED stamp."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import wraps
+from textwrap import wrap
+from threading import RLock
+from typing import Any, Literal, ParamSpec
+
+import matplotlib as mpl
+from matplotlib import rc_context
+from matplotlib.figure import Figure
+
+from benchtool.errors import UnknownChoice
+from benchtool.report.palette import BLACK, GREY, PALE, VERMILION
+
+P = ParamSpec("P")
+
+WIDTH_IN = 7.0
+"""Width of every figure: the text width of a printed A4 page, inches."""
+
+TITLE_CHARACTERS = 74
+"""How many characters of the title fit into one line of a figure."""
+
+SIMULATED = "SIMULATED"
+SIMULATED_GID = "simulated-stamp"
+
+BASES = {
+    "equal_power": "equal electrical power",
+    "equal_pwm": "equal pwm",
+    "equal_rpm2": "equal rpm²",
+    "joint": "equal rpm² (joint fit)",
+}
+"""What is held equal between the two thrusts of a ratio, as the axis says it."""
+
+_OURS: dict[str, Any] = {
+    "font.family": ["DejaVu Sans"],
+    "font.size": 9.5,
+    "axes.titlesize": 10.0,
+    "axes.titlelocation": "left",
+    "axes.labelsize": 10.0,
+    "axes.labelcolor": BLACK,
+    "axes.edgecolor": GREY,
+    "axes.linewidth": 0.8,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.formatter.useoffset": False,
+    "grid.color": PALE,
+    "grid.linewidth": 0.6,
+    "xtick.color": GREY,
+    "ytick.color": GREY,
+    "xtick.labelcolor": BLACK,
+    "ytick.labelcolor": BLACK,
+    "legend.fontsize": 8.8,
+    "legend.frameon": True,
+    "legend.framealpha": 0.92,
+    "legend.edgecolor": PALE,
+    "legend.fancybox": False,
+    "lines.linewidth": 1.6,
+    "lines.markersize": 5.5,
+    "errorbar.capsize": 2.5,
+    "figure.dpi": 100,
+    "savefig.dpi": 160,
+    "figure.facecolor": "white",
+    "axes.facecolor": "white",
+    "savefig.facecolor": "white",
+    "hatch.linewidth": 0.5,
+    "figure.constrained_layout.h_pad": 0.06,
+    "figure.constrained_layout.w_pad": 0.06,
+    "svg.hashsalt": "benchtool",
+    "svg.fonttype": "path",
+    "pdf.fonttype": 42,
+    "path.simplify": True,
+}
+
+# Settings of windows, keys and folders are not part of a look.
+_NOT_LOOK = (
+    "backend", "interactive", "toolbar", "keymap", "webagg", "tk.", "macosx", "docstring",
+    "figure.hooks", "date.epoch", "savefig.directory", "timezone",
+)  # fmt: skip
+
+_LOOK: Any = {
+    key: value for key, value in mpl.rcParamsDefault.items() if not key.startswith(_NOT_LOOK)
+} | _OURS
+
+_DRAWING = RLock()
+
+
+@contextmanager
+def look() -> Iterator[None]:
+    """Hold the project's look for a while, whatever matplotlibrc the user's machine has.
+
+    Matplotlib's settings belong to the process: one thread draws or saves at a time, and the
+    settings are afterwards what they were before.
+    """
+    with _DRAWING, rc_context(_LOOK):
+        yield
+
+
+def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
+    """Run a drawing function under the project's look."""
+
+    @wraps(draw)
+    def drawn(*args: P.args, **kwargs: P.kwargs) -> Figure:
+        with look():
+            return draw(*args, **kwargs)
+
+    return drawn
+
+
+def new_figure(
+    title: str,
+    *,
+    simulated: bool,
+    height_in: float,
+    width_in: float = WIDTH_IN,
+    layout: Literal["constrained", "none"] = "constrained",
+) -> Figure:
+    """Return an empty figure with its title line, stamped when the data is simulated."""
+    figure = Figure(figsize=(width_in, height_in), layout=layout)
+    room = int(TITLE_CHARACTERS * width_in / WIDTH_IN) - (len(SIMULATED) + 2) * simulated
+    text = figure.suptitle(
+        "\n".join(wrap(title, room)), x=0.012, ha="left", fontsize=11.5, fontweight="bold"
+    )
+    if layout == "none":
+        text.set_y(1.0 - 0.09 / height_in)
+    if simulated:
+        stamp(figure)
+    return figure
+
+
+def stamp(figure: Figure) -> None:
+    """Mark a figure as showing simulated data, in its upper right corner."""
+    figure.text(
+        0.988,
+        1.0 - 0.09 / figure.get_figheight(),
+        SIMULATED,
+        ha="right",
+        va="top",
+        fontsize=9,
+        fontweight="bold",
+        color=VERMILION,
+        gid=SIMULATED_GID,
+        bbox={"boxstyle": "square,pad=0.25", "facecolor": "white", "edgecolor": VERMILION},
+    )
+
+
+def ratio_label(basis: str) -> str:
+    """Return the axis label of a thrust ratio, which says what is held equal."""
+    if basis not in BASES:
+        raise UnknownChoice("basis of comparison", basis, BASES)
+    return "$T_{IGE}\\,/\\,T_{OGE}$ [–]  at " + BASES[basis]

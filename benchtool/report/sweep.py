@@ -1,0 +1,177 @@
+"""A run at a glance: thrust, rotor speed, pwm and plate distance over time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import count
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from numpy.typing import NDArray
+
+from benchtool.core.recording import Recording
+from benchtool.core.units import from_si
+from benchtool.errors import InputError
+from benchtool.report.envelope import envelope
+from benchtool.report.palette import BLUE, CYCLE, GREEN, GREY, ORANGE, PURPLE, VERMILION
+from benchtool.report.style import new_figure, styled
+
+Array = NDArray[np.float64]
+
+KIND_COLORS = {"measure": BLUE, "reference": GREEN, "anchor": ORANGE, "tare": GREY}
+"""Shading of the windows in which points were taken; any other kind is shaded purple."""
+
+MINUTES_FROM_S = 600.0
+"""Runs longer than this have their time axis in minutes."""
+
+
+@dataclass(frozen=True, slots=True)
+class PointWindow:
+    """Name one stretch of time whose samples became a point; kind as in points.csv."""
+
+    start_s: float
+    end_s: float
+    kind: str = "measure"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SweepTraces:
+    """Hold the signals of a run; nan where a channel had no new value.
+
+    Attributes:
+        time_s: (n,).
+        thrust_N: (n,).
+        speed_rad_s: (n_rotors, n).
+        pwm_us: (n_rotors, n).
+        plate_z_m: (n,).
+    """
+
+    time_s: Array
+    thrust_N: Array
+    speed_rad_s: Array
+    pwm_us: Array
+    plate_z_m: Array
+
+    def __post_init__(self) -> None:
+        n = self.time_s.shape
+        for name, array in (("speed_rad_s", self.speed_rad_s), ("pwm_us", self.pwm_us)):
+            if array.ndim != 2 or array.shape[1:] != n:
+                raise InputError(
+                    f"{name} needs shape (rotors, {n[0]}) like time_s, got {array.shape}"
+                )
+        for name, array in (("thrust_N", self.thrust_N), ("plate_z_m", self.plate_z_m)):
+            if array.shape != n:
+                raise InputError(f"{name} needs shape {n} like time_s, got {array.shape}")
+
+    @classmethod
+    def from_recording(cls, recording: Recording) -> SweepTraces:
+        """Take the signals out of the samples of a run; channels it does not have stay empty."""
+        nothing = np.full(len(recording), np.nan)
+
+        def rows(stem: str, suffix: str) -> Array:
+            names = (f"{stem}{number}{suffix}" for number in count(1))
+            found = []
+            for name in names:
+                if name not in recording:
+                    break
+                found.append(recording.si(name))
+            return np.array(found).reshape(len(found), len(recording))
+
+        def one(name: str) -> Array:
+            return recording.si(name) if name in recording else nothing
+
+        return cls(
+            recording.si("time_s"),
+            one("thrust_N"),
+            rows("rpm", ""),
+            rows("pwm", "_us"),
+            one("plate_z_m"),
+        )
+
+
+@styled
+def sweep_figure(
+    traces: SweepTraces,
+    windows: Sequence[PointWindow] = (),
+    *,
+    title: str,
+    simulated: bool,
+    radius_m: float | None = None,
+) -> Figure:
+    """Draw the signals of a run one above the other, the windows of its points shaded.
+
+    Args:
+        traces: the signals.
+        windows: stretches of time whose samples became points.
+        title: one line.
+        simulated: whether the run is simulated.
+        radius_m: rotor radius; when given, the plate distance has a second axis in z/R.
+    """
+    figure = new_figure(title, simulated=simulated, height_in=6.6)
+    thrust, speed, pwm, plate = figure.subplots(
+        4, 1, sharex=True, gridspec_kw={"height_ratios": [1.5, 1.2, 0.9, 0.9]}
+    )
+    last_s = float(np.nanmax(traces.time_s, initial=0.0))
+    unit, per_unit_s = ("min", 60.0) if last_s > MINUTES_FROM_S else ("s", 1.0)
+    _trace(thrust, traces.time_s / per_unit_s, traces.thrust_N, BLUE)
+    thrust.set_ylabel("thrust [N]")
+    for index, row in enumerate(from_si(traces.speed_rad_s, "rpm")):
+        _trace(speed, traces.time_s / per_unit_s, row, CYCLE[index % len(CYCLE)])
+    speed.set_ylabel("rotor speed\n[rpm]")
+    for index, row in enumerate(traces.pwm_us):
+        _trace(pwm, traces.time_s / per_unit_s, row, CYCLE[index % len(CYCLE)])
+    pwm.set_ylabel("pwm [µs]")
+    _trace(plate, traces.time_s / per_unit_s, from_si(traces.plate_z_m, "mm"), VERMILION)
+    plate.set_ylabel("plate [mm]")
+    if radius_m:
+        in_mm = from_si(radius_m, "mm")
+        right = plate.secondary_yaxis(
+            "right", functions=(lambda z_mm: z_mm / in_mm, lambda ratio: ratio * in_mm)
+        )
+        right.set_ylabel("$z/R$ [–]")
+    for axes in (thrust, speed, pwm, plate):
+        for window in windows:
+            axes.axvspan(
+                window.start_s / per_unit_s,
+                window.end_s / per_unit_s,
+                color=KIND_COLORS.get(window.kind, PURPLE),
+                alpha=0.16,
+                linewidth=0.0,
+                zorder=0,
+            )
+    plate.set_xlim(0.0, last_s / per_unit_s or 1.0)
+    plate.set_xlabel(f"time [{unit}]")
+    figure.align_ylabels([thrust, speed, pwm, plate])
+    _legend(thrust, windows, max(len(traces.speed_rad_s), len(traces.pwm_us)))
+    return figure
+
+
+def _trace(axes: Axes, time: Array, values: Array, color: str) -> None:
+    axes.plot(*envelope(time, values), color=color, linewidth=0.8)
+
+
+def _legend(axes: Axes, windows: Sequence[PointWindow], rotors: int) -> None:
+    kinds = list(dict.fromkeys(window.kind for window in windows))
+    handles: list[Patch | Line2D] = [
+        Patch(color=KIND_COLORS.get(kind, PURPLE), alpha=0.3, linewidth=0.0, label=kind)
+        for kind in kinds
+    ]
+    if rotors > 1:
+        handles += [
+            Line2D([], [], color=CYCLE[index % len(CYCLE)], label=f"rotor {index + 1}")
+            for index in range(rotors)
+        ]
+    if handles:
+        axes.legend(
+            handles=handles,
+            loc="lower left",
+            bbox_to_anchor=(0.0, 1.0),
+            ncols=min(8, len(handles)),
+            frameon=False,
+            fontsize=8.2,
+            handlelength=1.3,
+        )
