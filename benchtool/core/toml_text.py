@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, TypeVar, Union, get_args, get_origin, get_type_hints
 
-from benchtool.errors import FileFormatError, UnknownChoice
+from benchtool.errors import FileFormatError, InputError, UnknownChoice
 
 T = TypeVar("T")
 
@@ -103,6 +103,8 @@ def build(cls: type[T], data: Mapping[str, Any], where: str) -> T:
     text = json.dumps(data, default=str)
     try:
         return TypeAdapter(cls).validate_json(text, strict=True)
+    except InputError as error:  # from a dataclass's own check
+        raise FileFormatError(where, str(error)) from error
     except ValidationError as error:
         first = min(error.errors(), key=lambda item: item["type"] not in _UNKNOWN_KEY)
         location = tuple(first["loc"])

@@ -3,39 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import tomli_w
 
 from benchtool.aero.body_lift import BodyDistance
+from benchtool.core.column_source import ColumnSource
 from benchtool.core.parameter import Parameter, Prior
 from benchtool.core.rig import Rig
 from benchtool.core.toml_text import FileTable, build, parse_toml
-from benchtool.core.units import unit_named
 from benchtool.effects.catalogue import effect_named
 from benchtool.effects.model import Model
 from benchtool.errors import FileFormatError, InputError
 from benchtool.library.packaged import packaged_names, read_named
 from benchtool.library.rig_file import rig_named
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Column(FileTable):
-    """Say where one of our channels stands in somebody's table.
-
-    Attributes:
-        column: their column's name; or
-        constant: a number that holds for every row.
-        unit: their unit.
-        sign: -1 when their axis points the other way.
-    """
-
-    unit: str
-    column: str = ""
-    constant: float | None = None
-    sign: Literal[-1, 1] = 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,7 +35,7 @@ class _ModelFile(FileTable):
     model: _Head
     parameters: Mapping[str, Any] = field(default_factory=dict)
     effects: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
-    columns: Mapping[str, Column] = field(default_factory=dict)
+    columns: Mapping[str, ColumnSource] = field(default_factory=dict)
     where: Mapping[str, str] = field(default_factory=dict)
     imperfections: Mapping[str, float] = field(default_factory=dict)
     provenance: Mapping[str, str] = field(default_factory=dict)
@@ -82,7 +65,7 @@ class LoadedModel:
     """
 
     model: Model
-    columns: Mapping[str, Column] = field(default_factory=dict)
+    columns: Mapping[str, ColumnSource] = field(default_factory=dict)
     row_filter: Mapping[str, str] = field(default_factory=dict)
     imperfections: Mapping[str, float] = field(default_factory=dict)
 
@@ -135,8 +118,6 @@ def model_from_toml(text: str, where: str, rig: Rig | None = None) -> LoadedMode
         if isinstance(error, FileFormatError):
             raise
         raise FileFormatError(where, str(error)) from error
-    for column in read.columns.values():
-        unit_named(column.unit)
     return LoadedModel(
         model=model,
         columns=read.columns,
@@ -145,7 +126,7 @@ def model_from_toml(text: str, where: str, rig: Rig | None = None) -> LoadedMode
     )
 
 
-def read_columns(path: str | Path) -> Mapping[str, Column]:
+def read_columns(path: str | Path) -> Mapping[str, ColumnSource]:
     """Return the `[columns]` of a mapping file of its own."""
     text, where = read_named("columns file", "models", path)
 
@@ -155,7 +136,7 @@ def read_columns(path: str | Path) -> Mapping[str, Column]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _ColumnsFile(FileTable):
-    columns: Mapping[str, Column]
+    columns: Mapping[str, ColumnSource]
 
 
 def model_to_toml(loaded: LoadedModel, rig: str | None = None) -> str:
@@ -262,12 +243,7 @@ def _parameter_table(item: Parameter) -> dict[str, Any]:
     return table
 
 
-def _column_table(column: Column) -> dict[str, Any]:
-    table: dict[str, Any] = {"unit": column.unit}
-    if column.constant is not None:
-        table["constant"] = column.constant
-    else:
-        table["column"] = column.column
-    if column.sign != 1:
-        table["sign"] = column.sign
-    return table
+def _column_table(column: ColumnSource) -> dict[str, Any]:
+    given = {item.name: getattr(column, item.name) for item in fields(column)}
+    usual = {item.name: item.default for item in fields(column)}
+    return {name: value for name, value in given.items() if value != usual[name]}

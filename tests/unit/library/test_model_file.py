@@ -70,8 +70,13 @@ def test_a_prior_bounds_and_tolerance_survive_the_file() -> None:
         ("[model]\nname = 'x'\nrig = 'pqad'", UnknownChoice, "did you mean 'pquad'"),
         (
             HEAD + "[columns]\nthrust_N = { column = 'F', unit = 'newton' }",
-            UnknownChoice,
+            FileFormatError,
             "unknown unit 'newton'",
+        ),
+        (
+            HEAD + "[columns]\nthrust_N = { unit = 'N' }",
+            FileFormatError,
+            "needs either column",
         ),
         (
             HEAD + "[effects.partial_coverage.settings]\ncoverages = [0.5, 0.5]",

@@ -1,0 +1,86 @@
+"""Units, recordings and parameters."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from benchtool.core.channel import Channel
+from benchtool.core.parameter import Parameter, Parameters, Prior
+from benchtool.core.recording import Recording
+from benchtool.core.units import UNITS, from_si, same_dimension, to_si
+from benchtool.errors import InputError, UnknownChoice
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "si"),
+    [
+        (1000.0, "gf", 9.80665),
+        (1.0, "lbf", 4.4482216),
+        (60.0, "rpm", 2.0 * np.pi),
+        (180.0, "deg", np.pi),
+        (13.0, "in", 0.3302),
+        (25.0, "degC", 298.15),
+        (1.0, "kgf", 9.80665),
+        (1500.0, "pwm_us", 1500.0),
+        (3.0, "mm", 0.003),
+    ],
+)
+def test_known_conversions(value: float, unit: str, si: float) -> None:
+    assert to_si(value, unit) == pytest.approx(si, rel=1e-7)
+
+
+@given(st.floats(-1e6, 1e6), st.sampled_from(sorted(UNITS)))
+def test_every_unit_converts_back(value: float, unit: str) -> None:
+    assert from_si(to_si(value, unit), unit) == pytest.approx(value, rel=1e-9, abs=1e-6)
+
+
+def test_units_of_another_dimension_are_refused() -> None:
+    same_dimension("gf", "N")
+    with pytest.raises(InputError, match="'gf' measures force, but length"):
+        same_dimension("gf", "m")
+    with pytest.raises(UnknownChoice, match="unit 'furlong'"):
+        Channel("x", "furlong")
+
+
+def test_a_recording_gives_columns_and_refuses_unknown_ones() -> None:
+    recording = Recording.from_columns(
+        [
+            (Channel("rpm1", "rpm"), np.array([60.0, 120.0, 180.0])),
+            (Channel("thrust_N", "N"), np.array([1.0, np.nan, 3.0])),
+        ]
+    )
+    assert recording.si("rpm1") == pytest.approx([2 * np.pi, 4 * np.pi, 6 * np.pi])
+    assert len(recording.select(recording.column("rpm1") > 100.0)) == 2
+    assert "thrust_N" in recording
+    with pytest.raises(UnknownChoice, match="channel 'thrust'; did you mean 'thrust_N'"):
+        recording.column("thrust")
+    with pytest.raises(InputError, match="stands twice"):
+        recording.with_column(Channel("rpm1", "rpm"), np.zeros(3))
+    with pytest.raises(InputError, match="2 channels needs a table"):
+        Recording(recording.channels, np.zeros((3, 5)))
+
+
+def test_parameters_pack_and_unpack_the_free_ones() -> None:
+    parameters = Parameters(
+        (
+            ("a", Parameter("a", "m", 1.0, free=True, upper=5.0)),
+            ("e.b", Parameter("b", "1", 2.0)),
+            ("e.c", Parameter("c", "N", 3.0, free=True)),
+        )
+    )
+    assert parameters.free_names == ("a", "e.c")
+    moved = parameters.at(np.array([4.0, 6.0]))
+    assert moved.values_array() == pytest.approx([4.0, 2.0, 6.0])
+    assert moved.bounds()[1] == pytest.approx([5.0, np.inf])
+    with pytest.raises(InputError, match="outside its bounds"):
+        parameters.at(np.array([7.0, 6.0]))
+    with pytest.raises(UnknownChoice, match=r"'e.d'"):
+        parameters.replaced("e.d", Parameter("d", "1", 0.0))
+
+
+def test_a_prior_without_width_is_refused() -> None:
+    with pytest.raises(InputError, match="sd above 0"):
+        Prior("normal", 1.0, 0.0)
