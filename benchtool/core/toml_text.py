@@ -136,16 +136,21 @@ def _dotted(location: Sequence[int | str]) -> str:
 def _known_keys(cls: Any, location: Sequence[int | str]) -> list[str]:
     """Return the field names of the table that `location` leads to, starting from `cls`."""
     for part in location:
+        cls = _without_none(cls)
         origin = get_origin(cls)
-        if origin in (Union, types.UnionType):
-            cls = next(arg for arg in get_args(cls) if arg is not type(None))
-            origin = get_origin(cls)
         if dataclasses.is_dataclass(cls):
-            hints = get_type_hints(cls)
-            cls = hints.get(str(part), object)
+            cls = get_type_hints(cls).get(str(part), object)
         elif origin is not None:
             arguments = [arg for arg in get_args(cls) if arg is not Ellipsis]
             cls = arguments[-1] if issubclass(origin, Mapping) else arguments[0]
+    cls = _without_none(cls)
     if dataclasses.is_dataclass(cls):
         return [item.name for item in dataclasses.fields(cls)]
     return []
+
+
+def _without_none(cls: Any) -> Any:
+    """Return `X` for `X | None`."""
+    if get_origin(cls) in (Union, types.UnionType):
+        return next(arg for arg in get_args(cls) if arg is not type(None))
+    return cls
