@@ -1,0 +1,166 @@
+"""Addresses: `scheme:where?option=value` to a bench, not opened yet.
+
+Nothing falls back to another scheme, least of all to the simulator: a user who names a port that
+is not there is told so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from urllib.parse import parse_qsl
+
+from benchtool.bench.bench import Bench
+from benchtool.errors import InputError, UnknownChoice
+
+DEFAULT_BAUD = 2_000_000
+"""Rate of a serial address that names none: what the protocol's description recommends."""
+
+
+@dataclass(frozen=True, slots=True)
+class Address:
+    """Hold an address in its parts: `serial:COM12?baud=2000000` has place COM12, one option."""
+
+    text: str
+    scheme: str
+    place: str
+    options: Mapping[str, str] = field(default_factory=dict)
+
+    def number(self, name: str, default: float, low: float, high: float) -> float:
+        """Return an option as a number within its range, or its default."""
+        if name not in self.options:
+            return default
+        given = self.options[name]
+        try:
+            value = float(given)
+        except ValueError:
+            raise InputError(
+                f"option {name} of address {self.text!r} is {given!r}, not a number; "
+                f"write {name}={default:g}"
+            ) from None
+        if not low <= value <= high:
+            raise InputError(
+                f"option {name} of address {self.text!r} is {given}, outside {low:g} to {high:g}; "
+                f"write {name}={default:g}"
+            )
+        return value
+
+    def whole(self, name: str, default: int, low: int, high: int) -> int:
+        """Return an option as a whole number within its range, or its default."""
+        value = self.number(name, default, low, high)
+        if value != int(value):
+            raise InputError(
+                f"option {name} of address {self.text!r} is {value:g}, not a whole number; "
+                f"write {name}={default}"
+            )
+        return int(value)
+
+
+@dataclass(frozen=True, slots=True)
+class Scheme:
+    """Describe one kind of address: how to open it, its options, an example for people."""
+
+    opener: Callable[[Address], Bench]
+    options: tuple[str, ...]
+    example: str
+
+
+def parse_address(text: str) -> Address:
+    """Split an address and check its scheme and the names of its options.
+
+    Raises:
+        InputError: no scheme, nothing after it, or an option without a value.
+        UnknownChoice: a scheme or an option that does not exist, with the known ones.
+    """
+    scheme, colon, rest = text.strip().partition(":")
+    if not colon:
+        raise InputError(f"{text!r} names no scheme; write it as one of: {', '.join(_examples())}")
+    if scheme not in SCHEMES:
+        raise UnknownChoice("address scheme", scheme, SCHEMES)
+    known = SCHEMES[scheme]
+    # Windows device paths (\\?\...) hold a question mark of their own, before any option.
+    head = rest[:4] if rest.startswith("\\\\?\\") else ""
+    place, _, query = rest[len(head) :].partition("?")
+    if not head + place:
+        raise InputError(f"address {text!r} names no place; write for example {known.example}")
+    try:
+        pairs = parse_qsl(query, keep_blank_values=True, strict_parsing=True) if query else []
+    except ValueError:
+        raise InputError(
+            f"the options of address {text!r} cannot be read; write them as name=value joined by &"
+        ) from None
+    for name, _ in pairs:
+        if name not in known.options:
+            raise UnknownChoice(f"option of {scheme}: addresses", name, known.options)
+    return Address(text, scheme, head + place, dict(pairs))
+
+
+def open_bench(address: str) -> Bench:
+    """Return the bench of an address, not opened yet: enter it with `with`, or call `open()`.
+
+    Raises:
+        InputError, UnknownChoice: the address cannot be read.
+        FileFormatError: a file that it names cannot be read.
+    """
+    parsed = parse_address(address)
+    return SCHEMES[parsed.scheme].opener(parsed)
+
+
+def _examples() -> list[str]:
+    return [scheme.example for scheme in SCHEMES.values()]
+
+
+def _simulated(address: Address) -> Bench:
+    from benchtool.bench.simulated import SimulatedBench
+    from benchtool.core.toml_text import build
+    from benchtool.library import load_model, rig_named
+    from benchtool.simulate.imperfections import Imperfections
+
+    rig = rig_named(address.place)
+    standard = "single" if rig.n_discs == 1 else "quad_body_lift"
+    truth = address.options.get("truth", standard)
+    loaded = load_model(truth, rig)
+    return SimulatedBench(
+        address.text,
+        rig,
+        loaded.model,
+        seed=address.whole("seed", 0, 0, 2**32 - 1),
+        rate_Hz=address.number("rate", 200.0, 1.0, 5000.0),
+        imperfections=build(Imperfections, dict(loaded.imperfections), f"{truth}: [imperfections]"),
+    )
+
+
+def _serial(address: Address) -> Bench:
+    from benchtool.bench.serial_bench import SerialBench
+    from benchtool.bench.serial_port import SerialPort
+
+    baud = address.whole("baud", DEFAULT_BAUD, 1200, 12_000_000)
+    return SerialBench(SerialPort(address.place, baud), address.text)
+
+
+def _tcp(address: Address) -> Bench:
+    from benchtool.bench.serial_bench import SerialBench
+    from benchtool.bench.tcp_socket import TcpSocket
+
+    host, _, port = address.place.rpartition(":")
+    if not host or not port.isdecimal() or not 0 < int(port) < 65536:
+        raise InputError(
+            f"address {address.text!r} needs host and port; write for example tcp:127.0.0.1:5555"
+        )
+    return SerialBench(TcpSocket(host.strip("[]"), int(port)), address.text)
+
+
+def _replay(address: Address) -> Bench:
+    from benchtool.bench.replay import ReplayBench
+
+    return ReplayBench.of_run(address.text, Path(address.place))
+
+
+SCHEMES: dict[str, Scheme] = {
+    "sim": Scheme(_simulated, ("truth", "seed", "rate"), "sim:pquad?seed=3"),
+    "serial": Scheme(_serial, ("baud",), "serial:/dev/ttyUSB0?baud=2000000"),
+    "tcp": Scheme(_tcp, (), "tcp:127.0.0.1:5555"),
+    "replay": Scheme(_replay, (), "replay:runs/2026-01-31-first"),
+}
+"""Every kind of address; another driver costs one line here."""

@@ -1,0 +1,200 @@
+"""A run played back: `replay:RUN` addresses, for whatever only listens to a bench.
+
+Reading is all it does. A recording cannot answer a command, so every one is refused, except stop,
+which holds already. Time is virtual: `read(10.0)` returns the next ten seconds at once.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Any, NoReturn, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.bench.bench import Identity, Readings
+from benchtool.core.channel import Channel
+from benchtool.core.units import UNITS
+from benchtool.errors import CommandRefused, FileFormatError, LinkLost
+
+Array = NDArray[np.float64]
+
+_NOT_STREAMED = ("time_s", "device_time_us", "point", "phase")
+_OWN_WORDS = {"Nm": "N m", "raw": "count"}
+
+
+class ReplayBench:
+    """Play recorded samples back as a bench that takes no commands.
+
+    Args:
+        identity: who answered when the samples were recorded.
+        time_s, device_time_us: (m,) of each sample.
+        values: (m, c) in channel order; nan where a channel had no new value.
+    """
+
+    def __init__(
+        self, identity: Identity, time_s: Array, device_time_us: Array, values: Array
+    ) -> None:
+        self._identity = identity
+        self._time_s = time_s
+        self._device_time_us = device_time_us
+        self._values = values
+        self._now_s = float(time_s[0]) if len(time_s) else 0.0
+        self._next = 0
+        self._open = False
+
+    @classmethod
+    def of_run(cls, address: str, run: Path) -> ReplayBench:
+        """Return the bench that plays `samples.csv` of a run folder, or a file like it.
+
+        Raises:
+            FileFormatError: there is no such file, or a line of it cannot be read.
+        """
+        path = run / "samples.csv" if run.is_dir() else run
+        names, table = _read_samples(path)
+        columns = dict(zip(names, table.T, strict=True))
+        for name in _NOT_STREAMED[:2]:
+            if name not in columns:
+                raise FileFormatError(str(path), f"it has no column {name}; name a run's samples")
+        channels = tuple(
+            Channel(name, _unit_told_by(name)) for name in names if name not in _NOT_STREAMED
+        )
+        time_s = columns["time_s"]
+        identity = _identity(address, path, channels, time_s)
+        values = table[:, [names.index(channel.name) for channel in channels]]
+        return cls(identity, time_s, columns["device_time_us"], values)
+
+    @property
+    def identity(self) -> Identity:
+        return self._identity
+
+    def now_s(self) -> float:
+        return self._now_s
+
+    def open(self) -> None:
+        self._open = True
+
+    def close(self) -> None:
+        self._open = False
+
+    def set_pwm(self, pwm_us: Array) -> None:
+        self._refuse("pwm")
+
+    def stop(self) -> None:
+        """Do nothing: the motors of a recording do not turn."""
+
+    def move_plate(self, z_m: float, x_m: float = 0.0, tilt_rad: float = 0.0) -> None:
+        self._refuse("plate")
+
+    def tare(self) -> None:
+        self._refuse("tare")
+
+    def set_rate(self, rate_Hz: float) -> None:
+        self._refuse("rate")
+
+    def read(self, timeout_s: float) -> Readings:
+        if not self._open:
+            raise LinkLost(f"{self._identity.address} is not open; open it first")
+        if self._next >= len(self._time_s):
+            raise LinkLost(
+                f"{self._identity.address} ends here, after {len(self._time_s)} samples; there is "
+                f"nothing more to read"
+            )
+        self._now_s += timeout_s
+        end = int(np.searchsorted(self._time_s, self._now_s, side="right"))
+        now = slice(self._next, max(end, self._next))
+        self._next = now.stop
+        return Readings(self._time_s[now], self._device_time_us[now], self._values[now])
+
+    def __enter__(self) -> Self:
+        self.open()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _refuse(self, command: str) -> NoReturn:
+        raise CommandRefused(command, "a replay takes no commands; name a bench to drive one")
+
+
+def _read_samples(path: Path) -> tuple[list[str], Array]:
+    """Return column names and (n, columns) numbers; words and empty cells are nan."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise FileFormatError(
+            str(path), f"it cannot be read ({error}); name a run folder that holds samples.csv"
+        ) from error
+    # What follows the last line break was cut short when the run was killed.
+    rows = csv.reader(text[: text.rfind("\n") + 1].splitlines())
+    names = next(rows, [])
+    table = list(_numbers(rows, names, str(path)))
+    if not table:
+        raise FileFormatError(str(path), "it holds no samples; name a run that has some")
+    return names, np.array(table, float)
+
+
+def _numbers(rows: Iterator[list[str]], names: list[str], where: str) -> Iterator[list[float]]:
+    words = [index for index, name in enumerate(names) if name == "phase"]
+    for number, row in enumerate(rows, start=2):
+        if len(row) != len(names):
+            raise FileFormatError(
+                f"{where}, line {number}", f"{len(row)} cells under {len(names)} columns; mend it"
+            )
+        for index in words:
+            row[index] = ""
+        try:
+            yield [float(cell) if cell else np.nan for cell in row]
+        except ValueError as error:
+            raise FileFormatError(f"{where}, line {number}", f"{error}; mend the cell") from error
+
+
+def _unit_told_by(name: str) -> str:
+    """Return the unit that a column's name carries at its end; "1" when it carries none."""
+    if name.startswith("rpm"):
+        return "rpm"
+    if name.startswith("pwm") and name.endswith("_us"):
+        return "pwm_us"
+    suffix = name.rpartition("_")[2]
+    return _OWN_WORDS.get(suffix, suffix if suffix in UNITS else "1")
+
+
+def _identity(address: str, path: Path, channels: tuple[Channel, ...], time_s: Array) -> Identity:
+    facts = _metadata(path.parent / "metadata.json")
+    device = facts.get("device_id", "")
+    step_s = float(np.median(np.diff(time_s))) if len(time_s) > 1 else 1.0
+    return Identity(
+        address=address,
+        device_id=str(device) or f"replay-{path.parent.name}",
+        firmware=str(facts.get("firmware", "")) or "not recorded",
+        protocol="replay",
+        channels=channels,
+        rate_Hz=1.0 / max(step_s, 1e-9),
+        n_rotors=sum(channel.unit == "pwm_us" for channel in channels),
+        simulated=bool(facts.get("simulated", False)),
+        moves_plate=False,
+        facts={"file": str(path), "metadata": "found" if facts else "none"},
+    )
+
+
+def _metadata(path: Path) -> Mapping[str, Any]:
+    try:
+        facts = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return {}
+    except (OSError, ValueError) as error:
+        raise FileFormatError(str(path), f"it cannot be read ({error}); mend or remove it") from (
+            error
+        )
+    if not isinstance(facts, dict):
+        raise FileFormatError(str(path), "it is not a table of facts; mend or remove it")
+    return facts

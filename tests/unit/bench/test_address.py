@@ -1,0 +1,106 @@
+"""Addresses lead to the bench they name, and to nothing else."""
+
+import pytest
+
+from benchtool.bench.address import SCHEMES, open_bench, parse_address
+from benchtool.bench.serial_bench import SerialBench
+from benchtool.bench.simulated import SimulatedBench
+from benchtool.errors import FileFormatError, InputError, UnknownChoice
+
+TRUTH = """
+[model]
+name = "bent"
+rig = "pquad"
+
+[effects.tare_offset]
+thrust_N = { value = 0.4, source = "test" }
+
+[imperfections]
+thrust_noise_N = 0.0
+start_offset_N = 2.0
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "place", "options"),
+    [
+        ("sim:pquad?seed=3&rate=500", "pquad", {"seed": "3", "rate": "500"}),
+        ("serial:/dev/ttyUSB0?baud=2000000", "/dev/ttyUSB0", {"baud": "2000000"}),
+        ("serial:COM12", "COM12", {}),
+        (r"serial:\\.\COM12", r"\\.\COM12", {}),
+        (r"serial:\\?\usb#vid_0403?baud=9600", r"\\?\usb#vid_0403", {"baud": "9600"}),
+        ("tcp:[::1]:5555", "[::1]:5555", {}),
+        ("replay:C:/runs/2026-01-31-first", "C:/runs/2026-01-31-first", {}),
+    ],
+)
+def test_an_address_is_split_into_its_parts(text, place, options):
+    address = parse_address(text)
+    assert (address.place, dict(address.options)) == (place, options)
+
+
+def test_every_example_can_be_parsed():
+    for name, scheme in SCHEMES.items():
+        assert parse_address(scheme.example).scheme == name
+
+
+def test_an_unknown_scheme_lists_the_known_ones():
+    with pytest.raises(UnknownChoice, match="known: replay, serial, sim, tcp"):
+        open_bench("usb:1")
+
+
+@pytest.mark.parametrize("text", ["/dev/ttyUSB0", "pquad", ""])
+def test_an_address_without_scheme_shows_how_they_are_written(text):
+    with pytest.raises(InputError, match="sim:pquad"):
+        open_bench(text)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("sim:", "names no place"),
+        ("sim:pquad?sede=3", "did you mean 'seed'"),
+        ("sim:pquad?seed=x", "not a number"),
+        ("sim:pquad?seed=1.5", "not a whole number"),
+        ("sim:pquad?seed=-1", "outside 0"),
+        ("sim:pquad?rate=nan", "outside 1 to 5000"),
+        ("sim:pquad?seed", "name=value"),
+        ("sim:pquod", "did you mean 'pquad'"),
+        ("serial:COM3?baud=fast", "not a number"),
+        ("tcp:5555", "host and port"),
+        ("tcp:localhost:70000", "host and port"),
+        ("tcp:localhost:", "host and port"),
+    ],
+)
+def test_a_wrong_address_says_what_is_wrong(text, said):
+    with pytest.raises(InputError, match=said):
+        open_bench(text)
+
+
+def test_ports_are_not_opened_before_they_are_entered():
+    for text in ("serial:/dev/there_is_no_such_port", "serial:COM12", "tcp:127.0.0.1:1"):
+        assert isinstance(open_bench(text), SerialBench)
+
+
+def test_a_simulated_address_reads_its_truth_and_flaws(tmp_path):
+    path = tmp_path / "bent.toml"
+    path.write_text(TRUTH, encoding="utf-8")
+    bench = open_bench(f"sim:pquad?seed=3&rate=400&truth={path}")
+    assert isinstance(bench, SimulatedBench)
+    with bench:
+        assert bench.identity.facts["truth"] == "bent"
+        assert bench.identity.rate_Hz == 400.0
+        names = [channel.name for channel in bench.identity.channels]
+        thrust = bench.read(2.0).values[:, names.index("thrust_N")]
+    assert thrust[~(thrust != thrust)].mean() == pytest.approx(2.4, abs=0.005)
+
+
+def test_an_unknown_flaw_is_refused_with_the_known_ones(tmp_path):
+    path = tmp_path / "bent.toml"
+    path.write_text(TRUTH.replace("thrust_noise_N", "noise_N"), encoding="utf-8")
+    with pytest.raises(UnknownChoice, match="thrust_noise_N"):
+        open_bench(f"sim:pquad?truth={path}")
+
+
+def test_a_replay_of_nothing_is_refused(tmp_path):
+    with pytest.raises(FileFormatError, match=r"samples\.csv"):
+        open_bench(f"replay:{tmp_path}")

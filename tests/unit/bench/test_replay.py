@@ -1,0 +1,90 @@
+"""A run played back: every sample once, in its own time, and no command taken."""
+
+import numpy as np
+import pytest
+
+from benchtool.bench.address import open_bench
+from benchtool.errors import CommandRefused, FileFormatError, LinkLost
+
+HEADER = "time_s,device_time_us,point,phase,pwm1_us,rpm1,thrust_N,thrust_raw,torque_Nm"
+
+
+@pytest.fixture
+def run(tmp_path):
+    rows = [
+        f"{10.0 + 0.005 * i:.6f},{5000 * i},1,sample,1500,{4000 + i},"
+        f"{'' if i % 2 else 9.5},{'' if i % 2 else 9500},-0.01"
+        for i in range(1, 401)
+    ]
+    (tmp_path / "samples.csv").write_text("\n".join([HEADER, *rows]) + "\n", encoding="utf-8")
+    (tmp_path / "metadata.json").write_text('{"simulated": true, "device_id": "v-1"}')
+    return tmp_path
+
+
+def test_samples_come_back_in_their_own_time(run):
+    with open_bench(f"replay:{run}") as bench:
+        first, second = bench.read(0.1), bench.read(0.995)
+    assert (len(first), len(second)) == (21, 199)
+    assert first.time_s[0] == pytest.approx(10.005)
+    assert second.time_s[0] == pytest.approx(first.time_s[-1] + 0.005)
+    assert np.array_equal(first.values[:2, 1], [4001.0, 4002.0])
+    assert np.isnan(first.values[0, 2])
+    assert first.values[1, 2] == 9.5
+
+
+def test_it_says_who_was_recorded(run):
+    identity = open_bench(f"replay:{run}").identity
+    assert identity.simulated
+    assert identity.device_id == "v-1"
+    assert identity.protocol == "replay"
+    assert [(item.name, item.unit) for item in identity.channels] == [
+        ("pwm1_us", "pwm_us"),
+        ("rpm1", "rpm"),
+        ("thrust_N", "N"),
+        ("thrust_raw", "count"),
+        ("torque_Nm", "N m"),
+    ]
+    assert identity.rate_Hz == pytest.approx(200.0)
+
+
+def test_the_end_is_said(run):
+    with open_bench(f"replay:{run}/samples.csv") as bench:
+        assert len(bench.read(60.0)) == 400
+        with pytest.raises(LinkLost, match="ends here, after 400 samples"):
+            bench.read(1.0)
+
+
+def test_commands_are_refused_and_stop_holds(run):
+    with open_bench(f"replay:{run}") as bench:
+        for command in (
+            lambda: bench.set_pwm(np.array([1500.0])),
+            lambda: bench.move_plate(0.5),
+            bench.tare,
+            lambda: bench.set_rate(100.0),
+        ):
+            with pytest.raises(CommandRefused, match="takes no commands"):
+                command()
+        bench.stop()
+        assert len(bench.read(0.1)) == 21
+
+
+def test_a_last_line_that_was_cut_is_left_out(run):
+    path = run / "samples.csv"
+    path.write_text(path.read_text() + "12.005,2005000,1,sam", encoding="utf-8")
+    with open_bench(f"replay:{run}") as bench:
+        assert len(bench.read(60.0)) == 400
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "no samples"),
+        ("time_s,thrust_N\n0.0,1.0\n", "no column device_time_us"),
+        (f"{HEADER}\n1,2,3\n1,2,3,x,5,6,7,8,9\n", "line 2: 3 cells under 9"),
+        (f"{HEADER}\n1,2,3,x,5,6,seven,8,9\n", "line 2: could not convert"),
+    ],
+)
+def test_a_file_that_holds_no_run_is_refused(tmp_path, text, said):
+    (tmp_path / "samples.csv").write_text(text, encoding="utf-8")
+    with pytest.raises(FileFormatError, match=said):
+        open_bench(f"replay:{tmp_path}")
