@@ -29,7 +29,7 @@ from benchtool.bench.commands import (
 )
 from benchtool.bench.hello import Hello
 from benchtool.core.channel import Channel
-from benchtool.errors import BenchError, BenchtoolError
+from benchtool.errors import BenchtoolError
 
 Array = NDArray[np.float64]
 
@@ -275,7 +275,7 @@ class Firmware:
         if rate_Hz > 0.0:
             try:
                 self._plant.set_rate(rate_Hz)
-            except BenchError as error:
+            except BenchtoolError as error:
                 return Reply(False, str(error))
         self.rate_Hz = rate_Hz
         return Reply(True)

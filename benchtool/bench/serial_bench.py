@@ -1,0 +1,297 @@
+"""A bench behind the wire: `serial:` and `tcp:` addresses.
+
+Heartbeats are sent by `read` and by commands only, never by a thread of their own: a host whose
+control loop hangs must fall silent, so that the device stops its motors. Whoever spins motors
+therefore reads at least every `identity.watchdog_s`.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.bench.baud import check_rate, highest_rate_Hz
+from benchtool.bench.bench import Identity, Readings
+from benchtool.bench.commands import (
+    AskPlate,
+    Clear,
+    Command,
+    MovePlate,
+    SetLimit,
+    SetPwm,
+    SetRate,
+    Stop,
+    Tare,
+    fields_of,
+)
+from benchtool.bench.conversation import Conversation
+from benchtool.bench.device_clock import DeviceClock
+from benchtool.bench.hello import Hello
+from benchtool.bench.link import Batch
+from benchtool.bench.transport import Transport
+from benchtool.errors import (
+    BenchError,
+    CommandRefused,
+    DeviceStopped,
+    LinkLost,
+    StageError,
+)
+
+Array = NDArray[np.float64]
+
+STALE_S = 1.0
+"""A stream that brings nothing for so long is lost (wall time); a choice, four watchdogs."""
+
+ASK_PLATE_S = 0.5
+"""How often a moving plate is asked whether it stands, should the `arrived` line get lost."""
+
+HALT_TRIES = 3
+
+
+class SerialBench:
+    """Drive a device that speaks the bench protocol.
+
+    Time of this bench is wall time, multiplied by the speed that a virtual device tells in its
+    hello; every `timeout_s` is in that time. Link time-outs and the watchdog are wall time.
+
+    Args:
+        transport: carries the bytes.
+        address: as the user gave it, for the identity and messages.
+        clock: monotonic wall clock in seconds.
+        arrive_s: bench time after which a plate that has not arrived is given up.
+    """
+
+    def __init__(
+        self,
+        transport: Transport,
+        address: str,
+        clock: Callable[[], float] = time.monotonic,
+        arrive_s: float = 120.0,
+    ) -> None:
+        self.address = address
+        self._talk = Conversation(transport, address, clock)
+        self._clock = clock
+        self._arrive_s = arrive_s
+        self._hello: Hello | None = None
+        self._rate_Hz = 0.0
+        self._opened_s = 0.0
+        self._device_clock = DeviceClock()
+        self._messages: list[str] = []
+        self._silent_since_s: float | None = None
+        self._stopped: str | None = None
+        self._arrived = False
+        self._stage_fault: str | None = None
+
+    @classmethod
+    def on_port(cls, address: str, port: str, baud: int) -> Self:
+        """Return the bench on a serial port, not opened yet."""
+        from benchtool.bench.serial_port import SerialPort
+
+        return cls(SerialPort(port, baud), address)
+
+    @classmethod
+    def on_tcp(cls, address: str, host: str, port: int) -> Self:
+        """Return the bench behind a TCP port, not opened yet."""
+        from benchtool.bench.tcp_socket import TcpSocket
+
+        return cls(TcpSocket(host, port), address)
+
+    @property
+    def identity(self) -> Identity:
+        return self._known().identity(self.address, self._rate_Hz)
+
+    def now_s(self) -> float:
+        speed = self._hello.speed if self._hello else 1.0
+        return self._opened_s + (self._clock() - self._opened_s) * speed
+
+    def open(self) -> None:
+        self._opened_s = self._clock()
+        try:
+            self._hello = self._talk.open()
+            self._order(Clear())
+            self._stopped = None
+            fits_Hz = self._hello.rate_Hz
+            if baud := self._baud():
+                most_Hz = highest_rate_Hz(self._hello.frame_bytes, baud)
+                fits_Hz = min(fits_Hz, most_Hz / self._hello.speed)
+            self._start_stream(fits_Hz)
+        except BaseException:
+            self._talk.close()
+            self._hello = None
+            raise
+
+    def close(self) -> None:
+        if self._hello is None:
+            return
+        try:
+            self._talk.exchange(Stop(), HALT_TRIES)
+            self._talk.exchange(SetRate(0.0), HALT_TRIES)
+        except BenchError:
+            pass  # The device's watchdog stops the motors where we cannot.
+        finally:
+            self._talk.close()
+            self._hello = None
+
+    def set_pwm(self, pwm_us: Array) -> None:
+        self._raise_if_stopped()
+        self._order(SetPwm(tuple(np.asarray(pwm_us, float).ravel().tolist())))
+
+    def stop(self) -> None:
+        self._order(Stop())
+
+    def move_plate(self, z_m: float, x_m: float = 0.0, tilt_rad: float = 0.0) -> None:
+        self._raise_if_stopped()
+        self._arrived, self._stage_fault = False, None
+        reply = self._talk.exchange(MovePlate(z_m, x_m, tilt_rad))
+        if not reply.ok:
+            raise StageError(f"the stage refused to move to {z_m:g} m: {reply.reason}")
+        started_s = asked_s = self._clock()
+        while not self._arrived:
+            self._talk.pump(0.05)
+            self._note()
+            self._raise_if_stopped()
+            if self._stage_fault is not None:
+                raise StageError(f"the stage did not reach {z_m:g} m: {self._stage_fault}")
+            now_s = self._clock()
+            if (now_s - started_s) * self._known().speed > self._arrive_s:
+                self._order(Stop())
+                raise StageError(
+                    f"the plate did not reach {z_m:g} m within {self._arrive_s:g} s and was "
+                    f"halted; look for what blocks it"
+                )
+            if now_s - asked_s > ASK_PLATE_S and not self._arrived:
+                asked_s = now_s
+                moving = self._talk.exchange(AskPlate()).fields
+                if moving[:1] == ("0",):
+                    self._arrived = True
+
+    def tare(self) -> None:
+        self._order(Tare())
+
+    def set_limit(self, name: str, value: float) -> None:
+        """Make one device-side limit narrower.
+
+        Raises:
+            CommandRefused: no such limit, or the value is wider than the present one.
+        """
+        self._order(SetLimit(name, value))
+
+    def clear(self) -> None:
+        """Lift the latch of a device that stopped by itself; its motors stay at zero."""
+        self._order(Clear())
+        self._note()
+        self._stopped = None
+
+    def set_rate(self, rate_Hz: float) -> None:
+        hello = self._known()
+        check_rate(rate_Hz * hello.speed, hello.frame_bytes, self._baud())
+        self._start_stream(rate_Hz)
+
+    def read(self, timeout_s: float) -> Readings:
+        speed = self._known().speed
+        deadline_s = self._clock() + timeout_s / speed
+        while True:
+            self._note()
+            batches = self._talk.take_batches()
+            if batches:
+                self._silent_since_s = None
+                return self._readings(batches)
+            # What was read before a stop is handed out first: no sample is lost to its news.
+            self._raise_if_stopped()
+            left_s = deadline_s - self._clock()
+            if left_s <= 0.0:
+                return self._readings([])
+            if not self._talk.pump(left_s):
+                self._check_silence()
+
+    def __enter__(self) -> Self:
+        self.open()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _known(self) -> Hello:
+        if self._hello is None:
+            raise LinkLost(f"{self.address} is not open; open it first")
+        return self._hello
+
+    def _baud(self) -> int:
+        """Return the rate of the slower end's line, 0 where there is no such limit."""
+        told = self._known().baud
+        opened = self._talk.transport.baud
+        return min(told, opened) if told and opened else told
+
+    def _order(self, command: Command) -> None:
+        self._known()
+        reply = self._talk.exchange(command)
+        if not reply.ok:
+            raise CommandRefused(",".join(fields_of(command)), reply.reason)
+
+    def _start_stream(self, rate_Hz: float) -> None:
+        self._order(SetRate(rate_Hz))
+        self._rate_Hz = rate_Hz
+        self._silent_since_s = None
+
+    def _check_silence(self) -> None:
+        now_s = self._clock()
+        if self._silent_since_s is None:
+            self._silent_since_s = now_s
+        silent_s = now_s - self._silent_since_s
+        if self._rate_Hz > 0.0 and silent_s > max(STALE_S, 3.0 / self._rate_Hz):
+            raise LinkLost(
+                f"{self.address} sent nothing for {silent_s:.1f} s, limit {STALE_S:g} s; the "
+                f"device stops its motors by itself; check cable and power, then start again"
+            )
+
+    def _note(self) -> None:
+        """Take the device's news: what stopped it, where the plate is, what it says."""
+        for event in self._talk.take_events():
+            self._messages.append(f"{event.kind}: {event.text}")
+            if event.stops_motors:
+                self._stopped = f"{event.kind}: {event.text}"
+            elif event.kind == "arrived":
+                self._arrived = True
+            elif event.kind == "stage":
+                self._stage_fault = event.text
+
+    def _raise_if_stopped(self) -> None:
+        if self._stopped is not None:
+            raise DeviceStopped(
+                f"the device stopped its motors by itself ({self._stopped}); remove the cause and "
+                f"start again"
+            )
+
+    def _readings(self, batches: list[tuple[float, Batch]]) -> Readings:
+        times_s, speed = [], self._known().speed
+        for arrived_s, batch in batches:
+            if len(batch.device_time_us):
+                arrived = self._opened_s + (arrived_s - self._opened_s) * speed
+                self._device_clock.learn(int(batch.device_time_us[-1]), arrived)
+                times_s.append(self._device_clock.host_time_s(batch.device_time_us))
+        some = [batch for _, batch in batches if len(batch.device_time_us)]
+        n_channels = len(self._known().channels)
+        messages, self._messages = tuple(self._messages), []
+        lost, corrupt = self._talk.take_losses()
+        return Readings(
+            time_s=np.concatenate(times_s) if some else np.empty(0),
+            device_time_us=np.concatenate([batch.device_time_us for batch in some]).astype(float)
+            if some
+            else np.empty(0),
+            values=np.concatenate([batch.values for batch in some])
+            if some
+            else np.empty((0, n_channels)),
+            lost=lost,
+            corrupt=corrupt,
+            messages=messages,
+        )
