@@ -19,7 +19,11 @@ from typer.core import TyperGroup
 from benchtool import __version__
 from benchtool.errors import BenchtoolError, UnknownChoice
 
-COMMANDS: dict[str, str] = {}
+COMMANDS: dict[str, str] = {
+    "rigs": "List rigs, or show one with the source of every number",
+    "models": "List models, or show one with its effects and parameters",
+    "effects": "List physical effects, or show one with its law and parameters",
+}
 """Name of each command, in the order of the help, and its one line there. The line is also the
 first line of the command's docstring."""
 

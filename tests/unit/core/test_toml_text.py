@@ -92,5 +92,5 @@ def test_sources_are_found_at_the_number_or_its_table() -> None:
         "c.w": "",
     }
     assert found.assumed == ["a.x", "a.b.z"]
-    with pytest.raises(FileFormatError, match="c[.]w has no source"):
+    with pytest.raises(FileFormatError, match=r"c\.w has no source"):
         require_sources(found, "a.toml")
