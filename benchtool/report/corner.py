@@ -63,7 +63,7 @@ def corner_figure(
         )
     size_in = max(4.6, 1.2 + 1.75 * n)
     figure = new_figure(
-        title, simulated=simulated, height_in=size_in, width_in=size_in, layout="none"
+        title, simulated=simulated, height_in=size_in, width_in=size_in, layout=None
     )
     figure.subplots(n, n, squeeze=False)
     corner.corner(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,7 +14,8 @@ def envelope(time_s: Array, values: Array, slots: int = 900) -> tuple[Array, Arr
     """Return times and values with the smallest and the largest of every slot, nan left out.
 
     Args:
-        time_s, values: (n,) the signal; nan where it had no new value.
+        time_s: (n,) s.
+        values: (n,) the signal; nan where it had no new value.
         slots: how many stretches of equal sample count are kept, two samples of each.
     """
     present = np.isfinite(values) & np.isfinite(time_s)
@@ -21,7 +24,7 @@ def envelope(time_s: Array, values: Array, slots: int = 900) -> tuple[Array, Arr
         return time_s, values
     edges = np.linspace(0, values.size, slots + 1).astype(int)
     kept: set[int] = {0, values.size - 1}
-    for start, end in zip(edges[:-1], edges[1:], strict=True):
+    for start, end in pairwise(edges):
         stretch = values[start:end]
         kept.update((start + int(stretch.argmin()), start + int(stretch.argmax())))
     index = np.array(sorted(kept))

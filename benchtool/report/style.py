@@ -118,7 +118,7 @@ def new_figure(
     simulated: bool,
     height_in: float,
     width_in: float = WIDTH_IN,
-    layout: Literal["constrained", "none"] = "constrained",
+    layout: Literal["constrained"] | None = "constrained",
 ) -> Figure:
     """Return an empty figure with its title line, stamped when the data is simulated."""
     figure = Figure(figsize=(width_in, height_in), layout=layout)
@@ -126,7 +126,7 @@ def new_figure(
     text = figure.suptitle(
         "\n".join(wrap(title, room)), x=0.012, ha="left", fontsize=11.5, fontweight="bold"
     )
-    if layout == "none":
+    if layout is None:
         text.set_y(1.0 - 0.09 / height_in)
     if simulated:
         stamp(figure)

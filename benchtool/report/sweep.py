@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from itertools import count
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -133,12 +134,18 @@ def sweep_figure(
             "right", functions=(lambda z_mm: z_mm / in_mm, lambda ratio: ratio * in_mm)
         )
         right.set_ylabel("$z/R$ [–]")
+    kinds = dict.fromkeys(window.kind for window in windows)
     for axes in (thrust, speed, pwm, plate):
-        for window in windows:
-            axes.axvspan(
-                window.start_s / per_unit_s,
-                window.end_s / per_unit_s,
-                color=KIND_COLORS.get(window.kind, PURPLE),
+        for kind in kinds:
+            axes.broken_barh(
+                [
+                    (window.start_s / per_unit_s, (window.end_s - window.start_s) / per_unit_s)
+                    for window in windows
+                    if window.kind == kind
+                ],
+                (0.0, 1.0),
+                transform=axes.get_xaxis_transform(),
+                color=KIND_COLORS.get(kind, PURPLE),
                 alpha=0.16,
                 linewidth=0.0,
                 zorder=0,
@@ -146,7 +153,26 @@ def sweep_figure(
     plate.set_xlim(0.0, last_s / per_unit_s or 1.0)
     plate.set_xlabel(f"time [{unit}]")
     figure.align_ylabels([thrust, speed, pwm, plate])
-    _legend(thrust, windows, max(len(traces.speed_rad_s), len(traces.pwm_us)))
+    _legend_over(
+        thrust,
+        [
+            Patch(color=KIND_COLORS.get(kind, PURPLE), alpha=0.3, linewidth=0.0, label=kind)
+            for kind in kinds
+        ],
+    )
+    rotors = max(len(traces.speed_rad_s), len(traces.pwm_us))
+    _legend_over(
+        speed,
+        [
+            Line2D(
+                [],
+                [],
+                color=CYCLE[index % len(CYCLE)],
+                label=str(index + 1) if index else "rotor 1",
+            )
+            for index in range(rotors if rotors > 1 else 0)
+        ],
+    )
     return figure
 
 
@@ -154,24 +180,17 @@ def _trace(axes: Axes, time: Array, values: Array, color: str) -> None:
     axes.plot(*envelope(time, values), color=color, linewidth=0.8)
 
 
-def _legend(axes: Axes, windows: Sequence[PointWindow], rotors: int) -> None:
-    kinds = list(dict.fromkeys(window.kind for window in windows))
-    handles: list[Patch | Line2D] = [
-        Patch(color=KIND_COLORS.get(kind, PURPLE), alpha=0.3, linewidth=0.0, label=kind)
-        for kind in kinds
-    ]
-    if rotors > 1:
-        handles += [
-            Line2D([], [], color=CYCLE[index % len(CYCLE)], label=f"rotor {index + 1}")
-            for index in range(rotors)
-        ]
+def _legend_over(axes: Axes, handles: Sequence[Artist]) -> None:
+    """Put a legend in one row over a panel, where it hides no signal."""
     if handles:
         axes.legend(
             handles=handles,
             loc="lower left",
             bbox_to_anchor=(0.0, 1.0),
-            ncols=min(8, len(handles)),
+            ncols=len(handles),
             frameon=False,
             fontsize=8.2,
-            handlelength=1.3,
+            handlelength=1.2,
+            columnspacing=1.4,
+            borderaxespad=0.1,
         )

@@ -1,0 +1,120 @@
+"""Tables of a fit for the report page: values, methods side by side, models compared."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import isfinite
+
+from benchtool.core.fit_result import Estimate, FitResult
+from benchtool.report.numbers import (
+    decimals_for,
+    exponent_of,
+    power_of_ten,
+    scaled,
+    value_with_sd,
+)
+from benchtool.report.page import Table
+
+METHODS = {"least_squares": "least squares", "emcee": "emcee"}
+
+
+def estimates_table(result: FitResult, caption: str = "") -> Table:
+    """List every fitted and derived value with its sd; powers of ten stand by the unit."""
+    return Table(
+        caption or f"Fitted values of {result.model}, {METHODS[result.method]}.",
+        ("parameter", "unit", "value", "sd", "68 % interval", "95 % interval"),
+        [_estimate_row(item) for item in (*result.estimates, *result.derived)],
+        text_columns=2,
+    )
+
+
+def _estimate_row(item: Estimate) -> tuple[str, ...]:
+    exponent = exponent_of(item.value, item.sd)
+    decimals = decimals_for(item.sd / 10.0**exponent)
+
+    def shown(value: float) -> str:
+        return scaled(value, exponent, decimals)
+
+    unit = " ".join(part for part in (power_of_ten(exponent), item.unit) if part != "1") or "–"
+    return (
+        item.name,
+        unit,
+        shown(item.value),
+        shown(item.sd),
+        f"{shown(item.interval_68[0])} … {shown(item.interval_68[1])}",
+        f"{shown(item.interval_95[0])} … {shown(item.interval_95[1])}",
+    )
+
+
+def methods_table(
+    results: Sequence[FitResult],
+    truth: Mapping[str, float] | None = None,
+    caption: str = "The same problem by each method.",
+) -> Table:
+    """Set the answers of several fits side by side, with the truth where it is known."""
+    names = dict.fromkeys(item.name for result in results for item in result.estimates)
+    rows = []
+    for name in names:
+        cells = [name]
+        for result in results:
+            found = next((item for item in result.estimates if item.name == name), None)
+            cells.append(value_with_sd(found.value, found.sd) if found else "–")
+        if truth is not None:
+            cells.append(value_with_sd(truth[name], float("nan")) if name in truth else "–")
+        rows.append(cells)
+    rows.append(
+        [
+            "χ² / degrees of freedom",
+            *(f"{result.chi2:.1f} / {result.dof}" for result in results),
+            *([] if truth is None else ["–"]),
+        ]
+    )
+    heads = [f"{result.model}, {METHODS[result.method]}" for result in results]
+    return Table(caption, ("parameter", *heads, *([] if truth is None else ["truth"])), rows)
+
+
+@dataclass(frozen=True, slots=True)
+class ModelScore:
+    """Say how one model did among several.
+
+    Attributes:
+        model: its name.
+        free_parameters: how many it has.
+        chi2, dof: on the points it was fitted to.
+        held_out_chi2_per_point: on points it did not see; nan when none were held out.
+        verdict: a few words ("rejected", "best of those compared").
+    """
+
+    model: str
+    free_parameters: int
+    chi2: float
+    dof: int
+    held_out_chi2_per_point: float = float("nan")
+    verdict: str = ""
+
+
+def comparison_table(
+    scores: Sequence[ModelScore],
+    caption: str = "Models compared; near 1 means that the scatter explains what is left over.",
+) -> Table:
+    """Compare models on the points they were fitted to and on points they did not see."""
+    return Table(
+        caption,
+        ("model", "verdict", "free", "χ²/dof", "χ² per held-out point"),
+        [
+            (
+                score.model,
+                score.verdict or "–",
+                str(score.free_parameters),
+                _short(score.chi2 / score.dof if score.dof > 0 else float("nan")),
+                _short(score.held_out_chi2_per_point),
+            )
+            for score in scores
+        ],
+        text_columns=2,
+    )
+
+
+def _short(value: float) -> str:
+    return f"{value:.3g}" if isfinite(value) else "–"

@@ -1,0 +1,110 @@
+"""What a report page holds: sections of blocks, as values; `html` makes the page of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from matplotlib.figure import Figure
+
+from benchtool.errors import InputError
+
+
+@dataclass(frozen=True, slots=True)
+class Paragraph:
+    """Say something in plain text."""
+
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Facts:
+    """List names with their values: rig, conditions, versions, hashes."""
+
+    items: Mapping[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class Warnings:
+    """List what the reader must know before using a number; nothing shows when there is none."""
+
+    sentences: Sequence[str]
+
+
+@dataclass(frozen=True, slots=True)
+class Commands:
+    """List the commands that made this, as they were typed."""
+
+    lines: Sequence[str]
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """Show rows of cells, already formatted.
+
+    Attributes:
+        caption: one sentence.
+        header: column heads.
+        rows: cells as text, as many in each row as there are heads.
+        text_columns: how many columns on the left hold words; the others are aligned as numbers.
+    """
+
+    caption: str
+    header: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    text_columns: int = 1
+
+    def __post_init__(self) -> None:
+        for row in self.rows:
+            if len(row) != len(self.header):
+                raise InputError(
+                    f"the table {self.caption!r} has {len(self.header)} columns, but a row of "
+                    f"{len(row)} cells: {', '.join(row)}"
+                )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FigureBlock:
+    """Show a figure.
+
+    Attributes:
+        figure: drawn by one of this package's functions.
+        caption: what is to be seen, in a sentence or two.
+        alt: the same for somebody who cannot see it; the caption when empty.
+    """
+
+    figure: Figure
+    caption: str
+    alt: str = ""
+
+
+Block = Paragraph | Facts | Warnings | Commands | Table | FigureBlock
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Section:
+    """Hold blocks under a heading."""
+
+    title: str
+    blocks: Sequence[Block]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Report:
+    """Hold a whole page.
+
+    Attributes:
+        title: of the page.
+        summary: the answer in a few sentences, above everything else.
+        sections: in order; each appears in the contents.
+        simulated: whether any data shown is simulated; the page then says so at its top.
+        made: a line for the foot: when, by which version. Empty keeps the page reproducible.
+        highlights: the few numbers that matter most, name to formatted value, shown large.
+    """
+
+    title: str
+    summary: str
+    sections: Sequence[Section]
+    simulated: bool
+    made: str = ""
+    highlights: Mapping[str, str] = field(default_factory=dict)
