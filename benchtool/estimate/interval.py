@@ -42,7 +42,7 @@ def around(
     """Return an estimate with symmetric intervals, cut off at the parameter's bounds."""
     low, high = parameter.lower, parameter.upper
     one, two = (
-        (max(low, value - width * sd), min(high, value + width * sd))
+        (float(max(low, value - width * sd)), float(min(high, value + width * sd)))
         if np.isfinite(sd)
         else (low, high)
         for width in widths

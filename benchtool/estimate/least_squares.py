@@ -11,8 +11,9 @@ from benchtool.core.fit_result import Estimate, FitResult, Outcome
 from benchtool.errors import EstimationError, UnknownChoice
 from benchtool.estimate.covariance import Spread, spread_of
 from benchtool.estimate.interval import around, half_widths
+from benchtool.estimate.likelihood import fit_quality
 from benchtool.estimate.noise import Noise, fit_noise
-from benchtool.estimate.problem import NOISE_SCALE, Problem
+from benchtool.estimate.problem import Problem
 from benchtool.estimate.solve import LOSSES, Loss, Solution, solve
 
 Array = NDArray[np.float64]
@@ -143,13 +144,8 @@ def _result(
     if noise is not None:
         by_name[noise.estimate.name] = noise.estimate
     estimates = tuple(by_name[name] for name in problem.free_names)
-    m = len(problem)
-    fitted_sigma = problem.sigma(None if noise is None else noise.estimate.value)
-    stated = best.rows[:m] * fitted_sigma / _stated_sigma(problem)
-    chi2 = float(stated @ stated + best.rows[m:] @ best.rows[m:])
-    likelihood = -0.5 * float(best.rows[:m] @ best.rows[:m]) - float(
-        np.log(fitted_sigma).sum() + 0.5 * m * np.log(2.0 * np.pi)
-    )
+    values = np.array([estimate.value for estimate in estimates])
+    quality = fit_quality(problem, values)
     undetermined = tuple(problem.shape_names[i] for i in spread.undetermined)
     return FitResult(
         method="least_squares",
@@ -157,9 +153,9 @@ def _result(
         model=problem.model,
         estimates=estimates,
         covariance=_with_noise(problem, covariance, noise),
-        chi2=chi2,
+        chi2=quality.chi2,
         dof=problem.dof,
-        log_likelihood=likelihood,
+        log_likelihood=quality.log_likelihood,
         outcome=_outcome(best, undetermined),
         warnings=(
             *_bound_warnings(problem, estimates),
@@ -167,7 +163,7 @@ def _result(
         ),
         facts={
             **problem.facts,
-            "points": m,
+            "points": len(problem),
             "prior_rows": len(problem.priors),
             "derivatives": best.way,
             "condition": spread.condition,
@@ -176,13 +172,6 @@ def _result(
             "starts_agreeing": agreeing,
         },
     )
-
-
-def _stated_sigma(problem: Problem) -> Array:
-    """Return the standard errors with a free noise parameter at its absent value."""
-    if problem.noise_name is None:
-        return problem.sigma()
-    return problem.sigma(1.0 if problem.noise_name == NOISE_SCALE else 0.0)
 
 
 def _with_noise(problem: Problem, covariance: Array, noise: Noise | None) -> Array:

@@ -85,7 +85,7 @@ class Problem:
         for i in np.flatnonzero(bad)[:1]:
             raise InputError(
                 f"{self.label(int(i))} has standard error {self.standard_error[i]:g}, not a "
-                f"number above 0; give the scatter of repeats, or 1 everywhere with noise.scale free"
+                f"number above 0; give the scatter of repeats, or 1 with noise.scale free"
             )
 
     def __len__(self) -> int:
