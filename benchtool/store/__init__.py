@@ -1,0 +1,35 @@
+"""Runs on disk and tables from elsewhere."""
+
+from benchtool.core.column_source import ColumnSource
+from benchtool.store.columns import KINDS, PHASES, channel_called, code_of, word_of
+from benchtool.store.digest import data_hash
+from benchtool.store.events import Event, read_events
+from benchtool.store.frame import frame
+from benchtool.store.points import Point
+from benchtool.store.read import is_run, read_points, read_samples, read_settings
+from benchtool.store.run import Run, free_run_path
+from benchtool.store.settings import aggregate
+from benchtool.store.table import Where, read_table
+
+__all__ = [
+    "KINDS",
+    "PHASES",
+    "ColumnSource",
+    "Event",
+    "Point",
+    "Run",
+    "Where",
+    "aggregate",
+    "channel_called",
+    "code_of",
+    "data_hash",
+    "frame",
+    "free_run_path",
+    "is_run",
+    "read_events",
+    "read_points",
+    "read_samples",
+    "read_settings",
+    "read_table",
+    "word_of",
+]

@@ -1,0 +1,65 @@
+"""Append to a file so that what was appended has left the process when the call returns."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+
+class AppendFile:
+    """Append bytes without a buffer of our own; kill -9 after `write` loses nothing of it.
+
+    A file whose last line was cut in an earlier process is cut back to its last whole line first;
+    the fragment is kept in `fragment` for the event log.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.fragment = b""
+        flags = os.O_RDWR | os.O_CREAT | getattr(os, "O_BINARY", 0)
+        self._handle: int | None = os.open(path, flags, 0o644)
+        self._cut_back()
+
+    def write(self, data: bytes) -> None:
+        """Hand all of `data` to the operating system."""
+        if self._handle is None:
+            raise ValueError(f"{self.path} is closed")
+        view = memoryview(data)
+        while view:
+            view = view[os.write(self._handle, view) :]
+
+    def sync(self) -> None:
+        """Force what was written to the disk."""
+        if self._handle is not None:
+            os.fsync(self._handle)
+
+    def close(self) -> None:
+        """Force to the disk and close; safe to call twice."""
+        if self._handle is not None:
+            handle, self._handle = self._handle, None
+            try:
+                os.fsync(handle)
+            finally:
+                os.close(handle)
+
+    def _cut_back(self) -> None:
+        assert self._handle is not None
+        size = os.lseek(self._handle, 0, os.SEEK_END)
+        start, tail = size, b""
+        while start > 0 and b"\n" not in tail:
+            start = max(0, start - 4096)
+            os.lseek(self._handle, start, os.SEEK_SET)
+            tail = _read_exactly(self._handle, size - start)
+        whole = start + tail.rfind(b"\n") + 1
+        if whole < size:
+            self.fragment = tail[whole - start :]
+            os.ftruncate(self._handle, whole)
+        os.lseek(self._handle, whole, os.SEEK_SET)
+
+
+def _read_exactly(handle: int, count: int) -> bytes:
+    parts = []
+    while count > 0 and (part := os.read(handle, count)):
+        parts.append(part)
+        count -= len(part)
+    return b"".join(parts)

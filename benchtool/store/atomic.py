@@ -1,0 +1,52 @@
+"""Write small files so that a reader sees the old one or the new one, never a half."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from benchtool.errors import FileFormatError
+
+
+def replace_text(path: Path, text: str) -> None:
+    """Write text beside `path`, force it to the disk, and put it in place in one step."""
+    beside = path.with_name(f".{path.name}.{os.getpid()}.new")
+    with open(beside, "w", encoding="utf-8", newline="\n") as file:
+        file.write(text)
+        file.flush()
+        os.fsync(file.fileno())
+    os.replace(beside, path)
+    sync_folder(path.parent)
+
+
+def replace_json(path: Path, data: Mapping[str, Any]) -> None:
+    """Write a JSON object in one step; numbers that JSON has not (nan) are refused early."""
+    replace_text(path, json.dumps(data, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """Return the JSON object in a file, or say where it breaks."""
+    try:
+        data = json.loads(path.read_text("utf-8"))
+    except FileNotFoundError:
+        raise FileFormatError(str(path), "there is no such file; check the path") from None
+    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+        problem = f"this is not valid JSON ({error}); restore the file from a copy"
+        raise FileFormatError(str(path), problem) from error
+    if not isinstance(data, dict):
+        raise FileFormatError(str(path), "a JSON object is needed; restore the file from a copy")
+    return data
+
+
+def sync_folder(folder: Path) -> None:
+    """Force a folder's entries to the disk where the system can (not on Windows)."""
+    if os.name == "nt":
+        return
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)

@@ -1,0 +1,87 @@
+"""What the columns of our own files are called, which unit a name tells, and the words in them."""
+
+from __future__ import annotations
+
+import re
+
+from benchtool.core.channel import Channel
+from benchtool.errors import UnknownChoice
+
+KINDS: tuple[str, ...] = ("measure", "reference", "anchor", "tare")
+"""Kinds of points; in a `Recording` the channel `kind` holds the position in this tuple.
+
+measure: a setting of the plan; reference: the same throttle with the plate parked, which counts as
+out of ground effect; anchor: one setting repeated to see drift; tare: what was left after a tare.
+"""
+
+PHASES: tuple[str, ...] = (
+    "tare",
+    "move",
+    "rest",
+    "ramp",
+    "settle",
+    "sample",
+    "end",
+    "interrupted",
+)
+"""Phases of samples; in a `Recording` the channel `phase` holds the position in this tuple.
+
+Only `sample` rows make points. Rows of a visit that was cut short are `interrupted` after the run
+was resumed.
+"""
+
+WORDS: dict[str, tuple[str, ...]] = {"kind": KINDS, "phase": PHASES}
+"""Columns that hold a word, with the words they may hold."""
+
+SAMPLE_START: tuple[str, ...] = ("time_s", "device_time_us", "point", "phase")
+"""First columns of samples.csv; the device's channels follow in its own order."""
+
+_SUFFIXES: dict[str, str] = {
+    "s": "s",
+    "us": "us",
+    "m": "m",
+    "N": "N",
+    "Nm": "N m",
+    "V": "V",
+    "A": "A",
+    "W": "W",
+    "deg": "deg",
+    "rad": "rad",
+    "degC": "degC",
+    "kg": "kg",
+    "Pa": "Pa",
+    "raw": "count",
+}
+_RPM = re.compile(r"rpm\d*(_sd|_se)?")
+_PWM = re.compile(r"pwm\d+_us")
+
+
+def unit_told_by(name: str) -> str:
+    """Return the unit that a column name of ours carries; "1" when it carries none."""
+    if _RPM.fullmatch(name):
+        return "rpm"
+    if _PWM.fullmatch(name):
+        return "pwm_us"
+    head, _, suffix = name.rpartition("_")
+    return _SUFFIXES.get(suffix, "1") if head else "1"
+
+
+def channel_called(name: str) -> Channel:
+    """Return the channel of a column of our own files."""
+    if name in WORDS:
+        words = ", ".join(f"{index} {word}" for index, word in enumerate(WORDS[name]))
+        return Channel(name, "1", words)
+    return Channel(name, unit_told_by(name))
+
+
+def code_of(column: str, word: str) -> float:
+    """Return the number that stands for a word in a `Recording`."""
+    try:
+        return float(WORDS[column].index(word))
+    except ValueError:
+        raise UnknownChoice(column, word, WORDS[column]) from None
+
+
+def word_of(column: str, code: float) -> str:
+    """Return the word that a number of a `Recording` stands for."""
+    return WORDS[column][int(code)]

@@ -1,0 +1,61 @@
+"""events.jsonl: what happened during a run, one JSON object a line."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+from benchtool.store.append import AppendFile
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """Say that something happened.
+
+    Attributes:
+        time_s: since the run began, on the bench's clock.
+        event: what, in one word ("settle_timeout", "tare", "stopped", "device").
+        text: one sentence for people.
+        point: number of the visit, 0 for none.
+        wall: date and time with the offset from UTC.
+    """
+
+    time_s: float
+    event: str
+    text: str
+    point: int = 0
+    wall: str = ""
+
+
+class EventLog:
+    """Append events; an event is on the disk when `append` returns."""
+
+    def __init__(self, path: Path) -> None:
+        self._file = AppendFile(path)
+
+    def append(self, event: Event) -> None:
+        """Append one event, stamped with the wall clock."""
+        data = asdict(event)
+        data["wall"] = event.wall or datetime.now(UTC).isoformat(timespec="milliseconds")
+        self._file.write(json.dumps(data, ensure_ascii=False).encode() + b"\n")
+        self._file.sync()
+
+    def close(self) -> None:
+        """Close the file; safe to call twice."""
+        self._file.close()
+
+
+def read_events(path: Path) -> tuple[Event, ...]:
+    """Return the events of a run, oldest first; a line cut by a kill is left out."""
+    if not path.exists():
+        return ()
+    events = []
+    for line in path.read_text("utf-8").splitlines():
+        try:
+            data = json.loads(line)
+            events.append(Event(**data))
+        except (json.JSONDecodeError, TypeError):
+            continue
+    return tuple(events)

@@ -1,0 +1,123 @@
+"""points.csv: one row for every visit of a setting, and settings.csv made from it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import isnan, nan
+from pathlib import Path
+
+from benchtool.errors import FileFormatError
+from benchtool.store.append import AppendFile
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Point:
+    """Hold one visit of a setting: means over its samples.
+
+    Attributes:
+        point: number of the visit, from 1; 0 for a tare.
+        kind: one of `columns.KINDS`.
+        setting: number of the setting that was visited, from 1; 0 for a tare.
+        repeat: how often this setting had been visited, from 1.
+        time_s: middle of the samples, since the run began.
+        elapsed_s: the same since the last tare.
+        pwm_us, rpm: (n_rotors,) mean command and mean speed; nan where unknown.
+        thrust_N, thrust_sd_N, thrust_se_N: mean over samples, their standard deviation, and the
+            standard error of the mean with autocorrelation accounted for.
+        n_samples: thrust samples in the mean.
+        settled: whether the settling test passed before its time-out.
+    """
+
+    point: int
+    kind: str
+    setting: int
+    repeat: int
+    time_s: float
+    elapsed_s: float
+    pwm_us: tuple[float, ...]
+    rpm: tuple[float, ...]
+    thrust_N: float
+    thrust_sd_N: float
+    thrust_se_N: float
+    n_samples: int
+    plate_z_m: float
+    plate_x_m: float = 0.0
+    plate_tilt_deg: float = 0.0
+    voltage_V: float = nan
+    current_A: float = nan
+    torque_Nm: float = nan
+    temperature_degC: float = nan
+    settled: bool = True
+
+    @property
+    def sum_rpm2(self) -> float:
+        """Sum of the squared speeds of the rotors that turn; nan when speed is not measured."""
+        return sum(speed**2 for speed in self.rpm)
+
+
+def point_columns(n_rotors: int) -> tuple[str, ...]:
+    """Return the column names of points.csv."""
+    return (
+        *("point", "kind", "setting", "repeat", "time_s", "elapsed_s"),
+        *(f"pwm{i + 1}_us" for i in range(n_rotors)),
+        *(f"rpm{i + 1}" for i in range(n_rotors)),
+        *("thrust_N", "thrust_sd_N", "thrust_se_N", "n_samples"),
+        *("plate_z_m", "plate_x_m", "plate_tilt_deg"),
+        *("voltage_V", "current_A", "torque_Nm", "temperature_degC", "settled"),
+    )
+
+
+def point_cells(point: Point) -> list[str]:
+    """Return the cells of one row of points.csv."""
+    numbers = (
+        *point.pwm_us,
+        *point.rpm,
+        *(point.thrust_N, point.thrust_sd_N, point.thrust_se_N, point.n_samples),
+        *(point.plate_z_m, point.plate_x_m, point.plate_tilt_deg),
+        *(point.voltage_V, point.current_A, point.torque_Nm, point.temperature_degC),
+    )
+    return [
+        *(str(point.point), point.kind, str(point.setting), str(point.repeat)),
+        *(f"{point.time_s:.6f}", f"{point.elapsed_s:.6f}"),
+        *(number_cell(number) for number in numbers),
+        "1" if point.settled else "0",
+    ]
+
+
+def number_cell(number: float) -> str:
+    """Return a number as text that reads back to the same number; nan is an empty cell."""
+    return "" if isnan(number) else repr(number)
+
+
+class PointWriter:
+    """Append points; a point is on the disk when `append` returns."""
+
+    def __init__(self, path: Path, n_rotors: int) -> None:
+        header = ",".join(point_columns(n_rotors)).encode() + b"\n"
+        self._file = AppendFile(path)
+        if path.stat().st_size == 0:
+            self._file.write(header)
+            self._file.sync()
+            return
+        with open(path, "rb") as file:
+            if file.readline() != header:
+                self._file.close()
+                raise FileFormatError(
+                    str(path),
+                    f"its columns are not those of a run with {n_rotors} rotors; go on with the "
+                    f"rig that began the run",
+                )
+
+    @property
+    def fragment(self) -> str:
+        """The cut line that a killed process left at the end, empty when there was none."""
+        return self._file.fragment.decode("utf-8", "replace")
+
+    def append(self, point: Point) -> None:
+        """Append one point and force it to the disk."""
+        self._file.write(",".join(point_cells(point)).encode("ascii") + b"\n")
+        self._file.sync()
+
+    def close(self) -> None:
+        """Close the file; safe to call twice."""
+        self._file.close()

@@ -1,0 +1,121 @@
+"""Read runs back: points, settings and samples as recordings that say where they come from."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchtool.core.recording import Recording
+from benchtool.errors import FileFormatError
+from benchtool.store.atomic import read_json
+from benchtool.store.columns import channel_called, code_of
+from benchtool.store.csv_text import read_csv_text
+from benchtool.store.digest import data_hash, file_hash
+from benchtool.store.parquet import read_parquet
+from benchtool.store.table import numbers_in
+
+
+def is_run(path: str | Path) -> bool:
+    """Tell whether a path is a run folder."""
+    return (Path(path) / "metadata.json").is_file()
+
+
+def read_points(
+    path: str | Path, kinds: Iterable[str] = ("measure", "reference", "anchor")
+) -> Recording:
+    """Return the points of a run folder, or of any points.csv, without the tares.
+
+    Args:
+        path: a run folder or a points.csv.
+        kinds: which kinds of points to keep, of `columns.KINDS`.
+    """
+    recording = _read(_file(path, "points.csv"), Path(path))
+    if "kind" not in recording:
+        return recording
+    wanted = [code_of("kind", kind) for kind in kinds]
+    kept = recording.select(np.isin(recording.column("kind"), wanted))
+    if not len(kept):
+        raise FileFormatError(
+            str(path), f"no point of kind {', '.join(kinds)} stands in it; let the sweep measure"
+        )
+    return kept
+
+
+def read_settings(path: str | Path) -> Recording:
+    """Return the settings of a closed run folder, or of any settings.csv."""
+    return _read(_file(path, "settings.csv"), Path(path))
+
+
+def read_samples(path: str | Path) -> Recording:
+    """Return every sample of a run folder, or of any samples.csv.
+
+    The hashed Parquet of a closed run is preferred; where it does not match what the metadata
+    say, the CSV is read in its place and a warning tells so.
+    """
+    path = Path(path)
+    parquet = path / "samples.parquet"
+    if is_run(path) and parquet.is_file():
+        stated = read_json(path / "metadata.json").get("samples", {})
+        problem = _mismatch(parquet, path / "samples.csv", stated)
+        if not problem:
+            return _with_provenance(read_parquet(parquet), parquet, path, ())
+        warnings.warn(f"{parquet}: {problem}; samples.csv was read instead", stacklevel=2)
+        recording = _read(path / "samples.csv", path)
+        said = "; ".join(filter(None, (recording.provenance["repairs"], problem)))
+        return replace(recording, provenance={**recording.provenance, "repairs": said})
+    return _read(_file(path, "samples.csv"), path)
+
+
+def _file(path: str | Path, name: str) -> Path:
+    path = Path(path)
+    if not path.exists():
+        raise FileFormatError(str(path), "there is no such run or file; check the path")
+    if path.is_file():
+        return path
+    if not (path / name).is_file():
+        inside = ", ".join(sorted(item.name for item in path.iterdir())[:8]) or "nothing"
+        advice = "close the run with benchtool sweep --resume" if is_run(path) else "name a run"
+        raise FileFormatError(str(path), f"there is no {name} in it (it holds: {inside}); {advice}")
+    return path / name
+
+
+def _read(file: Path, path: Path) -> Recording:
+    table = read_csv_text(file, own=True)
+    rows = range(len(table.rows))
+    pairs = [(channel_called(name), numbers_in(table, name, rows)) for name in table.header]
+    return _with_provenance(Recording.from_columns(pairs), file, path, table.repairs)
+
+
+def _with_provenance(
+    recording: Recording, file: Path, path: Path, repairs: tuple[str, ...]
+) -> Recording:
+    folder = path if path.is_dir() else path.parent
+    facts: dict[str, Any] = read_json(folder / "metadata.json") if is_run(folder) else {}
+    simulated = bool(facts.get("simulated", False))
+    calibration = facts.get("calibration") or {}
+    provenance = {
+        "file": str(file),
+        "sha256": data_hash(folder) if is_run(folder) else file_hash(file),
+        "repairs": "; ".join(repairs),
+        "simulated": str(simulated).lower() if facts else "not stated",
+        "address": str(facts.get("address", "")),
+        "device_id": str(facts.get("device_id", "")),
+        "rig": str(facts.get("rig", {}).get("name", "")),
+        "state": str(facts.get("state", "")),
+        "calibration": str(calibration.get("id", "")),
+        "calibration_relative_sd": str(calibration.get("relative_sd", "")),
+    }
+    return replace(recording, provenance=provenance, simulated=simulated)
+
+
+def _mismatch(parquet: Path, csv: Path, stated: dict[str, Any]) -> str:
+    if stated.get("parquet_sha256") != file_hash(parquet):
+        return "its hash is not the one in metadata.json"
+    if csv.is_file() and stated.get("csv_sha256") != file_hash(csv):
+        return "samples.csv has changed since it was written"
+    return ""

@@ -1,0 +1,126 @@
+"""A run folder: created once, never written over, appended to while a sweep runs, then closed."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from benchtool.core.channel import Channel
+from benchtool.errors import FileFormatError, InputError, WouldOverwrite
+from benchtool.store.atomic import read_json, replace_json, replace_text
+from benchtool.store.columns import KINDS
+from benchtool.store.digest import file_hash
+from benchtool.store.events import EventLog
+from benchtool.store.parquet import write_parquet
+from benchtool.store.points import PointWriter
+from benchtool.store.read import is_run, read_points, read_samples
+from benchtool.store.samples import SampleWriter
+from benchtool.store.settings import aggregate, write_settings
+
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*")
+
+
+class Run:
+    """Own the files of one run folder."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    @classmethod
+    def create(cls, path: Path, plan_text: str, metadata: Mapping[str, Any]) -> Run:
+        """Make the folder with its plan and metadata.
+
+        Raises:
+            WouldOverwrite: something of that name exists.
+        """
+        if path.exists():
+            raise WouldOverwrite(str(path))
+        try:
+            path.mkdir(parents=True)
+        except FileExistsError:
+            raise WouldOverwrite(str(path)) from None
+        except OSError as error:
+            raise InputError(
+                f"the run folder {path} cannot be made ({error.strerror}); choose another place "
+                f"with --out"
+            ) from error
+        run = cls(path)
+        replace_text(path / "plan.toml", plan_text)
+        replace_json(path / "metadata.json", {"format": "benchtool-run-1", **metadata})
+        return run
+
+    @classmethod
+    def open(cls, path: Path) -> Run:
+        """Return the run in an existing folder."""
+        if not path.exists():
+            raise FileFormatError(str(path), "there is no such run; check the path")
+        if not is_run(path):
+            raise FileFormatError(str(path), "there is no metadata.json in it; name a run folder")
+        return cls(path)
+
+    @property
+    def plan_text(self) -> str:
+        """The plan as it was when the run began."""
+        try:
+            return (self.path / "plan.toml").read_text("utf-8")
+        except FileNotFoundError:
+            where = str(self.path / "plan.toml")
+            raise FileFormatError(where, "the plan is missing; restore it from a copy") from None
+
+    @property
+    def metadata(self) -> dict[str, Any]:
+        """The facts about the run."""
+        return read_json(self.path / "metadata.json")
+
+    def update_metadata(self, **facts: Any) -> None:
+        """Replace some facts; the file changes in one step."""
+        replace_json(self.path / "metadata.json", {**self.metadata, **facts})
+
+    def sample_writer(self, channels: tuple[Channel, ...]) -> SampleWriter:
+        """Open samples.csv for appending."""
+        return SampleWriter(self.path / "samples.csv", channels)
+
+    def point_writer(self, n_rotors: int) -> PointWriter:
+        """Open points.csv for appending."""
+        return PointWriter(self.path / "points.csv", n_rotors)
+
+    def event_log(self) -> EventLog:
+        """Open events.jsonl for appending."""
+        return EventLog(self.path / "events.jsonl")
+
+    def close(self) -> None:
+        """Write settings.csv and the hashed Parquet from what is on disk."""
+        points = read_points(self.path)
+        write_settings(self.path / "settings.csv", aggregate(points), KINDS)
+        parquet = self.path / "samples.parquet"
+        parquet.unlink(missing_ok=True)
+        write_parquet(parquet, read_samples(self.path))
+        stated = {
+            "parquet_sha256": file_hash(parquet),
+            "csv_sha256": file_hash(self.path / "samples.csv"),
+        }
+        self.update_metadata(samples=stated)
+
+    def reopen(self) -> None:
+        """Take away what `close` made, before the run goes on."""
+        for name in ("samples.parquet", "settings.csv"):
+            (self.path / name).unlink(missing_ok=True)
+        if "samples" in self.metadata:
+            self.update_metadata(samples={})
+
+
+def free_run_path(folder: Path, date: str, name: str) -> Path:
+    """Return FOLDER/DATE-NAME, with -2, -3 and so on behind it while that is taken."""
+    if not _NAME.fullmatch(name):
+        raise InputError(
+            f"{name!r} cannot name a run; use letters, digits, '.', '_' and '-' and begin with a "
+            f"letter or digit"
+        )
+    path = folder / f"{date}-{name}"
+    count = 1
+    while path.exists():
+        count += 1
+        path = folder / f"{date}-{name}-{count}"
+    return path

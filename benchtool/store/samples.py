@@ -1,0 +1,94 @@
+"""samples.csv: every sample of a run, written as it comes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.core.channel import Channel
+from benchtool.errors import FileFormatError
+from benchtool.store.append import AppendFile
+from benchtool.store.atomic import replace_text
+from benchtool.store.columns import SAMPLE_START
+
+Array = NDArray[np.float64]
+
+
+class SampleWriter:
+    """Append samples; a row has reached the operating system when `append` returns.
+
+    Args:
+        path: samples.csv of a run; a new file gets its header, an old one must have the same.
+        channels: what the device streams, in its order.
+    """
+
+    def __init__(self, path: Path, channels: tuple[Channel, ...]) -> None:
+        names = [channel.name for channel in channels]
+        header = ",".join([*SAMPLE_START, *names]).encode() + b"\n"
+        self._file = AppendFile(path)
+        if path.stat().st_size == 0:
+            self._file.write(header)
+            return
+        with open(path, "rb") as file:
+            if file.readline() != header:
+                self._file.close()
+                raise FileFormatError(
+                    str(path),
+                    "this bench streams other channels than the run has on disk; go on with the "
+                    "bench that began it, or start a new run",
+                )
+
+    @property
+    def fragment(self) -> str:
+        """The cut line that a killed process left at the end, empty when there was none."""
+        return self._file.fragment.decode("utf-8", "replace")
+
+    def append(
+        self, point: int, phase: str, time_s: Array, device_time_us: Array, values: Array
+    ) -> None:
+        """Append samples.
+
+        Args:
+            point: number of the visit they belong to, 0 for none.
+            phase: what the bench was doing, one of `columns.PHASES`.
+            time_s: (m,) host time since the run began.
+            device_time_us: (m,) the device's own time.
+            values: (m, c) in channel order; nan becomes an empty cell.
+        """
+        middle = f",{point},{phase},"
+        lines = [
+            "%.6f,%.0f%s%s\n" % (time, device, middle, ",".join(map(repr, row)))  # noqa: UP031
+            for time, device, row in zip(
+                time_s.tolist(), device_time_us.tolist(), values.tolist(), strict=True
+            )
+        ]
+        self._file.write("".join(lines).replace("nan", "").encode("ascii"))
+
+    def sync(self) -> None:
+        """Force what was appended to the disk."""
+        self._file.sync()
+
+    def close(self) -> None:
+        """Force to the disk and close; safe to call twice."""
+        self._file.close()
+
+
+def mark_interrupted(path: Path, points: frozenset[int]) -> int:
+    """Give the samples of visits that were cut short the phase `interrupted`; return how many.
+
+    The file is replaced in one step; nothing but the phase of those rows changes.
+    """
+    lines = path.read_text("utf-8").split("\n")
+    if lines and lines[-1]:
+        lines[-1] = ""
+    marked = 0
+    for index, line in enumerate(lines[1:], 1):
+        cells = line.split(",", 4)
+        if len(cells) == 5 and cells[2] != "0" and int(cells[2]) in points:
+            lines[index] = ",".join([*cells[:3], "interrupted", cells[4]])
+            marked += 1
+    if marked:
+        replace_text(path, "\n".join(lines))
+    return marked
