@@ -1,0 +1,159 @@
+"""Which parameters the data cannot tell apart, and what data would."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.core.fit_result import FitResult
+from benchtool.estimate.covariance import PART, spread_of
+from benchtool.estimate.jacobian import way_for
+from benchtool.estimate.likelihood import split_values
+from benchtool.estimate.problem import Problem
+from benchtool.estimate.solve import row_jacobian
+
+Array = NDArray[np.float64]
+
+INFLATION = 5.0
+"""Parameters are confused when the others make a standard deviation this many times larger than
+it would be with the others known (correlation 0.98 for a pair)."""
+
+SHARE = 0.25
+"""A parameter belongs to a confused direction when its scaled component is larger than this."""
+
+MATTERS = 0.1
+"""A confusion is told when a standard deviation is more than the parameter's tolerance, or more
+than this part of its value where none is stated: correlated but well-known numbers harm nobody."""
+
+SEPARATED_BY: Mapping[frozenset[str], str] = {
+    frozenset({"R_m", "body_lift.K_b"}): (
+        "plate distances both below z/R = 1, where R rules, and from 2 to 5, where K_b does"
+    ),
+    frozenset(
+        {"R_m", "plate_offset.dz_m"}
+    ): "plate distances both near (z/R 0.5) and above z/R = 1",
+    frozenset({"body_lift.K_b", "plate_offset.dz_m"}): "three or more plate distances",
+    frozenset({"R_m", "neighbour_images.strength"}): "the same distances with one rotor alone",
+    frozenset({"body_lift.K_b", "neighbour_images.strength"}): (
+        "plate distances below and above half the rotor spacing"
+    ),
+    frozenset({"k", "R_m"}): "reference points without the plate",
+    frozenset({"k", "body_lift.K_b"}): "reference points without the plate",
+    frozenset({"k", "tare_offset.thrust_N"}): "several throttle levels, among them a low one",
+    frozenset({"k", "thrust_exponent.exponent"}): "several throttle levels, far apart",
+    frozenset({"k", "calibration.scale"}): "with a better calibration of the load cell",
+    frozenset({"tare_offset.thrust_N", "load_cell_drift.rate_N_per_s"}): (
+        "anchor points repeated over a longer time since the tare"
+    ),
+    frozenset({"k", "load_cell_drift.rate_N_per_s"}): "anchor points repeated over a longer time",
+    frozenset({"tare_offset.thrust_N", "calibration.offset_N"}): "a tare with the motors off",
+}
+"""What data separate a pair; from the laws of the effects."""
+
+
+@dataclass(frozen=True, slots=True)
+class Confusion:
+    """Name parameters that cannot be told apart.
+
+    Attributes:
+        names: two or more, the most involved first.
+        inflation: how many times larger their standard deviation is because of each other.
+        open_directions: how many combinations the data leave open altogether; 0 for none.
+        remedy: what data would separate them.
+    """
+
+    names: tuple[str, ...]
+    inflation: float
+    open_directions: int
+    remedy: str
+
+    def __str__(self) -> str:
+        """Say it in one sentence."""
+        if len(self.names) == 1:
+            return f"these data say nothing about {self.names[0]}; fix it, or {self.remedy}"
+        listed = " and ".join([", ".join(self.names[:-1]), self.names[-1]])
+        if not self.open_directions:
+            return (
+                f"{listed} can hardly be told apart (uncertainty {self.inflation:.0f} times larger "
+                f"than with the others known); fix one, or {self.remedy}"
+            )
+        known = len(self.names) - self.open_directions
+        return (
+            f"{listed} cannot be told apart by these data, which determine only {known} "
+            f"combination{'s' if known > 1 else ''} of these {len(self.names)}; fix "
+            f"{self.open_directions}, or {self.remedy}"
+        )
+
+
+def confusions(problem: Problem, result: FitResult) -> tuple[Confusion, ...]:
+    """Return confused parameters of a result, the worst first."""
+    shape, noise = split_values(problem, result.values)
+    lower, upper = problem.shape_bounds
+    with np.errstate(all="ignore"):
+        way = way_for(problem.predict, shape, len(problem), lower, upper)
+        jacobian = row_jacobian(problem, way)(shape, problem.sigma(noise))
+    names = problem.shape_names
+    spread = spread_of(jacobian, way)
+    if spread.undetermined:
+        return _open(names, spread.directions)
+    found: list[Confusion] = []
+    norms = np.linalg.norm(jacobian, axis=0)
+    inflation = np.sqrt(np.diag(spread.covariance)) * norms
+    for part in _weak_directions(jacobian / norms):
+        involved = np.abs(part) > SHARE
+        worst = float(inflation[involved].max())
+        if worst >= INFLATION and _matters(problem, result, names, involved):
+            found.append(_named(names, np.abs(part), worst))
+    return tuple(found)
+
+
+def _weak_directions(scaled: Array) -> list[Array]:
+    """Return directions of the column-scaled Jacobian that are weak, the weakest first."""
+    _, singular, directions = np.linalg.svd(scaled, full_matrices=False)
+    weak = singular < 1.0 / INFLATION
+    return list(directions[weak][::-1])
+
+
+def _matters(
+    problem: Problem, result: FitResult, names: tuple[str, ...], involved: NDArray[np.bool_]
+) -> bool:
+    for name in np.array(names)[involved]:
+        item, estimate = problem.parameters[str(name)], result[str(name)]
+        limit = item.tolerance if item.tolerance is not None else MATTERS * abs(estimate.value)
+        if estimate.sd > limit:
+            return True
+    return False
+
+
+def _open(names: tuple[str, ...], directions: Array) -> tuple[Confusion, ...]:
+    """Return one confusion for each set of parameters that open directions (k, n) share."""
+    left = [np.abs(direction) * (np.abs(direction) > PART) for direction in directions]
+    found = []
+    while left:
+        union, count = left.pop(), 1
+        while True:
+            touching = [i for i, other in enumerate(left) if np.any((other > 0) & (union > 0))]
+            if not touching:
+                break
+            union, count = union + left.pop(touching[0]), count + 1
+        found.append(_named(names, union, np.inf, count))
+    return tuple(found)
+
+
+def _named(
+    names: tuple[str, ...], involvement: Array, inflation: float, open_directions: int = 0
+) -> Confusion:
+    limit = 0.0 if open_directions else SHARE
+    order = np.argsort(-involvement)
+    involved = tuple(names[i] for i in order if involvement[i] > limit)
+    remedies = [text for pair, text in SEPARATED_BY.items() if pair <= set(involved)]
+    if remedies:
+        remedy = f"measure {'; '.join(dict.fromkeys(remedies))}"
+    elif len(involved) == 1:
+        remedy = "measure where it acts"
+    else:
+        remedy = "measure at further plate distances and throttle levels, or state a prior"
+    return Confusion(involved, inflation, open_directions, remedy)

@@ -1,0 +1,106 @@
+"""Quantities computed from fitted parameters, with their uncertainty."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.core.fit_result import Estimate, FitResult
+from benchtool.core.parameter import Parameter
+from benchtool.errors import EstimationError
+from benchtool.estimate.interval import around, from_draws, half_widths
+from benchtool.estimate.jacobian import central_differences, complex_step, way_for
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Derived:
+    """Name a quantity and how it follows from the free parameters.
+
+    Attributes:
+        name: for results ("R_eff_over_R").
+        unit: one of `core.units.UNITS`.
+        function: function(values by full name) -> quantity, elementwise on arrays; parameters
+            that were not free are constants of the function.
+    """
+
+    name: str
+    unit: str
+    function: Callable[[Mapping[str, Any]], Any]
+
+
+def with_derived(result: FitResult, quantities: Sequence[Derived]) -> FitResult:
+    """Return the result with further quantities.
+
+    Least squares carries its covariance through the exact derivative (delta method); emcee
+    evaluates every draw.
+    """
+    names = [estimate.name for estimate in result.estimates]
+    own = tuple(
+        _from_draws(quantity, names, result)
+        if len(result.samples)
+        else _from_covariance(quantity, names, result)
+        for quantity in quantities
+    )
+    return replace(result, derived=(*result.derived, *own))
+
+
+def area_factors(share_names: Sequence[str]) -> tuple[Derived, ...]:
+    """Return the area factors that free shares stand for, one for each knot.
+
+    Each share is the part taken of what is left up to one: the factor at knot k is
+    1 - (1 - share_1) ... (1 - share_k).
+    """
+
+    def factor(upto: int) -> Callable[[Mapping[str, Any]], Any]:
+        def of(values: Mapping[str, Any]) -> Any:
+            left: Any = 1.0
+            for name in share_names[:upto]:
+                left = left * (1.0 - values[name])
+            return 1.0 - left
+
+        return of
+
+    return tuple(
+        Derived(name.replace("share", "factor"), "1", factor(k))
+        for k, name in enumerate(share_names, 1)
+    )
+
+
+def _from_draws(quantity: Derived, names: Sequence[str], result: FitResult) -> Estimate:
+    draws = quantity.function(dict(zip(names, result.samples.T, strict=True)))
+    finite = np.broadcast_to(np.asarray(draws, float), (len(result.samples),))
+    if not np.all(np.isfinite(finite)):
+        raise EstimationError(
+            f"{quantity.name} has no finite value for {np.sum(~np.isfinite(finite))} of "
+            f"{len(finite)} draws; narrow the bounds of its parameters"
+        )
+    return from_draws(quantity.name, quantity.unit, finite)
+
+
+def _from_covariance(quantity: Derived, names: Sequence[str], result: FitResult) -> Estimate:
+    def predict(values: Any) -> Any:
+        return np.asarray(quantity.function(dict(zip(names, values, strict=True))))
+
+    values = result.values
+    unbounded = np.full(len(values), np.inf)
+    if way_for(predict, values, 1, -unbounded, unbounded) == "complex_step":
+        gradient = complex_step(predict, values, 1)[0]
+    else:
+        gradient = central_differences(predict, values, 1, -unbounded, unbounded)[0]
+    used = gradient != 0.0
+    covariance = result.covariance[np.ix_(used, used)]
+    sd = float(np.sqrt(gradient[used] @ covariance @ gradient[used]))
+    dof = result.dof if any(name.startswith("noise.") for name in names) else None
+    return around(
+        quantity.name,
+        Parameter(quantity.name, quantity.unit, 0.0),
+        float(predict(values)),
+        sd,
+        half_widths(dof),
+    )

@@ -1,0 +1,174 @@
+"""What is wrong with a fit, in sentences: confusion, misfit, structure, outliers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.core.fit_result import FitResult
+from benchtool.estimate.confusion import Confusion, confusions
+from benchtool.estimate.likelihood import residuals, split_values
+from benchtool.estimate.problem import NOISE_SCALE, Problem
+from benchtool.estimate.residual_structure import (
+    UNLIKELY,
+    Runs,
+    Trend,
+    chi2_chance,
+    outliers,
+    runs_along,
+    trend_along,
+)
+
+Array = NDArray[np.float64]
+Verdict = Literal["consistent", "rejected", "errors_too_large", "no_verdict"]
+
+MOST_NAMED = 5
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Diagnosis:
+    """Hold what a fit's residuals and derivatives say.
+
+    Attributes:
+        verdict: on chi2 at the stated errors; "no_verdict" where they are unknown.
+        chi2, dof: as the result has them.
+        chance: of a chi2 at least this large, were model and stated errors right.
+        rows: (m,) residuals over their fitted standard errors, observed less predicted.
+        confusions: parameters that cannot be told apart.
+        runs: along each covariate and along the order of measurement.
+        trends: the same.
+        outliers: (k,) points far out.
+        sentences: all of it that a user should read.
+    """
+
+    verdict: Verdict
+    chi2: float
+    dof: int
+    chance: float
+    rows: Array
+    confusions: tuple[Confusion, ...]
+    runs: tuple[Runs, ...]
+    trends: tuple[Trend, ...]
+    outliers: tuple[int, ...]
+    sentences: tuple[str, ...]
+
+
+def diagnose(problem: Problem, result: FitResult) -> Diagnosis:
+    """Look at a result of a problem, from either estimator."""
+    _, noise = split_values(problem, result.values)
+    rows = residuals(problem, result.values) / problem.sigma(noise)
+    if result.dof > 0:
+        rows_alone = rows * np.sqrt(len(problem) / result.dof)
+    else:
+        rows_alone = rows
+    chance = chi2_chance(result.chi2, result.dof)
+    verdict = _verdict(problem, chance)
+    columns = _columns(problem)
+    runs = tuple(runs_along(name, column, rows) for name, column in columns.items())
+    trends = tuple(trend_along(name, column, rows) for name, column in columns.items())
+    # Outliers are far out against the scatter that is there, be it the stated one or not.
+    spread = max(1.0, float(1.4826 * np.median(np.abs(rows_alone))))
+    far = tuple(int(i) for i in outliers(rows_alone / spread))
+    confused = confusions(problem, result)
+    sentences = (
+        *(str(item) for item in confused),
+        *_of_verdict(verdict, result, chance),
+        *_of_structure(runs, trends),
+        *_of_outliers(problem, rows_alone / spread, far),
+    )
+    return Diagnosis(
+        verdict=verdict,
+        chi2=result.chi2,
+        dof=result.dof,
+        chance=chance,
+        rows=rows,
+        confusions=confused,
+        runs=runs,
+        trends=trends,
+        outliers=far,
+        sentences=tuple(sentences),
+    )
+
+
+def _columns(problem: Problem) -> dict[str, Array]:
+    """Return the covariates, and the order of the points where it is not one of them."""
+    order = np.arange(len(problem), dtype=float)
+    same = [abs(trend_along(n, c, order).correlation) for n, c in problem.covariates.items()]
+    return {**({} if max(same, default=0.0) > 0.9 else {"order": order}), **problem.covariates}
+
+
+def with_diagnosis(problem: Problem, result: FitResult) -> FitResult:
+    """Return the result with the diagnosis among its warnings and facts."""
+    found = diagnose(problem, result)
+    return replace(
+        result,
+        warnings=(*result.warnings, *found.sentences),
+        facts={
+            **result.facts,
+            "verdict": found.verdict,
+            "chi2_chance": found.chance,
+            "outliers": len(found.outliers),
+        },
+    )
+
+
+def _verdict(problem: Problem, chance: float) -> Verdict:
+    relative = problem.noise_name == NOISE_SCALE and np.all(problem.standard_error == 1.0)
+    if relative or not np.isfinite(chance):
+        return "no_verdict"
+    if chance < UNLIKELY:
+        return "rejected"
+    return "errors_too_large" if chance > 1.0 - UNLIKELY else "consistent"
+
+
+def _of_verdict(verdict: Verdict, result: FitResult, chance: float) -> tuple[str, ...]:
+    said = f"chi2/dof is {result.chi2_per_dof:.3g} ({result.chi2:.4g} over {result.dof})"
+    if verdict == "rejected":
+        return (
+            f"{said}: model {result.model!r} is rejected at the stated standard errors (chance "
+            f"{chance:.1g}); add an effect, or free noise.scale if the errors leave scatter out",
+        )
+    if verdict == "errors_too_large":
+        return (
+            f"{said}: the stated standard errors are larger than the scatter; free noise.scale or "
+            f"state them anew",
+        )
+    return ()
+
+
+def _of_structure(runs: tuple[Runs, ...], trends: tuple[Trend, ...]) -> list[str]:
+    curves = [
+        f"residuals keep their sign along {run.column}: {run.runs} runs where "
+        f"{run.expected:.0f} are expected; the model misses a curve in {run.column}"
+        for run in runs
+        if run.chance < UNLIKELY
+    ]
+    slopes = [
+        f"residuals {'rise' if trend.correlation > 0 else 'fall'} with {trend.column} "
+        f"(rank correlation {trend.correlation:+.2f}); {_hint(trend.column)}"
+        for trend in trends
+        if trend.chance < UNLIKELY
+    ]
+    return curves + slopes
+
+
+def _hint(column: str) -> str:
+    if column in {"order", "time_s", "elapsed_s"}:
+        return "free a drift, or look at the anchor points"
+    if column == "z_over_R":
+        return "free the plate offset or the body lift"
+    return "look for an effect that depends on it"
+
+
+def _of_outliers(problem: Problem, rows: Array, far: tuple[int, ...]) -> tuple[str, ...]:
+    if not far:
+        return ()
+    named = ", ".join(f"{problem.label(i)}: {rows[i]:+.1f} sd" for i in far[:MOST_NAMED])
+    more = f" and {len(far) - MOST_NAMED} more" if len(far) > MOST_NAMED else ""
+    return (
+        f"{len(far)} of {len(rows)} points are far out ({named}{more}); look at them in the run, "
+        f"or fit with a robust loss",
+    )
