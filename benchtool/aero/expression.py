@@ -24,11 +24,14 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 _recorded: list[Callable[..., Any]] = []
 _registered: set[int] = set()
+_asked_to_compile: bool = False
 
 
 def expression(function: Function) -> Function:
     """Mark a branch-free function for `compile_expressions` and return it unchanged."""
     _recorded.append(function)
+    if _asked_to_compile:
+        compile_expressions()
     return function
 
 
@@ -40,14 +43,16 @@ def recorded_expressions() -> tuple[Callable[..., Any], ...]:
 def compile_expressions() -> None:
     """Make every marked function callable from compiled loops; call it before such a loop compiles.
 
-    Calling it again registers only what was marked since. Division by zero follows NumPy's rules
+    What is marked later is registered as it is marked. Division by zero follows NumPy's rules
     (infinity, not an exception) in the compiled form too. A compiled loop that is cached on disk
     knows only its own file's age: key its cache by the version of the project.
     """
+    global _asked_to_compile
     try:
         from numba.extending import register_jitable
     except ImportError as missing:
         raise MissingLibrary("numba", "a compiled simulation", "fast") from missing
+    _asked_to_compile = True
     for function in _recorded:
         if id(function) not in _registered:
             register_jitable(error_model="numpy")(function)

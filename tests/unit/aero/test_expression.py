@@ -97,6 +97,17 @@ def test_every_wake_rule_compiles(name: str, rng: np.random.Generator) -> None:
         assert compiled(coverage) == pytest.approx(weight(coverage), rel=1e-14)
 
 
+def test_what_is_marked_after_compiling_compiles_too() -> None:
+    numba = pytest.importorskip("numba")
+    compile_expressions()
+
+    @expression
+    def late(x):
+        return 3.0 * x
+
+    assert numba.njit(lambda x: late(x))(2.0) == late(2.0) == 6.0
+
+
 def test_division_by_zero_is_infinite_in_compiled_loops_too() -> None:
     numba = pytest.importorskip("numba")
     compile_expressions()
