@@ -12,6 +12,7 @@ from benchtool.report.numbers import (
     exponent_of,
     power_of_ten,
     scaled,
+    unit_for_people,
     value_with_sd,
 )
 from benchtool.report.page import Table
@@ -36,7 +37,9 @@ def _estimate_row(item: Estimate) -> tuple[str, ...]:
     def shown(value: float) -> str:
         return scaled(value, exponent, decimals)
 
-    unit = " ".join(part for part in (power_of_ten(exponent), item.unit) if part != "1") or "–"
+    unit = unit_for_people(item.unit)
+    if exponent:
+        unit = power_of_ten(exponent) + ("" if unit == "–" else "\u00a0" + unit)
     return (
         item.name,
         unit,
@@ -70,7 +73,10 @@ def methods_table(
             *([] if truth is None else ["–"]),
         ]
     )
-    heads = [f"{result.model}, {METHODS[result.method]}" for result in results]
+    one_model = len({result.model for result in results}) == 1
+    heads = [
+        ("" if one_model else f"{result.model}, ") + METHODS[result.method] for result in results
+    ]
     return Table(caption, ("parameter", *heads, *([] if truth is None else ["truth"])), rows)
 
 

@@ -13,14 +13,12 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
+from benchtool.aero.validity import VALIDITY_Z_OVER_R
 from benchtool.report.lengths import refuse_unequal
 from benchtool.report.palette import GREY, LOOKS, Role
 from benchtool.report.style import new_figure, ratio_label, styled
 
 Array = NDArray[np.float64]
-
-VALIDITY_LIMIT = 0.5
-"""Smallest z/R at which the image formulae are used (docs: the denominators vanish near 0.25)."""
 
 _DASHES = {"fit": "-", "formula": (0, (5, 2.2)), "other": (0, (1.2, 1.6))}
 _BAND_ALPHA = {68: 0.30, 95: 0.13}
@@ -104,7 +102,7 @@ def ratio_figure(
     title: str,
     simulated: bool,
     basis: str,
-    validity_limit: float = VALIDITY_LIMIT,
+    validity_limit: float = VALIDITY_Z_OVER_R,
 ) -> Figure:
     """Draw thrust ratios with error bars over model curves with their bands.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from math import floor, isfinite, log10
 
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -28,6 +29,14 @@ def power_of_ten(exponent: int) -> str:
     return "10" + str(exponent).translate(_SUPERSCRIPTS) if exponent else ""
 
 
+def unit_for_people(symbol: str) -> str:
+    """Return a unit with its powers raised ("N/(rad/s)²"), unbroken over lines; "–" for a ratio."""
+    if symbol == "1":
+        return "–"
+    raised = re.sub(r"(?<=[a-z)])[23]\b", lambda match: match[0].translate(_SUPERSCRIPTS), symbol)
+    return raised.replace(" ", "\u00a0")
+
+
 def scaled(value: float, exponent: int, decimals: int) -> str:
     """Return value / 10**exponent with that many decimals, with a true minus sign."""
     if not isfinite(value):
@@ -36,10 +45,11 @@ def scaled(value: float, exponent: int, decimals: int) -> str:
 
 
 def value_with_sd(value: float, sd: float) -> str:
-    """Return "1.974 ± 0.021", with a common power of ten where the number asks for one."""
-    if not isfinite(sd):
-        return f"{value:.5g}".replace("-", "−")
+    """Return "1.974 ± 0.021", a common power of ten taken out of awkward numbers; no sd, no ±."""
     exponent = exponent_of(value, sd)
+    if not isfinite(sd):
+        text = f"{value / 10.0**exponent:.6g}".replace("-", "−")
+        return f"{text}·{power_of_ten(exponent)}" if exponent else text
     decimals = decimals_for(sd / 10.0**exponent)
     text = f"{scaled(value, exponent, decimals)} ± {scaled(sd, exponent, decimals)}"
     return f"({text})·{power_of_ten(exponent)}" if exponent else text

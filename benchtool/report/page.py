@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from matplotlib.figure import Figure
+# Callers name the type from here: matplotlib itself stays in this package.
+from matplotlib.figure import Figure as Figure
 
 from benchtool.errors import InputError
 

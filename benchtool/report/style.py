@@ -21,7 +21,7 @@ P = ParamSpec("P")
 WIDTH_IN = 7.0
 """Width of every figure: the text width of a printed A4 page, inches."""
 
-TITLE_CHARACTERS = 74
+TITLE_CHARACTERS = 69
 """How many characters of the title fit into one line of a figure."""
 
 SIMULATED = "SIMULATED"

@@ -8,6 +8,9 @@ from matplotlib.figure import Figure
 
 from benchtool.report.files import figure_bytes
 
+LARGEST = 1.25
+"""A figure fills its column up to this many times its printed size."""
+
 _PROLOGUE = re.compile(r"^.*?(?=<svg\b)", re.DOTALL)
 _NAMESPACES = re.compile(r'\s+xmlns(?::\w+)?="[^"]*"')
 _METADATA = re.compile(r"\s*<metadata>.*?</metadata>", re.DOTALL)
@@ -28,6 +31,9 @@ def inline_svg(figure: Figure, prefix: str) -> str:
     head, rest = text.split(">", 1)
     # HTML knows the namespaces by itself; without them the page names no address at all.
     head = _NAMESPACES.sub("", head)
-    head = _SIZE.sub(r'\1\3 style="max-width:\2pt"', head + ">")
+    head = _SIZE.sub(
+        lambda match: f'{match[1]}{match[3]} style="max-width:{LARGEST * float(match[2]):.0f}pt"',
+        head + ">",
+    )
     rest = rest.replace("xlink:href=", "href=")
     return _REFERENCES.sub(lambda match: match[1] + prefix + "-", head + rest).strip()

@@ -1,0 +1,241 @@
+"""The report page: complete, self-contained, safe against what it quotes."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchtool.core.fit_result import Estimate, FitResult, Outcome
+from benchtool.errors import InputError, WouldOverwrite
+from benchtool.report.fit_tables import (
+    ModelScore,
+    comparison_table,
+    estimates_table,
+    methods_table,
+)
+from benchtool.report.ground_effect import Curve, RatioPoints, ratio_figure
+from benchtool.report.html import render_report, write_report
+from benchtool.report.numbers import unit_for_people, value_with_sd
+from benchtool.report.page import (
+    Commands,
+    Facts,
+    FigureBlock,
+    Paragraph,
+    Report,
+    Section,
+    Table,
+    Warnings,
+)
+
+VOID = {"meta", "br", "hr", "img", "link", "input"}
+
+
+class Outline(HTMLParser):
+    """Collect ids, links and open tags, as a browser would."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.ids: list[str] = []
+        self.links: list[str] = []
+        self.tags: list[str] = []
+        self.open: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        if tag not in VOID:
+            self.open.append(tag)
+        for name, value in attrs:
+            if name == "id":
+                self.ids.append(value or "")
+            if name in {"href", "xlink:href", "src"}:
+                self.links.append(value or "")
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.handle_starttag(tag, attrs)
+        if tag not in VOID:
+            self.open.pop()
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+
+def figure_block(caption: str) -> FigureBlock:
+    z = np.array([0.5, 1.0, 2.0])
+    points = RatioPoints(z, 1.0 + 0.1 / z, np.full(3, 0.01), "rotor")
+    figure = ratio_figure(
+        [points], [Curve(z, 1.0 + 0.1 / z, "PFI")], title="R", simulated=True, basis="equal_rpm2"
+    )
+    return FigureBlock(figure, caption)
+
+
+def report() -> Report:
+    return Report(
+        "A plate <sweep> & its fit",
+        "The answer.",
+        [
+            Section("What was done", [Paragraph("Thrust < 30 N & more."), figure_block("First.")]),
+            Section("Conditions", [Facts({"air density": "1.19 kg/m³"}), figure_block("Second.")]),
+            Section("Conditions", [Warnings(["Mind <this>."]), Warnings([])]),
+            Section("How", [Commands(["benchtool fit 'a b' --model x"])]),
+            Section("Numbers", [Table("Some.", ("name", "value"), [("a", "1")])]),
+        ],
+        simulated=True,
+        highlights={"K_b": "1.97 ± 0.02"},
+    )
+
+
+def outline_of(page: str) -> Outline:
+    outline = Outline()
+    outline.feed(page)
+    outline.close()
+    assert outline.open == []
+    return outline
+
+
+def test_the_page_is_self_contained() -> None:
+    page = render_report(report())
+    outline = outline_of(page)
+    assert not re.search(r"\b(https?|ftp|file)://|@import|//[a-z]+\.", page)
+    assert {"script", "link", "iframe"}.isdisjoint(outline.tags)
+    assert all(link.startswith(("#", "data:image/")) for link in outline.links)
+
+
+def test_no_two_elements_share_an_id_and_every_link_has_its_target() -> None:
+    outline = outline_of(render_report(report()))
+    twice = {name for name in outline.ids if outline.ids.count(name) > 1}
+    assert twice == set()
+    targets = {link[1:] for link in outline.links if link.startswith("#")}
+    assert targets <= set(outline.ids)
+    assert {"what-was-done", "conditions", "conditions-2"} <= targets
+
+
+def test_every_clip_of_a_figure_is_defined() -> None:
+    page = render_report(report())
+    assert set(re.findall(r"url\(#([^)]+)\)", page)) <= set(outline_of(page).ids)
+    assert "url(#" in page
+
+
+def test_the_page_holds_what_it_was_given_with_markup_quoted() -> None:
+    page = render_report(report())
+    for text in (
+        "A plate &lt;sweep&gt; &amp; its fit",
+        "Thrust &lt; 30 N &amp; more.",
+        "<dt>air density</dt><dd>1.19 kg/m³</dd>",
+        "Mind &lt;this&gt;.",
+        "benchtool fit &#39;a b&#39; --model x",
+        "<b>Figure 2.</b> Second.",
+        "<b>Table 1.</b> Some.",
+        "1.97 ± 0.02",
+    ):
+        assert text in page
+    assert page.count("<svg") == 2
+    assert page.count('class="warnings"') == 1
+    assert 'aria-label="First."' in page
+
+
+def test_simulated_data_is_said_at_the_top() -> None:
+    page = render_report(report())
+    assert page.index("<strong>SIMULATED</strong>") < page.index("<h1>")
+    physical = replace(report(), simulated=False, sections=())
+    assert "SIMULATED" not in render_report(physical)
+
+
+def test_the_same_report_gives_the_same_page() -> None:
+    assert render_report(report()) == render_report(report())
+
+
+def test_a_page_is_not_overwritten_unasked(tmp_path: Path) -> None:
+    path = write_report(tmp_path / "out" / "report.html", report())
+    assert path.read_text("utf-8").startswith("<!doctype html>")
+    path.write_text("kept")
+    with pytest.raises(WouldOverwrite, match=r"report\.html"):
+        write_report(path, report())
+    assert path.read_text() == "kept"
+    write_report(path, report(), replace=True)
+    assert path.read_text("utf-8").startswith("<!doctype html>")
+
+
+def test_a_row_of_the_wrong_length_is_refused() -> None:
+    with pytest.raises(InputError, match=r"'Some\.' has 2 columns, but a row of 1"):
+        Table("Some.", ("name", "value"), [("a",)])
+
+
+@pytest.mark.parametrize(
+    ("value", "sd", "text"),
+    [
+        (1.9741, 0.0213, "1.974 ± 0.021"),
+        (1.2003e-5, 8.6e-9, "(1.20030 ± 0.00086)·10⁻⁵"),
+        (-2.0, 0.0996, "−2.00 ± 0.10"),
+        (20412.3, 118.0, "20412 ± 118"),
+        (1.2e-5, float("nan"), "1.2·10⁻⁵"),
+        (0.12, float("nan"), "0.12"),
+        (0.0, 0.0, "0.0000 ± 0.0000"),
+    ],
+)
+def test_numbers_have_the_digits_that_their_sd_allows(value: float, sd: float, text: str) -> None:
+    assert value_with_sd(value, sd) == text
+
+
+def test_units_are_written_for_people() -> None:
+    assert unit_for_people("N/(rad/s)2") == "N/(rad/s)²"
+    assert unit_for_people("kg m2") == "kg\u00a0m²"
+    assert unit_for_people("1") == "–"
+    assert unit_for_people("1/s") == "1/s"
+
+
+def result(method: str, shift: float = 0.0) -> FitResult:
+    def estimate(name: str, unit: str, value: float, sd: float) -> Estimate:
+        return Estimate(
+            name, unit, value, sd, (value - sd, value + sd), (value - 2 * sd, value + 2 * sd)
+        )
+
+    return FitResult(
+        method=method,  # type: ignore[arg-type]
+        basis="joint",
+        model="quad",
+        estimates=(
+            estimate("k", "N/(rad/s)2", 1.2e-5 + shift, 1e-8),
+            estimate("body_lift.K_b", "1", 1.974, 0.021),
+        ),
+        covariance=np.eye(2),
+        chi2=83.2,
+        dof=77,
+        log_likelihood=0.0,
+        outcome=Outcome("converged", "fine"),
+        derived=(estimate("z_pole_over_R", "1", 0.27, 0.01),),
+    )
+
+
+def test_fitted_values_are_listed_with_unit_and_intervals() -> None:
+    table = estimates_table(result("least_squares"))
+    assert table.rows[0] == (
+        "k",
+        "10⁻⁵\u00a0N/(rad/s)²",
+        "1.2000",
+        "0.0010",
+        "1.1990 … 1.2010",
+        "1.1980 … 1.2020",
+    )
+    assert [row[0] for row in table.rows] == ["k", "body_lift.K_b", "z_pole_over_R"]
+    assert table.rows[1][1] == "–"
+
+
+def test_methods_stand_side_by_side_with_the_truth() -> None:
+    table = methods_table([result("least_squares"), result("emcee", 1e-9)], {"body_lift.K_b": 2.0})
+    assert tuple(table.header) == ("parameter", "least squares", "emcee", "truth")
+    assert list(table.rows[1]) == ["body_lift.K_b", "1.974 ± 0.021", "1.974 ± 0.021", "2"]
+    assert table.rows[0][3] == "–"
+    assert table.rows[2][1] == "83.2 / 77"
+
+
+def test_models_are_compared_per_degree_of_freedom() -> None:
+    table = comparison_table(
+        [ModelScore("single", 2, 350.0, 10, 41.2, "rejected"), ModelScore("line", 2, 0.0, 0)]
+    )
+    assert table.rows[0] == ("single", "rejected", "2", "35", "41.2")
+    assert table.rows[1] == ("line", "–", "2", "–", "–")

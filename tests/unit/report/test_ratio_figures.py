@@ -1,0 +1,153 @@
+"""Ratio figures: every point with its bar, every curve where it is valid, the words on the axes."""
+
+from __future__ import annotations
+
+import runpy
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+from matplotlib.colors import to_hex
+from matplotlib.container import ErrorbarContainer
+from matplotlib.figure import Figure
+
+from benchtool.errors import InputError
+from benchtool.report import paper_figures
+from benchtool.report.files import figure_bytes
+from benchtool.report.ground_effect import Band, Curve, RatioPoints, ratio_figure
+from benchtool.report.palette import LOOKS
+from benchtool.report.style import SIMULATED_GID
+
+Z = np.linspace(0.3, 6.0, 58)
+FACTOR = 1.0 / (1.0 - (1.0 / (4.0 * Z)) ** 2)
+AT = np.array([0.4, 0.5, 1.0, 2.0, 4.0])
+
+
+def points(label: str = "rotor", **options: object) -> RatioPoints:
+    ratio = 1.0 / (1.0 - (1.0 / (4.0 * AT)) ** 2)
+    return RatioPoints(AT, ratio, np.full(AT.size, 0.01), label, **options)  # type: ignore[arg-type]
+
+
+def curve(label: str = "PFI", **options: object) -> Curve:
+    return Curve(Z, FACTOR, label, **options)  # type: ignore[arg-type]
+
+
+def drawn(*series: RatioPoints, curves: tuple[Curve, ...] = ()) -> Axes:
+    figure = ratio_figure(series, curves, title="Ratio", simulated=True, basis="equal_pwm")
+    assert len(figure.axes) == 1
+    return figure.axes[0]
+
+
+def error_bars(axes: Axes) -> list[ErrorbarContainer]:
+    return [item for item in axes.containers if isinstance(item, ErrorbarContainer)]
+
+
+def legend_of(axes: Axes) -> list[str]:
+    legend = axes.get_legend()
+    assert legend is not None
+    return [text.get_text() for text in legend.get_texts()]
+
+
+def test_every_point_has_its_bar_of_one_sd() -> None:
+    (bars,) = error_bars(drawn(points()))
+    line, _, (stems,) = bars.lines
+    assert np.array_equal(line.get_xdata(), AT)
+    lengths = [segment[1, 1] - segment[0, 1] for segment in stems.get_segments()]
+    assert lengths == pytest.approx([0.02] * AT.size)
+
+
+def test_one_repeat_is_a_point_without_a_bar() -> None:
+    sd = np.array([0.01, np.nan, 0.01, 0.01, 0.01])
+    axes = drawn(RatioPoints(AT, np.linspace(1.4, 1.0, 5), sd, "rotor"))
+    (bars,) = error_bars(axes)
+    finite = [np.isfinite(s).all() for s in bars.lines[2][0].get_segments() if len(s)]
+    assert sum(finite) == 4
+    assert len(bars.lines[0].get_xdata()) == 5
+    assert np.isfinite(axes.get_ylim()).all()
+
+
+def test_points_left_out_are_hollow_and_said_so() -> None:
+    axes = drawn(points(left_out=AT < 0.5))
+    used, out = error_bars(axes)
+    assert np.array_equal(out.lines[0].get_xdata(), [0.4])
+    assert out.lines[0].get_markerfacecolor() == "white"
+    assert len(used.lines[0].get_xdata()) == 4
+    assert legend_of(axes) == ["rotor", "rotor, left out of the fit"]
+
+
+def test_curves_stop_at_the_validity_limit_which_is_hatched() -> None:
+    axes = drawn(curves=(curve(),))
+    (line,) = [item for item in axes.lines if item.get_label() == "PFI"]
+    assert min(np.asarray(line.get_xdata())) >= 0.5
+    (hatched,) = [patch for patch in axes.patches if patch.get_hatch()]
+    assert hatched.get_extents().transformed(axes.transData.inverted()).x1 == pytest.approx(0.5)
+    low, high = axes.get_ylim()
+    assert low < 1.0
+    assert 1.30 < high < 1.40
+
+
+def test_bands_are_drawn_and_named() -> None:
+    bands = (Band(FACTOR - 0.02, FACTOR + 0.02, 95), Band(FACTOR - 0.01, FACTOR + 0.01, 68))
+    axes = drawn(points(), curves=(curve("fit", style="fit", role="quad", bands=bands),))
+    assert [c.get_gid() for c in axes.collections if c.get_gid()] == ["band-95", "band-68"]
+    assert legend_of(axes) == ["rotor", "fit", "68 % band of the fit", "95 % band of the fit"]
+    (line,) = [item for item in axes.lines if item.get_label() == "fit"]
+    assert line.get_linestyle() == "-"
+    assert line.get_color() == LOOKS["quad"].color
+
+
+def test_the_axes_say_quantity_unit_and_basis() -> None:
+    axes = drawn(points())
+    assert "z/R" in axes.get_xlabel()
+    assert axes.get_ylabel().endswith("at equal pwm")
+    assert "T_{IGE}" in axes.get_ylabel()
+    assert axes.get_xlim() == pytest.approx((0.0, 4.12))
+
+
+def test_arrays_that_do_not_belong_together_are_refused() -> None:
+    with pytest.raises(InputError, match=r"the series 'rotor' .*ratio \(4,\)"):
+        RatioPoints(AT, AT[:4], AT, "rotor")
+    with pytest.raises(InputError, match=r"68 % band of 'fit'.*lower \(3,\)"):
+        Curve(Z, FACTOR, "fit", bands=(Band(Z[:3], FACTOR),))
+    with pytest.raises(InputError, match="one-dimensional"):
+        RatioPoints(AT[:, None], AT[:, None], AT[:, None], "rotor")
+
+
+@pytest.mark.parametrize(
+    ("draw", "series", "curves"),
+    [
+        (paper_figures.two_rigs_figure, ("single_rotor", "second_rig"), ("formula",)),
+        (paper_figures.quad_against_single_figure, ("single_rotor", "quad"), ("formula", "quad")),
+        (paper_figures.body_lift_figure, ("single_rotor", "quad"), ("formula", "body_lift")),
+        (paper_figures.three_rotors_figure, ("three_rotors",), ("formula", "three_rotors")),
+    ],
+)
+def test_the_papers_layouts_give_every_series_its_role(
+    draw: Callable[..., Figure], series: tuple[str, ...], curves: tuple[str, ...]
+) -> None:
+    given = [points(f"points {i}") for i in range(len(series))]
+    formulae = [curve(f"curve {i}") for i in range(len(curves))]
+    figure = draw(*given, *formulae, curve("a fit", style="fit"), simulated=True, basis="joint")
+    axes = figure.axes[0]
+    looks: dict[str, str] = {str(role): look.color for role, look in LOOKS.items()}
+    assert [to_hex(bars.lines[0].get_color()) for bars in error_bars(axes)] == [
+        looks[role] for role in series
+    ]
+    dashed = {str(line.get_label()): line for line in axes.lines}
+    assert [to_hex(dashed[f"curve {i}"].get_color()) for i in range(len(curves))] == [
+        looks[role] for role in curves
+    ]
+    assert dashed["curve 0"].get_linestyle() == "--"
+    assert dashed["a fit"].get_linestyle() == "-"
+    assert len(legend_of(axes)) == len(series) + len(curves) + 1
+
+
+def test_the_documentation_has_the_figures_that_its_script_draws() -> None:
+    folder = Path(__file__).parents[3] / "docs" / "assets"
+    figures = runpy.run_path(str(folder / "draw.py"))["figures"]()
+    assert {f"{name}.svg" for name in figures} <= {path.name for path in folder.glob("*.svg")}
+    for figure in figures.values():
+        assert [text for text in figure.texts if text.get_gid() == SIMULATED_GID]
+    assert figure_bytes(figures["ratio-two-rigs"]).startswith(b"<?xml")
