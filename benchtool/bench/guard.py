@@ -1,0 +1,311 @@
+"""A safe way to hold any bench: limits on every sample, and zero on every way out.
+
+A `GuardedBench` is itself a bench. Entered as a context manager it ends in one of two ways: the
+body came to its end, and the motors ramp down within a second; or anything else (an error, a
+limit, Ctrl-C, SIGTERM, a closed terminal, a lost link), and zero is commanded at once, the plate
+halted, the link closed, the reason kept. Signals that arrive meanwhile cannot interrupt that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import ExitStack
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.bench.bench import Bench, Identity, Readings
+from benchtool.bench.join_readings import joined
+from benchtool.bench.limit_check import LimitCheck
+from benchtool.bench.stop_signals import StopSignals
+from benchtool.core.rig import Limits, Rig
+from benchtool.errors import (
+    BenchError,
+    CommandRefused,
+    InputError,
+    LinkLost,
+    RunStopped,
+    StageError,
+)
+
+Array = NDArray[np.float64]
+
+RAMP_S = 0.9
+"""A normal end takes this long from any throttle to zero."""
+
+RAMP_STEPS = 10
+
+SPIN_DOWN_S = 4.0
+"""Rotors that are told to stop stand still by then; measured on none, small rotors need about 1."""
+
+LOOK_S = 0.05
+
+
+class GuardedBench:
+    """Watch over a bench.
+
+    Args:
+        bench: the one to guard.
+        rig: what stands on it: thrust coefficient, pulses, least plate distance.
+        limits: what no reading may exceed; those of the rig when left out.
+        stale_s: a channel without a new value for so long is dead.
+    """
+
+    def __init__(
+        self, bench: Bench, rig: Rig, limits: Limits | None = None, stale_s: float = 1.0
+    ) -> None:
+        self.bench = bench
+        self.reason: str | None = None
+        self.troubles: list[str] = []
+        self._rig = rig
+        self._limits = rig.limits if limits is None else limits
+        self._stale_s = stale_s
+        self._check: LimitCheck | None = None
+        self._kept: list[Readings] = []
+        self._pwm_us: Array = np.full(rig.n_rotors, rig.propulsion.pwm_stop_us)
+        self._stopped = False
+        self._signals = StopSignals(self._note_reason, (GuardedBench.__exit__, GuardedBench._halt))
+
+    @property
+    def identity(self) -> Identity:
+        return self.bench.identity
+
+    @property
+    def pwm_us(self) -> Array:
+        """The last commanded pulses (n_rotors,): us."""
+        return self._pwm_us.copy()
+
+    def now_s(self) -> float:
+        return self.bench.now_s()
+
+    def open(self) -> None:
+        self.bench.open()
+        if (present := self.identity.n_rotors) != self._rig.n_rotors:
+            raise InputError(
+                f"rig {self._rig.name!r} has {self._rig.n_rotors} rotors, but the bench "
+                f"{self.identity.address} drives {present}; name the rig that stands on it"
+            )
+        self._check = LimitCheck(
+            self.identity.channels, self._rig, self._limits, self._stale_s, self.now_s()
+        )
+
+    def close(self) -> None:
+        self._check = None
+        self.bench.close()
+
+    def set_pwm(self, pwm_us: Array) -> None:
+        """Command every motor's pulse; nothing is sent that breaks `limits.pwm_us`.
+
+        Raises:
+            InputError: a pulse above the limit, not finite, or not one for each rotor.
+        """
+        self._refuse_after_stop("pwm")
+        pulses = np.array(pwm_us, float).ravel()
+        if len(pulses) != self._rig.n_rotors or not np.isfinite(pulses).all():
+            raise InputError(
+                f"pulses {pulses.tolist()} were not sent; {self._rig.n_rotors} finite ones are "
+                f"needed, one for each rotor"
+            )
+        if (pulses > self._limits.pwm_us).any():
+            motor = int(np.argmax(pulses))
+            raise InputError(
+                f"a pulse of {pulses[motor]:g} us for motor {motor + 1} was not sent, limit "
+                f"{self._limits.pwm_us:g} us; lower it or raise limits.pwm_us"
+            )
+        # Noted before it is sent: an acknowledgement that is lost may leave the motors turning.
+        before, self._pwm_us = self._pwm_us, pulses
+        try:
+            self.bench.set_pwm(pulses)
+        except CommandRefused:
+            self._pwm_us = before
+            raise
+        except BenchError as error:
+            self._halt(error)
+            raise
+
+    def stop(self) -> None:
+        self._pwm_us = np.full(self._rig.n_rotors, self._rig.propulsion.pwm_stop_us)
+        self.bench.stop()
+
+    def move_plate(self, z_m: float, x_m: float = 0.0, tilt_rad: float = 0.0) -> None:
+        """Move the plate, at idle throttle only and never inside the minimum gap.
+
+        Waits for rotors that still turn; what is read meanwhile comes with the next `read`.
+        """
+        self._refuse_after_stop("plate")
+        plate = self._rig.plate
+        if not plate.z_min_m <= z_m <= plate.z_max_m:
+            raise StageError(
+                f"the plate was not moved to {z_m:g} m, outside {plate.z_min_m:g} to "
+                f"{plate.z_max_m:g} m of rig {self._rig.name!r}; choose a distance in between"
+            )
+        idle_us = self._idle_us()
+        if (self._pwm_us > idle_us).any():
+            motor = int(np.argmax(self._pwm_us))
+            raise StageError(
+                f"the plate was not moved: motor {motor + 1} is commanded {self._pwm_us[motor]:g} "
+                f"us, above idle at {idle_us:g} us; command idle first"
+            )
+        self._wait_until_slow(idle_us)
+        try:
+            self.bench.move_plate(z_m, x_m, tilt_rad)
+        except BenchError as error:
+            self._halt(error)
+            raise
+
+    def tare(self) -> None:
+        """Tare, with every motor commanded to stand still."""
+        self._refuse_after_stop("tare")
+        if (self._pwm_us > self._rig.propulsion.pwm_stop_us).any():
+            raise InputError(
+                f"no tare while motors are commanded {self._pwm_us.max():g} us; command "
+                f"{self._rig.propulsion.pwm_stop_us:g} us first"
+            )
+        self.bench.tare()
+
+    def set_rate(self, rate_Hz: float) -> None:
+        self.bench.set_rate(rate_Hz)
+
+    def read(self, timeout_s: float) -> Readings:
+        """Return what arrived, every sample of it within its limits.
+
+        Raises:
+            LimitExceeded: a reading beyond its limit; zero was commanded before this was raised.
+                The samples that show it are in `take_kept`.
+        """
+        self._signals.raise_if_asked()
+        new = self._read_checked(timeout_s)
+        kept, self._kept = self._kept, []
+        return joined([*kept, new])
+
+    def _read_checked(self, timeout_s: float) -> Readings:
+        if self._check is None:
+            raise LinkLost("read was asked of a bench that is not open; open it first")
+        try:
+            readings = self.bench.read(timeout_s)
+        except BenchError as error:
+            self._halt(error)
+            raise
+        breach = self._check.breach(readings.time_s, readings.values)
+        if breach is not None:
+            self._halt(breach)
+            self._kept.append(readings)
+            raise breach
+        return readings
+
+    def take_kept(self) -> Readings | None:
+        """Return samples that were read but not handed out, such as those that broke a limit."""
+        kept, self._kept = self._kept, []
+        return joined(kept) if kept else None
+
+    def ramp_down(self, take: Callable[[Readings], None] | None = None) -> None:
+        """Bring every motor to zero within a second, reading on.
+
+        Args:
+            take: is given the samples of the ramp.
+        """
+        top, end = self._pwm_us, np.full(self._rig.n_rotors, self._rig.propulsion.pwm_stop_us)
+        if (top > end).any():
+            for step in range(1, RAMP_STEPS + 1):
+                self.set_pwm(top + (end - top) * (step / RAMP_STEPS))
+                until_s = self.now_s() + RAMP_S / RAMP_STEPS
+                while (left_s := until_s - self.now_s()) > 1e-9:
+                    readings = self.read(left_s)
+                    if take is not None:
+                        take(readings)
+        self.stop()
+
+    def __enter__(self) -> Self:
+        with ExitStack() as on_failure:
+            on_failure.callback(self._signals.restore)
+            self._signals.install()
+            on_failure.callback(self.bench.close)
+            self.open()
+            on_failure.pop_all()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        with ExitStack() as way_out:
+            # Run in reverse: zero, then the link, then the signals, whatever fails in between.
+            way_out.callback(self._signals.restore)
+            way_out.callback(self._quietly, self.close, "closing the link")
+            way_out.callback(self._halt_unless_still, error)
+            if error is None and self._check is not None and not self._stopped:
+                self.ramp_down()
+
+    def _halt_unless_still(self, error: BaseException | None) -> None:
+        """Command zero, unless a normal end has brought the motors there."""
+        turning = bool((self._pwm_us > self._rig.propulsion.pwm_stop_us).any())
+        if error is not None or turning:
+            self._halt(error)
+
+    def _halt(self, error: BaseException | None) -> None:
+        """Command zero at once, and only once; note why."""
+        if error is not None:
+            self._note_reason(_words(error))
+        if self._stopped:
+            return
+        self._stopped = True
+        self._pwm_us = np.full(self._rig.n_rotors, self._rig.propulsion.pwm_stop_us)
+        self._quietly(self.bench.stop, "commanding zero")
+
+    def _quietly(self, action: Callable[[], None], what: str) -> None:
+        """Act without raising over the error that is already on its way."""
+        try:
+            action()
+        except Exception as error:  # noqa: BLE001 -- nothing may skip the rest of the way out
+            self.troubles.append(f"{what} failed: {_words(error)}")
+
+    def _note_reason(self, reason: str) -> None:
+        if self.reason is None:
+            self.reason = reason
+
+    def _refuse_after_stop(self, command: str) -> None:
+        self._signals.raise_if_asked()
+        if self._stopped:
+            raise RunStopped(
+                f"{command} was not sent: the bench was stopped ({self.reason}); open it anew"
+            )
+
+    def _idle_us(self) -> float:
+        """Return the longest pulse that counts as idle: the device's own word, else the rig's."""
+        told = self.identity.facts.get("pwm_idle_us")
+        return float(told) if told else self._rig.propulsion.pwm_start_us
+
+    def _wait_until_slow(self, idle_us: float) -> None:
+        pulse = self._rig.propulsion
+        at_idle_rad_s = pulse.speed_per_us_rad_s * max(idle_us - pulse.pwm_start_us, 0.0)
+        slow_rpm = 1.5 * at_idle_rad_s * 30.0 / np.pi + 60.0
+        names = [channel.name for channel in self.identity.channels]
+        columns = [i for i, name in enumerate(names) if name.rstrip("0123456789") == "rpm"]
+        if not columns:
+            return
+        until_s = self.now_s() + SPIN_DOWN_S
+        while True:
+            self._signals.raise_if_asked()
+            readings = self._read_checked(LOOK_S)
+            self._kept.append(readings)
+            rpm = readings.values[:, columns]
+            whole = np.flatnonzero(np.isfinite(rpm).all(axis=1))
+            if len(whole) and (rpm[whole[-1]] <= slow_rpm).all():
+                return
+            if self.now_s() > until_s:
+                fastest = float(np.max(rpm[whole[-1]])) if len(whole) else float("nan")
+                raise StageError(
+                    f"the plate was not moved: a rotor still turns at {fastest:.0f} rpm "
+                    f"{SPIN_DOWN_S:g} s after idle was commanded, limit {slow_rpm:.0f} rpm; look "
+                    f"at its ESC and its rpm channel"
+                )
+
+
+def _words(error: BaseException) -> str:
+    if isinstance(error, KeyboardInterrupt):
+        return "stopped by Ctrl-C"
+    return " ".join(str(error).split()) or type(error).__name__
