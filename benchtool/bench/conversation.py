@@ -67,11 +67,7 @@ class Conversation:
         self._number = 0
         self._told, self._heard = {}, b""
         self.transport.open()
-        try:
-            hello = self._ask_hello()
-        except BaseException:
-            self.transport.close()
-            raise
+        hello = self._ask_hello()
         self._decoder.expect(len(hello.channels))
         self._batches, self._lost, self._corrupt = [], 0, 0
         self._events = []

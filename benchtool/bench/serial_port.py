@@ -104,6 +104,8 @@ class SerialPort:
                 parts.append(part)
                 if len(part) < 2048:
                     break
+            if not any(parts):
+                _ = opened.in_waiting  # a port that is gone reads as empty, but says so here
             return b"".join(parts)
         except Exception as error:
             raise lost_error(error, self.port) from error

@@ -1,0 +1,172 @@
+"""The protocol's bytes: what is sent is found again, whatever else is on the line."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from benchtool.bench.commands import SetPwm
+from benchtool.bench.link import (
+    HEARTBEAT,
+    MAX_LINE_BYTES,
+    Decoder,
+    SampleWriter,
+    crc16,
+    frame,
+    frame_command,
+    frame_fields,
+)
+
+
+def test_checksum_of_the_test_vector() -> None:
+    assert crc16(b"123456789") == 0x29B1
+
+
+def test_lines_as_sent() -> None:
+    assert HEARTBEAT == b"$B*8976\n"
+    assert frame_command(6, SetPwm((1200.0, 1200.5))) == b"$C,6,pwm,1200,1200.5*%04X\n" % crc16(
+        b"C,6,pwm,1200,1200.5"
+    )
+
+
+def test_text_cannot_break_a_line() -> None:
+    line = frame_fields("E", ("note", "5*3 $ \r\n ü"))
+    assert line.count(b"$") == line.count(b"*") == line.count(b"\n") == 1
+    assert len(Decoder().feed(line).messages) == 1
+
+
+def test_samples_come_back(rng: np.random.Generator) -> None:
+    values = np.round(rng.uniform(-1000, 20000, (500, 12)), 1)
+    values[rng.random(values.shape) < 0.3] = np.nan
+    values[0], values[:, -1] = np.nan, np.nan
+    times_us = 5_000_000_000 + 1000 * np.arange(500)
+    lines = b"".join(SampleWriter(12, sequence=65_400).frames(times_us, values))
+    batch = Decoder(12).feed(lines)
+    np.testing.assert_array_equal(batch.values, values)
+    np.testing.assert_array_equal(np.diff(batch.device_time_us), 1000)
+    assert (batch.lost, batch.corrupt) == (0, 0)
+
+
+def test_device_time_goes_on_over_its_wrap() -> None:
+    decoder = Decoder(1)
+    times_us = (1 << 32) - 1500 + 1000 * np.arange(4)
+    first, second = (
+        decoder.feed(b"".join(SampleWriter(1, start).frames(times_us[part], np.ones((2, 1)))))
+        for start, part in ((0, slice(0, 2)), (2, slice(2, 4)))
+    )
+    together = np.concatenate([first.device_time_us, second.device_time_us])
+    np.testing.assert_array_equal(together, times_us)
+
+
+def test_gaps_are_counted_over_the_wrap_of_the_sequence() -> None:
+    lines = SampleWriter(1, sequence=65_530).frames(np.arange(20), np.ones((20, 1)))
+    batch = Decoder(1).feed(b"".join(lines[:3] + lines[10:]))
+    assert batch.lost == 7
+    assert len(batch.values) == 13
+
+
+def test_a_damaged_line_is_counted_and_left_out() -> None:
+    lines = SampleWriter(2).frames(np.arange(5), np.ones((5, 2)))
+    lines[2] = lines[2].replace(b",1", b",7", 1)
+    batch = Decoder(2).feed(b"".join(lines))
+    assert (len(batch.values), batch.corrupt, batch.lost) == (4, 1, 1)
+
+
+@pytest.mark.parametrize(
+    "payload",
+    [
+        b"S,5,100,1",
+        b"S,5,100,1,2,3",
+        b"S,,100,1,2",
+        b"S,5,,1,2",
+        b"S,-1,100,1,2",
+        b"S,5,99999999999,1,2",
+        b"S,5,100,1,two",
+        b"S,5,100,1 2,3",
+        b"S,nan,nan,1,2",
+    ],
+)
+def test_a_sample_that_makes_no_sense_spoils_no_other(payload: bytes) -> None:
+    good = SampleWriter(2).frames(np.arange(2), np.array([[1.0, 2.0], [3.0, 4.0]]))
+    batch = Decoder(2).feed(good[0] + frame(payload) + good[1])
+    np.testing.assert_array_equal(batch.values, [[1.0, 2.0], [3.0, 4.0]])
+    assert (batch.corrupt, batch.lost) == (1, 0)
+
+
+def test_lines_with_carriage_return_are_taken() -> None:
+    line = SampleWriter(1).frames(np.arange(1), np.ones((1, 1)))[0]
+    batch = Decoder(1).feed(line.replace(b"\n", b"\r\n"))
+    assert (len(batch.values), batch.corrupt) == (1, 0)
+
+
+def test_boot_text_before_the_first_frame_is_not_corrupt() -> None:
+    batch = Decoder().feed(b"half a line*12\r\nrst:0x1 (POWERON)\n" + HEARTBEAT + b"noise\n")
+    assert len(batch.messages) == 1
+    assert batch.corrupt == 1
+
+
+def test_a_line_without_end_is_not_kept() -> None:
+    decoder = Decoder()
+    decoder.feed(HEARTBEAT)
+    for _ in range(100):
+        assert decoder.feed(b"x" * MAX_LINE_BYTES).corrupt == 0
+    batch = decoder.feed(b"x" + HEARTBEAT + HEARTBEAT)
+    assert (batch.corrupt, len(batch.messages)) == (1, 1)
+
+
+def _cut(data: bytes, cuts: list[int]) -> list[bytes]:
+    ends = sorted({min(cut, len(data)) for cut in cuts} | {0, len(data)})
+    return [data[start:end] for start, end in pairwise(ends)]
+
+
+def _result(chunks: list[bytes]) -> tuple[object, ...]:
+    decoder = Decoder(2)
+    batches = [decoder.feed(chunk) for chunk in chunks]
+    return (
+        [row for batch in batches for row in batch.values.tolist()],
+        [time for batch in batches for time in batch.device_time_us.tolist()],
+        [message for batch in batches for message in batch.messages],
+        sum(batch.lost for batch in batches),
+        sum(batch.corrupt for batch in batches),
+    )
+
+
+PIECES = st.lists(
+    st.one_of(
+        st.binary(max_size=40),
+        st.sampled_from([b"$", b"*", b"\n", b"\r\n", HEARTBEAT, HEARTBEAT[:-1], b"x" * 600]),
+        st.integers(0, 9).map(lambda i: frame(b"S,%d,%d,%d,2" % (i, i * 1000, i))),
+    ),
+    max_size=12,
+)
+
+
+@given(PIECES, st.lists(st.integers(0, 2000), max_size=20))
+def test_any_chunking_gives_the_same(pieces: list[bytes], cuts: list[int]) -> None:
+    data = b"".join(pieces)
+    assert _result([data]) == _result(_cut(data, cuts)) == _result([bytes([b]) for b in data])
+
+
+@given(st.lists(st.tuples(st.binary(max_size=60), st.booleans()), min_size=1, max_size=8))
+def test_whole_frames_are_found_in_any_garbage(pieces: list[tuple[bytes, bool]]) -> None:
+    sent = [frame(b"E,note,%d" % i) for i in range(len(pieces))]
+    data = b"".join(
+        noise + (line if ended else line[:-1])
+        for (noise, ended), line in zip(pieces, sent, strict=True)
+    )
+    # A line's end that got lost is made up for by the next frame's start.
+    found = [
+        message
+        for message in Decoder().feed(data + b"$\n").messages
+        if message.letter == "E" and message.fields[:1] == ("note",)
+    ]
+    followed_by_dollar = [
+        ended or i + 1 == len(pieces) or not pieces[i + 1][0] or pieces[i + 1][0][:1] in b"$\n"
+        for i, (_, ended) in enumerate(pieces)
+    ]
+    expected = [str(i) for i, whole in enumerate(followed_by_dollar) if whole]
+    assert set(expected) <= {message.fields[1] for message in found}

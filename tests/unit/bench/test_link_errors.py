@@ -1,0 +1,207 @@
+"""Every foreign exception of a port or socket becomes one of ours."""
+
+from __future__ import annotations
+
+import errno
+import os
+import socket
+import sys
+from pathlib import Path
+
+import pytest
+import serial
+
+from benchtool.bench.link_errors import opening_error
+from benchtool.bench.port_holders import holders, holders_text
+from benchtool.bench.serial_port import SerialPort
+from benchtool.bench.tcp_socket import TcpSocket
+from benchtool.errors import InputError, LinkError, LinkLost, NoDevice, PortBusy, PortDenied
+
+posix = pytest.mark.skipif(os.name != "posix", reason="pseudo-terminals are POSIX")
+
+
+@pytest.mark.parametrize(
+    ("error", "kind"),
+    [
+        (serial.SerialException(errno.EBUSY, "could not open port: busy"), PortBusy),
+        (OSError(errno.EBUSY, "Device or resource busy"), PortBusy),
+        (
+            serial.SerialException(
+                errno.EAGAIN, "Could not exclusively lock port /dev/x: [Errno 11] unavailable"
+            ),
+            PortBusy,
+        ),
+        (serial.SerialException("Could not exclusively lock port /dev/x: [Errno 35]"), PortBusy),
+        (serial.SerialException(errno.EACCES, "could not open port: denied"), PortDenied),
+        (PermissionError(errno.EPERM, "Operation not permitted"), PortDenied),
+        (serial.SerialException(errno.ENOENT, "could not open port: no such file"), NoDevice),
+        (serial.SerialException(errno.ENXIO, "could not open port"), NoDevice),
+        (serial.SerialException("Could not configure port: (25, 'Inappropriate ioctl')"), NoDevice),
+        (serial.SerialException("Could not configure port: (5, 'Input/output error')"), NoDevice),
+        (serial.SerialException("could not open port 'COM9': FileNotFoundError(2, '')"), NoDevice),
+    ],
+)
+def test_what_opening_may_raise(
+    error: Exception, kind: type[LinkError], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise error
+
+    monkeypatch.setattr(serial, "Serial", refuse)
+    with pytest.raises(kind) as caught:
+        SerialPort("/dev/example").open()
+    assert type(caught.value) is kind
+    assert caught.value.__cause__ is error
+    assert "/dev/example" in str(caught.value)
+
+
+def test_access_denied_on_windows_means_busy() -> None:
+    error = serial.SerialException("could not open port 'COM3': PermissionError(13, 'denied')")
+    assert type(opening_error(error, "COM3", windows=True)) is PortBusy
+    assert type(opening_error(error, "COM3")) is PortDenied
+
+
+def test_a_baud_rate_that_the_port_cannot_do(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise ValueError("Invalid baud rate: 123")
+
+    monkeypatch.setattr(serial, "Serial", refuse)
+    with pytest.raises(InputError, match="takes no baud rate of 123"):
+        SerialPort("/dev/example", 123).open()
+
+
+@posix
+def test_paths_that_are_no_port(tmp_path: Path) -> None:
+    file = tmp_path / "file"
+    file.touch()
+    for path, words in ((tmp_path / "absent", "cannot be opened"), (file, "not a serial port")):
+        with pytest.raises(NoDevice, match=words):
+            SerialPort(str(path)).open()
+
+
+@posix
+def test_a_second_opening_names_the_holder() -> None:
+    import pty
+
+    near, far = pty.openpty()
+    first, second = (SerialPort(os.ttyname(far)) for _ in range(2))
+    first.open()
+    try:
+        with pytest.raises(PortBusy) as caught:
+            second.open()
+        if sys.platform == "linux":
+            assert f"(pid {os.getpid()}, this program)" in str(caught.value)
+            assert [holder.pid for holder in holders(first.port)] == [os.getpid()]
+    finally:
+        first.close()
+    second.open()
+    second.close()
+    os.close(near)
+    os.close(far)
+
+
+def test_a_holder_that_the_system_does_not_name() -> None:
+    assert holders_text("/dev/no-such-port").startswith("another program")
+
+
+@posix
+def test_a_port_that_vanishes_is_a_lost_link() -> None:
+    import pty
+
+    near, far = pty.openpty()
+    port = SerialPort(os.ttyname(far))
+    port.open()
+    os.write(near, b"last words")
+    assert port.read(0.1) == b"last words"
+    assert port.read(0.0) == b""
+    os.close(near)
+    os.close(far)
+    with pytest.raises(LinkLost, match="check cable and power"):
+        port.read(0.1)
+    with pytest.raises(LinkLost, match="check cable and power"):
+        port.write(b"x")
+    port.close()
+    for use in (lambda: port.read(0.1), lambda: port.write(b"x")):
+        with pytest.raises(LinkLost, match="is closed"):
+            use()
+
+
+@posix
+def test_a_port_that_takes_nothing_is_a_lost_link() -> None:
+    import pty
+
+    near, far = pty.openpty()
+    port = SerialPort(os.ttyname(far))
+    port.open()
+    with pytest.raises(LinkLost, match="took nothing"):
+        port.write(b"x" * 1_000_000)
+    port.close()
+    os.close(near)
+    os.close(far)
+
+
+def _listener() -> socket.socket:
+    listener = socket.socket()
+    listener.bind(("127.0.0.1", 0))
+    listener.listen()
+    return listener
+
+
+def test_tcp_carries_bytes_and_notices_the_end() -> None:
+    with _listener() as listener:
+        link = TcpSocket("127.0.0.1", listener.getsockname()[1])
+        link.open()
+        peer, _ = listener.accept()
+        with peer:
+            peer.sendall(b"hello")
+            assert link.read(1.0) == b"hello"
+            assert link.read(0.0) == b""
+            link.write(b"answer")
+            assert peer.recv(100) == b"answer"
+        with pytest.raises(LinkLost, match="closed the connection"):
+            link.read(1.0)
+        link.close()
+        link.close()
+        with pytest.raises(LinkLost, match="is closed"):
+            link.write(b"x")
+
+
+def test_tcp_where_nobody_listens() -> None:
+    with _listener() as listener:
+        port = listener.getsockname()[1]
+    with pytest.raises(NoDevice, match="nobody listens"):
+        TcpSocket("127.0.0.1", port).open()
+
+
+@pytest.mark.parametrize(
+    "error",
+    [TimeoutError("timed out"), socket.gaierror(-2, "Name or service not known"), OSError(113, "")],
+)
+def test_tcp_hosts_that_cannot_be_reached(error: OSError, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise error
+
+    monkeypatch.setattr(socket, "create_connection", refuse)
+    with pytest.raises(NoDevice, match=r"bench\.example:5555"):
+        TcpSocket("bench.example", 5555).open()
+
+
+@pytest.mark.parametrize("error", [ConnectionResetError(104, "reset"), BrokenPipeError(32, "pipe")])
+def test_tcp_links_that_break(error: OSError) -> None:
+    class Broken:
+        def recv(self, _: int) -> bytes:
+            raise error
+
+        def sendall(self, _: bytes) -> None:
+            raise error
+
+        def settimeout(self, _: float) -> None: ...
+
+        def setblocking(self, _: bool) -> None: ...
+
+    link = TcpSocket("127.0.0.1", 1)
+    link._socket = Broken()  # type: ignore[assignment]
+    with pytest.raises(LinkLost, match="broke"):
+        link.read(0.0)
+    with pytest.raises(LinkLost, match="broke"):
+        link.write(b"x")
