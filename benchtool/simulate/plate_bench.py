@@ -11,12 +11,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.aero.validity import VALIDITY_Z_OVER_R
 from benchtool.core.channel import Channel
 from benchtool.core.rig import Rig
 from benchtool.core.units import from_si
 from benchtool.effects.conditions import Conditions, plate_coverage
 from benchtool.effects.effect import Flow
-from benchtool.effects.model import VALIDITY_Z_OVER_R, Model
+from benchtool.effects.model import Model
 from benchtool.errors import InputError
 from benchtool.simulate.battery import Battery
 from benchtool.simulate.imperfections import Imperfections
