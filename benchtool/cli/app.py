@@ -20,6 +20,8 @@ from benchtool import __version__
 from benchtool.errors import BenchtoolError, UnknownChoice
 
 COMMANDS: dict[str, str] = {
+    "fit": "Fit a ground-effect model to run folders or any CSV",
+    "bench": "Serve a virtual bench; check a bench before motors spin",
     "rigs": "List rigs, or show one with the source of every number",
     "models": "List models, or show one with its effects and parameters",
     "effects": "List physical effects, or show one with its law and parameters",

@@ -35,6 +35,5 @@ def command(
     for full_name, item in model.parameters.items():
         state = "free " if item.free else "fixed"
         bounds = f"[{item.lower:g}, {item.upper:g}]"
-        print(
-            f"  {full_name:<26} {item.value:>12g} {item.unit:<14} {state} {bounds:<18} {item.source}"
-        )
+        value = f"{item.value:>12g} {item.unit:<14}"
+        print(f"  {full_name:<26} {value} {state} {bounds:<18} {item.source}")

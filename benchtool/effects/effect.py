@@ -15,10 +15,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple, TypeAlias
 
+from benchtool.aero.expression import Quantity as Quantity
 from benchtool.core.parameter import Parameter
-
-Quantity: TypeAlias = Any
-"""A scalar in a compiled loop, or anything that broadcasts outside of one."""
 
 Stage = Literal["pwm_to_rpm", "rpm_to_thrust", "hinge", "sensor", "plate"]
 STAGES: tuple[Stage, ...] = ("pwm_to_rpm", "rpm_to_thrust", "hinge", "sensor", "plate")

@@ -26,9 +26,6 @@ from benchtool.errors import InputError, UnknownChoice
 
 Array = NDArray[np.float64]
 
-VALIDITY_Z_OVER_R = 0.5
-"""Below this distance the image formulae are outside their range (their pole is near 0.25)."""
-
 
 def baseline_parameters(rig: Rig) -> Parameters:
     """Return k, R_m and the two noise parameters at the rig's own values."""

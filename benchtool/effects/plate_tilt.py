@@ -11,8 +11,9 @@ from benchtool.effects.effect import Effect, Flow, Quantity, Values
 
 @expression
 def height(i: int, flow: Flow, p: Values) -> Quantity:
-    """Return -x_i tan(a): the +x rotors come nearer for a positive tilt a."""
-    return -flow.position_x_m[i] * np.tan(p[0])
+    """Return what tilt a takes off: the +x rotors come nearer for a positive one."""
+    upright = flow.height_m[i]
+    return upright * (np.cos(p[0]) - 1.0) - flow.position_x_m[i] * np.sin(p[0])
 
 
 EFFECT = Effect(
@@ -20,7 +21,7 @@ EFFECT = Effect(
     title="Plate tilt",
     description="The plate leans by a small angle about the y axis that nobody noticed.",
     stage="plate",
-    law="z_i = z - x_i tan(a)",
+    law="z_i = z cos(a) - x_i sin(a)",
     parameters=(
         Parameter(
             "angle_rad",

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from benchtool.effects.conditions import Conditions
 from benchtool.effects.effect import Flow
 from benchtool.effects.model import Model
+from benchtool.effects.moving_heights import MovingHeights, moving_heights
 
 Array = NDArray[np.float64]
 
@@ -36,7 +37,10 @@ class Prepared:
             and (effect.changes_geometry or effect.speed is not None)
         ]
         self._flow: Flow | None = None
-        if not moving:
+        self._moving: MovingHeights | None = None
+        if moving:
+            self._moving = moving_heights(model, conditions)
+        else:
             flow = model.flow(conditions, model.parameters.values_array())
             self._flow = merged(flow, len(conditions)) if mergeable(model) else flow
 
@@ -46,6 +50,8 @@ class Prepared:
 
     def thrust_N(self, values: Any) -> Any:
         """Return the load cell's settled reading (..., m): N; `values` as `Model.thrust_N`."""
+        if self._moving is not None:
+            return self.model.reading_N(self._moving.flow(values), values)
         if self._flow is None:
             return self.model.thrust_N(self.conditions, values)
         return self.model.reading_N(self._flow._replace(radius_m=values[self._radius]), values)

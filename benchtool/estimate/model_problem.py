@@ -8,9 +8,10 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.aero.validity import VALIDITY_Z_OVER_R
 from benchtool.core.parameter import Parameters
 from benchtool.effects.conditions import FAR_AWAY_M, Conditions
-from benchtool.effects.model import VALIDITY_Z_OVER_R, Model
+from benchtool.effects.model import Model
 from benchtool.effects.prepared import Prepared
 from benchtool.errors import InputError, UnknownChoice
 from benchtool.estimate.problem import IntArray, Problem

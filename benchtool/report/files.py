@@ -8,7 +8,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any, Literal
 
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure as Figure
 
 from benchtool.errors import UnknownChoice, WouldOverwrite
 from benchtool.report.style import look

@@ -30,6 +30,20 @@ def estimates_table(result: FitResult, caption: str = "") -> Table:
     )
 
 
+def short_table(result: FitResult) -> Table:
+    """List every fitted and derived value in the width of a terminal."""
+    rows = []
+    for item in (*result.estimates, *result.derived):
+        row = _estimate_row(item)
+        rows.append((row[0], row[1], f"{row[2]} ± {row[3]}", row[5]))
+    return Table(
+        f"{result.model}, {METHODS[result.method]}",
+        ("parameter", "unit", "value ± sd", "95 % interval"),
+        rows,
+        text_columns=2,
+    )
+
+
 def _estimate_row(item: Estimate) -> tuple[str, ...]:
     exponent = exponent_of(item.value, item.sd)
     decimals = decimals_for(item.sd / 10.0**exponent)

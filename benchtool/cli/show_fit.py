@@ -1,0 +1,65 @@
+"""Show a fit on the terminal: progress while it works, then values, warnings, comparison."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from benchtool.core.fit_result import FitResult
+from benchtool.recipes.fit_page import comparison_table, sentence
+from benchtool.recipes.run_recipe import FitOutput
+from benchtool.report import page
+from benchtool.report.fit_tables import methods_table, short_table
+
+
+@contextmanager
+def working() -> Iterator[Callable[[str, int, int], None]]:
+    """Show a bar on a terminal, nothing elsewhere; gives the function that moves it."""
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.completed:.0f}/{task.total:.0f}"),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("reading", total=1)
+
+        def tell(what: str, done: int, expected: int) -> None:
+            bar.update(task, description=what, completed=done, total=max(expected, 1))
+
+        yield tell
+
+
+def print_fit(output: FitOutput) -> None:
+    """Print what a fit found."""
+    console = Console(soft_wrap=True, highlight=False)
+    if output.data.points.simulated:
+        console.print("SIMULATED DATA: no physical bench produced these points")
+    console.print(sentence(output), markup=False)
+    for result in output.results:
+        _print_table(console, short_table(result))
+        console.print(f"{result.method}: {result.outcome.message}", markup=False)
+    if len(output.results) > 1:
+        _print_table(console, methods_table(output.results))
+    if output.comparison is not None:
+        console.print(output.comparison.sentence, markup=False)
+        _print_table(console, comparison_table(output.comparison))
+    for line in _warnings(output.results):
+        console.print(f"! {line}", markup=False)
+
+
+def _warnings(results: tuple[FitResult, ...]) -> list[str]:
+    return list(dict.fromkeys(line for result in results for line in result.warnings))
+
+
+def _print_table(console: Console, shown: page.Table) -> None:
+    table = Table(title=shown.caption, title_justify="left", header_style="bold")
+    for position, head in enumerate(shown.header):
+        table.add_column(head, justify="left" if position < shown.text_columns else "right")
+    for row in shown.rows:
+        table.add_row(*row)
+    console.print(table)

@@ -1,0 +1,1 @@
+"""Fits as recipes: data, model and options in one file, so that a result can be made again."""

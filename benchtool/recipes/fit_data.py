@@ -1,0 +1,170 @@
+"""From files to what a fit takes: points, conditions, errors, and what was left out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.core.column_source import ColumnSource
+from benchtool.core.recording import Recording
+from benchtool.effects.conditions import Conditions
+from benchtool.errors import InputError
+from benchtool.library import LoadedModel, load_model, read_columns
+from benchtool.recipes.recipe import Recipe
+from benchtool.store import data_hash, is_run, read_points, read_table
+from benchtool.store.ratios import ratios
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class FitData:
+    """Hold the points of a fit.
+
+    Attributes:
+        points: all that were read (n rows).
+        conditions: of all points.
+        observed: (n,) thrust in N, or the ratio of the recipe's basis.
+        standard_error: (n,) stated; 1 where none is stated.
+        errors: "within" visits of a run, "stated" by a table, or "none".
+        used: (n,) False for points that the fit leaves out.
+        left_out: sentences that say which points and why.
+        z_over_R: (n,) least distance over the rig's radius.
+        groups: (n,) number of the setting that each point repeats; None where nobody numbered them.
+        hashes: SHA-256 by data path.
+    """
+
+    points: Recording
+    conditions: Conditions
+    observed: Array
+    standard_error: Array
+    errors: str
+    used: NDArray[np.bool_]
+    left_out: tuple[str, ...]
+    z_over_R: Array
+    groups: NDArray[np.intp] | None
+    hashes: Mapping[str, str]
+
+    @property
+    def rows(self) -> NDArray[np.intp]:
+        """Positions of the used points."""
+        return np.flatnonzero(self.used)
+
+
+def recipe_model(recipe: Recipe) -> LoadedModel:
+    """Return the recipe's model with its parameters freed and fixed as it says."""
+    loaded = load_model(recipe.model)
+    model = loaded.model.freed(*recipe.free)
+    for name, value in recipe.fix.items():
+        model = model.fixed(name, value)
+    for name in recipe.hold:
+        model = model.fixed(name)
+    if recipe.basis != "joint":
+        # A ratio does not know the thrust coefficient, nor what a load cell adds.
+        model = model.fixed("k")
+    return replace(loaded, model=model)
+
+
+def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
+    """Read the recipe's data for its model.
+
+    Raises:
+        InputError: data that lack what the basis needs, or of which nothing is left.
+    """
+    parts = [_read_one(path, recipe, loaded) for path in recipe.data]
+    points = _joined(parts)
+    model = loaded.model
+    conditions = Conditions.from_recording(points, model.rig)
+    if recipe.basis == "joint":
+        observed, error, errors = _thrust_with_error(points, all(map(is_run, recipe.data)))
+    else:
+        observed, error = ratios(points, recipe.basis)
+        errors = "within" if np.isfinite(error).any() else "none"
+        error = np.where(np.isfinite(error), error, np.nan if errors == "within" else 1.0)
+    z_over_R = model.z_over_R(conditions)
+    used, left_out = _selected(observed, error, z_over_R, recipe)
+    return FitData(
+        points=points,
+        conditions=conditions,
+        observed=observed,
+        standard_error=error,
+        errors=errors,
+        used=used,
+        left_out=left_out,
+        z_over_R=z_over_R,
+        groups=_settings(points),
+        hashes={path: data_hash(path) for path in recipe.data},
+    )
+
+
+def _read_one(path: str, recipe: Recipe, loaded: LoadedModel) -> Recording:
+    if is_run(path):
+        return read_points(path)
+    columns: Mapping[str, ColumnSource] = dict(loaded.columns)
+    if recipe.columns is not None:
+        columns = {**columns, **read_columns(recipe.columns)}
+    where = [*(f"{key}={value}" for key, value in loaded.row_filter.items()), *recipe.where]
+    if not columns and Path(path).name == "points.csv":
+        return read_points(path)
+    return read_table(path, columns, where)
+
+
+def _joined(parts: Sequence[Recording]) -> Recording:
+    if len(parts) == 1:
+        return parts[0]
+    names = [name for name in parts[0].names if all(name in part for part in parts)]
+    columns = []
+    for name in names:
+        values = np.concatenate([part.column(name) for part in parts])
+        if name == "setting":
+            steps = np.cumsum([0.0, *(part.column(name).max() for part in parts[:-1])])
+            values = np.concatenate(
+                [part.column(name) + step for part, step in zip(parts, steps, strict=True)]
+            )
+        columns.append((parts[0].channels[parts[0].index(name)], values))
+    return Recording.from_columns(
+        columns, parts[0].provenance, any(part.simulated for part in parts)
+    )
+
+
+def _thrust_with_error(points: Recording, is_whole_run: bool) -> tuple[Array, Array, str]:
+    thrust = points.si("thrust_N")
+    for name in ("thrust_se_N", "thrust_sd_N"):
+        if name in points and np.isfinite(points.column(name)).any():
+            return thrust, points.si(name), "within" if is_whole_run else "stated"
+    return thrust, np.ones(len(points)), "none"
+
+
+def _selected(
+    observed: Array, error: Array, z_over_R: Array, recipe: Recipe
+) -> tuple[NDArray[np.bool_], tuple[str, ...]]:
+    finite = np.isfinite(observed) & np.isfinite(error) & (error > 0.0)
+    near = finite & (z_over_R < recipe.min_z_over_R)
+    said = []
+    if not finite.all():
+        said.append(
+            f"{np.count_nonzero(~finite)} of {len(observed)} points carry no usable value or "
+            f"error and were left out"
+        )
+    if near.any():
+        said.append(
+            f"{np.count_nonzero(near)} of {len(observed)} points lie below z/R = "
+            f"{recipe.min_z_over_R:g}, outside the formulae's validity, and were left out; "
+            f"take them in with --min-z-over-R 0"
+        )
+    used = finite & ~near
+    if not used.any():
+        raise InputError(
+            f"none of {len(observed)} points can be fitted: {'; '.join(said) or 'there is none'}"
+        )
+    return used, tuple(said)
+
+
+def _settings(points: Recording) -> NDArray[np.intp] | None:
+    if "setting" not in points or not np.isfinite(points.column("setting")).all():
+        return None
+    return points.column("setting").astype(np.intp)

@@ -1,0 +1,159 @@
+"""The report page of a fit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from benchtool import __version__
+from benchtool.estimate.compare import Comparison
+from benchtool.recipes.run_recipe import FitOutput
+from benchtool.report.fit_tables import estimates_table, methods_table
+from benchtool.report.numbers import unit_for_people, value_with_sd
+from benchtool.report.page import (
+    Block,
+    Commands,
+    Facts,
+    Figure,
+    FigureBlock,
+    Paragraph,
+    Report,
+    Section,
+    Table,
+    Warnings,
+)
+
+CAPTIONS: dict[str, str] = {
+    "ratio": (
+        "Thrust near the plate over thrust far from it. Points: mean and standard deviation over "
+        "repeats; solid line: the fitted model with its 68 % and 95 % bands; dashed: the closed "
+        "image formulae (PFI)."
+    ),
+    "thrust": "Thrust against rotor speed at each plate distance, and what the model leaves over.",
+    "area": "How much of the full increment a partly covered disc makes.",
+    "residuals": (
+        "Measured minus model over the standard error: against distance, in the order of "
+        "measurement, as a histogram, and as runs of equal sign."
+    ),
+    "corner": "Posterior draws, pair by pair; the least-squares answer is marked.",
+    "chains": "Traces of the independently started ensembles; they must lie on each other.",
+}
+"""Caption of each figure that `fit_figures` may make, in the order of the page."""
+
+
+def fit_sections(
+    output: FitOutput, figures: Mapping[str, Figure], heading: str = ""
+) -> tuple[Section, ...]:
+    """Return the sections of one fit: answer, figures, comparison, what stands behind it."""
+    name = heading or output.recipe.name
+    warned = list(dict.fromkeys(line for result in output.results for line in result.warnings))
+    answer: list[Block] = [
+        Paragraph(sentence(output)),
+        Warnings(warned),
+        *(estimates_table(result) for result in output.results),
+    ]
+    if len(output.results) > 1:
+        answer.append(methods_table(output.results))
+    shown: list[Block] = [
+        FigureBlock(figures[key], caption) for key, caption in CAPTIONS.items() if key in figures
+    ]
+    sections = [Section(f"{name}: fitted values", answer), Section(f"{name}: figures", shown)]
+    if output.comparison is not None:
+        sections.append(
+            Section(
+                f"{name}: models compared",
+                [Paragraph(output.comparison.sentence + "."), comparison_table(output.comparison)],
+            )
+        )
+    sections.append(Section(f"{name}: what stands behind it", [Facts(_facts(output))]))
+    return tuple(sections)
+
+
+def fit_page(output: FitOutput, figures: Mapping[str, Figure], commands: Sequence[str]) -> Report:
+    """Return the report page of one fit."""
+    first = output.results[0]
+    return Report(
+        title=f"Fit: {output.recipe.name}",
+        summary=sentence(output),
+        sections=(*fit_sections(output, figures), Section("Made with", [Commands(commands)])),
+        simulated=output.data.points.simulated,
+        made=f"benchtool {__version__}",
+        highlights={item.name: value_with_sd(item.value, item.sd) for item in first.estimates[:4]},
+    )
+
+
+def sentence(output: FitOutput) -> str:
+    """Say in one or two sentences what the fit found."""
+    first = output.results[0]
+    said = ", ".join(
+        f"{item.name} = {value_with_sd(item.value, item.sd)}"
+        + ("" if item.unit == "1" else f" {unit_for_people(item.unit)}")
+        for item in first.estimates
+        if not item.name.startswith("noise.")
+    )
+    verdict = first.facts.get("verdict")
+    judged = {
+        "rejected": f" The model is rejected: chi2/dof = {first.chi2_per_dof:.3g}.",
+        "consistent": f" The scatter explains what is left over: chi2/dof = "
+        f"{first.chi2_per_dof:.3g}.",
+    }.get(str(verdict), "")
+    basis = "thrust itself (joint fit)" if output.recipe.basis == "joint" else output.recipe.basis
+    return (
+        f"{len(output.data.rows)} of {len(output.data.points)} points, model "
+        f"{output.loaded.model.name}, basis {basis}: {said}.{judged}"
+    )
+
+
+def comparison_table(comparison: Comparison) -> Table:
+    """Return the models side by side, the best first."""
+    rows = []
+    for place, score in enumerate(comparison.scores):
+        behind = "best" if place == 0 else "clearly behind" if score.clearly_behind else "close"
+        rows.append(
+            (
+                score.model,
+                behind,
+                str(score.parameters),
+                f"{score.chi2_per_dof:.3g}",
+                f"{score.behind_best:.1f} ± {score.behind_best_se:.1f}",
+                f"{score.held_out_rms:.4g}",
+                f"{score.aic:.1f}",
+                f"{score.bic:.1f}",
+            )
+        )
+    return Table(
+        f"Held-out points in {comparison.folds} folds over {comparison.settings} settings.",
+        (
+            "model",
+            "verdict",
+            "free",
+            "χ²/dof",
+            "log score behind best",
+            "held-out RMS",
+            "AIC",
+            "BIC",
+        ),
+        rows,
+        text_columns=2,
+    )
+
+
+def _facts(output: FitOutput) -> dict[str, str]:
+    points, rig = output.data.points, output.loaded.model.rig
+    facts = {
+        "rig": f"{rig.name}: {rig.title}",
+        "assumed numbers of the rig": f"{len(rig.assumed)} of {len(rig.sources)}",
+        "wake rule": output.loaded.model.wake_rule,
+        "b of eq. (4)": output.loaded.model.body_distance.replace("_", " "),
+        "basis": output.recipe.basis,
+        "noise": output.recipe.noise,
+        "loss": output.recipe.loss,
+        "seed": str(output.recipe.seed),
+        "software": f"benchtool {__version__}",
+    }
+    facts |= {f"sha256 of {path}": digest for path, digest in output.data.hashes.items()}
+    for result in output.results:
+        facts[f"outcome of {result.method}"] = result.outcome.message
+    repairs = points.provenance.get("repairs", "")
+    if repairs:
+        facts["repairs made while reading"] = repairs
+    return facts

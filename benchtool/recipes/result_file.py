@@ -1,0 +1,116 @@
+"""result.json: everything that a fit found, for people and programs; see docs/reference."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchtool.core.fit_result import FitResult
+from benchtool.errors import FileFormatError
+from benchtool.library import LoadedModel, model_to_toml
+from benchtool.recipes.run_recipe import FitOutput
+from benchtool.store.atomic import read_json, replace_json, replace_text
+
+FORMAT = "benchtool-fit-1"
+
+
+def result_tables(output: FitOutput) -> dict[str, Any]:
+    """Return the contents of result.json."""
+    tables: dict[str, Any] = {
+        "format": FORMAT,
+        "recipe": _paths_as_names(output),
+        "model": output.loaded.model.name,
+        "basis": output.recipe.basis,
+        "simulated": output.data.points.simulated,
+        "points": {
+            "read": len(output.data.points),
+            "used": len(output.data.rows),
+            "left_out": list(output.data.left_out),
+        },
+        "results": {result.method: _result(result) for result in output.results},
+    }
+    if output.comparison is not None:
+        tables["comparison"] = {
+            "sentence": output.comparison.sentence,
+            "scores": [asdict(score) for score in output.comparison.scores],
+        }
+    cleaned: dict[str, Any] = _json_ready(tables)
+    return cleaned
+
+
+def write_result(folder: Path, output: FitOutput) -> None:
+    """Write result.json, the fitted model and the posterior samples into a folder."""
+    replace_json(folder / "result.json", result_tables(output))
+    fitted = LoadedModel(
+        model=output.fitted, columns=output.loaded.columns, row_filter=output.loaded.row_filter
+    )
+    replace_text(folder / "model.toml", model_to_toml(fitted))
+    for result in output.results:
+        if len(result.samples):
+            header = ",".join(estimate.name for estimate in result.estimates)
+            path = folder / "samples.csv"
+            np.savetxt(path, result.samples, delimiter=",", header=header, comments="", fmt="%.9g")
+
+
+def read_result(folder: Path) -> dict[str, Any]:
+    """Return the contents of a folder's result.json."""
+    path = folder / "result.json"
+    tables = read_json(path)
+    if tables.get("format") != FORMAT:
+        raise FileFormatError(
+            str(path), f"its format is {tables.get('format')!r}, this version reads {FORMAT!r}"
+        )
+    return tables
+
+
+def _result(result: FitResult) -> dict[str, Any]:
+    def estimates(items: Any) -> dict[str, Any]:
+        return {
+            item.name: {
+                "unit": item.unit,
+                "value": item.value,
+                "sd": item.sd,
+                "interval_68": list(item.interval_68),
+                "interval_95": list(item.interval_95),
+            }
+            for item in items
+        }
+
+    return {
+        "estimates": estimates(result.estimates),
+        "derived": estimates(result.derived),
+        "order": [item.name for item in result.estimates],
+        "covariance": result.covariance.tolist(),
+        "chi2": result.chi2,
+        "dof": result.dof,
+        "chi2_per_dof": result.chi2_per_dof,
+        "log_likelihood": result.log_likelihood,
+        "outcome": asdict(result.outcome),
+        "warnings": list(result.warnings),
+        "facts": dict(result.facts),
+    }
+
+
+def _paths_as_names(output: FitOutput) -> dict[str, Any]:
+    """Return the recipe with its data named as given, without folders of one machine."""
+    recipe = asdict(output.recipe)
+    recipe["data"] = [Path(name).name for name in output.recipe.data]
+    recipe["model"] = Path(output.recipe.model).name
+    recipe["compare"] = [Path(name).name for name in output.recipe.compare]
+    return recipe
+
+
+def _json_ready(value: Any) -> Any:
+    """Return the value with nan and infinity as None and NumPy numbers as plain ones."""
+    if isinstance(value, dict):
+        return {str(key): _json_ready(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_json_ready(item) for item in value]
+    if isinstance(value, np.generic):
+        return _json_ready(value.item())
+    if isinstance(value, float) and not np.isfinite(value):
+        return None
+    return value

@@ -1,0 +1,182 @@
+"""Run a recipe: read its data, estimate by each method, hold models against each other."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from benchtool import __version__
+from benchtool.core.fit_result import FitResult
+from benchtool.effects.model import Model
+from benchtool.estimate.compare import Comparison, compare
+from benchtool.estimate.derived import Derived, area_factors, with_derived
+from benchtool.estimate.diagnose import with_diagnosis
+from benchtool.estimate.ensemble import fit_ensemble
+from benchtool.estimate.least_squares import fit_least_squares
+from benchtool.estimate.model_problem import problem_from_model
+from benchtool.estimate.problem import Problem
+from benchtool.estimate.profile import with_profile
+from benchtool.library import LoadedModel, load_model
+from benchtool.recipes.fit_data import FitData, read_fit_data, recipe_model
+from benchtool.recipes.recipe import Recipe
+
+Progress = Callable[[str, int, int], None]
+"""progress(what is being done, steps done, steps expected)."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class FitOutput:
+    """Carry everything that a fit made.
+
+    Attributes:
+        recipe: what was asked.
+        loaded: the model as it was fitted, before.
+        data: the points.
+        problem: as both estimators took it.
+        results: one for each method, in the recipe's order.
+        comparison: of the recipe's models on held-out points, None when none were named.
+    """
+
+    recipe: Recipe
+    loaded: LoadedModel
+    data: FitData
+    problem: Problem
+    results: tuple[FitResult, ...]
+    comparison: Comparison | None = None
+
+    @property
+    def fitted(self) -> Model:
+        """The model at the first method's values, its noise parameters as they were."""
+        model = self.loaded.model
+        parameters = model.parameters
+        for estimate in self.results[0].estimates:
+            if estimate.name in parameters and not estimate.name.startswith("noise."):
+                item = parameters[estimate.name]
+                value = float(np.clip(estimate.value, item.lower, item.upper))
+                parameters = parameters.replaced(estimate.name, item.at(value))
+        return model.at(parameters)
+
+
+def run_recipe(
+    recipe: Recipe, progress: Progress | None = None, *, profile: bool = False
+) -> FitOutput:
+    """Run a recipe and return what it made.
+
+    Args:
+        recipe: what to fit.
+        progress: told what is being done.
+        profile: intervals of least squares from the profile likelihood.
+
+    Raises:
+        InputError: the data or the model do not allow the fit.
+        EstimationError: no estimate can be given.
+    """
+    loaded = recipe_model(recipe)
+    data = read_fit_data(recipe, loaded)
+    loaded = replace(loaded, model=_with_noise(loaded.model, recipe, data.errors))
+    problem = _problem(loaded.model, recipe, data)
+    results = tuple(
+        _named(loaded.model, data, problem, _estimate(problem, recipe, method, progress, profile))
+        for method in recipe.methods
+    )
+    comparison = None
+    if recipe.compare:
+        names = list(dict.fromkeys((recipe.model, *recipe.compare)))
+        others = [_as_compared(load_model(name).model, loaded.model, recipe) for name in names[1:]]
+        problems = [problem, *(_problem(other, recipe, data) for other in others)]
+        comparison = compare(problems, seed=recipe.seed)
+    return FitOutput(
+        recipe=recipe,
+        loaded=loaded,
+        data=data,
+        problem=problem,
+        results=results,
+        comparison=comparison,
+    )
+
+
+def _with_noise(model: Model, recipe: Recipe, errors: str) -> Model:
+    """Return the model with the noise parameter free that the recipe asks for."""
+    kind = recipe.noise
+    if kind == "auto":
+        kind = "stated" if errors == "stated" else "scale"
+    for name in ("noise.scale", "noise.sd_N"):
+        wanted = {"noise.scale": "scale", "noise.sd_N": "add"}[name] == kind
+        item = model.parameters[name]
+        if wanted and name == "noise.sd_N" and item.value == 0.0:
+            item = item.at(1e-3)
+        model = model.at(model.parameters.replaced(name, replace(item, free=wanted)))
+    return model
+
+
+def _problem(model: Model, recipe: Recipe, data: FitData) -> Problem:
+    rows = data.rows
+    return problem_from_model(
+        model,
+        data.conditions.select(rows),
+        data.observed[rows],
+        None if data.errors == "none" else data.standard_error[rows],
+        basis=recipe.basis,
+        nearest_z_over_R=None,
+        groups=None if data.groups is None else data.groups[rows],
+    )
+
+
+def _as_compared(other: Model, model: Model, recipe: Recipe) -> Model:
+    """Return another model on the same rig, with the same noise and the same nuisances free."""
+    other = replace(other, rig=model.rig)
+    own = {effect.name for effect in other.effects}
+    for effect in model.effects:
+        is_nuisance = effect.stage in ("sensor", "plate")
+        if effect.name not in own and is_nuisance:
+            other = other.with_effect(effect)
+            for name, item in model.parameters.items():
+                if name.startswith(f"{effect.name}."):
+                    other = other.at(other.parameters.replaced(name, item))
+    for name in ("noise.scale", "noise.sd_N"):
+        other = other.at(other.parameters.replaced(name, model.parameters[name]))
+    return other if recipe.basis == "joint" else other.fixed("k")
+
+
+def _estimate(
+    problem: Problem, recipe: Recipe, method: str, progress: Progress | None, profile: bool
+) -> FitResult:
+    if method == "least_squares":
+        if progress is not None:
+            progress("least squares", 0, 1)
+        result = fit_least_squares(problem, loss=recipe.loss, starts=3, seed=recipe.seed)
+        return with_profile(problem, result) if profile else result
+    tell = None
+    if progress is not None:
+
+        def tell(done: int, expected: int) -> None:
+            progress("emcee", done, expected)
+
+    return fit_ensemble(
+        problem,
+        walkers=recipe.walkers,
+        max_steps=recipe.max_steps,
+        seed=recipe.seed,
+        progress=tell,
+    )
+
+
+def _named(model: Model, data: FitData, problem: Problem, result: FitResult) -> FitResult:
+    """Return the result with its diagnosis, derived quantities, what was left out, hashes."""
+    free = {estimate.name for estimate in result.estimates}
+    quantities: list[Derived] = []
+    if "R_m" in free:
+        radius = model.rig.propulsion.radius_m
+        quantities.append(Derived("R_over_rotor_radius", "1", lambda v: v["R_m"] / radius))
+    shares = sorted(name for name in free if name.startswith("partial_coverage.share_"))
+    quantities += area_factors(shares)
+    facts = {
+        **result.facts,
+        "benchtool": __version__,
+        "simulated": data.points.simulated,
+        **{f"sha256.{path}": digest for path, digest in data.hashes.items()},
+    }
+    result = replace(result, facts=facts, warnings=(*data.left_out, *result.warnings))
+    return with_derived(with_diagnosis(problem, result), quantities)
