@@ -33,6 +33,9 @@ def serve(
     ] = None,
 ) -> None:
     """Run a virtual bench on a pseudo-terminal or TCP port until Ctrl-C."""
+    import signal
+    import sys
+
     from benchtool.bench.faults import fault_from
     from benchtool.bench.server_links import link_named
     from benchtool.bench.virtual_server import standard_truth, virtual_server
@@ -46,6 +49,10 @@ def serve(
     loaded = load_model(name, stands)
     flaws = build(Imperfections, dict(loaded.imperfections), f"{name}: [imperfections]")
     where = link_named(link, symlink)
+    # A service manager's end, and Ctrl-Break of a Windows console, close the link like Ctrl-C.
+    for name in ("SIGTERM", "SIGBREAK"):
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.default_int_handler)
     try:
         server = virtual_server(
             stands,
@@ -58,6 +65,11 @@ def serve(
             faults=faults,
         )
         print(where.address, flush=True)
+        print(
+            f"virtual bench of {stands.name}, truth {loaded.model.name}, speed {speed:g}; "
+            f"no motor turns; Ctrl-C ends it",
+            file=sys.stderr,
+        )
         server.run()
     except KeyboardInterrupt:
         pass

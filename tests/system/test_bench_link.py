@@ -1,0 +1,282 @@
+"""The chain over a real pseudo-terminal and TCP: a device here, its host in another process."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from benchtool.bench.firmware import Firmware
+from benchtool.bench.serial_bench import SerialBench
+from benchtool.bench.server import BenchServer, Outbox
+from benchtool.bench.server_links import PtyLink, ServerLink, TcpLink, link_named
+from benchtool.errors import DeviceStopped, InputError, LinkLost, PortBusy
+from tests.wire.still_plant import StillPlant, still_hello
+
+posix = pytest.mark.skipif(os.name != "posix", reason="needs pseudo-terminals and signals")
+
+HOST = """
+import sys
+import numpy as np
+from benchtool.bench.serial_bench import SerialBench
+
+bench = SerialBench.on_port(sys.argv[1], sys.argv[1].removeprefix("serial:"), 2_000_000)
+bench.open()
+bench.set_pwm(np.array([1500.0, 1500.0]))
+print("spinning", flush=True)
+while True:
+    bench.read(0.1)
+"""
+
+
+class WatchedPlant(StillPlant):
+    """Note when motors were commanded what, on the wall clock."""
+
+    def __init__(self) -> None:
+        super().__init__(rate_Hz=200.0)
+        self.commands: list[tuple[float, float]] = []
+
+    def command_pwm(self, pwm_us: NDArray[np.float64]) -> None:
+        super().command_pwm(pwm_us)
+        self.commands.append((time.monotonic(), float(pwm_us.max())))
+
+
+class Served:
+    """Run a device in a thread."""
+
+    def __init__(self, link: ServerLink) -> None:
+        self.link = link
+        self.plant = WatchedPlant()
+        self.firmware = Firmware(self.plant, still_hello(rate_Hz=200.0), time.monotonic())
+        self.server = BenchServer(self.firmware, link, lambda: self.plant.rate_Hz)
+        self._going = True
+        self._thread = threading.Thread(target=self.server.run, args=(lambda: self._going,))
+        self._thread.start()
+
+    def end(self) -> None:
+        self._going = False
+        self._thread.join()
+        self.link.close()
+
+
+@pytest.fixture
+def on_pty() -> Iterator[Served]:
+    served = Served(PtyLink())
+    yield served
+    served.end()
+
+
+@pytest.fixture
+def on_tcp() -> Iterator[Served]:
+    served = Served(TcpLink("127.0.0.1", 0))
+    yield served
+    served.end()
+
+
+def bench_at(address: str) -> SerialBench:
+    scheme, _, place = address.partition(":")
+    if scheme == "serial":
+        return SerialBench.on_port(address, place, 2_000_000)
+    host, _, port = place.partition(":")
+    return SerialBench.on_tcp(address, host, int(port))
+
+
+def read_on(bench: SerialBench, told: list[str]) -> None:
+    """Read until something ends it; keep what the device says."""
+    while True:
+        told += bench.read(0.1).messages
+
+
+def drive(bench: SerialBench, readings: int = 40) -> NDArray[np.float64]:
+    """Spin and return so many rows; not one may be lost."""
+    with bench:
+        bench.move_plate(0.12)
+        bench.tare()
+        bench.set_pwm(np.array([1300.0, 1200.0]))
+        rows: list[NDArray[np.float64]] = []
+        while sum(map(len, rows)) < readings:
+            got = bench.read(0.5)
+            assert (got.lost, got.corrupt) == (0, 0)
+            rows.append(got.values)
+    return np.concatenate(rows)
+
+
+@posix
+def test_drive_over_a_pseudo_terminal_twice(on_pty: Served) -> None:
+    for _ in range(2):
+        last = drive(bench_at(on_pty.link.address))[-2:]
+        np.testing.assert_array_equal(last[:, :2], [[1300, 1200]] * 2)
+        assert np.nanmax(last[:, 2]) == 5.0
+        assert np.all(last[:, 3] == 0.12)
+        assert on_pty.plant.pwm_us.max() == 1000.0
+
+
+def test_drive_over_tcp(on_tcp: Served) -> None:
+    assert np.nanmax(drive(bench_at(on_tcp.link.address))[-2:, 2]) == 5.0
+
+
+@posix
+def test_a_killed_host_leaves_motors_at_zero_within_300_ms(on_pty: Served) -> None:
+    address = on_pty.link.address
+    host = subprocess.Popen(
+        [sys.executable, "-c", HOST, address], stdout=subprocess.PIPE, text=True
+    )
+    try:
+        assert host.stdout is not None
+        assert host.stdout.readline() == "spinning\n"
+        with pytest.raises(PortBusy) as caught:
+            bench_at(address).open()
+        if sys.platform == "linux":
+            assert f"(pid {host.pid})" in str(caught.value)
+        time.sleep(0.3)
+        assert on_pty.plant.commands[-1][1] == 1500.0
+        killed_s = time.monotonic()
+        host.send_signal(signal.SIGKILL)
+        while on_pty.plant.commands[-1][1] != 1000.0 and time.monotonic() < killed_s + 2.0:
+            time.sleep(0.002)
+        stopped_s, pwm_us = on_pty.plant.commands[-1]
+    finally:
+        host.kill()
+        host.communicate()
+    assert pwm_us == 1000.0
+    assert 0.1 < stopped_s - killed_s < 0.3
+    assert on_pty.firmware.latched is not None
+    # The port is free again, and the next host finds a device that has been cleared.
+    drive(bench_at(address))
+
+
+@posix
+def test_a_host_that_hangs_is_told_so(on_pty: Served) -> None:
+    with bench_at(on_pty.link.address) as bench:
+        bench.set_pwm(np.array([1300.0, 1200.0]))
+        time.sleep(0.35)
+        told: list[str] = []
+        with pytest.raises(DeviceStopped, match="watchdog"):
+            read_on(bench, told)
+    assert any(text.startswith("watchdog: no line for") for text in told)
+
+
+def test_a_second_host_on_tcp_is_told_who_is_there(on_tcp: Served) -> None:
+    with bench_at(on_tcp.link.address), pytest.raises(PortBusy, match=r"127\.0\.0\.1:\d+"):
+        bench_at(on_tcp.link.address).open()
+
+
+@posix
+def test_a_pulled_cable_and_the_same_path_again(tmp_path: Path) -> None:
+    symlink = tmp_path / "bench"
+    served = Served(PtyLink(symlink))
+    try:
+        bench = bench_at(f"serial:{symlink}")
+        bench.open()
+        served.link.unplug()
+        with pytest.raises(LinkLost, match="check cable"):
+            read_on(bench, [])
+        bench.close()
+        assert not symlink.is_symlink()
+        served.link.replug()
+        drive(bench_at(f"serial:{symlink}"))
+    finally:
+        served.end()
+    assert not symlink.is_symlink()
+
+
+def serve(*words: str) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, "-m", "benchtool", "bench", "serve", *words],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def ended(process: subprocess.Popen[str]) -> tuple[int, str]:
+    _, errors = process.communicate(timeout=30)
+    return process.returncode, errors
+
+
+@posix
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_serve_from_the_command_line(tmp_path: Path, number: signal.Signals) -> None:
+    symlink = tmp_path / "bench"
+    process = serve("--rig", "pquad", "--speed", "20", "--symlink", str(symlink))
+    try:
+        assert process.stdout is not None
+        address = process.stdout.readline().strip()
+        assert address == f"serial:{symlink}"
+        with bench_at(address) as bench:
+            identity = bench.identity
+            assert identity.simulated
+            assert identity.facts["speed"] == "20"
+            bench.set_pwm(np.full(identity.n_rotors, 1500.0))
+            start_s = bench.now_s()
+            thrust_N = [np.nan]
+            while bench.now_s() < start_s + 5.0:
+                column = bench.read(0.5).values[
+                    :, [c.name for c in identity.channels].index("thrust_N")
+                ]
+                thrust_N.extend(column)
+        assert np.nanmax(thrust_N) > 5.0
+        process.send_signal(number)
+        code, errors = ended(process)
+    finally:
+        process.kill()
+        process.wait()
+    assert (code, symlink.is_symlink()) == (0, False), errors
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--rig", "no-such-rig"), "no-such-rig"),
+        (("--fault", "gremlin"), "known: corrupt, delay, drop"),
+        (("--fault", "stuck:channel=rpm77"), "unknown channel of fault stuck 'rpm77'"),
+        (("--link", "carrier-pigeon"), "known: pty, tcp:PORT"),
+        (("--link", "tcp:99999"), "outside 0 to 65535"),
+        (("--speed", "0"), "speed 0"),
+    ],
+)
+def test_serve_refuses_in_one_sentence(words: tuple[str, ...], said: str) -> None:
+    process = serve(*words)
+    code, errors = ended(process)
+    assert code == 2
+    assert said in errors
+    assert len(errors.strip().splitlines()) == 1
+
+
+def test_links_by_name(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="goes with --link pty only"):
+        link_named("tcp:0", tmp_path / "bench")
+    if os.name == "posix":
+        with pytest.raises(InputError, match="exists and is no link"):
+            link_named("pty", tmp_path)
+    link = link_named("tcp:0")
+    port = link.address.rpartition(":")[2]
+    with pytest.raises(PortBusy, match="another program listens"):
+        link_named(f"tcp:{port}")
+    link.close()
+
+
+def test_the_outbox_keeps_answers_and_counts_what_it_drops() -> None:
+    outbox = Outbox(room_bytes=10)
+    for _ in range(5):
+        outbox.add_sample(b"1234")
+    outbox.add(b"answer")
+    assert outbox.dropped == 3
+    sent: list[bytes] = []
+
+    def take_three(data: bytes) -> int:
+        sent.append(data[:3])
+        return 3
+
+    for _ in range(10):
+        outbox.flush(take_three)
+    assert b"".join(sent) == b"12341234answer"
