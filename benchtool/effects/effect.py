@@ -12,7 +12,7 @@ Hooks see discs, not rotors: coaxial rotors blow through one disc. The disc axis
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple, TypeAlias
 
 from benchtool.aero.expression import Quantity as Quantity
@@ -39,6 +39,8 @@ class Flow(NamedTuple):
         voltage_V: battery voltage over nominal is what speed follows (...).
         elapsed_s: time since the last tare (...).
         time_s: time since the run began (...).
+        pitch_rad, rate_rad_s: attitude and rate about the y axis (...): rad, rad/s; zero on a bench
+            that is held.
     """
 
     radius_m: Quantity
@@ -54,6 +56,8 @@ class Flow(NamedTuple):
     voltage_V: Quantity
     elapsed_s: Quantity
     time_s: Quantity
+    pitch_rad: Quantity = 0.0
+    rate_rad_s: Quantity = 0.0
 
 
 Values: TypeAlias = Any
@@ -64,6 +68,9 @@ DiscHook = Callable[[int, Flow, Values], Quantity]
 
 ChangeHook = Callable[[int, Quantity, Flow, Values], Quantity]
 """hook(i, quantity, flow, p) -> the quantity of disc i, changed."""
+
+BodyHook = Callable[[Flow, Values], Quantity]
+"""hook(flow, p) -> a quantity of the whole body."""
 
 ReadingHook = Callable[[Quantity, Flow, Sequence[Quantity], Values], Quantity]
 """hook(reading, flow, states, p) -> the reading, changed."""
@@ -111,8 +118,11 @@ class Effect:
         denominator: term of the thrust denominator, added.
         factor: factor of a disc's thrust.
         speed: a disc's rotor speed, changed: speed(i, speed, flow, p).
-        torque: torque about the pitch axis: torque(0, flow, p), N m.
-        thrust_reading: the load cell's reading, changed.
+        torque: torque about the pitch axis: N m, positive nose down as in eq. (9).
+        dry_friction: torque that the hinge can hold at rest or opposes to motion: N m, not
+            negative; the plant decides between stick and slip.
+        delay_s: time between a command and its arrival at the motors.
+        readings: a channel's reading, changed, by channel name ("thrust_N", "gyro_rad_s").
         states: own states; their values reach the reading hooks in this order, and a state
             driven by speed replaces the speed that the thrust is made of.
         configure: builds the effect for settings in a model file, for example its knots.
@@ -133,10 +143,17 @@ class Effect:
     denominator: DiscHook | None = None
     factor: DiscHook | None = None
     speed: ChangeHook | None = None
-    torque: DiscHook | None = None
-    thrust_reading: ReadingHook | None = None
+    torque: BodyHook | None = None
+    dry_friction: BodyHook | None = None
+    delay_s: Callable[[Values], Quantity] | None = None
+    readings: Mapping[str, ReadingHook] = field(default_factory=dict)
     states: tuple[OwnState, ...] = ()
     configure: Callable[[Mapping[str, Any]], Effect] | None = None
+
+    @property
+    def thrust_reading(self) -> ReadingHook | None:
+        """The hook on the load cell's reading."""
+        return self.readings.get("thrust_N")
 
     @property
     def changes_geometry(self) -> bool:

@@ -54,7 +54,7 @@ EFFECT = Effect(
         "battery_sag": "the voltage column, or anchors at zero throttle, separate them",
         "tare_offset": "points soon and late after a tare separate them",
     },
-    thrust_reading=thrust_reading,
+    readings={"thrust_N": thrust_reading},
     states=(
         OwnState(
             name="zero",

@@ -39,5 +39,5 @@ EFFECT = Effect(
     shows="low throttle, zero throttle",
     source="arithmetic of a tare",
     confused_with={"load_cell_hysteresis": "tare rows and up-and-down order separate them"},
-    thrust_reading=thrust_reading,
+    readings={"thrust_N": thrust_reading},
 )

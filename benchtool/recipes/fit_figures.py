@@ -76,22 +76,26 @@ def ratio(output: FitOutput) -> Figure:
 def ratio_points(output: FitOutput, label: str, role: Role = "measurement") -> RatioPoints:
     """Return the measured ratio at each distance: mean and standard deviation over its points.
 
-    A joint fit knows the thrust out of ground effect at each point's own rotor speeds.
+    A single point has its stated error, if there is one. A joint fit knows the thrust out of ground effect at each point's own rotor speeds.
     """
     data, model = output.data, output.fitted
-    measured = data.observed
+    measured, error = data.observed, data.standard_error
     if output.recipe.basis == "joint":
         values = model.parameters.values_array()
         far = data.conditions.out_of_ground_effect()
         flow = model.flow(far, values)
         alone = model.parameters["k"].value * model.squared_speed(flow, values)
         measured = 1.0 + (data.observed - model.thrust_N(far)) / alone
+        error = error / alone
     shown = np.isfinite(measured) & (data.z_over_R < FAR_Z_OVER_R) & _fully_covered(output)
     distance = np.round(data.z_over_R, 2)
     rows = []
     for here in np.unique(distance[shown]):
         at = shown & (distance == here)
-        sd = float(np.std(measured[at], ddof=1)) if at.sum() > 1 else float("nan")
+        if at.sum() > 1:
+            sd = float(np.std(measured[at], ddof=1))
+        else:
+            sd = float(error[at][0]) if data.errors == "stated" else float("nan")
         rows.append((data.z_over_R[at].mean(), measured[at].mean(), sd, not data.used[at].any()))
     table = np.array(rows, float).reshape(-1, 4)
     return RatioPoints(table[:, 0], table[:, 1], table[:, 2], label, role, table[:, 3].astype(bool))
@@ -160,7 +164,7 @@ def _shown_basis(output: FitOutput) -> str:
 
 def _name_of_data(output: FitOutput) -> str:
     points = output.data.points
-    repeats = "mean and sd over repeats"
+    repeats = "stated error" if output.data.errors == "stated" else "mean and sd over repeats"
     return f"simulated bench, {repeats}" if points.simulated else f"measured, {repeats}"
 
 
