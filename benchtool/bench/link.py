@@ -96,13 +96,13 @@ class Decoder:
         self._rest = b""
         self._overlong = False
         self._synchronised = False
-        self._sequence: int | None = None
-        self._time_us: int | None = None
+        self._last: NDArray[np.int64] | None = None
+        self._time_us = 0
 
     def expect(self, n_channels: int) -> None:
         """Take samples of so many values from now on, with a fresh count."""
         self._n_channels = n_channels
-        self._sequence = self._time_us = None
+        self._last = None
 
     def feed(self, data: bytes) -> Batch:
         """Decode what `data` completes."""
@@ -151,24 +151,21 @@ class Decoder:
             rows = [row for one in samples if (row := _table([one], width)) is not None]
             corrupt += len(samples) - len(rows)
             table = np.concatenate(rows) if rows else np.empty((0, width))
-        times_us, lost = self._follow(table[:, 0].astype(np.int64), table[:, 1].astype(np.int64))
+        times_us, lost = self._follow(table[:, :2].astype(np.int64))
         return Batch(times_us, table[:, 2:], tuple(messages), lost, corrupt)
 
-    def _follow(
-        self, sequences: NDArray[np.int64], times_us: NDArray[np.int64]
-    ) -> tuple[NDArray[np.int64], int]:
-        """Unwrap the device time and count the gaps in the sequence."""
-        if not len(sequences):
-            return times_us, 0
-        before = (int(sequences[0]) - 1) if self._sequence is None else self._sequence
-        steps = np.diff(sequences, prepend=before)
-        lost = int(((steps - 1) % SEQUENCE_MODULUS).sum())
-        first_us = int(times_us[0]) if self._time_us is None else self._time_us
-        unwrapped = first_us + np.cumsum(
-            np.diff(times_us, prepend=first_us % TIME_MODULUS_US) % TIME_MODULUS_US
-        )
-        self._sequence, self._time_us = int(sequences[-1]), int(unwrapped[-1])
-        return unwrapped, lost
+    def _follow(self, stamps: NDArray[np.int64]) -> tuple[NDArray[np.int64], int]:
+        """Unwrap the device time and count the gaps in stamps (m, 2): sequence number, us."""
+        if not len(stamps):
+            return stamps[:, 1], 0
+        steps = np.empty_like(stamps)
+        steps[1:] = stamps[1:] - stamps[:-1]
+        # The very first sample starts both counts.
+        steps[0] = (1, 0) if self._last is None else stamps[0] - self._last
+        first_us = int(stamps[0, 1]) if self._last is None else self._time_us
+        unwrapped = first_us + np.cumsum(steps[:, 1] % TIME_MODULUS_US)
+        self._last, self._time_us = stamps[-1], int(unwrapped[-1])
+        return unwrapped, int(((steps[:, 0] - 1) % SEQUENCE_MODULUS).sum())
 
 
 def _search(line: bytes) -> list[bytes]:
