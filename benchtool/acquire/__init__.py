@@ -1,0 +1,1 @@
+"""Acquisition: plan, order, tare, settle, sweep, calibrate."""

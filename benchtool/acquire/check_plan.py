@@ -1,0 +1,162 @@
+"""Check a plan against the limits of rig and device before anything spins."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import atan2, degrees, radians, tan
+
+import numpy as np
+
+from benchtool.acquire.order import Setting, settings_of
+from benchtool.acquire.plan import Plan
+from benchtool.aero.rotor import speed_from_pwm
+from benchtool.core.rig import Rig
+from benchtool.effects.conditions import Conditions
+from benchtool.effects.model import Model
+from benchtool.errors import PlanError
+
+BODY_LIFT_K = 2.0
+"""K_b of the expected thrust: "close to 2" (paper, section 2.2)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Expected:
+    """Say what a plan asks for at most: pulse, speed, thrust out of and in ground effect."""
+
+    pwm_us: float
+    rpm: float
+    thrust_oge_N: float
+    thrust_N: float
+
+
+def expected_extremes(plan: Plan, rig: Rig) -> Expected:
+    """Return the most that a resolved plan asks of the bench, at nominal voltage.
+
+    Thrust from the rig's k and pwm map, with eq. (3) for the rotors and eq. (4) for the body of a
+    multirotor.
+    """
+    settings = settings_of(plan, rig)
+    model = Model.single(rig)
+    if rig.n_discs > 1:
+        model = model.with_effect("neighbour_images").with_effect("body_lift", K_b=BODY_LIFT_K)
+    p = rig.propulsion
+    pulses = np.array([setting.pwm_us for setting in settings], float).T
+    speed = np.asarray(
+        speed_from_pwm(
+            pulses,
+            p.speed_per_us_rad_s,
+            p.pwm_start_us,
+            np.full(len(settings), p.voltage_nominal_V),
+            p.voltage_nominal_V,
+        )
+    )
+    speed = np.where(pulses > p.pwm_start_us, speed, 0.0)
+    conditions = Conditions.of(
+        rig,
+        speed_rad_s=speed,
+        plate_z_m=np.array([setting.place.z_m for setting in settings]),
+        plate_x_m=np.array([setting.place.x_m for setting in settings]),
+        plate_tilt_rad=np.array([radians(setting.place.tilt_deg) for setting in settings]),
+    )
+    inside = np.asarray(model.thrust_N(conditions), float)
+    outside = np.asarray(model.thrust_N(conditions.out_of_ground_effect()), float)
+    return Expected(
+        float(pulses.max()),
+        float(speed.max()) * 60.0 / (2.0 * np.pi),
+        float(outside.max()),
+        float(np.abs(inside).max()),
+    )
+
+
+def check_plan(plan: Plan, rig: Rig, device_limits: Mapping[str, float] | None = None) -> Expected:
+    """Refuse a resolved plan that the limits do not allow; return what it asks for at most.
+
+    Raises:
+        PlanError: the value, the limit and what to change.
+    """
+    _check_lists(plan, rig)
+    settings = settings_of(plan, rig)
+    device = dict(device_limits or {})
+    highest_us = min(rig.limits.pwm_us, rig.propulsion.pwm_max_us, device.get("pwm_us", np.inf))
+    stop_us = rig.propulsion.pwm_stop_us
+    for level_us in plan.throttle.pwm_us:
+        if not stop_us < level_us <= highest_us:
+            raise PlanError(
+                f"throttle.pwm_us asks for {level_us:g} us, allowed are {stop_us:g} to "
+                f"{highest_us:g} us; change that level or the rig's limits.pwm_us"
+            )
+    for setting in settings:
+        _check_place(setting, rig, device)
+    expected = expected_extremes(plan, rig)
+    allowed_N = min(
+        rig.limits.thrust_N, rig.limits.load_cell_rating_N, device.get("thrust_N", np.inf)
+    )
+    if expected.thrust_N > allowed_N:
+        raise PlanError(
+            f"the plan would give about {expected.thrust_N:.3g} N at {expected.pwm_us:g} us close "
+            f"to the plate, limit {allowed_N:.3g} N; lower throttle.pwm_us, move the plate away "
+            f"or raise limits.thrust_N within the load cell's rating of "
+            f"{rig.limits.load_cell_rating_N:g} N"
+        )
+    allowed_rpm = min(rig.limits.rpm, device.get("rpm", np.inf))
+    if expected.rpm > allowed_rpm:
+        raise PlanError(
+            f"the plan would give about {expected.rpm:.0f} rpm at {expected.pwm_us:g} us, limit "
+            f"{allowed_rpm:.0f} rpm; lower throttle.pwm_us"
+        )
+    return expected
+
+
+def _check_lists(plan: Plan, rig: Rig) -> None:
+    if not plan.plate.distances_m:
+        raise PlanError(
+            f"no plate distance is left between the minimum gap of {rig.plate.z_min_m:g} m and the "
+            f"park position at {rig.plate.z_park_m:g} m; give plate.distances_m"
+        )
+    unknown = [rotor for rotor in plan.throttle.rotors_on if rotor > rig.n_rotors]
+    if unknown:
+        raise PlanError(
+            f"throttle.rotors_on names rotor {unknown[0]}, but rig {rig.name!r} has rotors 1 to "
+            f"{rig.n_rotors}; correct the number"
+        )
+    lists: dict[str, tuple[float, ...]] = {
+        "plate.distances_m": plan.plate.distances_m,
+        "plate.tilts_deg": plan.plate.tilts_deg,
+        "plate.lateral_m": plan.plate.lateral_m,
+        "throttle.pwm_us": plan.throttle.pwm_us,
+        "throttle.rotors_on": plan.throttle.rotors_on,
+    }
+    for name, numbers in lists.items():
+        twice = [number for number in numbers if numbers.count(number) > 1]
+        if twice:
+            raise PlanError(
+                f"{name} names {twice[0]:g} twice; take one away (repeats ask for more visits)"
+            )
+    rest = plan.rest
+    if rest.above_degC is not None and rest.until_degC >= rest.above_degC:
+        raise PlanError(
+            f"rest.until_degC {rest.until_degC:g} is not below rest.above_degC "
+            f"{rest.above_degC:g}; lower it"
+        )
+
+
+def _check_place(setting: Setting, rig: Rig, device: Mapping[str, float]) -> None:
+    place, plate = setting.place, rig.plate
+    low_m = max(plate.z_min_m, device.get("plate_z_min_m", 0.0))
+    high_m = min(plate.z_max_m, device.get("plate_z_max_m", np.inf))
+    if not low_m <= place.z_m <= high_m:
+        raise PlanError(
+            f"a plate distance of {place.z_m:g} m (z/R = "
+            f"{place.z_m / rig.propulsion.radius_m:.2f}) is outside {low_m:g} to {high_m:g} m; "
+            f"change plate.distances or the rig's plate.z_min_m, z_max_m"
+        )
+    reach_m = max(abs(rotor.x_m) for rotor in rig.rotors) + rig.propulsion.radius_m
+    nearest_m = place.z_m - reach_m * tan(abs(radians(place.tilt_deg)))
+    if nearest_m < low_m:
+        most = degrees(atan2(place.z_m - low_m, reach_m))
+        raise PlanError(
+            f"at {place.z_m:g} m a tilt of {place.tilt_deg:g} deg brings the plate to "
+            f"{nearest_m:.3g} m of the blade tips, minimum gap {low_m:g} m; tilt at most "
+            f"{most:.1f} deg there or give a greater distance"
+        )

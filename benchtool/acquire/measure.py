@@ -1,0 +1,78 @@
+"""One point from its samples: means, and thrust through a calibration where there is one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import nan
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.acquire.average import Average, average
+from benchtool.acquire.calibration import Calibration
+from benchtool.acquire.order import Visit
+from benchtool.acquire.tare import Tared
+from benchtool.core.recording import Recording
+from benchtool.core.rig import Rig
+from benchtool.store import Point
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class ThrustScale:
+    """Say how samples become newtons.
+
+    Attributes:
+        calibration: applied to raw counts; None takes the device's own newtons.
+        zero_counts: raw reading of the unloaded cell, from the last tare.
+        quantum_N: resolution of thrust.
+    """
+
+    calibration: Calibration | None = None
+    zero_counts: float = nan
+    quantum_N: float = 0.0
+
+    def thrust_N(self, samples: Recording) -> Array:
+        """Return thrust of every sample (n,): N."""
+        if self.calibration is None:
+            return samples.column("thrust_N")
+        return self.calibration.newtons(samples.column("thrust_raw"), self.zero_counts)
+
+
+def measure(
+    samples: Recording, visit: Visit, rig: Rig, tared: Tared, scale: ThrustScale, settled: bool
+) -> Point:
+    """Return the point that a visit's samples make."""
+    place = visit.setting.place
+    thrust = average(scale.thrust_N(samples), scale.quantum_N)
+    time_s = float(samples.column("time_s").mean())
+
+    def mean_of(name: str, otherwise: float) -> float:
+        if name not in samples:
+            return otherwise
+        found: Average = average(samples.column(name))
+        return found.mean if found.n else otherwise
+
+    return Point(
+        point=visit.point,
+        kind=visit.kind,
+        setting=visit.setting.number,
+        repeat=visit.repeat,
+        time_s=time_s,
+        elapsed_s=time_s - tared.time_s,
+        pwm_us=visit.setting.pwm_us,
+        rpm=tuple(mean_of(f"rpm{rotor + 1}", nan) for rotor in range(rig.n_rotors)),
+        thrust_N=thrust.mean,
+        thrust_sd_N=thrust.sd,
+        thrust_se_N=thrust.se,
+        n_samples=thrust.n,
+        plate_z_m=mean_of("plate_z_m", place.z_m),
+        plate_x_m=mean_of("plate_x_m", place.x_m),
+        plate_tilt_deg=mean_of("plate_tilt_deg", place.tilt_deg),
+        voltage_V=mean_of("voltage_V", nan),
+        current_A=mean_of("current_A", nan),
+        torque_Nm=mean_of("torque_Nm", nan),
+        temperature_degC=mean_of("temperature_degC", nan),
+        settled=settled,
+    )

@@ -1,0 +1,248 @@
+"""A sweep's plan: what is visited, how it is ordered, how settled, sampled and tared."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from annotated_types import Ge, Gt, Le, Len
+
+from benchtool.core.rig import Rig
+from benchtool.core.toml_text import FileTable, read_strict
+from benchtool.errors import FileFormatError
+
+Positive = Annotated[float, Gt(0.0)]
+NotNegative = Annotated[float, Ge(0.0)]
+
+REPEATS_SINGLE = 9
+"""Tests per distance with one rotor on (paper, section 2.1)."""
+
+REPEATS_SEVERAL = 5
+"""Tests per distance with the full multirotor (paper, section 2.2)."""
+
+STANDARD_DISTANCES_OVER_R = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0)
+"""Distances of a plan that names none; a choice: dense where the increment is steep."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlatePart(FileTable):
+    """Say where the plate goes: every combination of distance, tilt and lateral position.
+
+    Attributes:
+        distances_m: distance from rotor plane to plate.
+        distances_over_R: the same as multiples of the rotor radius; give one of the two.
+        tilts_deg: inclination; positive brings +x rotors nearer.
+        lateral_m: plate position along x, for partial coverage.
+    """
+
+    distances_m: tuple[Positive, ...] = ()
+    distances_over_R: tuple[Positive, ...] = ()
+    tilts_deg: Annotated[tuple[float, ...], Len(1)] = (0.0,)
+    lateral_m: Annotated[tuple[float, ...], Len(1)] = (0.0,)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ThrottlePart(FileTable):
+    """Say how fast the rotors turn.
+
+    Attributes:
+        pwm_us: pulse levels, each given to every rotor that is on.
+        rotors_on: numbers of the rotors that turn, from 1; all of them when empty.
+        ramp_s: time from one level to the next.
+    """
+
+    pwm_us: tuple[Positive, ...] = ()
+    rotors_on: tuple[Annotated[int, Ge(1)], ...] = ()
+    ramp_s: Annotated[float, Ge(0.0), Le(10.0)] = 0.3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OrderPart(FileTable):
+    """Say in which order settings are visited.
+
+    Attributes:
+        kind: "randomised" (plate positions shuffled in every repeat, levels within each position),
+            "counterbalanced" (every second repeat backwards), or "as_given".
+        seed: of the shuffling.
+        references: visit every level with the plate parked in every repeat (T_OGE).
+        anchor_every: repeat one setting after so many visits, to see drift; 0 for never.
+    """
+
+    kind: Literal["randomised", "counterbalanced", "as_given"] = "randomised"
+    seed: Annotated[int, Ge(0)] = 0
+    references: bool = True
+    anchor_every: Annotated[int, Ge(0)] = 20
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SettlePart(FileTable):
+    """Say when thrust and speed count as settled.
+
+    Attributes:
+        window_s: span of the regression line.
+        slope_per_s: settled when the slope over the mean is below this, or below twice its
+            standard error. 0.002 1/s moves a mean over 2 s by 0.2 % at most; a choice.
+        timeout_s: after so long the point is taken anyway, marked unsettled, with an event.
+    """
+
+    window_s: Positive = 1.0
+    slope_per_s: Positive = 0.002
+    timeout_s: Positive = 15.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TarePart(FileTable):
+    """Say when and how well the load cell is tared.
+
+    Attributes:
+        seconds: span over which the rest is averaged after a tare.
+        residual_N: largest rest; from the load cell's noise and quantum when left out.
+        every_minutes: tare again after so long; 0 for only at the start.
+        drift_N: tare again when an anchor has moved by more; off when left out.
+        stop_timeout_s: rotors must stand still so soon after zero was commanded.
+    """
+
+    seconds: Positive = 1.0
+    residual_N: Positive | None = None
+    every_minutes: NotNegative = 10.0
+    drift_N: Positive | None = None
+    stop_timeout_s: Positive = 10.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RestPart(FileTable):
+    """Say when the bench rests with motors at zero.
+
+    Attributes:
+        above_degC: ESC temperature that asks for a rest; never when left out.
+        until_degC: temperature at which the sweep goes on.
+        below_V: pack voltage under load that asks for a rest; never when left out.
+        until_V: voltage at rest at which the sweep goes on.
+        longest_s: after so long the sweep stops; it can be resumed.
+    """
+
+    above_degC: float | None = None
+    until_degC: float = 45.0
+    below_V: Positive | None = None
+    until_V: NotNegative = 0.0
+    longest_s: Positive = 900.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plan(FileTable):
+    """Hold everything that a sweep is asked to do.
+
+    Attributes:
+        repeats: visits of each setting; 9 for one rotor on, 5 for several (paper, section 2) when
+            left out.
+        sample_s: span of the samples that make one point.
+    """
+
+    name: str = "sweep"
+    repeats: Annotated[int, Ge(1)] | None = None
+    sample_s: Positive = 2.0
+    plate: PlatePart = PlatePart()
+    throttle: ThrottlePart = ThrottlePart()
+    order: OrderPart = OrderPart()
+    settle: SettlePart = SettlePart()
+    tare: TarePart = TarePart()
+    rest: RestPart = RestPart()
+
+    def resolved(self, rig: Rig) -> Plan:
+        """Return the plan with every number that it left open filled in for a rig."""
+        plate = self.plate
+        radius_m = rig.propulsion.radius_m
+        if not plate.distances_m:
+            ratios = plate.distances_over_R or tuple(
+                ratio
+                for ratio in STANDARD_DISTANCES_OVER_R
+                if rig.plate.z_min_m <= ratio * radius_m < rig.plate.z_park_m
+            )
+            distances_m = tuple(round(ratio * radius_m, 9) for ratio in ratios)
+            plate = replace(plate, distances_m=distances_m, distances_over_R=())
+        rotors = self.throttle.rotors_on or tuple(range(1, rig.n_rotors + 1))
+        pwm_us = self.throttle.pwm_us or _standard_pwm_us(rig)
+        throttle = replace(self.throttle, pwm_us=pwm_us, rotors_on=rotors)
+        repeats = self.repeats or (REPEATS_SINGLE if len(rotors) == 1 else REPEATS_SEVERAL)
+        residual_N = self.tare.residual_N or _residual_N(rig, self.tare.seconds)
+        tare = replace(self.tare, residual_N=residual_N)
+        return replace(self, repeats=repeats, plate=plate, throttle=throttle, tare=tare)
+
+
+def read_plan(path: Path) -> Plan:
+    """Return the plan in a TOML file."""
+    try:
+        text = path.read_text("utf-8-sig")
+    except FileNotFoundError:
+        problem = "there is no such plan; check the path, or give the plan as options"
+        raise FileFormatError(str(path), problem) from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise FileFormatError(str(path), f"it cannot be read as text ({error})") from error
+    return plan_from_toml(text, str(path))
+
+
+def plan_from_toml(text: str, where: str) -> Plan:
+    """Return the plan that TOML text describes.
+
+    Raises:
+        UnknownChoice: a key that a plan has not, with the known ones.
+        FileFormatError: a value of the wrong type or range, or distances given twice.
+    """
+    plan = read_strict(Plan, text, where)
+    if plan.plate.distances_m and plan.plate.distances_over_R:
+        raise FileFormatError(
+            where, "plate.distances_m and plate.distances_over_R are both given; give one of them"
+        )
+    return plan
+
+
+def plan_to_toml(plan: Plan) -> str:
+    """Return a plan as TOML text that reads back to the same plan."""
+    tables = asdict(plan)
+    plain = {key: value for key, value in tables.items() if not isinstance(value, Mapping)}
+    lines = _pairs(plain)
+    for name, table in tables.items():
+        if isinstance(table, Mapping):
+            lines += ["", f"[{name}]", *_pairs(table)]
+    return "\n".join(lines) + "\n"
+
+
+def _pairs(table: Mapping[str, Any]) -> list[str]:
+    return [
+        f"{key} = {_literal(value)}"
+        for key, value in table.items()
+        if value is not None and value != ()
+    ]
+
+
+def _literal(value: Any) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        escaped = value.replace("\\", "\\\\").replace('"', '\\"')
+        return f'"{escaped}"'
+    if isinstance(value, tuple | list):
+        return "[" + ", ".join(_literal(item) for item in value) + "]"
+    return repr(value)
+
+
+def _standard_pwm_us(rig: Rig) -> tuple[float, ...]:
+    """Return 40 % and 60 % of the usable pulse range; a choice."""
+    start_us = rig.propulsion.pwm_start_us
+    span_us = min(rig.limits.pwm_us, rig.propulsion.pwm_max_us) - start_us
+    return tuple(float(round(start_us + share * span_us)) for share in (0.4, 0.6))
+
+
+def _residual_N(rig: Rig, seconds: float) -> float:
+    """Return five standard errors of the tare's mean, two quanta, at least 0.1 % of the limit.
+
+    A choice: what is left of a good tare is below it, what an untared cell shows is far above.
+    """
+    sensor = rig.sensors.get("thrust_N")
+    floor_N = 0.001 * rig.limits.thrust_N
+    if sensor is None:
+        return floor_N
+    error_N = sensor.noise / max(1.0, sensor.rate_Hz * seconds) ** 0.5
+    return float(max(floor_N, 5.0 * error_N, 2.0 * sensor.quantum))

@@ -1,0 +1,44 @@
+"""The seam to whoever watches a sweep: a terminal, a web page, a test."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from benchtool.acquire.order import Visit
+from benchtool.store import Event, Point
+
+
+class Progress(Protocol):
+    """Hear what a sweep does; calls come from the sweep's own thread and must return quickly."""
+
+    def started(self, visits: int, done: int, expected_s: float) -> None:
+        """Hear that a sweep of so many visits begins, some of them done already."""
+        ...
+
+    def visiting(self, visit: Visit) -> None:
+        """Hear that a visit begins."""
+        ...
+
+    def measured(self, point: Point, remaining_s: float) -> None:
+        """Hear of a point that is on the disk, and of the time that is left."""
+        ...
+
+    def happened(self, event: Event) -> None:
+        """Hear of an event that is on the disk."""
+        ...
+
+
+class Silent:
+    """Ignore everything."""
+
+    def started(self, visits: int, done: int, expected_s: float) -> None:
+        pass
+
+    def visiting(self, visit: Visit) -> None:
+        pass
+
+    def measured(self, point: Point, remaining_s: float) -> None:
+        pass
+
+    def happened(self, event: Event) -> None:
+        pass

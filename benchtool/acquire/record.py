@@ -1,0 +1,119 @@
+"""Read a bench and put every sample on the disk before anything else is done with it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.acquire.progress import Progress
+from benchtool.bench.bench import Bench, Readings
+from benchtool.core.channel import Channel
+from benchtool.core.recording import Recording
+from benchtool.store import Event, Run
+
+Array = NDArray[np.float64]
+
+STEP_S = 0.1
+"""Longest wait for samples in one read; limits and signals are seen at least as often."""
+
+
+class PlateMover(Protocol):
+    """Move the plate: a bench that does it itself, a stage, or a person."""
+
+    def move_plate(self, z_m: float, x_m: float = 0.0, tilt_rad: float = 0.0) -> None:
+        """Return when the plate stands there."""
+        ...
+
+
+@dataclass(slots=True)
+class LinkQuality:
+    """Count what the link lost since the run was begun or resumed."""
+
+    samples: int = 0
+    lost: int = 0
+    corrupt: int = 0
+
+
+class Recorder:
+    """Own the files of a run while a sweep appends to them.
+
+    Args:
+        bench: open.
+        run: the folder.
+        progress: hears of events.
+        start_s: time of the run at which this part of it begins; above 0 for a resumed one.
+    """
+
+    def __init__(self, bench: Bench, run: Run, progress: Progress, start_s: float = 0.0) -> None:
+        identity = bench.identity
+        self.bench = bench
+        self.quality = LinkQuality()
+        self._progress = progress
+        self._names = [channel.name for channel in identity.channels]
+        self._channels = identity.channels
+        self._zero_s = bench.now_s() - start_s
+        self._events = run.event_log()
+        self._samples = run.sample_writer(identity.channels)
+        self._points = run.point_writer(identity.n_rotors)
+        for file, fragment in (
+            ("samples.csv", self._samples.fragment),
+            ("points.csv", self._points.fragment),
+        ):
+            if fragment:
+                self.note("cut_line", f"the last line of {file} was cut and left out: {fragment}")
+        self.append_point = self._points.append
+
+    @property
+    def now_s(self) -> float:
+        """Time since the run began."""
+        return self.bench.now_s() - self._zero_s
+
+    def read(self, phase: str, point: int = 0, timeout_s: float = STEP_S) -> Readings:
+        """Read what arrived, write it, and return it with times since the run began."""
+        return self.keep(self.bench.read(timeout_s), phase, point)
+
+    def keep(self, readings: Readings, phase: str, point: int = 0) -> Readings:
+        """Write readings and return them with times since the run began."""
+        time_s = readings.time_s - self._zero_s
+        if len(readings):
+            self._samples.append(point, phase, time_s, readings.device_time_us, readings.values)
+        self.quality.samples += len(readings)
+        self.quality.lost += readings.lost
+        self.quality.corrupt += readings.corrupt
+        for message in readings.messages:
+            self.note("device", message, point)
+        return Readings(time_s, readings.device_time_us, readings.values)
+
+    def collect(self, phase: str, seconds: float, point: int = 0) -> Recording:
+        """Read for so long and return the samples."""
+        parts: list[Readings] = []
+        end_s = self.bench.now_s() + seconds
+        while (left_s := end_s - self.bench.now_s()) > 1e-9:
+            parts.append(self.read(phase, point, min(STEP_S, left_s)))
+        return self.joined(parts)
+
+    def joined(self, parts: list[Readings]) -> Recording:
+        """Return readings as one recording, time_s first."""
+        values = np.concatenate([part.values for part in parts])
+        time_s = np.concatenate([part.time_s for part in parts])
+        return Recording(
+            (Channel("time_s", "s"), *self._channels), np.column_stack([time_s, values])
+        )
+
+    def note(self, event: str, text: str, point: int = 0) -> None:
+        """Put an event on the disk and tell it."""
+        entry = Event(round(self.now_s, 6), event, text, point)
+        self._events.append(entry)
+        self._progress.happened(entry)
+
+    def sync(self) -> None:
+        """Force the samples to the disk."""
+        self._samples.sync()
+
+    def close(self) -> None:
+        """Close the files."""
+        for file in (self._samples, self._points, self._events):
+            file.close()

@@ -1,0 +1,259 @@
+"""Run a sweep: visit after visit, every sample on the disk, and a safe end however it ends."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from math import radians
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.acquire.calibration import Calibration
+from benchtool.acquire.drift import DriftWatch
+from benchtool.acquire.duration import expected_duration_s
+from benchtool.acquire.measure import ThrustScale, measure
+from benchtool.acquire.motors import RAMP_DOWN_S, Motors
+from benchtool.acquire.order import Place, Visit, visits_of
+from benchtool.acquire.plan import Plan
+from benchtool.acquire.progress import Progress, Silent
+from benchtool.acquire.record import PlateMover, Recorder
+from benchtool.acquire.rest import rest_if_needed
+from benchtool.acquire.settle import is_settled
+from benchtool.acquire.tare import Tared, tare, tare_point
+from benchtool.bench.bench import Bench, Readings
+from benchtool.bench.guard import GuardedBench
+from benchtool.core.recording import Recording
+from benchtool.core.rig import Rig
+from benchtool.errors import BenchtoolError, InputError
+from benchtool.store import Point, Run
+
+SETTLE_CHECK_S = 0.1
+"""How often settling is tested; a choice, a tenth of the usual window."""
+
+CALM_S = 0.2
+"""Time for a plate that has just arrived to come to rest; a choice."""
+
+
+@dataclass(frozen=True, slots=True)
+class Start:
+    """Say where a sweep begins: at the start, or behind what a resumed run has on disk.
+
+    Attributes:
+        done: numbers of the visits that have their points.
+        time_s: time of the run at which this part begins.
+    """
+
+    done: frozenset[int] = frozenset()
+    time_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """Say what a sweep did."""
+
+    measured: int
+    unsettled: int
+    tares: int
+    duration_s: float
+    samples: int
+    lost: int
+
+
+def run_sweep(
+    bench: Bench,
+    stage: PlateMover,
+    plan: Plan,
+    rig: Rig,
+    run: Run,
+    progress: Progress | None = None,
+    *,
+    calibration: Calibration | None = None,
+    start: Start | None = None,
+) -> Summary:
+    """Run a resolved and checked plan on an open bench.
+
+    Whatever ends it early, zero is commanded first, then the reason is recorded, and it is raised
+    again; only a normal end ramps down. The link is closed by who opened it.
+
+    Args:
+        bench: open, within its limits (a guarded bench).
+        stage: moves the plate; the bench itself where the device does.
+        plan: resolved for the rig.
+        rig: what stands on the bench.
+        run: its folder, created or reopened.
+        progress: who watches.
+        calibration: applied to raw counts in points.csv; samples.csv keeps what the device said.
+        start: where a resumed run goes on.
+
+    Raises:
+        BenchError, RunStopped: why it ended early.
+    """
+    channels = {channel.name for channel in bench.identity.channels}
+    if "thrust_N" not in channels:
+        raise InputError("the bench streams no thrust_N, so there is nothing to sweep; check it")
+    if calibration is not None and "thrust_raw" not in channels:
+        raise InputError(
+            f"calibration {calibration.id} needs raw counts, but the device streams no thrust_raw; "
+            f"sweep with --calibration none"
+        )
+    sweep = _Sweep(
+        bench, stage, plan, rig, run, progress or Silent(), calibration, start or Start()
+    )
+    return sweep.run_through()
+
+
+class _Sweep:
+    """Hold what one sweep remembers between its visits."""
+
+    def __init__(
+        self,
+        bench: Bench,
+        stage: PlateMover,
+        plan: Plan,
+        rig: Rig,
+        run: Run,
+        progress: Progress,
+        calibration: Calibration | None,
+        start: Start,
+    ) -> None:
+        self._bench, self._stage, self._plan, self._rig = bench, stage, plan, rig
+        self._run, self._progress, self._start = run, progress, start
+        self._calibration = calibration
+        self._recorder = Recorder(bench, run, progress, start.time_s)
+        self._motors = Motors(self._recorder, rig)
+        self._drift = DriftWatch(plan.tare.drift_N)
+        self._place: Place | None = None
+        self._tared: Tared | None = None
+        self._measured = self._unsettled = self._tares = 0
+        sensor = rig.sensors.get("thrust_N")
+        self._quantum_N = sensor.quantum if sensor else 0.0
+
+    def run_through(self) -> Summary:
+        recorder = self._recorder
+        try:
+            try:
+                self._visit_all()
+                self._motors.ramp_to(self._motors.stop_us, RAMP_DOWN_S, "end")
+                self._bench.stop()
+            except BaseException as error:
+                self._stop_at_once(error)
+                raise
+            summary = self._summary()
+            recorder.note("ended", f"all {summary.measured} visits of this part are measured")
+            self._run.update_metadata(state="ended", link=self._link())
+            return summary
+        finally:
+            recorder.close()
+
+    def _visit_all(self) -> None:
+        visits = visits_of(self._plan, self._rig)
+        left = [visit for visit in visits if visit.point not in self._start.done]
+        left_s = expected_duration_s(self._plan, self._rig, left)
+        self._progress.started(len(visits), len(visits) - len(left), left_s)
+        for index, visit in enumerate(left):
+            self._progress.visiting(visit)
+            point = self._visit(visit)
+            self._recorder.append_point(point)
+            self._recorder.sync()
+            self._measured += 1
+            self._unsettled += not point.settled
+            left_s = expected_duration_s(self._plan, self._rig, left[index + 1 :])
+            self._progress.measured(point, left_s)
+            if visit.kind == "anchor" and (why := self._drift.asks_for_tare(point)):
+                self._recorder.note("drift", why, visit.point)
+                self._tared = None
+
+    def _visit(self, visit: Visit) -> Point:
+        self._tare_if_due()
+        rest_if_needed(self._recorder, self._motors, self._plan.rest)
+        self._go_to(visit.setting.place)
+        pulses_us = np.array(visit.setting.pwm_us)
+        self._motors.ramp_to(pulses_us, self._plan.throttle.ramp_s, "ramp", visit.point)
+        settled = self._settle(visit)
+        samples = self._recorder.collect("sample", self._plan.sample_s, visit.point)
+        assert self._tared is not None
+        scale = ThrustScale(self._calibration, self._tared.zero_counts, self._quantum_N)
+        return measure(samples, visit, self._rig, self._tared, scale, settled)
+
+    def _tare_if_due(self) -> None:
+        every_s = 60.0 * self._plan.tare.every_minutes
+        if self._tared is not None:
+            age_s = self._recorder.now_s - self._tared.time_s
+            if not every_s or age_s < every_s:
+                return
+        self._tared = tare(self._recorder, self._motors, self._plan.tare, self._rig)
+        self._tares += 1
+        self._recorder.append_point(tare_point(self._tared, self._rig.n_rotors))
+
+    def _go_to(self, place: Place) -> None:
+        if place == self._place:
+            return
+        self._motors.stand_still(self._plan.tare.stop_timeout_s, "move")
+        self._stage.move_plate(place.z_m, place.x_m, radians(place.tilt_deg))
+        self._recorder.collect("move", CALM_S)
+        self._place = place
+
+    def _settle(self, visit: Visit) -> bool:
+        """Wait until thrust and speeds have settled; say so when they do not in time."""
+        plan, recorder = self._plan.settle, self._recorder
+        rotors = [
+            r + 1 for r, us in enumerate(visit.setting.pwm_us) if us > self._motors.stop_us[r]
+        ]
+        parts: list[Readings] = []
+        begun_s = self._bench.now_s()
+        checked_s = begun_s
+        while True:
+            parts.append(recorder.read("settle", visit.point))
+            now_s = self._bench.now_s()
+            if now_s - checked_s >= SETTLE_CHECK_S and now_s - begun_s >= plan.window_s:
+                checked_s = now_s
+                seen = recorder.joined(parts)
+                if is_settled(
+                    seen.column("time_s"),
+                    _watched(seen, rotors),
+                    plan.window_s,
+                    plan.slope_per_s,
+                ):
+                    return True
+            if now_s - begun_s >= plan.timeout_s:
+                text = (
+                    f"point {visit.point} had not settled after {plan.timeout_s:g} s and was "
+                    f"taken as it was"
+                )
+                recorder.note("settle_timeout", text, visit.point)
+                return False
+
+    def _stop_at_once(self, error: BaseException) -> None:
+        """Command zero before anything else; nothing here may hide the error on its way."""
+        with suppress(BenchtoolError, OSError):
+            self._bench.stop()
+        interrupted = isinstance(error, KeyboardInterrupt)
+        reason = "stopped by Ctrl-C" if interrupted else str(error) or type(error).__name__
+        with suppress(BenchtoolError, OSError):
+            if isinstance(self._bench, GuardedBench) and (kept := self._bench.take_kept()):
+                self._recorder.keep(kept, "end")
+        with suppress(BenchtoolError, OSError):
+            self._recorder.note("stopped", reason)
+            self._run.update_metadata(state="stopped", reason=reason, link=self._link())
+
+    def _link(self) -> dict[str, int]:
+        quality = self._recorder.quality
+        return {"samples": quality.samples, "lost": quality.lost, "corrupt": quality.corrupt}
+
+    def _summary(self) -> Summary:
+        quality = self._recorder.quality
+        return Summary(
+            self._measured,
+            self._unsettled,
+            self._tares,
+            self._recorder.now_s - self._start.time_s,
+            quality.samples,
+            quality.lost,
+        )
+
+
+def _watched(seen: Recording, rotors: Sequence[int]) -> list[NDArray[np.float64]]:
+    names = ["thrust_N", *(f"rpm{rotor}" for rotor in rotors)]
+    return [seen.column(name) for name in names if name in seen]

@@ -1,0 +1,90 @@
+"""Tare: motors signalled at zero, rotors standing, and a rest small enough to go on with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import nan
+
+from benchtool.acquire.average import Average, average
+from benchtool.acquire.motors import Motors
+from benchtool.acquire.plan import TarePart
+from benchtool.acquire.record import Recorder
+from benchtool.core.rig import Rig
+from benchtool.errors import BenchError
+from benchtool.store import Point
+
+TRIES = 3
+"""Tares before the sweep gives up; a choice: a gust fails one, a loose cell fails all."""
+
+
+@dataclass(frozen=True, slots=True)
+class Tared:
+    """Say how the last tare went.
+
+    Attributes:
+        time_s: middle of the span averaged after it, since the run began.
+        rest_N: what the load cell still showed.
+        zero_counts: mean raw reading with nothing on the load cell; nan without raw counts.
+    """
+
+    time_s: float
+    rest_N: Average
+    zero_counts: float
+
+
+def tare(recorder: Recorder, motors: Motors, plan: TarePart, rig: Rig) -> Tared:
+    """Stand still, tare, and check what is left.
+
+    Raises:
+        BenchError: a rotor turns, no thrust comes, or the rest stays above the gate.
+    """
+    assert plan.residual_N is not None
+    motors.stand_still(plan.stop_timeout_s, "tare")
+    quantum = rig.sensors["thrust_N"].quantum if "thrust_N" in rig.sensors else 0.0
+    rest = Average(nan, nan, nan, 0)
+    for attempt in range(1, TRIES + 1):
+        recorder.bench.tare()
+        # Samples that were on their way when the device tared belong to before.
+        recorder.collect("tare", 0.2)
+        seen = recorder.collect("tare", plan.seconds)
+        rest = average(seen.column("thrust_N"), quantum)
+        if rest.n == 0:
+            raise BenchError(
+                f"the load cell gave no value for {plan.seconds:g} s after the tare; check its "
+                f"wiring"
+            )
+        if abs(rest.mean) <= plan.residual_N:
+            counts = average(seen.column("thrust_raw")).mean if "thrust_raw" in seen else nan
+            middle_s = float(seen.column("time_s").mean())
+            recorder.note("tare", f"tared; {rest.mean * 1000.0:+.1f} mN are left")
+            return Tared(middle_s, rest, counts)
+        recorder.note(
+            "tare_residual",
+            f"after tare {attempt} of {TRIES} {rest.mean:+.4g} N are left, limit "
+            f"{plan.residual_N:.4g} N",
+        )
+    raise BenchError(
+        f"after {TRIES} tares {rest.mean:+.4g} N are left on the load cell, limit "
+        f"{plan.residual_N:.4g} N; let it warm up, shield it from draught, or raise tare.residual_N"
+    )
+
+
+def tare_point(tared: Tared, n_rotors: int) -> Point:
+    """Return the row of points.csv that keeps a tare."""
+    return Point(
+        point=0,
+        kind="tare",
+        setting=0,
+        repeat=0,
+        time_s=tared.time_s,
+        elapsed_s=0.0,
+        pwm_us=(nan,) * n_rotors,
+        rpm=(0.0,) * n_rotors,
+        thrust_N=tared.rest_N.mean,
+        thrust_sd_N=tared.rest_N.sd,
+        thrust_se_N=tared.rest_N.se,
+        n_samples=tared.rest_N.n,
+        plate_z_m=nan,
+        plate_x_m=nan,
+        plate_tilt_deg=nan,
+    )
