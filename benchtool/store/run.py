@@ -10,14 +10,14 @@ from typing import Any
 from benchtool.core.channel import Channel
 from benchtool.errors import FileFormatError, InputError, WouldOverwrite
 from benchtool.store.atomic import read_json, replace_json, replace_text
-from benchtool.store.columns import KINDS
 from benchtool.store.digest import file_hash
 from benchtool.store.events import EventLog
 from benchtool.store.parquet import write_parquet
 from benchtool.store.points import PointWriter
 from benchtool.store.read import is_run, read_points, read_samples
 from benchtool.store.samples import SampleWriter
-from benchtool.store.settings import aggregate, write_settings
+from benchtool.store.settings import aggregate
+from benchtool.store.write import write_table
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*")
 
@@ -91,9 +91,15 @@ class Run:
         return EventLog(self.path / "events.jsonl")
 
     def close(self) -> None:
-        """Write settings.csv and the hashed Parquet from what is on disk."""
-        points = read_points(self.path)
-        write_settings(self.path / "settings.csv", aggregate(points), KINDS)
+        """Write settings.csv and the hashed Parquet from what is on disk.
+
+        A run that has no point yet is left as it is.
+        """
+        try:
+            points = read_points(self.path)
+        except FileFormatError:
+            return
+        write_table(self.path / "settings.csv", aggregate(points))
         parquet = self.path / "samples.parquet"
         parquet.unlink(missing_ok=True)
         write_parquet(parquet, read_samples(self.path))

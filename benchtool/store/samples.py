@@ -81,10 +81,9 @@ def mark_interrupted(path: Path, points: frozenset[int]) -> int:
     The file is replaced in one step; nothing but the phase of those rows changes.
     """
     lines = path.read_text("utf-8").split("\n")
-    if lines and lines[-1]:
-        lines[-1] = ""
     marked = 0
-    for index, line in enumerate(lines[1:], 1):
+    # The last item is what stands behind the last line end: nothing, or a line that was cut.
+    for index, line in enumerate(lines[1:-1], 1):
         cells = line.split(",", 4)
         if len(cells) == 5 and cells[2] != "0" and int(cells[2]) in points:
             lines[index] = ",".join([*cells[:3], "interrupted", cells[4]])

@@ -1,18 +1,15 @@
-"""settings.csv: means and standard deviations over repeats, and T_IGE/T_OGE against references."""
+"""settings.csv: means and standard deviations over repeats, T_IGE/T_OGE against references."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from pathlib import Path
+from math import nan
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.recording import Recording
 from benchtool.errors import InputError
-from benchtool.store.atomic import replace_text
 from benchtool.store.columns import channel_called, code_of
-from benchtool.store.points import number_cell
 from benchtool.store.ratios import ratios
 
 Array = NDArray[np.float64]
@@ -54,6 +51,8 @@ def aggregate(points: Recording) -> Recording:
         here = np.flatnonzero(settings == setting)
         part = measured.select(here)
         thrust = part.column("thrust_N")
+        # A reference over itself is 1 by definition and does not scatter.
+        near = part.column("kind")[0] == code_of("kind", "measure")
         sd = _sd(thrust)
         se = sd / np.sqrt(len(here)) if len(here) > 1 else float(part.column("thrust_se_N")[0])
         rows.append(
@@ -61,26 +60,13 @@ def aggregate(points: Recording) -> Recording:
                 *(setting, part.column("kind")[0], float(len(here))),
                 *(_mean(part.column(name)) for name in names),
                 *(_mean(thrust), sd, se),
-                *(_mean(by_pwm[here]), _sd(by_pwm[here])),
-                *(_mean(by_rpm2[here]), _sd(by_rpm2[here])),
+                *(_mean(by_pwm[here]), _sd(by_pwm[here]) if near else nan),
+                *(_mean(by_rpm2[here]), _sd(by_rpm2[here]) if near else nan),
             ]
         )
     values = np.array(rows, float).reshape(len(rows), len(header))
     channels = tuple(channel_called(name) for name in header)
     return Recording(channels, values, points.provenance, points.simulated)
-
-
-def write_settings(path: Path, settings: Recording, kinds: Sequence[str]) -> None:
-    """Write settings.csv in one step."""
-    lines = [",".join(settings.names)]
-    kind = settings.index("kind")
-    for row in settings.values.tolist():
-        cells = [number_cell(number) for number in row]
-        cells[kind] = kinds[int(row[kind])]
-        for name in ("setting", "n_repeats"):
-            cells[settings.index(name)] = str(int(row[settings.index(name)]))
-        lines.append(",".join(cells))
-    replace_text(path, "\n".join(lines) + "\n")
 
 
 def _speed_names(points: Recording) -> list[str]:

@@ -1,0 +1,59 @@
+"""Arming: what is about to spin, and who may go on without typing a confirmation."""
+
+from __future__ import annotations
+
+from datetime import date
+from typing import Any
+
+from benchtool.acquire.check_plan import Expected
+from benchtool.acquire.plan import Plan
+from benchtool.bench.bench import Identity
+from benchtool.core.rig import Rig
+from benchtool.errors import InputError
+from benchtool.store.state import recall, remember
+
+CONFIRMATION = "ARM"
+"""What the operator types."""
+
+
+def arming_text(plan: Plan, rig: Rig, expected: Expected) -> str:
+    """Return what the operator must know before confirming."""
+    names = [f"{number} ({rig.rotors[number - 1].name})" for number in plan.throttle.rotors_on]
+    return (
+        f"rotors that will turn: {', '.join(names)}\n"
+        f"highest pulse: {expected.pwm_us:g} us of {rig.limits.pwm_us:g} us, "
+        f"about {expected.rpm:.0f} rpm\n"
+        f"expected thrust: about {expected.thrust_oge_N:.1f} N, near the plate "
+        f"{expected.thrust_N:.1f} N, limit {rig.limits.thrust_N:g} N"
+    )
+
+
+def require_unattended(identity: Identity, today: date) -> None:
+    """Refuse to go on without a typed confirmation unless that is safe.
+
+    Safe is a simulated bench, or a bench whose `bench check` passed on the same day.
+
+    Raises:
+        InputError: neither holds.
+    """
+    if identity.simulated:
+        return
+    checked = recall("checked", identity.device_id)
+    if checked is not None and checked.get("date") == today.isoformat():
+        return
+    when = f"its last check passed on {checked['date']}" if checked else "it was never checked"
+    raise InputError(
+        f"--yes needs a bench check of today on device {identity.device_id!r}, but {when}; run "
+        f"benchtool bench check {identity.address}, or leave --yes out and type the confirmation"
+    )
+
+
+def remember_check(identity: Identity, rig: Rig, findings: list[str], today: date) -> None:
+    """Keep that a bench check passed today."""
+    facts: dict[str, Any] = {
+        "date": today.isoformat(),
+        "device_id": identity.device_id,
+        "rig": rig.name,
+        "findings": findings,
+    }
+    remember("checked", identity.device_id, facts)

@@ -1,0 +1,138 @@
+"""Check a bench before it is trusted: standstill, ESC arming, channel map, thrust sign, rpm."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import nan, pi
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.acquire.motors import STANDSTILL_RPM
+from benchtool.bench.bench import Bench
+from benchtool.core.rig import Rig
+from benchtool.errors import BenchError
+
+Array = NDArray[np.float64]
+
+ARMING_S = 2.0
+"""Hold of the stop pulse that hobby ESCs take as arming: 1 to 2 s by their manuals."""
+
+LOW_SHARE = 0.15
+"""Share of the pulse range of the low-throttle test; a choice: well above the start pulse, a
+fiftieth of full thrust."""
+
+SPIN_S = 1.5
+LOOK_S = 1.0
+STEP_S = 0.1
+
+SPEED_BAND = (0.5, 1.6)
+"""Measured over expected speed that passes: packs from empty to full and a rough pwm map. A wrong
+pole count (a factor of 2 or more) does not."""
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """Say what was checked, whether it passed, and the numbers in one sentence."""
+
+    name: str
+    passed: bool
+    text: str
+
+
+def check_bench(bench: Bench, rig: Rig) -> Iterator[Finding]:
+    """Give the findings of a bench check as they are made; motors are at zero between and after.
+
+    Raises:
+        BenchError: a rotor turns at zero command: nothing else is tried.
+    """
+    stop_us = np.full(rig.n_rotors, rig.propulsion.pwm_stop_us)
+    names = [channel.name for channel in bench.identity.channels]
+    bench.set_pwm(stop_us)
+    still = _means(bench, names, LOOK_S)
+    turning = {
+        name: value
+        for name, value in still.items()
+        if _is_rpm(name) and not abs(value) < STANDSTILL_RPM
+    }
+    if turning:
+        name, value = next(iter(turning.items()))
+        told = f"reads {value:.0f} rpm" if value == value else "brings no value"
+        raise BenchError(
+            f"{name} {told} at zero command, limit {STANDSTILL_RPM:g} rpm; stop that rotor or mend "
+            f"its tachometer before anything is armed"
+        )
+    yield Finding("standstill", True, "no rotor turns at zero command")
+    _wait(bench, ARMING_S)
+    yield Finding("arming", True, f"stop pulse of {stop_us[0]:g} us held for {ARMING_S:g} s")
+    low_us = _low_us(rig)
+    for rotor in range(rig.n_rotors):
+        pulses = stop_us.copy()
+        pulses[rotor] = low_us
+        bench.set_pwm(pulses)
+        _wait(bench, SPIN_S)
+        seen = _means(bench, names, LOOK_S)
+        bench.set_pwm(stop_us)
+        yield from _judge(rotor, low_us, seen, still, rig)
+        _wait(bench, SPIN_S)
+    bench.stop()
+
+
+def _judge(
+    rotor: int, low_us: float, seen: dict[str, float], still: dict[str, float], rig: Rig
+) -> Iterator[Finding]:
+    p = rig.propulsion
+    own = f"rpm{rotor + 1}"
+    expected_rpm = p.speed_per_us_rad_s * (low_us - p.pwm_start_us) * 30.0 / pi
+    others = {
+        name: value
+        for name, value in seen.items()
+        if _is_rpm(name) and name != own and abs(value) >= STANDSTILL_RPM
+    }
+    rpm = seen.get(own, nan)
+    low, high = (share * expected_rpm for share in SPEED_BAND)
+    yield Finding(
+        f"rotor {rotor + 1} speed",
+        bool(low <= rpm <= high),
+        f"{own} reads {rpm:.0f} at {low_us:g} us, expected {low:.0f} to {high:.0f}",
+    )
+    if others:
+        name, value = next(iter(others.items()))
+        text = f"{name} reads {value:.0f} while only motor {rotor + 1} is commanded; swap channels"
+    else:
+        text = f"only {own} answers to pwm{rotor + 1}_us"
+    yield Finding(f"rotor {rotor + 1} channel", not others and rpm >= STANDSTILL_RPM, text)
+    thrust_N = seen.get("thrust_N", nan) - still.get("thrust_N", nan)
+    expected_N = p.thrust_coefficient_N_s2 * (expected_rpm * pi / 30.0) ** 2
+    yield Finding(
+        f"rotor {rotor + 1} thrust",
+        bool(thrust_N > 0.25 * expected_N),
+        f"thrust rose by {thrust_N:+.3f} N, expected about {expected_N:+.3f} N",
+    )
+
+
+def _low_us(rig: Rig) -> float:
+    p = rig.propulsion
+    return float(round(p.pwm_start_us + LOW_SHARE * (p.pwm_max_us - p.pwm_start_us)))
+
+
+def _wait(bench: Bench, seconds: float) -> None:
+    end_s = bench.now_s() + seconds
+    while (left_s := end_s - bench.now_s()) > 1e-9:
+        bench.read(min(STEP_S, left_s))
+
+
+def _means(bench: Bench, names: list[str], seconds: float) -> dict[str, float]:
+    parts: list[Array] = []
+    end_s = bench.now_s() + seconds
+    while (left_s := end_s - bench.now_s()) > 1e-9:
+        parts.append(bench.read(min(STEP_S, left_s)).values)
+    values = np.concatenate(parts)
+    counts = (~np.isnan(values)).sum(axis=0)
+    sums = np.nansum(values, axis=0)
+    return {name: float(sums[i] / counts[i]) if counts[i] else nan for i, name in enumerate(names)}
+
+
+def _is_rpm(name: str) -> bool:
+    return name.rstrip("0123456789") == "rpm"

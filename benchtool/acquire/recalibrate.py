@@ -1,0 +1,87 @@
+"""Apply a calibration to a run that is on disk, without touching its raw data."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.acquire.average import average
+from benchtool.acquire.calibration import Calibration, calibration_to_dict
+from benchtool.acquire.plan import plan_from_toml
+from benchtool.core.recording import Recording
+from benchtool.errors import CalibrationError, FileFormatError
+from benchtool.store import KINDS, Run, aggregate, code_of, data_hash, read_points, read_samples
+from benchtool.store.write import write_table
+
+Array = NDArray[np.float64]
+
+
+def recalibrate(run: Run, calibration: Calibration) -> Path:
+    """Write points and settings through a calibration to RUN/recalibrated-ID; return that folder.
+
+    The folder is read like a run: `benchtool fit RUN/recalibrated-ID`.
+
+    Raises:
+        CalibrationError: the run has no raw counts, or no tare to count from.
+        WouldOverwrite: the run was recalibrated so before.
+    """
+    samples = read_samples(run.path)
+    if "thrust_raw" not in samples or np.isnan(samples.column("thrust_raw")).all():
+        raise CalibrationError(
+            f"{run.path} holds no raw counts (thrust_raw), so no other calibration can be applied"
+        )
+    points = read_points(run.path, KINDS)
+    facts = run.metadata
+    plan = plan_from_toml(run.plan_text, str(run.path / "plan.toml"))
+    quantum_N = float(facts["rig"].get("sensors", {}).get("thrust_N", {}).get("quantum", 0.0))
+    fresh = _recomputed(points, samples, calibration, plan.tare.seconds, quantum_N)
+    settled = aggregate(fresh)
+    name = re.sub(r"[^A-Za-z0-9._-]", "_", calibration.id)
+    facts |= {
+        "calibration": calibration_to_dict(calibration),
+        "recalibrated_from": {"run": run.path.name, "sha256": data_hash(run.path)},
+        "samples": {},
+    }
+    anew = Run.create(run.path / f"recalibrated-{name}", run.plan_text, facts)
+    write_table(anew.path / "points.csv", fresh)
+    write_table(anew.path / "settings.csv", settled)
+    return anew.path
+
+
+def _recomputed(
+    points: Recording,
+    samples: Recording,
+    calibration: Calibration,
+    tare_s: float,
+    quantum_N: float,
+) -> Recording:
+    raw = samples.column("thrust_raw")
+    time_s, phase = samples.column("time_s"), samples.column("phase")
+    number = samples.column("point")
+    kinds = points.column("kind")
+    values = points.values.copy()
+    columns = [points.index(name) for name in ("thrust_N", "thrust_sd_N", "thrust_se_N")]
+    zero = np.nan
+    for row in range(len(points)):
+        if kinds[row] == code_of("kind", "tare"):
+            near = np.abs(time_s - points.column("time_s")[row]) <= 0.5 * tare_s
+            chosen = near & (phase == code_of("phase", "tare"))
+            zero = average(raw[chosen]).mean
+        else:
+            chosen = (number == points.column("point")[row]) & (phase == code_of("phase", "sample"))
+        if np.isnan(zero):
+            raise CalibrationError(
+                "the run holds no raw counts of a tare before its first point, so nothing tells "
+                "the counts of the unloaded cell"
+            )
+        if not chosen.any():
+            raise FileFormatError(
+                "samples.csv", f"no samples of point {points.column('point')[row]:.0f} are in it"
+            )
+        thrust = average(calibration.newtons(raw[chosen], zero), quantum_N)
+        values[row, columns] = [thrust.mean, thrust.sd, thrust.se]
+    return replace(points, values=values)

@@ -1,0 +1,100 @@
+"""Go on with a run from what is on disk."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from benchtool.acquire.calibration import Calibration, calibration_from
+from benchtool.acquire.order import visits_of
+from benchtool.acquire.plan import Plan, plan_from_toml
+from benchtool.acquire.sweep import Start
+from benchtool.bench.bench import Identity
+from benchtool.core.rig import Rig
+from benchtool.core.toml_text import build
+from benchtool.errors import FileFormatError, InputError
+from benchtool.store import Run, read_points, read_samples
+from benchtool.store.samples import mark_interrupted
+
+GAP_S = 1.0
+"""Time of the run that stands for the break, however long it was; the event tells the real one."""
+
+
+@dataclass(frozen=True, slots=True)
+class Unfinished:
+    """Hold what a run on disk says of how to go on."""
+
+    run: Run
+    plan: Plan
+    rig: Rig
+    calibration: Calibration | None
+    done: frozenset[int]
+    left: int
+
+
+def unfinished(run: Run) -> Unfinished:
+    """Read what a run has and what it lacks; nothing is changed.
+
+    Raises:
+        InputError: nothing is left to measure.
+        FileFormatError: a file of the run cannot be read.
+    """
+    facts = run.metadata
+    where = str(run.path / "metadata.json")
+    if "rig" not in facts:
+        raise FileFormatError(where, "it names no rig; restore it from a copy")
+    rig = build(Rig, facts["rig"], f"{where}: rig")
+    plan = plan_from_toml(run.plan_text, str(run.path / "plan.toml"))
+    calibration = facts.get("calibration")
+    visits = {visit.point for visit in visits_of(plan, rig)}
+    done = frozenset(_points_on_disk(run)) & visits
+    if done == visits:
+        raise InputError(
+            f"all {len(visits)} visits of {run.path} are measured already; nothing is left to "
+            f"resume"
+        )
+    return Unfinished(
+        run,
+        plan,
+        rig,
+        calibration_from(calibration, f"{where}: calibration") if calibration else None,
+        done,
+        len(visits - done),
+    )
+
+
+def reopen(unfinished: Unfinished, identity: Identity) -> Start:
+    """Make a run ready to be gone on with on the bench that answers, and say where it starts.
+
+    Samples of a visit that was cut short keep their rows and become `interrupted`.
+
+    Raises:
+        InputError: another device than the one that began the run.
+    """
+    run = unfinished.run
+    began = run.metadata.get("device_id")
+    if began != identity.device_id:
+        raise InputError(
+            f"run {run.path} was begun on device {began!r}, but {identity.address} is "
+            f"{identity.device_id!r}; connect the first one, or start a new run"
+        )
+    run.reopen()
+    samples = run.path / "samples.csv"
+    if not samples.is_file() or not samples.stat().st_size:
+        return Start(unfinished.done)
+    recording = read_samples(run.path)
+    numbers = {int(point) for point in recording.column("point")} - {0}
+    mark_interrupted(samples, frozenset(numbers - unfinished.done))
+    last_s = float(recording.column("time_s").max()) if len(recording) else 0.0
+    run.update_metadata(state="running", reason=None)
+    return Start(unfinished.done, last_s + GAP_S)
+
+
+def _points_on_disk(run: Run) -> set[int]:
+    if not (run.path / "points.csv").is_file():
+        return set()
+    try:
+        points = read_points(run.path)
+    except FileFormatError:
+        # Only a header, or only tares: no visit is done.
+        return set()
+    return {int(point) for point in points.column("point")}
