@@ -129,7 +129,8 @@ def _of_verdict(verdict: Verdict, result: FitResult, chance: float) -> tuple[str
     if verdict == "rejected":
         return (
             f"{said}: model {result.model!r} is rejected at the stated standard errors (chance "
-            f"{chance:.1g}); add an effect, or free noise.scale if the errors leave scatter out",
+            f"{f'{chance:.1g}' if chance > 1e-12 else 'below 1e-12'}); add an effect, or free "
+            f"noise.scale if the errors leave scatter out",
         )
     if verdict == "errors_too_large":
         return (
