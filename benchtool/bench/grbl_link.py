@@ -1,0 +1,189 @@
+"""One conversation with a GRBL 1.1 stage: lines answered by `ok`, states asked for, silences."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from benchtool.bench.grbl_words import (
+    RESET,
+    STATUS,
+    Alarm,
+    Banner,
+    Ear,
+    Error,
+    Note,
+    Ok,
+    Report,
+    Word,
+)
+from benchtool.bench.stage import Pause
+from benchtool.bench.transport import Transport
+from benchtool.errors import NoDevice, StageError
+
+WAKE_S = 5.0
+"""Boards that reset when their port is opened take 1 to 2 s to boot; a margin on that."""
+
+WAKE_TRY_S = 1.0
+ANSWER_S = 2.0
+"""GRBL answers within milliseconds except while homing; a silence this long is a fault."""
+
+LISTEN_S = 0.02
+AFTER_BANNER_S = 0.1
+"""The word that G-code is locked follows the banner at once."""
+
+ASK_S = 0.2
+MOST_REPORTS = 40
+"""The work offset comes in every 10th to 30th report (Grbl 1.1 configuration)."""
+
+
+class GrblLink:
+    """Talk to a stage; keeps whether it is locked and whether its position is lost.
+
+    Args:
+        transport: carries the bytes.
+        clock: monotonic seconds.
+        name: of the stage, for messages.
+    """
+
+    def __init__(self, transport: Transport, clock: Callable[[], float], name: str) -> None:
+        self.locked = False
+        self.homed = False
+        self.name = name
+        self._transport = transport
+        self._clock = clock
+        self._ear = Ear()
+
+    def open(self) -> None:
+        """Open the port; nothing is said yet."""
+        self._transport.open()
+        self.locked = self.homed = False
+
+    def close(self) -> None:
+        """Give the port back."""
+        self._transport.close()
+
+    def send(self, data: bytes) -> None:
+        """Send bytes that have no answer of their own."""
+        self._transport.write(data)
+
+    def wake(self) -> None:
+        """Reset the stage until it says its name.
+
+        Raises:
+            NoDevice: it never does.
+        """
+        deadline_s = self._clock() + WAKE_S
+        while self._clock() < deadline_s:
+            self._transport.write(RESET)
+            try_s = min(self._clock() + WAKE_TRY_S, deadline_s)
+            while self._clock() < try_s:
+                if any(isinstance(word, Banner) for word in self._hear()):
+                    return
+        raise NoDevice(
+            f"{self.name} did not answer a reset within {WAKE_S:g} s; check its power, port and "
+            f"baud rate (GRBL: 115200)"
+        )
+
+    def order(self, line: bytes, what: str, longest_s: float, pause: Pause) -> None:
+        """Send a line and wait for its `ok`, in silence if need be."""
+        self._transport.write(line)
+        deadline_s = self._clock() + longest_s
+        while self._clock() < deadline_s:
+            pause(LISTEN_S)
+            for word in self._hear():
+                self._raise_for(word, what)
+                if isinstance(word, Ok):
+                    return
+        raise self.given_up(what, longest_s)
+
+    def order_watched(self, line: bytes, what: str, longest_s: float, pause: Pause) -> bool:
+        """Send a line and wait for its `ok`, asking for the state all the while.
+
+        Returns whether `ok` came in time; a stage that answers nothing is given up.
+        """
+        self._transport.write(line)
+        start_s = heard_s = asked_s = self._clock()
+        while (now_s := self._clock()) - start_s < longest_s:
+            if now_s - heard_s > ANSWER_S:
+                raise self.given_up(what, ANSWER_S)
+            if now_s - asked_s >= ASK_S:
+                asked_s = now_s
+                self._transport.write(STATUS)
+            pause(LISTEN_S)
+            for word in self._hear():
+                heard_s = self._clock()
+                self._raise_for(word, what)
+                if isinstance(word, Ok):
+                    return True
+        return False
+
+    def ask(self, pause: Pause) -> Report:
+        """Return a status report."""
+        what = "a question for its state"
+        self._transport.write(STATUS)
+        deadline_s = self._clock() + ANSWER_S
+        while self._clock() < deadline_s:
+            for word in self._hear():
+                self._raise_for(word, what)
+                if isinstance(word, Report):
+                    return word
+            pause(LISTEN_S)
+        raise self.given_up(what, ANSWER_S)
+
+    def position_mm(self, pause: Pause) -> dict[str, float]:
+        """Return the machine position by axis letter; asks until it can be known."""
+        for _ in range(MOST_REPORTS):
+            place = self._ear.machine_mm(self.ask(pause))
+            if place is not None:
+                return dict(zip("XYZABC", place, strict=False))
+        raise StageError(
+            f"{self.name} reports work positions without their offset; set $10=1 (machine "
+            f"position) and start again"
+        )
+
+    def given_up(self, what: str, silent_s: float) -> StageError:
+        """Return the error of a stage that says nothing; where it stands is not known any more."""
+        self.homed = False
+        return StageError(
+            f"{self.name} answered nothing to {what} for {silent_s:g} s and is given up; switch "
+            f"it off and on, then start again"
+        )
+
+    def _hear(self) -> list[Word]:
+        words = self._ear.feed(self._transport.read(LISTEN_S))
+        for word in words:
+            if isinstance(word, Banner):
+                words += self._after_banner()
+                break
+        for word in words:
+            if isinstance(word, Note) and word.locked:
+                self.locked = True
+            elif isinstance(word, Alarm) and word.loses_position:
+                self.homed = False
+        return words
+
+    def _after_banner(self) -> list[Word]:
+        """Listen for what follows a banner; without word of a lock there is none."""
+        self.locked = False
+        until_s = self._clock() + AFTER_BANNER_S
+        words: list[Word] = []
+        while self._clock() < until_s:
+            words += self._ear.feed(self._transport.read(LISTEN_S))
+        return words
+
+    def _raise_for(self, word: Word, what: str) -> None:
+        """Turn a refusal, an alarm or a restart into an error; the stage is woken from alarms."""
+        if isinstance(word, Error):
+            raise StageError(f"{self.name} refused {what}: {word}")
+        if isinstance(word, Alarm):
+            # After a limit it answers nothing until it is reset.
+            self.wake()
+            raise StageError(f"{self.name} stopped during {what}: {word}")
+        if isinstance(word, Report) and word.state == "Alarm":
+            raise StageError(f"{self.name} is locked by an alarm during {what}; home it")
+        if isinstance(word, Banner):
+            self.homed = False
+            raise StageError(
+                f"{self.name} started anew during {what} and lost its position; check its power "
+                f"and its emergency stop, then start again"
+            )

@@ -1,0 +1,201 @@
+"""What GRBL 1.1 says and is told: lines to values and back, pure.
+
+Texts of alarms and errors after the tables of the Grbl 1.1 documentation (gnea/grbl, doc/csv), in
+our words; numbers that forks add are shown as they come.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+RESET = b"\x18"
+STATUS = b"?"
+HOLD = b"!"
+RESUME = b"~"
+UNLOCK = b"$X\n"
+HOME = b"$H\n"
+WAIT_UNTIL_MOVED = b"G4 P0\n"
+"""`ok` to a move means queued; `ok` to a dwell of no length means that all before it is done."""
+
+ALARMS: dict[int, str] = {
+    1: "a limit switch was hit and the position is lost; free the stage and home it",
+    2: "the target lies outside of the stage's soft limits; correct the distance or $130 to $132",
+    3: "it was reset while moving and the position is lost; home it",
+    4: "the probe was not in its initial state",
+    5: "the probe touched nothing within its travel",
+    6: "homing was reset before it was done; home it again",
+    7: "the safety door was opened while homing; close it and home again",
+    8: "the limit switch did not release at the end of homing; check it or raise $27",
+    9: "no limit switch was found while homing; check the switches and $23, $25, $130 to $132",
+}
+
+ERRORS: dict[int, str] = {
+    1: "a letter is missing",
+    2: "a number cannot be read",
+    3: "an unknown $ command",
+    4: "a negative number where none may be",
+    5: "homing is switched off; set $22=1 and fit limit switches",
+    6: "a step pulse is too short",
+    7: "its stored settings could not be read",
+    8: "a $ command while the stage is not idle",
+    9: "G-code is locked out after an alarm; home the stage",
+    10: "soft limits need homing; set $22=1",
+    11: "the line is too long",
+    12: "a setting exceeds the fastest step rate",
+    13: "the safety door is open",
+    14: "the start-up line is too long",
+    15: "a jog outside of the travel",
+    16: "a jog command without its equals sign",
+    17: "laser mode needs a PWM output",
+    20: "an unknown G-code",
+    21: "two G-codes of one group in one line",
+    22: "no feed rate was set",
+    23: "a whole number is needed",
+    24: "two commands that both need axis words",
+    33: "the target cannot be reached",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Ok:
+    """The line was taken."""
+
+
+@dataclass(frozen=True, slots=True)
+class Error:
+    """The line was refused."""
+
+    number: int
+
+    def __str__(self) -> str:
+        return f"error:{self.number}, {ERRORS.get(self.number, 'which its manual explains')}"
+
+
+@dataclass(frozen=True, slots=True)
+class Alarm:
+    """The stage has locked itself."""
+
+    number: int
+
+    def __str__(self) -> str:
+        return f"ALARM:{self.number}, {ALARMS.get(self.number, 'which its manual explains')}"
+
+    @property
+    def loses_position(self) -> bool:
+        """Whether the stage has to be homed; a soft limit stops before anything moves."""
+        return self.number not in (2, 4, 5)
+
+
+@dataclass(frozen=True, slots=True)
+class Banner:
+    """It has started anew."""
+
+    version: str
+
+
+@dataclass(frozen=True, slots=True)
+class Note:
+    """A bracketed message, such as `[MSG:Caution: Unlocked]`."""
+
+    text: str
+
+    @property
+    def locked(self) -> bool:
+        """Whether it says that the stage takes no G-code before `$H` or `$X`."""
+        return "to unlock" in self.text
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """One status report as it stands: positions in mm, those that it does not carry None."""
+
+    state: str
+    substate: int | None
+    machine_mm: tuple[float, ...] | None
+    work_mm: tuple[float, ...] | None
+    offset_mm: tuple[float, ...] | None
+
+
+@dataclass(frozen=True, slots=True)
+class Other:
+    """Anything else: settings, parameters, noise."""
+
+    text: str
+
+
+Word = Ok | Error | Alarm | Banner | Note | Report | Other
+
+_NUMBERED = re.compile(r"(error|ALARM):(\d+)")
+_BANNER = re.compile(r"Grbl(?:HAL)? (\S+) \[", re.IGNORECASE)
+_REPORT = re.compile(r"<([A-Za-z]+)(?::(\d+))?((?:\|[^|>]*)*)>")
+
+
+def word_of(line: str) -> Word:
+    """Return what one line means."""
+    line = line.strip()
+    if line == "ok":
+        return Ok()
+    if found := _NUMBERED.fullmatch(line):
+        number = int(found[2])
+        return Error(number) if found[1] == "error" else Alarm(number)
+    if found := _REPORT.fullmatch(line):
+        return _report(found) or Other(line)
+    if found := _BANNER.match(line):
+        return Banner(found[1])
+    if line.startswith("[") and line.endswith("]"):
+        return Note(line[1:-1])
+    return Other(line)
+
+
+def _report(found: re.Match[str]) -> Report | None:
+    fields: dict[str, str] = {}
+    for field in found[3].split("|")[1:]:
+        name, _, value = field.partition(":")
+        fields[name] = value
+    try:
+        places = {
+            name: tuple(float(number) for number in fields[name].split(","))
+            for name in ("MPos", "WPos", "WCO")
+            if name in fields
+        }
+    except ValueError:
+        return None
+    substate = int(found[2]) if found[2] else None
+    return Report(found[1], substate, places.get("MPos"), places.get("WPos"), places.get("WCO"))
+
+
+class Ear:
+    """Put pieces of bytes together to lines, and remember the work offset between reports."""
+
+    def __init__(self) -> None:
+        self._rest = b""
+        self._offset_mm: tuple[float, ...] | None = None
+
+    def feed(self, data: bytes) -> list[Word]:
+        """Return what the complete lines so far mean; half a line waits for the rest."""
+        *lines, self._rest = (self._rest + data).split(b"\n")
+        words = [word_of(line.decode("ascii", "replace")) for line in lines if line.strip()]
+        for word in words:
+            if isinstance(word, Report) and word.offset_mm is not None:
+                self._offset_mm = word.offset_mm
+            elif isinstance(word, Banner):
+                self._offset_mm = None
+        return words
+
+    def machine_mm(self, report: Report) -> tuple[float, ...] | None:
+        """Return the machine position of a report (axes,): mm; None while it cannot be known.
+
+        A report carries either machine or work position, and the offset between only sometimes.
+        """
+        if report.machine_mm is not None:
+            return report.machine_mm
+        if report.work_mm is None or self._offset_mm is None:
+            return None
+        return tuple(a + b for a, b in zip(report.work_mm, self._offset_mm, strict=True))
+
+
+def move_line(targets_mm: dict[str, float], feed_mm_min: float) -> bytes:
+    """Return a straight move in machine coordinates: absolute, millimetres, at a stated feed."""
+    words = "".join(f" {letter}{value:.3f}" for letter, value in targets_mm.items())
+    return f"G21 G90 G53 G1{words} F{feed_mm_min:.1f}\n".encode("ascii")
