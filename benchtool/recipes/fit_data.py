@@ -85,6 +85,7 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
         observed, error = ratios(points, recipe.basis)
         errors = "within" if np.isfinite(error).any() else "none"
         error = np.where(np.isfinite(error), error, np.nan if errors == "within" else 1.0)
+    _refuse_dead_speed(points, conditions)
     z_over_R = model.z_over_R(conditions)
     used, left_out = _selected(observed, error, z_over_R, recipe)
     return FitData(
@@ -137,6 +138,15 @@ def _thrust_with_error(points: Recording, is_whole_run: bool) -> tuple[Array, Ar
         if name in points and np.isfinite(points.column(name)).any():
             return thrust, points.si(name), "within" if is_whole_run else "stated"
     return thrust, np.ones(len(points)), "none"
+
+
+def _refuse_dead_speed(points: Recording, conditions: Conditions) -> None:
+    if not np.any(conditions.speed_rad_s > 0.0):
+        most = float(np.nanmax(np.abs(points.si("thrust_N"))))
+        raise InputError(
+            f"no rotor turns in any of {len(points)} points while thrust reaches {most:.3g} N: the "
+            f"speed channel is dead, or another column holds the speed; map that one to rpm1"
+        )
 
 
 def _selected(
