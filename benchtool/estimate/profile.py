@@ -17,6 +17,7 @@ from scipy.optimize import brentq
 from benchtool.core.fit_result import Estimate, FitResult
 from benchtool.errors import EstimationError
 from benchtool.estimate.interval import half_widths
+from benchtool.estimate.jacobian import Way
 from benchtool.estimate.likelihood import split_values
 from benchtool.estimate.problem import Problem
 from benchtool.estimate.solve import solve
@@ -61,6 +62,11 @@ def _profiled(problem: Problem, result: FitResult, estimate: Estimate) -> Estima
     shape, noise = split_values(problem, result.values)
     sigma = problem.sigma(noise)
     least = float(np.sum(problem.rows(shape, sigma) ** 2))
+    way: Way = (
+        "complex_step"
+        if result.facts.get("derivatives") == "complex_step"
+        else "central_differences"
+    )
     position = problem.shape_names.index(estimate.name)
     others = np.delete(shape, position)
     item = problem.parameters[estimate.name]
@@ -71,7 +77,7 @@ def _profiled(problem: Problem, result: FitResult, estimate: Estimate) -> Estima
         if held is None:
             rows = problem.rows(np.array([value]), sigma)
             return float(rows @ rows) - least - target
-        solution = solve(held, sigma, others)
+        solution = solve(held, sigma, others, way=way)
         others = solution.shape
         return solution.chi2 - least - target
 
@@ -85,7 +91,7 @@ def _profiled(problem: Problem, result: FitResult, estimate: Estimate) -> Estima
             stopped = side * (far - bound) >= 0.0
             far = bound if stopped else far
             if rise(far, width**2) > 0.0:
-                precision = 1e-6 * estimate.sd
+                precision = 1e-5 * estimate.sd
                 return float(brentq(rise, near, far, args=(width**2,), xtol=precision))
             if stopped:
                 return float(bound)
