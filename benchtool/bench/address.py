@@ -113,13 +113,13 @@ def _examples() -> list[str]:
 
 def _simulated(address: Address) -> Bench:
     from benchtool.bench.simulated import SimulatedBench
+    from benchtool.bench.virtual_server import standard_truth
     from benchtool.core.toml_text import build
     from benchtool.library import load_model, rig_named
     from benchtool.simulate.imperfections import Imperfections
 
     rig = rig_named(address.place)
-    standard = "single" if rig.n_discs == 1 else "quad_body_lift"
-    truth = address.options.get("truth", standard)
+    truth = address.options.get("truth", standard_truth(rig))
     loaded = load_model(truth, rig)
     return SimulatedBench(
         address.text,
