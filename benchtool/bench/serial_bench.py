@@ -39,6 +39,7 @@ from benchtool.errors import (
     CommandRefused,
     DeviceStopped,
     LinkLost,
+    NoDevice,
     StageError,
 )
 
@@ -64,6 +65,8 @@ class SerialBench:
         address: as the user gave it, for the identity and messages.
         clock: monotonic wall clock in seconds.
         arrive_s: bench time after which a plate that has not arrived is given up.
+        device_id: the only device to accept, as after a replug or for a resumed run; None takes
+            any.
     """
 
     def __init__(
@@ -72,11 +75,13 @@ class SerialBench:
         address: str,
         clock: Callable[[], float] = time.monotonic,
         arrive_s: float = 120.0,
+        device_id: str | None = None,
     ) -> None:
         self.address = address
         self._talk = Conversation(transport, address, clock)
         self._clock = clock
         self._arrive_s = arrive_s
+        self._device_id = device_id
         self._hello: Hello | None = None
         self._rate_Hz = 0.0
         self._opened_s = 0.0
@@ -110,9 +115,17 @@ class SerialBench:
         return self._opened_s + (self._clock() - self._opened_s) * speed
 
     def open(self) -> None:
+        if self._hello is not None:
+            return
         self._opened_s = self._clock()
+        self._device_clock = DeviceClock()
         try:
             self._hello = self._talk.open()
+            if self._device_id not in (None, self._hello.device_id):
+                raise NoDevice(
+                    f"{self.address} answers as device {self._hello.device_id!r}, but "
+                    f"{self._device_id!r} is needed; plug that one in or start a new run"
+                )
             self._order(Clear())
             self._stopped = None
             fits_Hz = self._hello.rate_Hz

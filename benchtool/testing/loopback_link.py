@@ -76,4 +76,5 @@ class LoopbackLink:
         """Leave the device to its watchdog."""
 
     def _since_s(self) -> float:
-        return self.now_s - (self.device.greeted_s or self.now_s)
+        greeted_s = self.device.greeted_s
+        return 0.0 if greeted_s is None else self.now_s - greeted_s

@@ -344,6 +344,21 @@ def test_time_of_a_fast_virtual_bench_is_device_time() -> None:
     assert bench.now_s() - start_s == pytest.approx(20.0 * (link.now_s - wall_s))
 
 
+def test_another_device_on_the_same_port_is_refused() -> None:
+    link = ScriptedLink(Turn(HELLO, hello_answer(1)))
+    bench = SerialBench(link, "serial:scripted", clock=link.clock, device_id="bench-0041")
+    with pytest.raises(NoDevice, match="answers as device 'bench-0042', but 'bench-0041'"):
+        bench.open()
+    assert link.closed == 1
+    link.finished()
+
+
+def test_opening_twice_is_opening_once() -> None:
+    bench, link = opened()
+    bench.open()
+    assert link.opened == 1
+
+
 def test_a_closed_bench_says_so() -> None:
     bench = bench_on(ScriptedLink())
     with pytest.raises(LinkLost, match="open it first"):

@@ -64,6 +64,13 @@ def test_watchdog_halts_a_moving_plate(device: Firmware, plant: StillPlant) -> N
     assert plant.z_m == pytest.approx(0.105)
 
 
+def test_the_watchdog_does_not_wait_for_a_slow_stream(device: Firmware) -> None:
+    device.execute(SPIN, 0.0)
+    device.execute(SetRate(1.0), 0.0)
+    assert len(device.advance(0, 0.25).values) == 0
+    assert kinds(device) == ["watchdog"]
+
+
 def test_an_idle_device_waits_for_ever(device: Firmware) -> None:
     device.advance(10, 1000.0)
     assert kinds(device) == []

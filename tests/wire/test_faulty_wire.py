@@ -1,0 +1,121 @@
+"""Host and device on a wire with faults, wired together in memory on a clock of their own."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from benchtool.bench.faults import Corrupt, Delay, Drop, Fault, LinkFaults, Silence
+from benchtool.bench.firmware import Firmware
+from benchtool.bench.link import HEARTBEAT
+from benchtool.bench.serial_bench import SerialBench
+from benchtool.errors import DeviceStopped, LinkLost
+from benchtool.testing.loopback_link import LoopbackLink
+from tests.wire.still_plant import StillPlant, still_hello
+
+
+def wired(*faults: Fault, seed: int = 1, **hello: object) -> tuple[SerialBench, LoopbackLink]:
+    plant = StillPlant(200.0)
+    firmware = Firmware(plant, still_hello(rate_Hz=200.0, **hello))
+    rng = np.random.default_rng(seed)
+    link = LoopbackLink(firmware, lambda: plant.rate_Hz, LinkFaults(faults, rng))
+    return SerialBench(link, "serial:loop", clock=link.clock), link
+
+
+def read_on(bench: SerialBench) -> None:
+    """Read until something ends it."""
+    while True:
+        bench.read(0.1)
+
+
+def test_nothing_is_lost_on_a_sound_wire() -> None:
+    bench, link = wired()
+    with bench:
+        bench.set_pwm(np.array([1300.0, 1300.0]))
+        rows, times_us = 0, [np.empty(0)]
+        while link.now_s < 70.0:
+            readings = bench.read(0.1)
+            assert (readings.lost, readings.corrupt, readings.messages) == (0, 0, ())
+            rows += len(readings)
+            times_us.append(readings.device_time_us)
+    assert rows == pytest.approx(70.0 * 200.0, abs=20)
+    np.testing.assert_array_equal(np.diff(np.concatenate(times_us)), 5000.0)
+
+
+def test_heartbeats_come_at_least_every_100_ms() -> None:
+    bench, link = wired()
+    with bench:
+        bench.set_pwm(np.array([1300.0, 1300.0]))
+        link.sent.clear()
+        start_s = link.now_s
+        while link.now_s < start_s + 10.0:
+            bench.read(0.03)
+        assert link.sent.count(HEARTBEAT) >= 100
+
+
+def test_no_read_no_heartbeat_no_thrust() -> None:
+    bench, link = wired()
+    with bench:
+        bench.set_pwm(np.array([1300.0, 1300.0]))
+        link.pass_time(0.26)
+        assert link.device.firmware.latched is not None
+        with pytest.raises(DeviceStopped, match="no line for 250 ms"):
+            read_on(bench)
+
+
+@pytest.mark.parametrize("fault", [Corrupt(0.0005), Drop(0.0005)])
+@pytest.mark.parametrize("seed", range(5))
+def test_a_bad_wire_costs_samples_but_no_command(fault: Fault, seed: int) -> None:
+    bench, link = wired(fault, seed=seed)
+    with bench:
+        for step in range(8):
+            bench.move_plate(0.1 + 0.005 * (step % 2))
+            bench.set_pwm(np.array([1300.0 + step, 1300.0]))
+            assert link.device.firmware.pwm_us[0] == 1300.0 + step
+            good = lost = 0
+            for _ in range(20):
+                readings = bench.read(0.1)
+                good += len(readings)
+                lost += readings.lost
+                # Whatever is handed out is whole.
+                assert set(readings.values[:, 4]) <= {12.0}
+            assert good > lost
+            bench.set_pwm(np.array([1000.0, 1000.0]))
+    assert link.device.firmware.latched is None
+
+
+def test_a_silence_shorter_than_a_second_is_lived_through() -> None:
+    bench, link = wired(Silence(1.0, 0.6))
+    with bench:
+        lost = 0
+        while link.now_s < 3.0:
+            lost += bench.read(0.1).lost
+    assert lost == pytest.approx(120, abs=2)
+
+
+def test_a_longer_one_is_a_lost_link() -> None:
+    bench, link = wired(Silence(1.0, 5.0))
+    bench.open()
+    with pytest.raises(LinkLost, match="sent nothing"):
+        read_on(bench)
+    assert link.now_s == pytest.approx(2.0, abs=0.1)
+
+
+def test_delayed_bytes_lose_nothing() -> None:
+    bench, link = wired(Delay(1.0, 0.5))
+    with bench:
+        while link.now_s < 3.0:
+            readings = bench.read(0.1)
+            assert (readings.lost, readings.corrupt) == (0, 0)
+
+
+def test_a_fast_bench_runs_on_its_own_time() -> None:
+    bench, link = wired(speed=20.0)
+    with bench:
+        start_s, rows = bench.now_s(), 0
+        while bench.now_s() < start_s + 60.0:
+            rows += len(bench.read(0.5))
+        assert rows == pytest.approx(60.0 * 200.0, rel=0.02)
+        assert link.now_s < 4.0
+        readings = bench.read(0.5)
+        assert readings.time_s[-1] == pytest.approx(bench.now_s(), abs=0.3)
