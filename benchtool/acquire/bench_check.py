@@ -66,7 +66,7 @@ def check_bench(bench: Bench, rig: Rig) -> Iterator[Finding]:
     yield Finding("standstill", True, "no rotor turns at zero command")
     _wait(bench, ARMING_S)
     yield Finding("arming", True, f"stop pulse of {stop_us[0]:g} us held for {ARMING_S:g} s")
-    low_us = _low_us(rig)
+    low_us = low_throttle_us(rig)
     for rotor in range(rig.n_rotors):
         pulses = stop_us.copy()
         pulses[rotor] = low_us
@@ -112,7 +112,8 @@ def _judge(
     )
 
 
-def _low_us(rig: Rig) -> float:
+def low_throttle_us(rig: Rig) -> float:
+    """Return the pulse of the low-throttle test: us."""
     p = rig.propulsion
     return float(round(p.pwm_start_us + LOW_SHARE * (p.pwm_max_us - p.pwm_start_us)))
 

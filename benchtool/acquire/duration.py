@@ -30,14 +30,23 @@ def move_s(plan: Plan, rig: Rig, start: Place | None, end: Place) -> float:
     return STOP_S + hypot(end.z_m - z_m, end.x_m - x_m) / rig.plate.speed_m_s
 
 
-def expected_duration_s(plan: Plan, rig: Rig, visits: Sequence[Visit]) -> float:
-    """Return the time that visits in this order will take: s."""
-    total_s, place = 0.0, None
+def expected_duration_s(
+    plan: Plan, rig: Rig, visits: Sequence[Visit], place: Place | None = None
+) -> float:
+    """Return the time that visits in this order will take: s.
+
+    Args:
+        plan: resolved.
+        rig: speed and park position of the plate.
+        visits: those that are left.
+        place: where the plate stands; None before a sweep, which then begins with a tare.
+    """
+    total_s = 0.0
+    tares = 1 if place is None else 0
     for visit in visits:
         total_s += visit_s(plan) + move_s(plan, rig, place, visit.setting.place)
         place = visit.setting.place
     tare_s = plan.tare.seconds + STOP_S
-    tares = 1
     if plan.tare.every_minutes:
         tares += int(total_s // (60.0 * plan.tare.every_minutes))
     return total_s + tares * tare_s

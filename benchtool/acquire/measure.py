@@ -13,7 +13,6 @@ from benchtool.acquire.calibration import Calibration
 from benchtool.acquire.order import Visit
 from benchtool.acquire.tare import Tared
 from benchtool.core.recording import Recording
-from benchtool.core.rig import Rig
 from benchtool.store import Point
 
 Array = NDArray[np.float64]
@@ -41,9 +40,23 @@ class ThrustScale:
 
 
 def measure(
-    samples: Recording, visit: Visit, rig: Rig, tared: Tared, scale: ThrustScale, settled: bool
+    samples: Recording,
+    visit: Visit,
+    reached_m: float,
+    tared: Tared,
+    scale: ThrustScale,
+    settled: bool,
 ) -> Point:
-    """Return the point that a visit's samples make."""
+    """Return the point that a visit's samples make.
+
+    Args:
+        samples: of the settled span.
+        visit: what was asked for.
+        reached_m: plate distance that the stage told; used where the stream has none.
+        tared: the last tare.
+        scale: how samples become newtons.
+        settled: whether the settling test passed.
+    """
     place = visit.setting.place
     thrust = average(scale.thrust_N(samples), scale.quantum_N)
     time_s = float(samples.column("time_s").mean())
@@ -62,12 +75,12 @@ def measure(
         time_s=time_s,
         elapsed_s=time_s - tared.time_s,
         pwm_us=visit.setting.pwm_us,
-        rpm=tuple(mean_of(f"rpm{rotor + 1}", nan) for rotor in range(rig.n_rotors)),
+        rpm=tuple(mean_of(f"rpm{rotor + 1}", nan) for rotor in range(len(visit.setting.pwm_us))),
         thrust_N=thrust.mean,
         thrust_sd_N=thrust.sd,
         thrust_se_N=thrust.se,
         n_samples=thrust.n,
-        plate_z_m=mean_of("plate_z_m", place.z_m),
+        plate_z_m=mean_of("plate_z_m", reached_m),
         plate_x_m=mean_of("plate_x_m", place.x_m),
         plate_tilt_deg=mean_of("plate_tilt_deg", place.tilt_deg),
         voltage_V=mean_of("voltage_V", nan),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,14 +17,6 @@ Array = NDArray[np.float64]
 
 STEP_S = 0.1
 """Longest wait for samples in one read; limits and signals are seen at least as often."""
-
-
-class PlateMover(Protocol):
-    """Move the plate: a bench that does it itself, a stage, or a person."""
-
-    def move_plate(self, z_m: float, x_m: float = 0.0, tilt_rad: float = 0.0) -> None:
-        """Return when the plate stands there."""
-        ...
 
 
 @dataclass(slots=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from math import radians
+from math import nan, radians
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,12 +18,13 @@ from benchtool.acquire.motors import RAMP_DOWN_S, Motors
 from benchtool.acquire.order import Place, Visit, visits_of
 from benchtool.acquire.plan import Plan
 from benchtool.acquire.progress import Progress, Silent
-from benchtool.acquire.record import PlateMover, Recorder
+from benchtool.acquire.record import Recorder
 from benchtool.acquire.rest import rest_if_needed
 from benchtool.acquire.settle import is_settled
 from benchtool.acquire.tare import Tared, tare, tare_point
 from benchtool.bench.bench import Bench, Readings
 from benchtool.bench.guard import GuardedBench
+from benchtool.bench.stage import Stage
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
 from benchtool.errors import BenchtoolError, InputError
@@ -63,7 +64,7 @@ class Summary:
 
 def run_sweep(
     bench: Bench,
-    stage: PlateMover,
+    stage: Stage,
     plan: Plan,
     rig: Rig,
     run: Run,
@@ -79,7 +80,7 @@ def run_sweep(
 
     Args:
         bench: open, within its limits (a guarded bench).
-        stage: moves the plate; the bench itself where the device does.
+        stage: moves the plate, open.
         plan: resolved for the rig.
         rig: what stands on the bench.
         run: its folder, created or reopened.
@@ -110,7 +111,7 @@ class _Sweep:
     def __init__(
         self,
         bench: Bench,
-        stage: PlateMover,
+        stage: Stage,
         plan: Plan,
         rig: Rig,
         run: Run,
@@ -125,6 +126,7 @@ class _Sweep:
         self._motors = Motors(self._recorder, rig)
         self._drift = DriftWatch(plan.tare.drift_N)
         self._place: Place | None = None
+        self._reached_m = nan
         self._tared: Tared | None = None
         self._measured = self._unsettled = self._tares = 0
         sensor = rig.sensors.get("thrust_N")
@@ -159,7 +161,7 @@ class _Sweep:
             self._recorder.sync()
             self._measured += 1
             self._unsettled += not point.settled
-            left_s = expected_duration_s(self._plan, self._rig, left[index + 1 :])
+            left_s = expected_duration_s(self._plan, self._rig, left[index + 1 :], self._place)
             self._progress.measured(point, left_s)
             if visit.kind == "anchor" and (why := self._drift.asks_for_tare(point)):
                 self._recorder.note("drift", why, visit.point)
@@ -175,7 +177,7 @@ class _Sweep:
         samples = self._recorder.collect("sample", self._plan.sample_s, visit.point)
         assert self._tared is not None
         scale = ThrustScale(self._calibration, self._tared.zero_counts, self._quantum_N)
-        return measure(samples, visit, self._rig, self._tared, scale, settled)
+        return measure(samples, visit, self._reached_m, self._tared, scale, settled)
 
     def _tare_if_due(self) -> None:
         every_s = 60.0 * self._plan.tare.every_minutes
@@ -191,9 +193,14 @@ class _Sweep:
         if place == self._place:
             return
         self._motors.stand_still(self._plan.tare.stop_timeout_s, "move")
-        self._stage.move_plate(place.z_m, place.x_m, radians(place.tilt_deg))
+        self._reached_m = self._stage.move(
+            place.z_m, place.x_m, radians(place.tilt_deg), self._pause
+        )
         self._recorder.collect("move", CALM_S)
         self._place = place
+
+    def _pause(self, seconds: float) -> None:
+        self._recorder.collect("move", seconds)
 
     def _settle(self, visit: Visit) -> bool:
         """Wait until thrust and speeds have settled; say so when they do not in time."""
@@ -229,6 +236,8 @@ class _Sweep:
         """Command zero before anything else; nothing here may hide the error on its way."""
         with suppress(BenchtoolError, OSError):
             self._bench.stop()
+        with suppress(BenchtoolError, OSError):
+            self._stage.hold()
         interrupted = isinstance(error, KeyboardInterrupt)
         reason = "stopped by Ctrl-C" if interrupted else str(error) or type(error).__name__
         with suppress(BenchtoolError, OSError):

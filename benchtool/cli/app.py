@@ -20,6 +20,9 @@ from benchtool import __version__
 from benchtool.errors import BenchtoolError, UnknownChoice
 
 COMMANDS: dict[str, str] = {
+    "sweep": "Sweep plate distance and throttle on a bench, into a run folder",
+    "calibrate": "Calibrate a load cell with known masses, for every run that follows",
+    "recalibrate": "Apply a calibration to a run again, without touching its raw data",
     "fit": "Fit a ground-effect model to run folders or any CSV",
     "bench": "Serve a virtual bench; check a bench before motors spin",
     "rigs": "List rigs, or show one with the source of every number",

@@ -1,0 +1,121 @@
+"""`benchtool calibrate`: known masses on the load cell, a line with its covariance."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from benchtool.acquire.calibration import Calibration
+
+    Array = NDArray[np.float64]
+
+
+def command(
+    address: Annotated[
+        str, typer.Argument(help="The bench; left out with --from and --device-id.")
+    ] = "",
+    masses: Annotated[
+        str,
+        typer.Option(help="Masses in kg as they will hang, up and down: 0,0.2,0.5,0."),
+    ] = "",
+    source: Annotated[
+        Path | None, typer.Option("--from", help="CSV with columns mass_kg and thrust_raw.")
+    ] = None,
+    device_id: Annotated[str, typer.Option(help="Device of the CSV's counts.")] = "",
+    rig: Annotated[str | None, typer.Option(help="Rig by name, or a rig file.")] = None,
+    lever_ratio: Annotated[
+        float, typer.Option(help="Force on the cell over force at the rotor.")
+    ] = 1.0,
+    gravity: Annotated[float, typer.Option(help="Local gravity, m/s2.")] = 9.80665,
+    seconds: Annotated[float, typer.Option(help="Counts are averaged for so long.")] = 3.0,
+    out: Annotated[
+        Path | None, typer.Option(help="Write the calibration to this new file, too.")
+    ] = None,
+) -> None:
+    """Calibrate a load cell with known masses, for every run that follows."""
+    from datetime import datetime
+
+    from benchtool.acquire.calibration import calibration_to_dict, fit_calibration
+    from benchtool.errors import InputError, WouldOverwrite
+    from benchtool.store.atomic import replace_json
+    from benchtool.store.state import remember
+
+    if (source is None) == (not masses):
+        raise InputError("give either --masses, to hang them now, or --from CSV with counts")
+    if out is not None and out.exists():
+        raise WouldOverwrite(str(out))
+    if source is not None:
+        kilograms, counts = _from_csv(source)
+        if not device_id:
+            raise InputError(
+                "which device gave these counts? name it with --device-id (benchtool ports shows "
+                "it, and so does a run's metadata.json)"
+            )
+    else:
+        if not address:
+            raise InputError("which bench? name its address before --masses")
+        kilograms, counts, device_id = _from_bench(address, masses, rig, seconds)
+    calibration = fit_calibration(
+        kilograms,
+        counts,
+        date=datetime.now().astimezone().strftime("%Y-%m-%dT%H%M%S"),
+        device_id=device_id,
+        lever_ratio=lever_ratio,
+        gravity_m_s2=gravity,
+    )
+    _show(calibration)
+    facts = calibration_to_dict(calibration)
+    kept = remember("calibration", device_id, facts)
+    if out is not None:
+        replace_json(out, facts)
+    print(f"kept in {out or kept}; every run on {device_id} uses it from now on")
+
+
+def _from_csv(source: Path) -> tuple[Array, Array]:
+    from benchtool.store import read_table
+
+    table = read_table(source, {"mass_kg": "mass_kg", "thrust_raw": "thrust_raw"})
+    return table.column("mass_kg"), table.column("thrust_raw")
+
+
+def _from_bench(
+    address: str, masses: str, rig: str | None, seconds: float
+) -> tuple[Array, Array, str]:
+    import numpy as np
+
+    from benchtool.acquire.calibrate_bench import mean_counts, require_raw_counts
+    from benchtool.bench.address import open_bench
+    from benchtool.bench.guard import GuardedBench
+    from benchtool.cli.sweep_operator import LOOK_S, answer_to
+    from benchtool.cli.sweep_options import numbers, rig_for
+
+    kilograms = np.array(numbers(masses, "--masses"))
+    counts = []
+    with GuardedBench(open_bench(address), rig_for(address, rig)) as bench:
+        require_raw_counts(bench)
+        is_virtual = address.startswith("sim:")
+        for kilogram in kilograms:
+            question = f"hang {kilogram:g} kg, wait until it is still, then press Enter: "
+            answer_to(question, None if is_virtual else lambda: bench.read(LOOK_S))
+            found = mean_counts(bench, seconds)
+            print(f"  {found.mean:.1f} counts, +- {found.se:.1f}")
+            counts.append(found.mean)
+        device_id = bench.identity.device_id
+    return kilograms, np.array(counts), device_id
+
+
+def _show(calibration: Calibration) -> None:
+    c = calibration
+    print(f"slope {c.slope_N_per_count:.6g} N per count, +- {100.0 * c.relative_sd:.2g} %")
+    told = "not known, masses went one way only"
+    if c.hysteresis is not None:
+        told = f"{100.0 * c.hysteresis:.3f} % of full scale"
+    print(f"straightness {100.0 * c.straightness:.3f} % of full scale, hysteresis {told}")
+    for kilogram, count, residual_N in zip(c.masses_kg, c.counts, c.residuals_N, strict=True):
+        print(f"  {kilogram:8.4f} kg  {count:14.1f}  {1000.0 * residual_N:+8.2f} mN")

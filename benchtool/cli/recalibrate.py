@@ -1,0 +1,36 @@
+"""`benchtool recalibrate`: another calibration for a run that is on disk."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def command(
+    run: Annotated[Path, typer.Argument(help="The run folder.")],
+    calibration: Annotated[
+        Path | None, typer.Option(help="Calibration file; the device's latest when left out.")
+    ] = None,
+) -> None:
+    """Apply a calibration to a run again, without touching its raw data."""
+    from benchtool.acquire.calibration import calibration_from
+    from benchtool.acquire.recalibrate import recalibrate
+    from benchtool.cli.calibration_file import read_calibration
+    from benchtool.errors import CalibrationError
+    from benchtool.store import Run
+    from benchtool.store.state import recall
+
+    opened = Run.open(run)
+    if calibration is not None:
+        chosen = read_calibration(calibration)
+    else:
+        device_id = str(opened.metadata.get("device_id", ""))
+        latest = recall("calibration", device_id)
+        if latest is None:
+            raise CalibrationError(
+                f"no calibration of device {device_id!r} is known here; give --calibration FILE"
+            )
+        chosen = calibration_from(latest, f"the latest calibration of {device_id}")
+    print(f"points through calibration {chosen.id}: {recalibrate(opened, chosen)}")

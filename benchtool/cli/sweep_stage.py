@@ -1,0 +1,80 @@
+"""From `--stage` to what moves the plate."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+from urllib.parse import parse_qsl
+
+from benchtool.errors import InputError, UnknownChoice
+
+if TYPE_CHECKING:
+    from benchtool.bench.bench import Bench
+    from benchtool.bench.stage import Stage
+    from benchtool.core.rig import Rig
+
+_GRBL_OPTIONS = ("baud", "axis", "zero_mm", "direction", "lateral", "lateral_zero_mm")
+
+
+def stage_for(option: str | None, bench: Bench, rig: Rig, ask: Callable[[str], str]) -> Stage:
+    """Return what moves the plate, not opened yet.
+
+    Args:
+        option: `device`, `hand`, or `grbl:PORT?axis=Z&zero_mm=1500&direction=-1`; what the device
+            and the rig say when left out.
+        bench: open.
+        rig: travel and feed.
+        ask: puts a question to the operator.
+    """
+    from benchtool.bench.stage import DeviceStage, HandStage
+
+    chosen = option or ("device" if bench.identity.moves_plate else rig.plate.moved_by)
+    if chosen == "device":
+        if not bench.identity.moves_plate:
+            raise InputError(
+                "this device does not move the plate; give --stage hand or --stage grbl:PORT"
+            )
+        return DeviceStage(bench)
+    if chosen == "hand":
+        return HandStage(ask, rig.plate)
+    scheme, _, place = chosen.partition(":")
+    if scheme != "grbl":
+        raise UnknownChoice("stage", chosen, ("device", "hand", "grbl:PORT"))
+    if not place:
+        raise InputError("the stage's port is missing; give --stage grbl:PORT?axis=Z&zero_mm=...")
+    return _grbl(place, rig)
+
+
+def _grbl(place: str, rig: Rig) -> Stage:
+    from benchtool.bench.grbl_stage import GrblAxis, GrblStage
+    from benchtool.bench.serial_port import SerialPort
+
+    port, _, query = place.partition("?")
+    options = dict(parse_qsl(query))
+    for name in options:
+        if name not in _GRBL_OPTIONS:
+            raise UnknownChoice("option of grbl: stages", name, _GRBL_OPTIONS)
+
+    def number(name: str, default: float) -> float:
+        try:
+            return float(options.get(name, default))
+        except ValueError:
+            raise InputError(
+                f"option {name} of --stage is {options[name]!r}, not a number; write "
+                f"{name}={default:g}"
+            ) from None
+
+    direction = -1 if number("direction", 1.0) < 0.0 else 1
+    distance = GrblAxis(
+        options.get("axis", "Z"), 1e-3 * number("zero_mm", 1e3 * rig.plate.z_park_m), direction
+    )
+    lateral = None
+    if "lateral" in options:
+        lateral = GrblAxis(options["lateral"], 1e-3 * number("lateral_zero_mm", 0.0))
+    return GrblStage(
+        SerialPort(port, int(number("baud", 115200))),
+        distance,
+        rig.plate.speed_m_s,
+        lateral,
+        name=f"the stage on {port}",
+    )
