@@ -38,6 +38,10 @@ DISCARDED = 0.25
 
 MOST_DRAWS = 20_000
 
+BOUND_REACH, BOUND_SHARE = 0.1, 0.01
+"""A posterior reaches a bound when more than this share of it lies within this many of its standard
+deviations: a normal one does at a bound nearer than 1.7 standard deviations to its middle."""
+
 
 def fit_ensemble(
     problem: Problem,
@@ -178,6 +182,7 @@ def _result(
         dof=problem.dof,
         log_likelihood=quality.log_likelihood,
         outcome=_outcome(problem, verdict, steps, max_steps, per_step),
+        warnings=_bound_warnings(problem, draws),
         samples=np.ascontiguousarray(kept),
         facts={
             **problem.facts,
@@ -193,6 +198,21 @@ def _result(
             "acceptance": float(np.mean(sampler.acceptance_fraction)),
         },
     )
+
+
+def _bound_warnings(problem: Problem, draws: Array) -> tuple[str, ...]:
+    """Return a sentence for each bound that the posterior piles up against."""
+    told = []
+    for name, own in zip(problem.free_names, draws.T, strict=True):
+        item = problem.parameters[name]
+        near = BOUND_REACH * float(np.std(own))
+        for side, bound in (("lower", item.lower), ("upper", item.upper)):
+            if np.mean(np.abs(own - bound) < near) > BOUND_SHARE:
+                told.append(
+                    f"the posterior of {name} reaches its {side} bound {bound:g} {item.unit} and "
+                    f"is cut there: widen the bound or fix the parameter"
+                )
+    return tuple(told)
 
 
 def _outcome(

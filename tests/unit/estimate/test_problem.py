@@ -83,10 +83,26 @@ def test_a_subset_predicts_its_own_points() -> None:
     assert part.covariates["z_over_R"][2] == problem.covariates["z_over_R"][20]
 
 
-def test_a_model_predicts_what_it_predicts_by_itself() -> None:
-    conditions = quad_conditions()
-    for more in ((), ("plate_offset.dz_m",)):
-        model = quad_model().with_effect("plate_offset").freed(*more)
+@pytest.mark.parametrize(
+    "more",
+    [
+        (),
+        ("plate_offset.dz_m",),
+        ("plate_offset.dz_m", "plate_tilt.angle_rad"),
+        ("partial_coverage.share_1",),
+        ("plate_offset.dz_m", "partial_coverage.share_2"),
+        ("neighbour_images.strength", "tare_offset.thrust_N"),
+    ],
+    ids=lambda names: " ".join(names) or "level",
+)
+def test_a_model_predicts_what_it_predicts_by_itself(more: tuple[str, ...]) -> None:
+    level = quad_conditions()
+    coverage = np.random.default_rng(1).choice([0.0, 0.3, 1.0], level.coverage.shape)
+    for conditions in (level, replace(level, coverage=coverage)):
+        model = quad_model()
+        for effect in ("plate_offset", "plate_tilt", "partial_coverage", "tare_offset"):
+            model = model.with_effect(effect)
+        model = model.freed(*more)
         problem = problem_from_model(
             model, conditions, quad_thrust(model, conditions), np.full(len(conditions), 0.1)
         )
