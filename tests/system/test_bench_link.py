@@ -19,7 +19,14 @@ from benchtool.bench.firmware import Firmware
 from benchtool.bench.serial_bench import SerialBench
 from benchtool.bench.server import BenchServer, Outbox
 from benchtool.bench.server_links import PtyLink, ServerLink, TcpLink, link_named
-from benchtool.errors import DeviceStopped, InputError, LinkLost, PortBusy
+from benchtool.errors import (
+    BenchError,
+    DeviceStopped,
+    InputError,
+    LinkLost,
+    PortBusy,
+    StageError,
+)
 from tests.wire.still_plant import StillPlant, still_hello
 
 posix = pytest.mark.skipif(os.name != "posix", reason="needs pseudo-terminals and signals")
@@ -94,6 +101,12 @@ def read_on(bench: SerialBench, told: list[str]) -> None:
     """Read until something ends it; keep what the device says."""
     while True:
         told += bench.read(0.1).messages
+
+
+def spin_on(bench: SerialBench) -> None:
+    """Spin gently until something ends it."""
+    bench.set_pwm(np.full(bench.identity.n_rotors, 1300.0))
+    read_on(bench, [])
 
 
 def drive(bench: SerialBench, readings: int = 40) -> NDArray[np.float64]:
@@ -231,6 +244,49 @@ def test_serve_from_the_command_line(tmp_path: Path, number: signal.Signals) -> 
         process.kill()
         process.wait()
     assert (code, symlink.is_symlink()) == (0, False), errors
+
+
+def served_with(fault: str, symlink: Path) -> subprocess.Popen[str]:
+    process = serve("--speed", "20", "--fault", fault, "--symlink", str(symlink))
+    assert process.stdout is not None
+    assert process.stdout.readline().strip() == f"serial:{symlink}"
+    return process
+
+
+@posix
+@pytest.mark.parametrize(
+    ("fault", "kind", "words"),
+    [
+        ("over_thrust:at_s=20", DeviceStopped, "limit: thrust_N 10"),
+        ("silence:at_s=0.5,for_s=9", LinkLost, "sent nothing for"),
+        ("unplug:at_s=0.5,for_s=0.2", LinkLost, "check cable"),
+    ],
+)
+def test_faults_on_demand(tmp_path: Path, fault: str, kind: type[BenchError], words: str) -> None:
+    process = served_with(fault, tmp_path / "bench")
+    try:
+        with pytest.raises(kind, match=words), bench_at(f"serial:{tmp_path / 'bench'}") as bench:
+            spin_on(bench)
+        if kind is LinkLost and "unplug" in fault:
+            time.sleep(0.5)
+            with bench_at(f"serial:{tmp_path / 'bench'}") as bench:
+                assert len(bench.read(1.0)) > 0
+    finally:
+        process.terminate()
+        process.communicate()
+
+
+@posix
+def test_a_stage_that_refuses_on_demand(tmp_path: Path) -> None:
+    process = served_with("refuse_move", tmp_path / "bench")
+    try:
+        with bench_at(f"serial:{tmp_path / 'bench'}") as bench:
+            with pytest.raises(StageError, match=r"refused to move to 0\.2 m: stage alarm"):
+                bench.move_plate(0.2)
+            assert len(bench.read(1.0)) > 0
+    finally:
+        process.terminate()
+        process.communicate()
 
 
 @pytest.mark.parametrize(
