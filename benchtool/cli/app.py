@@ -25,6 +25,8 @@ COMMANDS: dict[str, str] = {
     "recalibrate": "Apply a calibration to a run again, without touching its raw data",
     "fit": "Fit a ground-effect model to run folders or any CSV",
     "bench": "Serve a virtual bench; check a bench before motors spin",
+    "ports": "List serial ports and, with --probe, what answers on them",
+    "doctor": "Explain what keeps a serial port from working",
     "rigs": "List rigs, or show one with the source of every number",
     "models": "List models, or show one with its effects and parameters",
     "effects": "List physical effects, or show one with its law and parameters",

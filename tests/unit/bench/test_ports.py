@@ -1,0 +1,90 @@
+"""Listing ports, and asking who is there."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from benchtool.bench.firmware import Firmware
+from benchtool.bench.ports import ask_port, by_id_names, serial_ports
+from benchtool.bench.virtual_device import hello_of, virtual_plant
+from benchtool.errors import PortBusy, PortDenied
+from benchtool.library import load_model, rig_named
+from benchtool.testing.loopback_link import LoopbackLink
+from benchtool.testing.scripted_link import ScriptedLink
+
+
+class TalkingLink(ScriptedLink):
+    """Send free text whatever is asked."""
+
+    def write(self, data):
+        self._answer, self._piece = b"HX711 reading: 124006\r\n", 64
+
+
+class DeafLink(ScriptedLink):
+    """Take everything and say nothing."""
+
+    def write(self, data):
+        pass
+
+
+def test_ports_come_in_natural_order_and_phantoms_are_left_out(monkeypatch):
+    def item(device, hwid="USB", vid=0x0403, pid=0x6001, serial_number=None):
+        return SimpleNamespace(
+            device=device,
+            description="n/a",
+            hwid=hwid,
+            vid=vid,
+            pid=pid,
+            serial_number=serial_number,
+        )
+
+    present = [
+        item("COM12", serial_number="X"),
+        item("COM3"),
+        item("COM1", hwid="n/a", vid=None, pid=None),
+        item("COM2", hwid="ACPI\\PNP0501", vid=None, pid=None),
+    ]
+    monkeypatch.setattr("serial.tools.list_ports.comports", lambda: present)
+    found = serial_ports()
+    assert [port.name for port in found] == ["COM2", "COM3", "COM12"]
+    assert [port.usb for port in found] == ["", "0403:6001", "0403:6001"]
+    assert [port.serial_number for port in found] == ["", "", "X"]
+    assert found[0].description == ""
+
+
+def test_lasting_names_lead_to_ports(tmp_path):
+    port = tmp_path / "ttyUSB0"
+    port.touch()
+    folder = tmp_path / "by-id"
+    folder.mkdir()
+    link = folder / "usb-FTDI-if00"
+    link.symlink_to(port)
+    assert by_id_names(folder) == {str(port): str(link)}
+    assert by_id_names(tmp_path / "none") == {}
+
+
+def test_a_bench_that_answers_is_named():
+    rig = rig_named("pquad")
+    truth = load_model("quad_body_lift", rig).model
+    plant = virtual_plant(rig, truth, 4)
+    link = LoopbackLink(Firmware(plant, hello_of(plant, truth, 4)), lambda: plant.rate_Hz)
+    answer = ask_port(link, "COM3", link.clock)
+    assert answer.kind == "bench"
+    assert answer.text.startswith("virtual-pquad-4, benchtool virtual bench")
+    assert answer.text.endswith("4 rotors, virtual")
+
+
+@pytest.mark.parametrize(
+    ("link", "kind", "said"),
+    [
+        (DeafLink(), "silent", "COM3"),
+        (TalkingLink(), "other", "HX711 reading"),
+        (ScriptedLink(refuses=PortBusy("in use by minicom (pid 812)")), "busy", "pid 812"),
+        (ScriptedLink(refuses=PortDenied("may not")), "denied", "may not"),
+    ],
+)
+def test_whatever_else_happens_is_an_answer_too(link, kind, said):
+    answer = ask_port(link, "COM3", link.clock)
+    assert answer.kind == kind
+    assert said in answer.text
+    assert link.closed == 1
