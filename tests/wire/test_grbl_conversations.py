@@ -90,6 +90,7 @@ def test_a_board_that_boots_misses_the_first_reset():
     link = ScriptedLink(Turn(b"\x18"), Turn(b"\x18", LOCKED), Turn(b"$H\n", b"ok\r\n"))
     stage_on(link).open()
     link.finished()
+    assert link.now_s > 101.0
 
 
 def test_nothing_that_answers_is_said_and_the_port_given_back():
@@ -237,7 +238,7 @@ def test_after_a_hold_the_rest_of_the_move_is_thrown_away_once_it_stands():
         *MOVED,
     )
     stage.hold()
-    stage.move(0.2, 0.0, 0.0, quiet)
+    assert stage.move(0.2, 0.0, 0.0, quiet) == pytest.approx(0.2)
     link.finished()
 
 
@@ -249,9 +250,11 @@ def test_a_hold_is_resumed_only_when_it_stands():
         Turn(b"?", at(-91.0, b"Hold:0")),
         Turn(b"~"),
     )
+    paused = []
     stage.hold()
-    stage.resume(quiet)
+    stage.resume(paused.append)
     link.finished()
+    assert paused == [0.2, 0.2]
 
 
 def test_a_stage_that_lost_steps_is_not_believed():
@@ -286,7 +289,7 @@ def test_a_lateral_axis_moves_along():
     )
     stage = stage_on(link, GrblAxis("X", 0.3))
     stage.open()
-    stage.move(0.2, 0.051, 0.0, quiet)
+    assert stage.move(0.2, 0.051, 0.0, quiet) == pytest.approx(0.2)
     link.finished()
 
 
