@@ -6,12 +6,14 @@ import os
 import re
 import shutil
 import subprocess
+from dataclasses import fields
 from pathlib import Path
 
 import pytest
 
 from benchtool.bench.commands import COMMAND_NAMES, command_from
 from benchtool.bench.device_link import DeviceLink
+from benchtool.bench.faults import FAULTS, fault_from
 from benchtool.bench.firmware import Firmware
 from benchtool.bench.link import Decoder, crc16
 from tests.wire.still_plant import StillPlant, still_hello
@@ -99,3 +101,14 @@ def test_the_c_code_speaks_the_protocol(tmp_path: Path) -> None:
     assert batch.values[1, 1] != batch.values[1, 1]
     assert (batch.lost, batch.corrupt) == (0, 0)
     assert lines[3:] == [b"C,4,tare\n", b"refused\n", b"refused\n"]
+
+
+def test_every_fault_is_on_its_page_with_its_defaults() -> None:
+    page = (Path(__file__).parents[2] / "docs/how-to/virtual-bench.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| `(\w+)` \| (.*?) \|", page, re.MULTILINE)
+    told = {
+        name: fault_from(f"{name}:{','.join(re.findall('`(.*?)`', keys))}") for name, keys in rows
+    }
+    assert told == {name: kind() for name, kind in FAULTS.items()}
+    for name, keys in rows:
+        assert re.findall(r"`(\w+)=", keys) == [item.name for item in fields(FAULTS[name])]
