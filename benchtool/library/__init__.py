@@ -1,5 +1,6 @@
 """Packaged rigs and models, and the strict reading of a user's own."""
 
+from benchtool.library.gain_file import Gains, gain_names, gains_named
 from benchtool.library.model_file import (
     LoadedModel,
     load_model,
@@ -10,7 +11,10 @@ from benchtool.library.model_file import (
 from benchtool.library.rig_file import rig_named, rig_names, rig_to_dict
 
 __all__ = [
+    "Gains",
     "LoadedModel",
+    "gain_names",
+    "gains_named",
     "load_model",
     "model_names",
     "model_to_toml",

@@ -76,7 +76,8 @@ def ratio(output: FitOutput) -> Figure:
 def ratio_points(output: FitOutput, label: str, role: Role = "measurement") -> RatioPoints:
     """Return the measured ratio at each distance: mean and standard deviation over its points.
 
-    A single point has its stated error, if there is one. A joint fit knows the thrust out of ground effect at each point's own rotor speeds.
+    A single point has its stated error, if there is one. A joint fit knows the thrust out of
+    ground effect at each point's own rotor speeds.
     """
     data, model = output.data, output.fitted
     measured, error = data.observed, data.standard_error

@@ -146,7 +146,7 @@ def _estimate(
     if method == "least_squares":
         if progress is not None:
             progress("least squares", 0, 1)
-        result = fit_least_squares(problem, loss=recipe.loss, starts=3, seed=recipe.seed)
+        result = fit_least_squares(problem, loss=recipe.loss, seed=recipe.seed)
         return with_profile(problem, result) if profile else result
     tell = None
     if progress is not None:
