@@ -1,0 +1,93 @@
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from benchtool.acquire.calibration import (
+    calibration_from,
+    calibration_to_dict,
+    fit_calibration,
+)
+from benchtool.errors import CalibrationError, UnknownChoice
+
+MASSES = np.array([0.0, 0.2, 0.5, 1.0, 1.5, 1.0, 0.5, 0.2, 0.0])
+G = 9.81
+
+
+def fitted(counts: np.ndarray, masses: np.ndarray = MASSES, **more: float):
+    return fit_calibration(masses, counts, date="2026-01-31", device_id="d", gravity_m_s2=G, **more)
+
+
+def test_an_exact_line_comes_back() -> None:
+    found = fitted(8000.0 + 420.0 * MASSES * G)
+    assert found.slope_N_per_count == pytest.approx(1.0 / 420.0, rel=1e-12)
+    assert found.offset_N == pytest.approx(-8000.0 / 420.0, rel=1e-12)
+    assert found.straightness < 1e-12
+    assert found.hysteresis == pytest.approx(0.0, abs=1e-12)
+    np.testing.assert_allclose(found.newtons(np.array([8420.0]), 8000.0), [1.0])
+
+
+def test_the_lever_divides_the_force_at_the_rotor() -> None:
+    found = fitted(420.0 * MASSES * G, lever_ratio=2.0)
+    assert found.slope_N_per_count == pytest.approx(1.0 / 840.0, rel=1e-12)
+
+
+def test_the_covariance_is_the_scatter_of_repeated_calibrations() -> None:
+    rng = np.random.default_rng(11)
+    found = [
+        fitted(8000.0 + 420.0 * MASSES * G + rng.normal(0.0, 5.0, len(MASSES))) for _ in range(500)
+    ]
+    slopes = np.array([[c.slope_N_per_count, c.offset_N] for c in found])
+    stated = np.mean([c.covariance for c in found], axis=0)
+    np.testing.assert_allclose(np.cov(slopes.T), stated, rtol=0.25)
+    assert found[0].relative_sd == pytest.approx(
+        np.sqrt(found[0].covariance[0][0]) / found[0].slope_N_per_count
+    )
+
+
+def test_hysteresis_is_the_gap_between_up_and_down() -> None:
+    counts = 420.0 * MASSES * G
+    counts[5:] += 420.0 * 0.03
+    found = fitted(counts)
+    assert found.hysteresis == pytest.approx(0.03 / (1.5 * G), rel=0.01)
+    one_way = fitted(420.0 * MASSES[:5] * G, MASSES[:5])
+    assert one_way.hysteresis is None
+
+
+def test_a_cell_mounted_the_other_way_round_has_a_negative_slope() -> None:
+    assert fitted(-420.0 * MASSES * G).slope_N_per_count < 0.0
+
+
+@pytest.mark.parametrize(
+    ("masses", "counts", "more", "words"),
+    [
+        ([0.0, 1.0, 0.0], [0.0, 100.0, 0.0], {}, "2 different masses"),
+        ([0.0, 1.0, 2.0], [0.0, 1.0], {}, "3 masses, but 2 readings"),
+        ([0.0, -1.0, 2.0], [0.0, 1.0, 2.0], {}, "-1 kg is none"),
+        ([0.0, 1.0, np.nan], [0.0, 1.0, 2.0], {}, "no number"),
+        ([0.0, 1.0, 2.0, 3.0], [7.0, 7.1, 6.9, 7.0], {}, "do not follow the masses"),
+        ([0.0, 1.0, 2.0, 3.0], [0.0, 100.0, 200.0, 330.0], {}, "% of full scale, limit 2 %"),
+        ([0.0, 1.0, 2.0], [0.0, 1.0, 2.0], {"lever_ratio": 0.0}, "lever ratio of 0"),
+    ],
+)
+def test_nonsense_is_refused(masses, counts, more, words: str) -> None:
+    with pytest.raises(CalibrationError, match=words):
+        fitted(np.array(counts), np.array(masses), **more)
+
+
+def test_gravity_is_that_of_the_earth() -> None:
+    with pytest.raises(CalibrationError, match=r"9\.76 to 9\.84"):
+        fit_calibration(MASSES, 420.0 * MASSES, date="x", device_id="d", gravity_m_s2=1.62)
+
+
+def test_a_calibration_survives_json_and_refuses_strange_keys() -> None:
+    rng = np.random.default_rng(1)
+    found = fitted(8000.0 + 420.0 * MASSES * G + rng.normal(0.0, 5.0, len(MASSES)))
+    data = json.loads(json.dumps(calibration_to_dict(found)))
+    assert calibration_from(data, "c.json") == found
+    with pytest.raises(UnknownChoice, match="slop"):
+        calibration_from({**data, "slop": 1.0}, "c.json")
+    with pytest.raises(CalibrationError, match="slope of 0"):
+        calibration_from({**data, "slope_N_per_count": 0.0}, "c.json")

@@ -1,0 +1,151 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchtool.acquire.check_plan import check_plan, expected_extremes
+from benchtool.acquire.duration import expected_duration_s
+from benchtool.acquire.order import settings_of, visits_of
+from benchtool.acquire.plan import Plan, plan_from_toml, plan_to_toml
+from benchtool.errors import BenchtoolError, FileFormatError, PlanError, UnknownChoice
+from benchtool.library import rig_named
+
+SINGLE, QUAD = rig_named("pquad_single"), rig_named("pquad")
+
+TEXT = """
+repeats = 2
+[plate]
+distances_over_R = [0.5, 1.0]
+[throttle]
+pwm_us = [1400.0, 1600.0]
+rotors_on = [1, 3]
+[order]
+kind = "counterbalanced"
+anchor_every = 4
+"""
+
+
+def test_a_plan_reads_back_to_itself() -> None:
+    plan = plan_from_toml(TEXT, "plan.toml").resolved(QUAD)
+    assert plan_from_toml(plan_to_toml(plan), "again") == plan
+    assert plan.plate.distances_m == (0.06, 0.12)
+
+
+def test_repeats_are_those_of_the_study() -> None:
+    assert Plan().resolved(SINGLE).repeats == 9
+    assert Plan().resolved(QUAD).repeats == 5
+    alone = replace(Plan(), throttle=replace(Plan().throttle, rotors_on=(2,)))
+    assert alone.resolved(QUAD).repeats == 9
+
+
+@pytest.mark.parametrize(
+    ("text", "kind", "words"),
+    [
+        ("[plate]\ndistance_m = [1.0]", UnknownChoice, "did you mean 'distances_m'"),
+        ("[order]\nkind = 'random'", FileFormatError, "order.kind"),
+        ("repeats = 0", FileFormatError, "repeats is 0"),
+        ("sample_s = 'two'", FileFormatError, "sample_s"),
+        ("[plate]\ndistances_m = [-0.1]", FileFormatError, "distances_m"),
+        ("[plate]\ndistances_m=[0.1]\ndistances_over_R=[1.0]", FileFormatError, "both given"),
+        ("repeats = ", FileFormatError, "not valid TOML"),
+    ],
+)
+def test_malformed_plans_are_refused(text: str, kind: type[Exception], words: str) -> None:
+    with pytest.raises(kind, match=words):
+        plan_from_toml(text, "plan.toml")
+
+
+def test_the_same_seed_gives_the_same_order_and_another_one_another() -> None:
+    plan = plan_from_toml("[order]\nseed = 3", "plan").resolved(QUAD)
+    assert visits_of(plan, QUAD) == visits_of(plan, QUAD)
+    other = replace(plan, order=replace(plan.order, seed=4))
+    assert visits_of(plan, QUAD) != visits_of(other, QUAD)
+
+
+@pytest.mark.parametrize("kind", ["randomised", "counterbalanced", "as_given"])
+def test_every_setting_is_visited_once_in_every_repeat(kind: str) -> None:
+    plan = plan_from_toml(f"[order]\nkind = '{kind}'", "plan").resolved(QUAD)
+    visits = visits_of(plan, QUAD)
+    assert [visit.point for visit in visits] == list(range(1, len(visits) + 1))
+    planned = [visit for visit in visits if visit.kind != "anchor"]
+    seen = {(visit.setting.number, visit.repeat) for visit in planned}
+    assert len(seen) == len(planned) == len(settings_of(plan, QUAD)) * 5
+    for repeat in range(1, 6):
+        numbers = [v.setting.number for v in planned if v.repeat == repeat]
+        assert sorted(numbers) == [setting.number for setting in settings_of(plan, QUAD)]
+
+
+def test_counterbalanced_goes_there_and_back() -> None:
+    plan = plan_from_toml(TEXT, "plan").resolved(QUAD)
+    planned = [v for v in visits_of(plan, QUAD) if v.kind != "anchor"]
+    numbers = [v.setting.number for v in planned]
+    assert numbers[:6] == numbers[:5:-1]
+
+
+def test_anchors_stand_at_moves_of_the_plate_and_at_both_ends() -> None:
+    plan = plan_from_toml(TEXT, "plan").resolved(QUAD)
+    visits = visits_of(plan, QUAD)
+    anchors = [index for index, visit in enumerate(visits) if visit.kind == "anchor"]
+    assert anchors[0] == 0
+    assert anchors[-1] == len(visits) - 1
+    assert len({visits[index].setting for index in anchors}) == 1
+    for index in anchors[1:-1]:
+        assert visits[index - 1].setting.place != visits[index + 1].setting.place
+    none = replace(plan, order=replace(plan.order, anchor_every=0))
+    assert all(visit.kind != "anchor" for visit in visits_of(none, QUAD))
+
+
+def test_rotors_that_are_off_get_the_stop_pulse() -> None:
+    plan = plan_from_toml(TEXT, "plan").resolved(QUAD)
+    assert settings_of(plan, QUAD)[0].pwm_us == (1400.0, 1000.0, 1400.0, 1000.0)
+
+
+def test_expected_thrust_is_that_of_k_and_the_pwm_map() -> None:
+    plan = plan_from_toml("[throttle]\npwm_us = [1550.0]", "p").resolved(SINGLE)
+    found = expected_extremes(plan, SINGLE)
+    speed = 1.05 * (1550.0 - 1050.0)
+    assert found.rpm == pytest.approx(speed * 30.0 / np.pi)
+    assert found.thrust_oge_N == pytest.approx(1.035e-5 * speed**2)
+    # Eq. (2) at z/R = 0.5: 1/(1 - 1/4).
+    assert found.thrust_N == pytest.approx(1.035e-5 * speed**2 * 4.0 / 3.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("[throttle]\npwm_us = [1990.0]", r"1990 us, allowed are 1000 to 1950 us"),
+        ("[throttle]\npwm_us = [900.0]", "900 us, allowed"),
+        ("[throttle]\npwm_us = [1400.0, 1400.0]", "names 1400 twice"),
+        ("[throttle]\nrotors_on = [5]", "names rotor 5"),
+        ("[plate]\ndistances_m = [0.01]", r"0\.01 m .* outside 0\.05 to 1\.5 m"),
+        ("[plate]\ndistances_m = [2.0]", r"outside 0\.05 to 1\.5 m"),
+        ("[plate]\ndistances_m = [0.1]\ntilts_deg = [20.0]", "tilt at most 8.2 deg"),
+        ("[throttle]\npwm_us = [1900.0]", r"limit 45 N; lower throttle\.pwm_us"),
+        ("[rest]\nabove_degC = 40.0", "not below rest.above_degC"),
+    ],
+)
+def test_plans_beyond_the_limits_are_refused(text: str, words: str) -> None:
+    with pytest.raises(PlanError, match=words):
+        check_plan(plan_from_toml(text, "plan").resolved(QUAD), QUAD)
+
+
+def test_narrower_limits_of_the_device_hold_too() -> None:
+    plan = Plan().resolved(QUAD)
+    assert check_plan(plan, QUAD).pwm_us == 1590.0
+    with pytest.raises(PlanError, match="limit 5 N"):
+        check_plan(plan, QUAD, {"thrust_N": 5.0})
+    with pytest.raises(BenchtoolError, match="1000 to 1500 us"):
+        check_plan(plan, QUAD, {"pwm_us": 1500.0})
+
+
+def test_duration_counts_moves_settling_and_tares() -> None:
+    plan = plan_from_toml(
+        "repeats = 1\n[plate]\ndistances_m=[0.4]\n[throttle]\npwm_us=[1400.0]\n"
+        "[order]\nreferences=false\nanchor_every=0\n",
+        "plan",
+    ).resolved(SINGLE)
+    visits = visits_of(plan, SINGLE)
+    # 1 m at 0.1 m/s, 1.5 s standstill, 0.3 + 1.4 + 2 s for the point, 2.5 s for the tare.
+    assert expected_duration_s(plan, SINGLE, visits) == pytest.approx(10.0 + 1.5 + 3.7 + 2.5)
