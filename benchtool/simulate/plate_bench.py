@@ -124,6 +124,7 @@ class PlateBench:
             "temperature": Reader(0.0, 0.1 if flaws.esc_heating_K else 0.0, SLOW_HZ),
         }
         self.clamped_readings = 0
+        self._covered: tuple[float, Array] | None = None
         self._zero_N = 0.0
         self._walk_N = 0.0
         self._carried_N = 0.0
@@ -268,20 +269,27 @@ class PlateBench:
         time_s: Array,
     ) -> Array:
         z_m, x_m, tilt_rad = place
-        # The plate mostly stands still, and its areas are costly.
-        across_m = x_m[:1] if np.all(x_m == x_m[:1]) else x_m
         conditions = Conditions.of(
             self.rig,
             speed_rad_s=speed_rad_s,
             plate_z_m=z_m,
             plate_tilt_rad=tilt_rad,
-            coverage=plate_coverage(self.rig, across_m),
+            coverage=self._coverage(x_m),
             voltage_V=voltage_V,
             elapsed_s=elapsed_s,
             time_s=time_s,
         )
         thrust_N: Array = self._truth.thrust_N(self._kept_valid(conditions), self._values)
         return thrust_N
+
+    def _coverage(self, x_m: Array) -> Array:
+        """Return the covered fractions (n_discs, m), or (n_discs, 1) for a plate that stands."""
+        if not len(x_m) or np.any(x_m != x_m[0]):
+            return plate_coverage(self.rig, x_m)
+        # The areas are costly, and the plate seldom moves sideways.
+        if self._covered is None or self._covered[0] != x_m[0]:
+            self._covered = float(x_m[0]), plate_coverage(self.rig, x_m[:1])
+        return self._covered[1]
 
     def _kept_valid(self, conditions: Conditions) -> Conditions:
         """Return the conditions with the plate no nearer than where the formulae hold."""
