@@ -10,21 +10,25 @@ from benchtool.acquire.plan import RestPart
 from benchtool.acquire.record import Recorder
 from benchtool.core.recording import Recording
 from benchtool.errors import RunStopped
+from benchtool.store import Point
 
 LOOK_S = 1.0
 """Span over which temperature and voltage are averaged; a choice."""
 
 
-def rest_if_needed(recorder: Recorder, motors: Motors, plan: RestPart) -> None:
-    """Rest where the plan's temperature or voltage asks for it.
+def rest_if_needed(recorder: Recorder, motors: Motors, plan: RestPart, last: Point | None) -> None:
+    """Rest where temperature or voltage of the last point asks for it; look when there is none.
 
     Raises:
         RunStopped: the rest took longer than the plan allows.
     """
     if plan.above_degC is None and plan.below_V is None:
         return
-    seen = recorder.collect("rest", LOOK_S)
-    why = _why(seen, plan)
+    if last is None:
+        seen = recorder.collect("rest", LOOK_S)
+        why = _why(_mean(seen, "temperature_degC"), _mean(seen, "voltage_V"), plan)
+    else:
+        why = _why(last.temperature_degC, last.voltage_V, plan)
     if not why:
         return
     recorder.note("rest", f"{why}; motors at zero until it has recovered")
@@ -39,8 +43,7 @@ def rest_if_needed(recorder: Recorder, motors: Motors, plan: RestPart) -> None:
     recorder.note("rested", f"went on after {recorder.now_s - begun_s:.0f} s")
 
 
-def _why(seen: Recording, plan: RestPart) -> str:
-    temperature, voltage = _mean(seen, "temperature_degC"), _mean(seen, "voltage_V")
+def _why(temperature: float, voltage: float, plan: RestPart) -> str:
     if plan.above_degC is not None and temperature > plan.above_degC:
         return f"the ESC reads {temperature:.1f} degC, rest above {plan.above_degC:g} degC"
     if plan.below_V is not None and voltage < plan.below_V:

@@ -127,6 +127,7 @@ class _Sweep:
         self._drift = DriftWatch(plan.tare.drift_N)
         self._place: Place | None = None
         self._reached_m = nan
+        self._last: Point | None = None
         self._tared: Tared | None = None
         self._measured = self._unsettled = self._tares = 0
         sensor = rig.sensors.get("thrust_N")
@@ -159,7 +160,7 @@ class _Sweep:
             point = self._visit(visit)
             self._recorder.append_point(point)
             self._recorder.sync()
-            self._measured += 1
+            self._measured, self._last = self._measured + 1, point
             self._unsettled += not point.settled
             left_s = expected_duration_s(self._plan, self._rig, left[index + 1 :], self._place)
             self._progress.measured(point, left_s)
@@ -169,7 +170,7 @@ class _Sweep:
 
     def _visit(self, visit: Visit) -> Point:
         self._tare_if_due()
-        rest_if_needed(self._recorder, self._motors, self._plan.rest)
+        rest_if_needed(self._recorder, self._motors, self._plan.rest, self._last)
         self._go_to(visit.setting.place)
         pulses_us = np.array(visit.setting.pwm_us)
         self._motors.ramp_to(pulses_us, self._plan.throttle.ramp_s, "ramp", visit.point)

@@ -1,0 +1,96 @@
+from __future__ import annotations
+
+from datetime import date
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchtool.acquire.arming import remember_check, require_unattended
+from benchtool.acquire.bench_check import check_bench
+from benchtool.bench.address import open_bench
+from benchtool.bench.bench import Readings
+from benchtool.errors import BenchError, InputError
+from benchtool.library import rig_named
+from tests.unit.acquire.fake_bench import FakeBench
+
+QUAD = rig_named("pquad")
+
+
+class Rewired:
+    """Answer as another bench does, with channels changed on the way."""
+
+    def __init__(self, bench, change) -> None:
+        self._bench, self._change = bench, change
+
+    def __getattr__(self, name: str):
+        return getattr(self._bench, name)
+
+    def read(self, timeout_s: float) -> Readings:
+        found = self._bench.read(timeout_s)
+        names = [channel.name for channel in self._bench.identity.channels]
+        self._change(names, found.values)
+        return found
+
+
+def swap_rotors(names: list[str], values: np.ndarray) -> None:
+    one, two = names.index("rpm1"), names.index("rpm2")
+    values[:, [one, two]] = values[:, [two, one]]
+
+
+def turn_thrust_round(names: list[str], values: np.ndarray) -> None:
+    values[:, names.index("thrust_N")] *= -1.0
+
+
+def count_poles_double(names: list[str], values: np.ndarray) -> None:
+    values[:, names.index("rpm1")] *= 2.0
+
+
+def failures(change) -> list[str]:
+    with open_bench("sim:pquad?seed=1") as bench:
+        return [f.name for f in check_bench(Rewired(bench, change), QUAD) if not f.passed]
+
+
+def test_a_good_bench_passes_every_check() -> None:
+    with open_bench("sim:pquad?seed=1") as bench:
+        findings = list(check_bench(bench, QUAD))
+    assert len(findings) == 2 + 3 * 4
+    assert [finding for finding in findings if not finding.passed] == []
+
+
+@pytest.mark.parametrize(
+    ("change", "failed"),
+    [
+        (
+            swap_rotors,
+            ["rotor 1 speed", "rotor 1 channel", "rotor 2 speed", "rotor 2 channel"],
+        ),
+        (turn_thrust_round, [f"rotor {i} thrust" for i in range(1, 5)]),
+        (count_poles_double, ["rotor 1 speed"]),
+    ],
+)
+def test_wrong_wiring_is_found(change, failed: list[str]) -> None:
+    assert failures(change) == failed
+
+
+def test_nothing_is_armed_while_a_rotor_turns() -> None:
+    bench = FakeBench(idle_rpm=200.0)
+    with pytest.raises(BenchError, match="rpm1 reads 200 rpm at zero command, limit 30 rpm"):
+        list(check_bench(bench, rig_named("pquad_single")))
+    assert {value for what, value in bench.log if what == "pwm"} == {1000.0}
+
+
+def test_unattended_needs_a_check_of_the_same_day(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("BENCHTOOL_STATE", str(tmp_path))
+    identity, today = FakeBench().identity, date(2026, 1, 31)
+    with pytest.raises(InputError, match="it was never checked; run benchtool bench check fake:1"):
+        require_unattended(identity, today)
+    remember_check(identity, rig_named("pquad_single"), ["all good"], date(2026, 1, 30))
+    with pytest.raises(InputError, match="its last check passed on 2026-01-30"):
+        require_unattended(identity, today)
+    remember_check(identity, rig_named("pquad_single"), ["all good"], today)
+    require_unattended(identity, today)
+    with open_bench("sim:pquad") as bench:
+        require_unattended(bench.identity, today)

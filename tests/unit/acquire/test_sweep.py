@@ -1,0 +1,279 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchtool.acquire.calibration import fit_calibration
+from benchtool.acquire.metadata import run_metadata
+from benchtool.acquire.order import visits_of
+from benchtool.acquire.plan import Plan, plan_from_toml, plan_to_toml
+from benchtool.acquire.recalibrate import recalibrate
+from benchtool.acquire.sweep import Summary, run_sweep
+from benchtool.bench.stage import DeviceStage
+from benchtool.errors import (
+    BenchError,
+    CalibrationError,
+    LinkLost,
+    RunStopped,
+    WouldOverwrite,
+)
+from benchtool.library import rig_named
+from benchtool.store import (
+    KINDS,
+    Point,
+    Run,
+    code_of,
+    data_hash,
+    read_events,
+    read_points,
+    read_samples,
+)
+from tests.unit.acquire.fake_bench import FakeBench
+
+RIG = rig_named("pquad_single")
+PLAN = plan_from_toml(
+    """
+repeats = 2
+sample_s = 0.5
+[plate]
+distances_m = [0.1, 0.2]
+[throttle]
+pwm_us = [1400.0]
+[order]
+anchor_every = 2
+""",
+    "plan",
+)
+
+
+class Watcher:
+    """Keep what a sweep tells."""
+
+    def __init__(self) -> None:
+        self.points: list[Point] = []
+        self.left_s: list[float] = []
+        self.words: list[str] = []
+
+    def started(self, visits: int, done: int, expected_s: float) -> None:
+        self.words.append(f"{visits} {done}")
+
+    def visiting(self, visit: object) -> None:
+        pass
+
+    def measured(self, point: Point, remaining_s: float) -> None:
+        self.points.append(point)
+        self.left_s.append(remaining_s)
+
+    def happened(self, event: object) -> None:
+        self.words.append(event.event)  # type: ignore[attr-defined]
+
+
+def sweep(
+    bench: FakeBench, path: Path, plan: Plan = PLAN, watcher: Watcher | None = None, **more: object
+) -> tuple[Summary, Run]:
+    resolved = plan.resolved(RIG)
+    run = Run.create(
+        path, plan_to_toml(resolved), run_metadata(resolved, RIG, bench.identity, operator="me")
+    )
+    summary = run_sweep(bench, DeviceStage(bench), resolved, RIG, run, watcher, **more)
+    return summary, run
+
+
+def test_a_sweep_measures_every_visit_once(tmp_path: Path) -> None:
+    bench, watcher = FakeBench(), Watcher()
+    summary, run = sweep(bench, tmp_path / "run", watcher=watcher)
+    visits = visits_of(PLAN.resolved(RIG), RIG)
+    assert summary.measured == len(visits) == len(watcher.points)
+    assert watcher.words[0] == f"{len(visits)} 0"
+    assert watcher.left_s == sorted(watcher.left_s, reverse=True)
+    assert watcher.left_s[-1] == 0.0
+    points = read_points(run.path)
+    assert points.column("point").tolist() == [float(visit.point) for visit in visits]
+    np.testing.assert_allclose(points.column("rpm1"), 4000.0)
+    np.testing.assert_allclose(points.column("thrust_N"), 1.6, atol=2e-3)
+    assert run.metadata["state"] == "ended"
+    assert run.metadata["operator"] == "me"
+    assert run.metadata["air"]["measured"] is False
+    assert run.metadata["link"]["samples"] == summary.samples
+
+
+def test_the_plate_moves_only_with_zero_commanded_and_the_end_ramps_down(tmp_path: Path) -> None:
+    bench = FakeBench()
+    sweep(bench, tmp_path / "run")
+    pulses: list[float] = []
+    for what, value in bench.log:
+        if what == "pwm":
+            pulses.append(float(value))  # type: ignore[arg-type]
+        if what in ("plate", "tare"):
+            assert pulses[-1] == 1000.0
+    end = pulses[-16:]
+    assert end == sorted(end, reverse=True)
+    assert 1000.0 < end[5] < 1400.0
+    assert bench.log[-1] == ("stop", None)
+
+
+def test_samples_of_points_are_those_of_the_phase(tmp_path: Path) -> None:
+    _, run = sweep(FakeBench(), tmp_path / "run")
+    samples, points = read_samples(run.path), read_points(run.path)
+    taken = samples.column("phase") == code_of("phase", "sample")
+    for row in range(len(points)):
+        chosen = taken & (samples.column("point") == points.column("point")[row])
+        assert chosen.sum() == 50
+        mean = samples.column("thrust_N")[chosen].mean()
+        assert points.column("thrust_N")[row] == pytest.approx(mean, rel=1e-12)
+    elapsed = points.column("time_s") - points.column("elapsed_s")
+    tare = read_points(run.path, ["tare"])
+    np.testing.assert_allclose(elapsed, tare.column("time_s")[0], atol=2e-6)
+
+
+@pytest.mark.parametrize(
+    "error",
+    [LinkLost("the link is gone"), RunStopped("stopped by SIGTERM"), KeyboardInterrupt()],
+    ids=lambda error: type(error).__name__,
+)
+def test_whatever_ends_it_zero_comes_first_and_the_reason_is_kept(
+    tmp_path: Path, error: BaseException
+) -> None:
+    bench = FakeBench()
+
+    def fail() -> None:
+        raise error
+
+    bench.at.append((12.0, fail))
+    with pytest.raises(type(error)):
+        sweep(bench, tmp_path / "run")
+    assert bench.log[-1] == ("stop", None)
+    assert bench.log[-2] == ("stop", None)
+    assert bench.log[-3][0] != "stop"
+    stopped = read_events(tmp_path / "run" / "events.jsonl")[-1]
+    reason = str(error) or "stopped by Ctrl-C"
+    assert (stopped.event, stopped.text) == ("stopped", reason)
+    facts = Run.open(tmp_path / "run").metadata
+    assert (facts["state"], facts["reason"]) == ("stopped", reason)
+    assert len(read_points(tmp_path / "run")) >= 1
+
+
+def test_a_tare_that_leaves_too_much_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(BenchError, match=r"after 3 tares \+0\.2 N are left .* limit 0\.012 N"):
+        sweep(FakeBench(left_N=0.2), tmp_path / "run")
+    events = [event.event for event in read_events(tmp_path / "run" / "events.jsonl")]
+    assert events == ["tare_residual"] * 3 + ["stopped"]
+
+
+def test_a_rotor_that_turns_at_zero_is_refused(tmp_path: Path) -> None:
+    bench = FakeBench(idle_rpm=312.0)
+    with pytest.raises(BenchError, match="rpm1 still reads 312 rpm 10 s after zero"):
+        sweep(bench, tmp_path / "run")
+    assert ("tare", None) not in bench.log
+
+
+def test_a_thrust_that_creeps_is_taken_and_marked(tmp_path: Path) -> None:
+    bench = FakeBench()
+    plan = replace(PLAN, settle=replace(PLAN.settle, timeout_s=2.0))
+
+    def creep() -> None:
+        bench.offset_N += 0.02
+        bench.at.append((bench.now_s() + 0.1, creep))
+
+    bench.at.append((3.0, creep))
+    summary, run = sweep(bench, tmp_path / "run", plan)
+    assert summary.unsettled == summary.measured
+    assert not read_points(run.path).column("settled").any()
+    events = read_events(run.path / "events.jsonl")
+    assert sum(event.event == "settle_timeout" for event in events) == summary.measured
+
+
+def test_an_anchor_that_has_drifted_asks_for_a_tare(tmp_path: Path) -> None:
+    bench = FakeBench()
+
+    def drift() -> None:
+        bench.offset_N += 0.1
+
+    bench.at.append((8.0, drift))
+    plan = replace(PLAN, tare=replace(PLAN.tare, drift_N=0.05))
+    summary, run = sweep(bench, tmp_path / "run", plan)
+    assert summary.tares == 2
+    drifts = [e for e in read_events(run.path / "events.jsonl") if e.event == "drift"]
+    assert len(drifts) == 1
+    assert "anchor 2 has moved by +0.09998 N since the first" in drifts[0].text
+    assert len(read_points(run.path, ["tare"])) == 2
+
+
+def test_a_tare_is_repeated_after_its_time(tmp_path: Path) -> None:
+    plan = replace(PLAN, tare=replace(PLAN.tare, every_minutes=0.2))
+    summary, run = sweep(FakeBench(), tmp_path / "run", plan)
+    assert summary.tares == 2
+    assert 12.0 < read_points(run.path).column("elapsed_s").max() < 12.0 + 5.0
+
+
+def test_a_hot_esc_rests_until_it_has_cooled(tmp_path: Path) -> None:
+    bench = FakeBench()
+
+    def heat() -> None:
+        bench.temperature_degC = 80.0
+        bench.at.append((bench.now_s() + 30.0, cool))
+
+    def cool() -> None:
+        bench.temperature_degC = 30.0
+
+    bench.at.append((8.0, heat))
+    plan = replace(PLAN, rest=replace(PLAN.rest, above_degC=70.0))
+    _, run = sweep(bench, tmp_path / "run", plan)
+    events = {e.event: e for e in read_events(run.path / "events.jsonl")}
+    assert "80.0 degC, rest above 70 degC" in events["rest"].text
+    assert 25.0 < events["rested"].time_s - events["rest"].time_s < 35.0
+    samples = read_samples(run.path)
+    resting = samples.column("phase") == code_of("phase", "rest")
+    assert samples.column("rpm1")[resting][-50:].max() == 0.0
+
+
+def test_a_pack_that_does_not_recover_ends_the_sweep(tmp_path: Path) -> None:
+    plan = replace(PLAN, rest=replace(PLAN.rest, below_V=11.5, longest_s=20.0))
+    with pytest.raises(RunStopped, match=r"11\.00 V, rest below 11\.5 V .* after 20 s"):
+        sweep(FakeBench(), tmp_path / "run", plan)
+
+
+COUNTS = fit_calibration(
+    np.array([0.0, 0.1, 0.2]),
+    5000.0 + 500.0 * 9.80665 * np.array([0.0, 0.1, 0.2]),
+    date="2026-01-31",
+    device_id="fake-1",
+)
+
+
+def test_a_calibration_is_attached_and_raw_data_stay(tmp_path: Path) -> None:
+    _, plain = sweep(FakeBench(), tmp_path / "plain")
+    _, scaled = sweep(FakeBench(), tmp_path / "scaled", calibration=COUNTS)
+    assert (plain.path / "samples.csv").read_bytes() == (scaled.path / "samples.csv").read_bytes()
+    # The device counts 1000 per N, the calibration says 500.
+    np.testing.assert_allclose(read_points(scaled.path).column("thrust_N"), 3.2, atol=4e-3)
+
+
+def test_a_run_is_recalibrated_beside_its_raw_data(tmp_path: Path) -> None:
+    _, plain = sweep(FakeBench(), tmp_path / "plain")
+    _, scaled = sweep(FakeBench(), tmp_path / "scaled", calibration=COUNTS)
+    before = data_hash(plain.path)
+    again = recalibrate(plain, COUNTS)
+    assert data_hash(plain.path) == before
+    np.testing.assert_allclose(
+        read_points(again, KINDS).column("thrust_N")[1:],
+        read_points(scaled.path, KINDS).column("thrust_N")[1:],
+        rtol=1e-12,
+    )
+    facts = Run.open(again).metadata
+    assert facts["calibration"]["id"] == COUNTS.id
+    assert facts["recalibrated_from"] == {"run": "plain", "sha256": before}
+    assert read_points(again).provenance["calibration_relative_sd"] == str(COUNTS.relative_sd)
+    with pytest.raises(WouldOverwrite):
+        recalibrate(plain, COUNTS)
+
+
+def test_a_run_without_raw_counts_cannot_be_recalibrated(tmp_path: Path) -> None:
+    _, run = sweep(FakeBench(), tmp_path / "run")
+    path = run.path / "samples.csv"
+    path.write_text(path.read_text().replace("thrust_raw", "thrust_other"))
+    with pytest.raises(CalibrationError, match="no raw counts"):
+        recalibrate(run, COUNTS)
