@@ -117,15 +117,15 @@ class Gains(FileTable):
         """Return the set with some numbers changed, by dotted key ("attitude.k_q_per_s")."""
         changed = self
         for key, value in values.items():
-            table, _, name = key.partition(".")
-            if not name:
-                changed = replace(changed, **{_known(self, table, "gain"): float(value)})
-                continue
-            part = getattr(changed, _known(self, table, "gain table"))
-            _known(part, name, f"gain in [{table}]")
-            if not (float(value) >= 0.0 and float(value) < float("inf")):
+            table, _, name = key.rpartition(".")
+            owner: Any = getattr(changed, _known(self, table, "gain table")) if table else changed
+            if not isinstance(getattr(owner, _known(owner, name, "gain"), None), float):
+                raise InputError(f"{key} is no single gain; name one, as attitude.k_q_per_s")
+            if not 0.0 <= float(value) < float("inf"):
                 raise InputError(f"gain {key} is {value}; give a finite number, 0 or more")
-            changed = replace(changed, **{table: replace(part, **{name: float(value)})})
+            numbers: dict[str, Any] = {name: float(value)}
+            tables: dict[str, Any] = {table: replace(owner, **numbers)} if table else numbers
+            changed = replace(changed, **tables)
         return changed
 
 

@@ -1,0 +1,1 @@
+"""Feedback laws as values: expressions that any loop can run, compiled or not."""
