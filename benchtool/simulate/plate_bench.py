@@ -6,42 +6,30 @@ seed gives the same readings, so a run can be repeated and a long settling costs
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.aero.validity import VALIDITY_Z_OVER_R
 from benchtool.core.channel import Channel
 from benchtool.core.rig import Rig
 from benchtool.core.units import from_si
-from benchtool.effects.conditions import Conditions, plate_coverage
-from benchtool.effects.effect import Flow
 from benchtool.effects.model import Model
 from benchtool.errors import InputError
 from benchtool.simulate.battery import Battery
 from benchtool.simulate.imperfections import Imperfections
+from benchtool.simulate.load_cell import LoadCell
 from benchtool.simulate.plate_motion import TILT_FEED_RAD_S, Axis
-from benchtool.simulate.powertrain import Powertrain, Run, SpeedChange
+from benchtool.simulate.powertrain import Powertrain, Run
 from benchtool.simulate.sensor import Reader
+from benchtool.simulate.truth import Place, TrueThrust, motor_lag_s, speed_change
 
 Array = NDArray[np.float64]
-
-COUNT_TOP = 2**23
-"""Counts of a 24-bit two's complement converter end here (HX711 data sheet, Avia Semiconductor)."""
-
-RATING_COUNTS = 2**22
-"""Counts at the cell's rating when no quantum is stated: 2 mV/V at 5 V over +-20 mV (gain 128)."""
-
-TARE_READINGS = 16
-"""A tare averages so many conversions: 0.2 s at 80 Hz; an assumption, common in HX711 code."""
 
 SLOW_HZ = 10.0
 """Rate of ESC temperature readings; an assumption, telemetry of hobby ESCs is about as fast."""
 
 
-WELL_CLEAR = 4.0
-"""Plate distance over R beyond which no tilt or offset of a rig brings a disc near the limit."""
+FIRST_TARE_S = 0.2
+"""A cell that has read nothing yet is given this long before its first tare."""
 
 
 def channels_of(n_rotors: int) -> tuple[Channel, ...]:
@@ -65,10 +53,6 @@ def channels_of(n_rotors: int) -> tuple[Channel, ...]:
 class PlateBench:
     """Be a rotor bench over a movable plate; a `bench.firmware.Plant`.
 
-    `clamped_readings` counts the load-cell readings for which the plate was nearer than the
-    formulae reach (z/R below 0.5) and was taken as standing at that limit. `count_N` is the force
-    of one count of `thrust_raw`.
-
     Args:
         rig: geometry, propulsion, sensors, plate.
         truth: the model whose thrust the load cell shows.
@@ -88,9 +72,6 @@ class PlateBench:
         self.rig = rig
         self.channels = channels_of(rig.n_rotors)
         flaws = (Imperfections() if imperfections is None else imperfections).on(rig)
-        self._flaws = flaws
-        self._truth = truth
-        self._values = truth.parameters.values_array()
         self._rng = rng
         self._powertrain = Powertrain(
             rig.propulsion,
@@ -100,18 +81,19 @@ class PlateBench:
                 flaws.battery_drop_V_per_Ah,
                 flaws.battery_resistance_ohm,
             ),
-            _lag_s(truth, flaws),
+            motor_lag_s(truth, flaws.motor_lag_s),
             flaws.esc_heating_K,
             flaws.esc_time_s,
-            _speed_change(truth),
+            speed_change(truth),
         )
         plate = rig.plate
         self._z = Axis(plate.speed_m_s, plate.z_park_m, flaws.backlash_m)
         self._x = Axis(plate.speed_m_s, 0.0)
         self._tilt = Axis(TILT_FEED_RAD_S, 0.0)
-        self.count_N = flaws.thrust_quantum_N or rig.limits.load_cell_rating_N / RATING_COUNTS
+        self._thrust = TrueThrust(rig, truth)
+        self._cell = LoadCell(flaws, rig.limits.load_cell_rating_N)
+        self._vibration_N = flaws.vibration_N
         self._readers = {
-            "thrust": Reader(flaws.thrust_noise_N, 0.0, flaws.thrust_rate_Hz),
             "rpm": Reader(flaws.rpm_noise_rpm, flaws.rpm_quantum_rpm, self._rate_of("rpm")),
             "torque": self._plain("torque_Nm"),
             "plate": Reader(flaws.plate_noise_m, flaws.plate_quantum_m, self._rate_of("plate_z_m")),
@@ -123,12 +105,6 @@ class PlateBench:
             ),
             "temperature": Reader(0.0, 0.1 if flaws.esc_heating_K else 0.0, SLOW_HZ),
         }
-        self.clamped_readings = 0
-        self._covered: tuple[float, Array] | None = None
-        self._zero_N = 0.0
-        self._walk_N = 0.0
-        self._carried_N = 0.0
-        self._recent_N: Array = np.empty(0)
         self._time_s = 0.0
         self._tared_s = 0.0
         self._tick = 0
@@ -140,21 +116,30 @@ class PlateBench:
         return self._rate_Hz
 
     @property
+    def count_N(self) -> float:
+        """Force of one count of `thrust_raw`: N."""
+        return self._cell.count_N
+
+    @property
+    def clamped_readings(self) -> int:
+        """How many load-cell readings took a plate nearer than z/R = 0.5 as standing there."""
+        return self._thrust.clamped
+
+    @property
     def channel_rates_Hz(self) -> tuple[float, ...]:
         """How often each channel has a new value (c,): Hz, at most the stream rate."""
         own = {
             "rpm": "rpm",
-            "thrust_N": "thrust",
-            "thrust_raw": "thrust",
             "torque_Nm": "torque",
             "plate_z_m": "plate",
             "voltage_V": "voltage",
             "current_A": "current",
             "temperature_degC": "temperature",
         }
-        readers = [own.get(channel.name.rstrip("0123456789")) for channel in self.channels]
-        rates = [self._readers[name].rate_Hz if name else 0.0 for name in readers]
-        return tuple(min(rate or self._rate_Hz, self._rate_Hz) for rate in rates)
+        rates = {name: self._readers[reader].rate_Hz for name, reader in own.items()}
+        rates |= {"thrust_N": self._cell.rate_Hz, "thrust_raw": self._cell.rate_Hz}
+        families = [channel.name.rstrip("0123456789") for channel in self.channels]
+        return tuple(min(rates.get(name, 0.0) or np.inf, self._rate_Hz) for name in families)
 
     @property
     def time_s(self) -> float:
@@ -195,12 +180,16 @@ class PlateBench:
 
     def tare(self) -> None:
         """Take the mean of the last conversions as zero thrust; offset and creep so far go away."""
-        if not len(self._recent_N):
-            self.advance(max(1, round(self._rate_Hz * TARE_READINGS / 80.0)))
-        remains_N = self._at_rest_N(0.0)
-        self._carried_N += self._at_rest_N(self.time_s - self._tared_s) - remains_N
-        self._zero_N = float(np.mean(self._recent_N)) - remains_N
-        self._tared_s = self.time_s
+        if not self._cell.has_read:
+            self.advance(max(1, round(self._rate_Hz * FIRST_TARE_S)))
+        one = np.ones(1)
+        place = Place(self._z.true * one, self._x.true * one, self._tilt.true * one)
+        time_s = self.time_s
+        self._cell.tare(
+            self._thrust.at_rest_N(place, time_s - self._tared_s, time_s),
+            self._thrust.at_rest_N(place, 0.0, time_s),
+        )
+        self._tared_s = time_s
 
     def advance(self, n: int) -> Array:
         """Return the next n ticks (n, c) in the order of `channels`; nan where nothing is new."""
@@ -214,19 +203,12 @@ class PlateBench:
         # One row of draws per tick, so that splitting a span does not change its noise.
         white = self._rng.standard_normal((n, rotors + 6)).T
         time_s = self._time_s + (self._tick * tick_s + elapsed_s)
-        walk_N = self._walk_N + np.cumsum(white[0]) * (
-            self._flaws.drift_walk_N_per_sqrt_s * np.sqrt(tick_s)
-        )
-        self._walk_N = float(walk_N[-1])
-
-        fresh = self._readers["thrust"].due(self._tick + 1, n, self._rate_Hz)
-        place = (true_z_m[fresh], true_x_m[fresh], true_tilt_rad[fresh])
-        signal_N = self._signal_N(Run(*(part[..., fresh] for part in run)), place, time_s[fresh])
-        counts = self._counts(signal_N + walk_N[fresh], white[1][fresh])
-        thrust_raw, thrust_N = np.full(n, np.nan), np.full(n, np.nan)
-        thrust_raw[fresh] = counts
-        thrust_N[fresh] = counts * self.count_N - self._zero_N
-        self._recent_N = np.concatenate([self._recent_N, counts * self.count_N])[-TARE_READINGS:]
+        fresh = self._cell.due(self._tick + 1, n, self._rate_Hz)
+        zero_N = self._cell.wander_N(time_s, tick_s, white[0])[fresh]
+        place = Place(true_z_m[fresh], true_x_m[fresh], true_tilt_rad[fresh])
+        force_N = self._force_N(Run(*(part[..., fresh] for part in run)), place, time_s[fresh])
+        thrust_N, thrust_raw = np.full(n, np.nan), np.full(n, np.nan)
+        thrust_N[fresh], thrust_raw[fresh] = self._cell.convert(force_N + zero_N, white[1][fresh])
 
         block = np.empty((n, len(self.channels)))
         block[:, :rotors] = self._powertrain.pwm_us
@@ -249,78 +231,15 @@ class PlateBench:
         self._tick += n
         return block
 
-    def _signal_N(self, run: Run, place: tuple[Array, Array, Array], time_s: Array) -> Array:
-        """Return the force on the cell (m,), with everything that is not white."""
-        flaws = self._flaws
+    def _force_N(self, run: Run, place: Place, time_s: Array) -> Array:
+        """Return thrust and vibration on the cell (m,): N."""
         speed = run.speed_rad_s
-        thrust_N = self._thrust_N(speed, place, run.voltage_V, time_s - self._tared_s, time_s)
+        since_tare_s = time_s - self._tared_s
+        thrust_N = self._thrust.thrust_N(speed, place, run.voltage_V, since_tare_s, time_s)
         relative = speed / self._powertrain.top_speed_rad_s
-        shake_N = flaws.vibration_N * np.sum(relative**2 * np.sin(run.angle_rad), axis=0)
-        creep_N = flaws.drift_N_per_s * time_s
-        signal_N: Array = thrust_N + shake_N + creep_N + flaws.start_offset_N + self._carried_N
-        return signal_N
-
-    def _thrust_N(
-        self,
-        speed_rad_s: Array,
-        place: tuple[Array, Array, Array],
-        voltage_V: Array,
-        elapsed_s: Array,
-        time_s: Array,
-    ) -> Array:
-        z_m, x_m, tilt_rad = place
-        conditions = Conditions.of(
-            self.rig,
-            speed_rad_s=speed_rad_s,
-            plate_z_m=z_m,
-            plate_tilt_rad=tilt_rad,
-            coverage=self._coverage(x_m),
-            voltage_V=voltage_V,
-            elapsed_s=elapsed_s,
-            time_s=time_s,
-        )
-        thrust_N: Array = self._truth.thrust_N(self._kept_valid(conditions), self._values)
-        return thrust_N
-
-    def _coverage(self, x_m: Array) -> Array:
-        """Return the covered fractions (n_discs, m), or (n_discs, 1) for a plate that stands."""
-        if not len(x_m) or np.any(x_m != x_m[0]):
-            return plate_coverage(self.rig, x_m)
-        # The areas are costly, and the plate seldom moves sideways.
-        if self._covered is None or self._covered[0] != x_m[0]:
-            self._covered = float(x_m[0]), plate_coverage(self.rig, x_m[:1])
-        return self._covered[1]
-
-    def _kept_valid(self, conditions: Conditions) -> Conditions:
-        """Return the conditions with the plate no nearer than where the formulae hold."""
-        radius_m = self.rig.propulsion.radius_m
-        if np.all(conditions.plate_z_m > WELL_CLEAR * radius_m):
-            return conditions
-        missing = VALIDITY_Z_OVER_R - self._truth.z_over_R(conditions)
-        near = missing > 0.0
-        if not near.any():
-            return conditions
-        self.clamped_readings += int(np.count_nonzero(near))
-        lift_m = np.where(near, missing, 0.0) * radius_m / np.cos(conditions.plate_tilt_rad)
-        return replace(conditions, plate_z_m=conditions.plate_z_m + lift_m)
-
-    def _at_rest_N(self, elapsed_s: float) -> float:
-        """Return the model's own reading with the motors at rest, so long after a tare."""
-        one = np.ones(1)
-        parked = (self._z.true * one, self._x.true * one, self._tilt.true * one)
-        nominal_V = self.rig.propulsion.voltage_nominal_V * one
-        still = np.zeros((self.rig.n_rotors, 1))
-        return float(
-            self._thrust_N(still, parked, nominal_V, elapsed_s * one, self.time_s * one)[0]
-        )
-
-    def _counts(self, force_N: Array, white: Array) -> Array:
-        """Return the amplifier's counts (m,); whole ones unless the quantum is absent."""
-        counts = self._readers["thrust"].read(force_N, white) / self.count_N
-        if self._flaws.thrust_quantum_N:
-            counts = np.round(counts)
-        clipped: Array = np.clip(counts, -COUNT_TOP, COUNT_TOP - 1)
-        return clipped
+        shaking = np.sum(relative**2 * np.sin(run.angle_rad), axis=0)
+        force_N: Array = thrust_N + self._vibration_N * shaking
+        return force_N
 
     def _rpm(self, speed_rad_s: Array, white: Array) -> Array:
         """Return the speed readings (n, m): rpm; a rotor at rest reads zero."""
@@ -343,32 +262,3 @@ class PlateBench:
     def _plain(self, family: str) -> Reader:
         sensor = self.rig.sensors.get(family)
         return Reader(sensor.noise, sensor.quantum, sensor.rate_Hz) if sensor else Reader()
-
-
-def _speed_change(truth: Model) -> SpeedChange | None:
-    """Return how the model's own effects change the speed that a pulse gives."""
-    acting = [effect for effect in truth.present_effects if effect.speed is not None]
-    if not acting:
-        return None
-    values = truth.parameters.values_array()
-
-    def changed(speed_rad_s: Array, voltage_V: float, time_s: float) -> Array:
-        speeds = speed_rad_s.copy()
-        flow = Flow(**_NOTHING | {"voltage_V": voltage_V, "time_s": time_s})
-        for effect in acting:
-            p = truth.effect_values(effect, values)
-            for i, speed in enumerate(speeds):
-                speeds[i] = effect.speed(i, speed, flow, p) if effect.speed else speed
-        return speeds
-
-    return changed
-
-
-_NOTHING = dict.fromkeys(Flow._fields, 0.0)
-
-
-def _lag_s(truth: Model, flaws: Imperfections) -> float:
-    """Return the whole motor lag: the model's own where it states one."""
-    if "motor_lag.tau_s" in truth.parameters:
-        return truth.parameters["motor_lag.tau_s"].value
-    return flaws.motor_lag_s

@@ -1,0 +1,120 @@
+"""What the model of a virtual bench decides: thrust, motor lag, what changes a pulse's speed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.aero.validity import VALIDITY_Z_OVER_R
+from benchtool.core.rig import Rig
+from benchtool.effects.conditions import Conditions, plate_coverage
+from benchtool.effects.effect import Flow
+from benchtool.effects.model import Model
+from benchtool.simulate.powertrain import SpeedChange
+
+Array = NDArray[np.float64]
+
+WELL_CLEAR = 4.0
+"""Plate distance over R beyond which no tilt or offset of a rig brings a disc near the limit."""
+
+
+class Place(NamedTuple):
+    """Where the plate truly stands, (m,) each."""
+
+    z_m: Array
+    x_m: Array
+    tilt_rad: Array
+
+
+class TrueThrust:
+    """Predict what the load cell would settle to, sample by sample.
+
+    Speeds change within a block; the settled formulae hold at each instant's speeds.
+    `clamped` counts the samples for which the plate was nearer than the formulae reach and was
+    taken as standing at that limit.
+    """
+
+    def __init__(self, rig: Rig, truth: Model) -> None:
+        self.clamped = 0
+        self._rig = rig
+        self._truth = truth
+        self._values = truth.parameters.values_array()
+        self._covered: tuple[float, Array] | None = None
+
+    def thrust_N(
+        self, speed_rad_s: Array, place: Place, voltage_V: Array, elapsed_s: Array, time_s: Array
+    ) -> Array:
+        """Return the reading (m,): N, for speeds (n_rotors, m) and times since tare and start."""
+        conditions = Conditions.of(
+            self._rig,
+            speed_rad_s=speed_rad_s,
+            plate_z_m=place.z_m,
+            plate_tilt_rad=place.tilt_rad,
+            coverage=self._coverage(place.x_m),
+            voltage_V=voltage_V,
+            elapsed_s=elapsed_s,
+            time_s=time_s,
+        )
+        thrust_N: Array = self._truth.thrust_N(self._kept_valid(conditions), self._values)
+        return thrust_N
+
+    def at_rest_N(self, place: Place, elapsed_s: float, time_s: float) -> float:
+        """Return the model's own reading with every rotor still, so long after a tare."""
+        one = np.ones(1)
+        still = np.zeros((self._rig.n_rotors, 1))
+        nominal_V = self._rig.propulsion.voltage_nominal_V * one
+        return float(self.thrust_N(still, place, nominal_V, elapsed_s * one, time_s * one)[0])
+
+    def _coverage(self, x_m: Array) -> Array:
+        """Return the covered fractions (n_discs, m), or (n_discs, 1) for a plate that stands."""
+        if not len(x_m) or np.any(x_m != x_m[0]):
+            return plate_coverage(self._rig, x_m)
+        # The areas are costly, and the plate seldom moves sideways.
+        if self._covered is None or self._covered[0] != x_m[0]:
+            self._covered = float(x_m[0]), plate_coverage(self._rig, x_m[:1])
+        return self._covered[1]
+
+    def _kept_valid(self, conditions: Conditions) -> Conditions:
+        """Return the conditions with the plate no nearer than where the formulae hold."""
+        radius_m = self._rig.propulsion.radius_m
+        if np.all(conditions.plate_z_m > WELL_CLEAR * radius_m):
+            return conditions
+        missing = VALIDITY_Z_OVER_R - self._truth.z_over_R(conditions)
+        near = missing > 0.0
+        if not near.any():
+            return conditions
+        self.clamped += int(np.count_nonzero(near))
+        lift_m = np.where(near, missing, 0.0) * radius_m / np.cos(conditions.plate_tilt_rad)
+        return replace(conditions, plate_z_m=conditions.plate_z_m + lift_m)
+
+
+def motor_lag_s(truth: Model, otherwise_s: float) -> float:
+    """Return the whole motor lag: the model's own where it states one."""
+    if "motor_lag.tau_s" in truth.parameters:
+        return truth.parameters["motor_lag.tau_s"].value
+    return otherwise_s
+
+
+def speed_change(truth: Model) -> SpeedChange | None:
+    """Return how the model's own effects change the speed that a pulse gives, None for not."""
+    acting = [effect for effect in truth.present_effects if effect.speed is not None]
+    if not acting:
+        return None
+    values = truth.parameters.values_array()
+
+    def changed(speed_rad_s: Array, voltage_V: float, time_s: float) -> Array:
+        speeds = speed_rad_s.copy()
+        flow = Flow(**_NOTHING | {"voltage_V": voltage_V, "time_s": time_s})
+        for effect in acting:
+            p = truth.effect_values(effect, values)
+            for i, speed in enumerate(speeds):
+                speeds[i] = effect.speed(i, speed, flow, p) if effect.speed else speed
+        return speeds
+
+    return changed
+
+
+_NOTHING = dict.fromkeys(Flow._fields, 0.0)
