@@ -126,8 +126,8 @@ class SerialBench:
                     f"{self.address} answers as device {self._hello.device_id!r}, but "
                     f"{self._device_id!r} is needed; plug that one in or start a new run"
                 )
-            self._order(Clear())
-            self._stopped = None
+            self.clear()
+            self._messages.clear()
             fits_Hz = self._hello.rate_Hz
             if baud := self._baud():
                 most_Hz = highest_rate_Hz(self._hello.frame_bytes, baud)

@@ -260,6 +260,20 @@ def test_clear_lifts_a_stop() -> None:
     link.finished()
 
 
+def test_what_stopped_the_device_before_we_came_is_not_our_stop() -> None:
+    event = frame(b"E,watchdog,no line for 260 ms; motors stopped")
+    link = ScriptedLink(
+        Turn(HELLO, event + hello_answer(1) + event),
+        Turn(frame_command(2, Clear()), event + ack(2)),
+        Turn(frame_command(3, SetRate(100.0)), ack(3) + sample(0)),
+    )
+    bench = bench_on(link)
+    bench.open()
+    readings = bench.read(0.1)
+    assert (len(readings), readings.messages) == (1, ())
+    link.finished()
+
+
 def test_a_silent_stream_is_a_lost_link() -> None:
     bench, link = opened(*[Turn(HEARTBEAT)] * 20)
     with pytest.raises(LinkLost, match=r"sent nothing for 1\.0 s"):
