@@ -7,12 +7,17 @@ from typing import Annotated
 
 import typer
 
+from benchtool.cli.check import check
+
 app = typer.Typer(help="Serve a virtual bench; check a bench before motors spin.")
 
 
 @app.callback()
 def group() -> None:
     """Serve a virtual bench; check a bench before motors spin."""
+
+
+app.command()(check)
 
 
 @app.command()

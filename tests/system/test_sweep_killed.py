@@ -1,0 +1,153 @@
+"""Sweeps over a real pseudo-terminal, ended from outside: kill -9, SIGINT, SIGTERM."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchtool.acquire.order import visits_of
+from benchtool.acquire.plan import plan_from_toml
+from benchtool.library import rig_named
+from benchtool.store import Run, read_events, read_points, read_samples
+
+pytestmark = pytest.mark.skipif(os.name != "posix", reason="needs pseudo-terminals and signals")
+
+COMMAND = [sys.executable, "-m", "benchtool"]
+SMALL = ["--rig", "pquad_single", "--repeats", "2", "--z-over-r", "0.5,1", "--sample-s", "1"]
+
+
+@pytest.fixture
+def environment(tmp_path: Path) -> dict[str, str]:
+    return {**os.environ, "BENCHTOOL_STATE": str(tmp_path / "state"), "PYTHONUNBUFFERED": "1"}
+
+
+@pytest.fixture
+def served(tmp_path: Path, environment: dict[str, str]) -> Iterator[str]:
+    """Give the address of a virtual bench in a process of its own, twenty times faster."""
+    link = tmp_path / "bench"
+    rig, speed = ["--rig", "pquad_single"], ["--speed", "20"]
+    process = subprocess.Popen(
+        [*COMMAND, "bench", "serve", *rig, *speed, "--symlink", str(link)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+        env=environment,
+    )
+    assert process.stdout is not None
+    try:
+        yield process.stdout.readline().strip()
+    finally:
+        process.terminate()
+        process.wait(10)
+        process.stdout.close()
+
+
+def begin(address: str, out: Path, environment: dict[str, str], points: int) -> subprocess.Popen:
+    """Start a sweep and return it once so many points are on the disk."""
+    process = subprocess.Popen(
+        [*COMMAND, "sweep", address, *SMALL, "--yes", "--out", str(out)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=environment,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )
+    assert process.stdout is not None
+    for line in process.stdout:
+        if line.startswith(f"{points}/"):
+            return process
+    raise AssertionError(f"the sweep ended early: {process.communicate()[1]}")
+
+
+def end(process: subprocess.Popen, number: signal.Signals) -> tuple[int, str]:
+    process.send_signal(number)
+    told = process.communicate(timeout=20)[1]
+    return process.returncode, told
+
+
+def planned(run: Path) -> list[int]:
+    plan = plan_from_toml(Run.open(run).plan_text, "plan")
+    return [visit.setting.number for visit in visits_of(plan, rig_named("pquad_single"))]
+
+
+def test_kill_loses_no_row_and_the_run_goes_on(
+    tmp_path: Path, served: str, environment: dict[str, str]
+) -> None:
+    run = tmp_path / "run"
+    process = begin(served, run, environment, points=3)
+    time.sleep(0.11)
+    end(process, signal.SIGKILL)
+    raw = (run / "samples.csv").read_bytes()
+    samples = read_samples(run)
+    assert len(samples) == raw.count(b"\n") - 1
+    # 200 Hz without a gap, to the last whole row.
+    steps_us = np.diff(samples.column("device_time_us"))
+    assert set(steps_us) == {5000.0}
+    assert len(read_points(run)) >= 3
+    assert Run.open(run).metadata["state"] == "running"
+    resumed = subprocess.run(
+        [*COMMAND, "sweep", "--resume", str(run), "--yes"],
+        capture_output=True,
+        text=True,
+        env=environment,
+        timeout=60,
+    )
+    assert resumed.returncode == 0, resumed.stderr
+    points = read_points(run)
+    assert points.column("setting").astype(int).tolist() == planned(run)
+    assert points.column("point").tolist() == [float(i + 1) for i in range(len(points))]
+    after = read_samples(run)
+    np.testing.assert_array_equal(
+        after.column("thrust_N")[: len(samples)], samples.column("thrust_N")
+    )
+
+
+@pytest.mark.parametrize(
+    ("number", "reason"),
+    [(signal.SIGINT, "stopped by Ctrl-C"), (signal.SIGTERM, "stopped by SIGTERM")],
+)
+def test_a_signal_ends_it_safely_and_says_so(
+    tmp_path: Path,
+    served: str,
+    environment: dict[str, str],
+    number: signal.Signals,
+    reason: str,
+) -> None:
+    run = tmp_path / "run"
+    process = begin(served, run, environment, points=2)
+    code, told = end(process, number)
+    assert code == 5
+    assert told.startswith(f"benchtool: {reason}; zero was commanded")
+    facts = Run.open(run).metadata
+    assert facts["state"] == "stopped"
+    assert reason in facts["reason"]
+    stopped = read_events(run / "events.jsonl")[-1]
+    assert stopped.event == "stopped"
+    assert len(read_points(run)) >= 2
+    assert (run / "samples.parquet").is_file()
+
+
+def test_a_second_sweep_on_the_port_is_refused(
+    tmp_path: Path, served: str, environment: dict[str, str]
+) -> None:
+    process = begin(served, tmp_path / "first", environment, points=1)
+    second = subprocess.run(
+        [*COMMAND, "sweep", served, *SMALL, "--yes", "--out", str(tmp_path / "second")],
+        capture_output=True,
+        text=True,
+        env=environment,
+        timeout=30,
+    )
+    assert second.returncode == 3
+    assert str(process.pid) in second.stderr
+    assert not (tmp_path / "second").exists()
+    code, _ = end(process, signal.SIGTERM)
+    assert code == 5
