@@ -12,7 +12,12 @@ first: `q[i]` is a scalar in a compiled loop and any broadcastable array outside
 
 from __future__ import annotations
 
+import hashlib
+import os
+import sys
 from collections.abc import Callable
+from functools import lru_cache, wraps
+from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
 from benchtool.errors import MissingLibrary
@@ -23,6 +28,7 @@ Quantity: TypeAlias = Any
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 _recorded: list[Callable[..., Any]] = []
+_recorded_parts: list[Callable[..., Any]] = []
 _registered: set[int] = set()
 _asked_to_compile: bool = False
 
@@ -53,7 +59,82 @@ def compile_expressions() -> None:
     except ImportError as missing:
         raise MissingLibrary("numba", "a compiled simulation", "fast") from missing
     _asked_to_compile = True
-    for function in _recorded:
+    for function in (*_recorded, *_recorded_parts):
         if id(function) not in _registered:
             register_jitable(error_model="numpy")(function)
             _registered.add(id(function))
+
+
+def loop_part(function: Function) -> Function:
+    """Mark a piece of a compiled loop and return it unchanged: scalars only, branches allowed.
+
+    For what is called by a function that `compiled` marks and is no expression: it may hold `if`,
+    `while` and indexed arrays. Without numba it runs as it stands.
+    """
+    _recorded_parts.append(function)
+    if _asked_to_compile:
+        compile_expressions()
+    return function
+
+
+def compiled(function: Function) -> Function:
+    """Make a loop run compiled where numba is installed, and as plain Python where it is not.
+
+    It compiles on its first call and is kept on disk for later processes, in a folder whose name
+    holds a hash of the sources it may be made of: an edit of any of them compiles anew. The plain
+    function stays reachable as `__wrapped__`.
+    """
+    made: Callable[..., Any] | None = None
+
+    @wraps(function)
+    def call(*arguments: Any) -> Any:
+        nonlocal made
+        if made is None:
+            made = _machine_code(function)
+        return made(*arguments)
+
+    return call  # type: ignore[return-value]
+
+
+def _machine_code(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Return the compiled form of a function, or the function itself without numba."""
+    try:
+        compile_expressions()
+    except MissingLibrary:
+        return function
+    import numba
+
+    settings: Any = numba.config
+    before = settings.CACHE_DIR
+    settings.CACHE_DIR = str(compiled_folder())
+    machine_code: Callable[..., Any]
+    try:
+        machine_code = numba.njit(cache=True, error_model="numpy")(function)
+    except (OSError, RuntimeError):  # no folder that can be written
+        machine_code = numba.njit(error_model="numpy")(function)
+    finally:
+        settings.CACHE_DIR = before
+    return machine_code
+
+
+@lru_cache(maxsize=1)
+def compiled_folder() -> Path:
+    """Return the folder of compiled loops: of this user, and of these very sources."""
+    package = Path(__file__).resolve().parent.parent
+    digest = hashlib.sha256(sys.version.encode())
+    for part in ("aero", "effects", "control", "simulate"):
+        for path in sorted((package / part).glob("*.py")):
+            digest.update(path.name.encode() + path.read_bytes())
+    return _cache_root() / f"compiled-{digest.hexdigest()[:16]}"
+
+
+def _cache_root() -> Path:
+    """Return where this user keeps what can be made again."""
+    if given := os.environ.get("NUMBA_CACHE_DIR"):
+        return Path(given)
+    home = Path.home()
+    if sys.platform == "win32":
+        return Path(os.environ.get("LOCALAPPDATA", home / "AppData" / "Local")) / "benchtool"
+    if sys.platform == "darwin":
+        return home / "Library" / "Caches" / "benchtool"
+    return Path(os.environ.get("XDG_CACHE_HOME") or home / ".cache") / "benchtool"

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import textwrap
 from importlib import import_module
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,7 +18,14 @@ import benchtool.aero
 from benchtool.aero import expression as module
 from benchtool.aero.body_lift import body_images, body_term
 from benchtool.aero.coverage import half_plane_coverage, rectangle_coverage, strip_coverage
-from benchtool.aero.expression import compile_expressions, expression, recorded_expressions
+from benchtool.aero.expression import (
+    compile_expressions,
+    compiled,
+    compiled_folder,
+    expression,
+    loop_part,
+    recorded_expressions,
+)
 from benchtool.aero.images import neighbour_images, partial_factor, self_image, thrust_factor
 from benchtool.aero.rotor import ground_effect_thrust_N, speed_from_pwm
 from benchtool.aero.wake_rules import WAKE_RULES, notes_weight
@@ -179,3 +187,47 @@ def test_complex_steps_give_exact_derivatives(rng: np.random.Generator) -> None:
         central = (total(*(at + 1e-6 * step)) - total(*(at - 1e-6 * step))) / 2e-6
         assert abs(exact) > 1e-3
         assert exact == pytest.approx(central, rel=1e-7)
+
+
+@loop_part
+def climbed(value: float, limit: float) -> float:
+    if value > limit:
+        return limit
+    return value
+
+
+@compiled
+def summed(values: np.ndarray, limit: float) -> float:
+    total = 0.0
+    for k in range(len(values)):
+        total += climbed(values[k], limit)
+    return total
+
+
+def test_a_compiled_loop_gives_what_its_source_gives(rng: np.random.Generator) -> None:
+    values = rng.normal(size=100)
+    assert summed(values, 0.3) == summed.__wrapped__(values, 0.3)
+    assert summed(values, 0.3) == pytest.approx(np.minimum(values, 0.3).sum(), rel=1e-13)
+
+
+def test_compiled_loops_are_kept_by_their_sources(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    first = compiled_folder()
+    assert first.name.startswith("compiled-")
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    compiled_folder.cache_clear()
+    monkeypatch.setattr(module.sys, "version", "another interpreter")
+    try:
+        assert compiled_folder().parent == tmp_path
+        assert compiled_folder().name != first.name
+    finally:
+        compiled_folder.cache_clear()
+
+
+def test_without_numba_a_loop_runs_as_it_stands(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse() -> None:
+        raise MissingLibrary("numba", "a compiled simulation", "fast")
+
+    monkeypatch.setattr(module, "compile_expressions", refuse)
+    assert compiled(summed.__wrapped__)(np.array([1.0, 0.1]), 0.5) == 0.6
