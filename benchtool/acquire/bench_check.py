@@ -27,7 +27,7 @@ SPIN_S = 1.5
 LOOK_S = 1.0
 STEP_S = 0.1
 
-SPEED_BAND = (0.5, 1.6)
+SPEED_BAND = (0.65, 1.5)
 """Measured over expected speed that passes: packs from empty to full and a rough pwm map. A wrong
 pole count (a factor of 2 or more) does not."""
 
