@@ -26,6 +26,7 @@ def stage_for(option: str | None, bench: Bench, rig: Rig, ask: Callable[[str], s
         rig: travel and feed.
         ask: puts a question to the operator.
     """
+    from benchtool.bench.one_sided_stage import OneSidedStage
     from benchtool.bench.stage import DeviceStage, HandStage
 
     chosen = option or ("device" if bench.identity.moves_plate else rig.plate.moved_by)
@@ -34,7 +35,7 @@ def stage_for(option: str | None, bench: Bench, rig: Rig, ask: Callable[[str], s
             raise InputError(
                 "this device does not move the plate; give --stage hand or --stage grbl:PORT"
             )
-        return DeviceStage(bench)
+        return OneSidedStage(DeviceStage(bench), rig.plate)
     if chosen == "hand":
         return HandStage(ask, rig.plate)
     scheme, _, place = chosen.partition(":")
@@ -42,7 +43,7 @@ def stage_for(option: str | None, bench: Bench, rig: Rig, ask: Callable[[str], s
         raise UnknownChoice("stage", chosen, ("device", "hand", "grbl:PORT"))
     if not place:
         raise InputError("the stage's port is missing; give --stage grbl:PORT?axis=Z&zero_mm=...")
-    return _grbl(place, rig)
+    return OneSidedStage(_grbl(place, rig), rig.plate)
 
 
 def _grbl(place: str, rig: Rig) -> Stage:
