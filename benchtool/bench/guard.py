@@ -65,6 +65,7 @@ class GuardedBench:
         self._check: LimitCheck | None = None
         self._kept: list[Readings] = []
         self._pwm_us: Array = np.full(rig.n_rotors, rig.propulsion.pwm_stop_us)
+        self._commanded_s = 0.0
         self._stopped = False
         self._signals = StopSignals(self._note_reason, (GuardedBench.__exit__, GuardedBench._halt))
 
@@ -87,6 +88,7 @@ class GuardedBench:
                 f"rig {self._rig.name!r} has {self._rig.n_rotors} rotors, but the bench "
                 f"{self.identity.address} drives {present}; name the rig that stands on it"
             )
+        self._commanded_s = self.now_s()
         self._check = LimitCheck(
             self.identity.channels, self._rig, self._limits, self._stale_s, self.now_s()
         )
@@ -115,7 +117,7 @@ class GuardedBench:
                 f"{self._limits.pwm_us:g} us; lower it or raise limits.pwm_us"
             )
         # Noted before it is sent: an acknowledgement that is lost may leave the motors turning.
-        before, self._pwm_us = self._pwm_us, pulses
+        before, self._pwm_us, self._commanded_s = self._pwm_us, pulses, self.now_s()
         try:
             self.bench.set_pwm(pulses)
         except CommandRefused:
@@ -127,6 +129,7 @@ class GuardedBench:
 
     def stop(self) -> None:
         self._pwm_us = np.full(self._rig.n_rotors, self._rig.propulsion.pwm_stop_us)
+        self._commanded_s = self.now_s()
         self.bench.stop()
 
     def move_plate(self, z_m: float, x_m: float = 0.0, tilt_rad: float = 0.0) -> None:
@@ -188,6 +191,7 @@ class GuardedBench:
         except BenchError as error:
             self._halt(error)
             raise
+        self._check.commanded(self._pwm_us, self._commanded_s)
         breach = self._check.breach(readings.time_s, readings.values)
         if breach is not None:
             self._halt(breach)

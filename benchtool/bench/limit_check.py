@@ -25,6 +25,16 @@ PLAUSIBLE_MARGIN = 0.05
 IMPLAUSIBLE_S = 0.6
 """Thrust may disagree with rpm for so long: amplifiers with 10 readings per second lag by 0.4 s."""
 
+TOO_SLOW, TOO_SLOW_S = 0.25, 2.0
+"""A motor slower than this share of what its pulse gives, so long after the command, is dead, or
+its rpm channel is. The share leaves room for a pulse map that is only roughly known. A choice."""
+
+TOO_FAST, TOO_FAST_S = 4.0, 5.0
+"""The same for a motor that turns faster, or that turns without a command."""
+
+SLACK_RPM = 300.0
+"""Room on both for pulses near the start of the map, where motors stutter. A choice."""
+
 STUCK_S = 3.0
 """A load cell that repeats one number for so long, while rpm readings change, is stuck. A choice:
 240 readings of an 80 Hz cell."""
@@ -84,12 +94,27 @@ class LimitCheck:
             names.index(f"rpm{i + 1}") for i in range(rig.n_rotors) if f"rpm{i + 1}" in names
         ]
         self._thrust = names.index("thrust_N") if "thrust_N" in names else -1
-        self._checks_thrust = self._thrust >= 0 and len(self._rpm) == rig.n_rotors
+        self._n_rotors = rig.n_rotors
+        self._pulse = rig.propulsion
+        self._pwm_us: Array | None = None
+        self._commanded_s = start_s
+        self._slowest_rpm = self._fastest_rpm = np.zeros(rig.n_rotors)
         self._thrust_per_rpm2 = rig.propulsion.thrust_coefficient_N_s2 * (pi / 30.0) ** 2
         self._margin_N = PLAUSIBLE_MARGIN * limits.load_cell_rating_N
         self._plausible_s = self._last_s = start_s
         self._same_N, self._same_since_s = np.nan, start_s
         self._square, self._rpm_moved_s = 0.0, -inf
+
+    def commanded(self, pwm_us: Array, now_s: float) -> None:
+        """Note what every motor is told (n_rotors,): us, to compare its rpm with."""
+        if self._pwm_us is not None and np.array_equal(pwm_us, self._pwm_us):
+            return
+        pulse = self._pulse
+        drive_us = np.where(pwm_us > pulse.pwm_stop_us, pwm_us - pulse.pwm_start_us, 0.0)
+        rpm = pulse.speed_per_us_rad_s * np.maximum(drive_us, 0.0) * 30.0 / pi
+        self._pwm_us, self._commanded_s = np.array(pwm_us), now_s
+        self._slowest_rpm = TOO_SLOW * rpm - SLACK_RPM
+        self._fastest_rpm = TOO_FAST * rpm + SLACK_RPM
 
     def breach(self, time_s: Array, values: Array) -> LimitExceeded | None:
         """Return the first limit that samples (m,), (m, c) break, or None.
@@ -110,11 +135,14 @@ class LimitCheck:
         silent_s = self._last_s - self._fresh_s
         if (silent_s > self._stale_s).any():
             return self._stale(silent_s)
-        if not self._checks_thrust:
+        if len(self._rpm) < self._n_rotors:
             return None
-        thrust_N, rpm = values[:, self._thrust], values[:, self._rpm]
-        squares = np.einsum("ij,ij->i", rpm, rpm)
-        return self._implausible(time_s, squares, thrust_N) or self._stuck(squares, thrust_N)
+        rpm = values[:, self._rpm]
+        error: LimitExceeded | None = None
+        if self._thrust >= 0:
+            thrust_N, squares = values[:, self._thrust], np.einsum("ij,ij->i", rpm, rpm)
+            error = self._implausible(time_s, squares, thrust_N) or self._stuck(squares, thrust_N)
+        return error or self._disobeyed(rpm)
 
     def _skip_gap(self, first_s: float) -> None:
         gap_s = first_s - self._last_s
@@ -127,6 +155,28 @@ class LimitCheck:
         fresh = ~np.isnan(seen)
         newest = np.where(fresh, time_s[:, None], -inf).max(axis=0)
         np.maximum(self._fresh_s, newest, out=self._fresh_s)
+
+    def _disobeyed(self, rpm: Array) -> LimitExceeded | None:
+        """Return an error when a motor's rpm has not followed its pulse by now."""
+        since_s = self._last_s - self._commanded_s
+        if self._pwm_us is None or since_s < TOO_SLOW_S:
+            return None
+        # A row with a gap compares as neither too slow nor too fast.
+        bad = rpm[-1] < self._slowest_rpm
+        limits_rpm = self._slowest_rpm
+        if since_s > TOO_FAST_S and not bad.any():
+            bad = rpm[-1] > self._fastest_rpm
+            limits_rpm = self._fastest_rpm
+        if not bad.any():
+            return None
+        motor = int(np.argmax(bad))
+        return LimitExceeded(
+            f"rpm{motor + 1}",
+            float(rpm[-1, motor]),
+            float(limits_rpm[motor]),
+            f"that does not fit a pulse of {self._pwm_us[motor]:g} us after {since_s:.1f} s; check "
+            f"motor {motor + 1}, its ESC, its rpm channel and the rig's pulse map",
+        )
 
     def _stuck(self, squares: Array, thrust_N: Array) -> LimitExceeded | None:
         """Return an error when thrust repeats one number while rpm readings change."""

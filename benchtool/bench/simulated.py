@@ -75,6 +75,7 @@ class SimulatedBench:
         self._waiting: list[tuple[Array, Rows]] = []
         self._messages: list[str] = []
         self._stopped: Event | None = None
+        self._clamped = False
         self._open = False
 
     @property
@@ -158,6 +159,7 @@ class SimulatedBench:
         if self._stopped is None:
             self._pass(timeout_s)
         self._note_events()
+        self._note_clamp()
         times = [time_s for time_s, _ in self._waiting]
         rows = [row for _, row in self._waiting]
         self._waiting = []
@@ -212,6 +214,15 @@ class SimulatedBench:
             self._messages.append(f"{event.kind}: {event.text}")
             if event.stops_motors:
                 self._stopped = event
+
+    def _note_clamp(self) -> None:
+        """Say once that the plate came nearer than the physics reaches."""
+        if self._plant.clamped_readings and not self._clamped:
+            self._clamped = True
+            self._messages.append(
+                "clamped: the plate is nearer than z/R = 0.5, where the image formulae end; thrust "
+                "is that of z/R = 0.5"
+            )
 
     def _raise_if_stopped(self) -> None:
         if self._stopped is not None:

@@ -408,3 +408,23 @@ def test_no_tare_under_thrust(fake):
         guard.set_pwm(np.array([1000.0]))
         guard.tare()
     assert fake.did.count("tare") == 1
+
+
+def test_a_motor_that_does_not_follow_its_pulse_stops_the_run(fake):
+    fake.spoil = lambda time_s, row: row | {"rpm1": 40.0, "thrust_N": 0.01 * (time_s % 0.02)}
+    said = "rpm1 read 40, .* does not fit a pulse of 1500 us after 2"
+    with pytest.raises(LimitExceeded, match=said), GuardedBench(fake, RIG) as guard:
+        guard.set_pwm(np.array([1500.0]))
+        for _ in range(100):
+            guard.read(0.1)
+    assert fake.clock_s == pytest.approx(2.0, abs=0.11)
+
+
+def test_a_motor_that_turns_without_a_command_stops_the_run(fake):
+    fake.tail_rpm = 900.0
+    fake.spoil = lambda time_s, row: row | {"thrust_N": 0.05 * np.sin(time_s * 99.0)}
+    said = "rpm1 read 9.*, limit 300; .* a pulse of 1000 us"
+    with pytest.raises(LimitExceeded, match=said), GuardedBench(fake, RIG) as guard:
+        for _ in range(100):
+            guard.read(0.1)
+    assert fake.clock_s == pytest.approx(5.0, abs=0.21)

@@ -116,6 +116,13 @@ def test_equal_seeds_give_equal_runs():
     assert not np.array_equal(run(7), run(8), equal_nan=True)
 
 
+def test_a_plate_nearer_than_the_formulae_reach_is_reported_once(bench):
+    bench.move_plate(0.055)
+    bench.set_pwm(np.full(4, 1300.0))
+    said = [message for _ in range(3) for message in bench.read(0.5).messages]
+    assert [message.split(":")[0] for message in said] == ["arrived", "clamped"]
+
+
 def test_ten_minutes_take_seconds(bench):
     started_s = time.perf_counter()
     for pwm_us in range(1100, 1700, 10):
