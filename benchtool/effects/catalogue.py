@@ -3,16 +3,28 @@
 from __future__ import annotations
 
 from benchtool.effects import (
+    aerodynamic_damping,
     battery_sag,
     body_lift,
+    cable,
+    cog_offset,
+    coulomb_friction,
+    gyro_bias,
+    gyro_scale,
+    hinge_spring,
     load_cell_drift,
     motor_lag,
     neighbour_images,
     partial_coverage,
     plate_offset,
     plate_tilt,
+    rotor_asymmetry,
+    stribeck,
     tare_offset,
     thrust_exponent,
+    transport_delay,
+    viscous_friction,
+    wake_torque,
 )
 from benchtool.effects.effect import Effect
 from benchtool.errors import UnknownChoice
@@ -20,6 +32,7 @@ from benchtool.errors import UnknownChoice
 EFFECTS: dict[str, Effect] = {
     module.EFFECT.name: module.EFFECT
     for module in (
+        transport_delay,
         motor_lag,
         battery_sag,
         plate_offset,
@@ -28,6 +41,17 @@ EFFECTS: dict[str, Effect] = {
         body_lift,
         partial_coverage,
         thrust_exponent,
+        rotor_asymmetry,
+        coulomb_friction,
+        stribeck,
+        viscous_friction,
+        aerodynamic_damping,
+        hinge_spring,
+        cable,
+        cog_offset,
+        wake_torque,
+        gyro_bias,
+        gyro_scale,
         tare_offset,
         load_cell_drift,
     )

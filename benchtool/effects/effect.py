@@ -41,6 +41,8 @@ class Flow(NamedTuple):
         time_s: time since the run began (...).
         pitch_rad, rate_rad_s: attitude and rate about the y axis (...): rad, rad/s; zero on a bench
             that is held.
+        weight_N: weight that the hinge carries (...); zero where nothing hangs on one.
+        thrust_N: thrust of each disc (n, ...), for torque hooks; empty elsewhere.
     """
 
     radius_m: Quantity
@@ -58,6 +60,8 @@ class Flow(NamedTuple):
     time_s: Quantity
     pitch_rad: Quantity = 0.0
     rate_rad_s: Quantity = 0.0
+    weight_N: Quantity = 0.0
+    thrust_N: Quantity = ()
 
 
 Values: TypeAlias = Any
@@ -88,6 +92,8 @@ class OwnState:
         settled: settled(drive, elapsed_s, p) -> the state on a bench that has been held still:
             fast transients over, slow ones as far as `elapsed_s` since the tare has let them come.
         resets_on_tare: whether taring the load cell sets it back to zero.
+        kept: kept(dt_s, p) -> share of the distance to a held drive that is left after dt_s, where
+            the state is a linear lag; simulators then follow it exactly.
     """
 
     name: str
@@ -96,6 +102,7 @@ class OwnState:
     rate: Callable[[Quantity, Quantity, Values], Quantity]
     settled: Callable[[Quantity, Quantity, Values], Quantity]
     resets_on_tare: bool = False
+    kept: Callable[[Quantity, Values], Quantity] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -121,6 +128,8 @@ class Effect:
         torque: torque about the pitch axis: N m, positive nose down as in eq. (9).
         dry_friction: torque that the hinge can hold at rest or opposes to motion: N m, not
             negative; the plant decides between stick and slip.
+        random_torque: standard deviation (N m) and correlation time (s) of a random torque about
+            the pitch axis, an Ornstein-Uhlenbeck process.
         delay_s: time between a command and its arrival at the motors.
         readings: a channel's reading, changed, by channel name ("thrust_N", "gyro_rad_s").
         states: own states; their values reach the reading hooks in this order, and a state
@@ -145,6 +154,7 @@ class Effect:
     speed: ChangeHook | None = None
     torque: BodyHook | None = None
     dry_friction: BodyHook | None = None
+    random_torque: Callable[[Values], tuple[Quantity, Quantity]] | None = None
     delay_s: Callable[[Values], Quantity] | None = None
     readings: Mapping[str, ReadingHook] = field(default_factory=dict)
     states: tuple[OwnState, ...] = ()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from benchtool.aero.expression import expression
 from benchtool.core.parameter import Parameter
 from benchtool.effects.effect import Effect, OwnState, Quantity, Values
@@ -17,6 +19,12 @@ def rate(state: Quantity, drive: Quantity, p: Values) -> Quantity:
 def settled(drive: Quantity, elapsed_s: Quantity, p: Values) -> Quantity:
     """Return the commanded speed: a bench held still has no lag left."""
     return drive
+
+
+@expression
+def kept(dt_s: Quantity, p: Values) -> Quantity:
+    """Return exp(-dt / tau): what is left of the distance to a held command; 0 without lag."""
+    return np.exp(-dt_s / np.maximum(p[0], 1e-12))
 
 
 EFFECT = Effect(
@@ -42,6 +50,13 @@ EFFECT = Effect(
     source="first-order model, usual for small brushless motors",
     confused_with={"transport_delay": "dither above 5 Hz, or rpm telemetry, separates them"},
     states=(
-        OwnState(name="speed", per_disc=True, drive="speed_rad_s", rate=rate, settled=settled),
+        OwnState(
+            name="speed",
+            per_disc=True,
+            drive="speed_rad_s",
+            rate=rate,
+            settled=settled,
+            kept=kept,
+        ),
     ),
 )

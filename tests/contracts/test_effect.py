@@ -9,7 +9,7 @@ from benchtool.core.parameter import Parameter
 from benchtool.core.rig import Rig
 from benchtool.effects.catalogue import EFFECTS
 from benchtool.effects.conditions import Conditions
-from benchtool.effects.effect import STAGES
+from benchtool.effects.effect import STAGES, Effect, Flow, OwnState
 from benchtool.effects.model import Model
 from benchtool.effects.moving import moving_thrust_N
 from benchtool.effects.prepared import Prepared
@@ -105,15 +105,93 @@ def test_moving_until_settled_equals_the_settled_case(
     np.testing.assert_allclose(moving, model.thrust_N(conditions), rtol=1e-9)
 
 
+def turning(pitch_rad: float = 0.3, rate_rad_s: float = 0.5) -> Flow:
+    """Return what hooks see of a beam that turns, two rotors on it."""
+    return Flow(
+        radius_m=0.12,
+        position_x_m=(0.25, -0.25),
+        position_y_m=(0.0, 0.0),
+        height_m=(0.2, 0.3),
+        area=(1.0, 0.0),
+        active=(1.0, 1.0),
+        speed_rad_s=(560.0, 570.0),
+        neighbour_images=(0.0, 0.0),
+        body_images=(0.0, 0.0),
+        body_weight=0.0,
+        voltage_V=11.1,
+        elapsed_s=60.0,
+        time_s=60.0,
+        pitch_rad=pitch_rad,
+        rate_rad_s=rate_rad_s,
+        weight_N=13.7,
+        thrust_N=(3.0, 3.1),
+    )
+
+
+def hinge_outputs(effect: Effect, p: list[float], flow: Flow) -> list[float]:
+    """Return all that an effect does to a hinge and its sensors, 0 where it has no hook."""
+    rate = effect.readings.get("gyro_rad_s")
+    return [
+        effect.torque(flow, p) if effect.torque else 0.0,
+        effect.dry_friction(flow, p) if effect.dry_friction else 0.0,
+        effect.random_torque(p)[0] if effect.random_torque else 0.0,
+        effect.delay_s(p) if effect.delay_s else 0.0,
+        rate(flow.rate_rad_s, flow, (), p) - flow.rate_rad_s if rate else 0.0,
+    ]
+
+
+@EACH
+@pytest.mark.parametrize("rate_rad_s", [-0.5, 0.0, 0.5])
+def test_at_neutral_a_hinge_is_left_exactly_alone(name: str, rate_rad_s: float) -> None:
+    effect = EFFECTS[name]
+    p = [item.value if item.neutral is None else item.neutral for item in effect.parameters]
+    assert hinge_outputs(effect, p, turning(rate_rad_s=rate_rad_s)) == [0.0] * 5
+
+
 @EACH
 def test_away_from_neutral_it_shows_somewhere(name: str, rig: Rig, conditions: Conditions) -> None:
-    """Lag alone hides on a settled bench; there it must show while the bench still moves."""
+    """Lag alone hides on a settled bench, and a hinge shows only where there is one."""
+    effect = EFFECTS[name]
     bare, model = Model.single(rig), acting(rig, name)
-    if EFFECTS[name].states and EFFECTS[name].states[0].drive == "speed_rad_s":
+    if effect.states and effect.states[0].drive == "speed_rad_s":
         changed = moving_thrust_N(model, conditions, duration_s=0.02, steps=200)
     else:
         changed = model.thrust_N(conditions)
-    assert np.max(np.abs(changed - bare.thrust_N(conditions))) > 1e-3
+    on_thrust = float(np.max(np.abs(changed - bare.thrust_N(conditions))))
+    p = [strong_value(item) for item in effect.parameters]
+    moving = hinge_outputs(effect, p, turning()) + hinge_outputs(effect, p, turning(rate_rad_s=0.0))
+    on_hinge = max(abs(value) for value in moving)
+    assert max(on_thrust, on_hinge) > 1e-3
+
+
+@pytest.mark.parametrize("name", [name for name, effect in EFFECTS.items() if effect.torque])
+def test_a_torque_on_scalars_arrays_and_complex_steps_agrees(name: str) -> None:
+    effect = EFFECTS[name]
+    assert effect.torque is not None
+    angles = np.linspace(-0.4, 0.4, 7)
+    p = [strong_value(item) for item in effect.parameters]
+    whole = effect.torque(turning()._replace(pitch_rad=angles), p)
+    each = [effect.torque(turning(pitch_rad=angle), p) for angle in angles]
+    np.testing.assert_allclose(np.broadcast_to(whole, (7,)), each, rtol=1e-15)
+    exact = effect.torque(turning(), [p[0] + 1e-30j, *p[1:]]).imag / 1e-30
+    step = [effect.torque(turning(), [p[0] + sign * 1e-4, *p[1:]]) for sign in (1.0, -1.0)]
+    np.testing.assert_allclose(exact, (step[0] - step[1]) / 2e-4, rtol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("name", "state"),
+    [(name, state) for name, effect in EFFECTS.items() for state in effect.states if state.kept],
+)
+def test_what_is_kept_of_a_lag_solves_its_own_rate(name: str, state: OwnState) -> None:
+    """d/dt of drive + (x - drive) kept(t) is the rate there."""
+    assert state.kept is not None
+    p, start, drive = [0.05], 3.0, 7.0
+    at = drive + (start - drive) * state.kept(0.02, p)
+    h = 1e-6
+    ahead = drive + (start - drive) * state.kept(0.02 + h, p)
+    behind = drive + (start - drive) * state.kept(0.02 - h, p)
+    assert (ahead - behind) / (2.0 * h) == pytest.approx(state.rate(at, drive, p), rel=1e-8)
+    assert state.kept(0.02, [0.0]) == 0.0
 
 
 @EACH

@@ -1,0 +1,53 @@
+"""A cable that pulls when the beam turns far."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from benchtool.aero.expression import expression
+from benchtool.core.parameter import Parameter
+from benchtool.effects.effect import Effect, Flow, Quantity, Values
+
+
+@expression
+def torque(flow: Flow, p: Values) -> Quantity:
+    """Return the pull of the cable about the hinge: N m."""
+    loose = np.minimum(np.maximum(flow.pitch_rad, -p[1]), p[1])
+    return -p[0] * (flow.pitch_rad - loose)
+
+
+EFFECT = Effect(
+    name="cable",
+    title="Cable",
+    description="A cable hangs slack about level and pulls once the slack is used up.",
+    stage="hinge",
+    law="torque = -k (pitch - pitch within +-slack)",
+    parameters=(
+        Parameter(
+            "stiffness_Nm_per_rad",
+            "N m/rad",
+            0.0,
+            neutral=0.0,
+            lower=0.0,
+            upper=20.0,
+            tolerance=0.02,
+            description="stiffness of the taut cable",
+            source="neutral value",
+        ),
+        Parameter(
+            "slack_rad",
+            "rad",
+            0.1,
+            neutral=None,
+            lower=0.0,
+            upper=1.5,
+            description="angle up to which the cable hangs loose",
+            source="assumed",
+        ),
+    ),
+    shows="large angles only",
+    source="spring with a dead zone, an assumption",
+    confused_with={"hinge_spring": "small angles separate them"},
+    candidate=False,
+    torque=torque,
+)

@@ -1,0 +1,44 @@
+"""The vehicle does not hang from its centre of gravity."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from benchtool.aero.expression import expression
+from benchtool.core.parameter import Parameter
+from benchtool.effects.effect import Effect, Flow, Quantity, Values
+
+
+@expression
+def torque(flow: Flow, p: Values) -> Quantity:
+    """Return the torque of the weight about the hinge, positive nose down: N m."""
+    return flow.weight_N * p[0] * np.cos(flow.pitch_rad)
+
+
+EFFECT = Effect(
+    name="cog_offset",
+    title="Centre-of-gravity offset",
+    description="The centre of gravity lies in front of the hinge or behind it.",
+    stage="hinge",
+    law="torque = m g x cos(pitch)",
+    parameters=(
+        Parameter(
+            "x_m",
+            "m",
+            0.0,
+            neutral=0.0,
+            lower=-0.1,
+            upper=0.1,
+            tolerance=0.0005,
+            description="centre of gravity in front of the hinge, in the rotor plane",
+            source="neutral value",
+        ),
+    ),
+    shows="always; a constant torque that thrust does not scale",
+    source="statics",
+    confused_with={
+        "rotor_asymmetry": "collective steps of 10 % separate them",
+        "hinge_spring": "angles of both signs separate them",
+    },
+    torque=torque,
+)

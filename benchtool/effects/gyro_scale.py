@@ -1,0 +1,41 @@
+"""The gyro's scale is off."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from benchtool.aero.expression import expression
+from benchtool.core.parameter import Parameter
+from benchtool.effects.effect import Effect, Flow, Quantity, Values
+
+
+@expression
+def gyro_reading(reading: Quantity, flow: Flow, states: Sequence[Quantity], p: Values) -> Quantity:
+    """Return the gyro's reading, scaled: rad/s."""
+    return reading * p[0]
+
+
+EFFECT = Effect(
+    name="gyro_scale",
+    title="Gyro scale error",
+    description="The gyro shows more or less than the rate.",
+    stage="sensor",
+    law="reading = scale * rate",
+    parameters=(
+        Parameter(
+            "scale",
+            "1",
+            1.0,
+            neutral=1.0,
+            lower=0.2,
+            upper=5.0,
+            tolerance=0.02,
+            description="reading over true rate",
+            source="neutral value",
+        ),
+    ),
+    shows="fast motion; against the encoder's slope",
+    source="linear scale error, data sheets of MEMS gyros state 1 to 3 %",
+    confused_with={"gyro_bias": "rest separates them"},
+    readings={"gyro_rad_s": gyro_reading},
+)

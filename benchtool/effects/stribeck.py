@@ -1,0 +1,51 @@
+"""Friction that is greater at rest than in motion."""
+
+from __future__ import annotations
+
+from benchtool.aero.expression import expression
+from benchtool.core.parameter import Parameter
+from benchtool.effects.effect import Effect, Flow, Quantity, Values
+
+
+@expression
+def dry_friction(flow: Flow, p: Values) -> Quantity:
+    """Return what the hinge holds beyond its friction in motion: N m."""
+    ratio = flow.rate_rad_s / p[1]
+    return p[0] / (1.0 + ratio * ratio)
+
+
+EFFECT = Effect(
+    name="stribeck",
+    title="Stribeck friction",
+    description="Near standstill the hinge holds more than it drags with when it moves.",
+    stage="hinge",
+    law="dry friction + T / (1 + (rate / rate_s)^2)",
+    parameters=(
+        Parameter(
+            "excess_Nm",
+            "N m",
+            0.0,
+            neutral=0.0,
+            lower=0.0,
+            upper=10.0,
+            tolerance=0.002,
+            description="friction at rest above that in motion",
+            source="neutral value",
+        ),
+        Parameter(
+            "rate_rad_s",
+            "rad/s",
+            0.05,
+            neutral=None,
+            lower=0.0001,
+            upper=10.0,
+            description="rate at which half of the excess is gone",
+            source="assumed",
+        ),
+    ),
+    shows="slow reversals: the beam breaks loose with a jerk",
+    source="Hess and Soom 1990, J. Tribology 112: the form 1 / (1 + (v/v_s)^2)",
+    confused_with={"coulomb_friction": "speeds near zero separate them"},
+    candidate=False,
+    dry_friction=dry_friction,
+)
