@@ -133,9 +133,22 @@ class GuardedBench:
         self.bench.stop()
 
     def move_plate(self, z_m: float, x_m: float = 0.0, tilt_rad: float = 0.0) -> None:
-        """Move the plate, at idle throttle only and never inside the minimum gap.
+        self.ready_for_move(z_m)
+        try:
+            self.bench.move_plate(z_m, x_m, tilt_rad)
+        except BenchError as error:
+            self._halt(error)
+            raise
+
+    def ready_for_move(self, z_m: float) -> None:
+        """Allow the plate to move there: at idle throttle only, never inside the minimum gap.
 
         Waits for rotors that still turn; what is read meanwhile comes with the next `read`.
+        `move_plate` asks this by itself; whoever moves a separate stage asks it first.
+
+        Raises:
+            StageError: motors above idle, rotors that do not slow down, or a distance outside of
+                the plate's travel.
         """
         self._refuse_after_stop("plate")
         plate = self._rig.plate
@@ -152,11 +165,6 @@ class GuardedBench:
                 f"us, above idle at {idle_us:g} us; command idle first"
             )
         self._wait_until_slow(idle_us)
-        try:
-            self.bench.move_plate(z_m, x_m, tilt_rad)
-        except BenchError as error:
-            self._halt(error)
-            raise
 
     def tare(self) -> None:
         """Tare, with every motor commanded to stand still."""

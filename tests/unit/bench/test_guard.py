@@ -376,6 +376,17 @@ def test_the_plate_moves_only_at_idle_and_never_inside_the_minimum_gap(fake):
     assert [item for item in fake.did if item.startswith("plate")] == ["plate 0.5"]
 
 
+def test_a_separate_stage_asks_the_same_questions(fake):
+    with GuardedBench(fake, RIG) as guard:
+        with pytest.raises(StageError, match="outside"):
+            guard.ready_for_move(RIG.plate.z_min_m - 0.001)
+        guard.ready_for_move(0.5)
+        guard.set_pwm(np.array([1400.0]))
+        with pytest.raises(StageError, match="above idle"):
+            guard.ready_for_move(0.5)
+    assert not any(item.startswith("plate") for item in fake.did)
+
+
 def test_the_plate_waits_for_rotors_that_still_turn_and_keeps_what_is_read(fake):
     fake.tail_rpm = 3000.0
 
