@@ -20,16 +20,16 @@ from benchtool import __version__
 from benchtool.errors import BenchtoolError, UnknownChoice
 
 COMMANDS: dict[str, str] = {
-    "sweep": "Sweep plate distance and throttle on a bench, into a run folder",
-    "calibrate": "Calibrate a load cell with known masses, for every run that follows",
-    "recalibrate": "Apply a calibration to a run again, without touching its raw data",
+    "sweep": "Sweep plate distance and throttle into a run folder",
+    "calibrate": "Calibrate a load cell with known masses",
+    "recalibrate": "Apply a calibration to a run, its raw data untouched",
     "fit": "Fit a ground-effect model to run folders or any CSV",
     "bench": "Serve a virtual bench; check a bench before motors spin",
     "ports": "List serial ports and, with --probe, what answers on them",
     "doctor": "Explain what keeps a serial port from working",
     "rigs": "List rigs, or show one with the source of every number",
     "models": "List models, or show one with its effects and parameters",
-    "effects": "List physical effects, or show one with its law and parameters",
+    "effects": "List physical effects, or show one with law and parameters",
 }
 """Name of each command, in the order of the help, and its one line there. The line is also the
 first line of the command's docstring."""

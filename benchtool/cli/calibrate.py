@@ -38,7 +38,10 @@ def command(
         Path | None, typer.Option(help="Write the calibration to this new file, too.")
     ] = None,
 ) -> None:
-    """Calibrate a load cell with known masses, for every run that follows."""
+    """Calibrate a load cell with known masses.
+
+    The calibration is kept and used by every run that follows on that device.
+    """
     from datetime import datetime
 
     from benchtool.acquire.calibration import calibration_to_dict, fit_calibration

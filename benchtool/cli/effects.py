@@ -10,7 +10,7 @@ import typer
 def command(
     name: Annotated[str, typer.Argument(help="An effect; all are listed without.")] = "",
 ) -> None:
-    """List physical effects, or show one with its law and parameters."""
+    """List physical effects, or show one with law and parameters."""
     from benchtool.effects.catalogue import EFFECTS, effect_named
 
     if not name:

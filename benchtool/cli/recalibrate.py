@@ -14,7 +14,7 @@ def command(
         Path | None, typer.Option(help="Calibration file; the device's latest when left out.")
     ] = None,
 ) -> None:
-    """Apply a calibration to a run again, without touching its raw data."""
+    """Apply a calibration to a run, its raw data untouched."""
     from benchtool.acquire.calibration import calibration_from
     from benchtool.acquire.recalibrate import recalibrate
     from benchtool.cli.calibration_file import read_calibration

@@ -65,7 +65,7 @@ def command(
     ] = False,
     resume: Annotated[Path | None, typer.Option(help="Go on with this run folder.")] = None,
 ) -> None:
-    """Sweep plate distance and throttle on a bench, into a run folder."""
+    """Sweep plate distance and throttle into a run folder."""
     from benchtool.acquire.check_plan import check_plan
     from benchtool.acquire.plan import Plan, read_plan
     from benchtool.acquire.resume import unfinished
