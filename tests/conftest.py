@@ -31,3 +31,9 @@ def reference_data() -> Path:
 def rng(request: pytest.FixtureRequest) -> np.random.Generator:
     """Give a generator seeded from the test's own name, the same on every machine."""
     return np.random.default_rng(zlib.crc32(request.node.name.encode()))
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _own_state(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """Keep this user's calibrations and bench checks apart from those of the tests."""
+    os.environ["BENCHTOOL_STATE"] = str(tmp_path_factory.mktemp("state"))

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from benchtool.acquire.record import Recorder
 from benchtool.core.rig import Rig
-from benchtool.errors import BenchError
+from benchtool.errors import BenchError, CommandRefused
 
 Array = NDArray[np.float64]
 
@@ -82,7 +82,13 @@ class Motors:
         return np.where(pulses_us > self.stop_us, self._rig.propulsion.pwm_start_us, self.stop_us)
 
     def _set(self, pulses_us: Array) -> None:
-        self._recorder.bench.set_pwm(pulses_us)
+        try:
+            self._recorder.bench.set_pwm(pulses_us)
+        except CommandRefused:
+            # A device that has stopped by itself says why in its stream; that is the better error.
+            for _ in range(2):
+                self._recorder.read("end", timeout_s=RAMP_STEP_S)
+            raise
         self.pulses_us = pulses_us
 
 

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -29,13 +30,12 @@ def environment(tmp_path: Path) -> dict[str, str]:
     return {**os.environ, "BENCHTOOL_STATE": str(tmp_path / "state"), "PYTHONUNBUFFERED": "1"}
 
 
-@pytest.fixture
-def served(tmp_path: Path, environment: dict[str, str]) -> Iterator[str]:
+@contextmanager
+def serving(link: Path, environment: dict[str, str], *more: str) -> Iterator[str]:
     """Give the address of a virtual bench in a process of its own, twenty times faster."""
-    link = tmp_path / "bench"
     rig, speed = ["--rig", "pquad_single"], ["--speed", "20"]
     process = subprocess.Popen(
-        [*COMMAND, "bench", "serve", *rig, *speed, "--symlink", str(link)],
+        [*COMMAND, "bench", "serve", *rig, *speed, "--symlink", str(link), *more],
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
         text=True,
@@ -48,6 +48,12 @@ def served(tmp_path: Path, environment: dict[str, str]) -> Iterator[str]:
         process.terminate()
         process.wait(10)
         process.stdout.close()
+
+
+@pytest.fixture
+def served(tmp_path: Path, environment: dict[str, str]) -> Iterator[str]:
+    with serving(tmp_path / "bench", environment) as address:
+        yield address
 
 
 def begin(address: str, out: Path, environment: dict[str, str], points: int) -> subprocess.Popen:
@@ -151,3 +157,31 @@ def test_a_second_sweep_on_the_port_is_refused(
     assert not (tmp_path / "second").exists()
     code, _ = end(process, signal.SIGTERM)
     assert code == 5
+
+
+@pytest.mark.parametrize(
+    ("fault", "code", "told"),
+    [
+        ("over_thrust:at_s=25", 4, "limit 12"),
+        ("silence:at_s=1,for_s=30", 3, "the device stops its motors by itself"),
+        ("unplug:at_s=1", 3, "check cable and power"),
+    ],
+)
+def test_a_fault_ends_it_safely_and_says_why(
+    tmp_path: Path, environment: dict[str, str], fault: str, code: int, told: str
+) -> None:
+    run = tmp_path / "run"
+    with serving(tmp_path / "bench", environment, "--fault", fault) as address:
+        ended = subprocess.run(
+            [*COMMAND, "sweep", address, *SMALL, "--yes", "--out", str(run)],
+            capture_output=True,
+            text=True,
+            env=environment,
+            timeout=60,
+        )
+    assert ended.returncode == code
+    assert told in ended.stderr
+    assert ended.stderr.count("\n") == 1
+    assert f"benchtool sweep --resume {run}" in ended.stdout
+    assert read_events(run / "events.jsonl")[-1].event == "stopped"
+    assert told in Run.open(run).metadata["reason"]
