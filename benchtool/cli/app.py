@@ -20,6 +20,7 @@ from benchtool import __version__
 from benchtool.errors import BenchtoolError, UnknownChoice
 
 COMMANDS: dict[str, str] = {
+    "demo": "Sweep two virtual benches over a serial link, fit, and write a report",
     "sweep": "Sweep plate distance and throttle into a run folder",
     "calibrate": "Calibrate a load cell with known masses",
     "recalibrate": "Apply a calibration to a run, its raw data untouched",

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import Literal
 
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
@@ -47,9 +49,20 @@ def print_fit(output: FitOutput) -> None:
         _print_table(console, methods_table(output.results))
     if output.comparison is not None:
         console.print(output.comparison.sentence, markup=False)
-        _print_table(console, comparison_table(output.comparison))
+        _print_table(console, _narrow(comparison_table(output.comparison)))
     for line in _warnings(output.results):
         console.print(f"! {line}", markup=False)
+
+
+def _narrow(table: page.Table) -> page.Table:
+    """Return the columns of a comparison that a terminal has room for."""
+    kept = [0, 1, 2, 3, 4]
+    return page.Table(
+        table.caption,
+        [table.header[column] for column in kept],
+        [[row[column] for column in kept] for row in table.rows],
+        text_columns=2,
+    )
 
 
 def _warnings(results: tuple[FitResult, ...]) -> list[str]:
@@ -57,9 +70,10 @@ def _warnings(results: tuple[FitResult, ...]) -> list[str]:
 
 
 def _print_table(console: Console, shown: page.Table) -> None:
-    table = Table(title=shown.caption, title_justify="left", header_style="bold")
+    table = Table(title=shown.caption, title_justify="left", box=SIMPLE_HEAD)
     for position, head in enumerate(shown.header):
-        table.add_column(head, justify="left" if position < shown.text_columns else "right")
+        justify: Literal["left", "right"] = "left" if position < shown.text_columns else "right"
+        table.add_column(head, justify=justify, overflow="fold")
     for row in shown.rows:
         table.add_row(*row)
     console.print(table)

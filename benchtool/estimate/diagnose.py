@@ -23,7 +23,11 @@ from benchtool.estimate.residual_structure import (
 )
 
 Array = NDArray[np.float64]
-Verdict = Literal["consistent", "rejected", "errors_too_large", "no_verdict"]
+Verdict = Literal["consistent", "scatter", "rejected", "errors_too_large", "no_verdict"]
+
+SCATTER = 4.0
+"""Up to so many stated errors, what is left over may be scatter that they do not know of (between
+visits of a bench, say), where a free noise parameter takes it up; a choice."""
 
 MOST_NAMED = 5
 
@@ -33,7 +37,8 @@ class Diagnosis:
     """Hold what a fit's residuals and derivatives say.
 
     Attributes:
-        verdict: on chi2 at the stated errors; "no_verdict" where they are unknown.
+        verdict: on chi2 at the stated errors; "no_verdict" where they are unknown, "scatter" where
+            a free noise parameter took up a little more than they state.
         chi2, dof: as the result has them.
         chance: of a chi2 at least this large, were model and stated errors right.
         rows: (m,) residuals over their fitted standard errors, observed less predicted.
@@ -65,7 +70,7 @@ def diagnose(problem: Problem, result: FitResult) -> Diagnosis:
     else:
         rows_alone = rows
     chance = chi2_chance(result.chi2, result.dof)
-    verdict = _verdict(problem, chance)
+    verdict = _verdict(problem, result, chance)
     columns = _columns(problem)
     runs = tuple(runs_along(name, column, rows) for name, column in columns.items())
     trends = tuple(trend_along(name, column, rows) for name, column in columns.items())
@@ -115,22 +120,31 @@ def with_diagnosis(problem: Problem, result: FitResult) -> FitResult:
     )
 
 
-def _verdict(problem: Problem, chance: float) -> Verdict:
+def _verdict(problem: Problem, result: FitResult, chance: float) -> Verdict:
     relative = problem.noise_name == NOISE_SCALE and np.all(problem.standard_error == 1.0)
     if relative or not np.isfinite(chance):
         return "no_verdict"
     if chance < UNLIKELY:
-        return "rejected"
+        taken_up = problem.noise_name is not None and result.chi2_per_dof < SCATTER**2
+        return "scatter" if taken_up else "rejected"
     return "errors_too_large" if chance > 1.0 - UNLIKELY else "consistent"
 
 
 def _of_verdict(verdict: Verdict, result: FitResult, chance: float) -> tuple[str, ...]:
     said = f"chi2/dof is {result.chi2_per_dof:.3g} ({result.chi2:.4g} over {result.dof})"
     if verdict == "rejected":
+        advice = "add an effect"
+        if not any(item.name.startswith("noise.") for item in result.estimates):
+            advice += ", or free noise.scale if the errors leave scatter out"
         return (
             f"{said}: model {result.model!r} is rejected at the stated standard errors (chance "
-            f"{f'{chance:.1g}' if chance > 1e-12 else 'below 1e-12'}); add an effect, or free "
-            f"noise.scale if the errors leave scatter out",
+            f"{f'{chance:.1g}' if chance > 1e-12 else 'below 1e-12'}); {advice}",
+        )
+    if verdict == "scatter":
+        return (
+            f"{said}: points scatter {np.sqrt(result.chi2_per_dof):.2g} times as much as their "
+            f"stated errors; the fitted noise carries that into the intervals, which is right for "
+            f"scatter between visits and wrong for a missing effect: look at the residuals",
         )
     if verdict == "errors_too_large":
         return (

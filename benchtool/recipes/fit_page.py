@@ -93,6 +93,8 @@ def sentence(output: FitOutput) -> str:
     verdict = first.facts.get("verdict")
     judged = {
         "rejected": f" The model is rejected: chi2/dof = {first.chi2_per_dof:.3g}.",
+        "scatter": f" Points scatter a little more than their errors within visits state: "
+        f"chi2/dof = {first.chi2_per_dof:.3g}.",
         "consistent": f" The scatter explains what is left over: chi2/dof = "
         f"{first.chi2_per_dof:.3g}.",
     }.get(str(verdict), "")

@@ -97,10 +97,15 @@ def test_errors_stated_too_large_are_told() -> None:
     assert "larger than the scatter" in found.sentences[0]
 
 
-def test_a_free_scale_leaves_the_verdict_on_the_stated_errors() -> None:
+def test_a_free_scale_takes_up_some_scatter_but_not_a_missing_effect() -> None:
     problem = scaled_line()
     found = diagnose(problem, fit_least_squares(problem))
-    assert found.verdict == "rejected"
+    assert found.verdict == "scatter"
+    assert "scatter 2.5 times" in found.sentences[0]
+    narrow = replace(problem, standard_error=problem.standard_error / 2.0)
+    rejected = diagnose(narrow, fit_least_squares(narrow))
+    assert rejected.verdict == "rejected"
+    assert "free noise.scale" not in rejected.sentences[0]
     assert found.chi2 / found.dof == pytest.approx(9.0, rel=0.5)
     unknown = replace(problem, standard_error=np.ones(len(problem)))
     assert diagnose(unknown, fit_least_squares(unknown)).verdict == "no_verdict"
