@@ -142,6 +142,11 @@ class _Sweep:
                 self._bench.stop()
             except BaseException as error:
                 self._stop_at_once(error)
+                if isinstance(error, OSError):
+                    raise RunStopped(
+                        f"samples could not be written ({error.strerror or error}); motors were "
+                        f"stopped; make room on the disk, then go on with benchtool sweep --resume"
+                    ) from error
                 raise
             summary = self._summary()
             recorder.note("ended", f"all {summary.measured} visits of this part are measured")

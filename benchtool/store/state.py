@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from benchtool.errors import InputError
 from benchtool.store.atomic import read_json, replace_json
 
 
@@ -38,8 +39,14 @@ def state_file(kind: str, device_id: str) -> Path:
 def remember(kind: str, device_id: str, facts: dict[str, Any]) -> Path:
     """Keep facts about a device, in place of older ones."""
     path = state_file(kind, device_id)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    replace_json(path, facts)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        replace_json(path, facts)
+    except OSError as error:
+        raise InputError(
+            f"{path} cannot be written ({error.strerror}); name another state folder in the "
+            f"environment variable BENCHTOOL_STATE"
+        ) from error
     return path
 
 

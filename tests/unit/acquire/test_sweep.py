@@ -156,6 +156,18 @@ def test_whatever_ends_it_zero_comes_first_and_the_reason_is_kept(
     assert len(read_points(tmp_path / "run")) >= 1
 
 
+def test_a_full_disk_ends_it_in_one_sentence(tmp_path: Path) -> None:
+    bench = FakeBench()
+
+    def fill() -> None:
+        raise OSError(28, "No space left on device")
+
+    bench.at.append((12.0, fill))
+    with pytest.raises(RunStopped, match="could not be written .No space left on device.; motors"):
+        sweep(bench, tmp_path / "run")
+    assert bench.log[-1] == ("stop", None)
+
+
 def test_a_tare_that_leaves_too_much_is_refused(tmp_path: Path) -> None:
     with pytest.raises(BenchError, match=r"after 3 tares \+0\.2 N are left .* limit 0\.012 N"):
         sweep(FakeBench(left_N=0.2), tmp_path / "run")

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from benchtool.errors import InputError
 from benchtool.store.state import recall, remember, state_folder
 
 
@@ -13,6 +14,15 @@ def test_what_is_remembered_is_recalled(tmp_path: Path, monkeypatch: pytest.Monk
     path = remember("checked", "a/b", {"date": "2026-01-31"})
     assert path.parent == tmp_path / "state" / "checked"
     assert recall("checked", "a/b") == {"date": "2026-01-31"}
+
+
+def test_a_state_folder_that_cannot_be_written_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("BENCHTOOL_STATE", str(tmp_path / "file"))
+    with pytest.raises(InputError, match="environment variable BENCHTOOL_STATE"):
+        remember("checked", "a", {})
 
 
 def test_the_state_folder_follows_the_system(monkeypatch: pytest.MonkeyPatch) -> None:
