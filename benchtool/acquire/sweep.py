@@ -27,7 +27,7 @@ from benchtool.bench.guard import GuardedBench
 from benchtool.bench.stage import Stage
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
-from benchtool.errors import BenchtoolError, InputError
+from benchtool.errors import BenchtoolError, InputError, RunStopped
 from benchtool.store import Point, Run
 
 SETTLE_CHECK_S = 0.1

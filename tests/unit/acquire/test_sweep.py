@@ -163,7 +163,7 @@ def test_a_full_disk_ends_it_in_one_sentence(tmp_path: Path) -> None:
         raise OSError(28, "No space left on device")
 
     bench.at.append((12.0, fill))
-    with pytest.raises(RunStopped, match="could not be written .No space left on device.; motors"):
+    with pytest.raises(RunStopped, match=r"written \(No space left on device\); motors"):
         sweep(bench, tmp_path / "run")
     assert bench.log[-1] == ("stop", None)
 
