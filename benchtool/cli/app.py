@@ -20,11 +20,12 @@ from benchtool import __version__
 from benchtool.errors import BenchtoolError, UnknownChoice
 
 COMMANDS: dict[str, str] = {
-    "demo": "Sweep two virtual benches over a serial link, fit, and write a report",
+    "demo": "Sweep two virtual benches, fit, and write a report",
     "sweep": "Sweep plate distance and throttle into a run folder",
     "calibrate": "Calibrate a load cell with known masses",
     "recalibrate": "Apply a calibration to a run, its raw data untouched",
     "fit": "Fit a ground-effect model to run folders or any CSV",
+    "figures": "Draw runs in the layout of the paper's figures 3, 4, 6, 8",
     "bench": "Serve a virtual bench; check a bench before motors spin",
     "ports": "List serial ports and, with --probe, what answers on them",
     "doctor": "Explain what keeps a serial port from working",

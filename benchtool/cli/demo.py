@@ -26,7 +26,7 @@ def command(
     ] = 20.0,
     seed: Annotated[int, typer.Option(help="Seed of the virtual benches' noise.", min=0)] = 1,
 ) -> None:
-    """Sweep two virtual benches over a serial link, fit, and write a report."""
+    """Sweep two virtual benches, fit, and write a report."""
     from benchtool.recipes.fit_folder import refuse_full
 
     refuse_full(out)

@@ -9,14 +9,16 @@ from urllib.parse import parse_qsl
 from benchtool.errors import InputError, UnknownChoice
 
 if TYPE_CHECKING:
-    from benchtool.bench.bench import Bench
+    from benchtool.bench.guard import GuardedBench
     from benchtool.bench.stage import Stage
     from benchtool.core.rig import Rig
 
 _GRBL_OPTIONS = ("baud", "axis", "zero_mm", "direction", "lateral", "lateral_zero_mm")
 
 
-def stage_for(option: str | None, bench: Bench, rig: Rig, ask: Callable[[str], str]) -> Stage:
+def stage_for(
+    option: str | None, bench: GuardedBench, rig: Rig, ask: Callable[[str], str]
+) -> Stage:
     """Return what moves the plate, not opened yet.
 
     Args:
@@ -26,6 +28,7 @@ def stage_for(option: str | None, bench: Bench, rig: Rig, ask: Callable[[str], s
         rig: travel and feed.
         ask: puts a question to the operator.
     """
+    from benchtool.bench.idle_stage import IdleStage
     from benchtool.bench.one_sided_stage import OneSidedStage
     from benchtool.bench.stage import DeviceStage, HandStage
 
@@ -37,13 +40,13 @@ def stage_for(option: str | None, bench: Bench, rig: Rig, ask: Callable[[str], s
             )
         return OneSidedStage(DeviceStage(bench), rig.plate)
     if chosen == "hand":
-        return HandStage(ask, rig.plate)
+        return IdleStage(HandStage(ask, rig.plate), bench.ready_for_move)
     scheme, _, place = chosen.partition(":")
     if scheme != "grbl":
         raise UnknownChoice("stage", chosen, ("device", "hand", "grbl:PORT"))
     if not place:
         raise InputError("the stage's port is missing; give --stage grbl:PORT?axis=Z&zero_mm=...")
-    return OneSidedStage(_grbl(place, rig), rig.plate)
+    return OneSidedStage(IdleStage(_grbl(place, rig), bench.ready_for_move), rig.plate)
 
 
 def _grbl(place: str, rig: Rig) -> Stage:

@@ -36,6 +36,8 @@ class FitData:
         z_over_R: (n,) least distance over the rig's radius.
         groups: (n,) number of the setting that each point repeats; None where nobody numbered them.
         hashes: SHA-256 by data path.
+        calibration_sd: relative standard error of the load cell's scale, common to all points; 0
+            where no calibration was applied.
     """
 
     points: Recording
@@ -48,6 +50,7 @@ class FitData:
     z_over_R: Array
     groups: NDArray[np.intp] | None
     hashes: Mapping[str, str]
+    calibration_sd: float = 0.0
 
     @property
     def rows(self) -> NDArray[np.intp]:
@@ -99,6 +102,7 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
         z_over_R=z_over_R,
         groups=_settings(points),
         hashes={path: data_hash(path) for path in recipe.data},
+        calibration_sd=float(points.provenance.get("calibration_relative_sd") or 0.0),
     )
 
 

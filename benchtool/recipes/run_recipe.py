@@ -26,6 +26,10 @@ Progress = Callable[[str, int, int], None]
 """progress(what is being done, steps done, steps expected)."""
 
 
+TARED_ZERO_N = 1e-6
+"""What is left of a calibration's zero after a tare: nothing; above 0 for the prior's sake."""
+
+
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class FitOutput:
     """Carry everything that a fit made.
@@ -113,7 +117,7 @@ def _with_noise(model: Model, recipe: Recipe, errors: str) -> Model:
 
 def _problem(model: Model, recipe: Recipe, data: FitData) -> Problem:
     rows = data.rows
-    return problem_from_model(
+    problem = problem_from_model(
         model,
         data.conditions.select(rows),
         data.observed[rows],
@@ -122,6 +126,10 @@ def _problem(model: Model, recipe: Recipe, data: FitData) -> Problem:
         nearest_z_over_R=None,
         groups=None if data.groups is None else data.groups[rows],
     )
+    if recipe.basis != "joint" or data.calibration_sd == 0.0:
+        return problem  # a ratio of two thrusts does not know the calibration's scale
+    covariance = np.diag([data.calibration_sd**2, TARED_ZERO_N**2])
+    return problem.with_calibration(covariance, "the run's calibration")
 
 
 def _as_compared(other: Model, model: Model, recipe: Recipe) -> Model:

@@ -84,7 +84,7 @@ class ScriptedLink:
     def close(self) -> None:
         self.closed += 1
 
-    def finished(self) -> None:
+    def check_finished(self) -> None:
         """Fail unless everything was said and read."""
         assert not self._turns, f"the host never sent {self._turns[0].sent!r}"
         assert not self._answer, f"the host never read {self._answer!r}"

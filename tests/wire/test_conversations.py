@@ -72,7 +72,7 @@ def test_open_read_close() -> None:
     with bench_on(link) as bench:
         identity = bench.identity
         readings = bench.read(0.1)
-    link.finished()
+    link.check_finished()
     assert (link.opened, link.closed) == (1, 1)
     assert identity.device_id == "bench-0042"
     assert identity.protocol == "benchtool-1"
@@ -91,20 +91,20 @@ def test_answers_may_come_byte_by_byte() -> None:
     slow = [Turn(turn.sent, turn.answer, piece=40) for turn in OPENING]
     link = ScriptedLink(*slow)
     bench_on(link).open()
-    link.finished()
+    link.check_finished()
 
 
 def test_a_lost_acknowledgement_is_asked_for_with_the_same_number() -> None:
     spin = frame_command(4, SetPwm((1200.0, 1100.0)))
     bench, link = opened(Turn(spin), Turn(HEARTBEAT), Turn(spin, ack(4)))
     bench.set_pwm(np.array([1200.0, 1100.0]))
-    link.finished()
+    link.check_finished()
 
 
 def test_a_late_answer_to_an_earlier_number_is_passed_over() -> None:
     bench, link = opened(Turn(frame_command(4, Stop()), ack(3) + ack(2) + ack(4)))
     bench.stop()
-    link.finished()
+    link.check_finished()
 
 
 def test_no_answer_at_all_is_a_lost_link() -> None:
@@ -112,7 +112,7 @@ def test_no_answer_at_all_is_a_lost_link() -> None:
     bench, link = opened(*[Turn(stop), Turn(HEARTBEAT)] * 5)
     with pytest.raises(LinkLost, match="did not answer 'stop' in 5 tries"):
         bench.stop()
-    link.finished()
+    link.check_finished()
 
 
 def test_a_refusal_carries_the_devices_words() -> None:
@@ -122,7 +122,7 @@ def test_a_refusal_carries_the_devices_words() -> None:
         bench.set_pwm(np.array([1200.0, 2500.0]))
     assert caught.value.command == "pwm,1200,2500"
     assert caught.value.reason == "pulses must lie from 1000, and up to 1900 us"
-    link.finished()
+    link.check_finished()
 
 
 def test_a_hello_with_a_lost_line_is_asked_again() -> None:
@@ -134,7 +134,7 @@ def test_a_hello_with_a_lost_line_is_asked_again() -> None:
         Turn(frame_command(4, SetRate(100.0)), ack(4)),
     )
     bench_on(link).open()
-    link.finished()
+    link.check_finished()
 
 
 def test_a_board_that_boots_first_is_waited_for() -> None:
@@ -154,7 +154,7 @@ def test_a_board_that_boots_first_is_waited_for() -> None:
     )
     bench = bench_on(link)
     bench.open()
-    link.finished()
+    link.check_finished()
     assert bench.read(0.0).messages == ()
 
 
@@ -214,14 +214,14 @@ def test_a_port_that_cannot_be_had() -> None:
 def test_heartbeats_go_out_while_reading() -> None:
     bench, link = opened(Turn(HEARTBEAT), Turn(HEARTBEAT, sample(0)))
     assert len(bench.read(0.5)) == 1
-    link.finished()
+    link.check_finished()
 
 
 def test_no_heartbeat_between_reads() -> None:
     bench, link = opened()
     link.now_s += 10.0
     assert bench.now_s() == pytest.approx(link.now_s)
-    link.finished()
+    link.check_finished()
 
 
 def test_losses_are_told_once() -> None:
@@ -243,7 +243,7 @@ def test_samples_before_a_stop_are_handed_out_before_its_news() -> None:
         bench.read(0.3)
     with pytest.raises(DeviceStopped):
         bench.set_pwm(np.array([1200.0, 1200.0]))
-    link.finished()
+    link.check_finished()
 
 
 def test_clear_lifts_a_stop() -> None:
@@ -257,7 +257,7 @@ def test_clear_lifts_a_stop() -> None:
         bench.read(0.1)
     bench.clear()
     bench.set_pwm(np.array([1200.0, 1200.0]))
-    link.finished()
+    link.check_finished()
 
 
 def test_what_stopped_the_device_before_we_came_is_not_our_stop() -> None:
@@ -271,7 +271,7 @@ def test_what_stopped_the_device_before_we_came_is_not_our_stop() -> None:
     bench.open()
     readings = bench.read(0.1)
     assert (len(readings), readings.messages) == (1, ())
-    link.finished()
+    link.check_finished()
 
 
 def test_a_silent_stream_is_a_lost_link() -> None:
@@ -286,7 +286,7 @@ def test_a_pulled_cable_passes_through_and_close_stays_quiet() -> None:
     link.write_after_end = LinkLost("gone as well")
     with pytest.raises(LinkLost, match=r"gone$"), bench_on(link) as bench:
         bench.read(1.0)
-    link.finished()
+    link.check_finished()
     assert link.closed == 1
 
 
@@ -298,7 +298,7 @@ def test_the_plate_arrives() -> None:
     )
     bench.move_plate(0.2, tilt_rad=0.1)
     assert len(bench.read(0.1)) == 2
-    link.finished()
+    link.check_finished()
 
 
 def test_a_plate_whose_arrival_got_lost_is_asked_for() -> None:
@@ -310,7 +310,7 @@ def test_a_plate_whose_arrival_got_lost_is_asked_for() -> None:
         Turn(where, ack(5, "0", "0.2", "0", "0")),
     )
     bench.move_plate(0.2)
-    link.finished()
+    link.check_finished()
 
 
 @pytest.mark.parametrize(
@@ -334,7 +334,7 @@ def test_a_rate_that_does_not_fit_is_refused_before_it_is_sent() -> None:
     bench.open()
     with pytest.raises(InputError, match="1,010,000 baud"):
         bench.set_rate(1000.0)
-    link.finished()
+    link.check_finished()
 
 
 def test_the_first_stream_fits_the_line() -> None:
@@ -345,7 +345,7 @@ def test_the_first_stream_fits_the_line() -> None:
         baud=57_600,
     )
     bench_on(link).open()
-    link.finished()
+    link.check_finished()
 
 
 def test_time_of_a_fast_virtual_bench_is_device_time() -> None:
@@ -364,7 +364,7 @@ def test_another_device_on_the_same_port_is_refused() -> None:
     with pytest.raises(NoDevice, match="answers as device 'bench-0042', but 'bench-0041'"):
         bench.open()
     assert link.closed == 1
-    link.finished()
+    link.check_finished()
 
 
 def test_opening_twice_is_opening_once() -> None:

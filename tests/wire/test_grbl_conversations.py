@@ -72,7 +72,7 @@ def test_it_is_woken_homed_moved_and_waited_for():
     link, stage = opened(*MOVED)
     assert stage.move(0.2, 0.0, 0.0, quiet) == pytest.approx(0.2)
     stage.close()
-    link.finished()
+    link.check_finished()
     assert (link.opened, link.closed) == (1, 1)
 
 
@@ -83,13 +83,13 @@ def test_answers_may_come_in_pieces(piece):
     stage = stage_on(link)
     stage.open()
     assert stage.move(0.2, 0.0, 0.0, quiet) == pytest.approx(0.2)
-    link.finished()
+    link.check_finished()
 
 
 def test_a_board_that_boots_misses_the_first_reset():
     link = ScriptedLink(Turn(b"\x18"), Turn(b"\x18", LOCKED), Turn(b"$H\n", b"ok\r\n"))
     stage_on(link).open()
-    link.finished()
+    link.check_finished()
     assert link.now_s > 101.0
 
 
@@ -97,14 +97,14 @@ def test_nothing_that_answers_is_said_and_the_port_given_back():
     link = ScriptedLink(*[Turn(b"\x18")] * 5)
     with pytest.raises(NoDevice, match="did not answer a reset within 5 s"):
         stage_on(link).open()
-    link.finished()
+    link.check_finished()
     assert link.closed == 1
 
 
 def test_silence_while_homing_is_not_a_dead_stage():
     link = LateLink(*OPENING, late={b"$H\n": 40.0})
     stage_on(link).open()
-    link.finished()
+    link.check_finished()
     assert link.now_s > 140.0
 
 
@@ -112,7 +112,7 @@ def test_a_stage_that_never_ends_homing_is_given_up():
     link = ScriptedLink(Turn(b"\x18", LOCKED), Turn(b"$H\n"))
     with pytest.raises(StageError, match="answered nothing to homing for 90 s and is given up"):
         stage_on(link).open()
-    link.finished()
+    link.check_finished()
 
 
 @pytest.mark.parametrize(
@@ -126,7 +126,7 @@ def test_a_refused_homing_says_why(answer, said):
     link = ScriptedLink(Turn(b"\x18", LOCKED), Turn(b"$H\n", answer))
     with pytest.raises(StageError, match=said):
         stage_on(link).open()
-    link.finished()
+    link.check_finished()
 
 
 @pytest.mark.parametrize(
@@ -138,7 +138,7 @@ def test_an_alarm_while_homing_is_left_by_a_reset(number, said):
     )
     with pytest.raises(StageError, match=f"ALARM:{number}, .*{said}"):
         stage_on(link).open()
-    link.finished()
+    link.check_finished()
 
 
 def test_a_soft_limit_is_left_by_a_reset_and_keeps_the_position():
@@ -152,7 +152,7 @@ def test_a_soft_limit_is_left_by_a_reset_and_keeps_the_position():
     with pytest.raises(StageError, match="ALARM:2, the target lies outside"):
         stage.move(0.9, 0.0, 0.0, quiet)
     assert stage.move(0.2, 0.0, 0.0, quiet) == pytest.approx(0.2)
-    link.finished()
+    link.check_finished()
 
 
 def test_after_an_alarm_that_loses_the_position_it_is_homed():
@@ -167,7 +167,7 @@ def test_after_an_alarm_that_loses_the_position_it_is_homed():
     with pytest.raises(StageError, match="ALARM:1, a limit switch was hit"):
         stage.move(0.2, 0.0, 0.0, quiet)
     stage.move(0.2, 0.0, 0.0, quiet)
-    link.finished()
+    link.check_finished()
 
 
 def test_a_reset_by_somebody_else_loses_the_position():
@@ -181,7 +181,7 @@ def test_a_reset_by_somebody_else_loses_the_position():
     with pytest.raises(StageError, match="started anew"):
         stage.move(0.2, 0.0, 0.0, quiet)
     stage.move(0.2, 0.0, 0.0, quiet)
-    link.finished()
+    link.check_finished()
 
 
 @pytest.mark.parametrize(
@@ -196,7 +196,7 @@ def test_a_refused_move_says_why(answer, said):
     link, stage = opened(Turn(b"?", at(-1.0)), Turn(MOVE, answer))
     with pytest.raises(StageError, match=said):
         stage.move(0.2, 0.0, 0.0, quiet)
-    link.finished()
+    link.check_finished()
 
 
 def test_ok_means_queued_so_the_state_is_asked_until_it_has_moved():
@@ -205,7 +205,7 @@ def test_ok_means_queued_so_the_state_is_asked_until_it_has_moved():
     stage.open()
     paused = []
     assert stage.move(0.2, 0.0, 0.0, paused.append) == pytest.approx(0.2)
-    link.finished()
+    link.check_finished()
     assert link.asked == pytest.approx(3.0 / 0.2, abs=2)
     assert len(paused) > 50
 
@@ -226,7 +226,7 @@ def test_a_feed_hold_that_nobody_lifts_runs_into_the_time_limit():
     )
     with pytest.raises(StageError, match=r"did not finish the move to 0\.2 m within 14 s"):
         stage.move(0.2, 0.0, 0.0, quiet)
-    link.finished()
+    link.check_finished()
 
 
 def test_after_a_hold_the_rest_of_the_move_is_thrown_away_once_it_stands():
@@ -239,7 +239,7 @@ def test_after_a_hold_the_rest_of_the_move_is_thrown_away_once_it_stands():
     )
     stage.hold()
     assert stage.move(0.2, 0.0, 0.0, quiet) == pytest.approx(0.2)
-    link.finished()
+    link.check_finished()
 
 
 def test_a_hold_is_resumed_only_when_it_stands():
@@ -253,7 +253,7 @@ def test_a_hold_is_resumed_only_when_it_stands():
     paused = []
     stage.hold()
     stage.resume(paused.append)
-    link.finished()
+    link.check_finished()
     assert paused == [0.2, 0.2]
 
 
@@ -261,7 +261,7 @@ def test_a_stage_that_lost_steps_is_not_believed():
     link, stage = opened(*MOVED[:-2], Turn(b"?", at(-199.5)), Turn(b"?", at(-199.5)))
     with pytest.raises(StageError, match=r"stands at Z -199\.500 mm instead of -200\.000 mm"):
         stage.move(0.2, 0.0, 0.0, quiet)
-    link.finished()
+    link.check_finished()
 
 
 def test_the_offset_between_work_and_machine_comes_only_sometimes():
@@ -276,7 +276,7 @@ def test_the_offset_between_work_and_machine_comes_only_sometimes():
         Turn(b"?", work % (-190.0, b"")),
     )
     assert stage.move(0.2, 0.0, 0.0, quiet) == pytest.approx(0.2)
-    link.finished()
+    link.check_finished()
 
 
 def test_a_lateral_axis_moves_along():
@@ -290,7 +290,7 @@ def test_a_lateral_axis_moves_along():
     stage = stage_on(link, GrblAxis("X", 0.3))
     stage.open()
     assert stage.move(0.2, 0.051, 0.0, quiet) == pytest.approx(0.2)
-    link.finished()
+    link.check_finished()
 
 
 def test_what_the_stage_cannot_do_is_refused_before_anything_is_sent():
@@ -299,7 +299,7 @@ def test_what_the_stage_cannot_do_is_refused_before_anything_is_sent():
         stage.move(0.2, 0.1, 0.0, quiet)
     with pytest.raises(StageError, match="no tilt axis"):
         stage.move(0.2, 0.0, 0.1, quiet)
-    link.finished()
+    link.check_finished()
 
 
 def test_an_axis_that_is_not_there_is_named():
@@ -308,7 +308,7 @@ def test_an_axis_that_is_not_there_is_named():
     stage.open()
     with pytest.raises(StageError, match="reports no axis A, only X Y Z"):
         stage.move(0.2, 0.0, 0.0, quiet)
-    link.finished()
+    link.check_finished()
 
 
 def test_a_link_that_breaks_is_a_lost_link():

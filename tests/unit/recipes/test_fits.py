@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -17,6 +20,7 @@ TRUTH = {
     "single_rotor": {"k": 1.02e-5, "R_m": 0.126},
     "three_rotors": {"k": 1.02e-5, "R_m": 0.126, "body_lift.K_b": 1.9},
     "quad": {"k": 1.02e-5, "R_m": 0.126, "body_lift.K_b": 1.9},
+    "amuse_rotor": {"k": 8.5e-5, "R_m": 0.209},
     "partial_area": {
         "R_m": 0.126,
         "partial_coverage.factor_1": 0.21,
@@ -51,3 +55,20 @@ def test_a_recipe_gives_its_result_again_and_holds_the_truth(name: str) -> None:
     for path, digest in output.data.hashes.items():
         kept = [text for key, text in known["facts"].items() if key.startswith("sha256.")]
         assert digest in kept, path
+
+
+def test_a_calibrations_uncertainty_reaches_the_thrust_coefficient(tmp_path: Path) -> None:
+    """One per cent on the load cell's scale is one per cent on k, and nothing on R."""
+    run = tmp_path / "run"
+    shutil.copytree(FITS.parent / "datasets/quad/run", run)
+    facts = json.loads((run / "metadata.json").read_text("utf-8"))
+    facts["calibration"] = {"id": "bench-cell", "relative_sd": 0.01}
+    (run / "metadata.json").write_text(json.dumps(facts), "utf-8")
+    recipe = replace(read_recipe(FITS / "quad"), methods=("least_squares",), compare=())
+    plain = run_recipe(recipe).results[0]
+    calibrated = run_recipe(replace(recipe, data=(str(run),))).results[0]
+    assert calibrated["k"].sd / calibrated["k"].value == pytest.approx(0.01, rel=0.01)
+    assert plain["k"].sd / plain["k"].value < 0.001
+    for name in ("R_m", "body_lift.K_b"):
+        assert calibrated[name].value == pytest.approx(plain[name].value, abs=0.02 * plain[name].sd)
+        assert calibrated[name].sd == pytest.approx(plain[name].sd, rel=0.02)

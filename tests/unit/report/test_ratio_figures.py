@@ -150,4 +150,4 @@ def test_the_documentation_has_the_figures_that_its_script_draws() -> None:
     assert {f"{name}.svg" for name in figures} <= {path.name for path in folder.glob("*.svg")}
     for figure in figures.values():
         assert [text for text in figure.texts if text.get_gid() == SIMULATED_GID]
-    assert figure_bytes(figures["ratio-two-rigs"]).startswith(b"<?xml")
+    assert figure_bytes(figures["fig03-two-rigs"]).startswith(b"<?xml")
