@@ -154,9 +154,7 @@ class LimitExceeded(BenchError):
         self.channel = channel
         self.value = value
         self.limit = limit
-        super().__init__(
-            f"{channel} read {value:.6g}, limit {limit:.6g}; motors stopped; {advice}"
-        )
+        super().__init__(f"{channel} read {value:.6g}, limit {limit:.6g}; motors stopped; {advice}")
 
 
 class StageError(BenchError):
@@ -192,4 +190,6 @@ class MissingLibrary(BenchtoolError):
 
     def __init__(self, package: str, purpose: str, extra: str) -> None:
         self.package = package
-        super().__init__(f"{purpose} needs {package}; install it with: pip install benchtool[{extra}]")
+        super().__init__(
+            f"{purpose} needs {package}; install it with: pip install benchtool[{extra}]"
+        )

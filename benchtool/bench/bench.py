@@ -118,7 +118,7 @@ class Bench(Protocol):
         ...
 
     def stop(self) -> None:
-        """Command zero to every motor and halt the plate at once; never raises for a second stop."""
+        """Command zero to every motor and halt the plate at once; a second stop is no error."""
         ...
 
     def move_plate(self, z_m: float, x_m: float = 0.0, tilt_rad: float = 0.0) -> None:
