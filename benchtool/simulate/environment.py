@@ -1,0 +1,164 @@
+"""What a vehicle flies over: boxes, ramps, plates that come and go, and a grid of heights.
+
+A block is a rectangle in plan with a flat or sloping top; its sides fall straight down. Blocks in
+one plane make one surface, whatever pieces they come in. A height grid is one more surface, and the
+floor below all is the last. Each surface acts on its own, with the heights over it and the discs'
+fractions on it; what the surfaces add to a rotor's thrust is summed (`flight_ground`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+from math import inf, isfinite
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.errors import InputError
+from benchtool.simulate.height_grid import DiscGrid, HeightGrid
+
+Array = NDArray[np.float64]
+
+ALWAYS = (-1e9, -1e9, 1e9, 1e9)
+"""Times of a block that never moves: begins to come, is there, begins to go, is gone: s."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Block:
+    """Describe one obstacle.
+
+    Attributes:
+        x_m, y_m: extent in plan, lower and upper; may be infinite.
+        top_m: height of the top, at the lower corner (x, y) where it slopes.
+        slope_x, slope_y: rise of the top per metre along x and y; 0 is a box.
+        times_s: when a plate that is moved in begins to come, has come, begins to go, has gone.
+        slide_m: where it stands before it comes, and after: displacement along x and y.
+        name: for figures and messages.
+    """
+
+    x_m: tuple[float, float]
+    y_m: tuple[float, float] = (-inf, inf)
+    top_m: float = 0.0
+    slope_x: float = 0.0
+    slope_y: float = 0.0
+    times_s: tuple[float, float, float, float] = ALWAYS
+    slide_m: tuple[float, float] = (0.0, 0.0)
+    name: str = "box"
+
+    def __post_init__(self) -> None:
+        for axis, (low, high) in (("x_m", self.x_m), ("y_m", self.y_m)):
+            if not low < high:
+                raise InputError(
+                    f"{self.name}: {axis} runs from {low:g} to {high:g}; give the lower end first"
+                )
+        for axis, slope, ends in (("x", self.slope_x, self.x_m), ("y", self.slope_y, self.y_m)):
+            if slope and not all(map(isfinite, ends)):
+                raise InputError(f"{self.name}: a slope along {axis} needs finite ends")
+            if not abs(slope) <= 2.0:
+                raise InputError(f"{self.name}: slope_{axis} is {slope:g}; give at most 2 (63 deg)")
+        if not isfinite(self.top_m):
+            raise InputError(f"{self.name}: top_m is {self.top_m:g}; give a finite height")
+        if list(self.times_s) != sorted(self.times_s):
+            raise InputError(f"{self.name}: times_s {self.times_s} do not increase; sort them")
+
+    @property
+    def plane(self) -> tuple[float, float, float]:
+        """Height at the origin and the two slopes: blocks of one plane are one surface."""
+        x = self.x_m[0] if self.slope_x else 0.0
+        y = self.y_m[0] if self.slope_y else 0.0
+        at_origin = self.top_m - self.slope_x * x - self.slope_y * y
+        return (round(at_origin, 9), self.slope_x, self.slope_y)
+
+    def row(self, surface: int) -> tuple[float, ...]:
+        """Return the block's line of `Tables.blocks`."""
+        shape = (*self.x_m, *self.y_m, self.top_m, self.slope_x, self.slope_y)
+        return (*shape, *self.times_s, *self.slide_m, float(surface))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Environment:
+    """Hold everything there is to fly over.
+
+    Attributes:
+        blocks: obstacles; in plan they may touch and not overlap.
+        grid: a height grid, or None.
+        floor_m: height of the floor below all; -inf leaves it out of reach.
+        name: for figures.
+    """
+
+    blocks: tuple[Block, ...] = ()
+    grid: HeightGrid | None = None
+    floor_m: float = -inf
+    name: str = "free air"
+
+    def __post_init__(self) -> None:
+        for a, b in combinations(self.blocks, 2):
+            if _overlap(a.x_m, b.x_m) and _overlap(a.y_m, b.y_m):
+                raise InputError(f"blocks {a.name!r} and {b.name!r} overlap in plan; cut one")
+        for block in self.blocks:
+            if block.top_m <= self.floor_m:
+                raise InputError(
+                    f"{block.name}: top_m {block.top_m:g} is not above the floor at "
+                    f"{self.floor_m:g} m; raise one or lower the other"
+                )
+
+    def moved(self, x_m: float = 0.0, y_m: float = 0.0, z_m: float = 0.0) -> Environment:
+        """Return the same things elsewhere: a map with an error."""
+        return replace(
+            self,
+            blocks=tuple(
+                replace(
+                    block,
+                    x_m=(block.x_m[0] + x_m, block.x_m[1] + x_m),
+                    y_m=(block.y_m[0] + y_m, block.y_m[1] + y_m),
+                    top_m=block.top_m + z_m,
+                )
+                for block in self.blocks
+            ),
+            grid=None if self.grid is None else self.grid.moved(x_m, y_m, z_m),
+            floor_m=self.floor_m + z_m,
+        )
+
+    def refuse_uncovered(self, places_m: Array, margin_m: float, what: str) -> None:
+        """Refuse a path (m, 2) that leaves the height grid."""
+        if self.grid is not None:
+            self.grid.refuse_uncovered(places_m, margin_m, what)
+
+    def tables(self, radius_m: float) -> Tables:
+        """Return the numbers that the compiled loop reads, for discs of that radius."""
+        planes = list(dict.fromkeys(block.plane for block in self.blocks))
+        rows = [block.row(planes.index(block.plane)) for block in self.blocks]
+        blocks = np.array(rows, float).reshape(len(rows), BLOCK_COLUMNS)
+        grid = DiscGrid.none() if self.grid is None else self.grid.averaged(radius_m)
+        return Tables(blocks, grid.places, grid.share, grid.height_m, self.floor_m, len(planes))
+
+
+BLOCK_COLUMNS = 14
+"""x1, x2, y1, y2, top, slope x, slope y, four times, slide x, slide y, surface."""
+
+
+class Tables(NamedTuple):
+    """Hold an environment as arrays.
+
+    Attributes:
+        blocks: (b, 14) as `BLOCK_COLUMNS` says.
+        grid: (6,) x and y of the first node, spacing in x and y, 1 where there is a grid, spare.
+        grid_share: (nx, ny) fraction of a disc centred on the node that lies over the grid's rise.
+        grid_height_m: (nx, ny) mean height of that rise under the disc.
+        floor_m: height of the floor, -inf without.
+        n_planes: how many surfaces the blocks make.
+    """
+
+    blocks: Array
+    grid: Array
+    grid_share: Array
+    grid_height_m: Array
+    floor_m: float
+    n_planes: int
+
+
+def _overlap(a: Sequence[float], b: Sequence[float]) -> bool:
+    return min(a[1], b[1]) - max(a[0], b[0]) > 1e-9

@@ -1,0 +1,275 @@
+"""Ground effect of every disc of a vehicle in the air, over everything that is below it.
+
+For each surface apart (`environment`): the fraction a_i of each disc over it (exact for blocks,
+from the samples of a grid), the disc's own height over it, and with these the sum of images as on
+a bench. A disc's thrust factor is 1 + sum over surfaces of a_i (F_i - 1), the factor F_i seeing of
+the neighbours only what lies over the same surface. The floor takes what the others leave.
+Where the height is below the validity of the formulae it is held there, and that is counted.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.aero.body_lift import body_images, body_term
+from benchtool.aero.coverage import rectangle_coverage
+from benchtool.aero.expression import Quantity, loop_part
+from benchtool.aero.images import neighbour_images, partial_factor, self_image, thrust_factor
+from benchtool.aero.validity import clamped_height
+from benchtool.aero.wake_rules import (
+    full_weight,
+    mean_weight,
+    notes_weight,
+    pairs_weight,
+    product_weight,
+)
+from benchtool.simulate.environment import Tables
+
+Array = NDArray[np.float64]
+
+RULES = ("notes", "full", "mean", "product", "pairs")
+"""The wake rules in the order of their numbers here."""
+
+
+class Discs(NamedTuple):
+    """Hold what the aerodynamics need of a vehicle.
+
+    Attributes:
+        x_m, y_m: disc centres in the body (n,).
+        distance_m: between axes (n, n).
+        centre_distance_m: c_j of the body term (n,).
+        radius_m: rotor radius, for areas.
+        effective_radius_m: the R of the images' strength.
+        neighbours: strength of the neighbours' images; 1 as in eq. (3).
+        K_b: body lift coefficient; 0 without.
+        rule: number of the wake rule in `RULES`.
+    """
+
+    x_m: Array
+    y_m: Array
+    distance_m: Array
+    centre_distance_m: Array
+    radius_m: float
+    effective_radius_m: float
+    neighbours: float
+    K_b: float
+    rule: int
+
+
+class Ground(NamedTuple):
+    """Hold what is found below a vehicle, written by `look_down`; (n,) each.
+
+    Attributes:
+        place_m: (3, n) disc centres in the world.
+        factor: T_IGE/T_OGE.
+        coverage: fraction over blocks and grid together.
+        height_m: over the surface that covers most of the disc; infinite over none.
+        share, over_m: scratch: fraction and height on one surface.
+        rest: scratch: fraction that nothing covers yet.
+        flags: (2,) whether a disc touches something; how many heights were held.
+    """
+
+    place_m: Array
+    factor: Array
+    coverage: Array
+    height_m: Array
+    share: Array
+    over_m: Array
+    rest: Array
+    flags: Array
+
+
+def new_ground(n_discs: int) -> Ground:
+    """Return room for the findings below n discs."""
+    a, b, c, d, e, f = np.zeros((6, n_discs))
+    return Ground(np.zeros((3, n_discs)), a, b, c, d, e, f, np.zeros(2))
+
+
+@loop_part
+def wake_weight(rule: int, share: Array) -> Quantity:
+    """Return the share of the body term that a wake rule grants."""
+    if rule == 0:
+        return notes_weight(share)
+    if rule == 1:
+        return full_weight(share)
+    if rule == 2:
+        return mean_weight(share)
+    if rule == 3:
+        return product_weight(share)
+    return pairs_weight(share)
+
+
+@loop_part
+def place_discs(state: Array, discs: Discs, place_m: Array) -> None:
+    """Write where the disc centres are in the world (3, n)."""
+    w, x, y, z = state[6], state[7], state[8], state[9]
+    for i in range(len(discs.x_m)):
+        a, b = discs.x_m[i], discs.y_m[i]
+        place_m[0, i] = state[0] + (1.0 - 2.0 * (y * y + z * z)) * a + 2.0 * (x * y - w * z) * b
+        place_m[1, i] = state[1] + 2.0 * (x * y + w * z) * a + (1.0 - 2.0 * (x * x + z * z)) * b
+        place_m[2, i] = state[2] + 2.0 * (x * z - w * y) * a + 2.0 * (y * z + w * x) * b
+
+
+@loop_part
+def disc_on_rectangle(
+    x: float, y: float, radius: float, x1: float, x2: float, y1: float, y2: float
+) -> Quantity:
+    """Return `rectangle_coverage`, worked out only where an edge cuts the disc."""
+    if x + radius <= x1 or x - radius >= x2 or y + radius <= y1 or y - radius >= y2:
+        return 0.0
+    if x - radius >= x1 and x + radius <= x2 and y - radius >= y1 and y + radius <= y2:
+        return 1.0
+    return rectangle_coverage(x, y, radius, x1, x2, y1, y2)
+
+
+@loop_part
+def away(time_s: float, begins: float, there: float, leaves: float, gone: float) -> float:
+    """Return how far a plate is out of its place: 1 before and after, 0 while it is there."""
+    if time_s < there:
+        if time_s <= begins:
+            return 1.0
+        return (there - time_s) / (there - begins)
+    if time_s > leaves:
+        if time_s >= gone:
+            return 1.0
+        return (time_s - leaves) / (gone - leaves)
+    return 0.0
+
+
+@loop_part
+def over_blocks(
+    surface: int, time_s: float, discs: Discs, blocks: Array, ground: Ground, whole: bool
+) -> float:
+    """Write share and height of every disc over one surface of blocks; return the summed share."""
+    total = 0.0
+    for i in range(len(discs.x_m)):
+        ground.share[i] = 0.0
+        ground.over_m[i] = 1.0
+    for b in range(len(blocks)):
+        if blocks[b, 13] != surface:
+            continue
+        out = away(time_s, blocks[b, 7], blocks[b, 8], blocks[b, 9], blocks[b, 10])
+        dx, dy = out * blocks[b, 11], out * blocks[b, 12]
+        x1, x2 = blocks[b, 0] + dx, blocks[b, 1] + dx
+        y1, y2 = blocks[b, 2] + dy, blocks[b, 3] + dy
+        sx, sy = blocks[b, 5], blocks[b, 6]
+        for i in range(len(discs.x_m)):
+            x, y = ground.place_m[0, i], ground.place_m[1, i]
+            if whole:  # a map that knows only whether a rotor's centre is over something
+                share = 1.0 if x1 <= x <= x2 and y1 <= y <= y2 else 0.0
+            else:
+                share = disc_on_rectangle(x, y, discs.radius_m, x1, x2, y1, y2)
+            if share <= 0.0:
+                continue
+            top = blocks[b, 4]
+            steep = 1.0
+            if sx != 0.0:
+                top += sx * (min(max(x, x1), x2) - x1)
+                steep += sx * sx
+            if sy != 0.0:
+                top += sy * (min(max(y, y1), y2) - y1)
+                steep += sy * sy
+            height = (ground.place_m[2, i] - top) / np.sqrt(steep)
+            ground.over_m[i] = (ground.share[i] * ground.over_m[i] + share * height) / (
+                ground.share[i] + share
+            )
+            ground.share[i] += share
+            total += share
+    return total
+
+
+@loop_part
+def over_grid(discs: Discs, tables: Tables, ground: Ground) -> float:
+    """Write share and height of every disc over the grid's rise; return the summed share."""
+    grid = tables.grid
+    nx, ny = tables.grid_share.shape
+    total = 0.0
+    for i in range(len(discs.x_m)):
+        u = (ground.place_m[0, i] - grid[0]) / grid[2]
+        v = (ground.place_m[1, i] - grid[1]) / grid[3]
+        u = min(max(u, 0.0), nx - 1.0)
+        v = min(max(v, 0.0), ny - 1.0)
+        j, k = min(int(u), nx - 2), min(int(v), ny - 2)
+        a, b = u - j, v - k
+        w00, w01, w10, w11 = (1.0 - a) * (1.0 - b), (1.0 - a) * b, a * (1.0 - b), a * b
+        share, rise = tables.grid_share, tables.grid_height_m
+        found = w00 * share[j, k] + w01 * share[j, k + 1]
+        found += w10 * share[j + 1, k] + w11 * share[j + 1, k + 1]
+        top = w00 * rise[j, k] + w01 * rise[j, k + 1]
+        top += w10 * rise[j + 1, k] + w11 * rise[j + 1, k + 1]
+        ground.share[i] = found
+        ground.over_m[i] = ground.place_m[2, i] - top
+        total += found
+    return total
+
+
+@loop_part
+def add_surface(discs: Discs, ground: Ground) -> None:
+    """Add what one surface gives to the factors, from the shares and heights just written."""
+    n = len(discs.x_m)
+    for i in range(n):
+        if ground.share[i] > 0.0:
+            if ground.over_m[i] <= 0.0:
+                ground.flags[0] = 1.0
+            held = clamped_height(ground.over_m[i], discs.radius_m)
+            if held > ground.over_m[i]:
+                ground.flags[1] += 1.0
+            ground.over_m[i] = held
+    weight = wake_weight(discs.rule, ground.share)
+    square = discs.effective_radius_m * discs.effective_radius_m
+    for i in range(n):
+        share = ground.share[i]
+        if share > 0.0:
+            height = ground.over_m[i]
+            images = self_image(height)
+            if discs.neighbours != 0.0:
+                images += discs.neighbours * neighbour_images(
+                    i, ground.over_m, ground.share, discs.distance_m
+                )
+            total = square * images
+            if discs.K_b * weight != 0.0:
+                body = body_images(height, discs.centre_distance_m)
+                total += body_term(discs.K_b, weight, discs.effective_radius_m, body)
+            ground.factor[i] += partial_factor(thrust_factor(total), share) - 1.0
+            if share >= 0.5 or ground.height_m[i] == np.inf:
+                ground.height_m[i] = height
+        ground.rest[i] -= share
+
+
+@loop_part
+def look_down(
+    time_s: float, state: Array, discs: Discs, tables: Tables, ground: Ground, whole: bool
+) -> None:
+    """Write the factor, coverage and height of every disc at one instant.
+
+    Args:
+        time_s: since the flight began; moves plates.
+        state: of the body (13, or more).
+        discs: of the vehicle.
+        tables: of the environment, or of a map of it.
+        ground: is written to.
+        whole: count a disc as covered whole or not at all, by its centre.
+    """
+    n = len(discs.x_m)
+    place_discs(state, discs, ground.place_m)
+    ground.flags[0] = 0.0
+    ground.flags[1] = 0.0
+    for i in range(n):
+        ground.factor[i] = 1.0
+        ground.rest[i] = 1.0
+        ground.height_m[i] = np.inf
+    for surface in range(tables.n_planes):
+        if over_blocks(surface, time_s, discs, tables.blocks, ground, whole) > 0.0:
+            add_surface(discs, ground)
+    if tables.grid[4] > 0.0 and over_grid(discs, tables, ground) > 0.0:
+        add_surface(discs, ground)
+    for i in range(n):
+        ground.coverage[i] = 1.0 - ground.rest[i]
+    if tables.floor_m > -np.inf:
+        for i in range(n):
+            ground.share[i] = max(ground.rest[i], 0.0)
+            ground.over_m[i] = ground.place_m[2, i] - tables.floor_m
+        add_surface(discs, ground)

@@ -1,0 +1,230 @@
+"""The compiled loop of a flight: control periods, plant ticks, a log."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.aero.expression import compiled, loop_part
+from benchtool.aero.rotor import drag_torque_Nm, ground_effect_thrust_N
+from benchtool.simulate.environment import Tables
+from benchtool.simulate.flight_ground import Discs, Ground, look_down
+from benchtool.simulate.flight_law import COMMAND, ESTIMATE, Airframe, Law, steer
+from benchtool.simulate.rigid_body import (
+    drift,
+    kick_angular,
+    kick_linear,
+    pitch_of,
+    roll_of,
+    yaw_of,
+)
+
+Array = NDArray[np.float64]
+
+ARRIVED_AT_END, STRUCK, LOST = 0, 1, 2
+"""How a flight ended: flown to the end, touched something, numbers no longer finite."""
+
+LOGGED = (
+    "time_s", "x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s", "roll_rad", "pitch_rad",
+    "yaw_rad", "p_rad_s", "q_rad_s", "r_rad_s", "roll_ref_rad", "pitch_ref_rad", "yaw_ref_rad",
+    "roll_estimate_Nm", "pitch_estimate_Nm", "yaw_estimate_Nm", "force_z_estimate_N",
+    "roll_ground_Nm", "pitch_ground_Nm", "x_goal_m", "y_goal_m", "z_goal_m",
+)  # fmt: skip
+"""First columns of a log; coverage, height and factor of every disc and the speed of every rotor
+follow."""
+
+
+@loop_part
+def motors(state: Array, speeds: Array, lag_s: float, dt_s: float) -> None:
+    """Take the rotors towards their commanded speeds, exactly for a command that is held."""
+    if lag_s > 0.0:
+        keep = math.exp(-dt_s / lag_s)
+        for i in range(len(speeds)):
+            state[13 + i] = speeds[i] + (state[13 + i] - speeds[i]) * keep
+    else:
+        for i in range(len(speeds)):
+            state[13 + i] = speeds[i]
+
+
+@loop_part
+def wrench_of(state: Array, frame: Airframe, ground: Ground, torque: Array) -> float:
+    """Write the rotors' torque about the body's axes (3,) and return their thrust."""
+    thrust = 0.0
+    torque[0], torque[1], torque[2] = 0.0, 0.0, 0.0
+    for i in range(len(frame.x_m)):
+        speed = state[13 + i]
+        lift = ground_effect_thrust_N(speed, frame.k_N_s2, ground.factor[frame.disc_of_rotor[i]])
+        thrust += lift
+        torque[0] += frame.y_m[i] * lift
+        torque[1] -= frame.x_m[i] * lift
+        torque[2] -= frame.spin[i] * drag_torque_Nm(speed, frame.c_Nm_s2)
+    return thrust
+
+
+@loop_part
+def wind_at(time_s: float, gusts: Array, axis: int) -> float:
+    """Return the wind along an axis: gusts of 1 - cos shape, rows of time, length and velocity."""
+    wind = 0.0
+    for g in range(len(gusts)):
+        since = time_s - gusts[g, 0]
+        if 0.0 < since < gusts[g, 1]:
+            wind += gusts[g, 2 + axis] * 0.5 * (1.0 - math.cos(2.0 * math.pi * since / gusts[g, 1]))
+    return wind
+
+
+@loop_part
+def kick(
+    time_s: float,
+    state: Array,
+    frame: Airframe,
+    gusts: Array,
+    lift: float,
+    work: Array,
+    dt: float,
+) -> None:
+    """Change all velocities for one step; work holds torque (3,) and takes the force (3,).
+
+    Drag against the air is taken at the mean of old and new velocity.
+    """
+    w, x, y, z = state[6], state[7], state[8], state[9]
+    force, torque = work[3:6], work[0:3]
+    force[0] = lift * 2.0 * (x * z + w * y)
+    force[1] = lift * 2.0 * (y * z - w * x)
+    force[2] = lift * (1.0 - 2.0 * (x * x + y * y))
+    kick_angular(state, torque, frame.inertia_kgm2, dt)
+    if frame.drag_N_s_m > 0.0:
+        half = 0.5 * dt * frame.drag_N_s_m / frame.mass_kg
+        for axis in range(3):
+            before = state[3 + axis]
+            free = before + dt * force[axis] / frame.mass_kg
+            if axis == 2:
+                free -= dt * frame.gravity_m_s2
+            wind = wind_at(time_s, gusts, axis)
+            state[3 + axis] = (free + half * (2.0 * wind - before)) / (1.0 + half)
+    else:
+        kick_linear(state, force, frame.mass_kg, frame.gravity_m_s2, dt)
+
+
+@loop_part
+def write_row(
+    row: Array,
+    time_s: float,
+    state: Array,
+    goal: Array,
+    frame: Airframe,
+    ground: Ground,
+    memory: Array,
+) -> None:
+    """Write one row of the log."""
+    w, x, y, z = state[6], state[7], state[8], state[9]
+    row[0] = time_s
+    for k in range(6):
+        row[1 + k] = state[k]
+    row[7], row[8], row[9] = roll_of(w, x, y, z), pitch_of(w, x, y, z), yaw_of(w, x, y, z)
+    for k in range(3):
+        row[10 + k] = state[10 + k]
+        row[13 + k] = memory[COMMAND + k]
+        row[16 + k] = memory[ESTIMATE + 3 + k]
+        row[22 + k] = goal[1 + k]
+    row[19] = memory[ESTIMATE + 2]
+    n = len(ground.factor)
+    extra_x, extra_y = 0.0, 0.0
+    for i in range(len(frame.x_m)):
+        speed = state[13 + i]
+        factor = ground.factor[frame.disc_of_rotor[i]]
+        more = ground_effect_thrust_N(speed, frame.k_N_s2, factor - 1.0)
+        extra_x += frame.y_m[i] * more
+        extra_y -= frame.x_m[i] * more
+        row[25 + 3 * n + i] = speed
+    row[20], row[21] = extra_x, extra_y
+    for i in range(n):
+        row[25 + i] = ground.coverage[i]
+        row[25 + n + i] = ground.height_m[i]
+        row[25 + 2 * n + i] = ground.factor[i]
+
+
+@compiled
+def fly_loop(
+    state: Array,
+    law: Law,
+    frame: Airframe,
+    known: Airframe,
+    discs: Discs,
+    below: Tables,
+    chart: Tables,
+    goals: Array,
+    yaw_rad: float,
+    gusts: Array,
+    noise: Array,
+    n_periods: int,
+    ticks: int,
+    log_every: int,
+    log: Array,
+    ground: Ground,
+    guess: Ground,
+    memory: Array,
+    speeds: Array,
+) -> tuple[int, int, int]:
+    """Fly; return how many rows were logged, how it ended, and at how many ticks a height was held.
+
+    Args:
+        state: body and rotor speeds (13 + n,); is written to.
+        law: the controller.
+        frame: the vehicle.
+        known: the vehicle as the controller knows it.
+        discs: its rotor discs.
+        below: what is there.
+        chart: the map of the feedforward.
+        goals: rows of time of issue, x, y, z, speed; the first is where the flight begins.
+        yaw_rad: heading to hold.
+        gusts: rows of time, length, wind along x, y, z.
+        noise: gyro noise (n_periods, 3), or one row that holds for all.
+        n_periods: how many control periods.
+        ticks: plant ticks in each.
+        log_every: periods between rows of the log.
+        log: (rows, columns) is written to.
+        ground: scratch for what is there.
+        guess: scratch for the map.
+        memory: of the controller, zeros at first.
+        speeds: scratch for the commands (n,).
+    """
+    dt = law.period_s / ticks
+    gyro = np.empty(3)
+    work = np.empty(6)
+    rows, held, at = 0, 0, 0
+    for period in range(n_periods):
+        now = period * law.period_s
+        while at + 1 < len(goals) and goals[at + 1, 0] <= now:
+            at += 1
+        k = period if len(noise) > 1 else 0
+        for axis in range(3):
+            gyro[axis] = state[10 + axis] + noise[k, axis]
+        steer(
+            now, state, gyro, goals[at], goals[max(at - 1, 0)], yaw_rad, law, known, discs, chart,
+            guess, memory, speeds,
+        )  # fmt: skip
+        if period == 0:
+            motors(state, speeds, 0.0, dt)
+        if period % log_every == 0 and rows < len(log):
+            look_down(now, state, discs, below, ground, False)
+            write_row(log[rows], now, state, goals[at], frame, ground, memory)
+            rows += 1
+        drift(state, 0.5 * dt)
+        motors(state, speeds, frame.lag_s, 0.5 * dt)
+        for tick in range(ticks):
+            middle = now + (tick + 0.5) * dt
+            look_down(middle, state, discs, below, ground, False)
+            if ground.flags[0] > 0.0:
+                return rows, STRUCK, held
+            if ground.flags[1] > 0.0:
+                held += 1
+            thrust = wrench_of(state, frame, ground, work)
+            kick(middle, state, frame, gusts, thrust, work, dt)
+            step = dt if tick + 1 < ticks else 0.5 * dt
+            drift(state, step)
+            motors(state, speeds, frame.lag_s, step)
+        if not math.isfinite(state[0] + state[2] + state[6] + state[10] + state[11]):
+            return rows, LOST, held
+    return rows, ARRIVED_AT_END, held

@@ -1,0 +1,1 @@
+"""Whole studies: simulate, tabulate, draw and write what belongs together."""

@@ -1,0 +1,101 @@
+"""What the flight tests share: the notes' vehicle, its obstacle, and a planar model by hand."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import acos, cos, exp, pi, radians, sin, sqrt
+
+import numpy as np
+
+from benchtool.library.gain_file import gains_named
+from benchtool.library.rig_file import rig_named
+from benchtool.simulate.flight import Flight, FlightCase, fly
+from benchtool.simulate.flight_cases import flight_case
+from benchtool.simulate.flight_vehicle import FlightVehicle
+
+PQUAD = FlightVehicle(rig=rig_named("pquad"))
+
+
+def case(name: str = "over", gains: str = "s3", **numbers: object) -> FlightCase:
+    return flight_case(name, PQUAD, gains_named(gains), **numbers)  # type: ignore[arg-type]
+
+
+def flown(name: str = "over", gains: str = "s3", **numbers: object) -> Flight:
+    return fly(case(name, gains, **numbers))
+
+
+@dataclass
+class Slice:
+    """The notes' planar prototype: x, z and pitch of a plus quadrotor, written apart."""
+
+    goal_m: float
+    speed_m_s: float
+    height_m: float = 0.24
+    mass: float = 1.4
+    inertia: float = 0.018
+    arm: float = 0.225
+    radius: float = 0.12
+
+    def area(self, x: float) -> float:
+        total = -1.0
+        for inside in (x - 3.0, 5.0 - x):
+            u = min(max(inside / self.radius, -1.0), 1.0)
+            total += 1.0 + (u * sqrt((1.0 - u) * (1.0 + u)) - acos(u)) / pi
+        return total
+
+    def factors(self, x: float, z: float, theta: float) -> list[float]:
+        places = [(self.arm, 1.0), (0.0, 0.0), (-self.arm, -1.0), (0.0, 0.0)]
+        areas = [self.area(x + a * cos(theta)) for a, _ in places]
+        heights = [z - a * sin(theta) for a, _ in places]
+        weight = max(0.0, (sum(areas) - 1.0) / 3.0)
+
+        def image(depth: float, distance: float) -> float:
+            return 0.5 * self.radius**2 * depth / (distance**2 + 4.0 * depth**2) ** 1.5
+
+        out = []
+        for i in range(4):
+            h = max(heights[i], 0.5 * self.radius)
+            total = (self.radius / (4.0 * h)) ** 2
+            for j in range(4):
+                apart = self.arm * (2.0 if (i - j) % 2 == 0 else sqrt(2.0))
+                total += areas[j] * image(h, apart) if j != i else 0.0
+            total += 2.0 * weight * 4.0 * image(h, self.arm)
+            out.append(1.0 + areas[i] * (1.0 / (1.0 - total) - 1.0))
+        return out
+
+    def fly(self, duration_s: float, lag_s: float = 0.0) -> np.ndarray:
+        """Return rows of time, x, z, pitch at every control instant (250 Hz), steps of 1 ms."""
+        x, z, theta, vx, vz, q = 0.0, self.height_m, 0.0, 0.0, 0.0, 0.0
+        wanted = integral = climb = 0.0
+        dt, rows = 0.001, []
+        thrust = None
+        k = 1.035e-5
+        for period in range(round(duration_s * 250.0)):
+            rows.append((period * 0.004, x, z, theta))
+            ask = min(max(1.1 * (self.goal_m - x), -self.speed_m_s), self.speed_m_s)
+            wanted += min(max(ask - wanted, -0.65 * 0.004), 0.65 * 0.004)
+            integral = min(max(integral + 0.6 * (wanted - vx) * 0.004, -0.58), 0.58)
+            tilt = (1.5 * (wanted - vx) + integral) / 9.81
+            tilt = min(max(tilt, -radians(16.5)), radians(16.5))
+            rate = min(max(2.9 * (tilt - theta), -3.5), 3.5)
+            torque = self.inertia * 7.4 * (rate - q)
+            climb += (self.height_m - z) * 0.004
+            up = min(max(4.0 * (self.height_m - z) + climb - 3.2 * vz, -4.0), 4.0)
+            total = self.mass * (9.81 + up) / cos(theta)
+            asked = [total / 4.0 - torque / (2.0 * self.arm), total / 4.0]
+            asked += [total / 4.0 + torque / (2.0 * self.arm), total / 4.0]
+            command = [sqrt(max(t, 0.0) / k) for t in asked]
+            if thrust is None:
+                thrust = command
+            keep = exp(-0.0005 / lag_s) if lag_s else 0.0
+            for _ in range(4):
+                x, z, theta = x + 0.0005 * vx, z + 0.0005 * vz, theta + 0.0005 * q
+                thrust = [c + (t - c) * keep for t, c in zip(thrust, command, strict=True)]
+                f = self.factors(x, z, theta)
+                lifts = [k * w * w * g for w, g in zip(thrust, f, strict=True)]
+                vx += dt * sum(lifts) * sin(theta) / self.mass
+                vz += dt * (sum(lifts) * cos(theta) / self.mass - 9.81)
+                q += dt * self.arm * (lifts[2] - lifts[0]) / self.inertia
+                x, z, theta = x + 0.0005 * vx, z + 0.0005 * vz, theta + 0.0005 * q
+                thrust = [c + (t - c) * keep for t, c in zip(thrust, command, strict=True)]
+        return np.array(rows)

@@ -1,0 +1,171 @@
+"""Boxes, ramps, plates and grids, and what discs see of them."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from math import inf
+
+import numpy as np
+import pytest
+
+from benchtool.aero.coverage import rectangle_coverage
+from benchtool.aero.multirotor import multirotor_factors
+from benchtool.errors import InputError
+from benchtool.simulate.environment import Block, Environment, Tables
+from benchtool.simulate.flight import static_moment_Nm
+from benchtool.simulate.flight_ground import Ground, look_down, new_ground
+from benchtool.simulate.height_grid import HeightGrid
+from benchtool.simulate.rigid_body import at_rest, from_euler
+from tests.unit.simulate.flying import PQUAD
+
+OBSTACLE = Environment(blocks=(Block(x_m=(3.0, 5.0)),))
+DISCS = PQUAD.discs()
+
+
+def below(
+    environment: Environment, x: float, y: float = 0.0, z: float = 0.24, time_s: float = 0.0,
+    attitude: tuple[float, float, float] = (0.0, 0.0, 0.0),
+) -> Ground:  # fmt: skip
+    ground = new_ground(4)
+    state = at_rest((x, y, z))
+    state[6:10] = from_euler(*attitude)
+    look_down(time_s, state, DISCS, tables_of(environment), ground, False)
+    return ground
+
+
+@lru_cache(maxsize=4)
+def tables_of(environment: Environment) -> Tables:
+    return environment.tables(0.12)
+
+
+def grid_of(step_m: float, floor: float = np.nan) -> HeightGrid:
+    x, y = np.arange(-1.0, 7.0, step_m), np.arange(-1.5, 1.5 + step_m, step_m)
+    rise = (x[:, None] >= 3.0) & (x[:, None] <= 5.0) & np.ones((1, len(y)), bool)
+    return HeightGrid(x, y, np.where(rise, 0.0, floor), base_m=-0.5)
+
+
+def test_wall_of_the_notes() -> None:
+    places = [2.8, 2.9, 3.0, 3.05, 3.1, 3.15, 3.2, 3.25, 3.3, 3.4]
+    at = np.array([[x, 0.0, 0.24] for x in places])
+    moments = static_moment_Nm(PQUAD, OBSTACLE, at) * 1e3
+    backward = [7.7, 14.8, 45.5, 63.7, 78.6, 74.4, 58.4, 37.0, 14.0, 0.0]
+    np.testing.assert_allclose(-moments[:, 1], backward, atol=0.06)
+    np.testing.assert_allclose(moments[:, 0], 0.0, atol=1e-13)
+
+
+def test_level_over_everything_is_the_bench_formula() -> None:
+    ground = below(OBSTACLE, 4.0)
+    expected = multirotor_factors(
+        0.12, np.full(4, 0.24), np.ones(4), PQUAD.rig.disc_positions_m, 2.0
+    )
+    np.testing.assert_allclose(ground.factor, expected, rtol=1e-13)
+    assert ground.coverage.tolist() == [1.0] * 4
+
+
+def test_coverage_over_an_edge_and_a_corner_is_exact() -> None:
+    box = Environment(blocks=(Block(x_m=(1.0, 2.0), y_m=(0.5, 2.0)),))
+    ground = below(box, 0.95, 0.45)
+    places = PQUAD.rig.disc_positions_m
+    exact = [rectangle_coverage(0.95 + x, 0.45 + y, 0.12, 1.0, 2.0, 0.5, 2.0) for x, y in places]
+    np.testing.assert_allclose(ground.coverage, exact, atol=1e-15)
+    assert 0.0 < max(exact) < 1.0
+
+
+@pytest.mark.parametrize("cut_m", [3.07, 3.3])
+def test_a_box_in_two_pieces_is_the_same_box(cut_m: float) -> None:
+    pieces = Environment(blocks=(Block(x_m=(3.0, cut_m)), Block(x_m=(cut_m, 5.0))))
+    for x in (2.9, 3.1, 3.3):
+        np.testing.assert_allclose(below(pieces, x).factor, below(OBSTACLE, x).factor, rtol=1e-12)
+
+
+def test_each_rotor_has_its_own_height() -> None:
+    ground = below(OBSTACLE, 4.0, attitude=(0.05, 0.1, 0.0))
+    lower = PQUAD.rig.disc_positions_m[:, 0] * np.sin(0.1)
+    raised = PQUAD.rig.disc_positions_m[:, 1] * np.cos(0.1) * np.sin(0.05)
+    np.testing.assert_allclose(ground.height_m, 0.24 - lower + raised, atol=1e-14)
+
+
+def test_a_ramp_is_met_at_right_angles() -> None:
+    ramp = Environment(blocks=(Block(x_m=(0.0, 4.0), top_m=-0.5, slope_x=0.2),))
+    ground = below(ramp, 2.0)
+    at = 2.0 + PQUAD.rig.disc_positions_m[:, 0]
+    np.testing.assert_allclose(ground.height_m, (0.24 + 0.5 - 0.2 * at) / np.sqrt(1.04), atol=1e-14)
+
+
+def test_a_floor_takes_what_the_obstacle_leaves() -> None:
+    far = below(Environment(blocks=OBSTACLE.blocks, floor_m=-40.0), 3.1)
+    np.testing.assert_allclose(far.factor, below(OBSTACLE, 3.1).factor, atol=1e-5)
+    only_floor = below(Environment(floor_m=0.0), 3.1)
+    np.testing.assert_allclose(only_floor.factor, below(OBSTACLE, 4.0).factor, rtol=1e-13)
+    assert only_floor.coverage.tolist() == [0.0] * 4  # no rotor is over an obstacle
+
+
+def test_a_plate_slides_in_and_out() -> None:
+    plate = Environment(
+        blocks=(Block(x_m=(0.1, 1.0), times_s=(10.0, 10.5, 30.0, 30.5), slide_m=(1.0, 0.0)),)
+    )
+    covered = [below(plate, 0.0, time_s=t).coverage[0] for t in (0.0, 10.45, 20.0, 30.05, 40.0)]
+    assert covered[0] == covered[4] == 0.0
+    assert covered[2] == 1.0
+    assert 0.0 < covered[1] < 1.0
+    assert covered[3] == pytest.approx(covered[1], abs=1e-9)
+
+
+def test_a_fine_grid_comes_near_the_box() -> None:
+    errors = []
+    for step in (0.04, 0.02):
+        environment = Environment(grid=grid_of(step))
+        differences = [
+            np.abs(below(environment, x).factor - below(OBSTACLE, x).factor).max()
+            for x in np.linspace(2.7, 3.4, 15)
+        ]
+        errors.append(max(differences))
+        np.testing.assert_allclose(
+            below(environment, 4.0).factor, below(OBSTACLE, 4.0).factor, rtol=1e-9
+        )
+    assert errors[1] < 0.011
+    assert errors[1] < errors[0]
+
+
+def test_low_cells_of_a_grid_are_floor() -> None:
+    grid = Environment(grid=grid_of(0.04, floor=-1.0))
+    np.testing.assert_allclose(
+        below(grid, 3.1).factor, below(Environment(grid=grid_of(0.04)), 3.1).factor, rtol=1e-12
+    )
+
+
+def test_touching_is_reported_and_low_heights_are_held() -> None:
+    assert below(OBSTACLE, 4.0, z=0.05).flags.tolist() == [0.0, 4.0]
+    assert below(OBSTACLE, 4.0, z=-0.01).flags[0] == 1.0
+    assert below(OBSTACLE, 2.0, z=-0.01).flags[0] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("make", "says"),
+    [
+        (lambda: Block(x_m=(5.0, 3.0)), "x_m runs from 5 to 3"),
+        (lambda: Block(x_m=(3.0, inf), slope_x=0.1), "needs finite ends"),
+        (lambda: Block(x_m=(3.0, 5.0), top_m=np.nan), "top_m is nan"),
+        (lambda: Block(x_m=(0.0, 1.0), times_s=(2.0, 1.0, 3.0, 4.0)), "do not increase"),
+        (
+            lambda: Environment(blocks=(Block(x_m=(0.0, 2.0)), Block(x_m=(1.0, 3.0), name="b"))),
+            "'box' and 'b' overlap",
+        ),
+        (lambda: Environment(blocks=(Block(x_m=(0.0, 2.0)),), floor_m=0.0), "not above the floor"),
+        (
+            lambda: HeightGrid(np.array([0.0, 1.0, 3.0]), np.array([0.0, 1.0]), np.zeros((3, 2))),
+            "evenly spaced",
+        ),
+        (
+            lambda: HeightGrid(np.array([0.0, 1.0]), np.array([0.0, 1.0]), np.zeros((3, 2))),
+            "one height per node",
+        ),
+        (
+            lambda: grid_of(0.5).refuse_uncovered(np.array([[0.0, 0.0], [9.0, 0.0]]), 0.3, "it"),
+            "the map does not cover it: x = 9 m",
+        ),
+    ],
+)  # fmt: skip
+def test_what_makes_no_sense_is_refused(make, says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        make()

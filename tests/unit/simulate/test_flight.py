@@ -1,0 +1,228 @@
+"""Flights: the notes' table, the planar model, other layouts, bad input."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchtool.errors import InputError, UnknownChoice
+from benchtool.library import load_model
+from benchtool.library.gain_file import gains_named
+from benchtool.library.rig_file import rig_named
+from benchtool.simulate.environment import Block, Environment
+from benchtool.simulate.flight import FlightCase, Goal, fly
+from benchtool.simulate.flight_cases import FLIGHTS, flight_case
+from benchtool.simulate.flight_measures import arrival_s, count_push_backs, measure
+from benchtool.simulate.flight_vehicle import FlightVehicle
+from benchtool.simulate.height_grid import HeightGrid
+from benchtool.studies.flight_table import TABLE, Row
+from tests.unit.simulate.flying import PQUAD, Slice, case, flown
+
+
+@pytest.mark.parametrize("row", TABLE, ids=Row.label)
+def test_the_notes_table(row: Row) -> None:
+    found = measure(fly(row.case(PQUAD, gains_named("s3"))))
+    assert row.departures(found) == []
+
+
+@pytest.mark.parametrize(
+    "row", [row for row in TABLE if row.flight == "over" and row.map_early_m < 0.1], ids=Row.label
+)
+def test_the_stiff_set_crosses_everywhere(row: Row) -> None:
+    found = measure(fly(row.case(PQUAD, gains_named("stiff"))))
+    assert row.outcome(found) == "yes"
+    assert found.push_backs == 0
+
+
+def test_departures_are_named() -> None:
+    row = TABLE[0]
+    found = measure(flown(z_over_R=None))
+    assert row.departures(found) == []
+    assert row.departures(replace(found, arrives_s=45.0)) == ["arrives s 45, expected 38.1"]
+    assert TABLE[2].departures(found) == ["outcome yes, expected never"]
+
+
+@pytest.mark.parametrize(("lag_s", "rounding"), [(0.0, 1e-11), (0.05, 1e-5)])
+def test_in_the_plane_it_is_the_planar_model(lag_s: float, rounding: float) -> None:
+    """To rounding; lagging motors turn the body a little, which the planar model has not.
+
+    The lag acts on speeds and the drag on their squares: while the speeds of the front and rear
+    pair change, the squares do not add up, and the body yaws by microradians.
+    """
+    vehicle = replace(PQUAD, lag_s=lag_s)
+    flight = fly(
+        flight_case(
+            "edge", vehicle, gains_named("s3"), speed_m_s=1.0, duration_s=12.0, log_Hz=250.0
+        )
+    )
+    planar = Slice(goal_m=2.8, speed_m_s=1.0).fly(12.0, lag_s)
+    ours = np.column_stack([flight[n] for n in ("time_s", "x_m", "z_m", "pitch_rad")])
+    np.testing.assert_allclose(ours, planar, rtol=0.0, atol=rounding)
+    assert np.abs(planar[:, 3]).max() > np.radians(8.0)  # it has been pushed back hard
+    for name in ("y_m", "roll_rad", "yaw_rad"):
+        np.testing.assert_allclose(flight[name], 0.0, atol=rounding)
+
+
+def test_a_turned_world_gives_a_turned_flight() -> None:
+    straight = fly(case(duration_s=25.0))
+    goal = Goal(x_m=0.0, y_m=7.0, z_m=0.24)
+    sideways = fly(
+        case(
+            below=Environment(blocks=(Block(x_m=(-np.inf, np.inf), y_m=(3.0, 5.0)),)),
+            goals=(goal,),
+            duration_s=25.0,
+        )
+    )
+    np.testing.assert_allclose(sideways["y_m"], straight["x_m"], atol=1e-8)
+    np.testing.assert_allclose(sideways["roll_rad"], -straight["pitch_rad"], atol=1e-8)
+
+
+def test_a_cross_over_an_edge_has_two_rotors_in_front() -> None:
+    cross = replace(PQUAD, turned_deg=45.0)
+    flight = fly(flight_case("over", cross, gains_named("s3"), duration_s=30.0))
+    assert np.array_equal(flight["coverage1"] > 0.0, flight["coverage4"] > 0.0)
+    assert flight["x_m"].max() > 2.5
+    headed = fly(
+        flight_case("over", PQUAD, gains_named("s3"), duration_s=30.0, yaw_rad=-np.pi / 4.0)
+    )
+    early = flight["time_s"] < 20.0  # what is unstable at the edge magnifies any difference
+    np.testing.assert_allclose(headed["x_m"][early], flight["x_m"][early], atol=1e-3)
+
+
+def test_eight_rotors_fly() -> None:
+    amuse = FlightVehicle(rig=rig_named("amuse"))
+    flight = fly(flight_case("over", amuse, gains_named("s3"), control="feedforward"))
+    assert flight["speed8_rad_s"][0] == pytest.approx(418.9, rel=0.01)
+    assert flight["coverage4"].max() == 1.0
+    assert measure(flight).arrives
+
+
+def test_only_the_observer_fights_a_weight_on_one_side() -> None:
+    """A plate that stays under one rotor: PID leaves an angle, the observer takes it away."""
+    ends = {}
+    for control in ("pid", "observer", "both"):
+        flight = flown("plate", control=control, map_offset_m=(5.0, 0.0, 0.0))
+        there = (flight["time_s"] > 16.0) & (flight["time_s"] < 29.0)
+        ends[control] = float(np.abs(flight["pitch_rad"] - flight["pitch_ref_rad"])[there].mean())
+        assert flight["coverage1"][there].min() > 0.5
+    assert ends["pid"] > 5.0 * ends["observer"]
+    assert ends["both"] == pytest.approx(ends["observer"], rel=1e-6)
+
+
+def test_the_observer_finds_the_torque_that_is_there() -> None:
+    flight = flown("plate", control="observer")
+    late = (flight["time_s"] > 15.0) & (flight["time_s"] < 29.0)
+    np.testing.assert_allclose(
+        flight["pitch_estimate_Nm"][late], flight["pitch_ground_Nm"][late], atol=1e-3
+    )
+    assert flight["pitch_ground_Nm"][late].mean() < -0.008
+
+
+def test_slower_motors_and_wrong_inertia_change_little() -> None:
+    for vehicle in (replace(PQUAD, lag_s=0.02), replace(PQUAD, inertia_scale=1.3)):
+        found = measure(fly(flight_case("over", vehicle, gains_named("s3"), control="observer")))
+        assert found.arrives_s == pytest.approx(38.1, abs=0.5)
+
+
+def test_a_ramp_reference_lets_the_baseline_cross() -> None:
+    assert measure(flown(ramp=True)).arrives
+    assert not measure(flown()).arrives
+
+
+def test_a_binary_map_oscillates_at_the_edge() -> None:
+    found = measure(flown("edge", control="feedforward", whole_discs=True))
+    assert 0.1 < found.swing_m < 0.4
+
+
+def test_a_gust_needs_drag() -> None:
+    blown = flown("gust", control="observer")
+    assert blown["x_m"].min() < 3.9
+    still = fly(replace(blown.case, vehicle=PQUAD))
+    np.testing.assert_allclose(still["x_m"], 4.0, atol=1e-6)
+
+
+def test_over_a_grid_as_over_the_box() -> None:
+    x, y = np.arange(-1.0, 9.0, 0.01), np.arange(-1.0, 1.01, 0.1)
+    rise = np.where((x[:, None] >= 3.0) & (x[:, None] <= 5.0), 0.0, np.nan) + 0.0 * y
+    grid = Environment(grid=HeightGrid(x, y, rise))
+    found = measure(fly(case(below=grid)))
+    box = measure(flown())
+    assert (found.arrives, box.arrives) == (False, False)
+    assert found.max_x_m == pytest.approx(box.max_x_m, abs=0.01)
+    assert found.rms_pitch_deg == pytest.approx(box.rms_pitch_deg, rel=0.05)
+
+
+@pytest.mark.parametrize("name", FLIGHTS)
+def test_every_shipped_flight_flies(name: str) -> None:
+    flight = flown(name, control="observer")
+    assert flight.ending == "flown"
+    assert np.isfinite(flight.log[:, :25]).all()
+    touched = max(flight[f"coverage{i}"].max() for i in range(1, 5))
+    assert touched > 0.2
+
+
+def test_the_step_is_fine_enough() -> None:
+    ends = [
+        fly(case("edge", speed_m_s=1.0, duration_s=6.0, step_s=step))["x_m"][-1]
+        for step in (0.002, 0.001, 0.0005)
+    ]
+    assert abs(ends[1] - ends[2]) < 0.3 * abs(ends[0] - ends[1])
+    assert abs(ends[1] - ends[2]) < 1e-4
+
+
+def test_a_vehicle_comes_from_a_model() -> None:
+    vehicle = FlightVehicle.of_model(load_model("quad_body_lift").model)
+    assert (vehicle.K_b, vehicle.neighbours) == (2.0, 1.0)
+    assert FlightVehicle.of_model(load_model("quad").model).K_b == 0.0
+    with pytest.raises(InputError, match="which only a bench has"):
+        FlightVehicle.of_model(load_model("quad").model.with_effect("plate_offset", dz_m=0.01))
+
+
+def test_measures_of_simple_traces() -> None:
+    time = np.arange(6.0)
+    assert arrival_s(time, np.array([1.0, 0.01, 1.0, 0.01, 0.0, 0.0])) == 3.0
+    assert np.isnan(arrival_s(time, np.ones(6)))
+    x = np.array([0.0, 1.0, 0.9, 1.2, 1.18, 1.3, 1.0, 0.5])
+    assert count_push_backs(x, 7.0) == 2
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"duration_s": np.nan}, "duration_s is nan"),
+        ({"step_s": 0.01}, "step_s is 0.01"),
+        ({"gyro_noise_rad_s": -1.0}, "gyro_noise_rad_s is -1"),
+        ({"start_m": (0.0, np.inf, 0.2)}, "must be finite"),
+        ({"goals": (Goal(x_m=1.0, speed_m_s=-1.0),)}, "goal speed_m_s is -1"),
+        ({"vehicle": replace(PQUAD, lag_s=0.001)}, "too large for a motor lag"),
+        ({"start_m": (4.0, 0.0, -0.1)}, "touches something where it starts"),
+        (
+            {
+                "below": Environment(
+                    grid=HeightGrid(
+                        np.linspace(-1.0, 5.0, 13), np.linspace(-1.0, 1.0, 5), np.zeros((13, 5))
+                    )
+                )
+            },
+            "the map does not cover the path: x = 7 m",
+        ),
+    ],
+)
+def test_bad_cases_are_refused(changes: dict[str, object], says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        fly(replace(case(), **changes))
+
+
+def test_bad_names_and_vehicles_are_refused() -> None:
+    with pytest.raises(UnknownChoice, match="feedforward"):
+        FlightCase(name="x", vehicle=PQUAD, gains=gains_named("s3"), control="pdi")  # type: ignore[arg-type]
+    with pytest.raises(UnknownChoice, match="oblique"):
+        flight_case("obliqe", PQUAD, gains_named("s3"))
+    with pytest.raises(InputError, match="K_b is nan"):
+        FlightVehicle(rig=PQUAD.rig, K_b=np.nan)
+    with pytest.raises(InputError, match="four rotors or more"):
+        FlightVehicle(rig=rig_named("pquad_single")).airframe()
+    with pytest.raises(UnknownChoice, match="column"):
+        flown(duration_s=1.0)["nothing"]

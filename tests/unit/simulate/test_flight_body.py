@@ -1,0 +1,135 @@
+"""The free body: energy, momentum, the integrator's order, and the paper's own form of it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from benchtool.simulate import euler_lagrange
+from benchtool.simulate.rigid_body import (
+    GRAVITY_M_S2,
+    at_rest,
+    drift,
+    from_euler,
+    kick_angular,
+    kick_linear,
+    pitch_of,
+    roll_of,
+    rotation_matrix,
+    yaw_of,
+)
+
+INERTIA = np.array([0.018, 0.025, 0.036])
+MASS = 1.4
+
+
+def step(state: np.ndarray, dt_s: float, torque: np.ndarray, lift_N: float) -> None:
+    drift(state, 0.5 * dt_s)
+    force = rotation_matrix(state[6:10]) @ np.array([0.0, 0.0, lift_N])
+    kick_linear(state, force, MASS, GRAVITY_M_S2, dt_s)
+    kick_angular(state, torque, INERTIA, dt_s)
+    drift(state, 0.5 * dt_s)
+
+
+def thrown() -> np.ndarray:
+    state = at_rest((0.0, 0.0, 5.0))
+    state[3:6] = 1.0, -0.5, 4.0
+    state[6:10] = from_euler(0.3, -0.4, 1.0)
+    state[10:13] = 2.0, -1.0, 6.0
+    return state
+
+
+def test_a_thrown_body_keeps_energy_and_momentum() -> None:
+    state = thrown()
+
+    def energy() -> float:
+        spin = 0.5 * float(INERTIA @ state[10:13] ** 2)
+        return 0.5 * MASS * float(state[3:6] @ state[3:6]) + MASS * GRAVITY_M_S2 * state[2] + spin
+
+    def turning() -> np.ndarray:
+        return rotation_matrix(state[6:10]) @ (INERTIA * state[10:13])
+
+    e, h, v = energy(), turning(), state[3:6].copy()
+    for _ in range(5000):
+        step(state, 0.001, np.zeros(3), 0.0)
+    assert energy() == pytest.approx(e, rel=1e-10)
+    assert np.linalg.norm(turning()) == pytest.approx(np.linalg.norm(h), rel=1e-10)
+    np.testing.assert_allclose(turning(), h, rtol=0.0, atol=1e-5 * np.linalg.norm(h))
+    np.testing.assert_allclose(state[3:6] - v, [0.0, 0.0, -5.0 * GRAVITY_M_S2], atol=1e-10)
+    assert np.linalg.norm(state[6:10]) == pytest.approx(1.0, abs=1e-12)
+
+
+def test_halving_the_step_quarters_the_error() -> None:
+    def after(dt_s: float) -> np.ndarray:
+        state = thrown()
+        for k in range(round(1.0 / dt_s)):
+            middle = (k + 0.5) * dt_s
+            torque = 0.02 * np.array([np.sin(3.0 * middle), np.cos(2.0 * middle), 0.3])
+            step(state, dt_s, torque, 14.0 + np.sin(middle))
+        return state
+
+    fine = after(1.0 / 3200)
+    errors = [np.abs(after(dt) - fine).max() for dt in (0.01, 0.005, 0.0025)]
+    orders = np.log2(np.array(errors[:-1]) / np.array(errors[1:]))
+    assert np.all((orders > 1.6) & (orders < 2.4)), orders
+
+
+def test_euler_angles_survive_the_quaternion(rng: np.random.Generator) -> None:
+    for _ in range(50):
+        angles = rng.uniform([-3.0, -1.5, -3.0], [3.0, 1.5, 3.0])
+        q = from_euler(*angles)
+        np.testing.assert_allclose([roll_of(*q), pitch_of(*q), yaw_of(*q)], angles, atol=1e-7)
+
+
+def quaternion_rates(y: np.ndarray, force: np.ndarray, torque: np.ndarray) -> np.ndarray:
+    w, a, b, c = y[6:10]
+    p, q, r = y[10:13]
+    turned = 0.5 * np.array(
+        [
+            -a * p - b * q - c * r,
+            w * p + b * r - c * q,
+            w * q + c * p - a * r,
+            w * r + a * q - b * p,
+        ]
+    )
+    linear = rotation_matrix(y[6:10]) @ force / MASS - np.array([0.0, 0.0, GRAVITY_M_S2])
+    angular = (torque - np.cross(y[10:13], INERTIA * y[10:13])) / INERTIA
+    return np.concatenate([y[3:6], linear, turned, angular])
+
+
+def test_the_papers_form_and_the_quaternion_fly_the_same_way() -> None:
+    force, torque = np.array([0.1, -0.2, 15.0]), np.array([0.004, -0.003, 0.002])
+    state = at_rest((0.0, 0.0, 1.0))
+    angles, rates = np.array([0.2, -0.3, 0.5]), np.array([0.4, 0.6, -0.8])
+    state[6:10] = from_euler(*angles)
+    state[10:13] = euler_lagrange.rate_matrix(angles[0], angles[1]) @ rates
+    q, q_dot = np.concatenate([state[:3], angles]), np.concatenate([state[3:6], rates])
+
+    def paper(_: float, y: np.ndarray) -> np.ndarray:
+        qdd = euler_lagrange.acceleration(MASS, INERTIA, y[:6], y[6:], force, torque)
+        return np.concatenate([y[6:], qdd])
+
+    accuracy = {"rtol": 1e-12, "atol": 1e-13, "method": "DOP853"}
+    lagrange = solve_ivp(paper, (0.0, 2.0), np.concatenate([q, q_dot]), **accuracy).y[:, -1]
+    body = solve_ivp(
+        lambda _, y: quaternion_rates(y, force, torque), (0.0, 2.0), state, **accuracy
+    ).y[:, -1]
+    np.testing.assert_allclose(lagrange[:3], body[:3], rtol=0.0, atol=1e-9)
+    np.testing.assert_allclose(
+        lagrange[3:6], [roll_of(*body[6:10]), pitch_of(*body[6:10]), yaw_of(*body[6:10])], atol=1e-9
+    )
+    rates_then = euler_lagrange.rate_matrix(lagrange[3], lagrange[4]) @ lagrange[9:]
+    np.testing.assert_allclose(rates_then, body[10:13], rtol=0.0, atol=1e-9)
+
+
+def test_coriolis_matrix_does_no_work(rng: np.random.Generator) -> None:
+    for _ in range(20):
+        angles, rates = rng.uniform(-1.0, 1.0, 3), rng.uniform(-3.0, 3.0, 3)
+        ahead, behind = (
+            euler_lagrange.mass_matrix(MASS, INERTIA, angles + h * rates) for h in (1e-6, -1e-6)
+        )
+        change = (ahead - behind) / 2e-6
+        C = euler_lagrange.coriolis_matrix(INERTIA, angles, rates)
+        skew = change - 2.0 * C
+        np.testing.assert_allclose(skew + skew.T, 0.0, atol=1e-8)
