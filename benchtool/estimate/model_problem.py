@@ -35,6 +35,7 @@ def problem_from_model(
     labels: Sequence[str] = (),
     groups: IntArray | None = None,
     covariates: Mapping[str, Array] | None = None,
+    reference: Conditions | None = None,
 ) -> Problem:
     """Return the problem of fitting a model's free parameters to a settled bench.
 
@@ -52,6 +53,8 @@ def problem_from_model(
         labels: (m,) names of the points.
         groups: (m,) settings; by the plate's position when left out.
         covariates: further columns (m,) to look at residuals against.
+        reference: (m,) what each point was divided by, for a ratio: a parked plate is far, not
+            gone, and its own few per mille would go into R and K_b; no plate when left out.
     """
     if basis not in BASES:
         raise UnknownChoice("basis", basis, BASES)
@@ -68,6 +71,7 @@ def problem_from_model(
             )
     left_out = len(conditions) - len(kept)
     conditions = conditions.select(kept)
+    far = conditions.out_of_ground_effect() if reference is None else reference.select(kept)
     facts: dict[str, str | int | float | bool | None] = {"left_out_near": left_out}
     parameters = model.parameters
     if standard_error is None:
@@ -83,7 +87,7 @@ def problem_from_model(
     return Problem(
         model=model.name,
         parameters=_with_room(model.parameters, standard_error[kept]),
-        predict=_thrust(model, conditions) if basis == "joint" else _ratio(model, conditions),
+        predict=_thrust(model, conditions) if basis == "joint" else _ratio(model, conditions, far),
         observed=np.asarray(observed, float)[kept],
         standard_error=np.asarray(standard_error, float)[kept],
         basis=basis,
@@ -158,10 +162,9 @@ def _thrust(model: Model, conditions: Conditions) -> Callable[[Any], Any]:
     return predict
 
 
-def _ratio(model: Model, conditions: Conditions) -> Callable[[Any], Any]:
-    """Return T_IGE/T_OGE at equal rotor speeds, which the law takes for equal pwm and power too."""
-    near = Prepared(model, conditions)
-    far = Prepared(model, conditions.out_of_ground_effect())
+def _ratio(model: Model, conditions: Conditions, reference: Conditions) -> Callable[[Any], Any]:
+    """Return the thrust ratio at equal rotor speeds, which the law takes for equal pwm and power."""
+    near, far = Prepared(model, conditions), Prepared(model, reference)
     fill = _filler(model.parameters)
 
     def predict(values: Any) -> Any:

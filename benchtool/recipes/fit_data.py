@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from benchtool.core.column_source import ColumnSource
 from benchtool.core.recording import Recording
+from benchtool.core.rig import Rig
 from benchtool.effects.conditions import Conditions
 from benchtool.errors import InputError
 from benchtool.library import LoadedModel, load_model, read_columns
 from benchtool.recipes.recipe import Recipe
-from benchtool.store import data_hash, is_run, read_points, read_table
+from benchtool.store import code_of, data_hash, is_run, read_points, read_table
 from benchtool.store.ratios import ratios
 
 Array = NDArray[np.float64]
@@ -36,6 +37,7 @@ class FitData:
         z_over_R: (n,) least distance over the rig's radius.
         groups: (n,) number of the setting that each point repeats; None where nobody numbered them.
         hashes: SHA-256 by data path.
+        reference: (n,) what each point of a ratio was divided by: the plate where it was parked.
         calibration_sd: relative standard error of the load cell's scale, common to all points; 0
             where no calibration was applied.
     """
@@ -50,6 +52,7 @@ class FitData:
     z_over_R: Array
     groups: NDArray[np.intp] | None
     hashes: Mapping[str, str]
+    reference: Conditions | None = None
     calibration_sd: float = 0.0
 
     @property
@@ -102,6 +105,7 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
         z_over_R=z_over_R,
         groups=_settings(points),
         hashes={path: data_hash(path) for path in recipe.data},
+        reference=None if recipe.basis == "joint" else _parked(points, conditions, model.rig),
         calibration_sd=float(points.provenance.get("calibration_relative_sd") or 0.0),
     )
 
@@ -151,6 +155,19 @@ def _refuse_dead_speed(points: Recording, conditions: Conditions) -> None:
             f"no rotor turns in any of {len(points)} points while thrust reaches {most:.3g} N: the "
             f"speed channel is dead, or another column holds the speed; map that one to rpm1"
         )
+
+
+def _parked(points: Recording, conditions: Conditions, rig: Rig) -> Conditions:
+    """Return the conditions with the plate where the run's references were measured."""
+    parked = points.column("kind") == code_of("kind", "reference")
+    return Conditions.of(
+        rig,
+        speed_rad_s=conditions.speed_rad_s,
+        plate_z_m=np.full(len(conditions), conditions.plate_z_m[parked].mean()),
+        voltage_V=conditions.voltage_V,
+        elapsed_s=conditions.elapsed_s,
+        time_s=conditions.time_s,
+    )
 
 
 def _selected(

@@ -88,6 +88,9 @@ def ratio_points(output: FitOutput, label: str, role: Role = "measurement") -> R
         alone = model.parameters["k"].value * model.squared_speed(flow, values)
         measured = 1.0 + (data.observed - model.thrust_N(far)) / alone
         error = error / alone
+    elif data.reference is not None:  # what the parked plate itself adds
+        parked = np.broadcast_to(model.factor(data.reference), measured.shape)
+        measured, error = measured * parked, error * parked
     shown = np.isfinite(measured) & (data.z_over_R < FAR_Z_OVER_R) & _fully_covered(output)
     distance = np.round(data.z_over_R, 2)
     rows = []
