@@ -76,7 +76,7 @@ def test_a_calibrations_uncertainty_reaches_the_thrust_coefficient(tmp_path: Pat
 
 @pytest.mark.parametrize("basis", ["equal_rpm2", "equal_pwm", "equal_power"])
 def test_ratios_of_every_basis_hold_the_truth(basis: Basis) -> None:
-    """The parked plate at z/R = 11.7 adds half a per cent of its own, which must not go into K_b."""
+    """The parked plate at z/R = 11.7 adds half a per cent, which must not go into K_b."""
     recipe = replace(
         read_recipe(FITS / "quad"), basis=basis, methods=("least_squares",), compare=()
     )
