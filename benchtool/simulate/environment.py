@@ -133,7 +133,7 @@ class Environment:
         rows = [block.row(planes.index(block.plane)) for block in self.blocks]
         blocks = np.array(rows, float).reshape(len(rows), BLOCK_COLUMNS)
         grid = DiscGrid.none() if self.grid is None else self.grid.averaged(radius_m)
-        return Tables(blocks, grid.places, grid.share, grid.height_m, self.floor_m, len(planes))
+        return Tables(blocks, *grid, self.floor_m, len(planes))
 
 
 BLOCK_COLUMNS = 14
@@ -141,21 +141,24 @@ BLOCK_COLUMNS = 14
 
 
 class Tables(NamedTuple):
-    """Hold an environment as arrays.
+    """Hold an environment as the compiled loop reads it.
 
     Attributes:
         blocks: (b, 14) as `BLOCK_COLUMNS` says.
-        grid: (6,) x and y of the first node, spacing in x and y, 1 where there is a grid, spare.
-        grid_share: (nx, ny) fraction of a disc centred on the node that lies over the grid's rise.
-        grid_height_m: (nx, ny) mean height of that rise under the disc.
+        seen: (2, nx, ny) what a disc centred on a node of the grid sees: the fraction of it that
+            lies over the grid's rise, and the mean height of that rise.
+        grid_x_m, grid_y_m: place of the first node.
+        step_x_m, step_y_m: between nodes; 0 where there is no grid.
         floor_m: height of the floor, -inf without.
         n_planes: how many surfaces the blocks make.
     """
 
     blocks: Array
-    grid: Array
-    grid_share: Array
-    grid_height_m: Array
+    seen: Array
+    grid_x_m: float
+    grid_y_m: float
+    step_x_m: float
+    step_y_m: float
     floor_m: float
     n_planes: int
 

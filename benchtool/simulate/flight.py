@@ -14,9 +14,9 @@ from benchtool.control.pid import AttitudePid
 from benchtool.errors import InputError, UnknownChoice
 from benchtool.library.gain_file import Gains
 from benchtool.simulate.environment import Environment
-from benchtool.simulate.flight_ground import look_down, new_ground
+from benchtool.simulate.flight_ground import FACTOR, look_down, new_ground
 from benchtool.simulate.flight_kernel import LOGGED, LOST, STRUCK, fly_loop
-from benchtool.simulate.flight_law import N_MEMORY, Law
+from benchtool.simulate.flight_law import AT_X, AT_Y, DISC, N_MEMORY, Law
 from benchtool.simulate.flight_vehicle import FlightVehicle
 from benchtool.simulate.rigid_body import at_rest
 
@@ -280,6 +280,7 @@ def static_moment_Nm(vehicle: FlightVehicle, below: Environment, places_m: Array
     moments = np.empty((len(places_m), 2))
     for row, place in enumerate(places_m):
         look_down(0.0, at_rest(tuple(place)), discs, tables, ground, False)
-        more = vehicle.hover_thrust_N * (ground.factor[frame.disc_of_rotor] - 1.0)
-        moments[row] = frame.y_m @ more, -frame.x_m @ more
+        factor = ground[FACTOR, frame.rotors[:, DISC].astype(int)]
+        more = vehicle.hover_thrust_N * (factor - 1.0)
+        moments[row] = frame.rotors[:, AT_Y] @ more, -frame.rotors[:, AT_X] @ more
     return moments

@@ -38,9 +38,8 @@ class Discs(NamedTuple):
     """Hold what the aerodynamics need of a vehicle.
 
     Attributes:
-        x_m, y_m: disc centres in the body (n,).
-        distance_m: between axes (n, n).
-        centre_distance_m: c_j of the body term (n,).
+        table: (3 + n, n) disc centres x and y in the body, c_j of the body term, and the distances
+            between axes: m.
         radius_m: rotor radius, for areas.
         effective_radius_m: the R of the images' strength.
         neighbours: strength of the neighbours' images; 1 as in eq. (3).
@@ -48,10 +47,7 @@ class Discs(NamedTuple):
         rule: number of the wake rule in `RULES`.
     """
 
-    x_m: Array
-    y_m: Array
-    distance_m: Array
-    centre_distance_m: Array
+    table: Array
     radius_m: float
     effective_radius_m: float
     neighbours: float
@@ -59,33 +55,16 @@ class Discs(NamedTuple):
     rule: int
 
 
-class Ground(NamedTuple):
-    """Hold what is found below a vehicle, written by `look_down`; (n,) each.
-
-    Attributes:
-        place_m: (3, n) disc centres in the world.
-        factor: T_IGE/T_OGE.
-        coverage: fraction over blocks and grid together.
-        height_m: over the surface that covers most of the disc; infinite over none.
-        share, over_m: scratch: fraction and height on one surface.
-        rest: scratch: fraction that nothing covers yet.
-        flags: (2,) whether a disc touches something; how many heights were held.
-    """
-
-    place_m: Array
-    factor: Array
-    coverage: Array
-    height_m: Array
-    share: Array
-    over_m: Array
-    rest: Array
-    flags: Array
+PLACE_X, PLACE_Y, PLACE_Z, FACTOR, COVERAGE, HEIGHT, SHARE, OVER, REST, TOUCHES, HELD = range(11)
+"""Rows of what is found below the discs (11, n), written by `look_down`: disc centres in the world
+(m), T_IGE/T_OGE, fraction over blocks and grid together, height over what covers most of the disc
+(m, infinite over nothing); scratch: fraction and height on one surface, fraction that nothing
+covers yet; 1 where the disc touches something, 1 where a height was held."""
 
 
-def new_ground(n_discs: int) -> Ground:
-    """Return room for the findings below n discs."""
-    a, b, c, d, e, f = np.zeros((6, n_discs))
-    return Ground(np.zeros((3, n_discs)), a, b, c, d, e, f, np.zeros(2))
+def new_ground(n_discs: int) -> Array:
+    """Return room for the findings below n discs (11, n)."""
+    return np.zeros((11, n_discs))
 
 
 @loop_part
@@ -103,14 +82,18 @@ def wake_weight(rule: int, share: Array) -> Quantity:
 
 
 @loop_part
-def place_discs(state: Array, discs: Discs, place_m: Array) -> None:
-    """Write where the disc centres are in the world (3, n)."""
+def place_discs(state: Array, table: Array, ground: Array) -> None:
+    """Write where the disc centres are in the world."""
     w, x, y, z = state[6], state[7], state[8], state[9]
-    for i in range(len(discs.x_m)):
-        a, b = discs.x_m[i], discs.y_m[i]
-        place_m[0, i] = state[0] + (1.0 - 2.0 * (y * y + z * z)) * a + 2.0 * (x * y - w * z) * b
-        place_m[1, i] = state[1] + 2.0 * (x * y + w * z) * a + (1.0 - 2.0 * (x * x + z * z)) * b
-        place_m[2, i] = state[2] + 2.0 * (x * z - w * y) * a + 2.0 * (y * z + w * x) * b
+    for i in range(table.shape[1]):
+        a, b = table[0, i], table[1, i]
+        ground[PLACE_X, i] = (
+            state[0] + (1.0 - 2.0 * (y * y + z * z)) * a + 2.0 * (x * y - w * z) * b
+        )
+        ground[PLACE_Y, i] = (
+            state[1] + 2.0 * (x * y + w * z) * a + (1.0 - 2.0 * (x * x + z * z)) * b
+        )
+        ground[PLACE_Z, i] = state[2] + 2.0 * (x * z - w * y) * a + 2.0 * (y * z + w * x) * b
 
 
 @loop_part
@@ -141,13 +124,13 @@ def away(time_s: float, begins: float, there: float, leaves: float, gone: float)
 
 @loop_part
 def over_blocks(
-    surface: int, time_s: float, discs: Discs, blocks: Array, ground: Ground, whole: bool
+    surface: int, time_s: float, discs: Discs, blocks: Array, ground: Array, whole: bool
 ) -> float:
     """Write share and height of every disc over one surface of blocks; return the summed share."""
     total = 0.0
-    for i in range(len(discs.x_m)):
-        ground.share[i] = 0.0
-        ground.over_m[i] = 1.0
+    for i in range(ground.shape[1]):
+        ground[SHARE, i] = 0.0
+        ground[OVER, i] = 1.0
     for b in range(len(blocks)):
         if blocks[b, 13] != surface:
             continue
@@ -156,8 +139,8 @@ def over_blocks(
         x1, x2 = blocks[b, 0] + dx, blocks[b, 1] + dx
         y1, y2 = blocks[b, 2] + dy, blocks[b, 3] + dy
         sx, sy = blocks[b, 5], blocks[b, 6]
-        for i in range(len(discs.x_m)):
-            x, y = ground.place_m[0, i], ground.place_m[1, i]
+        for i in range(ground.shape[1]):
+            x, y = ground[PLACE_X, i], ground[PLACE_Y, i]
             if whole:  # a map that knows only whether a rotor's centre is over something
                 share = 1.0 if x1 <= x <= x2 and y1 <= y <= y2 else 0.0
             else:
@@ -172,76 +155,75 @@ def over_blocks(
             if sy != 0.0:
                 top += sy * (min(max(y, y1), y2) - y1)
                 steep += sy * sy
-            height = (ground.place_m[2, i] - top) / np.sqrt(steep)
-            ground.over_m[i] = (ground.share[i] * ground.over_m[i] + share * height) / (
-                ground.share[i] + share
+            height = (ground[PLACE_Z, i] - top) / np.sqrt(steep)
+            ground[OVER, i] = (ground[SHARE, i] * ground[OVER, i] + share * height) / (
+                ground[SHARE, i] + share
             )
-            ground.share[i] += share
+            ground[SHARE, i] += share
             total += share
     return total
 
 
 @loop_part
-def over_grid(discs: Discs, tables: Tables, ground: Ground) -> float:
+def over_grid(discs: Discs, tables: Tables, ground: Array) -> float:
     """Write share and height of every disc over the grid's rise; return the summed share."""
-    grid = tables.grid
-    nx, ny = tables.grid_share.shape
+    seen = tables.seen
+    nx, ny = seen.shape[1], seen.shape[2]
     total = 0.0
-    for i in range(len(discs.x_m)):
-        u = (ground.place_m[0, i] - grid[0]) / grid[2]
-        v = (ground.place_m[1, i] - grid[1]) / grid[3]
+    for i in range(ground.shape[1]):
+        u = (ground[PLACE_X, i] - tables.grid_x_m) / tables.step_x_m
+        v = (ground[PLACE_Y, i] - tables.grid_y_m) / tables.step_y_m
         u = min(max(u, 0.0), nx - 1.0)
         v = min(max(v, 0.0), ny - 1.0)
         j, k = min(int(u), nx - 2), min(int(v), ny - 2)
         a, b = u - j, v - k
         w00, w01, w10, w11 = (1.0 - a) * (1.0 - b), (1.0 - a) * b, a * (1.0 - b), a * b
-        share, rise = tables.grid_share, tables.grid_height_m
-        found = w00 * share[j, k] + w01 * share[j, k + 1]
-        found += w10 * share[j + 1, k] + w11 * share[j + 1, k + 1]
-        top = w00 * rise[j, k] + w01 * rise[j, k + 1]
-        top += w10 * rise[j + 1, k] + w11 * rise[j + 1, k + 1]
-        ground.share[i] = found
-        ground.over_m[i] = ground.place_m[2, i] - top
-        total += found
+        share = w00 * seen[0, j, k] + w01 * seen[0, j, k + 1]
+        share += w10 * seen[0, j + 1, k] + w11 * seen[0, j + 1, k + 1]
+        top = w00 * seen[1, j, k] + w01 * seen[1, j, k + 1]
+        top += w10 * seen[1, j + 1, k] + w11 * seen[1, j + 1, k + 1]
+        ground[SHARE, i] = share
+        ground[OVER, i] = ground[PLACE_Z, i] - top
+        total += share
     return total
 
 
 @loop_part
-def add_surface(discs: Discs, ground: Ground) -> None:
+def add_surface(discs: Discs, ground: Array) -> None:
     """Add what one surface gives to the factors, from the shares and heights just written."""
-    n = len(discs.x_m)
+    n = ground.shape[1]
     for i in range(n):
-        if ground.share[i] > 0.0:
-            if ground.over_m[i] <= 0.0:
-                ground.flags[0] = 1.0
-            held = clamped_height(ground.over_m[i], discs.radius_m)
-            if held > ground.over_m[i]:
-                ground.flags[1] += 1.0
-            ground.over_m[i] = held
-    weight = wake_weight(discs.rule, ground.share)
+        if ground[SHARE, i] > 0.0:
+            if ground[OVER, i] <= 0.0:
+                ground[TOUCHES, i] = 1.0
+            held = clamped_height(ground[OVER, i], discs.radius_m)
+            if held > ground[OVER, i]:
+                ground[HELD, i] = 1.0
+            ground[OVER, i] = held
+    weight = wake_weight(discs.rule, ground[SHARE])
     square = discs.effective_radius_m * discs.effective_radius_m
+    shares, heights = ground[SHARE], ground[OVER]
+    arms, distances = discs.table[2], discs.table[3:]
     for i in range(n):
-        share = ground.share[i]
+        share = ground[SHARE, i]
         if share > 0.0:
-            height = ground.over_m[i]
+            height = ground[OVER, i]
             images = self_image(height)
             if discs.neighbours != 0.0:
-                images += discs.neighbours * neighbour_images(
-                    i, ground.over_m, ground.share, discs.distance_m
-                )
+                images += discs.neighbours * neighbour_images(i, heights, shares, distances)
             total = square * images
             if discs.K_b * weight != 0.0:
-                body = body_images(height, discs.centre_distance_m)
+                body = body_images(height, arms)
                 total += body_term(discs.K_b, weight, discs.effective_radius_m, body)
-            ground.factor[i] += partial_factor(thrust_factor(total), share) - 1.0
-            if share >= 0.5 or ground.height_m[i] == np.inf:
-                ground.height_m[i] = height
-        ground.rest[i] -= share
+            ground[FACTOR, i] += partial_factor(thrust_factor(total), share) - 1.0
+            if share >= 0.5 or ground[HEIGHT, i] == np.inf:
+                ground[HEIGHT, i] = height
+        ground[REST, i] -= share
 
 
 @loop_part
 def look_down(
-    time_s: float, state: Array, discs: Discs, tables: Tables, ground: Ground, whole: bool
+    time_s: float, state: Array, discs: Discs, tables: Tables, ground: Array, whole: bool
 ) -> None:
     """Write the factor, coverage and height of every disc at one instant.
 
@@ -253,23 +235,23 @@ def look_down(
         ground: is written to.
         whole: count a disc as covered whole or not at all, by its centre.
     """
-    n = len(discs.x_m)
-    place_discs(state, discs, ground.place_m)
-    ground.flags[0] = 0.0
-    ground.flags[1] = 0.0
+    n = ground.shape[1]
+    place_discs(state, discs.table, ground)
     for i in range(n):
-        ground.factor[i] = 1.0
-        ground.rest[i] = 1.0
-        ground.height_m[i] = np.inf
+        ground[FACTOR, i] = 1.0
+        ground[REST, i] = 1.0
+        ground[TOUCHES, i] = 0.0
+        ground[HELD, i] = 0.0
+        ground[HEIGHT, i] = np.inf
     for surface in range(tables.n_planes):
         if over_blocks(surface, time_s, discs, tables.blocks, ground, whole) > 0.0:
             add_surface(discs, ground)
-    if tables.grid[4] > 0.0 and over_grid(discs, tables, ground) > 0.0:
+    if tables.step_x_m > 0.0 and over_grid(discs, tables, ground) > 0.0:
         add_surface(discs, ground)
     for i in range(n):
-        ground.coverage[i] = 1.0 - ground.rest[i]
+        ground[COVERAGE, i] = 1.0 - ground[REST, i]
     if tables.floor_m > -np.inf:
         for i in range(n):
-            ground.share[i] = max(ground.rest[i], 0.0)
-            ground.over_m[i] = ground.place_m[2, i] - tables.floor_m
+            ground[SHARE, i] = max(ground[REST, i], 0.0)
+            ground[OVER, i] = ground[PLACE_Z, i] - tables.floor_m
         add_surface(discs, ground)

@@ -10,8 +10,26 @@ from numpy.typing import NDArray
 from benchtool.aero.expression import compiled, loop_part
 from benchtool.aero.rotor import drag_torque_Nm, ground_effect_thrust_N
 from benchtool.simulate.environment import Tables
-from benchtool.simulate.flight_ground import Discs, Ground, look_down
-from benchtool.simulate.flight_law import COMMAND, ESTIMATE, Airframe, Law, steer
+from benchtool.simulate.flight_ground import (
+    COVERAGE,
+    FACTOR,
+    HEIGHT,
+    HELD,
+    TOUCHES,
+    Discs,
+    look_down,
+)
+from benchtool.simulate.flight_law import (
+    AT_X,
+    AT_Y,
+    COMMAND,
+    DISC,
+    ESTIMATE,
+    SPIN,
+    Airframe,
+    Law,
+    steer,
+)
 from benchtool.simulate.rigid_body import (
     drift,
     kick_angular,
@@ -49,18 +67,27 @@ def motors(state: Array, speeds: Array, lag_s: float, dt_s: float) -> None:
 
 
 @loop_part
-def wrench_of(state: Array, frame: Airframe, ground: Ground, torque: Array) -> float:
-    """Write the rotors' torque about the body's axes (3,) and return their thrust."""
-    thrust = 0.0
-    torque[0], torque[1], torque[2] = 0.0, 0.0, 0.0
-    for i in range(len(frame.x_m)):
+def wrench_of(state: Array, frame: Airframe, ground: Array) -> tuple[float, float, float, float]:
+    """Return the rotors' thrust and their torques about the body's axes."""
+    thrust, roll, pitch, yaw = 0.0, 0.0, 0.0, 0.0
+    rotors = frame.rotors
+    for i in range(len(rotors)):
         speed = state[13 + i]
-        lift = ground_effect_thrust_N(speed, frame.k_N_s2, ground.factor[frame.disc_of_rotor[i]])
+        lift = ground_effect_thrust_N(speed, frame.k_N_s2, ground[FACTOR, int(rotors[i, DISC])])
         thrust += lift
-        torque[0] += frame.y_m[i] * lift
-        torque[1] -= frame.x_m[i] * lift
-        torque[2] -= frame.spin[i] * drag_torque_Nm(speed, frame.c_Nm_s2)
-    return thrust
+        roll += rotors[i, AT_Y] * lift
+        pitch -= rotors[i, AT_X] * lift
+        yaw -= rotors[i, SPIN] * drag_torque_Nm(speed, frame.c_Nm_s2)
+    return thrust, roll, pitch, yaw
+
+
+@loop_part
+def any_of(row: int, ground: Array) -> bool:
+    """Tell whether any disc has a mark in that row."""
+    marked = 0.0
+    for i in range(ground.shape[1]):
+        marked += ground[row, i]
+    return marked > 0.0
 
 
 @loop_part
@@ -76,35 +103,30 @@ def wind_at(time_s: float, gusts: Array, axis: int) -> float:
 
 @loop_part
 def kick(
-    time_s: float,
-    state: Array,
-    frame: Airframe,
-    gusts: Array,
-    lift: float,
-    work: Array,
-    dt: float,
+    time_s: float, state: Array, frame: Airframe, gusts: Array, ground: Array, dt: float
 ) -> None:
-    """Change all velocities for one step; work holds torque (3,) and takes the force (3,).
+    """Change all velocities for one step.
 
     Drag against the air is taken at the mean of old and new velocity.
     """
     w, x, y, z = state[6], state[7], state[8], state[9]
-    force, torque = work[3:6], work[0:3]
-    force[0] = lift * 2.0 * (x * z + w * y)
-    force[1] = lift * 2.0 * (y * z - w * x)
-    force[2] = lift * (1.0 - 2.0 * (x * x + y * y))
-    kick_angular(state, torque, frame.inertia_kgm2, dt)
+    lift, roll, pitch, yaw = wrench_of(state, frame, ground)
+    kick_angular(
+        state, roll, pitch, yaw,
+        frame.inertia_x_kgm2, frame.inertia_y_kgm2, frame.inertia_z_kgm2, dt,
+    )  # fmt: skip
+    ax = lift * 2.0 * (x * z + w * y) / frame.mass_kg
+    ay = lift * 2.0 * (y * z - w * x) / frame.mass_kg
+    az = lift * (1.0 - 2.0 * (x * x + y * y)) / frame.mass_kg - frame.gravity_m_s2
     if frame.drag_N_s_m > 0.0:
         half = 0.5 * dt * frame.drag_N_s_m / frame.mass_kg
+        pushed = (ax, ay, az)
         for axis in range(3):
-            before = state[3 + axis]
-            free = before + dt * force[axis] / frame.mass_kg
-            if axis == 2:
-                free -= dt * frame.gravity_m_s2
             wind = wind_at(time_s, gusts, axis)
-            state[3 + axis] = (free + half * (2.0 * wind - before)) / (1.0 + half)
+            gained = dt * pushed[axis] + 2.0 * half * wind
+            state[3 + axis] = ((1.0 - half) * state[3 + axis] + gained) / (1.0 + half)
     else:
-        kick_linear(state, force, frame.mass_kg, frame.gravity_m_s2, dt)
+        kick_linear(state, ax, ay, az, dt)
 
 
 @loop_part
@@ -114,7 +136,7 @@ def write_row(
     state: Array,
     goal: Array,
     frame: Airframe,
-    ground: Ground,
+    ground: Array,
     memory: Array,
 ) -> None:
     """Write one row of the log."""
@@ -129,20 +151,21 @@ def write_row(
         row[16 + k] = memory[ESTIMATE + 3 + k]
         row[22 + k] = goal[1 + k]
     row[19] = memory[ESTIMATE + 2]
-    n = len(ground.factor)
+    n = ground.shape[1]
     extra_x, extra_y = 0.0, 0.0
-    for i in range(len(frame.x_m)):
+    rotors = frame.rotors
+    for i in range(len(rotors)):
         speed = state[13 + i]
-        factor = ground.factor[frame.disc_of_rotor[i]]
+        factor = ground[FACTOR, int(rotors[i, DISC])]
         more = ground_effect_thrust_N(speed, frame.k_N_s2, factor - 1.0)
-        extra_x += frame.y_m[i] * more
-        extra_y -= frame.x_m[i] * more
+        extra_x += rotors[i, AT_Y] * more
+        extra_y -= rotors[i, AT_X] * more
         row[25 + 3 * n + i] = speed
     row[20], row[21] = extra_x, extra_y
     for i in range(n):
-        row[25 + i] = ground.coverage[i]
-        row[25 + n + i] = ground.height_m[i]
-        row[25 + 2 * n + i] = ground.factor[i]
+        row[25 + i] = ground[COVERAGE, i]
+        row[25 + n + i] = ground[HEIGHT, i]
+        row[25 + 2 * n + i] = ground[FACTOR, i]
 
 
 @compiled
@@ -162,8 +185,8 @@ def fly_loop(
     ticks: int,
     log_every: int,
     log: Array,
-    ground: Ground,
-    guess: Ground,
+    ground: Array,
+    guess: Array,
     memory: Array,
     speeds: Array,
 ) -> tuple[int, int, int]:
@@ -192,7 +215,6 @@ def fly_loop(
     """
     dt = law.period_s / ticks
     gyro = np.empty(3)
-    work = np.empty(6)
     rows, held, at = 0, 0, 0
     for period in range(n_periods):
         now = period * law.period_s
@@ -216,12 +238,11 @@ def fly_loop(
         for tick in range(ticks):
             middle = now + (tick + 0.5) * dt
             look_down(middle, state, discs, below, ground, False)
-            if ground.flags[0] > 0.0:
+            if any_of(TOUCHES, ground):
                 return rows, STRUCK, held
-            if ground.flags[1] > 0.0:
+            if any_of(HELD, ground):
                 held += 1
-            thrust = wrench_of(state, frame, ground, work)
-            kick(middle, state, frame, gusts, thrust, work, dt)
+            kick(middle, state, frame, gusts, ground, dt)
             step = dt if tick + 1 < ticks else 0.5 * dt
             drift(state, step)
             motors(state, speeds, frame.lag_s, step)

@@ -30,7 +30,7 @@ from benchtool.control.limits import integrated
 from benchtool.control.observer import next_explained, observed
 from benchtool.control.pid import AttitudePid, PidState, attitude_torque, next_pid_state
 from benchtool.simulate.environment import Tables
-from benchtool.simulate.flight_ground import Discs, Ground, look_down
+from benchtool.simulate.flight_ground import FACTOR, Discs, look_down
 from benchtool.simulate.rigid_body import pitch_of, roll_of, yaw_of
 
 Array = NDArray[np.float64]
@@ -82,31 +82,32 @@ class Airframe(NamedTuple):
     """Hold what the motion needs of a vehicle.
 
     Attributes:
+        rotors: (n, 8) place x and y (m), spin, disc, and the thrust over thrust (N/N) and over the
+            three torques (N/(N m)) that the mixer shares out to it.
         mass_kg: mass.
-        inertia_kgm2: principal moments (3,).
-        disc_of_rotor: which disc each rotor belongs to (n,).
-        x_m, y_m, spin: of every rotor (n,).
+        inertia_x_kgm2, inertia_y_kgm2, inertia_z_kgm2: principal moments.
         k_N_s2, c_Nm_s2: of eq. (8).
         top_speed_rad_s: what a motor can reach.
         lag_s: first-order time constant of the motors' speed; 0 without.
-        sharing: (n, 4) thrust of every rotor over thrust and three torques.
         drag_N_s_m: force per velocity against the air; 0 without.
         gravity_m_s2: gravity.
     """
 
+    rotors: Array
     mass_kg: float
-    inertia_kgm2: Array
-    disc_of_rotor: NDArray[np.intp]
-    x_m: Array
-    y_m: Array
-    spin: Array
+    inertia_x_kgm2: float
+    inertia_y_kgm2: float
+    inertia_z_kgm2: float
     k_N_s2: float
     c_Nm_s2: float
     top_speed_rad_s: float
     lag_s: float
-    sharing: Array
     drag_N_s_m: float
     gravity_m_s2: float
+
+
+AT_X, AT_Y, SPIN, DISC, PER_THRUST, PER_ROLL, PER_PITCH, PER_YAW = range(8)
+"""Columns of `Airframe.rotors`."""
 
 
 @loop_part
@@ -176,7 +177,7 @@ def steer(
     frame: Airframe,
     discs: Discs,
     chart: Tables,
-    ground: Ground,
+    ground: Array,
     memory: Array,
     speeds: Array,
 ) -> None:
@@ -258,10 +259,11 @@ def steer(
     if forward_on:
         look_down(time_s, state, discs, chart, ground, law.whole)
     for i in range(len(speeds)):
-        share = frame.sharing[i]
-        wanted = share[0] * thrust + share[1] * tx + share[2] * ty + share[3] * tz
+        rotors = frame.rotors
+        wanted = rotors[i, PER_THRUST] * thrust + rotors[i, PER_ROLL] * tx
+        wanted += rotors[i, PER_PITCH] * ty + rotors[i, PER_YAW] * tz
         factor = 1.0
         if forward_on:
-            factor = expected_factor(ground.factor[frame.disc_of_rotor[i]], law.feedforward)
+            factor = expected_factor(ground[FACTOR, int(rotors[i, DISC])], law.feedforward)
         asked = speed_from_thrust(compensated_thrust(wanted, factor), frame.k_N_s2)
         speeds[i] = min(asked, frame.top_speed_rad_s)

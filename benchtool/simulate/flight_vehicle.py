@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import cos, inf, radians, sin
+from math import cos, radians, sin
 
 import numpy as np
 from numpy.typing import NDArray
@@ -107,11 +107,9 @@ class FlightVehicle:
         places = self.rig.disc_positions_m
         x, y = self._turned(places[:, 0].copy(), places[:, 1].copy())
         radius = self.rig.propulsion.radius_m
+        arms = centre_distances_m(x, y, self.body_distance)
         return Discs(
-            x,
-            y,
-            np.ascontiguousarray(self.rig.disc_distances_m),
-            np.ascontiguousarray(centre_distances_m(x, y, self.body_distance)),
+            np.ascontiguousarray(np.vstack([x, y, arms, self.rig.disc_distances_m])),
             radius,
             radius,
             float(self.neighbours),
@@ -135,20 +133,20 @@ class FlightVehicle:
                 f"rig {self.rig.name!r} has {self.rig.n_rotors} rotors, which cannot make thrust "
                 f"and three torques independently; fly a rig with four rotors or more"
             )
-        inertia = np.array([body.inertia_xx_kgm2, body.inertia_yy_kgm2, body.inertia_zz_kgm2])
+        scale = 1.0 if as_known else self.inertia_scale
         speed = propulsion.speed_per_us_rad_s * (propulsion.pwm_max_us - propulsion.pwm_start_us)
+        shares = k * np.linalg.pinv(matrix)
+        disc = self.rig.disc_of_rotor.astype(float)
         return Airframe(
+            np.ascontiguousarray(np.column_stack([x, y, spin, disc, shares])),
             body.mass_kg,
-            inertia * (1.0 if as_known else self.inertia_scale),
-            np.ascontiguousarray(self.rig.disc_of_rotor),
-            x,
-            y,
-            spin,
+            scale * body.inertia_xx_kgm2,
+            scale * body.inertia_yy_kgm2,
+            scale * body.inertia_zz_kgm2,
             k,
             c,
-            speed if speed > 0.0 else inf,
+            speed,
             float(self.lag_s),
-            np.ascontiguousarray(k * np.linalg.pinv(matrix)),
             float(self.drag_N_s_m),
             GRAVITY_M_S2,
         )

@@ -23,14 +23,16 @@ SAMPLES = 199
 class DiscGrid(NamedTuple):
     """Hold what discs see, node by node; see `environment.Tables`."""
 
-    places: Array
-    share: Array
-    height_m: Array
+    seen: Array
+    grid_x_m: float
+    grid_y_m: float
+    step_x_m: float
+    step_y_m: float
 
     @classmethod
     def none(cls) -> DiscGrid:
         """Return the stand-in for no grid."""
-        return cls(np.zeros(6), np.zeros((2, 2)), np.zeros((2, 2)))
+        return cls(np.zeros((2, 2, 2)), 0.0, 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -110,8 +112,13 @@ class HeightGrid:
         height = np.where(share > 0.0, total / np.maximum(share, 1e-12), 0.0)
         height = _spread(height, share > 0.0)
         step_x, step_y = self.x_m[1] - self.x_m[0], self.y_m[1] - self.y_m[0]
-        places = np.array([self.x_m[0], self.y_m[0], step_x, step_y, 1.0, 0.0])
-        return DiscGrid(places, share / SAMPLES, height)
+        return DiscGrid(
+            np.array([share / SAMPLES, height]),
+            float(self.x_m[0]),
+            float(self.y_m[0]),
+            float(step_x),
+            float(step_y),
+        )
 
     def _between(self, values: Array, x: Array, y: Array) -> Array:
         """Return values at places, bilinear; the outermost cells go on beyond the edge."""

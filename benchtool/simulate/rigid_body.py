@@ -105,29 +105,35 @@ def drift(state: Array, dt_s: float) -> None:
 
 
 @loop_part
-def kick_linear(
-    state: Array, force_N: Array, mass_kg: float, gravity_m_s2: float, dt_s: float
-) -> None:
-    """Change the velocity under a force in world axes (3,) and gravity."""
-    for axis in range(3):
-        state[3 + axis] += dt_s * force_N[axis] / mass_kg
-    state[5] -= dt_s * gravity_m_s2
+def kick_linear(state: Array, ax_m_s2: float, ay_m_s2: float, az_m_s2: float, dt_s: float) -> None:
+    """Change the velocity under an acceleration in world axes, gravity included."""
+    state[3] += dt_s * ax_m_s2
+    state[4] += dt_s * ay_m_s2
+    state[5] += dt_s * az_m_s2
 
 
 @loop_part
-def kick_angular(state: Array, torque_Nm: Array, inertia_kgm2: Array, dt_s: float) -> None:
-    """Change the body rates under a torque in body axes (3,), with the gyroscopic coupling.
+def kick_angular(
+    state: Array,
+    roll_Nm: float,
+    pitch_Nm: float,
+    yaw_Nm: float,
+    jx: float,
+    jy: float,
+    jz: float,
+    dt_s: float,
+) -> None:
+    """Change the body rates under a torque in body axes, with the gyroscopic coupling.
 
     J dw/dt = tau - w x J w by the implicit midpoint rule, four fixed-point iterations: it keeps
     the energy and the magnitude of the momentum of a free body to the order of the iterations.
+    jx, jy and jz are the principal moments of inertia (kg m2).
     """
-    jx, jy, jz = inertia_kgm2[0], inertia_kgm2[1], inertia_kgm2[2]
     p0, q0, r0 = state[10], state[11], state[12]
-    ap, aq, ar = torque_Nm[0] / jx, torque_Nm[1] / jy, torque_Nm[2] / jz
-    p, q, r = p0 + dt_s * ap, q0 + dt_s * aq, r0 + dt_s * ar
+    dp, dq, dr = dt_s * roll_Nm / jx, dt_s * pitch_Nm / jy, dt_s * yaw_Nm / jz
+    cx, cy, cz = dt_s * (jy - jz) / jx, dt_s * (jz - jx) / jy, dt_s * (jx - jy) / jz
+    p, q, r = p0 + dp, q0 + dq, r0 + dr
     for _ in range(4):
         pm, qm, rm = 0.5 * (p0 + p), 0.5 * (q0 + q), 0.5 * (r0 + r)
-        p = p0 + dt_s * (ap + (jy - jz) / jx * qm * rm)
-        q = q0 + dt_s * (aq + (jz - jx) / jy * rm * pm)
-        r = r0 + dt_s * (ar + (jx - jy) / jz * pm * qm)
+        p, q, r = p0 + dp + cx * qm * rm, q0 + dq + cy * rm * pm, r0 + dr + cz * pm * qm
     state[10], state[11], state[12] = p, q, r

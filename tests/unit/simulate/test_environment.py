@@ -13,7 +13,15 @@ from benchtool.aero.multirotor import multirotor_factors
 from benchtool.errors import InputError
 from benchtool.simulate.environment import Block, Environment, Tables
 from benchtool.simulate.flight import static_moment_Nm
-from benchtool.simulate.flight_ground import Ground, look_down, new_ground
+from benchtool.simulate.flight_ground import (
+    COVERAGE,
+    FACTOR,
+    HEIGHT,
+    HELD,
+    TOUCHES,
+    look_down,
+    new_ground,
+)
 from benchtool.simulate.height_grid import HeightGrid
 from benchtool.simulate.rigid_body import at_rest, from_euler
 from tests.unit.simulate.flying import PQUAD
@@ -25,7 +33,7 @@ DISCS = PQUAD.discs()
 def below(
     environment: Environment, x: float, y: float = 0.0, z: float = 0.24, time_s: float = 0.0,
     attitude: tuple[float, float, float] = (0.0, 0.0, 0.0),
-) -> Ground:  # fmt: skip
+) -> np.ndarray:  # fmt: skip
     ground = new_ground(4)
     state = at_rest((x, y, z))
     state[6:10] = from_euler(*attitude)
@@ -58,8 +66,8 @@ def test_level_over_everything_is_the_bench_formula() -> None:
     expected = multirotor_factors(
         0.12, np.full(4, 0.24), np.ones(4), PQUAD.rig.disc_positions_m, 2.0
     )
-    np.testing.assert_allclose(ground.factor, expected, rtol=1e-13)
-    assert ground.coverage.tolist() == [1.0] * 4
+    np.testing.assert_allclose(ground[FACTOR], expected, rtol=1e-13)
+    assert ground[COVERAGE].tolist() == [1.0] * 4
 
 
 def test_coverage_over_an_edge_and_a_corner_is_exact() -> None:
@@ -67,7 +75,7 @@ def test_coverage_over_an_edge_and_a_corner_is_exact() -> None:
     ground = below(box, 0.95, 0.45)
     places = PQUAD.rig.disc_positions_m
     exact = [rectangle_coverage(0.95 + x, 0.45 + y, 0.12, 1.0, 2.0, 0.5, 2.0) for x, y in places]
-    np.testing.assert_allclose(ground.coverage, exact, atol=1e-15)
+    np.testing.assert_allclose(ground[COVERAGE], exact, atol=1e-15)
     assert 0.0 < max(exact) < 1.0
 
 
@@ -75,36 +83,36 @@ def test_coverage_over_an_edge_and_a_corner_is_exact() -> None:
 def test_a_box_in_two_pieces_is_the_same_box(cut_m: float) -> None:
     pieces = Environment(blocks=(Block(x_m=(3.0, cut_m)), Block(x_m=(cut_m, 5.0))))
     for x in (2.9, 3.1, 3.3):
-        np.testing.assert_allclose(below(pieces, x).factor, below(OBSTACLE, x).factor, rtol=1e-12)
+        np.testing.assert_allclose(below(pieces, x)[FACTOR], below(OBSTACLE, x)[FACTOR], rtol=1e-12)
 
 
 def test_each_rotor_has_its_own_height() -> None:
     ground = below(OBSTACLE, 4.0, attitude=(0.05, 0.1, 0.0))
     lower = PQUAD.rig.disc_positions_m[:, 0] * np.sin(0.1)
     raised = PQUAD.rig.disc_positions_m[:, 1] * np.cos(0.1) * np.sin(0.05)
-    np.testing.assert_allclose(ground.height_m, 0.24 - lower + raised, atol=1e-14)
+    np.testing.assert_allclose(ground[HEIGHT], 0.24 - lower + raised, atol=1e-14)
 
 
 def test_a_ramp_is_met_at_right_angles() -> None:
     ramp = Environment(blocks=(Block(x_m=(0.0, 4.0), top_m=-0.5, slope_x=0.2),))
     ground = below(ramp, 2.0)
     at = 2.0 + PQUAD.rig.disc_positions_m[:, 0]
-    np.testing.assert_allclose(ground.height_m, (0.24 + 0.5 - 0.2 * at) / np.sqrt(1.04), atol=1e-14)
+    np.testing.assert_allclose(ground[HEIGHT], (0.24 + 0.5 - 0.2 * at) / np.sqrt(1.04), atol=1e-14)
 
 
 def test_a_floor_takes_what_the_obstacle_leaves() -> None:
     far = below(Environment(blocks=OBSTACLE.blocks, floor_m=-40.0), 3.1)
-    np.testing.assert_allclose(far.factor, below(OBSTACLE, 3.1).factor, atol=1e-5)
+    np.testing.assert_allclose(far[FACTOR], below(OBSTACLE, 3.1)[FACTOR], atol=1e-5)
     only_floor = below(Environment(floor_m=0.0), 3.1)
-    np.testing.assert_allclose(only_floor.factor, below(OBSTACLE, 4.0).factor, rtol=1e-13)
-    assert only_floor.coverage.tolist() == [0.0] * 4  # no rotor is over an obstacle
+    np.testing.assert_allclose(only_floor[FACTOR], below(OBSTACLE, 4.0)[FACTOR], rtol=1e-13)
+    assert only_floor[COVERAGE].tolist() == [0.0] * 4  # no rotor is over an obstacle
 
 
 def test_a_plate_slides_in_and_out() -> None:
     plate = Environment(
         blocks=(Block(x_m=(0.1, 1.0), times_s=(10.0, 10.5, 30.0, 30.5), slide_m=(1.0, 0.0)),)
     )
-    covered = [below(plate, 0.0, time_s=t).coverage[0] for t in (0.0, 10.45, 20.0, 30.05, 40.0)]
+    covered = [below(plate, 0.0, time_s=t)[COVERAGE, 0] for t in (0.0, 10.45, 20.0, 30.05, 40.0)]
     assert covered[0] == covered[4] == 0.0
     assert covered[2] == 1.0
     assert 0.0 < covered[1] < 1.0
@@ -116,12 +124,12 @@ def test_a_fine_grid_comes_near_the_box() -> None:
     for step in (0.04, 0.02):
         environment = Environment(grid=grid_of(step))
         differences = [
-            np.abs(below(environment, x).factor - below(OBSTACLE, x).factor).max()
+            np.abs(below(environment, x)[FACTOR] - below(OBSTACLE, x)[FACTOR]).max()
             for x in np.linspace(2.7, 3.4, 15)
         ]
         errors.append(max(differences))
         np.testing.assert_allclose(
-            below(environment, 4.0).factor, below(OBSTACLE, 4.0).factor, rtol=1e-9
+            below(environment, 4.0)[FACTOR], below(OBSTACLE, 4.0)[FACTOR], rtol=1e-9
         )
     assert errors[1] < 0.011
     assert errors[1] < errors[0]
@@ -130,14 +138,14 @@ def test_a_fine_grid_comes_near_the_box() -> None:
 def test_low_cells_of_a_grid_are_floor() -> None:
     grid = Environment(grid=grid_of(0.04, floor=-1.0))
     np.testing.assert_allclose(
-        below(grid, 3.1).factor, below(Environment(grid=grid_of(0.04)), 3.1).factor, rtol=1e-12
+        below(grid, 3.1)[FACTOR], below(Environment(grid=grid_of(0.04)), 3.1)[FACTOR], rtol=1e-12
     )
 
 
 def test_touching_is_reported_and_low_heights_are_held() -> None:
-    assert below(OBSTACLE, 4.0, z=0.05).flags.tolist() == [0.0, 4.0]
-    assert below(OBSTACLE, 4.0, z=-0.01).flags[0] == 1.0
-    assert below(OBSTACLE, 2.0, z=-0.01).flags[0] == 0.0
+    assert below(OBSTACLE, 4.0, z=0.05)[[TOUCHES, HELD]].sum(axis=1).tolist() == [0.0, 4.0]
+    assert below(OBSTACLE, 4.0, z=-0.01)[TOUCHES].max() == 1.0
+    assert below(OBSTACLE, 2.0, z=-0.01)[TOUCHES].max() == 0.0
 
 
 @pytest.mark.parametrize(

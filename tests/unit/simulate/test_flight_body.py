@@ -27,8 +27,9 @@ MASS = 1.4
 def step(state: np.ndarray, dt_s: float, torque: np.ndarray, lift_N: float) -> None:
     drift(state, 0.5 * dt_s)
     force = rotation_matrix(state[6:10]) @ np.array([0.0, 0.0, lift_N])
-    kick_linear(state, force, MASS, GRAVITY_M_S2, dt_s)
-    kick_angular(state, torque, INERTIA, dt_s)
+    ax, ay, az = force / MASS
+    kick_linear(state, ax, ay, az - GRAVITY_M_S2, dt_s)
+    kick_angular(state, *torque, *INERTIA, dt_s)
     drift(state, 0.5 * dt_s)
 
 
