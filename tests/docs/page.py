@@ -125,4 +125,6 @@ def run_command(command: str, folder: Path, until_the_end: ExitStack) -> str | N
 def stop(process: subprocess.Popen[str]) -> None:
     """End a command that was left running and close its pipe."""
     process.terminate()
-    process.communicate(timeout=10)
+    process.wait(timeout=10)
+    assert process.stdout is not None
+    process.stdout.close()
