@@ -17,6 +17,7 @@ import os
 import sys
 from collections.abc import Callable
 from functools import lru_cache, wraps
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
@@ -61,7 +62,7 @@ def compile_expressions() -> None:
     _asked_to_compile = True
     for function in (*_recorded, *_recorded_parts):
         if id(function) not in _registered:
-            register_jitable(error_model="numpy")(function)
+            register_jitable(error_model="numpy", forceinline=True)(function)
             _registered.add(id(function))
 
 
@@ -109,9 +110,9 @@ def _machine_code(function: Callable[..., Any]) -> Callable[..., Any]:
     settings.CACHE_DIR = str(compiled_folder())
     machine_code: Callable[..., Any]
     try:
-        machine_code = numba.njit(cache=True, error_model="numpy")(function)
+        machine_code = numba.njit(cache=True, error_model="numpy", nogil=True)(function)
     except (OSError, RuntimeError):  # no folder that can be written
-        machine_code = numba.njit(error_model="numpy")(function)
+        machine_code = numba.njit(error_model="numpy", nogil=True)(function)
     finally:
         settings.CACHE_DIR = before
     return machine_code
@@ -138,3 +139,8 @@ def _cache_root() -> Path:
     if sys.platform == "darwin":
         return home / "Library" / "Caches" / "benchtool"
     return Path(os.environ.get("XDG_CACHE_HOME") or home / ".cache") / "benchtool"
+
+
+def can_compile() -> bool:
+    """Whether numba is installed, so that loops run at full speed."""
+    return find_spec("numba") is not None

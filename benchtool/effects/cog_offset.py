@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from benchtool.aero.expression import expression
 from benchtool.core.parameter import Parameter
 from benchtool.effects.effect import Effect, Flow, Quantity, Values
@@ -12,7 +10,7 @@ from benchtool.effects.effect import Effect, Flow, Quantity, Values
 @expression
 def torque(flow: Flow, p: Values) -> Quantity:
     """Return the torque of the weight about the hinge, positive nose down: N m."""
-    return flow.weight_N * p[0] * np.cos(flow.pitch_rad)
+    return flow.weight_N * p[0] * flow.cos_pitch
 
 
 EFFECT = Effect(

@@ -41,6 +41,7 @@ class Flow(NamedTuple):
         time_s: time since the run began (...).
         pitch_rad, rate_rad_s: attitude and rate about the y axis (...): rad, rad/s; zero on a bench
             that is held.
+        cos_pitch: cosine of the pitch, worked out once for all hooks (...).
         weight_N: weight that the hinge carries (...); zero where nothing hangs on one.
         thrust_N: thrust of each disc (n, ...), for torque hooks; empty elsewhere.
     """
@@ -60,6 +61,7 @@ class Flow(NamedTuple):
     time_s: Quantity
     pitch_rad: Quantity = 0.0
     rate_rad_s: Quantity = 0.0
+    cos_pitch: Quantity = 1.0
     weight_N: Quantity = 0.0
     thrust_N: Quantity = ()
 

@@ -9,6 +9,7 @@ from benchtool.library.model_file import (
     read_columns,
 )
 from benchtool.library.rig_file import rig_named, rig_names, rig_to_dict
+from benchtool.library.schedule_file import schedule_named, schedule_names
 
 __all__ = [
     "Gains",
@@ -22,4 +23,6 @@ __all__ = [
     "rig_named",
     "rig_names",
     "rig_to_dict",
+    "schedule_named",
+    "schedule_names",
 ]

@@ -123,6 +123,7 @@ def turning(pitch_rad: float = 0.3, rate_rad_s: float = 0.5) -> Flow:
         time_s=60.0,
         pitch_rad=pitch_rad,
         rate_rad_s=rate_rad_s,
+        cos_pitch=np.cos(pitch_rad),
         weight_N=13.7,
         thrust_N=(3.0, 3.1),
     )
@@ -170,7 +171,7 @@ def test_a_torque_on_scalars_arrays_and_complex_steps_agrees(name: str) -> None:
     assert effect.torque is not None
     angles = np.linspace(-0.4, 0.4, 7)
     p = [strong_value(item) for item in effect.parameters]
-    whole = effect.torque(turning()._replace(pitch_rad=angles), p)
+    whole = effect.torque(turning()._replace(pitch_rad=angles, cos_pitch=np.cos(angles)), p)
     each = [effect.torque(turning(pitch_rad=angle), p) for angle in angles]
     np.testing.assert_allclose(np.broadcast_to(whole, (7,)), each, rtol=1e-15)
     exact = effect.torque(turning(), [p[0] + 1e-30j, *p[1:]]).imag / 1e-30

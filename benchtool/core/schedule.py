@@ -1,0 +1,227 @@
+"""Schedules: what a pitch experiment is told to do, as values and as samples in time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Annotated, Literal
+
+import numpy as np
+from annotated_types import Ge, Gt
+from numpy.typing import NDArray
+
+from benchtool.core.toml_text import FileTable
+from benchtool.errors import InputError
+
+Array = NDArray[np.float64]
+NotNegative = Annotated[float, Ge(0.0)]
+Positive = Annotated[float, Gt(0.0)]
+
+PARKED_M = 1.0
+"""Plate distance that stands for a plate that is parked away, as pitch recordings write it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Signal(FileTable):
+    """Add one shape to a track; shapes of a track add up.
+
+    Attributes:
+        shape: "step" (level from `from_s` to `to_s`), "ramp" (from 0 at `from_s` to level at
+            `to_s`, held), "triangle" (amplitude level, period_s), "chirp" (amplitude level, from
+            start_Hz to end_Hz, linear), "prbs" (level or minus level, drawn anew every bit_s from
+            seed), "steps" (levels one after the other, every_s each).
+        from_s, to_s: when it acts; to the end of the schedule where `to_s` is left out.
+        level: in the track's unit.
+    """
+
+    shape: Literal["step", "ramp", "triangle", "chirp", "prbs", "steps"]
+    level: float = 0.0
+    levels: tuple[float, ...] = ()
+    from_s: NotNegative = 0.0
+    to_s: Positive | None = None
+    period_s: Positive = 4.0
+    start_Hz: NotNegative = 0.1
+    end_Hz: NotNegative = 5.0
+    bit_s: Positive = 0.05
+    every_s: Positive = 2.0
+    seed: int = 0
+
+    def sampled(self, time_s: Array, duration_s: float) -> Array:
+        """Return the shape at these times (m,)."""
+        end_s = duration_s if self.to_s is None else self.to_s
+        t = time_s - self.from_s
+        length_s = max(end_s - self.from_s, 1e-12)
+        acting = (t >= -1e-9) & (time_s < end_s - 1e-9)
+        if self.shape == "ramp":
+            ramp: Array = self.level * np.clip(t / length_s, 0.0, 1.0)
+            return ramp
+        if self.shape == "triangle":
+            phase = np.mod(t / self.period_s + 0.25, 1.0)
+            values = self.level * (1.0 - 4.0 * np.abs(phase - 0.5))
+        elif self.shape == "chirp":
+            sweep_Hz_s = (self.end_Hz - self.start_Hz) / length_s
+            values = self.level * np.sin(2.0 * np.pi * t * (self.start_Hz + 0.5 * sweep_Hz_s * t))
+        elif self.shape == "prbs":
+            count = int(np.ceil(length_s / self.bit_s)) + 1
+            signs = np.random.default_rng(self.seed).choice([-1.0, 1.0], count)
+            values = self.level * signs[_index(t, self.bit_s, count)]
+        elif self.shape == "steps":
+            levels = np.array(self.levels or (0.0,))
+            values = levels[_index(t, self.every_s, len(levels))]
+        else:
+            values = np.full_like(time_s, self.level)
+        return np.where(acting, values, 0.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlateVisit(FileTable):
+    """Move the plate in at one time and out at another.
+
+    Attributes:
+        z_over_R: distance with the beam level, in rotor radii.
+        in_s: when it begins to move in.
+        out_s: when it begins to move out.
+        move_s: how long either takes; the covered share grows evenly.
+    """
+
+    z_over_R: Positive
+    in_s: NotNegative
+    out_s: Positive
+    move_s: NotNegative = 0.5
+
+    def share(self, time_s: Array) -> Array:
+        """Return how far the plate is in (m,), 0 to 1."""
+        if self.move_s == 0.0:
+            return ((time_s >= self.in_s - 1e-9) & (time_s < self.out_s - 1e-9)).astype(float)
+        arriving = np.clip((time_s - self.in_s) / self.move_s, 0.0, 1.0)
+        leaving = np.clip((time_s - self.out_s) / self.move_s, 0.0, 1.0)
+        share: Array = np.clip(arriving - leaving, 0.0, 1.0)
+        return share
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Switch(FileTable):
+    """Turn parts of the controller on or off from one time on; None leaves a part as it was."""
+
+    at_s: NotNegative
+    observer: bool | None = None
+    feedforward: bool | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Schedule(FileTable):
+    """Hold the timed commands of one pitch run.
+
+    Attributes:
+        reference_deg: attitude, signals in degrees, positive nose down.
+        collective: signals added to 1, in thrusts of hover.
+        dither_us: signals added to the pulses of the rotors that push nose down, taken from others.
+        plate: visits of the plate, one after the other.
+        switches: of the controller, in time.
+    """
+
+    name: str
+    title: str
+    duration_s: Positive
+    reference_deg: tuple[Signal, ...] = ()
+    collective: tuple[Signal, ...] = ()
+    dither_us: tuple[Signal, ...] = ()
+    plate: tuple[PlateVisit, ...] = ()
+    switches: tuple[Switch, ...] = ()
+
+    def __post_init__(self) -> None:
+        for kind, starts in (
+            ("plate", [visit.in_s for visit in self.plate]),
+            ("switches", [switch.at_s for switch in self.switches]),
+        ):
+            if starts != sorted(starts):
+                raise InputError(f"{kind} of schedule {self.name!r} are not in time; sort them")
+        for visit in self.plate:
+            if visit.out_s < visit.in_s + visit.move_s:
+                raise InputError(
+                    f"the plate of schedule {self.name!r} leaves at {visit.out_s:g} s, before it "
+                    f"is in at {visit.in_s + visit.move_s:g} s; let it leave later"
+                )
+
+    def lasting(self, duration_s: float) -> Schedule:
+        """Return the schedule cut short or held on to another duration."""
+        if not (np.isfinite(duration_s) and duration_s > 0.0):
+            raise InputError(f"duration_s is {duration_s:g}; give a finite time above 0")
+        return replace(self, duration_s=duration_s)
+
+    def sampled(self, rate_Hz: float, radius_m: float) -> SampledSchedule:
+        """Return the commands at every control tick.
+
+        Args:
+            rate_Hz: control rate.
+            radius_m: rotor radius, which plate distances are given in.
+        """
+        ticks = max(1, round(self.duration_s * rate_Hz))
+        t = np.arange(ticks) / rate_Hz
+        plate_z, share = self.plate_at(t, radius_m)
+        observer, feedforward = np.ones(ticks), np.ones(ticks)
+        for switch in self.switches:
+            later = t >= switch.at_s - 1e-9
+            if switch.observer is not None:
+                observer[later] = float(switch.observer)
+            if switch.feedforward is not None:
+                feedforward[later] = float(switch.feedforward)
+        return SampledSchedule(
+            rate_Hz=rate_Hz,
+            time_s=t,
+            reference_rad=np.radians(_sum(self.reference_deg, t, self.duration_s)),
+            collective=1.0 + _sum(self.collective, t, self.duration_s),
+            dither_us=_sum(self.dither_us, t, self.duration_s),
+            plate_z_m=plate_z,
+            plate_share=share,
+            observer=observer,
+            feedforward=feedforward,
+        )
+
+    def plate_at(self, time_s: Array, radius_m: float) -> tuple[Array, Array]:
+        """Return plate distance (m,) and how far it is in (m,), parked between visits."""
+        plate_z, share = np.full(time_s.shape, PARKED_M), np.zeros(time_s.shape)
+        for visit in self.plate:
+            own = visit.share(time_s)
+            plate_z = np.where(own > 0.0, visit.z_over_R * radius_m, plate_z)
+            share = np.maximum(share, own)
+        return plate_z, share
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class SampledSchedule:
+    """Hold the commands of a run at every control tick, (m,) each.
+
+    Attributes:
+        rate_Hz: control rate.
+        reference_rad: wanted attitude.
+        collective: in thrusts of hover.
+        dither_us: added to pulses.
+        plate_z_m: distance with the beam level; `PARKED_M` while the plate is away.
+        plate_share: how far the plate is in, 0 to 1.
+        observer, feedforward: 1 where that part of the controller may act.
+    """
+
+    rate_Hz: float
+    time_s: Array
+    reference_rad: Array
+    collective: Array
+    dither_us: Array
+    plate_z_m: Array
+    plate_share: Array
+    observer: Array
+    feedforward: Array
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+
+def _sum(signals: tuple[Signal, ...], time_s: Array, duration_s: float) -> Array:
+    total = np.zeros(time_s.shape)
+    for signal in signals:
+        total += signal.sampled(time_s, duration_s)
+    return total
+
+
+def _index(time_s: Array, every_s: float, count: int) -> NDArray[np.intp]:
+    index: NDArray[np.intp] = np.clip((time_s / every_s + 1e-9).astype(np.intp), 0, count - 1)
+    return index

@@ -1,0 +1,195 @@
+"""Run the pitch bench in closed loop: one run, many at once, or tick by tick."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from types import ModuleType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.control.pitch import PitchControl
+from benchtool.core.schedule import SampledSchedule
+from benchtool.effects.model import Model
+from benchtool.errors import InputError
+from benchtool.simulate import pitch_rows as r
+from benchtool.simulate.noise import lane_states
+from benchtool.simulate.pitch_bench import SENSOR_NAMES, PitchBench, PitchSensor
+from benchtool.simulate.pitch_hooks import pitch_module
+from benchtool.simulate.pitch_pack import geometry_of, loop_effects, pack
+from benchtool.simulate.sensor import due
+
+Array = NDArray[np.float64]
+
+PAST = 64
+"""Control ticks that delayed sensors may look back."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PitchJob:
+    """Hold what one lane simulates: a bench, its controller, and what that takes for true."""
+
+    bench: PitchBench
+    control: PitchControl
+    believed: Model | None = None
+
+    @property
+    def belief(self) -> Model:
+        """The model that feedforward and mixer use: the bench's own unless another is given."""
+        return self.believed if self.believed is not None else self.bench.model
+
+
+def log_rows(n_discs: int) -> NDArray[np.int64]:
+    """Return the rows of the work space that a run logs, in the order of `PitchLog`."""
+    scalars = [
+        r.REFERENCE, r.READ_THETA, r.READ_GYRO, r.PLATE, r.READ_PLATE, r.SHARE, r.TORQUE,
+        r.ESTIMATE, r.THETA, r.RATE,
+    ]  # fmt: skip
+    discs = range(n_discs)
+    rows = scalars + [r.PWM + i for i in discs] + [r.READ_SPEED + i for i in discs]
+    return np.array(rows, np.int64)
+
+
+class PitchLoop:
+    """Hold everything a compiled loop needs for a few lanes that share schedule and structure."""
+
+    def __init__(
+        self,
+        jobs: Sequence[PitchJob],
+        schedule: SampledSchedule,
+        seed: int,
+        runs: Sequence[int],
+        *,
+        external: bool = False,
+    ) -> None:
+        first = jobs[0]
+        bench, model = first.bench, first.bench.model
+        self.lanes, self.schedule = len(jobs), schedule
+        self.n_discs = model.rig.n_discs
+        models = [model for job in jobs for model in (job.bench.model, job.belief)]
+        effects = loop_effects(*models)
+        self._module: ModuleType = pitch_module(effects, self.n_discs, self.lanes, model.wake_rule)
+        columns = [pack(job.bench, job.control, job.belief, effects) for job in jobs]
+        self.substeps = substeps_of(bench, schedule.rate_Hz)
+        self.dt_s = 1.0 / bench.plant_rate_Hz
+        ticks = len(schedule)
+        most = max(int(column[r.DELAY_STEPS]) for column in columns)
+        self.ring = most // self.substeps + 3
+        self.w = np.ascontiguousarray(np.stack(columns, axis=1)).reshape(-1)
+        self.states = lane_states(seed, list(runs))
+        self.sent = np.zeros(self.n_discs * self.ring * self.lanes)
+        self.past = np.zeros(3 * PAST * self.lanes)
+        self.rows = log_rows(self.n_discs)
+        self.log = np.empty((ticks, len(self.rows), self.lanes))
+        self.table = scheduled(schedule, first, bench.hover_N)
+        self.fresh = fresh_flags(bench, schedule)
+        self.geometry = geometry_of(model)
+        ranging = int(
+            first.control.feedforward.source == "range" and first.control.feedforward.strength > 0.0
+        )
+        delays = [sensor_delay(bench, name, schedule.rate_Hz) for name in SENSOR_NAMES[:3]]
+        late = any(column[r.DELAY_STEPS] > 0.0 or _late(column) for column in columns)
+        self.plan = np.array(
+            [0, ticks, self.substeps, int(external), self.ring, int(late), PAST, *delays, ranging],
+            np.int64,
+        )
+        self._settle(first)
+
+    def _settle(self, job: PitchJob) -> None:
+        """Begin at rest, at level, with the rotors at the first collective and sensors read."""
+        at = self.lanes
+        w = self.w.reshape(-1, at)
+        discs = slice(0, self.n_discs)
+        start = self.schedule.collective[0] * job.bench.hover_N
+        for rows in (r.SPEED, r.TARGET, r.OLD, r.NEW, r.READ_SPEED):
+            w[rows : rows + self.n_discs] = np.sqrt(start / w[r.K])[None, :][discs]
+        self.sent.reshape(self.n_discs, self.ring, at)[:] = w[r.SPEED : r.SPEED + self.n_discs][
+            :, None, :
+        ]
+        w[r.PLATE] = w[r.SEEN_PLATE] = w[r.READ_PLATE] = self.schedule.plate_z_m[0]
+        self.past.reshape(3, PAST, at)[2] = self.schedule.plate_z_m[0]
+
+    def run(self, first: int = 0, last: int | None = None) -> None:
+        """Run control ticks from `first` up to `last`."""
+        self.plan[0] = first
+        self.plan[1] = len(self.schedule) if last is None else last
+        self._module.run(
+            self.w, self.states, self.sent, self.past, self.log, self.rows, self.table,
+            self.fresh, *self.geometry, self.plan, self.dt_s,
+        )  # fmt: skip
+
+    def stepper(self) -> Callable[[int], None]:
+        """Return a function that runs one control tick, as quickly as it can be called."""
+        plan, run = self.plan, self._module.run
+        arguments = (
+            self.w, self.states, self.sent, self.past, self.log, self.rows, self.table,
+            self.fresh, *self.geometry, plan, self.dt_s,
+        )  # fmt: skip
+
+        def step(tick: int) -> None:
+            plan[0] = tick
+            plan[1] = tick + 1
+            run(*arguments)
+
+        return step
+
+    def row(self, row: int) -> Array:
+        """Return one row of the work space (n_lanes,)."""
+        values: Array = self.w.reshape(-1, self.lanes)[row]
+        return values
+
+
+def substeps_of(bench: PitchBench, rate_Hz: float) -> int:
+    """Return plant steps per control tick, or refuse rates that do not divide."""
+    ratio = bench.plant_rate_Hz / rate_Hz
+    whole = round(ratio)
+    if whole < 1 or abs(ratio - whole) > 1e-9 * ratio:
+        raise InputError(
+            f"the plant runs at {bench.plant_rate_Hz:g} Hz, the controller at {rate_Hz:g} Hz; "
+            f"take a plant_rate_Hz that is a whole multiple of the control rate"
+        )
+    return whole
+
+
+def scheduled(schedule: SampledSchedule, job: PitchJob, hover_N: float) -> Array:
+    """Return the schedule as the loop takes it (9, n_ticks)."""
+    known = job.control.feedforward
+    shift = round(known.late_s * schedule.rate_Hz)
+    source = np.clip(np.arange(len(schedule)) - shift, 0, len(schedule) - 1)
+    table = np.empty((r.SCHEDULE_ROWS, len(schedule)))
+    table[r.S_REFERENCE] = schedule.reference_rad
+    table[r.S_COLLECTIVE] = schedule.collective * hover_N
+    table[r.S_PLATE] = schedule.plate_z_m
+    table[r.S_SHARE] = schedule.plate_share
+    table[r.S_BELIEVED_PLATE] = schedule.plate_z_m[source] + known.height_error_m
+    table[r.S_BELIEVED_SHARE] = schedule.plate_share[source]
+    table[r.S_OBSERVER] = schedule.observer * float(job.control.observer)
+    table[r.S_FEEDFORWARD] = schedule.feedforward * float(known.strength > 0.0)
+    table[r.S_DITHER] = schedule.dither_us
+    return table
+
+
+def fresh_flags(bench: PitchBench, schedule: SampledSchedule) -> NDArray[np.uint8]:
+    """Return which sensor has a new reading at which tick (n_ticks + 1, 5)."""
+    flags = [
+        due(0, len(schedule) + 1, bench.sensors.get(name, PitchSensor()).rate_Hz, schedule.rate_Hz)
+        for name in SENSOR_NAMES
+    ]
+    return np.ascontiguousarray(np.column_stack(flags).astype(np.uint8))
+
+
+def sensor_delay(bench: PitchBench, name: str, rate_Hz: float) -> int:
+    """Return a sensor's delay in control ticks."""
+    delay_s = bench.sensors.get(name, PitchSensor()).delay_s
+    ticks = round(delay_s * rate_Hz)
+    if ticks >= PAST:
+        raise InputError(
+            f"{name}.delay_s is {delay_s:g} s, above {(PAST - 1) / rate_Hz:g} s; lower it"
+        )
+    return ticks
+
+
+def _late(column: Array) -> bool:
+    """Whether some of a step still runs on the command before."""
+    return bool(column[r.MID_OLD] > 0.0 or column[r.END_OLD] > 0.0)

@@ -1,0 +1,91 @@
+"""Schedules: shapes, plate visits, switches, and what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchtool.core.schedule import PARKED_M, PlateVisit, Schedule, Signal, Switch
+from benchtool.errors import FileFormatError, InputError, UnknownChoice
+from benchtool.library import schedule_named, schedule_names
+
+T = np.arange(0.0, 10.0, 0.01)
+
+
+def shape(**values: object) -> np.ndarray:
+    return Signal(**values).sampled(T, 10.0)  # type: ignore[arg-type]
+
+
+def test_shapes() -> None:
+    step = shape(shape="step", level=2.0, from_s=1.0, to_s=3.0)
+    assert step[T < 1.0 - 1e-6].max() == 0.0
+    assert step[(T > 1.0 + 1e-6) & (T < 3.0 - 1e-6)].min() == 2.0
+    assert step[T > 3.0 + 1e-6].max() == 0.0
+    ramp = shape(shape="ramp", level=2.0, from_s=1.0, to_s=3.0)
+    np.testing.assert_allclose(ramp, np.clip(T - 1.0, 0.0, 2.0), atol=1e-12)
+    triangle = shape(shape="triangle", level=3.0, period_s=4.0)
+    np.testing.assert_allclose(triangle[[0, 100, 200, 300]], [0.0, 3.0, 0.0, -3.0], atol=1e-9)
+    levels = shape(shape="steps", levels=(1.0, -1.0, 2.0), every_s=2.0)
+    np.testing.assert_array_equal(levels[[0, 199, 200, 401, 999]], [1.0, 1.0, -1.0, 2.0, 2.0])
+    prbs = shape(shape="prbs", level=15.0, bit_s=0.1, seed=4)
+    assert set(prbs) == {-15.0, 15.0}
+    assert np.all(np.diff(prbs.reshape(-1, 10), axis=1) == 0.0)
+
+
+def test_a_chirp_ends_at_its_last_frequency() -> None:
+    chirp = shape(shape="chirp", level=1.0, start_Hz=0.5, end_Hz=2.0)
+    rising = T[1:][(chirp[:-1] < 0.0) & (chirp[1:] >= 0.0)]
+    assert 1.0 / np.diff(rising)[-1] == pytest.approx(2.0, rel=0.05)
+    assert 1.0 / np.diff(rising)[0] < 1.0
+
+
+def test_the_plate_comes_and_goes() -> None:
+    visit = PlateVisit(z_over_R=2.0, in_s=2.0, out_s=6.0, move_s=0.5)
+    schedule = Schedule(name="x", title="x", duration_s=10.0, plate=(visit,)).sampled(100.0, 0.12)
+    at = {round(t, 2): k for k, t in enumerate(schedule.time_s)}
+    assert schedule.plate_share[at[2.25]] == pytest.approx(0.5)
+    assert schedule.plate_share[at[4.0]] == 1.0
+    assert schedule.plate_share[at[6.25]] == pytest.approx(0.5)
+    assert schedule.plate_z_m[at[4.0]] == pytest.approx(0.24)
+    assert schedule.plate_z_m[at[1.0]] == schedule.plate_z_m[at[7.0]] == PARKED_M
+    at_once = PlateVisit(z_over_R=2.0, in_s=0.0, out_s=5.0, move_s=0.0)
+    np.testing.assert_array_equal(at_once.share(np.array([0.0, 4.99, 5.0])), [1.0, 1.0, 0.0])
+
+
+def test_switches_act_from_their_time_on() -> None:
+    schedule = Schedule(
+        name="x",
+        title="x",
+        duration_s=4.0,
+        switches=(Switch(at_s=0.0, observer=False), Switch(at_s=2.0, observer=True)),
+    ).sampled(10.0, 0.12)
+    np.testing.assert_array_equal(schedule.observer, np.repeat([0.0, 1.0], 20))
+    assert np.all(schedule.feedforward == 1.0)
+
+
+@pytest.mark.parametrize("name", schedule_names())
+def test_every_preset_can_be_sampled(name: str) -> None:
+    schedule = schedule_named(name)
+    assert schedule.name == name
+    sampled = schedule.sampled(500.0, 0.12)
+    assert len(sampled) == round(500.0 * schedule.duration_s)
+    assert np.all(np.isfinite(sampled.reference_rad))
+    assert np.max(np.abs(np.degrees(sampled.reference_rad))) <= 20.0
+
+
+def test_bad_schedules_are_refused(tmp_path: Path) -> None:
+    early = PlateVisit(z_over_R=2.0, in_s=2.0, out_s=2.2)
+    with pytest.raises(InputError, match=r"leaves at 2\.2 s, before it is in at 2\.5 s"):
+        Schedule(name="x", title="x", duration_s=10.0, plate=(early,))
+    with pytest.raises(InputError, match="not in time"):
+        Schedule(name="x", title="x", duration_s=1.0, switches=(Switch(at_s=1), Switch(at_s=0)))
+    with pytest.raises(InputError, match="duration_s is nan"):
+        schedule_named("plate").lasting(float("nan"))
+    path = tmp_path / "own.toml"
+    path.write_text('name = "own"\ntitle = "own"\nduration_s = -1.0\n', encoding="utf-8")
+    with pytest.raises(FileFormatError, match="duration_s"):
+        schedule_named(path)
+    with pytest.raises(UnknownChoice, match=r"known: .*plate"):
+        schedule_named("plat")

@@ -1,0 +1,92 @@
+"""A user's own controller: the same loop, stopped at every tick."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from benchtool.control.controller import PitchCommand, PitchMeasurement, PitchReference
+from benchtool.control.pitch import Feedforward
+from benchtool.errors import InputError
+from benchtool.simulate.pitch_simulate import simulate_controller, simulate_pitch
+from tests.unit.simulate.pitching import STEADY_PLATE, SWAY, job, noisy_bench, sampled, soft
+
+
+class Cascade:
+    """The published attitude law, as somebody would write it."""
+
+    def step(
+        self, measurement: PitchMeasurement, reference: PitchReference, dt_s: float
+    ) -> PitchCommand:
+        assert dt_s == 0.002
+        rate = 2.9 * (reference.theta_rad - measurement.theta_rad)
+        return PitchCommand(0.018 * 7.4 * (rate - measurement.rate_rad_s))
+
+
+class Returns:
+    """Return always the same."""
+
+    def __init__(self, what: Any) -> None:
+        self.what = what
+
+    def step(self, measurement: PitchMeasurement, reference: PitchReference, dt_s: float) -> Any:
+        return self.what
+
+
+class Breaks:
+    """Fail after a while."""
+
+    def step(self, measurement: PitchMeasurement, reference: PitchReference, dt_s: float) -> float:
+        if measurement.time_s > 0.1:
+            return reference.theta_rad / (measurement.plate_z_m * 0.0)
+        return 0.0
+
+
+SCHEDULE = sampled(1.0, reference_deg=SWAY, plate=STEADY_PLATE)
+
+
+def test_the_same_law_in_python_gives_the_same_run() -> None:
+    own = simulate_controller(Cascade(), job(noisy_bench(), soft()), SCHEDULE, seed=2)
+    built_in = simulate_pitch(job(noisy_bench(), soft()), SCHEDULE, seed=2)
+    np.testing.assert_allclose(own.log, built_in.log, rtol=1e-12, atol=1e-15)
+
+
+def test_it_sees_ranges_where_the_feedforward_has_sensors() -> None:
+    seen = []
+
+    class Looks(Cascade):
+        def step(
+            self, measurement: PitchMeasurement, reference: PitchReference, dt_s: float
+        ) -> PitchCommand:
+            seen.append(measurement.range_m)
+            return super().step(measurement, reference, dt_s)
+
+    ranging = soft("feedforward", Feedforward(strength=1.0, source="range"))
+    simulate_controller(Looks(), job(noisy_bench(), ranging), SCHEDULE)
+    assert seen[100][0] == pytest.approx(0.24, abs=0.03)
+    assert seen[100][1:] == (np.inf, np.inf, np.inf)
+
+
+@pytest.mark.parametrize(
+    ("what", "message"),
+    [
+        (float("nan"), "returned torque_Nm = nan at 0 s"),
+        (None, "returned torque_Nm = None"),
+        ("0.1", "returned torque_Nm = '0.1'"),
+        (PitchCommand(0.0, float("inf")), "returned difference_us = inf"),
+    ],
+)
+def test_what_is_no_finite_number_is_refused(what: Any, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        simulate_controller(Returns(what), job(noisy_bench(), soft()), SCHEDULE)
+
+
+def test_a_controller_that_raises_is_reported_with_its_own_line() -> None:
+    with pytest.raises(InputError) as caught:
+        simulate_controller(Breaks(), job(noisy_bench(), soft()), SCHEDULE)
+    message = str(caught.value)
+    assert "controller Breaks raised ZeroDivisionError" in message
+    assert "test_pitch_own_controller.py line" in message
+    assert "reference.theta_rad / (measurement.plate_z_m * 0.0)" in message
