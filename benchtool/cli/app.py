@@ -26,6 +26,7 @@ COMMANDS: dict[str, str] = {
     "recalibrate": "Apply a calibration to a run, its raw data untouched",
     "fit": "Fit a ground-effect model to run folders or any CSV",
     "figures": "Draw runs in the layout of the paper's figures 3, 4, 6, 8",
+    "simulate": "Simulate benches and flights near surfaces in closed loop",
     "bench": "Serve a virtual bench; check a bench before motors spin",
     "ports": "List serial ports and, with --probe, what answers on them",
     "doctor": "Explain what keeps a serial port from working",

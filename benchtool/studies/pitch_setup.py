@@ -1,0 +1,181 @@
+"""From names and numbers on a command line to a bench with its controllers."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from benchtool.control.pitch import PITCH_CONTROLLERS, Feedforward, PitchControl, pitch_controller
+from benchtool.core.schedule import Schedule
+from benchtool.effects.catalogue import EFFECTS
+from benchtool.effects.model import Model
+from benchtool.errors import InputError, UnknownChoice
+from benchtool.library import gains_named, load_model, model_names, rig_named, schedule_named
+from benchtool.simulate.pitch_bench import PitchBench
+
+BENCH_NUMBERS = ("inertia_kgm2", "plant_rate_Hz", "stop_rad", "pwm_quantum_us")
+FEEDFORWARD_NUMBERS = ("strength", "height_error_m", "late_s")
+
+
+@dataclass(frozen=True, kw_only=True)
+class PitchSetup:
+    """Hold what a pitch simulation is made of.
+
+    Attributes:
+        bench: the plant.
+        controls: built-in controllers.
+        schedule: what they are told.
+        believed: the model that mixer and feedforward take for true; the bench's when None.
+        rate_Hz: control rate.
+    """
+
+    bench: PitchBench
+    controls: tuple[PitchControl, ...]
+    schedule: Schedule
+    believed: Model | None = None
+
+    @property
+    def rate_Hz(self) -> float:
+        """The controllers' common rate."""
+        rates = {control.control_rate_Hz for control in self.controls}
+        if len(rates) != 1:
+            raise InputError(f"controllers of different rates, {sorted(rates)} Hz; give one rate")
+        return rates.pop()
+
+
+def pitch_setup(
+    rig: str = "pquad",
+    model: str | None = None,
+    gains: str = "s3",
+    controllers: Sequence[str] = ("pid", "feedforward", "observer"),
+    schedule: str = "plate",
+    feedforward: Feedforward | None = None,
+) -> PitchSetup:
+    """Return the setup of these names; the model is the rig's own pitch model when left out."""
+    own = f"pitch_{rig}"
+    if model is not None:
+        physics = load_model(model).model
+    elif own in model_names():
+        physics = load_model(own).model
+    else:
+        physics = Model.single(rig_named(rig))
+    set_ = gains_named(gains)
+    return PitchSetup(
+        bench=PitchBench.of(physics),
+        controls=tuple(pitch_controller(name, set_, feedforward) for name in controllers),
+        schedule=schedule_named(schedule),
+    )
+
+
+def changed(setup: PitchSetup, values: Mapping[str, float]) -> PitchSetup:
+    """Return the setup with some numbers changed, by name.
+
+    A name is a model parameter ("k", "body_lift.K_b", or "K_b" alone where only one effect has
+    it), a gain ("gains.attitude.k_q_per_s"), a factor on all gains of a table ("gains.attitude"),
+    a number of the bench ("bench.inertia_kgm2") or of the feedforward ("feedforward.strength").
+    """
+    for name, value in values.items():
+        setup = _changed(setup, name, float(value))
+    return setup
+
+
+def _changed(setup: PitchSetup, name: str, value: float) -> PitchSetup:
+    head, _, rest = name.partition(".")
+    if head == "gains" and rest:
+        return replace(
+            setup, controls=tuple(_with_gain(each, rest, value) for each in setup.controls)
+        )
+    if head == "bench":
+        if rest not in BENCH_NUMBERS:
+            raise UnknownChoice("number of the bench", rest, BENCH_NUMBERS)
+        numbers: dict[str, Any] = {rest: value}
+        return replace(setup, bench=replace(setup.bench, **numbers))
+    if head == "feedforward":
+        if rest not in FEEDFORWARD_NUMBERS:
+            raise UnknownChoice("number of the feedforward", rest, FEEDFORWARD_NUMBERS)
+        known: dict[str, Any] = {rest: value}
+        return replace(
+            setup,
+            controls=tuple(
+                replace(each, feedforward=replace(each.feedforward, **known))
+                if each.feedforward.strength > 0.0
+                else each
+                for each in setup.controls
+            ),
+        )
+    return replace(
+        setup, bench=replace(setup.bench, model=_with_parameter(setup.bench.model, name, value))
+    )
+
+
+def _with_gain(control: PitchControl, name: str, value: float) -> PitchControl:
+    if control.gains is None:
+        return control
+    table = getattr(control.gains, name, None) if "." not in name else None
+    if table is None:
+        return replace(control, gains=control.gains.with_values(**{name: value}))
+    if isinstance(table, float):
+        return replace(control, gains=control.gains.with_values(**{name: value}))
+    scaled = {
+        f"{name}.{each}": value * getattr(table, each)
+        for each in table.__slots__
+        if each.startswith("k_") or each == "rate_per_s"
+    }
+    return replace(control, gains=control.gains.with_values(**scaled))
+
+
+def _with_parameter(model: Model, name: str, value: float) -> Model:
+    full = full_name(model, name)
+    if full not in model.parameters:
+        effect = full.partition(".")[0]
+        model = model.with_effect(effect)
+    return model.fixed(full, value)
+
+
+def full_name(model: Model, name: str) -> str:
+    """Return a parameter's full name for what somebody typed, or refuse it with the known ones."""
+    known = list(model.parameters)
+    known += [
+        f"{effect.name}.{item.name}"
+        for effect in EFFECTS.values()
+        for item in effect.parameters
+        if f"{effect.name}.{item.name}" not in known
+    ]
+    if name in known:
+        return name
+    alike = [each for each in known if each.rpartition(".")[2] == name]
+    if len(alike) == 1:
+        return alike[0]
+    raise UnknownChoice("number to set or vary", name, alike or known)
+
+
+def controller_class(named: str) -> type[Any]:
+    """Return the class that `module:Class` names; modules are found in the present folder too.
+
+    Raises:
+        InputError: the module cannot be imported, or has no such class with `step`.
+    """
+    module_name, _, class_name = named.partition(":")
+    if not module_name or not class_name:
+        raise UnknownChoice(
+            "controller (and not of the form module:Class)", named, PITCH_CONTROLLERS
+        )
+    here = str(Path.cwd())
+    if here not in sys.path:
+        sys.path.insert(0, here)
+    try:
+        module = importlib.import_module(module_name)
+    except ImportError as error:
+        raise InputError(
+            f"controller {named!r}: {error}; run where {module_name}.py is, or install it"
+        ) from error
+    found = getattr(module, class_name, None)
+    if not isinstance(found, type) or not callable(getattr(found, "step", None)):
+        raise InputError(
+            f"controller {named!r}: {module_name} has no class {class_name} with a method step"
+        )
+    return found

@@ -1,0 +1,157 @@
+"""`benchtool simulate pitch`: numbers, recordings, figure, and refusals."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchtool.cli.app import main
+from benchtool.store.read import read_samples
+from benchtool.studies.pitch import pitch_study, table_lines
+from benchtool.studies.pitch_setup import changed, pitch_setup
+
+SHORT = ("--duration-s", "13")
+
+
+def simulate(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str, str]:
+    with pytest.raises(SystemExit) as left:
+        main(["simulate", "pitch", *words])
+    said = capsys.readouterr()
+    assert isinstance(left.value.code, int)
+    return left.value.code, said.out, said.err
+
+
+def test_it_prints_one_line_of_numbers_per_controller(capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, _ = simulate(capsys, *SHORT)
+    assert code == 0
+    lines = out.splitlines()
+    assert lines[0].startswith("SIMULATED pitch bench pquad, model pitch_pquad, gains s3")
+    assert [line.split()[0] for line in lines[3:6]] == ["pid", "feedforward", "observer"]
+    assert float(lines[3].split()[3]) == pytest.approx(-1.6, abs=0.2)
+
+
+def test_it_writes_recordings_a_table_and_a_figure_and_overwrites_nothing(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    out = tmp_path / "study"
+    words = (*SHORT, "--controllers", "pid,observer+feedforward", "--out", str(out))
+    assert simulate(capsys, *words)[0] == 0
+    assert sorted(path.name for path in out.iterdir()) == [
+        "numbers.txt", "observer-feedforward.csv", "pid.csv", "pitch.png", "pitch.svg",
+    ]  # fmt: skip
+    recording = read_samples(out / "pid.csv")
+    assert recording.names[:5] == ("time_s", "theta_ref_rad", "theta_rad", "gyro_rad_s", "pwm1_us")
+    assert {"pwm4_us", "rpm4", "plate_z_m", "disturbance_Nm"} <= set(recording.names)
+    assert len(recording) == 13 * 250
+    parked = recording.column("plate_z_m") == 1.0
+    assert parked[:2000].all()
+    assert recording.column("plate_z_m")[~parked].mean() == pytest.approx(0.24, abs=1e-3)
+    svg = (out / "pitch.svg").read_text(encoding="utf-8")
+    assert "simulated-stamp" in svg
+    assert svg.count('id="over-plate"') == 2
+    code, _, err = simulate(capsys, *words)
+    assert code == 2
+    assert "exists already" in err
+
+
+def test_a_controller_of_ones_own_is_named_on_the_command_line(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "lawofmine.py").write_text(
+        "class Law:\n    def step(self, measurement, reference, dt_s):\n"
+        "        error = reference.theta_rad - measurement.theta_rad\n"
+        "        return 0.018 * 7.4 * (2.9 * error - measurement.rate_rad_s)\n"
+        "class Bad:\n    def step(self, measurement, reference, dt_s):\n"
+        "        return 1.0 / 0.0\n",
+        encoding="utf-8",
+    )
+    monkeypatch.chdir(tmp_path)
+    code, out, _ = simulate(capsys, *SHORT, "--controllers", "pid,lawofmine:Law")
+    assert code == 0
+    pid, own = out.splitlines()[3:5]
+    assert pid.split()[1:] == own.split()[1:]
+    code, _, err = simulate(capsys, *SHORT, "--controllers", "lawofmine:Bad")
+    assert code == 2
+    assert "lawofmine.py line 7: return 1.0 / 0.0" in err
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--controllers", "pdi"), "unknown controller"),
+        (("--controllers", ","), "no controller was named"),
+        (("--controllers", "no_such_module_here:Law"), "No module named"),
+        (("--controllers", "math:Law"), "has no class Law with a method step"),
+        (("--gains", "s4"), "unknown gain set"),
+        (("--schedule", "plat"), "did you mean 'plate'"),
+        (("--set", "K_b"), "write NAME=NUMBER"),
+        (("--set", "K_b=nan"), "write NAME=NUMBER"),
+        (("--set", "Kb=2"), "unknown number to set or vary 'Kb'"),
+        (("--set", "stiffness_Nm_per_rad=2"), "known: cable.stiffness.*hinge_spring.stiffness"),
+        (("--set", "coulomb_friction.torque_Nm=-1"), "outside its bounds"),
+        (("--set", "motor_lag.tau_s=0.0001"), "raise plant_rate_Hz to 20000"),
+        (("--set", "bench.inertia_kgm2=0"), "inertia_kgm2 is 0"),
+        (("--set", "bench.mass=1"), "known: inertia_kgm2"),
+        (("--set", "gains.attitude.kq=1"), "known: k_i_q_per_s2"),
+        (("--duration-s", "-1"), "duration_s is -1"),
+        (("--feedforward", "guess"), "known: distance, range"),
+    ],
+)
+def test_bad_input_is_one_sentence_and_exit_code_2(
+    capsys: pytest.CaptureFixture[str], words: tuple[str, ...], message: str
+) -> None:
+    import re
+
+    code, _, err = simulate(capsys, *words)
+    assert code == 2
+    assert re.search(message, err), err
+    assert err.count("\n") == 1
+
+
+def test_numbers_are_set_by_name() -> None:
+    setup = changed(
+        pitch_setup(),
+        {
+            "K_b": 1.5,
+            "hinge_spring.stiffness_Nm_per_rad": 0.3,
+            "gains.attitude": 1.2,
+            "gains.observer.rate_per_s": 6.0,
+            "bench.inertia_kgm2": 0.02,
+            "feedforward.strength": 0.8,
+        },
+    )
+    assert setup.bench.model.parameters["body_lift.K_b"].value == 1.5
+    assert setup.bench.model.parameters["hinge_spring.stiffness_Nm_per_rad"].value == 0.3
+    pid, feedforward, observer = setup.controls
+    assert pid.gains is not None
+    assert pid.gains.attitude.k_theta_per_s == pytest.approx(2.9 * 1.2)
+    assert pid.gains.attitude.rate_limit_rad_s == 3.5
+    assert observer.gains is not None
+    assert observer.gains.observer.rate_per_s == 6.0
+    assert setup.bench.inertia_kgm2 == 0.02
+    assert feedforward.feedforward.strength == 0.8
+    assert pid.feedforward.strength == 0.0
+
+
+def test_without_a_plate_the_table_gives_errors_of_following() -> None:
+    study = pitch_study(pitch_setup(schedule="steps", controllers=("pid",)))
+    head, line = table_lines(study)
+    assert "RMS error" in head
+    assert float(line.split()[2]) == pytest.approx(20.0, abs=0.5)
+
+
+def test_a_switch_in_the_run_removes_what_the_pid_left() -> None:
+    """As in Fig. 27: the plate stays, the observer comes in at 20 s, without a bump."""
+    study = pitch_study(pitch_setup(schedule="switch", controllers=("observer",)))
+    run = study.runs[0]
+    theta = np.degrees(run.column("true_theta_rad"))
+    at = run.time_s
+    assert theta[(at > 15.0) & (at < 20.0)].mean() == pytest.approx(-1.6, abs=0.25)
+    assert abs(theta[(at > 25.0) & (at < 30.0)].mean()) < 0.15
+    torque = run.column("torque_Nm")
+    switch = int(20.0 * run.rate_Hz)
+    assert abs(torque[switch] - torque[switch - 1]) < 5.0 * np.std(
+        np.diff(torque[switch - 500 : switch])
+    )
