@@ -61,12 +61,14 @@ def measure(
     thrust = average(scale.thrust_N(samples), scale.quantum_N)
     time_s = float(samples.column("time_s").mean())
 
+    def average_of(name: str) -> Average:
+        return average(samples.column(name)) if name in samples else Average(nan, nan, nan, 0)
+
     def mean_of(name: str, otherwise: float) -> float:
-        if name not in samples:
-            return otherwise
-        found: Average = average(samples.column(name))
+        found = average_of(name)
         return found.mean if found.n else otherwise
 
+    speeds = [average_of(f"rpm{rotor + 1}") for rotor in range(len(visit.setting.pwm_us))]
     return Point(
         point=visit.point,
         kind=visit.kind,
@@ -75,7 +77,8 @@ def measure(
         time_s=time_s,
         elapsed_s=time_s - tared.time_s,
         pwm_us=visit.setting.pwm_us,
-        rpm=tuple(mean_of(f"rpm{rotor + 1}", nan) for rotor in range(len(visit.setting.pwm_us))),
+        rpm=tuple(speed.mean for speed in speeds),
+        rpm_se=tuple(speed.se for speed in speeds),
         thrust_N=thrust.mean,
         thrust_sd_N=thrust.sd,
         thrust_se_N=thrust.se,

@@ -80,6 +80,7 @@ def tare_point(tared: Tared, n_rotors: int) -> Point:
         elapsed_s=0.0,
         pwm_us=(nan,) * n_rotors,
         rpm=(0.0,) * n_rotors,
+        rpm_se=(0.0,) * n_rotors,
         thrust_N=tared.rest_N.mean,
         thrust_sd_N=tared.rest_N.sd,
         thrust_se_N=tared.rest_N.se,

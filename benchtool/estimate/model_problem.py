@@ -163,7 +163,7 @@ def _thrust(model: Model, conditions: Conditions) -> Callable[[Any], Any]:
 
 
 def _ratio(model: Model, conditions: Conditions, reference: Conditions) -> Callable[[Any], Any]:
-    """Return the thrust ratio at equal rotor speeds, which the law takes for equal pwm and power."""
+    """Return the thrust ratio at equal speeds, which the law takes for equal pwm and power too."""
     near, far = Prepared(model, conditions), Prepared(model, reference)
     fill = _filler(model.parameters)
 

@@ -17,7 +17,7 @@ from benchtool.errors import InputError
 from benchtool.library import LoadedModel, load_model, read_columns
 from benchtool.recipes.recipe import Recipe
 from benchtool.store import code_of, data_hash, is_run, read_points, read_table
-from benchtool.store.ratios import ratios
+from benchtool.store.ratios import ratios, relative_speed_error
 
 Array = NDArray[np.float64]
 
@@ -144,7 +144,8 @@ def _thrust_with_error(points: Recording, is_whole_run: bool) -> tuple[Array, Ar
     thrust = points.si("thrust_N")
     for name in ("thrust_se_N", "thrust_sd_N"):
         if name in points and np.isfinite(points.column(name)).any():
-            return thrust, points.si(name), "within" if is_whole_run else "stated"
+            error = np.hypot(points.si(name), thrust * relative_speed_error(points))
+            return thrust, error, "within" if is_whole_run else "stated"
     return thrust, np.ones(len(points)), "none"
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 
 from benchtool.core.channel import Channel
 from benchtool.errors import UnknownChoice
@@ -52,8 +53,14 @@ _SUFFIXES: dict[str, str] = {
     "Pa": "Pa",
     "raw": "count",
 }
+_SPEED = re.compile(r"rpm\d+|pwm\d+_us")
 _RPM = re.compile(r"rpm\d*(_sd|_se)?")
 _PWM = re.compile(r"pwm\d+_us")
+
+
+def speed_columns(names: Iterable[str], family: str = "") -> list[str]:
+    """Return the columns of rotor speeds and pulses, or only those that begin with `family`."""
+    return [name for name in names if _SPEED.fullmatch(name) and name.startswith(family)]
 
 
 def unit_told_by(name: str) -> str:

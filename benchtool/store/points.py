@@ -22,6 +22,7 @@ class Point:
         time_s: middle of the samples, since the run began.
         elapsed_s: the same since the last tare.
         pwm_us, rpm: (n_rotors,) mean command and mean speed; nan where unknown.
+        rpm_se: (n_rotors,) standard error of the mean speed, as that of thrust.
         thrust_N, thrust_sd_N, thrust_se_N: mean over samples, their standard deviation, and the
             standard error of the mean with autocorrelation accounted for.
         n_samples: thrust samples in the mean.
@@ -36,6 +37,7 @@ class Point:
     elapsed_s: float
     pwm_us: tuple[float, ...]
     rpm: tuple[float, ...]
+    rpm_se: tuple[float, ...]
     thrust_N: float
     thrust_sd_N: float
     thrust_se_N: float
@@ -61,6 +63,7 @@ def point_columns(n_rotors: int) -> tuple[str, ...]:
         *("point", "kind", "setting", "repeat", "time_s", "elapsed_s"),
         *(f"pwm{i + 1}_us" for i in range(n_rotors)),
         *(f"rpm{i + 1}" for i in range(n_rotors)),
+        *(f"rpm{i + 1}_se" for i in range(n_rotors)),
         *("thrust_N", "thrust_sd_N", "thrust_se_N", "n_samples"),
         *("plate_z_m", "plate_x_m", "plate_tilt_deg"),
         *("voltage_V", "current_A", "torque_Nm", "temperature_degC", "settled"),
@@ -72,6 +75,7 @@ def point_cells(point: Point) -> list[str]:
     numbers = (
         *point.pwm_us,
         *point.rpm,
+        *point.rpm_se,
         *(point.thrust_N, point.thrust_sd_N, point.thrust_se_N, point.n_samples),
         *(point.plate_z_m, point.plate_x_m, point.plate_tilt_deg),
         *(point.voltage_V, point.current_A, point.torque_Nm, point.temperature_degC),

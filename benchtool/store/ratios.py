@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from benchtool.core.recording import Recording
 from benchtool.errors import InputError, UnknownChoice
-from benchtool.store.columns import code_of
+from benchtool.store.columns import code_of, speed_columns
 
 Array = NDArray[np.float64]
 
@@ -46,6 +46,8 @@ def ratios(points: Recording, basis: str) -> tuple[Array, Array]:
             "divide by; fit with --basis joint, or sweep with references"
         )
     relative = _relative_error(points, thrust)
+    if basis == "equal_rpm2":
+        relative = np.hypot(relative, relative_speed_error(points))
     chosen = [_references(points, parked, row) for row in range(len(points))]
     if basis == "equal_power":
         level = thrust / _thrust_at_power(points, thrust, parked)
@@ -64,21 +66,38 @@ def ratios(points: Recording, basis: str) -> tuple[Array, Array]:
 
 def _references(points: Recording, parked: NDArray[np.bool_], row: int) -> NDArray[np.intp]:
     """Return the references of one visit: same pulses (a device that does not echo them is nan)."""
-    pulses = np.column_stack(
-        [points.column(name) for name in points.names if name.startswith("pwm")]
-    ).round(3)
+    pulses = _stack(points, speed_columns(points.names, "pwm")).round(3)
     alike = parked & ((pulses == pulses[row]) | np.isnan(pulses)).all(axis=1)
     paired = alike & (points.column("repeat") == points.column("repeat")[row])
     return np.flatnonzero(paired if paired.any() else alike)
 
 
 def _squared_speed(points: Recording) -> Array:
-    speeds = np.column_stack(
-        [points.column(name) for name in points.names if name.startswith("rpm")]
-    )
+    speeds = _stack(points, speed_columns(points.names, "rpm"))
     squared = np.nansum(speeds**2, axis=1)
     squared[np.isnan(speeds).all(axis=1) | (squared == 0.0)] = np.nan
     return np.asarray(squared, float)
+
+
+def relative_speed_error(points: Recording) -> Array:
+    """Return the relative error (n,) that the speeds' errors make in k times the sum of w^2.
+
+    Thrust is compared at measured speeds, and those have errors too: 2 sqrt(sum (w se)^2) over
+    sum w^2; 0 where no errors of speed are told.
+    """
+    names = speed_columns(points.names, "rpm")
+    if not names or any(f"{name}_se" not in points for name in names):
+        return np.zeros(len(points))
+    errors = np.nan_to_num(_stack(points, [f"{name}_se" for name in names]))
+    speeds = np.nan_to_num(_stack(points, names))
+    squared = np.sum(speeds**2, axis=1)
+    spread = 2.0 * np.sqrt(np.sum((speeds * errors) ** 2, axis=1))
+    out: Array = np.divide(spread, squared, out=np.zeros(len(points)), where=squared > 0.0)
+    return out
+
+
+def _stack(points: Recording, names: list[str]) -> Array:
+    return np.column_stack([points.column(name) for name in names])
 
 
 def _relative_error(points: Recording, thrust: Array) -> Array:

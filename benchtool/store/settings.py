@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from benchtool.core.recording import Recording
 from benchtool.errors import InputError
-from benchtool.store.columns import channel_called, code_of
+from benchtool.store.columns import channel_called, code_of, speed_columns
 from benchtool.store.ratios import ratios
 
 Array = NDArray[np.float64]
@@ -36,7 +36,7 @@ def aggregate(points: Recording) -> Recording:
     measured = points.select(
         (kinds == code_of("kind", "measure")) | (kinds == code_of("kind", "reference"))
     )
-    names = [*_speed_names(points), *(name for name in _MEANS if name in points)]
+    names = [*speed_columns(points.names), *(name for name in _MEANS if name in points)]
     header = (
         *("setting", "kind", "n_repeats"),
         *names,
@@ -67,14 +67,6 @@ def aggregate(points: Recording) -> Recording:
     values = np.array(rows, float).reshape(len(rows), len(header))
     channels = tuple(channel_called(name) for name in header)
     return Recording(channels, values, points.provenance, points.simulated)
-
-
-def _speed_names(points: Recording) -> list[str]:
-    return [
-        name
-        for name in points.names
-        if (name.startswith("pwm") and name.endswith("_us")) or name.startswith("rpm")
-    ]
 
 
 def _ratios(points: Recording, basis: str) -> Array:

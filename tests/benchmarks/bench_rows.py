@@ -76,6 +76,7 @@ def one_point(folder: Path) -> tuple[float, float]:
         elapsed_s=1.0,
         pwm_us=(1500.0,),
         rpm=(5000.0,),
+        rpm_se=(1.5,),
         thrust_N=2.2,
         thrust_sd_N=0.1,
         thrust_se_N=0.01,

@@ -21,6 +21,7 @@ def point(number: int, kind: str, setting: int, repeat: int, thrust_N: float) ->
         elapsed_s=10.0 * number - 1.5,
         pwm_us=(1500.0,),
         rpm=(5000.0 + repeat,),
+        rpm_se=(1.5,),
         thrust_N=thrust_N,
         thrust_sd_N=0.1,
         thrust_se_N=0.01,
