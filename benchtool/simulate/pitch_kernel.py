@@ -13,7 +13,7 @@ from typing import Any
 from benchtool.aero.expression import loop_part
 from benchtool.simulate import pitch_rows as r
 from benchtool.simulate.pitch_lane import arrive_lane, range_lane, sense_lane, step_lane
-from benchtool.simulate.pitch_law import control_lane, expect_lane, mix_lane
+from benchtool.simulate.pitch_law import control_lane, expect_lane, mix_lane, turn_lane
 from benchtool.simulate.pitch_shared import Shared
 
 
@@ -44,15 +44,15 @@ def run_ticks(
         past: true pitch, rate and plate distance lately, the same way, for delayed sensors.
         log: (n_ticks, n_logged, n_lanes), filled with the rows `logged` of each tick.
         logged: rows to log (n_logged,).
-        schedule: (9, n_ticks), see `pitch_rows`.
+        schedule: (9 or more, n_ticks), see `pitch_rows`.
         fresh: (n_ticks + 1, 5) which sensors have a new reading at a tick.
         table: (n, 3) places x, y of the discs and root of the rotors on each.
         distances: (n, n) between discs.
         arms: (n,) from the body's centre, for eq. (4).
-        plan: integers (11,): first tick, tick to stop before, plant steps per tick, whether the
-            controller is the caller's, ring length of `sent`, whether commands are delayed, ring
-            length of `past`, delays of encoder, gyro and plate in ticks, whether the range sensors
-            serve the feedforward.
+        plan: integers (11,): first tick, tick to stop before, plant steps per tick, who controls
+            (0 the built-in laws, 1 the caller, 2 pulses in the schedule), ring length of `sent`,
+            whether commands are delayed, ring length of `past`, delays of encoder, gyro and plate
+            in ticks, whether range sensors serve the feedforward.
         dt_s: plant step: s.
         lanes: one entry per lane, from the spelled-out module.
         hooks: the spelled-out effects.
@@ -89,9 +89,16 @@ def run_ticks(
             for i in range(len(x)):
                 for lane in range(at):
                     w[(r.FACTOR + i) * at + lane] = 1.0
-        dither = schedule[r.S_DITHER, tick]
+        if external == 2:
+            for i in range(len(x)):
+                for lane in range(at):
+                    w[(r.PWM + i) * at + lane] = schedule[r.S_PULSES + i, tick]
+        else:
+            dither = schedule[r.S_DITHER, tick]
+            for lane in range(at):
+                mix_lane(w, lane, at, dither, span, x)
         for lane in range(at):
-            mix_lane(w, lane, at, dither, span, shared, hooks)
+            turn_lane(w, lane, at, shared, hooks)
         for i in range(len(x)):
             for lane in range(at):
                 sent[(i * ring + tick % ring) * at + lane] = w[(r.TARGET + i) * at + lane]

@@ -91,10 +91,8 @@ def expect_lane(w: Any, lane: Any, at: Any, now: Any, shared: Any, hooks: Any) -
 
 
 @loop_part
-def mix_lane(w: Any, lane: Any, at: Any, dither: Any, span: Any, shared: Any, hooks: Any) -> None:
+def mix_lane(w: Any, lane: Any, at: Any, dither: Any, span: Any, x: Any) -> None:
     """Share torque and collective out to the rotors of one lane, as whole pulses within limits."""
-    x = shared.x
-    p = hooks.numbers(w, r.EFFECTS, lane, at)
     slope, start = w[r.BELIEVED_SLOPE * at + lane], w[r.BELIEVED_START * at + lane]
     for i in range(len(x)):
         wanted = w[r.COLLECTIVE * at + lane] - x[i] / span * w[r.TORQUE * at + lane]
@@ -103,25 +101,20 @@ def mix_lane(w: Any, lane: Any, at: Any, dither: Any, span: Any, shared: Any, ho
         pwm = pwm_from_speed(speed, slope, start, 1.0, 1.0)
         pwm = pwm - np.sign(x[i]) * (w[r.DIFFERENCE * at + lane] + dither)
         pwm = np.minimum(np.maximum(pwm, w[r.PWM_MIN * at + lane]), w[r.PWM_MAX * at + lane])
-        pwm = rounded(pwm, w[r.PWM_QUANTUM * at + lane])
-        w[(r.PWM + i) * at + lane] = pwm
-        w[(r.TARGET + i) * at + lane] = speed_from_pwm(
-            pwm, w[r.SLOPE * at + lane], w[r.START * at + lane], 1.0, 1.0
-        )
+        w[(r.PWM + i) * at + lane] = rounded(pwm, w[r.PWM_QUANTUM * at + lane])
+
+
+@loop_part
+def turn_lane(w: Any, lane: Any, at: Any, shared: Any, hooks: Any) -> None:
+    """Turn the pulses of one lane into the speeds that its rotors will settle at."""
+    x, time_s = shared.x, shared.time_s
+    slope, start = w[r.SLOPE * at + lane], w[r.START * at + lane]
+    for i in range(len(x)):
+        pwm = w[(r.PWM + i) * at + lane]
+        w[(r.TARGET + i) * at + lane] = speed_from_pwm(pwm, slope, start, 1.0, 1.0)
     target = hooks.of_discs(w, r.TARGET, lane, at)
-    flow = hooks.bare(
-        w[r.RADIUS * at + lane],
-        x,
-        shared.y,
-        target,
-        target,
-        target,
-        shared.time_s,
-        0.0,
-        0.0,
-        1.0,
-        0.0,
-    )
-    given = hooks.speeds(flow, p)
+    radius = w[r.RADIUS * at + lane]
+    flow = hooks.bare(radius, x, shared.y, target, target, target, time_s, 0.0, 0.0, 1.0, 0.0)
+    given = hooks.speeds(flow, hooks.numbers(w, r.EFFECTS, lane, at))
     for i in range(len(x)):
         w[(r.TARGET + i) * at + lane] = given[i]

@@ -121,6 +121,8 @@ EFFECTS = next(_rows)
     S_DITHER,  # us, added to the pulses of the discs that push nose down
 ) = range(9)
 SCHEDULE_ROWS = 9
+S_PULSES = 9
+"""First of the rows with the pulses of each disc, in us, where a log drives the bench."""
 
 # --- sensors in the order of the flags that say when each has a new reading ---------------------
 F_THETA, F_GYRO, F_PLATE, F_SPEED, F_RANGE = range(5)

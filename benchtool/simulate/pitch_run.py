@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from types import ModuleType
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.control.pitch import PitchControl
+from benchtool.control.pitch import Feedforward, PitchControl
 from benchtool.core.schedule import SampledSchedule
 from benchtool.effects.model import Model
 from benchtool.errors import InputError
@@ -52,7 +53,15 @@ def log_rows(n_discs: int) -> NDArray[np.int64]:
 
 
 class PitchLoop:
-    """Hold everything a compiled loop needs for a few lanes that share schedule and structure."""
+    """Hold everything a compiled loop needs for a few lanes that share schedule and structure.
+
+    Args:
+        jobs: one per lane.
+        schedule: commands, the same for all.
+        seed, runs: of the noise; the number of each lane's run under the seed.
+        external: the controller is the caller's, tick by tick.
+        log: (n_ticks, n_rows, n_lanes) to log into; a new one when None or of another shape.
+    """
 
     def __init__(
         self,
@@ -62,6 +71,7 @@ class PitchLoop:
         runs: Sequence[int],
         *,
         external: bool = False,
+        log: Array | None = None,
     ) -> None:
         first = jobs[0]
         bench, model = first.bench, first.bench.model
@@ -70,7 +80,8 @@ class PitchLoop:
         models = [model for job in jobs for model in (job.bench.model, job.belief)]
         effects = loop_effects(*models)
         self._module: ModuleType = pitch_module(effects, self.n_discs, self.lanes, model.wake_rule)
-        columns = [pack(job.bench, job.control, job.belief, effects) for job in jobs]
+        packed = {id(job): pack(job.bench, job.control, job.belief, effects) for job in jobs}
+        columns = [packed[id(job)] for job in jobs]
         self.substeps = substeps_of(bench, schedule.rate_Hz)
         self.dt_s = 1.0 / bench.plant_rate_Hz
         ticks = len(schedule)
@@ -81,9 +92,12 @@ class PitchLoop:
         self.sent = np.zeros(self.n_discs * self.ring * self.lanes)
         self.past = np.zeros(3 * PAST * self.lanes)
         self.rows = log_rows(self.n_discs)
-        self.log = np.empty((ticks, len(self.rows), self.lanes))
-        self.table = scheduled(schedule, first, bench.hover_N)
-        self.fresh = fresh_flags(bench, schedule)
+        shape = (ticks, len(self.rows), self.lanes)
+        self.log = log if log is not None and log.shape == shape else np.empty(shape)
+        control = first.control
+        self.table = scheduled(schedule, control.feedforward, control.observer, bench.hover_N)
+        rates_Hz = (bench.sensors.get(name, PitchSensor()).rate_Hz for name in SENSOR_NAMES)
+        self.fresh = fresh_flags(tuple(rates_Hz), len(schedule), schedule.rate_Hz)
         self.geometry = geometry_of(model)
         ranging = int(
             first.control.feedforward.source == "range" and first.control.feedforward.strength > 0.0
@@ -119,6 +133,11 @@ class PitchLoop:
             self.fresh, *self.geometry, self.plan, self.dt_s,
         )  # fmt: skip
 
+    def drive(self, pwm_us: Array) -> None:
+        """Take the pulses (n_discs, n_ticks) from a log; no controller runs."""
+        self.table = np.vstack([self.table, pwm_us])
+        self.plan[3] = 2
+
     def stepper(self) -> Callable[[int], None]:
         """Return a function that runs one control tick, as quickly as it can be called."""
         plan, run = self.plan, self._module.run
@@ -152,9 +171,11 @@ def substeps_of(bench: PitchBench, rate_Hz: float) -> int:
     return whole
 
 
-def scheduled(schedule: SampledSchedule, job: PitchJob, hover_N: float) -> Array:
+@lru_cache(maxsize=4)
+def scheduled(
+    schedule: SampledSchedule, known: Feedforward, observing: bool, hover_N: float
+) -> Array:
     """Return the schedule as the loop takes it (9, n_ticks)."""
-    known = job.control.feedforward
     shift = round(known.late_s * schedule.rate_Hz)
     source = np.clip(np.arange(len(schedule)) - shift, 0, len(schedule) - 1)
     table = np.empty((r.SCHEDULE_ROWS, len(schedule)))
@@ -164,18 +185,16 @@ def scheduled(schedule: SampledSchedule, job: PitchJob, hover_N: float) -> Array
     table[r.S_SHARE] = schedule.plate_share
     table[r.S_BELIEVED_PLATE] = schedule.plate_z_m[source] + known.height_error_m
     table[r.S_BELIEVED_SHARE] = schedule.plate_share[source]
-    table[r.S_OBSERVER] = schedule.observer * float(job.control.observer)
+    table[r.S_OBSERVER] = schedule.observer * float(observing)
     table[r.S_FEEDFORWARD] = schedule.feedforward * float(known.strength > 0.0)
     table[r.S_DITHER] = schedule.dither_us
     return table
 
 
-def fresh_flags(bench: PitchBench, schedule: SampledSchedule) -> NDArray[np.uint8]:
-    """Return which sensor has a new reading at which tick (n_ticks + 1, 5)."""
-    flags = [
-        due(0, len(schedule) + 1, bench.sensors.get(name, PitchSensor()).rate_Hz, schedule.rate_Hz)
-        for name in SENSOR_NAMES
-    ]
+@lru_cache(maxsize=4)
+def fresh_flags(rates_Hz: tuple[float, ...], ticks: int, control_Hz: float) -> NDArray[np.uint8]:
+    """Return which sensor has a new reading at which tick (n_ticks + 1, n_sensors)."""
+    flags = [due(0, ticks + 1, rate_Hz, control_Hz) for rate_Hz in rates_Hz]
     return np.ascontiguousarray(np.column_stack(flags).astype(np.uint8))
 
 

@@ -1,0 +1,128 @@
+"""Batches: what a run gives depends on its seed and number alone."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchtool.simulate.noise import lane_states, next_state, normal, uniform
+from benchtool.simulate.pitch_batch import LANES, simulate_many
+from benchtool.simulate.pitch_run import PitchLoop
+from benchtool.simulate.pitch_simulate import simulate_pitch, taken
+from benchtool.simulate.trigonometry import cosine, sine
+from tests.unit.simulate.pitching import STEADY_PLATE, SWAY, job, noisy_bench, sampled, soft
+
+SCHEDULE = sampled(0.5, reference_deg=SWAY, plate=STEADY_PLATE)
+
+
+def whole_log(loop: PitchLoop, lane: int, run: int) -> tuple[int, np.ndarray]:
+    return run, loop.log[:, :, lane].copy()
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_a_run_is_the_same_alone_and_in_any_batch(threads: int) -> None:
+    each = job(noisy_bench("pitch_beam"), soft("observer"))
+    many = dict(simulate_many([each] * (LANES + 5), SCHEDULE, whole_log, seed=9, threads=threads))
+    assert list(many) == list(range(LANES + 5))
+    for run in (0, 3, LANES - 1, LANES, LANES + 4):
+        alone = simulate_pitch(each, SCHEDULE, seed=9, run=run)
+        np.testing.assert_allclose(many[run], alone.log, rtol=1e-12, atol=1e-13)
+    assert not np.array_equal(many[0], many[1])
+
+
+def test_lanes_differ_where_their_benches_differ() -> None:
+    benches = [replace(noisy_bench(), inertia_kgm2=0.018 + 0.001 * k) for k in range(4)]
+    jobs = [job(bench, soft()) for bench in benches]
+    for (_, log), each in zip(simulate_many(jobs, SCHEDULE, whole_log), jobs, strict=True):
+        run = simulate_pitch(each, SCHEDULE, run=jobs.index(each))
+        np.testing.assert_allclose(log, run.log, rtol=1e-12, atol=1e-13)
+
+
+def test_blocks_are_taken_from_an_endless_supply_as_they_are_needed() -> None:
+    given = []
+
+    def supply() -> object:
+        each = job(noisy_bench(), soft())
+        while True:
+            given.append(1)
+            yield each
+
+    results = simulate_many(supply(), SCHEDULE, whole_log, threads=1)  # type: ignore[arg-type]
+    next(results)
+    assert len(given) <= 4 * LANES
+    results.close()  # type: ignore[attr-defined]
+
+
+def test_plain_python_gives_the_same_numbers_as_the_compiled_loop() -> None:
+    """The same source without a compiler, in a process that cannot import one."""
+    short = sampled(0.06, reference_deg=SWAY, plate=STEADY_PLATE)
+    run = simulate_pitch(
+        job(noisy_bench("pitch_beam"), soft("observer+feedforward")), short, seed=4
+    )
+    code = (
+        "import sys; sys.modules['numba'] = None\n"
+        "from tests.unit.simulate.pitching import *\n"
+        "from benchtool.simulate.pitch_simulate import simulate_pitch\n"
+        "short = sampled(0.06, reference_deg=SWAY, plate=STEADY_PLATE)\n"
+        "bench = noisy_bench('pitch_beam')\n"
+        "run = simulate_pitch(job(bench, soft('observer+feedforward')), short, seed=4)\n"
+        "print(run.log[-1].tolist())\n"
+    )
+    said = subprocess.run(
+        [sys.executable, "-W", "error", "-c", code],
+        check=True, capture_output=True, text=True, timeout=120,
+    )  # fmt: skip
+    np.testing.assert_allclose(eval(said.stdout), run.log[-1], rtol=1e-9, atol=1e-12)
+
+
+def test_a_lane_that_leaves_the_finite_numbers_is_reported() -> None:
+    loop = PitchLoop([job(noisy_bench(), soft())], SCHEDULE, 0, [0])
+    loop.run()
+    loop.log[100, 3, 0] = np.nan
+    with pytest.raises(Exception, match=r"left the finite numbers at 0\.2 s"):
+        taken(loop, 0, "pid")
+
+
+def drawn(count: int, seed: int = 1) -> np.ndarray:
+    states = lane_states(seed, range(count))
+    first = next_state(states)
+    return np.asarray(normal(first, next_state(first)))
+
+
+def test_normal_numbers_are_normal() -> None:
+    states = lane_states(3, range(2000))
+    numbers = []
+    for _ in range(500):
+        states = next_state(states)
+        first = states
+        states = next_state(states)
+        numbers.append(normal(first, states))
+    values = np.concatenate(numbers)
+    assert values.mean() == pytest.approx(0.0, abs=4e-3)
+    assert values.std() == pytest.approx(1.0, abs=3e-3)
+    assert np.mean(values**4) == pytest.approx(3.0, abs=0.04)
+    for level, share in ((1.0, 0.15866), (2.0, 0.02275), (3.0, 0.00135)):
+        for tail in (values > level, values < -level):
+            assert tail.mean() == pytest.approx(share, abs=4.0 * np.sqrt(share / values.size))
+    table = np.array(numbers)
+    assert abs(np.mean(table[1:] * table[:-1])) < 4e-3
+    assert abs(np.mean(table[:, 1:] * table[:, :-1])) < 4e-3
+
+
+def test_uniform_numbers_and_seeds() -> None:
+    shown = uniform(next_state(lane_states(0, range(20_000))))
+    assert shown.min() >= 0.0
+    assert shown.max() < 1.0
+    assert shown.mean() == pytest.approx(0.5, abs=0.01)
+    assert lane_states(7, [3])[0] == lane_states(7, range(5))[3]
+    assert len(set(drawn(1000))) > 990
+
+
+def test_polynomials_are_sine_and_cosine_up_to_a_quarter_turn() -> None:
+    angles = np.linspace(-np.pi / 2.0, np.pi / 2.0, 2001)
+    np.testing.assert_allclose(sine(angles), np.sin(angles), atol=1e-15)
+    np.testing.assert_allclose(cosine(angles), np.cos(angles), atol=1e-15)
