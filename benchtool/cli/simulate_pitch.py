@@ -30,6 +30,12 @@ def command(
     feedforward: Annotated[
         str, typer.Option(help="What feedforward knows: distance or range (sensors).")
     ] = "distance",
+    vary: Annotated[
+        list[str] | None,
+        typer.Option(help="NAME=FROM:TO:COUNT: a campaign over a grid; --out is needed."),
+    ] = None,
+    seeds: Annotated[int, typer.Option(help="Seeds per point of a campaign.", min=1)] = 1,
+    samples: Annotated[int, typer.Option(help="Random points in place of the grid.", min=0)] = 0,
     out: Annotated[
         Path | None, typer.Option(help="Folder for recordings, table and figure.")
     ] = None,
@@ -59,6 +65,13 @@ def command(
     setup = changed(setup, name_values(settings or [], "--set"))
     if duration_s:
         setup = replace(setup, schedule=setup.schedule.lasting(duration_s))
+    if vary:
+        from benchtool.cli.campaign_display import run_with_progress
+
+        if own:
+            raise InputError("a campaign runs built-in controllers; leave your own out")
+        run_with_progress(setup, vary, seeds, samples, seed, out)
+        return
     study = pitch_study(setup, seed, own, only_own=not built_in)
     bench = setup.bench
     print(

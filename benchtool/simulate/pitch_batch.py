@@ -38,6 +38,7 @@ def simulate_many(
     first_run: int = 0,
     threads: int | None = None,
     lanes: int | None = None,
+    repeat: int | None = None,
 ) -> Iterator[T]:
     """Yield what `take(loop, lane, run)` makes of every run, in order.
 
@@ -49,12 +50,14 @@ def simulate_many(
         seed: of the noise.
         first_run: number of the first run under the seed.
         threads: how many at once; all cores when None.
+        repeat: begin again with `first_run` after so many runs, so that groups of runs share their
+            noise; never when None.
         lanes: runs side by side; `LANES`, or 1 without a compiler, when None.
     """
     width = lanes if lanes is not None else (LANES if can_compile() else 1)
     workers = max(1, threads if threads is not None else (os.cpu_count() or 1))
     waiting = iter(jobs)
-    number = first_run
+    number = 0
     spare: list[NDArray[np.float64]] = []  # logs to write into again: fresh memory is slow
 
     def run_block(block: list[PitchJob], numbers: list[int]) -> list[T]:
@@ -75,7 +78,10 @@ def simulate_many(
                 block = list(islice(waiting, width))
                 if not block:
                     break
-                numbers = list(range(number, number + len(block)))
+                numbers = [
+                    first_run + (k % repeat if repeat else k)
+                    for k in range(number, number + len(block))
+                ]
                 number += len(block)
                 pending.append(pool.submit(run_block, block, numbers))
             if not pending:

@@ -41,6 +41,24 @@ class PitchJob:
         return self.believed if self.believed is not None else self.bench.model
 
 
+def shared_key(job: PitchJob) -> tuple[object, ...]:
+    """Return what lanes of one loop must have in common, as something that can be compared."""
+    bench, control = job.bench, job.control
+    known = control.feedforward
+    sensors = [bench.sensors.get(name, PitchSensor()) for name in SENSOR_NAMES]
+    model = bench.model
+    return (
+        model.rig.name,
+        model.wake_rule,
+        model.body_distance,
+        bench.plant_rate_Hz,
+        bench.hover_N,
+        control.observer,
+        (known.strength > 0.0, known.source, known.height_error_m, known.late_s),
+        tuple((sensor.rate_Hz, sensor.delay_s) for sensor in sensors),
+    )
+
+
 def log_rows(n_discs: int) -> NDArray[np.int64]:
     """Return the rows of the work space that a run logs, in the order of `PitchLog`."""
     scalars = [
@@ -74,6 +92,12 @@ class PitchLoop:
         log: Array | None = None,
     ) -> None:
         first = jobs[0]
+        for other in {id(job): job for job in jobs}.values():
+            if other is not first and shared_key(other) != shared_key(first):
+                raise InputError(
+                    "runs side by side must share rig, rates, delays, and what observer and "
+                    "feedforward know; simulate the others apart"
+                )
         bench, model = first.bench, first.bench.model
         self.lanes, self.schedule = len(jobs), schedule
         self.n_discs = model.rig.n_discs
