@@ -11,7 +11,7 @@ import numpy as np
 from benchtool.studies.campaign import Vary
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from benchtool.report.files import Figure
 
 
 def campaign_map(table: Path, varied: Sequence[Vary], measure: str = "rms_deg") -> Figure:

@@ -17,7 +17,7 @@ from benchtool.simulate.pitch_simulate import simulate_controller, simulate_pitc
 from benchtool.studies.pitch_setup import PitchSetup
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from benchtool.report.files import Figure
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -1,0 +1,92 @@
+"""The paper's bench cases (Figs 26 to 28) as a model study: a planar prototype's numbers.
+
+The absolute degrees follow from assumed inertias and gains; a match with the figures is not
+claimed. What is held: the prototype's peaks, residuals and rebounds where they stand out of
+friction and noise, and what distinguishes the controllers.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from benchtool.simulate.pitch_result import PlateNumbers
+from benchtool.studies.pitch import pitch_study, visit_numbers
+from benchtool.studies.pitch_setup import changed, pitch_setup
+
+SETS = {
+    "soft": ("s3", {}),
+    "slow integral": ("s3", {"gains.attitude.k_i_theta_per_s2": 0.5}),
+    "stiff": ("stiff", {}),
+}
+
+
+@lru_cache
+def numbers(rig: str, gains: str, controller: str, friction: float = 1.0) -> PlateNumbers:
+    """Return the medians over five seeds."""
+    name, values = SETS[gains]
+    setup = changed(pitch_setup(rig=rig, gains=name, controllers=(controller,)), values)
+    if friction != 1.0:
+        held = setup.bench.model.parameters["coulomb_friction.torque_Nm"].value
+        setup = changed(setup, {"coulomb_friction.torque_Nm": friction * held})
+    found = []
+    for seed in range(5):
+        run = pitch_study(setup, seed).runs[0]
+        found.append(visit_numbers(run, setup.schedule.plate[0], setup.schedule.duration_s))
+    return PlateNumbers(
+        **{
+            field: float(np.median([getattr(each, field) for each in found]))
+            for field in PlateNumbers.__slots__
+        }
+    )
+
+
+@pytest.mark.parametrize(
+    ("rig", "gains", "peak_deg", "residual_deg", "rebound_deg"),
+    [
+        ("pquad", "soft", 1.66, -1.65, 0.0),
+        ("pquad", "slow integral", 1.34, -0.10, 1.57),
+        ("pquad", "stiff", 0.49, -0.01, 0.45),
+        ("amuse", "soft", 0.65, -0.64, 0.0),
+        ("amuse", "slow integral", 0.50, -0.03, 0.53),
+        ("amuse", "stiff", 0.18, -0.02, 0.17),
+    ],
+)
+def test_the_pid_alone(
+    rig: str, gains: str, peak_deg: float, residual_deg: float, rebound_deg: float
+) -> None:
+    found = numbers(rig, gains, "pid")
+    assert np.degrees(found.peak_rad) == pytest.approx(-peak_deg, rel=0.15)
+    assert np.degrees(found.residual_rad) == pytest.approx(residual_deg, rel=0.12, abs=0.05)
+    assert np.degrees(found.rebound_rad) == pytest.approx(rebound_deg, rel=0.12, abs=0.02)
+
+
+@pytest.mark.parametrize("gains", SETS)
+@pytest.mark.parametrize("rig", ["pquad", "amuse"])
+def test_both_remedies_stand_far_below_the_pid(rig: str, gains: str) -> None:
+    """Between 2 (AMUSE, stiff, where noise is all that is left) and 50 times."""
+    least = 1.7 if rig == "amuse" and gains == "stiff" else 3.5
+    pid = abs(numbers(rig, gains, "pid").peak_rad)
+    for remedy in ("feedforward", "observer"):
+        assert pid > least * abs(numbers(rig, gains, remedy).peak_rad)
+    if gains == "soft":
+        for remedy in ("feedforward", "observer"):
+            residual = abs(numbers(rig, gains, remedy).residual_rad)
+            assert abs(numbers(rig, gains, "pid").residual_rad) > 10.0 * residual
+
+
+def test_the_opposite_bump_needs_an_integral_or_an_observer() -> None:
+    assert numbers("pquad", "soft", "pid").rebound_rad == 0.0
+    assert np.degrees(numbers("pquad", "slow integral", "pid").rebound_rad) > 1.0
+    assert np.degrees(numbers("pquad", "soft", "observer").rebound_rad) == pytest.approx(
+        0.25, abs=0.06
+    )
+
+
+def test_friction_hides_part_of_the_disturbance() -> None:
+    """From a fifth to half of the covered rotor's moment the PID's peak falls by a third."""
+    free, held = (abs(numbers("pquad", "soft", "pid", part).peak_rad) for part in (0.01, 2.5))
+    assert np.degrees(free) == pytest.approx(1.95, rel=0.1)
+    assert np.degrees(held) == pytest.approx(1.14, rel=0.2)
