@@ -57,11 +57,25 @@ class Spelling:
         return [(effect, call) for effect, call in found if call is not None]
 
     def imports(self) -> list[str]:
-        """Return the import lines of every hook named so far."""
+        """Return the import lines of every hook named so far.
+
+        A line about a hook of somebody else's holds a digest of its file, so that what was
+        compiled before an edit is not taken for what is there now.
+        """
         return [
-            f"from {module} import {name} as {alias}"
+            f"from {module} import {name} as {alias}{_stamp(module)}"
             for (module, name), alias in self._imports.items()
         ]
+
+
+def _stamp(module: str) -> str:
+    """Return a comment with a digest of a module's file; nothing for our own modules."""
+    if module.partition(".")[0] == __name__.partition(".")[0]:
+        return ""
+    file = getattr(sys.modules.get(module), "__file__", None)
+    if file is None:
+        return ""
+    return f"  # {hashlib.sha256(Path(file).read_bytes()).hexdigest()[:16]}"
 
 
 def summed(spelling: Spelling, hook: str, arguments: str) -> str:

@@ -1,0 +1,144 @@
+"""What a loop is made of: effects of one's own, feedforward's sources, what must be shared."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchtool.control.pitch import Feedforward
+from benchtool.core.schedule import PlateVisit
+from benchtool.effects.effect import Effect
+from benchtool.effects.model import Model
+from benchtool.errors import InputError, UnknownChoice
+from benchtool.library import rig_named
+from benchtool.simulate import pitch_rows as r
+from benchtool.simulate.pitch_bench import PitchBench, RangeFaults
+from benchtool.simulate.pitch_run import PitchLoop
+from benchtool.simulate.pitch_simulate import simulate_pitch
+from benchtool.simulate.spelled import Spelling
+from tests.unit.simulate.own_effect import MAGNET, SLUGGISH
+from tests.unit.simulate.pitching import STEADY_PLATE, job, quiet_bench, sampled, soft
+
+VISIT = (PlateVisit(z_over_R=1.0, in_s=1.0, out_s=1e6, move_s=0.5),)
+
+
+def with_effect(effect: Effect, **values: float) -> PitchBench:
+    model = Model.single(rig_named("beam")).with_effect("viscous_friction", damping_Nms=0.5)
+    return PitchBench.of(model.with_effect(effect, **values), sensors={})
+
+
+def test_an_effect_that_is_not_in_the_catalogue_acts_without_any_change_elsewhere() -> None:
+    run = simulate_pitch(job(with_effect(MAGNET)), sampled(8.0))
+    assert run.column("true_theta_rad")[-1] == pytest.approx(0.1, abs=1e-3)
+
+
+def test_a_hook_that_cannot_be_imported_is_refused() -> None:
+    nameless = replace(MAGNET, torque=lambda flow, p: 0.0)
+    with pytest.raises(InputError, match="is no function of its module"):
+        simulate_pitch(job(with_effect(nameless)), sampled(0.1))
+
+
+def test_a_second_lag_is_refused_with_its_name() -> None:
+    with pytest.raises(InputError, match="'sluggish' lags, delays or wanders"):
+        simulate_pitch(job(with_effect(SLUGGISH)), sampled(0.1))
+
+
+def peak(feedforward: Feedforward, bench: PitchBench | None = None) -> float:
+    used = quiet_bench("pquad") if bench is None else bench
+    run = simulate_pitch(job(used, soft("feedforward", feedforward)), sampled(4.0, plate=VISIT))
+    return float(np.max(np.abs(run.column("true_theta_rad"))))
+
+
+@lru_cache
+def unaided() -> float:
+    """Return the peak without any feedforward."""
+    return peak(Feedforward(strength=0.0))
+
+
+def test_a_feedforward_that_knows_everything_leaves_nothing() -> None:
+    """What is left while the plate moves in is the rotors' lag."""
+    assert unaided() > np.radians(5.0)
+    assert peak(Feedforward(strength=1.0)) < 0.15 * unaided()
+    exact = soft("feedforward", Feedforward(strength=1.0))
+    run = simulate_pitch(job(quiet_bench("pquad"), exact), sampled(6.0, plate=VISIT))
+    assert abs(run.column("true_theta_rad")[-1]) < 1e-5
+    half = peak(Feedforward(strength=0.5))
+    assert 0.4 * unaided() < half < 0.6 * unaided()
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"height_error_m": 0.04}, {"height_error_m": -0.02}, {"late_s": 0.5}, {"late_s": -0.5}],
+)
+def test_errors_of_its_map_show(wrong: dict[str, float]) -> None:
+    assert peak(Feedforward(strength=1.0, **wrong)) > 0.16 * unaided()
+
+
+def test_range_sensors_serve_the_feedforward_and_their_faults_show() -> None:
+    by_range = Feedforward(strength=1.0, source="range")
+    good = quiet_bench("pquad")
+    assert peak(by_range, good) < 0.35 * unaided()
+    noisy = good.with_sensor("range_m", noise=0.02, rate_Hz=50.0)
+    assert peak(by_range, noisy) < 0.5 * unaided()
+    deaf = replace(good, range_faults=RangeFaults(dropout=1.0))
+    assert peak(by_range, deaf) == pytest.approx(unaided(), rel=0.02)
+    lying = replace(good, range_faults=RangeFaults(false_echo=0.3))
+    assert peak(by_range, lying) > peak(by_range, good)
+    blind = replace(good, range_faults=RangeFaults(reach_m=0.05))
+    assert peak(by_range, blind) == pytest.approx(unaided(), rel=0.02)
+
+
+def test_a_false_echo_is_nearer_than_the_plate_and_as_frequent_as_stated() -> None:
+    bench = replace(
+        quiet_bench("pquad"), inertia_kgm2=1e6, range_faults=RangeFaults(false_echo=0.2)
+    )
+    control = soft("feedforward", Feedforward(strength=1.0, source="range"))
+    loop = PitchLoop([job(bench, control)], sampled(20.0, plate=STEADY_PLATE), 3, [0])
+    loop.rows[0] = r.READ_RANGE
+    loop.run()
+    shown = loop.log[1:, 0, 0]
+    false = shown < 0.24 - 1e-6
+    assert false.mean() == pytest.approx(0.2, abs=0.02)
+    assert shown[~false] == pytest.approx(0.24, abs=1e-4)
+    assert shown.min() > 0.2 * 0.24 - 1e-9
+
+
+def test_what_lanes_must_share_is_said() -> None:
+    jobs = [job(quiet_bench("pquad"), soft()), job(quiet_bench("pquad"), soft("observer"))]
+    with pytest.raises(InputError, match="must share rig, rates, delays"):
+        PitchLoop(jobs, sampled(0.1), 0, [0, 1])
+
+
+def test_unknown_names_are_refused() -> None:
+    with pytest.raises(UnknownChoice, match="observer"):
+        soft("obsrver")
+    with pytest.raises(UnknownChoice, match="distance, range"):
+        Feedforward(source="map")
+
+
+def test_an_edit_of_one_s_own_effect_is_noticed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What was compiled before an edit must not be taken for the new effect."""
+    monkeypatch.syspath_prepend(str(tmp_path))
+    texts = []
+    for stiffness in ("1.0", "2.0"):
+        (tmp_path / "edited_effect.py").write_text(
+            "from benchtool.aero.expression import expression\n\n\n@expression\n"
+            f"def torque(flow, p):\n    return {stiffness} * p[0]\n",
+            encoding="utf-8",
+        )
+        sys.modules.pop("edited_effect", None)
+        importlib.invalidate_caches()
+        module = importlib.import_module("edited_effect")
+        spelling = Spelling([replace(MAGNET, torque=module.torque)])
+        spelling.name_of(module.torque)
+        texts.append("\n".join(spelling.imports()))
+    sys.modules.pop("edited_effect", None)
+    assert texts[0] != texts[1]
