@@ -2,7 +2,7 @@
 
 A user's controller is any class with `step`; it may keep state, and a simulation makes a new one
 for every run. The built-in laws are expressions over numbers (`pid`, `observer`, `cascade`), run
-inside the compiled loop; `pitch_controller` wraps them in this seam.
+inside the compiled loop; `pitch_law` wraps them in this seam.
 """
 
 from __future__ import annotations

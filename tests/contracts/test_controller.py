@@ -1,0 +1,73 @@
+"""The contract of every built-in controller: in the compiled loop and through the seam alike."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from benchtool.control.controller import PitchMeasurement, PitchReference
+from benchtool.control.pitch import PITCH_CONTROLLERS, pitch_controller
+from benchtool.control.pitch_law import AttitudeController
+from benchtool.library import gain_names, gains_named
+from benchtool.simulate.pitch_pack import torque_limit_Nm
+from benchtool.simulate.pitch_run import PitchJob
+from benchtool.simulate.pitch_simulate import simulate_controller, simulate_pitch
+from tests.unit.simulate.pitching import STEADY_PLATE, SWAY, noisy_bench, sampled
+
+EACH = pytest.mark.parametrize("name", PITCH_CONTROLLERS)
+SETS = pytest.mark.parametrize("gains", gain_names())
+
+
+def through_the_seam(name: str, gains: str) -> AttitudeController:
+    bench = noisy_bench()
+    model = bench.model
+    return AttitudeController.of(
+        gains_named(gains),
+        model.rig.body.inertia_yy_kgm2,
+        torque_limit_Nm(bench, model),
+        observer="observer" in name,
+    )
+
+
+@EACH
+@SETS
+def test_the_loop_and_the_seam_give_the_same_run(name: str, gains: str) -> None:
+    schedule = sampled(2.0, reference_deg=SWAY, plate=STEADY_PLATE)
+    job = PitchJob(noisy_bench(), pitch_controller(name, gains_named(gains)))
+    compiled = simulate_pitch(job, schedule, seed=8)
+    stepped = simulate_controller(through_the_seam(name, gains), job, schedule, seed=8)
+    for column in ("true_theta_rad", "torque_Nm"):
+        np.testing.assert_allclose(
+            stepped.column(column), compiled.column(column), rtol=1e-9, atol=1e-12
+        )
+
+
+@EACH
+@SETS
+def test_at_rest_at_the_reference_it_asks_for_nothing(name: str, gains: str) -> None:
+    controller = through_the_seam(name, gains)
+    still = PitchMeasurement(0.0, 0.1, 0.0, 1.0, (), ())
+    for _ in range(100):
+        assert controller.step(still, PitchReference(0.1, 3.4), 0.004).torque_Nm == 0.0
+
+
+@EACH
+@SETS
+def test_it_pushes_towards_the_reference_within_what_the_mixer_can_give(
+    name: str, gains: str
+) -> None:
+    for wanted in (0.05, -0.05, 50.0, -50.0):
+        controller = through_the_seam(name, gains)
+        level = PitchMeasurement(0.0, 0.0, 0.0, 1.0, (), ())
+        torque = controller.step(level, PitchReference(wanted, 3.4), 0.004).torque_Nm
+        assert torque * wanted > 0.0
+        assert abs(torque) <= controller.pid.torque_limit_Nm
+
+
+@EACH
+@SETS
+def test_it_holds_the_reference_out_of_ground_effect(name: str, gains: str) -> None:
+    schedule = sampled(6.0)
+    job = PitchJob(noisy_bench(), pitch_controller(name, gains_named(gains)))
+    run = simulate_pitch(job, schedule, seed=2)
+    assert np.degrees(np.max(np.abs(run.column("true_theta_rad")))) < 0.3
