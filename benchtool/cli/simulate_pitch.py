@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -43,12 +44,19 @@ def command(
     """Simulate the pitch bench under each controller: numbers, recordings, figure."""
     from dataclasses import replace
 
+    from benchtool.aero.expression import can_compile
     from benchtool.cli.name_values import name_values
     from benchtool.control.pitch import PITCH_CONTROLLERS, Feedforward
     from benchtool.errors import InputError
     from benchtool.studies.pitch import pitch_study, table_lines, warnings_of, write_study
     from benchtool.studies.pitch_setup import changed, controller_class, pitch_setup
 
+    if not can_compile():
+        print(
+            "numba is not installed, so this runs as plain Python and takes minutes; "
+            "pip install benchtool[fast] makes it a second",
+            file=sys.stderr,
+        )
     names = [name.strip() for name in controllers.split(",") if name.strip()]
     if not names:
         raise InputError(f"no controller was named; name some of: {', '.join(PITCH_CONTROLLERS)}")
