@@ -97,6 +97,11 @@ def _fit_and_report(out: Path, runs: dict[str, Path], commands: list[str]) -> No
     from benchtool.recipes.fit_folder import write_fit
     from benchtool.report.html import write_report
 
+    both = "--method least_squares --method emcee"
+    commands += [
+        f"benchtool fit {runs['single']} --model single_bench {both}",
+        f"benchtool fit {runs['quad']} --model quad_bench {both} --compare single --compare quad",
+    ]
     with working() as show:
         story = tell(runs["single"], runs["quad"], show)
     print_fit(story.eq4)

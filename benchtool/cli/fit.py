@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
+    from benchtool.errors import FileFormatError, InputError
     from benchtool.recipes.recipe import Recipe
 
 
@@ -56,13 +57,13 @@ def command(
     ] = 0.5,
     walkers: Annotated[int, typer.Option(help="Walkers of each emcee ensemble.")] = 32,
     max_steps: Annotated[int, typer.Option(help="Most emcee steps of each walker.")] = 20_000,
-    seed: Annotated[int, typer.Option(help="Seed of everything random.")] = 1,
+    seed: Annotated[int, typer.Option(help="Seed of everything random.", min=0)] = 1,
     out: Annotated[
         Path | None, typer.Option(help="Folder for result.json, figures and report.html.")
     ] = None,
 ) -> None:
     """Fit a ground-effect model to run folders or any CSV."""
-    from benchtool.errors import InputError
+    from benchtool.errors import FileFormatError, InputError
     from benchtool.recipes.recipe import Recipe, read_recipe
 
     if recipe is not None:
@@ -101,8 +102,25 @@ def command(
             "max_steps": max_steps,
             "seed": seed,
         }
-        asked = build(Recipe, given, "the command line")
+        try:
+            asked = build(Recipe, given, OPTIONS)
+        except FileFormatError as error:
+            raise _in_options(error) from error
     _run(asked, out, profile)
+
+
+OPTIONS = "the options"
+OPTION_OF = {"methods[0]": "--method", "methods[1]": "--method", "max_steps": "--max-steps"}
+"""Options whose names are not those of the recipe's keys."""
+
+
+def _in_options(error: FileFormatError) -> InputError:
+    """Return an error of a recipe's key in the words of the command line."""
+    from benchtool.errors import InputError
+
+    text = error.problem
+    key = text.split(" ", 1)[0]
+    return InputError(text.replace(key, OPTION_OF.get(key, f"--{key}"), 1))
 
 
 def _held(words: list[str]) -> tuple[list[str], dict[str, float]]:

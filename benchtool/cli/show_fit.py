@@ -17,6 +17,9 @@ from benchtool.recipes.run_recipe import FitOutput
 from benchtool.report import page
 from benchtool.report.fit_tables import methods_table, short_table
 
+FILE_WIDTH = 110
+"""Width of tables where no terminal gives one: room for the longest parameter names."""
+
 
 @contextmanager
 def working() -> Iterator[Callable[[str, int, int], None]]:
@@ -39,6 +42,8 @@ def working() -> Iterator[Callable[[str, int, int], None]]:
 def print_fit(output: FitOutput) -> None:
     """Print what a fit found."""
     console = Console(soft_wrap=True, highlight=False)
+    if not console.is_terminal:
+        console.width = FILE_WIDTH
     if output.data.points.simulated:
         console.print("SIMULATED DATA: no physical bench produced these points")
     console.print(sentence(output), markup=False)

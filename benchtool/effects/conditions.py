@@ -47,6 +47,16 @@ class Conditions:
     def __len__(self) -> int:
         return int(self.plate_z_m.shape[0])
 
+    @property
+    def known(self) -> NDArray[np.bool_]:
+        """Whether speeds, plate and coverage of each sample are all known (m,)."""
+        whole: NDArray[np.bool_] = (
+            np.isfinite(self.speed_rad_s).all(axis=0)
+            & np.isfinite(self.coverage).all(axis=0)
+            & np.isfinite(self.plate_z_m + self.plate_tilt_rad + self.elapsed_s)
+        )
+        return whole
+
     def select(self, rows: NDArray[np.bool_] | NDArray[np.intp]) -> Conditions:
         """Return the conditions of only those samples."""
         return Conditions(
@@ -117,19 +127,19 @@ class Conditions:
         """Build conditions from the columns of a recording.
 
         Uses rpm1.. when it has them, else pwm1_us.. through the rig's map; one speed column stands
-        for all rotors. Missing plate columns mean that there is no plate.
+        for all rotors. Missing plate columns mean that there is no plate; an empty cell in a
+        column that is there stays nan, and its row is for a fit to leave out.
         """
         m = len(recording)
         zeros = np.zeros(m)
 
         def optional(name: str, default: Array) -> Array:
-            if name not in recording:
-                return default
-            column = recording.si(name)
-            return np.where(np.isnan(column), default, column)
+            return recording.si(name) if name in recording else default
 
         z = optional("plate_z_m", np.full(m, FAR_AWAY_M))
-        voltage = optional("voltage_V", np.full(m, rig.propulsion.voltage_nominal_V))
+        nominal = np.full(m, rig.propulsion.voltage_nominal_V)
+        voltage = optional("voltage_V", nominal)
+        voltage = np.where(np.isnan(voltage), nominal, voltage)
         coverage = plate_coverage(rig, optional("plate_x_m", zeros))
         for disc in range(rig.n_discs):
             coverage[disc] = optional(f"coverage{disc + 1}", coverage[disc])

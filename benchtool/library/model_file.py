@@ -10,6 +10,7 @@ from typing import Any
 import tomli_w
 
 from benchtool.aero.body_lift import BodyDistance
+from benchtool.core.channel import require_known_channel
 from benchtool.core.column_source import ColumnSource
 from benchtool.core.parameter import Parameter, Prior
 from benchtool.core.rig import Rig
@@ -118,6 +119,7 @@ def model_from_toml(text: str, where: str, rig: Rig | None = None) -> LoadedMode
         if isinstance(error, FileFormatError):
             raise
         raise FileFormatError(where, str(error)) from error
+    _check_channels(read.columns, where)
     return LoadedModel(
         model=model,
         columns=read.columns,
@@ -131,7 +133,17 @@ def read_columns(path: str | Path) -> Mapping[str, ColumnSource]:
     text, where = read_named("columns file", "models", path)
 
     data = parse_toml(text, where)
-    return build(_ColumnsFile, data if "columns" in data else {"columns": data}, where).columns
+    read = build(_ColumnsFile, data if "columns" in data else {"columns": data}, where)
+    _check_channels(read.columns, where)
+    return read.columns
+
+
+def _check_channels(columns: Mapping[str, ColumnSource], where: str) -> None:
+    for name in columns:
+        try:
+            require_known_channel(name)
+        except InputError as error:
+            raise FileFormatError(f"[columns] of {where}", str(error)) from error
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

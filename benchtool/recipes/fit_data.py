@@ -22,6 +22,13 @@ from benchtool.store.ratios import ratios, relative_speed_error
 Array = NDArray[np.float64]
 
 
+FAR_Z_OVER_R = 9.0
+"""Beyond it eq. (4) leaves less than one per cent; the tables of the literature end at 5 to 6."""
+
+NO_PLATE_Z_OVER_R = 1e6
+"""Beyond it stands `FAR_AWAY_M`: a recording without a plate, which is fine."""
+
+
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class FitData:
     """Hold the points of a fit.
@@ -81,8 +88,10 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
     Raises:
         InputError: data that lack what the basis needs, or of which nothing is left.
     """
+    hashes = _hashes(recipe.data)
     parts = [_read_one(path, recipe, loaded) for path in recipe.data]
     points = _joined(parts)
+    _need_thrust(points)
     model = loaded.model
     conditions = Conditions.from_recording(points, model.rig)
     if recipe.basis == "joint":
@@ -93,7 +102,7 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
         error = np.where(np.isfinite(error), error, np.nan if errors == "within" else 1.0)
     _refuse_dead_speed(points, conditions)
     z_over_R = model.z_over_R(conditions)
-    used, left_out = _selected(observed, error, z_over_R, recipe)
+    used, left_out = _selected(observed, error, conditions.known, z_over_R, recipe)
     return FitData(
         points=points,
         conditions=conditions,
@@ -104,10 +113,24 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
         left_out=left_out,
         z_over_R=z_over_R,
         groups=_settings(points),
-        hashes={path: data_hash(path) for path in recipe.data},
+        hashes=hashes,
         reference=None if recipe.basis == "joint" else _parked(points, conditions, model.rig),
         calibration_sd=float(points.provenance.get("calibration_relative_sd") or 0.0),
     )
+
+
+def _hashes(paths: Sequence[str]) -> dict[str, str]:
+    """Return the hash of every data path; the same data twice would count twice."""
+    found: dict[str, str] = {}
+    for path in paths:
+        digest = data_hash(path)
+        for other, known in found.items():
+            if known == digest:
+                raise InputError(
+                    f"{path} holds the same data as {other}; points count once, so name it once"
+                )
+        found[path] = digest
+    return found
 
 
 def _read_one(path: str, recipe: Recipe, loaded: LoadedModel) -> Recording:
@@ -126,6 +149,10 @@ def _joined(parts: Sequence[Recording]) -> Recording:
     if len(parts) == 1:
         return parts[0]
     names = [name for name in parts[0].names if all(name in part for part in parts)]
+    if "thrust_N" not in names:
+        raise InputError(
+            "the data have no thrust_N in common; fit run folders and foreign tables separately"
+        )
     columns = []
     for name in names:
         values = np.concatenate([part.column(name) for part in parts])
@@ -138,6 +165,14 @@ def _joined(parts: Sequence[Recording]) -> Recording:
     return Recording.from_columns(
         columns, parts[0].provenance, any(part.simulated for part in parts)
     )
+
+
+def _need_thrust(points: Recording) -> None:
+    if "thrust_N" not in points:
+        raise InputError(
+            f"there is no thrust_N to fit, only {', '.join(points.names)}; map it in [columns] of "
+            f"the model: thrust_N = {{ column = 'their name', unit = 'gf' }}"
+        )
 
 
 def _thrust_with_error(points: Recording, is_whole_run: bool) -> tuple[Array, Array, str]:
@@ -172,28 +207,37 @@ def _parked(points: Recording, conditions: Conditions, rig: Rig) -> Conditions:
 
 
 def _selected(
-    observed: Array, error: Array, z_over_R: Array, recipe: Recipe
+    observed: Array, error: Array, known: NDArray[np.bool_], z_over_R: Array, recipe: Recipe
 ) -> tuple[NDArray[np.bool_], tuple[str, ...]]:
-    finite = np.isfinite(observed) & np.isfinite(error) & (error > 0.0)
+    finite = np.isfinite(observed) & np.isfinite(error) & (error > 0.0) & known
     near = finite & (z_over_R < recipe.min_z_over_R)
     said = []
     if not finite.all():
         said.append(
-            f"{np.count_nonzero(~finite)} of {len(observed)} points carry no usable value or "
-            f"error and were left out"
+            f"{np.count_nonzero(~finite)} of {len(observed)} points have an empty cell in thrust, "
+            f"its error, speed or plate and were left out (the first: {_row(~finite)})"
         )
     if near.any():
         said.append(
             f"{np.count_nonzero(near)} of {len(observed)} points lie below z/R = "
             f"{recipe.min_z_over_R:g}, outside the formulae's validity, and were left out; "
-            f"take them in with --min-z-over-R 0"
+            f"take them in with --min-z-over-r 0"
         )
     used = finite & ~near
+    if used.any() and FAR_Z_OVER_R < float(z_over_R[used].min()) < NO_PLATE_Z_OVER_R:
+        said.append(
+            f"the nearest point lies at z/R = {z_over_R[used].min():.3g}, where there is no ground "
+            f"effect to fit; check the unit of plate_z_m"
+        )
     if not used.any():
         raise InputError(
             f"none of {len(observed)} points can be fitted: {'; '.join(said) or 'there is none'}"
         )
     return used, tuple(said)
+
+
+def _row(rows: NDArray[np.bool_]) -> str:
+    return f"data row {int(np.argmax(rows)) + 1}"
 
 
 def _settings(points: Recording) -> NDArray[np.intp] | None:

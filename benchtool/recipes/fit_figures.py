@@ -13,11 +13,13 @@ from benchtool.effects.conditions import FAR_AWAY_M, Conditions
 from benchtool.effects.model import Model
 from benchtool.effects.partial_coverage import factors
 from benchtool.estimate.convergence import convergence_of
+from benchtool.recipes.fit_data import FAR_Z_OVER_R
 from benchtool.recipes.run_recipe import FitOutput
 from benchtool.report.area import AreaPoints, area_figure
 from benchtool.report.chains import Chains, chain_figure
 from benchtool.report.corner import corner_figure
 from benchtool.report.ground_effect import Band, Curve, RatioPoints, ratio_figure
+from benchtool.report.numbers import unit_for_people
 from benchtool.report.page import Figure
 from benchtool.report.palette import Role
 from benchtool.report.residuals import Residuals, residual_figure
@@ -28,9 +30,6 @@ Array = NDArray[np.float64]
 
 SHOWN_DRAWS = 400
 """Parameter draws behind a curve's band."""
-
-FAR_Z_OVER_R = 9.0
-"""Farther points serve as out of ground effect and are not drawn against z/R."""
 
 
 def fit_figures(output: FitOutput) -> dict[str, Figure]:
@@ -110,12 +109,17 @@ def fitted_curve(
 ) -> Curve:
     """Return the fitted model's curve with its 68 and 95 % bands."""
     result = output.results[-1]
+    known = bool(len(result.samples)) or bool(np.isfinite(result.covariance).all())
     middle = _curve(output.fitted, output, z_over_R)
+    if not known:  # data that do not determine the curve have no band
+        return Curve(z_over_R, middle, label or f"fit: {output.fitted.name}", role, "fit")
     rng = np.random.default_rng(output.recipe.seed)
     if len(result.samples):
         draws = result.samples[rng.integers(len(result.samples), size=SHOWN_DRAWS)]
     else:
-        draws = rng.multivariate_normal(result.values, result.covariance, SHOWN_DRAWS)
+        draws = rng.multivariate_normal(
+            result.values, result.covariance, SHOWN_DRAWS, method="svd", check_valid="ignore"
+        )
     names = [estimate.name for estimate in result.estimates]
     free = {name: draws[:, [column]] for column, name in enumerate(names)}
     spread = np.asarray(_curve(output.fitted, output, z_over_R, free), float)
@@ -268,10 +272,12 @@ def _area_factors(output: FitOutput) -> AreaPoints:
 
 
 def _labels(result: FitResult) -> list[str]:
-    return [
-        estimate.name if estimate.unit == "1" else f"{estimate.name} [{estimate.unit}]"
-        for estimate in result.estimates
-    ]
+    labels = []
+    for estimate in result.estimates:
+        owner, _, own = estimate.name.rpartition(".")
+        unit = "" if estimate.unit == "1" else f" [{unit_for_people(estimate.unit)}]"
+        labels.append(f"{owner}\n{own}{unit}" if owner else f"{own}{unit}")
+    return labels
 
 
 def _corner(output: FitOutput, result: FitResult, simulated: bool) -> Figure:

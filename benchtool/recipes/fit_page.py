@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from benchtool import __version__
+from benchtool.core.fit_result import Estimate, FitResult
 from benchtool.estimate.compare import Comparison
 from benchtool.recipes.run_recipe import FitOutput
 from benchtool.report.fit_tables import estimates_table, methods_table
@@ -77,13 +78,37 @@ def fit_page(output: FitOutput, figures: Mapping[str, Figure], commands: Sequenc
         sections=(*fit_sections(output, figures), Section("Made with", [Commands(commands)])),
         simulated=output.data.points.simulated,
         made=f"benchtool {__version__}",
-        highlights={item.name: value_with_sd(item.value, item.sd) for item in first.estimates[:4]},
+        highlights={item.name: value_with_sd(item.value, item.sd) for item in _telling(first)},
     )
+
+
+MOST_TELLING = ("body_lift.K_b", "R_m", "k", "partial_coverage.factor_")
+"""Parameters that a reader looks for first, by the beginning of their names."""
+
+
+def _telling(result: FitResult) -> list[Estimate]:
+    """Return up to four estimates, those that a fit is made for before nuisances and noise."""
+
+    def rank(item: Estimate) -> int:
+        for place, beginning in enumerate(MOST_TELLING):
+            if item.name == beginning or (
+                beginning.endswith("_") and item.name.startswith(beginning)
+            ):
+                return place
+        return len(MOST_TELLING) + item.name.startswith("noise.")
+
+    ranked = sorted((*result.estimates, *result.derived), key=rank)
+    return [item for item in ranked if "share_" not in item.name][:4]
 
 
 def sentence(output: FitOutput) -> str:
     """Say in one or two sentences what the fit found."""
     first = output.results[0]
+    if first.outcome.status != "converged":
+        return (
+            f"No answer to use from {len(output.data.rows)} of {len(output.data.points)} points: "
+            f"{first.outcome.message}."
+        )
     said = ", ".join(
         f"{item.name} = {value_with_sd(item.value, item.sd)}"
         + ("" if item.unit == "1" else f" {unit_for_people(item.unit)}")

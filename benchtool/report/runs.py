@@ -35,8 +35,8 @@ class Runs:
 
     @property
     def verdict(self) -> str:
-        """Say in a few words what the count means, at two standard deviations."""
-        if self.sd == 0.0 or abs(self.count - self.expected) <= 2.0 * self.sd:
+        """Say in a few words what the count means, at three standard deviations."""
+        if self.sd == 0.0 or abs(self.count - self.expected) <= 3.0 * self.sd:
             return "as independent residuals show"
         if self.count < self.expected:
             return "too few: neighbours cling together"

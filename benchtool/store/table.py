@@ -139,6 +139,12 @@ def _filtered(table: CsvTable, filters: Sequence[Where]) -> list[int]:
 
 
 def _index(table: CsvTable, column: str) -> int:
+    if table.header.count(column.strip()) > 1:
+        raise FileFormatError(
+            table.where,
+            f"column {column.strip()!r} stands {table.header.count(column.strip())} times in the "
+            f"header; rename all but one",
+        )
     try:
         return table.header.index(column.strip())
     except ValueError:
