@@ -80,7 +80,7 @@ def test_distances_in_the_wrong_unit_are_noticed(lab: Path) -> None:
         (("lab.csv", "--model", "lab.toml", "--free", "K_b"), "unknown parameter 'K_b'"),
         (("lab.csv", "--model", "lab.toml", "--fix", "k=x"), "'x' is no number"),
         (("lab.csv", "lab.csv", "--model", "lab.toml"), "the same data as lab.csv"),
-        ((str(QUAD.parent), "--model", "quad"), "no points.csv in it|it holds"),
+        ((str(QUAD.parent), "--model", "quad"), "neither a file nor a run folder"),
         (("lab.csv", "--model", "lab.toml", "--min-z-over-r", "99"), "none of 7 points"),
         (("lab.csv", "--model", "lab.toml", "--out", "."), "exists already"),
     ],
