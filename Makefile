@@ -45,7 +45,7 @@ wheel: $(TESTING)
 UV := uv pip compile pyproject.toml --quiet --universal --python-version 3.11 \
   --generate-hashes --no-header --no-annotate --group build
 requirements:
-	$(UV) --all-extras --output-file requirements-test.txt
+	$(UV) --extra test --output-file requirements-test.txt
 	$(UV) --extra fast --constraints requirements-test.txt --output-file requirements.txt
 
 clean:
