@@ -64,10 +64,11 @@ def _edge(case: FlightCase, z_m: float, speed_m_s: float) -> FlightCase:
 
 
 def _oblique(case: FlightCase, z_m: float, speed_m_s: float) -> FlightCase:
-    """Cross the edge at 35 degrees to its normal: roll and pitch together."""
+    """Cross the edge nose first at 35 degrees to its normal: roll and pitch together."""
     slant = radians(35.0)
     return replace(
         case,
+        yaw_rad=slant,
         below=obstacle(),
         start_m=(0.0, 0.0, z_m),
         goals=(Goal(x_m=7.0 * cos(slant), y_m=7.0 * sin(slant), z_m=z_m, speed_m_s=speed_m_s),),

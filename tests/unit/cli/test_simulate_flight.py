@@ -1,0 +1,82 @@
+"""`benchtool simulate flight`: the table, the files, and what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchtool.cli.app import main
+from benchtool.store.table import read_csv_text
+
+
+def run(*words: str) -> int:
+    with pytest.raises(SystemExit) as leaving:
+        main(["simulate", "flight", *words])
+    return int(leaving.value.code or 0)
+
+
+def test_a_flight_under_each_controller(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "flight"
+    assert run("--controllers", "pid,observer", "--out", str(out)) == 0
+    printed = capsys.readouterr().out
+    assert printed.startswith("SIMULATED flight over")
+    lines = printed.splitlines()
+    assert lines[3].split()[2] == "38.1"
+    assert "never" in lines[4]
+    names = {path.name for path in out.iterdir()}
+    assert names == {
+        "oge.csv", "pid.csv", "observer.csv", "numbers.txt", "flight.svg", "flight.png",
+    }  # fmt: skip
+    table = read_csv_text(out / "pid.csv")
+    assert table.header[:4] == ("time_s", "x_m", "y_m", "z_m")
+    assert len(table.rows) == 6000
+    x = np.array([float(row[1]) for row in table.rows])
+    assert 3.1 < x.max() < 3.2
+    assert run("--controllers", "pid", "--out", str(out)) == 2
+    assert "exists already" in capsys.readouterr().err
+
+
+def test_a_map_from_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    places = [(x, y) for x in np.arange(-1.0, 9.0, 0.1) for y in (-1.0, 0.0, 1.0)]
+    rows = [f"{x:.3f},{y},{0.0 if 3.0 <= x <= 5.0 else ''}" for x, y in places]
+    (tmp_path / "heights.csv").write_text("x_m,y_m,height_m\n" + "\n".join(rows) + "\n")
+    (tmp_path / "map.toml").write_text(
+        'name = "shelf"\nfloor_m = -5.0\n[grid]\nfile = "heights.csv"\n'
+    )
+    shelf = str(tmp_path / "map.toml")
+    assert run("--map", shelf, "--controllers", "pid") == 0
+    assert "never" in capsys.readouterr().out.splitlines()[4]
+    assert run("--map", shelf, "--goal-m", "20,0") == 2
+    assert "the map does not cover the path: x = 20 m" in capsys.readouterr().err
+    (tmp_path / "wrong.toml").write_text("[[blocks]]\nx_m = [3.0, 5.0]\nheight = 1.0\n")
+    assert run("--map", str(tmp_path / "wrong.toml")) == 2
+    assert "height" in capsys.readouterr().err
+    (tmp_path / "torn.csv").write_text("x_m,y_m,height_m\n0,0,0\n0,1,0\n1,0,zero\n1,1,0\n")
+    assert run("--map", str(tmp_path / "torn.csv")) == 2
+    assert "line 4: height_m is 'zero'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["--case", "ovr"], "did you mean 'over'"),
+        (["--controllers", "pdi"], "unknown controller of a flight 'pdi'"),
+        (["--controllers", ","], "no controller was named"),
+        (["--layout", "x"], "known: cross, plus"),
+        (["--map-offset-m", "1,2"], "give 3 numbers"),
+        (["--z-over-R", "nan"], "z/R is nan"),
+        (["--speed-m-s", "-1"], "goal speed_m_s is -1"),
+        (["--gyro-noise-rad-s", "inf"], "gyro_noise_rad_s is inf"),
+        (["--rig", "pquad_single"], "four rotors or more"),
+        (["--lag-s", "0.001"], "step_s is 0.001"),
+    ],
+)
+def test_bad_input_is_one_sentence(
+    words: list[str], says: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(*words) == 2
+    error = capsys.readouterr().err
+    assert says in error
+    assert error.count("\n") == 1
