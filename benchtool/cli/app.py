@@ -30,6 +30,7 @@ COMMANDS: dict[str, str] = {
     "bench": "Serve a virtual bench; check a bench before motors spin",
     "ports": "List serial ports and, with --probe, what answers on them",
     "doctor": "Explain what keeps a serial port from working",
+    "flow": "Picture the flow below a quadrotor; export it to OpenFOAM",
     "rigs": "List rigs, or show one with the source of every number",
     "models": "List models, or show one with its effects and parameters",
     "effects": "List physical effects, or show one with law and parameters",
