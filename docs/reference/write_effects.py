@@ -11,9 +11,9 @@ PAGE = Path(__file__).with_name("effects.md")
 
 HEAD = """# Effects
 
-Every physical effect that benchtool knows, made from the catalogue by `docs/reference/write_effects.py`.
-`benchtool effects NAME` prints the same. At its neutral value an effect is exactly absent. Effects that
-are no candidates exist for simulation only.
+Every physical effect that benchtool knows, made from the catalogue by
+`docs/reference/write_effects.py`. `benchtool effects NAME` prints the same. At its neutral value an
+effect is exactly absent. Effects that are no candidates exist for simulation only.
 """
 
 
