@@ -111,7 +111,23 @@ def _examples() -> list[str]:
     return [scheme.example for scheme in SCHEMES.values()]
 
 
+MODES = ("plate", "pitch")
+"""What a virtual bench is: a load cell over a plate, or a pitch hinge with a controller."""
+
+_PITCH_OPTIONS = ("schedule", "controller", "gains")
+
+
 def _simulated(address: Address) -> Bench:
+    mode = address.options.get("mode", "plate")
+    if mode not in MODES:
+        raise UnknownChoice(f"mode of address {address.text!r}", mode, MODES)
+    if mode == "pitch":
+        return _simulated_pitch(address)
+    for name in _PITCH_OPTIONS:
+        if name in address.options:
+            raise InputError(
+                f"option {name} of address {address.text!r} is for mode=pitch; add &mode=pitch"
+            )
     from benchtool.bench.simulated import SimulatedBench
     from benchtool.bench.virtual_server import standard_truth
     from benchtool.core.toml_text import build
@@ -129,6 +145,23 @@ def _simulated(address: Address) -> Bench:
         rate_Hz=address.number("rate", 200.0, 1.0, 5000.0),
         imperfections=build(Imperfections, dict(loaded.imperfections), f"{truth}: [imperfections]"),
     )
+
+
+def _simulated_pitch(address: Address) -> Bench:
+    from benchtool.bench.pitch_device import pitch_plant
+    from benchtool.bench.simulated_pitch import SimulatedPitch
+    from benchtool.library import rig_named
+
+    seed = address.whole("seed", 0, 0, 2**32 - 1)
+    rate_Hz = address.number("rate", 0.0, 1.0, 5000.0)
+    # A plus sign in an address reads as a space.
+    named = {
+        name: address.options[name].replace(" ", "+")
+        for name in ("truth", *_PITCH_OPTIONS)
+        if name in address.options
+    }
+    plant = pitch_plant(rig_named(address.place), seed=seed, rate_Hz=rate_Hz or None, **named)
+    return SimulatedPitch(address.text, plant, seed)
 
 
 def _serial(address: Address) -> Bench:
@@ -158,7 +191,9 @@ def _replay(address: Address) -> Bench:
 
 
 SCHEMES: dict[str, Scheme] = {
-    "sim": Scheme(_simulated, ("truth", "seed", "rate"), "sim:pquad?seed=3"),
+    "sim": Scheme(
+        _simulated, ("truth", "seed", "rate", "mode", *_PITCH_OPTIONS), "sim:pquad?seed=3"
+    ),
     "serial": Scheme(_serial, ("baud",), "serial:/dev/ttyUSB0?baud=2000000"),
     "tcp": Scheme(_tcp, (), "tcp:127.0.0.1:5555"),
     "replay": Scheme(_replay, (), "replay:runs/2026-01-31-first"),

@@ -8,7 +8,7 @@ here, because host and device are one process.
 from __future__ import annotations
 
 from types import TracebackType
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,11 +26,16 @@ from benchtool.bench.commands import (
     Tare,
 )
 from benchtool.bench.firmware import Event, Firmware, Rows
+from benchtool.bench.hello import Hello
 from benchtool.bench.virtual_device import hello_of, virtual_plant
 from benchtool.core.rig import Rig
 from benchtool.effects.model import Model
 from benchtool.errors import CommandRefused, DeviceStopped, InputError, LinkLost, StageError
 from benchtool.simulate.imperfections import Imperfections
+from benchtool.simulate.plate_bench import PlateBench
+
+if TYPE_CHECKING:
+    from benchtool.bench.pitch_plant import PitchPlant
 
 Array = NDArray[np.float64]
 
@@ -64,14 +69,21 @@ class SimulatedBench:
         imperfections: Imperfections | None = None,
         max_step_s: float = 10.0,
     ) -> None:
+        plant = virtual_plant(rig, truth, seed, imperfections, rate_Hz)
+        self._power_up(address, plant, hello_of(plant, truth, seed), max_step_s)
+
+    def _power_up(
+        self, address: str, plant: PlateBench | PitchPlant, hello: Hello, max_step_s: float
+    ) -> None:
+        """Switch the device on."""
         self._address = address
-        self._plant = virtual_plant(rig, truth, seed, imperfections, rate_Hz)
-        self._hello = hello_of(self._plant, truth, seed)
+        self._plant = plant
+        self._hello = hello
         self._firmware = Firmware(self._plant, self._hello)
-        self._rate_Hz = rate_Hz
+        self._rate_Hz = plant.rate_Hz
         self._max_step_s = max_step_s
         self._now_s = 0.0
-        self._next_tick_s = 1.0 / rate_Hz
+        self._next_tick_s = 1.0 / plant.rate_Hz
         self._waiting: list[tuple[Array, Rows]] = []
         self._messages: list[str] = []
         self._stopped: Event | None = None

@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from benchtool.cli.check import check
+
+if TYPE_CHECKING:
+    from benchtool.bench.faults import Fault
+    from benchtool.bench.server import BenchServer
+    from benchtool.bench.server_links import ServerLink
+    from benchtool.core.rig import Rig
 
 app = typer.Typer(help="Serve a virtual bench; check a bench before motors spin.")
 
@@ -31,52 +37,98 @@ def serve(
         Path | None, typer.Option(help="A path that always leads to the pseudo-terminal.")
     ] = None,
     speed: Annotated[float, typer.Option(help="Device seconds per wall second.")] = 1.0,
-    rate: Annotated[float, typer.Option(help="Samples per device second, Hz.")] = 200.0,
+    rate: Annotated[
+        float | None, typer.Option(help="Samples per device second, Hz; 200, or the controller's.")
+    ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of noise and faults.")] = 0,
     fault: Annotated[
         list[str] | None, typer.Option(help="A fault, as silence:at_s=12,for_s=1; repeatable.")
     ] = None,
+    mode: Annotated[
+        str, typer.Option(help="plate (load cell), or pitch (hinge with a controller).")
+    ] = "plate",
+    schedule: Annotated[str, typer.Option(help="Pitch: schedule, or its file.")] = "plate",
+    controller: Annotated[str, typer.Option(help="Pitch: built-in controller.")] = "pid",
+    gains: Annotated[str, typer.Option(help="Pitch: gain set, or its file.")] = "s3",
 ) -> None:
     """Run a virtual bench on a pseudo-terminal or TCP port until Ctrl-C."""
     import signal
     import sys
 
+    from benchtool.bench.address import MODES
     from benchtool.bench.faults import fault_from
     from benchtool.bench.server_links import link_named
-    from benchtool.bench.virtual_server import standard_truth, virtual_server
-    from benchtool.core.toml_text import build
-    from benchtool.library import load_model, rig_named
-    from benchtool.simulate.imperfections import Imperfections
+    from benchtool.errors import UnknownChoice
+    from benchtool.library import rig_named
 
+    if mode not in MODES:
+        raise UnknownChoice("mode", mode, MODES)
     faults = [fault_from(text) for text in fault or ()]
     stands = rig_named(rig)
-    name = truth or standard_truth(stands)
-    loaded = load_model(name, stands)
-    flaws = build(Imperfections, dict(loaded.imperfections), f"{name}: [imperfections]")
+    device = _pitch if mode == "pitch" else _plate
+    named = (schedule, controller, gains)
     where = link_named(link, symlink)
     # A service manager's end, and Ctrl-Break of a Windows console, close the link like Ctrl-C.
     for name in ("SIGTERM", "SIGBREAK"):
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.default_int_handler)
     try:
-        server = virtual_server(
-            stands,
-            loaded.model,
-            where,
-            seed=seed,
-            speed=speed,
-            rate_Hz=rate,
-            imperfections=flaws,
-            faults=faults,
-        )
+        server, told = device(stands, truth, where, seed, speed, rate, faults, named)
         print(where.address, flush=True)
-        print(
-            f"virtual bench of {stands.name}, truth {loaded.model.name}, speed {speed:g}; "
-            f"no motor turns; Ctrl-C ends it",
-            file=sys.stderr,
-        )
+        print(f"virtual {told}, speed {speed:g}; no motor turns; Ctrl-C ends it", file=sys.stderr)
         server.run()
     except KeyboardInterrupt:
         pass
     finally:
         where.close()
+
+
+def _plate(
+    rig: Rig,
+    truth: str | None,
+    link: ServerLink,
+    seed: int,
+    speed: float,
+    rate_Hz: float | None,
+    faults: list[Fault],
+    _: tuple[str, str, str],
+) -> tuple[BenchServer, str]:
+    from benchtool.bench.virtual_server import standard_truth, virtual_server
+    from benchtool.core.toml_text import build
+    from benchtool.library import load_model
+    from benchtool.simulate.imperfections import Imperfections
+
+    name = truth or standard_truth(rig)
+    loaded = load_model(name, rig)
+    server = virtual_server(
+        rig,
+        loaded.model,
+        link,
+        seed=seed,
+        speed=speed,
+        rate_Hz=200.0 if rate_Hz is None else rate_Hz,
+        imperfections=build(Imperfections, dict(loaded.imperfections), f"{name}: [imperfections]"),
+        faults=faults,
+    )
+    return server, f"bench of {rig.name}, truth {loaded.model.name}"
+
+
+def _pitch(
+    rig: Rig,
+    truth: str | None,
+    link: ServerLink,
+    seed: int,
+    speed: float,
+    rate_Hz: float | None,
+    faults: list[Fault],
+    named: tuple[str, str, str],
+) -> tuple[BenchServer, str]:
+    from benchtool.bench.pitch_device import pitch_plant, pitch_server
+
+    schedule, controller, gains = named
+    plant = pitch_plant(rig, truth, schedule, controller, gains, seed, rate_Hz)
+    server = pitch_server(plant, link, seed=seed, speed=speed, faults=faults)
+    return server, (
+        f"pitch bench of {rig.name}, truth {plant.job.bench.model.name}, {controller} with gains "
+        f"{gains}, schedule {plant.schedule.name} of {plant.schedule.duration_s:g} s"
+    )

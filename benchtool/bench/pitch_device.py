@@ -1,0 +1,127 @@
+"""The pitch bench as a device: the bench that names mean, and what it says of itself."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+
+from benchtool import __version__
+from benchtool.bench.faults import Fault, LinkFaults
+from benchtool.bench.faulty_plant import FaultyPlant
+from benchtool.bench.firmware import Firmware
+from benchtool.bench.hello import Hello
+from benchtool.bench.pitch_plant import PitchPlant
+from benchtool.bench.server import BenchServer
+from benchtool.bench.server_links import ServerLink
+from benchtool.bench.virtual_device import device_limits
+from benchtool.bench.virtual_server import LARGEST_SPEED
+from benchtool.control.pitch import pitch_controller
+from benchtool.core.rig import Rig
+from benchtool.effects.model import Model
+from benchtool.errors import InputError
+from benchtool.library import gains_named, load_model, model_names, schedule_named
+from benchtool.simulate.pitch_bench import PitchBench
+from benchtool.simulate.pitch_run import PitchJob
+
+PITCH_LIMIT_RAD = np.radians(45.0)
+"""A device stops beyond this angle: three quarters of the way to the hinge's stop. A choice."""
+
+RATE_LIMIT_RAD_S = 10.0
+"""A device stops beyond this rate: no schedule that ships comes near half of it. A choice."""
+
+
+def pitch_plant(
+    rig: Rig,
+    truth: str | None = None,
+    schedule: str = "plate",
+    controller: str = "pid",
+    gains: str = "s3",
+    seed: int = 0,
+    rate_Hz: float | None = None,
+) -> PitchPlant:
+    """Return the simulated pitch bench of these names.
+
+    Args:
+        rig: on the hinge.
+        truth: model or its file; the rig's own pitch model when None.
+        schedule: by name or file.
+        controller: a built-in one, by name.
+        gains: by name or file.
+        seed: of the noise.
+        rate_Hz: stream rate; the control rate when None.
+    """
+    own = f"pitch_{rig.name}"
+    if truth is not None:
+        model = load_model(truth, rig).model
+    elif own in model_names():
+        model = load_model(own, rig).model
+    else:
+        model = Model.single(rig)
+    control = pitch_controller(controller, gains_named(gains))
+    job = PitchJob(PitchBench.of(model), control)
+    return PitchPlant(job, schedule_named(schedule), seed, rate_Hz)
+
+
+def pitch_hello(plant: PitchPlant, seed: int) -> Hello:
+    """Return what the virtual pitch bench of that plant says of itself."""
+    rig, job = plant.rig, plant.job
+    gains = job.control.gains
+    families = ("pwm", "rpm", "plate_z")
+    limits = {k: v for k, v in device_limits(rig).items() if k.startswith(families)}
+    limits |= {"theta_rad": float(PITCH_LIMIT_RAD), "gyro_rad_s": RATE_LIMIT_RAD_S}
+    return Hello(
+        device_id=f"virtual-pitch-{rig.name}-{seed}",
+        firmware=f"benchtool virtual pitch bench {__version__}",
+        n_rotors=rig.n_rotors,
+        channels=plant.channels,
+        channel_rates_Hz=plant.channel_rates_Hz,
+        rate_Hz=plant.rate_Hz,
+        limits=limits,
+        pwm_stop_us=rig.propulsion.pwm_stop_us,
+        pwm_idle_us=plant.idle_us,
+        moves_plate=True,
+        simulated=True,
+        # Sequence, time and checksum, then about thirteen characters for each value.
+        frame_bytes=26 + 13 * len(plant.channels),
+        facts={
+            "mode": "pitch",
+            "rig": rig.name,
+            "truth": job.bench.model.name,
+            "controller": job.control.name,
+            "gains": gains.name if gains is not None else "none",
+            "schedule": plant.schedule.name,
+            "schedule_s": f"{plant.schedule.duration_s:g}",
+            "control_rate_Hz": f"{plant.control_rate_Hz:g}",
+            "seed": str(seed),
+        },
+    )
+
+
+def pitch_server(
+    physics: PitchPlant,
+    link: ServerLink,
+    *,
+    seed: int = 0,
+    speed: float = 1.0,
+    faults: Iterable[Fault] = (),
+) -> BenchServer:
+    """Return a server whose device is a virtual pitch bench.
+
+    Raises:
+        InputError: a speed that makes no sense, or a fault of an unknown channel.
+    """
+    if not 0.0 < speed <= LARGEST_SPEED:
+        raise InputError(f"speed {speed:g} is outside 0 to {LARGEST_SPEED:g}; 1 is real time")
+    faults = tuple(faults)
+    plant = FaultyPlant(physics, faults)
+    hello = replace(pitch_hello(physics, seed), speed=speed)
+    link_rng = np.random.default_rng(np.random.SeedSequence(seed).spawn(1)[0])
+    return BenchServer(
+        Firmware(plant, hello),
+        link,
+        lambda: plant.rate_Hz,
+        LinkFaults(faults, link_rng),
+        plant.begin,
+    )
