@@ -97,12 +97,20 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
     if recipe.basis == "joint":
         observed, error, errors = _thrust_with_error(points, all(map(is_run, recipe.data)))
     else:
-        observed, error = ratios(points, recipe.basis)
+        # Each run is divided by its own references.
+        pairs = [ratios(part, recipe.basis) for part in parts]
+        observed = np.concatenate([ratio for ratio, _ in pairs])
+        error = np.concatenate([ratio_error for _, ratio_error in pairs])
         errors = "within" if np.isfinite(error).any() else "none"
         error = np.where(np.isfinite(error), error, np.nan if errors == "within" else 1.0)
     _refuse_dead_speed(points, conditions)
     z_over_R = model.z_over_R(conditions)
     used, left_out = _selected(observed, error, conditions.known, z_over_R, recipe)
+    parked_m = None
+    if recipe.basis != "joint":
+        parked_m = np.concatenate([_parked_m(part) for part in parts])
+        # A reference over itself is 1 by arithmetic and says nothing.
+        used = used & (points.column("kind") != code_of("kind", "reference"))
     return FitData(
         points=points,
         conditions=conditions,
@@ -114,8 +122,8 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
         z_over_R=z_over_R,
         groups=_settings(points),
         hashes=hashes,
-        reference=None if recipe.basis == "joint" else _parked(points, conditions, model.rig),
-        calibration_sd=float(points.provenance.get("calibration_relative_sd") or 0.0),
+        reference=None if parked_m is None else _parked(parked_m, conditions, model.rig),
+        calibration_sd=_calibration_sd(parts, recipe.data),
     )
 
 
@@ -193,13 +201,33 @@ def _refuse_dead_speed(points: Recording, conditions: Conditions) -> None:
         )
 
 
-def _parked(points: Recording, conditions: Conditions, rig: Rig) -> Conditions:
-    """Return the conditions with the plate where the run's references were measured."""
-    parked = points.column("kind") == code_of("kind", "reference")
+def _calibration_sd(parts: Sequence[Recording], paths: Sequence[str]) -> float:
+    """Return the relative error of the load cell's scale that all points share.
+
+    Runs through different calibrations do not share one.
+    """
+    found = [part.provenance.get("calibration", "") for part in parts]
+    for path, name in zip(paths, found, strict=True):
+        if name != found[0]:
+            raise InputError(
+                f"{paths[0]} went through calibration {found[0] or 'none'}, {path} through "
+                f"{name or 'none'}; recalibrate one of them, or fit them separately"
+            )
+    return float(parts[0].provenance.get("calibration_relative_sd") or 0.0)
+
+
+def _parked_m(part: Recording) -> Array:
+    """Return where one run's plate was parked for its references, for every point (n,): m."""
+    parked = part.column("kind") == code_of("kind", "reference")
+    return np.full(len(part), float(part.si("plate_z_m")[parked].mean()))
+
+
+def _parked(parked_m: Array, conditions: Conditions, rig: Rig) -> Conditions:
+    """Return the conditions with the plate where each point's references were measured."""
     return Conditions.of(
         rig,
         speed_rad_s=conditions.speed_rad_s,
-        plate_z_m=np.full(len(conditions), conditions.plate_z_m[parked].mean()),
+        plate_z_m=parked_m,
         voltage_V=conditions.voltage_V,
         elapsed_s=conditions.elapsed_s,
         time_s=conditions.time_s,

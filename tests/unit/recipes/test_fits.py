@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from benchtool.errors import InputError
 from benchtool.recipes.recipe import Basis, read_recipe
 from benchtool.recipes.result_file import read_result
 from benchtool.recipes.run_recipe import run_recipe
@@ -88,3 +89,43 @@ def test_ratios_of_every_basis_hold_the_truth(basis: Basis) -> None:
         low, high = result[parameter].interval_95
         assert low < TRUTH["quad"][parameter] < high, parameter
     assert result["body_lift.K_b"].sd < 0.05
+
+
+def copied(run: Path, thrust_factor: float, **facts: object) -> str:
+    """Return a copy of the quad run as another load cell would have seen it."""
+    shutil.copytree(FITS.parent / "datasets/quad/run", run)
+    header, *rows = (run / "points.csv").read_text("utf-8").splitlines()
+    columns = [header.split(",").index(name) for name in ("thrust_N", "thrust_se_N")]
+    out = [header]
+    for row in rows:
+        cells = row.split(",")
+        for column in columns:
+            cells[column] = repr(float(cells[column]) * thrust_factor)
+        out.append(",".join(cells))
+    (run / "points.csv").write_text("\n".join(out) + "\n", "utf-8")
+    stored = json.loads((run / "metadata.json").read_text("utf-8"))
+    (run / "metadata.json").write_text(json.dumps({**stored, **facts}), "utf-8")
+    return str(run)
+
+
+def test_every_run_is_divided_by_its_own_references(tmp_path: Path) -> None:
+    recipe = replace(
+        read_recipe(FITS / "quad"), basis="equal_pwm", methods=("least_squares",), compare=()
+    )
+    alone = run_recipe(recipe)
+    other = copied(tmp_path / "other", 1.05)
+    both = run_recipe(replace(recipe, data=(*recipe.data, other)))
+    assert both.results[0].chi2 == pytest.approx(2.0 * alone.results[0].chi2, rel=0.02)
+    assert both.results[0]["body_lift.K_b"].value == pytest.approx(
+        alone.results[0]["body_lift.K_b"].value, abs=0.003
+    )
+    references = alone.data.points.column("kind") == 1.0
+    assert references.any()
+    assert not alone.data.used[references].any()
+
+
+def test_runs_through_different_calibrations_are_not_mixed(tmp_path: Path) -> None:
+    recipe = replace(read_recipe(FITS / "quad"), methods=("least_squares",), compare=())
+    other = copied(tmp_path / "o", 1.01, calibration={"id": "cell-7", "relative_sd": 0.01})
+    with pytest.raises(InputError, match=r"calibration none, .* through cell-7; recalibrate"):
+        run_recipe(replace(recipe, data=(*recipe.data, other)))
