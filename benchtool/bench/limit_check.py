@@ -99,6 +99,7 @@ class LimitCheck:
         self._pwm_us: Array | None = None
         self._commanded_s = start_s
         self._slowest_rpm = self._fastest_rpm = np.zeros(rig.n_rotors)
+        self._seen_rpm: Array = np.full(len(self._rpm), np.nan)
         self._thrust_per_rpm2 = rig.propulsion.thrust_coefficient_N_s2 * (pi / 30.0) ** 2
         self._margin_N = PLAUSIBLE_MARGIN * limits.load_cell_rating_N
         self._plausible_s = self._last_s = start_s
@@ -137,12 +138,26 @@ class LimitCheck:
             return self._stale(silent_s)
         if len(self._rpm) < self._n_rotors:
             return None
-        rpm = values[:, self._rpm]
+        rpm = self._filled(values[:, self._rpm])
         error: LimitExceeded | None = None
         if self._thrust >= 0:
             thrust_N, squares = values[:, self._thrust], np.einsum("ij,ij->i", rpm, rpm)
             error = self._implausible(time_s, squares, thrust_N) or self._stuck(squares, thrust_N)
         return error or self._disobeyed(rpm)
+
+    def _filled(self, rpm: Array) -> Array:
+        """Return speeds (m, n) with every gap holding the channel's last reading.
+
+        A device may send thrust and speeds in different rows; a reading that is too old to compare
+        with is a silent channel, which is judged by itself.
+        """
+        if np.isnan(rpm).any():
+            whole = np.vstack([self._seen_rpm, rpm])
+            rows = np.where(np.isnan(whole), 0, np.arange(len(whole))[:, None])
+            np.maximum.accumulate(rows, axis=0, out=rows)
+            rpm = np.take_along_axis(whole, rows, axis=0)[1:]
+        self._seen_rpm = rpm[-1].copy()
+        return rpm
 
     def _skip_gap(self, first_s: float) -> None:
         gap_s = first_s - self._last_s
@@ -161,7 +176,7 @@ class LimitCheck:
         since_s = self._last_s - self._commanded_s
         if self._pwm_us is None or since_s < TOO_SLOW_S:
             return None
-        # A row with a gap compares as neither too slow nor too fast.
+        # A motor that was never heard of compares as neither too slow nor too fast.
         bad = rpm[-1] < self._slowest_rpm
         limits_rpm = self._slowest_rpm
         if since_s > TOO_FAST_S and not bad.any():
