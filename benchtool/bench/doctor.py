@@ -144,7 +144,7 @@ def _holders(around: Surroundings) -> Finding | None:
             f"{around.system} does not tell which program has a port open",
             "close terminal programs, the Arduino serial monitor, slicers",
         )
-    if around.is_terminal and len(around.holders) == 1:
+    if len(around.holders) == 1 and around.holders[0].is_terminal:
         return Finding(name, "ok", f"the virtual bench behind it is {_listed(around.holders)}")
     if around.holders:
         return Finding(

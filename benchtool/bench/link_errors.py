@@ -21,7 +21,7 @@ def opening_error(error: Exception, where: str, windows: bool = False) -> LinkEr
         windows: on Windows an access denied on a port means that somebody else has it open.
     """
     number = _number(error)
-    text = " ".join(str(error).split())
+    text = _text(error)
     if number in _BUSY or "exclusively lock" in text or (windows and _denied(number, text)):
         return PortBusy(
             f"{where} is in use by {holders_text(where)}; end that program and try again"
@@ -40,10 +40,20 @@ def opening_error(error: Exception, where: str, windows: bool = False) -> LinkEr
 
 def lost_error(error: Exception, where: str) -> LinkLost:
     """Return what an exception on a port that was open means."""
-    text = " ".join(str(error).split())
+    text = _text(error)
     return LinkLost(
         f"the link to {where} broke ({text}); check cable and power, then open it again"
     )
+
+
+def _text(error: Exception) -> str:
+    """Return an exception's words; of an error within an error only the inner one's.
+
+    pyserial says "[Errno 2] could not open port X: [Errno 2] No such file or directory: 'X'".
+    """
+    text = " ".join(str(error).split())
+    said = re.findall(r"\[Errno \d+\] ([^:\[]+)", text)
+    return str(said[-1]).strip() if len(said) > 1 else text
 
 
 def _number(error: Exception) -> int | None:

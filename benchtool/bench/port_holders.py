@@ -12,10 +12,16 @@ _MASTERS = ("/dev/ptmx", "/dev/pts/ptmx")
 
 @dataclass(frozen=True, slots=True)
 class Holder:
-    """Name one process that has a port open."""
+    """Name one process that has a port open.
+
+    Attributes:
+        pid, name: of the process.
+        is_terminal: whether it also holds the master end of pseudo-terminals, as a virtual bench.
+    """
 
     pid: int
     name: str
+    is_terminal: bool = False
 
 
 def holders(port: str) -> tuple[Holder, ...]:
@@ -30,8 +36,9 @@ def holders(port: str) -> tuple[Holder, ...]:
     for process in psutil.process_iter(["pid", "name"]):
         paths = _open_paths(process.pid)
         if target in paths:
-            found = Holder(process.pid, process.info["name"] or "unnamed")
-            (terminals if paths.intersection(_MASTERS) else users).append(found)
+            is_terminal = bool(paths.intersection(_MASTERS))
+            found = Holder(process.pid, process.info["name"] or "unnamed", is_terminal)
+            (terminals if is_terminal else users).append(found)
     return tuple(users or terminals)
 
 

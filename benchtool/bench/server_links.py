@@ -95,9 +95,18 @@ class PtyLink:
         tty.setraw(far)
         os.set_blocking(near, False)
         self._ends, self._path = (near, far), os.ttyname(far)
-        if self._symlink is not None:
+        if self._symlink is None:
+            return
+        try:
             self._symlink.unlink(missing_ok=True)
             self._symlink.symlink_to(self._path)
+        except OSError as error:
+            symlink, self._symlink = self._symlink, None
+            self.unplug()
+            raise InputError(
+                f"--symlink {symlink} cannot be made ({error.strerror}); choose a path in a folder "
+                f"that exists and may be written"
+            ) from error
 
     def close(self) -> None:
         self.unplug()

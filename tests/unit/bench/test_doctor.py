@@ -130,7 +130,7 @@ def test_the_server_behind_a_pseudo_terminal_is_no_rival():
         exists=True,
         may_open=True,
         is_terminal=True,
-        holders=(Holder(99, "python"),),
+        holders=(Holder(99, "python", is_terminal=True),),
         programs=frozenset({"modemmanager"}),
         rule_installed=False,
     )

@@ -205,3 +205,11 @@ def test_tcp_links_that_break(error: OSError) -> None:
         link.read(0.0)
     with pytest.raises(LinkLost, match="broke"):
         link.write(b"x")
+
+
+def test_an_error_within_an_error_is_told_once() -> None:
+    error = OSError(2, "could not open port /dev/x: [Errno 2] No such file or directory: '/dev/x'")
+    told = str(opening_error(error, "/dev/x"))
+    assert told.startswith("/dev/x cannot be opened (No such file or directory);")
+    plain = str(opening_error(OSError(113, "No route to host"), "10.0.0.9:5"))
+    assert "([Errno 113] No route to host)" in plain
