@@ -19,19 +19,25 @@ STEPS = 4
 
 def command(
     out: Annotated[
-        Path, typer.Option(help="Folder for runs and report; must be new or empty.")
-    ] = Path("benchtool-demo"),
+        Path | None,
+        typer.Option(help="New folder; benchtool-demo, then benchtool-demo-2, when left out."),
+    ] = None,
     speed: Annotated[
-        float, typer.Option(help="How much faster than life the virtual benches run.", min=1.0)
+        float,
+        typer.Option(
+            help="How much faster than life the virtual benches run.", min=1.0, max=1000.0
+        ),
     ] = 20.0,
     seed: Annotated[int, typer.Option(help="Seed of the virtual benches' noise.", min=0)] = 1,
 ) -> None:
     """Sweep two virtual benches, fit, and write a report."""
     from benchtool.recipes.fit_folder import refuse_full
 
+    out = out or free_folder(Path("benchtool-demo"))
     refuse_full(out)
     out.mkdir(parents=True, exist_ok=True)
     print(f"two virtual benches, {speed:g} times faster than life; no motor turns anywhere")
+    print(f"everything goes into {out}")
     commands: list[str] = []
     runs = {}
     for step, (name, rig) in enumerate((("single", "pquad_single"), ("quad", "pquad")), start=1):
@@ -40,6 +46,15 @@ def command(
         _swept(name, rig, runs[name], speed, seed, commands)
     _say(3, "fit: one rotor by eq. (2); four rotors by eq. (3) and by eq. (4)")
     _fit_and_report(out, runs, commands)
+
+
+def free_folder(first: Path) -> Path:
+    """Return the folder of that name, with -2, -3 and so on behind it while something is there."""
+    folder, count = first, 1
+    while folder.exists():
+        count += 1
+        folder = first.with_name(f"{first.name}-{count}")
+    return folder
 
 
 def _say(step: int, text: str) -> None:
