@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from math import atan2, degrees, radians, tan
+from dataclasses import asdict, dataclass
+from math import atan2, degrees, isfinite, radians, tan
+from typing import Any
 
 import numpy as np
 
+from benchtool.acquire.duration import least_duration_s
 from benchtool.acquire.order import Setting, settings_of
 from benchtool.acquire.plan import Plan
 from benchtool.aero.rotor import speed_from_pwm
@@ -15,6 +17,9 @@ from benchtool.core.rig import Rig
 from benchtool.effects.conditions import Conditions
 from benchtool.effects.model import Model
 from benchtool.errors import PlanError
+
+LONGEST_S = 48.0 * 3600.0
+"""A plan that lasts longer is taken for a typing error; a choice."""
 
 BODY_LIFT_K = 2.0
 """K_b of the expected thrust: "close to 2" (paper, section 2.2)."""
@@ -75,7 +80,9 @@ def check_plan(plan: Plan, rig: Rig, device_limits: Mapping[str, float] | None =
     Raises:
         PlanError: the value, the limit and what to change.
     """
+    _check_finite(asdict(plan))
     _check_lists(plan, rig)
+    _check_length(plan, rig)
     settings = settings_of(plan, rig)
     device = dict(device_limits or {})
     highest_us = min(rig.limits.pwm_us, rig.propulsion.pwm_max_us, device.get("pwm_us", np.inf))
@@ -106,6 +113,27 @@ def check_plan(plan: Plan, rig: Rig, device_limits: Mapping[str, float] | None =
             f"{allowed_rpm:.0f} rpm; lower throttle.pwm_us"
         )
     return expected
+
+
+def _check_finite(table: Mapping[str, Any], path: str = "") -> None:
+    """Refuse nan and inf wherever they stand, in whatever fields a plan has."""
+    for key, value in table.items():
+        if isinstance(value, Mapping):
+            _check_finite(value, f"{path}{key}.")
+            continue
+        for number in value if isinstance(value, tuple) else (value,):
+            if isinstance(number, float) and not isfinite(number):
+                raise PlanError(f"{path}{key} is {number:g}; give a finite number")
+
+
+def _check_length(plan: Plan, rig: Rig) -> None:
+    least_s = least_duration_s(plan, rig)
+    if least_s > LONGEST_S:
+        raise PlanError(
+            f"the plan would take {least_s / 3600.0:,.0f} h or more, limit {LONGEST_S / 3600.0:g} "
+            f"h; lower repeats ({plan.repeats:,}) or sample_s ({plan.sample_s:g} s), or sweep it "
+            f"in parts"
+        )
 
 
 def _check_lists(plan: Plan, rig: Rig) -> None:
@@ -150,6 +178,12 @@ def _check_place(setting: Setting, rig: Rig, device: Mapping[str, float]) -> Non
             f"a plate distance of {place.z_m:g} m (z/R = "
             f"{place.z_m / rig.propulsion.radius_m:.2f}) is outside {low_m:g} to {high_m:g} m; "
             f"change plate.distances or the rig's plate.z_min_m, z_max_m"
+        )
+    side_m = min(rig.plate_x_max_m, device.get("plate_x_max_m", np.inf))
+    if abs(place.x_m) > side_m:
+        raise PlanError(
+            f"a lateral position of {place.x_m:g} m is outside -{side_m:g} to {side_m:g} m; change "
+            f"plate.lateral_m or the rig's plate.x_max_m"
         )
     reach_m = max(abs(rotor.x_m) for rotor in rig.rotors) + rig.propulsion.radius_m
     nearest_m = place.z_m - reach_m * tan(abs(radians(place.tilt_deg)))

@@ -30,6 +30,18 @@ def move_s(plan: Plan, rig: Rig, start: Place | None, end: Place) -> float:
     return STOP_S + hypot(end.z_m - z_m, end.x_m - x_m) / rig.plate.speed_m_s
 
 
+def least_duration_s(plan: Plan, rig: Rig) -> float:
+    """Return a time that every order of a resolved plan takes at least: s.
+
+    From counts alone, so that a plan of a billion visits is judged at once.
+    """
+    plate = plan.plate
+    places = len(plate.distances_m) * len(plate.tilts_deg) * len(plate.lateral_m)
+    places += plan.order.references
+    visits = places * len(plan.throttle.pwm_us) * (plan.repeats or 1)
+    return visits * visit_s(plan)
+
+
 def expected_duration_s(
     plan: Plan, rig: Rig, visits: Sequence[Visit], place: Place | None = None
 ) -> float:

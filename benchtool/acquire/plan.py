@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 from annotated_types import Ge, Gt, Le, Len
 
 from benchtool.core.rig import Rig
-from benchtool.core.toml_text import FileTable, read_strict
+from benchtool.core.toml_text import FiniteTable, read_strict
 from benchtool.errors import FileFormatError
 
 Positive = Annotated[float, Gt(0.0)]
@@ -27,7 +27,7 @@ STANDARD_DISTANCES_OVER_R = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PlatePart(FileTable):
+class PlatePart(FiniteTable):
     """Say where the plate goes: every combination of distance, tilt and lateral position.
 
     Attributes:
@@ -44,7 +44,7 @@ class PlatePart(FileTable):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ThrottlePart(FileTable):
+class ThrottlePart(FiniteTable):
     """Say how fast the rotors turn.
 
     Attributes:
@@ -59,7 +59,7 @@ class ThrottlePart(FileTable):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class OrderPart(FileTable):
+class OrderPart(FiniteTable):
     """Say in which order settings are visited.
 
     Attributes:
@@ -77,7 +77,7 @@ class OrderPart(FileTable):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SettlePart(FileTable):
+class SettlePart(FiniteTable):
     """Say when thrust and speed count as settled.
 
     Attributes:
@@ -93,7 +93,7 @@ class SettlePart(FileTable):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TarePart(FileTable):
+class TarePart(FiniteTable):
     """Say when and how well the load cell is tared.
 
     Attributes:
@@ -112,7 +112,7 @@ class TarePart(FileTable):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RestPart(FileTable):
+class RestPart(FiniteTable):
     """Say when the bench rests with motors at zero.
 
     Attributes:
@@ -131,7 +131,7 @@ class RestPart(FileTable):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Plan(FileTable):
+class Plan(FiniteTable):
     """Hold everything that a sweep is asked to do.
 
     Attributes:

@@ -264,6 +264,9 @@ class Firmware:
         high_m = self.limits.get("plate_z_max_m", np.inf)
         if not low_m <= z_m <= high_m:
             return Reply(False, f"plate distance {z_m:g} m outside {low_m:g} to {high_m:g} m")
+        side_m = self.limits.get("plate_x_max_m", np.inf)
+        if not abs(x_m) <= side_m or not np.isfinite((x_m, tilt_rad)).all():
+            return Reply(False, f"lateral {x_m:g} m, tilt {tilt_rad:g} rad; limit {side_m:g} m")
         try:
             self._plant.command_plate(z_m, x_m, tilt_rad)
         except BenchtoolError as error:

@@ -65,4 +65,5 @@ def device_limits(rig: Rig) -> dict[str, float]:
         "temperature_degC": limits.temperature_degC,
         "plate_z_min_m": rig.plate.z_min_m,
         "plate_z_max_m": rig.plate.z_max_m,
+        "plate_x_max_m": rig.plate_x_max_m,
     }

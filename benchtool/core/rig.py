@@ -11,7 +11,7 @@ import numpy as np
 from annotated_types import Ge, Gt, Le, Len
 from numpy.typing import NDArray
 
-from benchtool.core.toml_text import FileTable
+from benchtool.core.toml_text import FiniteTable
 
 Array = NDArray[np.float64]
 Positive = Annotated[float, Gt(0.0)]
@@ -19,7 +19,7 @@ NotNegative = Annotated[float, Ge(0.0)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RotorPlace(FileTable):
+class RotorPlace(FiniteTable):
     """Place one rotor: x forward, y left, seen from above; spin +1 is counter-clockwise."""
 
     name: str
@@ -29,7 +29,7 @@ class RotorPlace(FileTable):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Propulsion(FileTable):
+class Propulsion(FiniteTable):
     """Describe motor, ESC and rotor, the same for every place.
 
     Attributes:
@@ -58,7 +58,7 @@ class Propulsion(FileTable):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Body(FileTable):
+class Body(FiniteTable):
     """Describe mass and inertia of the whole vehicle about its centre."""
 
     mass_kg: Positive
@@ -68,7 +68,7 @@ class Body(FileTable):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Sensor(FileTable):
+class Sensor(FiniteTable):
     """Describe one sensor: white noise (sd), quantum and sample rate, in the channel's unit."""
 
     noise: NotNegative = 0.0
@@ -77,12 +77,13 @@ class Sensor(FileTable):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PlateStage(FileTable):
+class PlateStage(FiniteTable):
     """Describe what moves the plate.
 
     Attributes:
         moved_by: "device" (the bench itself), "grbl" (a G-code stage) or "hand".
         z_min_m, z_max_m: travel; the plate never comes nearer than z_min_m.
+        x_max_m: lateral travel to either side; `Rig.plate_x_max_m` stands in when left out.
         z_park_m: distance at which the plate counts as out of ground effect.
         speed_m_s: feed.
         backlash_m: play when the direction changes.
@@ -97,10 +98,11 @@ class PlateStage(FileTable):
     backlash_m: NotNegative
     size_x_m: Positive
     size_y_m: Positive
+    x_max_m: NotNegative | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Limits(FileTable):
+class Limits(FiniteTable):
     """State what no reading may exceed; they never exceed the load cell's rating."""
 
     thrust_N: Positive
@@ -113,7 +115,7 @@ class Limits(FileTable):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Rig(FileTable):
+class Rig(FiniteTable):
     """Describe everything about a bench that a model or a device needs.
 
     Attributes:
@@ -138,6 +140,14 @@ class Rig(FileTable):
     def n_rotors(self) -> int:
         """How many rotors there are."""
         return len(self.rotors)
+
+    @property
+    def plate_x_max_m(self) -> float:
+        """Lateral travel of the plate to either side; where it leaves every rotor, unless told."""
+        if self.plate.x_max_m is not None:
+            return self.plate.x_max_m
+        reach_m = max(abs(place.x_m) for place in self.rotors) + self.propulsion.radius_m
+        return 0.5 * self.plate.size_x_m + reach_m
 
     @cached_property
     def disc_of_rotor(self) -> NDArray[np.intp]:

@@ -26,7 +26,14 @@ class FileTable:
     """Mark a dataclass that is read from a file: keys that it has not are refused."""
 
     __slots__ = ()
-    __pydantic_config__: ClassVar[dict[str, str]] = {"extra": "forbid"}
+    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid"}
+
+
+class FiniteTable(FileTable):
+    """Mark a dataclass whose numbers reach a bench: nan and inf are refused in every field, too."""
+
+    __slots__ = ()
+    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "allow_inf_nan": False}
 
 
 @dataclass(slots=True)

@@ -1,12 +1,14 @@
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import fields, is_dataclass, replace
+from math import nan
 
 import numpy as np
 import pytest
 
 from benchtool.acquire.check_plan import check_plan, expected_extremes
-from benchtool.acquire.duration import expected_duration_s
+from benchtool.acquire.duration import expected_duration_s, least_duration_s, visit_s
 from benchtool.acquire.order import settings_of, visits_of
 from benchtool.acquire.plan import Plan, plan_from_toml, plan_to_toml
 from benchtool.errors import BenchtoolError, FileFormatError, PlanError, UnknownChoice
@@ -49,6 +51,9 @@ def test_repeats_are_those_of_the_study() -> None:
         ("sample_s = 'two'", FileFormatError, "sample_s"),
         ("[plate]\ndistances_m = [-0.1]", FileFormatError, "distances_m"),
         ("[plate]\ndistances_m=[0.1]\ndistances_over_R=[1.0]", FileFormatError, "both given"),
+        ("sample_s = inf", FileFormatError, "sample_s is Infinity: .* finite"),
+        ("[plate]\ntilts_deg = [nan]", FileFormatError, "finite"),
+        ("[rest]\nabove_degC = nan", FileFormatError, "finite"),
         ("repeats = ", FileFormatError, "not valid TOML"),
     ],
 )
@@ -122,6 +127,8 @@ def test_expected_thrust_is_that_of_k_and_the_pwm_map() -> None:
         ("[plate]\ndistances_m = [0.01]", r"0\.01 m .* outside 0\.05 to 1\.5 m"),
         ("[plate]\ndistances_m = [2.0]", r"outside 0\.05 to 1\.5 m"),
         ("[plate]\ndistances_m = [0.1]\ntilts_deg = [20.0]", "tilt at most 8.2 deg"),
+        ("[plate]\nlateral_m = [1.0]", r"1 m is outside -0\.945 to 0\.945 m"),
+        ("repeats = 1000000000", r"h or more, limit 48 h; lower repeats \(1,000,000,000\)"),
         ("[throttle]\npwm_us = [1900.0]", r"limit 45 N; lower throttle\.pwm_us"),
         ("[rest]\nabove_degC = 40.0", "not below rest.above_degC"),
     ],
@@ -149,3 +156,33 @@ def test_duration_counts_moves_settling_and_tares() -> None:
     visits = visits_of(plan, SINGLE)
     # 1 m at 0.1 m/s, 1.5 s standstill, 0.3 + 1.4 + 2 s for the point, 2.5 s for the tare.
     assert expected_duration_s(plan, SINGLE, visits) == pytest.approx(10.0 + 1.5 + 3.7 + 2.5)
+
+
+def _with_nan(plan: Plan) -> Iterator[Plan]:
+    """Give the plan once for each of its numbers, with that one as nan."""
+    for field in fields(plan):
+        value = getattr(plan, field.name)
+        if is_dataclass(value):
+            for part in _with_nan(value):  # type: ignore[arg-type]
+                yield replace(plan, **{field.name: part})
+        elif isinstance(value, float):
+            yield replace(plan, **{field.name: nan})
+        elif isinstance(value, tuple) and isinstance(value[0] if value else None, float):
+            yield replace(plan, **{field.name: (nan, *value[1:])})
+
+
+def test_no_number_of_a_plan_may_be_nan_however_it_was_made() -> None:
+    spoiled = list(_with_nan(Plan().resolved(QUAD)))
+    assert len(spoiled) > 12
+    for plan in spoiled:
+        with pytest.raises(PlanError, match="is nan; give a finite number"):
+            check_plan(plan, QUAD)
+
+
+def test_the_least_duration_is_below_what_is_expected() -> None:
+    plan = Plan().resolved(QUAD)
+    visits = visits_of(plan, QUAD)
+    planned = [visit for visit in visits if visit.kind != "anchor"]
+    least_s = least_duration_s(plan, QUAD)
+    assert least_s == pytest.approx(len(planned) * visit_s(plan))
+    assert least_s < expected_duration_s(plan, QUAD, visits)
