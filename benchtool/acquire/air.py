@@ -10,8 +10,13 @@ from benchtool.errors import InputError
 CARBON_DIOXIDE = 0.0004
 """Mole fraction of carbon dioxide: 400 ppm, the reference value of CIPM-2007."""
 
+TEMPERATURES_DEGC = (-40.0, 60.0)
+PRESSURES_PA = (50_000.0, 110_000.0)
+HUMIDITIES = (0.0, 1.0)
+"""Least and greatest that is taken for a measurement; choices, wide enough for any laboratory."""
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+
+@dataclass(frozen=True, slots=True)
 class Air:
     """Hold the state of the air around the bench.
 
@@ -28,10 +33,10 @@ class Air:
     measured: bool = False
 
     def __post_init__(self) -> None:
-        for name, value, low, high, unit in (
-            ("temperature", self.temperature_degC, -40.0, 60.0, "degC"),
-            ("pressure", self.pressure_Pa, 50_000.0, 110_000.0, "Pa"),
-            ("humidity", self.humidity, 0.0, 1.0, "(0 to 1)"),
+        for name, value, (low, high), unit in (
+            ("temperature", self.temperature_degC, TEMPERATURES_DEGC, "degC"),
+            ("pressure", self.pressure_Pa, PRESSURES_PA, "Pa"),
+            ("humidity", self.humidity, HUMIDITIES, "(0 to 1)"),
         ):
             if not low <= value <= high:
                 raise InputError(

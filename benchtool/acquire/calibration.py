@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.toml_text import FileTable, build
+from benchtool.core.toml_text import FiniteTable, build
 from benchtool.core.units import STANDARD_GRAVITY_M_S2
 from benchtool.errors import CalibrationError
 
@@ -22,7 +22,7 @@ choice: load cells are rated near 0.0005, and 0.02 is a loose screw or a wrong m
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Calibration(FileTable):
+class Calibration(FiniteTable):
     """Turn raw counts into newtons: N = slope (counts - zero), zero from the tare.
 
     Attributes:
@@ -138,6 +138,21 @@ def calibration_from(data: Mapping[str, Any], where: str) -> Calibration:
     if not (isfinite(calibration.slope_N_per_count) and calibration.slope_N_per_count != 0.0):
         raise CalibrationError(f"{where}: a slope of 0 N per count is none; calibrate again")
     return calibration
+
+
+def require_device(
+    calibration: Calibration, name: str, target: str, device_id: str, way_round: str
+) -> None:
+    """Refuse the calibration called `name` for a bench or a run, the target, of another device.
+
+    Raises:
+        CalibrationError: both devices, and the option that goes round it.
+    """
+    if calibration.device_id != device_id:
+        raise CalibrationError(
+            f"{name} was made on device {calibration.device_id!r}, but {target} is {device_id!r}; "
+            f"calibrate this one, or give {way_round}"
+        )
 
 
 def calibration_to_dict(calibration: Calibration) -> dict[str, Any]:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.acquire.average import average
-from benchtool.acquire.calibration import Calibration, calibration_to_dict
+from benchtool.acquire.calibration import Calibration, calibration_to_dict, require_device
 from benchtool.acquire.plan import plan_from_toml
 from benchtool.core.recording import Recording
 from benchtool.errors import CalibrationError, FileFormatError
@@ -20,15 +20,25 @@ from benchtool.store.write import write_table
 Array = NDArray[np.float64]
 
 
-def recalibrate(run: Run, calibration: Calibration) -> Path:
+def recalibrate(run: Run, calibration: Calibration, *, other_device: bool = False) -> Path:
     """Write points and settings through a calibration to RUN/recalibrated-ID; return that folder.
 
     The folder is read like a run: `benchtool fit RUN/recalibrated-ID`.
 
+    Args:
+        run: with raw counts.
+        calibration: of the device that recorded the run.
+        other_device: take one of another device all the same; the metadata say so.
+
     Raises:
-        CalibrationError: the run has no raw counts, or no tare to count from.
+        CalibrationError: the calibration belongs to another device, the run has no raw counts,
+            or no tare to count from.
         WouldOverwrite: the run was recalibrated so before.
     """
+    device_id = str(run.metadata.get("device_id", ""))
+    if not other_device:
+        name = f"calibration {calibration.id}"
+        require_device(calibration, name, f"run {run.path}", device_id, "--other-device")
     samples = read_samples(run.path)
     if "thrust_raw" not in samples or np.isnan(samples.column("thrust_raw")).all():
         raise CalibrationError(
@@ -43,6 +53,7 @@ def recalibrate(run: Run, calibration: Calibration) -> Path:
     name = re.sub(r"[^A-Za-z0-9._-]", "_", calibration.id)
     facts |= {
         "calibration": calibration_to_dict(calibration),
+        "calibration_of_other_device": calibration.device_id != device_id,
         "recalibrated_from": {"run": run.path.name, "sha256": data_hash(run.path)},
         "samples": {},
     }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,7 @@ STEP_S = 0.1
 
 @dataclass(slots=True)
 class LinkQuality:
-    """Count what the link lost since the run was begun or resumed."""
+    """Count what came and what the link lost, over all parts of a resumed run."""
 
     samples: int = 0
     lost: int = 0
@@ -36,12 +36,20 @@ class Recorder:
         run: the folder.
         progress: hears of events.
         start_s: time of the run at which this part of it begins; above 0 for a resumed one.
+        before: what a resumed run has counted so far.
     """
 
-    def __init__(self, bench: Bench, run: Run, progress: Progress, start_s: float = 0.0) -> None:
+    def __init__(
+        self,
+        bench: Bench,
+        run: Run,
+        progress: Progress,
+        start_s: float = 0.0,
+        before: LinkQuality | None = None,
+    ) -> None:
         identity = bench.identity
         self.bench = bench
-        self.quality = LinkQuality()
+        self.quality = replace(before) if before else LinkQuality()
         self._progress = progress
         self._names = [channel.name for channel in identity.channels]
         self._channels = identity.channels
@@ -63,7 +71,10 @@ class Recorder:
         return self.bench.now_s() - self._zero_s
 
     def read(self, phase: str, point: int = 0, timeout_s: float = STEP_S) -> Readings:
-        """Read what arrived, write it, and return it with times since the run began."""
+        """Read what arrived, write it, and return it with times since the run began.
+
+        A signal waits for the end of this, so that no sample is lost between link and disk.
+        """
         return self.keep(self.bench.read(timeout_s), phase, point)
 
     def keep(self, readings: Readings, phase: str, point: int = 0) -> Readings:

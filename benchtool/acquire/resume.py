@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from benchtool.acquire.calibration import Calibration, calibration_from
 from benchtool.acquire.order import visits_of
 from benchtool.acquire.plan import Plan, plan_from_toml
+from benchtool.acquire.record import LinkQuality
 from benchtool.acquire.sweep import Start
 from benchtool.bench.bench import Identity
 from benchtool.core.rig import Rig
 from benchtool.core.toml_text import build
 from benchtool.errors import FileFormatError, InputError
-from benchtool.store import Run, read_points, read_samples
+from benchtool.store import KINDS, Run, code_of, read_points, read_samples
 from benchtool.store.samples import mark_interrupted
 
 GAP_S = 1.0
@@ -80,13 +83,28 @@ def reopen(unfinished: Unfinished, identity: Identity) -> Start:
     run.reopen()
     samples = run.path / "samples.csv"
     if not samples.is_file() or not samples.stat().st_size:
+        run.update_metadata(state="running", reason=None)
         return Start(unfinished.done)
     recording = read_samples(run.path)
     numbers = {int(point) for point in recording.column("point")} - {0}
     mark_interrupted(samples, frozenset(numbers - unfinished.done))
     last_s = float(recording.column("time_s").max()) if len(recording) else 0.0
     run.update_metadata(state="running", reason=None)
-    return Start(unfinished.done, last_s + GAP_S)
+    counted = run.metadata.get("link") or {}
+    link = LinkQuality(len(recording), counted.get("lost", 0), counted.get("corrupt", 0))
+    unsettled, tares = _counts(run, unfinished.done)
+    return Start(unfinished.done, last_s + GAP_S, unsettled, tares, link)
+
+
+def _counts(run: Run, done: frozenset[int]) -> tuple[int, int]:
+    """Return how many visits were taken unsettled, and how many tares there are."""
+    try:
+        points = read_points(run.path, KINDS)
+    except FileFormatError:
+        return 0, 0
+    tares = points.column("kind") == code_of("kind", "tare")
+    visited = np.isin(points.column("point"), list(done)) & ~tares
+    return int((visited & (points.column("settled") == 0.0)).sum()), int(tares.sum())
 
 
 def _points_on_disk(run: Run) -> set[int]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import nan, radians
 
 import numpy as np
@@ -18,10 +18,11 @@ from benchtool.acquire.motors import RAMP_DOWN_S, Motors
 from benchtool.acquire.order import Place, Visit, visits_of
 from benchtool.acquire.plan import Plan
 from benchtool.acquire.progress import Progress, Silent
-from benchtool.acquire.record import Recorder
+from benchtool.acquire.record import LinkQuality, Recorder
 from benchtool.acquire.rest import rest_if_needed
 from benchtool.acquire.settle import is_settled
 from benchtool.acquire.tare import Tared, tare, tare_point
+from benchtool.bench.after_stop import after_stop
 from benchtool.bench.bench import Bench, Readings
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.stage import Stage
@@ -32,6 +33,9 @@ from benchtool.store import Point, Run
 
 SETTLE_CHECK_S = 0.1
 """How often settling is tested; a choice, a tenth of the usual window."""
+
+TAIL_S = 0.5
+"""After an early stop the run records so long how pulses and speeds fall; a choice."""
 
 CALM_S = 0.2
 """Time for a plate that has just arrived to come to rest; a choice."""
@@ -44,15 +48,20 @@ class Start:
     Attributes:
         done: numbers of the visits that have their points.
         time_s: time of the run at which this part begins.
+        unsettled, tares: how many of the visits that are done, and how many tares.
+        link: what was counted so far.
     """
 
     done: frozenset[int] = frozenset()
     time_s: float = 0.0
+    unsettled: int = 0
+    tares: int = 0
+    link: LinkQuality = field(default_factory=LinkQuality)
 
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """Say what a sweep did."""
+    """Say what a sweep did, with all parts of a resumed one."""
 
     measured: int
     unsettled: int
@@ -122,14 +131,17 @@ class _Sweep:
         self._bench, self._stage, self._plan, self._rig = bench, stage, plan, rig
         self._run, self._progress, self._start = run, progress, start
         self._calibration = calibration
-        self._recorder = Recorder(bench, run, progress, start.time_s)
+        if isinstance(bench, GuardedBench):
+            bench.spare(Recorder.read, _Sweep._stop_at_once)
+        self._recorder = Recorder(bench, run, progress, start.time_s, start.link)
         self._motors = Motors(self._recorder, rig)
         self._drift = DriftWatch(plan.tare.drift_N)
         self._place: Place | None = None
         self._reached_m = nan
         self._last: Point | None = None
         self._tared: Tared | None = None
-        self._measured = self._unsettled = self._tares = 0
+        self._measured = len(start.done)
+        self._unsettled, self._tares = start.unsettled, start.tares
         sensor = rig.sensors.get("thrust_N")
         self._quantum_N = sensor.quantum if sensor else 0.0
 
@@ -149,7 +161,7 @@ class _Sweep:
                     ) from error
                 raise
             summary = self._summary()
-            recorder.note("ended", f"all {summary.measured} visits of this part are measured")
+            recorder.note("ended", f"all {summary.measured} visits are measured")
             self._run.update_metadata(state="ended", link=self._link())
             return summary
         finally:
@@ -249,9 +261,18 @@ class _Sweep:
         with suppress(BenchtoolError, OSError):
             if isinstance(self._bench, GuardedBench) and (kept := self._bench.take_kept()):
                 self._recorder.keep(kept, "end")
+        if not isinstance(error, OSError):
+            self._record_tail()
         with suppress(BenchtoolError, OSError):
             self._recorder.note("stopped", reason)
             self._run.update_metadata(state="stopped", reason=reason, link=self._link())
+
+    def _record_tail(self) -> None:
+        """Put on the disk what waited in the link, and how the rotors slow down."""
+        bench = self._bench.bench if isinstance(self._bench, GuardedBench) else self._bench
+        with suppress(BenchtoolError, OSError):
+            for readings in after_stop(bench, TAIL_S):
+                self._recorder.keep(readings, "end")
 
     def _link(self) -> dict[str, int]:
         quality = self._recorder.quality
@@ -263,7 +284,7 @@ class _Sweep:
             self._measured,
             self._unsettled,
             self._tares,
-            self._recorder.now_s - self._start.time_s,
+            self._recorder.now_s,
             quality.samples,
             quality.lost,
         )

@@ -149,7 +149,8 @@ class Bench(Protocol):
 
         Raises:
             LinkLost: the link broke or stayed silent for longer than the stale limit.
-            DeviceStopped: the device says that it stopped by itself.
+            DeviceStopped: the device says that it stopped by itself; raised once, later reads
+                give what it still sends.
         """
         ...
 

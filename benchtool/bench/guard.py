@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import ExitStack
+from math import isfinite
 from types import TracebackType
 from typing import Self
 
@@ -67,7 +68,8 @@ class GuardedBench:
         self._pwm_us: Array = np.full(rig.n_rotors, rig.propulsion.pwm_stop_us)
         self._commanded_s = 0.0
         self._stopped = False
-        self._signals = StopSignals(self._note_reason, (GuardedBench.__exit__, GuardedBench._halt))
+        whole = (GuardedBench.__exit__, GuardedBench._halt, GuardedBench.listen)
+        self._signals = StopSignals(self._note_reason, whole)
 
     @property
     def identity(self) -> Identity:
@@ -133,22 +135,22 @@ class GuardedBench:
         self.bench.stop()
 
     def move_plate(self, z_m: float, x_m: float = 0.0, tilt_rad: float = 0.0) -> None:
-        self.ready_for_move(z_m)
+        self.ready_for_move(z_m, x_m, tilt_rad)
         try:
             self.bench.move_plate(z_m, x_m, tilt_rad)
         except BenchError as error:
             self._halt(error)
             raise
 
-    def ready_for_move(self, z_m: float) -> None:
+    def ready_for_move(self, z_m: float, x_m: float = 0.0, tilt_rad: float = 0.0) -> None:
         """Allow the plate to move there: at idle throttle only, never inside the minimum gap.
 
         Waits for rotors that still turn; what is read meanwhile comes with the next `read`.
         `move_plate` asks this by itself; whoever moves a separate stage asks it first.
 
         Raises:
-            StageError: motors above idle, rotors that do not slow down, or a distance outside of
-                the plate's travel.
+            StageError: motors above idle, rotors that do not slow down, or a place outside of the
+                plate's travel.
         """
         self._refuse_after_stop("plate")
         plate = self._rig.plate
@@ -157,6 +159,13 @@ class GuardedBench:
                 f"the plate was not moved to {z_m:g} m, outside {plate.z_min_m:g} to "
                 f"{plate.z_max_m:g} m of rig {self._rig.name!r}; choose a distance in between"
             )
+        if not abs(x_m) <= self._rig.plate_x_max_m:
+            raise StageError(
+                f"the plate was not moved sideways to {x_m:g} m, limit {self._rig.plate_x_max_m:g} "
+                f"m of rig {self._rig.name!r} to either side; choose a position in between"
+            )
+        if not isfinite(tilt_rad):
+            raise StageError(f"the plate was not tilted to {tilt_rad:g} rad; give a finite angle")
         idle_us = self._idle_us()
         if (self._pwm_us > idle_us).any():
             motor = int(np.argmax(self._pwm_us))
@@ -206,6 +215,20 @@ class GuardedBench:
             self._kept.append(readings)
             raise breach
         return readings
+
+    def listen(self, timeout_s: float) -> Readings:
+        """Read and check as `read` does, and keep the samples for the next `read`.
+
+        For whoever waits for something else, as for an operator. A signal is raised by the next
+        call, so that it cannot come between a sample and its keeping.
+        """
+        readings = self._read_checked(timeout_s)
+        self._kept.append(readings)
+        return readings
+
+    def spare(self, *functions: Callable[..., object]) -> None:
+        """Let signals wait while these functions run; each must read again soon, which raises."""
+        self._signals.spare(*functions)
 
     def take_kept(self) -> Readings | None:
         """Return samples that were read but not handed out, such as those that broke a limit."""
@@ -302,8 +325,7 @@ class GuardedBench:
         until_s = self.now_s() + SPIN_DOWN_S
         while True:
             self._signals.raise_if_asked()
-            readings = self._read_checked(LOOK_S)
-            self._kept.append(readings)
+            readings = self.listen(LOOK_S)
             rpm = readings.values[:, columns]
             whole = np.flatnonzero(np.isfinite(rpm).all(axis=1))
             if len(whole) and (rpm[whole[-1]] <= slow_rpm).all():

@@ -12,10 +12,11 @@ class IdleStage:
 
     Args:
         stage: moves the plate by itself, without the bench knowing.
-        ready: ready(z_m) raises when the plate must stay (`GuardedBench.ready_for_move`).
+        ready: ready(z_m, x_m, tilt_rad) raises when the plate must stay
+            (`GuardedBench.ready_for_move`).
     """
 
-    def __init__(self, stage: Stage, ready: Callable[[float], None]) -> None:
+    def __init__(self, stage: Stage, ready: Callable[[float, float, float], None]) -> None:
         self._stage = stage
         self._ready = ready
 
@@ -23,7 +24,7 @@ class IdleStage:
         self._stage.open()
 
     def move(self, z_m: float, x_m: float, tilt_rad: float, pause: Pause) -> float:
-        self._ready(z_m)
+        self._ready(z_m, x_m, tilt_rad)
         return self._stage.move(z_m, x_m, tilt_rad, pause)
 
     def hold(self) -> None:

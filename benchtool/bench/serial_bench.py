@@ -89,6 +89,7 @@ class SerialBench:
         self._messages: list[str] = []
         self._silent_since_s: float | None = None
         self._stopped: str | None = None
+        self._told = False
         self._arrived = False
         self._stage_fault: str | None = None
 
@@ -198,7 +199,7 @@ class SerialBench:
         """Lift the latch of a device that stopped by itself; its motors stay at zero."""
         self._order(Clear())
         self._note()
-        self._stopped = None
+        self._stopped, self._told = None, False
 
     def set_rate(self, rate_Hz: float) -> None:
         hello = self._known()
@@ -215,7 +216,8 @@ class SerialBench:
                 self._silent_since_s = None
                 return self._readings(batches)
             # What was read before a stop is handed out first: no sample is lost to its news.
-            self._raise_if_stopped()
+            if not self._told:
+                self._raise_if_stopped()
             left_s = deadline_s - self._clock()
             if left_s <= 0.0:
                 return self._readings([])
@@ -280,6 +282,7 @@ class SerialBench:
 
     def _raise_if_stopped(self) -> None:
         if self._stopped is not None:
+            self._told = True
             raise DeviceStopped(
                 f"the device stopped its motors by itself ({self._stopped}); remove the cause and "
                 f"start again"

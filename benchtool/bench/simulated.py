@@ -87,6 +87,7 @@ class SimulatedBench:
         self._waiting: list[tuple[Array, Rows]] = []
         self._messages: list[str] = []
         self._stopped: Event | None = None
+        self._told = False
         self._clamped = False
         self._open = False
 
@@ -161,14 +162,14 @@ class SimulatedBench:
         """Lift the latch of a device that stopped by itself; its motors stay at zero."""
         self._command("clear", Clear())
         self._note_events()
-        self._stopped = None
+        self._stopped, self._told = None, False
 
     def read(self, timeout_s: float) -> Readings:
         self._need_open("read")
         # What was read before a stop is handed out first: no sample is lost to its news.
-        if not self._waiting:
+        if not self._waiting and not self._told:
             self._raise_if_stopped()
-        if self._stopped is None:
+        if self._stopped is None or self._told:
             self._pass(timeout_s)
         self._note_events()
         self._note_clamp()
@@ -238,6 +239,7 @@ class SimulatedBench:
 
     def _raise_if_stopped(self) -> None:
         if self._stopped is not None:
+            self._told = True
             raise DeviceStopped(
                 f"the device stopped its motors by itself ({self._stopped.kind}: "
                 f"{self._stopped.text}); remove the cause and start again"

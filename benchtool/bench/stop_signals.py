@@ -11,10 +11,14 @@ from typing import Any
 
 from benchtool.errors import RunStopped
 
-_NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
+SIGNAL_NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
 """Ctrl-C, a request to end, a closed terminal, and Ctrl-Break on Windows; each where it exists."""
 
-_WORDS = {"SIGINT": "Ctrl-C", "SIGBREAK": "Ctrl-Break", "SIGHUP": "the terminal was closed"}
+_WORDS = {
+    "SIGINT": "stopped by Ctrl-C",
+    "SIGBREAK": "stopped by Ctrl-Break",
+    "SIGHUP": "stopped because the terminal was closed",
+}
 
 
 class StopSignals:
@@ -31,16 +35,20 @@ class StopSignals:
         self, note: Callable[[str], None], undisturbed: Iterable[Callable[..., object]] = ()
     ) -> None:
         self._note = note
-        self._undisturbed = frozenset(map(attrgetter("__code__"), undisturbed))
+        self._undisturbed = set(map(attrgetter("__code__"), undisturbed))
         self._before: dict[signal.Signals, Any] = {}
         self._asked: str | None = None
+
+    def spare(self, *functions: Callable[..., object]) -> None:
+        """Let signals only be noted while these run, too; `raise_if_asked` raises them later."""
+        self._undisturbed.update(map(attrgetter("__code__"), functions))
 
     def install(self) -> None:
         """Take the signals over; those that were ignored stay so (nohup)."""
         if threading.current_thread() is not threading.main_thread():
             return
         self._asked = None
-        for name in _NAMES:
+        for name in SIGNAL_NAMES:
             number = getattr(signal, name, None)
             if number is None or signal.getsignal(number) in (signal.SIG_IGN, None):
                 continue
@@ -60,7 +68,7 @@ class StopSignals:
     def _handle(self, number: int, frame: FrameType | None) -> None:
         name = signal.Signals(number).name
         again = self._asked is not None
-        self._asked = self._asked or f"stopped by {_WORDS.get(name, name)}"
+        self._asked = self._asked or _WORDS.get(name, f"stopped by {name}")
         self._note(self._asked)
         while frame is not None:
             if frame.f_code in self._undisturbed:

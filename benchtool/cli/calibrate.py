@@ -15,6 +15,9 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
+LONGEST_S = 600.0
+"""Longest average of one mass; a choice, above which drift outweighs noise."""
+
 
 def command(
     address: Annotated[
@@ -97,8 +100,11 @@ def _from_bench(
     from benchtool.bench.guard import GuardedBench
     from benchtool.cli.sweep_operator import LOOK_S, answer_to
     from benchtool.cli.sweep_options import numbers, rig_for
+    from benchtool.errors import InputError
 
     kilograms = np.array(numbers(masses, "--masses"))
+    if not 0.0 < seconds <= LONGEST_S:
+        raise InputError(f"--seconds is {seconds:g}; give more than 0 and at most {LONGEST_S:g}")
     counts = []
     with GuardedBench(open_bench(address), rig_for(address, rig)) as bench:
         require_raw_counts(bench)

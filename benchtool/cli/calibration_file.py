@@ -5,8 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from benchtool.errors import CalibrationError
-
 if TYPE_CHECKING:
     from benchtool.acquire.calibration import Calibration
     from benchtool.bench.bench import Identity
@@ -26,18 +24,16 @@ def calibration_for(option: str | None, identity: Identity) -> Calibration | Non
     Raises:
         CalibrationError: the file belongs to another device.
     """
-    from benchtool.acquire.calibration import calibration_from
+    from benchtool.acquire.calibration import calibration_from, require_device
     from benchtool.store.state import recall, state_file
 
     if option == "none":
         return None
     if option:
         calibration = read_calibration(Path(option))
-        if calibration.device_id != identity.device_id:
-            raise CalibrationError(
-                f"{option} was made on device {calibration.device_id!r}, but {identity.address} is "
-                f"{identity.device_id!r}; calibrate this one, or give --calibration none"
-            )
+        require_device(
+            calibration, option, identity.address, identity.device_id, "--calibration none"
+        )
         return calibration
     latest = recall("calibration", identity.device_id)
     if latest is None:

@@ -13,6 +13,9 @@ def command(
     calibration: Annotated[
         Path | None, typer.Option(help="Calibration file; the device's latest when left out.")
     ] = None,
+    other_device: Annotated[
+        bool, typer.Option("--other-device", help="Take one of another device; noted in the run.")
+    ] = False,
 ) -> None:
     """Apply a calibration to a run, its raw data untouched."""
     from benchtool.acquire.calibration import calibration_from
@@ -33,4 +36,5 @@ def command(
                 f"no calibration of device {device_id!r} is known here; give --calibration FILE"
             )
         chosen = calibration_from(latest, f"the latest calibration of {device_id}")
-    print(f"points through calibration {chosen.id}: {recalibrate(opened, chosen)}")
+    folder = recalibrate(opened, chosen, other_device=other_device)
+    print(f"points through calibration {chosen.id}: {folder}")

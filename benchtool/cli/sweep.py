@@ -13,8 +13,10 @@ if TYPE_CHECKING:
     from benchtool.acquire.check_plan import Expected
     from benchtool.acquire.plan import Plan
     from benchtool.acquire.resume import Unfinished
+    from benchtool.bench.bench import Bench, Identity
     from benchtool.bench.guard import GuardedBench
     from benchtool.core.rig import Rig
+    from benchtool.store import Run
 
 
 def command(
@@ -69,9 +71,13 @@ def command(
     from benchtool.acquire.check_plan import check_plan
     from benchtool.acquire.plan import Plan, read_plan
     from benchtool.acquire.resume import unfinished
-    from benchtool.cli.sweep_options import rig_for, with_options
+    from benchtool.bench.address import open_bench
+    from benchtool.cli.calibration_file import read_calibration
+    from benchtool.cli.sweep_options import air_of, rig_for, with_options
+    from benchtool.cli.sweep_stage import check_stage
     from benchtool.errors import InputError, WouldOverwrite
     from benchtool.store import Run
+    from benchtool.store.run import check_run_name
 
     given = {
         "z_m": z_m,
@@ -105,14 +111,20 @@ def command(
         resolved = with_options(read_plan(plan) if plan else Plan(), given).resolved(stands)
         if out is not None and out.exists():
             raise WouldOverwrite(str(out))
+        check_run_name(resolved.name)
+    # Everything that was typed is looked at before anything is printed or opened.
+    air = air_of(temperature, pressure, humidity)
+    check_stage(stage, stands)
+    if calibration not in (None, "none"):
+        read_calibration(Path(str(calibration)))
+    bench = open_bench(address)
     expected = check_plan(resolved, stands)
     _show_plan(resolved, stands, expected, rest)
     if dry_run:
         print("dry run: nothing was opened, nothing spins")
         return
-    air = (temperature, pressure, humidity)
     folder = (runs, out)
-    _sweep(address, resolved, stands, rest, folder, operator, air, calibration, stage, yes)
+    _sweep(bench, resolved, stands, rest, folder, operator, air, calibration, stage, yes)
 
 
 def _show_plan(plan: Plan, rig: Rig, expected: Expected, rest: Unfinished | None) -> None:
@@ -146,81 +158,95 @@ def _list(numbers: tuple[float, ...]) -> str:
 
 
 def _sweep(
-    address: str,
+    device: Bench,
     plan: Plan,
     rig: Rig,
     rest: Unfinished | None,
     folder: tuple[Path, Path | None],
     operator: str,
-    air: tuple[float | None, float | None, float | None],
+    air: Air,
     calibration: str | None,
     stage: str | None,
     yes: bool,
 ) -> None:
     """Open the bench, arm, sweep, and close the run whatever happened."""
-    from datetime import datetime
-
     from benchtool.acquire.check_plan import check_plan
-    from benchtool.acquire.metadata import run_metadata
-    from benchtool.acquire.plan import plan_to_toml
     from benchtool.acquire.resume import reopen
     from benchtool.acquire.sweep import run_sweep
-    from benchtool.bench.address import open_bench
+    from benchtool.bench.closing_signals import ClosingSignals
     from benchtool.bench.guard import GuardedBench
     from benchtool.cli.calibration_file import calibration_for
     from benchtool.cli.sweep_display import display_for
     from benchtool.cli.sweep_operator import LOOK_S, answer_to
     from benchtool.cli.sweep_stage import stage_for
-    from benchtool.store import Run, free_run_path
 
-    atmosphere = _air(air)
     run: Run | None = None
     measured = False
-    try:
-        with GuardedBench(open_bench(address), rig) as bench:
-            identity = bench.identity
-            expected = check_plan(plan, rig, identity.limits)
-            scale = rest.calibration if rest else calibration_for(calibration, identity)
-            mover = stage_for(
-                stage, bench, rig, lambda text: answer_to(text, lambda: bench.read(LOOK_S))
-            )
-            _arm(bench, plan, rig, expected, scale, yes)
-            mover.open()
-            try:
-                start = None
-                if rest:
-                    run, start = rest.run, reopen(rest, identity)
-                else:
-                    now = datetime.now().astimezone()
-                    path = folder[1] or free_run_path(folder[0], f"{now:%Y-%m-%d}", plan.name)
-                    facts = run_metadata(
-                        plan,
-                        rig,
-                        identity,
-                        operator=operator,
-                        air=atmosphere,
-                        calibration=scale,
-                        started=now,
-                    )
-                    run = Run.create(path, plan_to_toml(plan), facts)
-                print(f"run {run.path}", flush=True)
-                measured = True
-                with display_for(rig.propulsion.radius_m) as display:
-                    summary = run_sweep(
-                        bench, mover, plan, rig, run, display, calibration=scale, start=start
-                    )
-            finally:
-                mover.close()
-    finally:
-        if run is not None and measured:
-            run.close()
-            if run.metadata.get("state") == "stopped":
-                print(f"kept in {run.path}; go on with: benchtool sweep --resume {run.path}")
+    with ClosingSignals() as closing:
+        try:
+            with GuardedBench(device, rig) as bench:
+                identity = bench.identity
+                _say_speed(identity)
+                expected = check_plan(plan, rig, identity.limits)
+                scale = rest.calibration if rest else calibration_for(calibration, identity)
+                mover = stage_for(
+                    stage, bench, rig, lambda text: answer_to(text, lambda: bench.listen(LOOK_S))
+                )
+                _arm(bench, plan, rig, expected, scale, yes)
+                mover.open()
+                try:
+                    start = None
+                    if rest:
+                        run, start = rest.run, reopen(rest, identity)
+                    else:
+                        run = _new_run(folder, plan, rig, identity, operator, air, scale)
+                    print(f"run {run.path}", flush=True)
+                    measured = True
+                    closing.begin()
+                    with display_for(rig.propulsion.radius_m) as display:
+                        summary = run_sweep(
+                            bench, mover, plan, rig, run, display, calibration=scale, start=start
+                        )
+                finally:
+                    mover.close()
+        finally:
+            if run is not None and measured:
+                run.close()
+                if run.metadata.get("state") == "stopped":
+                    print(f"kept in {run.path}; go on with: benchtool sweep --resume {run.path}")
     simulated = " (simulated)" if identity.simulated else ""
     print(
         f"{summary.measured} points{simulated}, {summary.unsettled} not settled, "
         f"{summary.tares} tares, {summary.samples} samples, {summary.lost} lost; in {run.path}"
     )
+
+
+def _new_run(
+    folder: tuple[Path, Path | None],
+    plan: Plan,
+    rig: Rig,
+    identity: Identity,
+    operator: str,
+    air: Air,
+    calibration: Calibration | None,
+) -> Run:
+    from datetime import datetime
+
+    from benchtool.acquire.metadata import run_metadata
+    from benchtool.acquire.plan import plan_to_toml
+    from benchtool.store import Run, free_run_path
+
+    now = datetime.now().astimezone()
+    path = folder[1] or free_run_path(folder[0], f"{now:%Y-%m-%d}", plan.name)
+    facts = run_metadata(
+        plan, rig, identity, operator=operator, air=air, calibration=calibration, started=now
+    )
+    return Run.create(path, plan_to_toml(plan), facts)
+
+
+def _say_speed(identity: Identity) -> None:
+    if speed := identity.facts.get("speed"):
+        print(f"this bench runs at {speed} times the speed of life; all times are the bench's own")
 
 
 def _arm(
@@ -244,16 +270,3 @@ def _arm(
         print(text, flush=True)
     else:
         confirm_arming(text, CONFIRMATION, bench)
-
-
-def _air(given: tuple[float | None, float | None, float | None]) -> Air:
-    from benchtool.acquire.air import Air
-
-    temperature, pressure, humidity = given
-    standard = Air()
-    return Air(
-        temperature_degC=standard.temperature_degC if temperature is None else temperature,
-        pressure_Pa=standard.pressure_Pa if pressure is None else 100.0 * pressure,
-        humidity=standard.humidity if humidity is None else 0.01 * humidity,
-        measured=temperature is not None and pressure is not None,
-    )

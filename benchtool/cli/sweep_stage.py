@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import isfinite, nan
 from typing import TYPE_CHECKING
 from urllib.parse import parse_qsl
 
@@ -14,6 +15,17 @@ if TYPE_CHECKING:
     from benchtool.core.rig import Rig
 
 _GRBL_OPTIONS = ("baud", "axis", "zero_mm", "direction", "lateral", "lateral_zero_mm")
+
+
+def check_stage(option: str | None, rig: Rig) -> None:
+    """Refuse what no `--stage` can be, before a bench is opened."""
+    scheme, _, place = (option or "device").partition(":")
+    if scheme == "grbl" and place:
+        _grbl(place, rig)
+    elif scheme == "grbl":
+        raise InputError("the stage's port is missing; give --stage grbl:PORT?axis=Z&zero_mm=...")
+    elif option not in (None, "device", "hand"):
+        raise UnknownChoice("stage", str(option), ("device", "hand", "grbl:PORT"))
 
 
 def stage_for(
@@ -41,11 +53,8 @@ def stage_for(
         return OneSidedStage(DeviceStage(bench), rig.plate)
     if chosen == "hand":
         return IdleStage(HandStage(ask, rig.plate), bench.ready_for_move)
-    scheme, _, place = chosen.partition(":")
-    if scheme != "grbl":
-        raise UnknownChoice("stage", chosen, ("device", "hand", "grbl:PORT"))
-    if not place:
-        raise InputError("the stage's port is missing; give --stage grbl:PORT?axis=Z&zero_mm=...")
+    check_stage(chosen, rig)
+    place = chosen.partition(":")[2]
     return OneSidedStage(IdleStage(_grbl(place, rig), bench.ready_for_move), rig.plate)
 
 
@@ -61,12 +70,15 @@ def _grbl(place: str, rig: Rig) -> Stage:
 
     def number(name: str, default: float) -> float:
         try:
-            return float(options.get(name, default))
+            value = float(options.get(name, default))
         except ValueError:
+            value = nan
+        if not isfinite(value):
             raise InputError(
                 f"option {name} of --stage is {options[name]!r}, not a number; write "
                 f"{name}={default:g}"
-            ) from None
+            )
+        return value
 
     direction = -1 if number("direction", 1.0) < 0.0 else 1
     distance = GrblAxis(

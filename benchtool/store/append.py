@@ -21,12 +21,17 @@ class AppendFile:
         self._cut_back()
 
     def write(self, data: bytes) -> None:
-        """Hand all of `data` to the operating system."""
+        """Hand all of `data` to the operating system, or, on a full disk, nothing of it."""
         if self._handle is None:
             raise ValueError(f"{self.path} is closed")
         view = memoryview(data)
-        while view:
-            view = view[os.write(self._handle, view) :]
+        try:
+            while view:
+                view = view[os.write(self._handle, view) :]
+        except OSError:
+            # What comes behind a line that was cut could never be read again.
+            self._take_back(len(data) - len(view))
+            raise
 
     def sync(self) -> None:
         """Force what was written to the disk."""
@@ -41,6 +46,11 @@ class AppendFile:
                 os.fsync(handle)
             finally:
                 os.close(handle)
+
+    def _take_back(self, count: int) -> None:
+        assert self._handle is not None
+        if count:
+            os.ftruncate(self._handle, os.lseek(self._handle, -count, os.SEEK_CUR))
 
     def _cut_back(self) -> None:
         assert self._handle is not None

@@ -100,6 +100,10 @@ class Run:
         except FileFormatError:
             return
         write_table(self.path / "settings.csv", aggregate(points))
+        self.seal_samples()
+
+    def seal_samples(self) -> None:
+        """Write the hashed Parquet of samples.csv; all that a recording without points needs."""
         parquet = self.path / "samples.parquet"
         parquet.unlink(missing_ok=True)
         write_parquet(parquet, read_samples(self.path))
@@ -117,13 +121,18 @@ class Run:
             self.update_metadata(samples={})
 
 
-def free_run_path(folder: Path, date: str, name: str) -> Path:
-    """Return FOLDER/DATE-NAME, with -2, -3 and so on behind it while that is taken."""
+def check_run_name(name: str) -> None:
+    """Refuse a name that no folder should have."""
     if not _NAME.fullmatch(name):
         raise InputError(
             f"{name!r} cannot name a run; use letters, digits, '.', '_' and '-' and begin with a "
             f"letter or digit"
         )
+
+
+def free_run_path(folder: Path, date: str, name: str) -> Path:
+    """Return FOLDER/DATE-NAME, with -2, -3 and so on behind it while that is taken."""
+    check_run_name(name)
     path = folder / f"{date}-{name}"
     count = 1
     while path.exists():

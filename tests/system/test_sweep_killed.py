@@ -17,7 +17,7 @@ import pytest
 from benchtool.acquire.order import visits_of
 from benchtool.acquire.plan import plan_from_toml
 from benchtool.library import rig_named
-from benchtool.store import Run, read_events, read_points, read_samples
+from benchtool.store import Run, code_of, read_events, read_points, read_samples
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="needs pseudo-terminals and signals")
 
@@ -141,6 +141,65 @@ def test_a_signal_ends_it_safely_and_says_so(
     assert (run / "samples.parquet").is_file()
 
 
+def test_impatience_still_leaves_a_closed_run(
+    tmp_path: Path, served: str, environment: dict[str, str]
+) -> None:
+    run = tmp_path / "run"
+    process = begin(served, run, environment, points=2)
+    for _ in range(3):
+        process.send_signal(signal.SIGINT)
+        time.sleep(0.02)
+    told = process.communicate(timeout=20)[1]
+    assert process.returncode == 5, told
+    assert "stopped by Ctrl-C; zero was commanded" in told
+    assert Run.open(run).metadata["state"] == "stopped"
+    assert (run / "settings.csv").is_file()
+    assert (run / "samples.parquet").is_file()
+
+
+def test_a_signal_during_a_move_loses_no_sample_and_shows_the_end(
+    tmp_path: Path, served: str, environment: dict[str, str]
+) -> None:
+    run = tmp_path / "run"
+    process = begin(served, run, environment, points=2)
+    # After a point the rotors stop and the plate moves: 1.5 s at least, 75 ms of ours.
+    time.sleep(0.12)
+    assert end(process, signal.SIGINT)[0] == 5
+    samples = read_samples(run)
+    phases = samples.column("phase")
+    tail = phases == code_of("phase", "end")
+    assert tail[-1]
+    assert np.ptp(samples.column("time_s")[tail]) > 0.3
+    assert samples.column("pwm1_us")[-1] == 1000.0
+    steps_us = np.diff(samples.column("device_time_us"))
+    lost = Run.open(run).metadata["link"]["lost"]
+    assert np.round(steps_us / 5000.0 - 1.0).sum() == lost
+
+
+def test_doctor_names_the_sweep_that_holds_the_port(
+    tmp_path: Path, served: str, environment: dict[str, str]
+) -> None:
+    process = begin(served, tmp_path / "run", environment, points=1)
+    port = served.removeprefix("serial:")
+    looked = subprocess.run(
+        [*COMMAND, "doctor", port], capture_output=True, text=True, env=environment, timeout=30
+    )
+    assert end(process, signal.SIGTERM)[0] == 5
+    assert looked.returncode == 3
+    assert f"{port} is open in " in looked.stdout
+    assert f"(pid {process.pid})" in looked.stdout
+
+
+def test_a_link_to_nowhere_is_refused_in_one_sentence(environment: dict[str, str]) -> None:
+    words = ["bench", "serve", "--symlink", "/nope/x"]
+    ended = subprocess.run(
+        [*COMMAND, *words], capture_output=True, text=True, env=environment, timeout=30
+    )
+    assert ended.returncode == 2
+    assert "--symlink /nope/x cannot be made (No such file or directory)" in ended.stderr
+    assert ended.stderr.count("\n") == 1
+
+
 def test_a_second_sweep_on_the_port_is_refused(
     tmp_path: Path, served: str, environment: dict[str, str]
 ) -> None:
@@ -163,6 +222,8 @@ def test_a_second_sweep_on_the_port_is_refused(
     ("fault", "code", "told"),
     [
         ("over_thrust:at_s=25", 4, "limit 12"),
+        # While the plate makes its first move of 13 s.
+        ("over_thrust:at_s=8", 4, "limit 12"),
         ("silence:at_s=1,for_s=30", 3, "the device stops its motors by itself"),
         ("unplug:at_s=1", 3, "check cable and power"),
     ],
@@ -185,3 +246,11 @@ def test_a_fault_ends_it_safely_and_says_why(
     assert f"benchtool sweep --resume {run}" in ended.stdout
     assert read_events(run / "events.jsonl")[-1].event == "stopped"
     assert told in Run.open(run).metadata["reason"]
+    samples = read_samples(run)
+    assert Run.open(run).metadata["link"]["samples"] == len(samples)
+    if fault.startswith("over_thrust"):
+        # The reading that stopped it, and what came after it, are on the disk.
+        assert np.nanmax(samples.column("thrust_N")) > 900.0
+        assert samples.column("phase")[-1] == code_of("phase", "end")
+        assert samples.column("pwm1_us")[-1] == 1000.0
+    assert "20 times the speed of life" in ended.stdout

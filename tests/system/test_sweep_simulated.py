@@ -63,13 +63,17 @@ def test_a_resumed_run_keeps_its_order(capsys: pytest.CaptureFixture[str]) -> No
     assert call(*words, "cut") == 0
     cut = Path("cut")
     _cut_back(cut, points=4)
+    capsys.readouterr()
     assert call("sweep", "--resume", "cut", "--yes") == 0
+    last = capsys.readouterr().out.splitlines()[-1]
     whole, resumed = read_points(Path("whole")), read_points(cut)
     for name in ("point", "kind", "setting", "repeat", "pwm1_us"):
         assert resumed.column(name).tolist() == whole.column(name).tolist()
     np.testing.assert_allclose(resumed.column("thrust_N"), whole.column("thrust_N"), atol=0.03)
     assert len(read_points(cut, ["tare"])) == 2
     samples = read_samples(cut)
+    assert last.startswith(f"{len(resumed)} points (simulated), 0 not settled, 2 tares, ")
+    assert f" {len(samples)} samples, " in last
     assert (np.diff(samples.column("time_s")) > 0).all()
     fifth = samples.select(samples.column("point") == 5.0)
     phases = fifth.column("phase").astype(int)
@@ -148,14 +152,31 @@ def test_a_dry_run_makes_nothing(capsys: pytest.CaptureFixture[str]) -> None:
     [
         (["sim:pquad", "--z-m", "0.1", "--z-over-r", "1"], "--z-m and --z-over-r are both given"),
         (["sim:pquad", "--z-m", "near"], "--z-m is 'near', but numbers"),
-        (["sim:pquad", "--z-m", "0"], "a plate distance must be above 0"),
+        (["sim:pquad", "--z-m", "0"], "must be above 0"),
+        (["sim:pquad", "--z-over-r", "0,5"], "names 0, but every number must be above 0"),
+        (["sim:pquad", "--z-over-r", "0,5"], "decimals take a point: 0.5, not 0,5"),
+        (["sim:pquad", "--z-over-r", "-1"], "names -1, but"),
+        (["sim:pquad", "--tilt", "0,nan"], "--tilt is '0,nan' and names nan"),
+        (["sim:pquad", "--lateral", "nan"], "--lateral is 'nan' and names nan"),
+        (["sim:pquad", "--pwm", "inf"], "names inf, but every number must be finite"),
+        (["sim:pquad", "--sample-s", "nan"], "--sample-s is nan; give a finite number"),
+        (["sim:pquad", "--plan", "nan.toml"], "tilts_deg[0] is NaN: input should be a finite"),
+        (["sim:pquad", "--lateral", "50"], "50 m is outside -0.945 to 0.945 m"),
+        (["sim:pquad", "--repeats", "100000000"], "h or more, limit 48 h; lower repeats (100,000"),
+        (["sim:pquad", "--sample-s", "1e9"], "or sample_s (1e+09 s)"),
+        (["sim:pquad?seed=x", "--dry-run"], "option seed of address"),
+        (["sim:pquad", "--stage", "grbl:X?zero_mm=nan"], "option zero_mm of --stage is 'nan'"),
         (["sim:pquad", "--pwm", "2500"], "asks for 2500 us"),
         (["sim:pquad", "--order", "shuffled"], "unknown order 'shuffled'"),
         (["sim:pquad", "--repeats", "0"], "--repeats is 0"),
         (["sim:pquad", "--rotors", "1.5"], "name rotors by number"),
         (["sim:pquad", "--rotors", "7"], "names rotor 7"),
         (["sim:pquad", "--plan", "absent.toml"], "there is no such plan"),
-        (["sim:pquad", "--humidity", "4500", "--yes"], "air humidity 45"),
+        (
+            ["sim:pquad", "--humidity", "4500", "--yes"],
+            "--humidity is 4500 percent, outside 0 to 100",
+        ),
+        (["sim:pquad", "--pressure", "101325"], "--pressure is 101325 hPa, outside 500 to 1100"),
         (["sim:pquad", "--calibration", "absent.json", "--yes"], "there is no such file"),
         (["sim:pquad", "--stage", "grlb:X", "--yes"], "unknown stage 'grlb:X'"),
         (["sim:pquad", "--name", "../up", "--yes"], "cannot name a run"),
@@ -170,10 +191,13 @@ def test_a_dry_run_makes_nothing(capsys: pytest.CaptureFixture[str]) -> None:
 def test_bad_input_gets_one_sentence(
     words: list[str], told: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    Path("nan.toml").write_text("[plate]\ntilts_deg = [nan]\n")
     assert call("sweep", *words) == 2
-    error = capsys.readouterr().err
-    assert told in error
-    assert error.count("\n") == 1
+    said = capsys.readouterr()
+    assert told in said.err
+    assert said.err.count("\n") == 1
+    # Refused before the plan is shown, let alone anything opened.
+    assert said.out == ""
     assert not Path("runs").exists()
 
 
@@ -219,8 +243,16 @@ def test_a_calibration_follows_every_run(capsys: pytest.CaptureFixture[str]) -> 
     ratio = calibrated.column("thrust_N") / own.column("thrust_N")
     np.testing.assert_allclose(ratio, 1.1, rtol=0.01)
     assert calibrated.provenance["calibration"].endswith("virtual-pquad_single-0")
+    other = json.loads(Path("c.json").read_text()) | {"device_id": "bench-7", "id": "other"}
+    Path("other.json").write_text(json.dumps(other))
+    capsys.readouterr()
+    assert call("recalibrate", "plain", "--calibration", "other.json") == 2
+    assert "made on device 'bench-7', but run plain is 'virtual" in capsys.readouterr().err
+    assert call("recalibrate", "plain", "--calibration", "other.json", "--other-device") == 0
+    facts = json.loads(Path("plain/recalibrated-other/metadata.json").read_text())
+    assert facts["calibration_of_other_device"] is True
     assert call("recalibrate", "plain", "--calibration", "c.json") == 0
-    again = next(Path("plain").glob("recalibrated-*"))
+    again = next(Path("plain").glob("recalibrated-2*"))
     np.testing.assert_allclose(
         read_points(again, KINDS).column("thrust_N")[1:],
         read_points("with", KINDS).column("thrust_N")[1:],

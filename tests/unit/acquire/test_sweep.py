@@ -152,6 +152,13 @@ def test_whatever_ends_it_zero_comes_first_and_the_reason_is_kept(
     reason = str(error) or "stopped by Ctrl-C"
     assert (stopped.event, stopped.text) == ("stopped", reason)
     facts = Run.open(tmp_path / "run").metadata
+    samples = read_samples(tmp_path / "run")
+    tail = samples.column("phase") == code_of("phase", "end")
+    # What waited in the link, then half a second at 100 Hz: nothing is missing.
+    assert tail.sum() >= 50
+    assert samples.column("pwm1_us")[-1] == 1000.0
+    assert facts["link"]["samples"] == len(samples)
+    np.testing.assert_allclose(np.diff(samples.column("time_s")), 0.01, atol=1e-6)
     assert (facts["state"], facts["reason"]) == ("stopped", reason)
     assert len(read_points(tmp_path / "run")) >= 1
 
@@ -279,8 +286,19 @@ def test_a_run_is_recalibrated_beside_its_raw_data(tmp_path: Path) -> None:
     assert facts["calibration"]["id"] == COUNTS.id
     assert facts["recalibrated_from"] == {"run": "plain", "sha256": before}
     assert read_points(again).provenance["calibration_relative_sd"] == str(COUNTS.relative_sd)
+    assert facts["calibration_of_other_device"] is False
     with pytest.raises(WouldOverwrite):
         recalibrate(plain, COUNTS)
+
+
+def test_a_calibration_of_another_device_is_refused_unless_asked_for(tmp_path: Path) -> None:
+    _, run = sweep(FakeBench(), tmp_path / "run")
+    other = replace(COUNTS, device_id="fake-2", id="other")
+    with pytest.raises(CalibrationError, match=r"made on device 'fake-2', but run .* is 'fake-1'"):
+        recalibrate(run, other)
+    assert Run.open(recalibrate(run, other, other_device=True)).metadata[
+        "calibration_of_other_device"
+    ]
 
 
 def test_a_run_without_raw_counts_cannot_be_recalibrated(tmp_path: Path) -> None:

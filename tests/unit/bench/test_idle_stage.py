@@ -22,6 +22,8 @@ def test_it_stays_above_idle_and_inside_the_gap() -> None:
         stage.move(0.3, 0.0, 0.0, pause)
         with pytest.raises(StageError, match=r"outside 0\.05 to 1\.5 m"):
             stage.move(0.04, 0.0, 0.0, pause)
+        with pytest.raises(StageError, match=r"sideways to 1 m, limit 0\.945 m"):
+            stage.move(0.3, 1.0, 0.0, pause)
         bench.set_pwm(np.full(4, 1500.0))
         with pytest.raises(StageError, match="above idle"):
             stage.move(0.3, 0.0, 0.0, pause)

@@ -1,0 +1,158 @@
+"""What a pitch experiment asks of a bench, checked before anything spins."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import degrees, isfinite, pi, radians, sqrt
+
+from benchtool.bench.bench import Identity
+from benchtool.core.rig import Rig
+from benchtool.errors import InputError, PlanError
+
+GRAVITY_M_S2 = 9.81
+"""As the simulated pitch bench rounds it."""
+
+LONGEST_S = 3600.0
+"""A longer recording is taken for a typing error; a choice."""
+
+PITCH_LIMIT_RAD = radians(45.0)
+"""The host stops beyond this angle unless told otherwise; a choice, as that of the device."""
+
+RATE_LIMIT_RAD_S = 10.0
+"""The host stops beyond this rate; a choice, as that of the device."""
+
+NEEDED = ("theta_rad", "gyro_rad_s")
+"""Channels that every pitch bench streams."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PitchExperiment:
+    """Say what to record.
+
+    Attributes:
+        seconds: at full collective, on the bench's clock.
+        collective_us: pulse of every motor that arms the device; its loop adds to that.
+        plate_z_m: where the plate is sent before; None leaves it where it is.
+        pitch_limit_rad: angle at which the host stops.
+        schedule: what the device was told to run, for the record; the device's own word when "".
+    """
+
+    seconds: float
+    collective_us: float
+    plate_z_m: float | None = None
+    pitch_limit_rad: float = PITCH_LIMIT_RAD
+    schedule: str = ""
+
+    def to_toml(self) -> str:
+        """Return it as the text of plan.toml."""
+        lines = [
+            "[record]",
+            f"seconds = {self.seconds!r}",
+            f"collective_us = {self.collective_us!r}",
+            f"pitch_limit_deg = {degrees(self.pitch_limit_rad)!r}",
+        ]
+        if self.plate_z_m is not None:
+            lines.append(f"plate_z_m = {self.plate_z_m!r}")
+        if self.schedule:
+            lines.append("schedule = '" + self.schedule.replace("'", "") + "'")
+        return "\n".join(lines) + "\n"
+
+
+@dataclass(frozen=True, slots=True)
+class Expected:
+    """Say what a collective gives at nominal voltage: rpm of each rotor, thrust of all: N."""
+
+    rpm: float
+    thrust_N: float
+
+
+def hover_pulse_us(rig: Rig) -> float:
+    """Return the pulse at which the rotors carry the weight out of ground effect, in whole us."""
+    p = rig.propulsion
+    thrust_N = rig.body.mass_kg * GRAVITY_M_S2 / rig.n_rotors
+    speed_rad_s = sqrt(thrust_N / p.thrust_coefficient_N_s2)
+    return float(round(p.pwm_start_us + speed_rad_s / p.speed_per_us_rad_s))
+
+
+def check_experiment(
+    experiment: PitchExperiment,
+    rig: Rig,
+    device_limits: Mapping[str, float] | None = None,
+    idle_us: float | None = None,
+) -> Expected:
+    """Refuse an experiment that the limits do not allow; return what its collective gives.
+
+    Args:
+        experiment: to be recorded.
+        rig: on the hinge.
+        device_limits: those that the device states.
+        idle_us: pulse above which the device arms; the rig's start of the pulse map when None.
+
+    Raises:
+        PlanError: the value, the limit and what to change.
+    """
+    seconds, pulse_us = experiment.seconds, experiment.collective_us
+    if not (isfinite(seconds) and 0.0 < seconds <= LONGEST_S):
+        raise PlanError(f"--seconds is {seconds:g}; give more than 0, at most {LONGEST_S:g}")
+    if not 0.0 < experiment.pitch_limit_rad <= 0.5 * pi:
+        given = degrees(experiment.pitch_limit_rad)
+        raise PlanError(f"--limit-deg is {given:g}; give more than 0, at most 90")
+    device = dict(device_limits or {})
+    p, limits = rig.propulsion, rig.limits
+    least_us = max(p.pwm_start_us, idle_us or 0.0)
+    most_us = min(limits.pwm_us, p.pwm_max_us, device.get("pwm_us", p.pwm_max_us))
+    if not least_us < pulse_us <= most_us:
+        raise PlanError(
+            f"a collective of {pulse_us:g} us does not arm this bench; give more than "
+            f"{least_us:g} us, at most {most_us:g} us"
+        )
+    speed_rad_s = p.speed_per_us_rad_s * (pulse_us - p.pwm_start_us)
+    rpm = speed_rad_s * 30.0 / pi
+    most_rpm = min(limits.rpm, device.get("rpm", limits.rpm))
+    if rpm > most_rpm:
+        raise PlanError(
+            f"a collective of {pulse_us:g} us gives about {rpm:.0f} rpm, limit {most_rpm:.0f} rpm; "
+            f"lower --collective"
+        )
+    thrust_N = rig.n_rotors * p.thrust_coefficient_N_s2 * speed_rad_s**2
+    if thrust_N > limits.thrust_N:
+        raise PlanError(
+            f"a collective of {pulse_us:g} us gives about {thrust_N:.1f} N, limit "
+            f"{limits.thrust_N:g} N; lower --collective"
+        )
+    low_m, high_m = rig.plate.z_min_m, rig.plate.z_max_m
+    if experiment.plate_z_m is not None and not low_m <= experiment.plate_z_m <= high_m:
+        raise PlanError(
+            f"--plate-z-m is {experiment.plate_z_m:g}, outside {low_m:g} to {high_m:g} m of rig "
+            f"{rig.name!r}; choose a distance in between"
+        )
+    return Expected(rpm, thrust_N)
+
+
+def require_pitch(identity: Identity) -> None:
+    """Refuse a bench that streams no pitch.
+
+    Raises:
+        InputError: what is missing, and how a virtual bench gets it.
+    """
+    names = {channel.name for channel in identity.channels}
+    missing = [name for name in NEEDED if name not in names]
+    if missing:
+        raise InputError(
+            f"{identity.address} streams no {missing[0]}, so it is no pitch bench; name one (a "
+            f"virtual one: sim:RIG?mode=pitch, or benchtool bench serve --mode pitch)"
+        )
+
+
+def arming_text(experiment: PitchExperiment, rig: Rig, expected: Expected) -> str:
+    """Return what the operator must know before confirming."""
+    names = [f"{number + 1} ({rotor.name})" for number, rotor in enumerate(rig.rotors)]
+    return (
+        f"rotors that will turn: {', '.join(names)}; the beam is free to turn\n"
+        f"collective: {experiment.collective_us:g} us of {rig.limits.pwm_us:g} us, about "
+        f"{expected.rpm:.0f} rpm and {expected.thrust_N:.1f} N in all; the device's loop adds to "
+        f"it\n"
+        f"stops beyond {degrees(experiment.pitch_limit_rad):g} deg; records "
+        f"{experiment.seconds:g} s"
+    )

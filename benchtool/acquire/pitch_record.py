@@ -1,0 +1,172 @@
+"""Record a pitch experiment: arm the device's loop, log every sample, and end safely."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import dataclass
+from math import degrees
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.acquire.motors import RAMP_DOWN_S, Motors
+from benchtool.acquire.pitch_experiment import RATE_LIMIT_RAD_S, PitchExperiment, require_pitch
+from benchtool.acquire.progress import Progress, Silent
+from benchtool.acquire.record import Recorder
+from benchtool.bench.bench import Bench, Readings
+from benchtool.bench.guard import GuardedBench
+from benchtool.core.rig import Rig
+from benchtool.errors import BenchtoolError, LimitExceeded, RunStopped
+from benchtool.store import Run
+
+Array = NDArray[np.float64]
+
+RAMP_UP_S = 0.5
+"""From idle to the collective in so long; a choice, ten times the lag of a motor."""
+
+PART_S = 1.0
+"""Samples are summed up and forced to the disk so often; a choice."""
+
+
+@dataclass(slots=True)
+class PitchSummary:
+    """Say what was recorded; angles in rad, nan where the device gave no reference."""
+
+    seconds: float = 0.0
+    samples: int = 0
+    lost: int = 0
+    largest_rad: float = 0.0
+    rms_error_rad: float = float("nan")
+
+
+class PitchRecorder(Recorder):
+    """Record, and stop when the beam turns too far or too fast."""
+
+    def __init__(self, bench: Bench, run: Run, progress: Progress, pitch_limit_rad: float) -> None:
+        super().__init__(bench, run, progress)
+        self._limits = {"theta_rad": pitch_limit_rad, "gyro_rad_s": RATE_LIMIT_RAD_S}
+        self._watched = [
+            (index, channel.name)
+            for index, channel in enumerate(bench.identity.channels)
+            if channel.name in self._limits
+        ]
+
+    def keep(self, readings: Readings, phase: str, point: int = 0) -> Readings:
+        """Write readings, then refuse what lies beyond a limit, once.
+
+        Raises:
+            LimitExceeded: the samples that show it are on the disk.
+        """
+        kept = super().keep(readings, phase, point)
+        for index, name in self._watched:
+            column = kept.values[:, index]
+            beyond = column[np.abs(column) > self._limits[name]]
+            if len(beyond):
+                self._watched = []
+                raise LimitExceeded(
+                    name,
+                    float(beyond[0]),
+                    self._limits[name],
+                    "look at gains and mechanics, or raise --limit-deg",
+                )
+        return kept
+
+
+def record_pitch(
+    bench: Bench,
+    rig: Rig,
+    experiment: PitchExperiment,
+    run: Run,
+    progress: Progress | None = None,
+) -> PitchSummary:
+    """Record a checked experiment on an open bench.
+
+    Whatever ends it early, zero is commanded first, then the reason is recorded, and it is raised
+    again; only a normal end ramps down. The link is closed by who opened it.
+
+    Args:
+        bench: open, within its limits (a guarded bench).
+        rig: on the hinge.
+        experiment: what to record.
+        run: its folder, just created.
+        progress: hears of events.
+
+    Raises:
+        BenchError, RunStopped: why it ended early.
+    """
+    require_pitch(bench.identity)
+    recorder = PitchRecorder(bench, run, progress or Silent(), experiment.pitch_limit_rad)
+    motors = Motors(recorder, rig)
+    try:
+        try:
+            if experiment.plate_z_m is not None:
+                bench.move_plate(experiment.plate_z_m)
+            collective_us = np.full(rig.n_rotors, experiment.collective_us)
+            recorder.note("armed", f"collective {experiment.collective_us:g} us")
+            motors.ramp_to(collective_us, RAMP_UP_S, "ramp")
+            summary = _collect(recorder, experiment.seconds)
+            motors.ramp_to(motors.stop_us, RAMP_DOWN_S, "end")
+            bench.stop()
+        except BaseException as error:
+            _stop_at_once(recorder, run, error)
+            if isinstance(error, OSError):
+                raise RunStopped(
+                    f"samples could not be written ({error.strerror or error}); motors were "
+                    f"stopped; make room on the disk, then record again"
+                ) from error
+            raise
+        recorder.note("ended", f"{summary.seconds:g} s are recorded")
+        run.update_metadata(state="ended", link=_link(recorder))
+        return summary
+    finally:
+        recorder.close()
+
+
+def _collect(recorder: PitchRecorder, seconds: float) -> PitchSummary:
+    """Record so many seconds and sum them up."""
+    summary = PitchSummary(seconds)
+    squares, count = 0.0, 0
+    begun_s = recorder.bench.now_s()
+    while (left_s := begun_s + seconds - recorder.bench.now_s()) > 1e-9:
+        part = recorder.collect("sample", min(PART_S, left_s))
+        recorder.sync()
+        theta = part.column("theta_rad")
+        summary.largest_rad = max(summary.largest_rad, float(np.nanmax(np.abs(theta), initial=0.0)))
+        if "theta_ref_rad" in part:
+            error = theta - part.column("theta_ref_rad")
+            squares += float(np.nansum(error**2))
+            count += int(np.isfinite(error).sum())
+    if count:
+        summary.rms_error_rad = float(np.sqrt(squares / count))
+    summary.samples, summary.lost = recorder.quality.samples, recorder.quality.lost
+    return summary
+
+
+def _stop_at_once(recorder: PitchRecorder, run: Run, error: BaseException) -> None:
+    """Command zero before anything else; nothing here may hide the error on its way."""
+    bench = recorder.bench
+    with suppress(BenchtoolError, OSError):
+        bench.stop()
+    interrupted = isinstance(error, KeyboardInterrupt)
+    reason = "stopped by Ctrl-C" if interrupted else str(error) or type(error).__name__
+    with suppress(BenchtoolError, OSError):
+        if isinstance(bench, GuardedBench) and (kept := bench.take_kept()):
+            recorder.keep(kept, "end")
+    with suppress(BenchtoolError, OSError):
+        recorder.note("stopped", reason)
+        run.update_metadata(state="stopped", reason=reason, link=_link(recorder))
+
+
+def _link(recorder: Recorder) -> dict[str, int]:
+    quality = recorder.quality
+    return {"samples": quality.samples, "lost": quality.lost, "corrupt": quality.corrupt}
+
+
+def summary_line(summary: PitchSummary) -> str:
+    """Return a recording in one line."""
+    error = summary.rms_error_rad
+    tracking = "" if np.isnan(error) else f", RMS error {degrees(error):.2f} deg"
+    return (
+        f"{summary.seconds:g} s, {summary.samples} samples, {summary.lost} lost; largest angle "
+        f"{degrees(summary.largest_rad):.2f} deg{tracking}"
+    )
