@@ -29,6 +29,9 @@ CATCH_RAD_S = 0.5
 IDLE_SHARE = 0.05
 """Share of the pulse range that counts as idle, as on the plate bench; an assumption."""
 
+IDLE_RUN = 2**31
+"""Number of the run whose noise the sensors have before the first arming: none that counts up."""
+
 _CONTROLLER = (
     r.RATE_INTEGRAL,
     r.ACCELERATION_INTEGRAL,
@@ -74,7 +77,7 @@ class PitchPlant:
             ],
             len(sampled) - self._hold,
         )
-        self._loop = PitchLoop([job], sampled, seed, [0])
+        self._loop = PitchLoop([job], sampled, seed, [IDLE_RUN])
         self._loop.drive(np.zeros((self._loop.n_discs, len(sampled))))
         self._visits = self._loop.table[[r.S_PLATE, r.S_SHARE]].copy()
         self._believed = self._loop.table[[r.S_BELIEVED_PLATE, r.S_BELIEVED_SHARE]].copy()

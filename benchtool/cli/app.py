@@ -22,6 +22,7 @@ from benchtool.errors import BenchtoolError, UnknownChoice
 COMMANDS: dict[str, str] = {
     "demo": "Sweep two virtual benches, fit, and write a report",
     "sweep": "Sweep plate distance and throttle into a run folder",
+    "record": "Record a pitch experiment from a bench into a run folder",
     "calibrate": "Calibrate a load cell with known masses",
     "recalibrate": "Apply a calibration to a run, its raw data untouched",
     "fit": "Fit a ground-effect model to run folders or any CSV",

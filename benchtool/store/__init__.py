@@ -5,6 +5,7 @@ from benchtool.store.columns import KINDS, PHASES, channel_called, code_of, word
 from benchtool.store.digest import data_hash
 from benchtool.store.events import Event, read_events
 from benchtool.store.frame import frame
+from benchtool.store.pitch import read_pitch
 from benchtool.store.points import Point
 from benchtool.store.read import is_run, read_points, read_samples, read_settings
 from benchtool.store.run import Run, free_run_path
@@ -27,6 +28,7 @@ __all__ = [
     "free_run_path",
     "is_run",
     "read_events",
+    "read_pitch",
     "read_points",
     "read_samples",
     "read_settings",

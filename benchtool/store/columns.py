@@ -69,6 +69,8 @@ def unit_told_by(name: str) -> str:
         return "rpm"
     if _PWM.fullmatch(name):
         return "pwm_us"
+    if name.endswith("_rad_s"):
+        return "rad/s"
     head, _, suffix = name.rpartition("_")
     return _SUFFIXES.get(suffix, "1") if head else "1"
 

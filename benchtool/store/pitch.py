@@ -1,0 +1,44 @@
+"""Read a pitch experiment back from a run folder."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from benchtool.core.channel import Channel
+from benchtool.core.recording import Recording
+from benchtool.errors import FileFormatError
+from benchtool.store.columns import code_of
+from benchtool.store.read import read_samples
+
+NEEDED = ("theta_ref_rad", "theta_rad", "gyro_rad_s")
+"""Channels without which a run is no pitch experiment."""
+
+_OTHERS = re.compile(r"pwm\d+_us|rpm\d+|plate_z_m|torque_Nm|disturbance_Nm|voltage_V|thrust_N")
+
+
+def read_pitch(path: str | Path) -> Recording:
+    """Return the experiment of a run that `benchtool record` made, as pitch recordings are.
+
+    Only what was recorded at full collective, not the ramps. time_s is the device's own time since
+    then, evenly spaced; a channel without a new value is nan.
+
+    Args:
+        path: a run folder or a samples.csv.
+    """
+    samples = read_samples(path)
+    for name in NEEDED:
+        if name not in samples:
+            raise FileFormatError(
+                str(path), f"there is no {name} in it; name a run of benchtool record"
+            )
+    kept = samples.select(samples.column("phase") == code_of("phase", "sample"))
+    if not len(kept):
+        raise FileFormatError(
+            str(path), "it ended before the collective was reached; record it again"
+        )
+    device_us = kept.column("device_time_us")
+    names = [*NEEDED, *(name for name in kept.names if _OTHERS.fullmatch(name))]
+    pairs = [(Channel("time_s", "s"), 1e-6 * (device_us - device_us[0]))]
+    pairs += [(kept.channels[kept.index(name)], kept.column(name)) for name in names]
+    return Recording.from_columns(pairs, kept.provenance, kept.simulated)

@@ -1,0 +1,191 @@
+"""A pitch experiment from a bench into a run folder: limits before, safety during, files after."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import radians
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchtool.acquire.pitch_experiment import (
+    PitchExperiment,
+    arming_text,
+    check_experiment,
+    hover_pulse_us,
+)
+from benchtool.acquire.pitch_record import PitchSummary, record_pitch, summary_line
+from benchtool.bench.address import open_bench
+from benchtool.bench.bench import Readings
+from benchtool.bench.guard import GuardedBench
+from benchtool.errors import FileFormatError, InputError, LimitExceeded, PlanError, RunStopped
+from benchtool.library import rig_named, schedule_named
+from benchtool.store import Run, read_events, read_pitch, read_samples
+
+RIG = rig_named("pquad")
+HOVER = PitchExperiment(seconds=40.0, collective_us=hover_pulse_us(RIG))
+ADDRESS = "sim:pquad?mode=pitch&seed=3"
+
+
+def recorded(
+    path: Path, experiment: PitchExperiment = HOVER, address: str = ADDRESS
+) -> tuple[Run, PitchSummary]:
+    run = Run.create(path, experiment.to_toml(), {"state": "running", "simulated": True})
+    try:
+        with GuardedBench(open_bench(address), RIG) as bench:
+            summary = record_pitch(bench, RIG, experiment, run)
+    finally:
+        run.seal_samples()
+    return run, summary
+
+
+def test_a_recording_is_a_pitch_recording_of_what_the_simulation_gives(tmp_path: Path) -> None:
+    from benchtool.control.pitch import pitch_controller
+    from benchtool.library import gains_named, load_model
+    from benchtool.simulate.pitch_bench import PitchBench
+    from benchtool.simulate.pitch_run import PitchJob
+    from benchtool.simulate.pitch_simulate import simulate_pitch
+
+    run, summary = recorded(tmp_path / "run")
+    recording = read_pitch(run.path)
+    assert recording.simulated
+    assert recording.names == (
+        *("time_s", "theta_ref_rad", "theta_rad", "gyro_rad_s"),
+        *("pwm1_us", "pwm2_us", "pwm3_us", "pwm4_us", "rpm1", "rpm2", "rpm3", "rpm4"),
+        *("plate_z_m", "torque_Nm", "disturbance_Nm"),
+    )
+    units = [channel.unit for channel in recording.channels]
+    assert units[:5] == ["s", "rad", "rad", "rad/s", "pwm_us"]
+    assert len(recording) == 10_000
+    assert np.diff(recording.column("time_s")) == pytest.approx(0.004)
+    job = PitchJob(
+        PitchBench.of(load_model("pitch_pquad").model), pitch_controller("pid", gains_named("s3"))
+    )
+    expected = simulate_pitch(job, schedule_named("plate").sampled(250.0, 0.12), seed=3)
+    # The device began its schedule when the ramp armed it, a little before this recording.
+    plate = recording.column("plate_z_m")
+    began = int(np.flatnonzero(plate < 1.0)[0])
+    lead = int(np.flatnonzero(expected.column("plate_z_m") < 1.0)[0]) - began
+    assert 0 <= lead <= 200
+    seen = slice(1500, 9000)
+    theta = recording.column("theta_rad")[seen]
+    simulated = expected.column("theta_rad")[seen.start + lead : seen.stop + lead]
+    assert np.degrees(np.abs(theta - simulated).max()) < 0.5
+    assert np.degrees((theta - simulated).std()) < 0.05
+    assert summary.rms_error_rad == pytest.approx(radians(1.08), rel=0.05)
+    assert "40 s" in summary_line(summary)
+
+
+def test_it_begins_at_rest_and_ends_with_motors_that_stand_still(tmp_path: Path) -> None:
+    run, summary = recorded(tmp_path / "run", replace(HOVER, seconds=2.0))
+    samples = read_samples(run.path)
+    rpm = samples.column("rpm1")
+    assert rpm[~np.isnan(rpm)][0] < 60.0
+    assert samples.column("pwm1_us")[-1] <= 1100.0
+    assert run.metadata["state"] == "ended"
+    assert run.metadata["samples"]["parquet_sha256"]
+    assert [event.event for event in read_events(run.path / "events.jsonl")] == ["armed", "ended"]
+    assert summary.lost == 0
+
+
+def test_the_plate_is_sent_before_anything_spins(tmp_path: Path) -> None:
+    away = "sim:pquad?mode=pitch&schedule=steps"
+    run, _ = recorded(tmp_path / "run", replace(HOVER, seconds=1.0, plate_z_m=0.24), away)
+    plate = read_pitch(run.path).column("plate_z_m")
+    assert np.nanmax(np.abs(plate - 0.24)) < 1e-6
+
+
+def test_an_angle_beyond_the_limit_stops_it_and_is_on_the_disk(tmp_path: Path) -> None:
+    path = tmp_path / "run"
+    with pytest.raises(LimitExceeded, match="theta_rad"):
+        recorded(path, replace(HOVER, pitch_limit_rad=radians(1.0)))
+    assert Run.open(path).metadata["state"] == "stopped"
+    theta = read_samples(path).column("theta_rad")
+    assert np.abs(theta).max() > radians(1.0)
+    assert read_events(path / "events.jsonl")[-1].event == "stopped"
+
+
+class Interrupted:
+    """Be a bench that is interrupted after so many seconds, or whose disk is full."""
+
+    def __init__(self, error: BaseException, after_s: float) -> None:
+        self._bench, self._error, self._after_s = open_bench(ADDRESS), error, after_s
+        self.stops = 0
+
+    def __getattr__(self, name: str) -> object:
+        return getattr(self._bench, name)
+
+    def stop(self) -> None:
+        self.stops += 1
+        self._bench.stop()
+
+    def read(self, timeout_s: float) -> Readings:
+        if self._bench.now_s() > self._after_s and not self.stops:
+            raise self._error
+        return self._bench.read(timeout_s)
+
+
+@pytest.mark.parametrize(
+    ("error", "raised", "reason"),
+    [
+        (KeyboardInterrupt(), KeyboardInterrupt, "Ctrl-C"),
+        (OSError(28, "No space left on device"), RunStopped, "No space"),
+    ],
+)
+def test_any_other_end_commands_zero_at_once(
+    tmp_path: Path, error: BaseException, raised: type[BaseException], reason: str
+) -> None:
+    run = Run.create(tmp_path / "run", HOVER.to_toml(), {"state": "running"})
+    bench = Interrupted(error, 3.0)
+    with pytest.raises(raised), bench._bench:
+        record_pitch(bench, RIG, HOVER, run)  # type: ignore[arg-type]
+    assert bench.stops >= 1
+    assert reason in run.metadata["reason"]
+    assert run.metadata["state"] == "stopped"
+
+
+def test_a_bench_without_a_hinge_is_refused(tmp_path: Path) -> None:
+    run = Run.create(tmp_path / "run", HOVER.to_toml(), {"state": "running"})
+    with (
+        GuardedBench(open_bench("sim:pquad"), RIG) as bench,
+        pytest.raises(InputError, match="mode=pitch"),
+    ):
+        record_pitch(bench, RIG, HOVER, run)
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({"seconds": 0.0}, "--seconds is 0"),
+        ({"seconds": float("nan")}, "--seconds is nan"),
+        ({"collective_us": 1050.0}, "1050 us"),
+        ({"collective_us": 1960.0}, "1950 us"),
+        ({"pitch_limit_rad": 2.0}, "at most 90"),
+        ({"plate_z_m": 0.001}, r"0\.05"),
+    ],
+)
+def test_what_the_limits_do_not_allow_is_refused(changes: dict[str, float], told: str) -> None:
+    with pytest.raises(PlanError, match=told):
+        check_experiment(replace(HOVER, **changes), RIG)
+
+
+def test_limits_of_device_and_rig_hold() -> None:
+    assert check_experiment(HOVER, RIG).thrust_N == pytest.approx(1.4 * 9.81, rel=0.01)
+    assert "5505 rpm" in arming_text(HOVER, RIG, check_experiment(HOVER, RIG))
+    with pytest.raises(PlanError, match="1500 us"):
+        check_experiment(HOVER, RIG, {"pwm_us": 1500.0})
+    with pytest.raises(PlanError, match="rpm"):
+        check_experiment(HOVER, RIG, {"rpm": 5000.0})
+    with pytest.raises(PlanError, match="1700 us"):
+        check_experiment(HOVER, RIG, {}, idle_us=1700.0)
+    weak = replace(RIG, limits=replace(RIG.limits, thrust_N=10.0))
+    with pytest.raises(PlanError, match="10 N"):
+        check_experiment(HOVER, weak)
+
+
+def test_a_run_of_something_else_is_no_pitch_recording(tmp_path: Path) -> None:
+    table = tmp_path / "samples.csv"
+    table.write_text("time_s,device_time_us,point,phase,thrust_N\n0.0,0,0,sample,1.0\n")
+    with pytest.raises(FileFormatError, match="theta_ref_rad"):
+        read_pitch(table)
