@@ -4,13 +4,22 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 
 from benchtool.bench.grbl_link import ANSWER_S, ASK_S, GrblLink
-from benchtool.bench.grbl_words import HOLD, HOME, RESUME, UNLOCK, WAIT_UNTIL_MOVED, move_line
+from benchtool.bench.grbl_words import (
+    HOLD,
+    HOME,
+    RESET,
+    RESUME,
+    UNLOCK,
+    WAIT_UNTIL_MOVED,
+    move_line,
+)
 from benchtool.bench.stage import Pause
 from benchtool.bench.transport import Transport
-from benchtool.errors import StageError
+from benchtool.errors import BenchtoolError, StageError
 
 HOME_S = 90.0
 """Longest homing; a stage says nothing meanwhile, for seconds to tens of seconds."""
@@ -83,9 +92,20 @@ class GrblStage:
         self._link.open()
         try:
             self._link.wake()
-            self.home()
+            self._home_or_reset()
         except BaseException:
             self.close()
+            raise
+
+    def _home_or_reset(self) -> None:
+        """Home; a homing that nobody waits for any more goes on until a reset ends it."""
+        try:
+            self.home()
+        except StageError:  # the stage has answered, or cannot
+            raise
+        except BaseException:
+            with suppress(BenchtoolError):
+                self._link.send(RESET)
             raise
 
     def close(self) -> None:

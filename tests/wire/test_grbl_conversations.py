@@ -115,6 +115,29 @@ def test_a_stage_that_never_ends_homing_is_given_up():
     link.check_finished()
 
 
+class InterruptedLink(ScriptedLink):
+    """Ctrl-C comes while the stage homes."""
+
+    homing = False
+
+    def write(self, data):
+        self.homing = data == b"$H\n"
+        super().write(data)
+
+    def read(self, timeout_s):
+        if self.homing:
+            raise KeyboardInterrupt
+        return super().read(timeout_s)
+
+
+def test_a_homing_that_is_interrupted_is_ended_by_a_reset():
+    link = InterruptedLink(Turn(b"\x18", LOCKED), Turn(b"$H\n"), Turn(b"\x18"))
+    with pytest.raises(KeyboardInterrupt):
+        stage_on(link).open()
+    link.check_finished()
+    assert link.closed == 1
+
+
 @pytest.mark.parametrize(
     ("answer", "said"),
     [
