@@ -165,5 +165,5 @@ def _legend(figure: Figure, beside: FlightTrace | None, obstacle: bool) -> None:
             Line2D([], [], color=GREEN, linestyle=(0, (1.5, 1.5)), label="obstacle's edges")
         )
     handles.append(Patch(color=OVER, label="a rotor is over the obstacle"))
-    wide = figure.get_figwidth() > 7.5
-    figure.legend(handles=handles, loc="outside lower center", ncols=6 if wide else 3)
+    one_row = len(handles) <= 5 and figure.get_figwidth() > 7.5
+    figure.legend(handles=handles, loc="outside lower center", ncols=5 if one_row else 3)

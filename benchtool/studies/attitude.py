@@ -1,0 +1,83 @@
+"""Section 2.4 of the paper as a study: restoring moments, both readings of the body term."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.aero.images import single_rotor_factor
+from benchtool.core.rig import Rig
+from benchtool.report.attitude import MomentCurves, attitude_figure
+from benchtool.report.files import Figure
+from benchtool.report.geometry import Sketch
+from benchtool.simulate.attitude import READINGS, hover_authority_Nm, restoring_moment
+from benchtool.simulate.rigid_body import GRAVITY_M_S2
+
+Array = NDArray[np.float64]
+
+HEIGHTS = np.array([1.0, 1.25, 1.5, 2.0, 3.0, 4.0, 5.0])
+TILTS_DEG = (2.0, 5.0, 10.0)
+
+
+def one_rotor_Nm(rig: Rig, z_over_R: float = 2.0) -> float:
+    """Return the moment of a level vehicle with one outer disc wholly covered (section 4)."""
+    arm = float(rig.disc_positions_m[:, 0].max())
+    radius = rig.propulsion.radius_m
+    share = rig.body.mass_kg * GRAVITY_M_S2 / rig.n_discs
+    return float(arm * share * (single_rotor_factor(radius, z_over_R * radius) - 1.0))
+
+
+def table_lines(rig: Rig, z_over_R: Array = HEIGHTS) -> list[str]:
+    """Return the table: moment in mN m and per cent of hover authority, for every reading."""
+    authority = hover_authority_Nm(rig)
+    lines = [
+        f"hover authority {1e3 * authority:.0f} mN m; one covered rotor at z/R 2: "
+        f"{1e3 * one_rotor_Nm(rig):.1f} mN m",
+        "",
+    ]
+    for reading, words in READINGS.items():
+        moments = restoring_moment(
+            rig,
+            z_over_R,
+            np.radians(TILTS_DEG),
+            reading,  # type: ignore[arg-type]
+        ).moment_Nm
+        lines += [words, "   z/R " + "".join(f"{tilt:>11g} deg     " for tilt in TILTS_DEG)]
+        for height, row in zip(z_over_R, moments, strict=True):
+            cells = (f"{1e3 * m:>9.1f} ({100.0 * m / authority:>4.1f} %)  " for m in row)
+            lines.append(f"{height:>6g} " + "".join(cells))
+        lines.append("")
+    return lines
+
+
+def attitude_moments(rig: Rig, z_over_R: Array | None = None) -> Figure:
+    """Draw figure 9 for a rig."""
+    heights = np.array([1.0, 1.5, 2.0, 3.0, 5.0]) if z_over_R is None else z_over_R
+    tilts = np.linspace(0.0, 10.0, 41)
+    labels = {
+        "per_rotor": "eq. (4) in every rotor,\n$b$ half the diagonal",
+        "per_rotor_diagonal": "eq. (4) in every rotor,\n$b$ the diagonal (printed)",
+        "rotors_only": "rotors only, eq. (3):\nbody's lift at the centre",
+    }
+    curves = [
+        MomentCurves(
+            labels[reading],
+            tilts,
+            heights,
+            1e3 * restoring_moment(rig, heights, np.radians(tilts), reading).moment_Nm,  # type: ignore[arg-type]
+        )
+        for reading in READINGS
+    ]
+    sketch = Sketch(
+        rotors_m=rig.disc_positions_m,
+        names=tuple(rotor.name for rotor in rig.rotors[: rig.n_discs]),
+        radius_m=rig.propulsion.radius_m,
+        obstacle_m=(3.0, 5.0),
+    )
+    return attitude_figure(
+        curves,
+        sketch=sketch,
+        authority_mNm=1e3 * hover_authority_Nm(rig),
+        one_rotor_mNm=1e3 * one_rotor_Nm(rig),
+        title=f"{rig.name}: ground effect turns a tilted vehicle back (Fig. 9)",
+    )
