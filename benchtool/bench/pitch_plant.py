@@ -29,6 +29,9 @@ CATCH_RAD_S = 0.5
 IDLE_SHARE = 0.05
 """Share of the pulse range that counts as idle, as on the plate bench; an assumption."""
 
+SLOWEST_RPM = 60.0
+"""Below this a tachometer shows 0, five times the noise of the rigs that ship; an assumption."""
+
 IDLE_RUN = 2**31
 """Number of the run whose noise the sensors have before the first arming: none that counts up."""
 
@@ -212,11 +215,12 @@ class PitchPlant:
         loop, n = self._loop, self._loop.n_discs
         log = loop.log[first : first + count, :, 0]
         discs = self.rig.disc_of_rotor
+        rpm = log[:, 10 + n + discs] * 30.0 / np.pi
         values = np.column_stack(
             [
                 log[:, [0, 1, 2]],
                 log[:, 10 + discs],
-                log[:, 10 + n + discs] * 30.0 / np.pi,
+                np.where(rpm < SLOWEST_RPM, 0.0, rpm),
                 log[:, 4],
                 log[:, [6, 7]],
             ]

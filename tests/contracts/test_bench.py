@@ -1,5 +1,6 @@
 """One contract for every bench: simulated, over a loop-back wire, TCP, a pseudo-terminal, staged,
-guarded; and what a replay, which only listens, has in common with them."""
+guarded; what of it a pitch bench keeps, whose loop commands the motors; and what a replay, which
+only listens, has in common with them."""
 
 from __future__ import annotations
 
@@ -15,6 +16,7 @@ from benchtool.bench.address import open_bench
 from benchtool.bench.bench import Bench
 from benchtool.bench.firmware import Firmware
 from benchtool.bench.guard import GuardedBench
+from benchtool.bench.pitch_device import pitch_hello, pitch_plant
 from benchtool.bench.serial_bench import SerialBench
 from benchtool.bench.server_links import PtyLink, ServerLink, TcpLink
 from benchtool.bench.stage import DeviceStage
@@ -66,7 +68,18 @@ def served(link: ServerLink) -> Iterator[Bench]:
         link.close()
 
 
+def pitching() -> Bench:
+    return open_bench("sim:pquad?mode=pitch&seed=2")
+
+
+def pitching_looped() -> Bench:
+    plant = pitch_plant(rig_named("pquad"), seed=2)
+    link = LoopbackLink(Firmware(plant, pitch_hello(plant, 2)), lambda: plant.rate_Hz)
+    return SerialBench(link, "serial:loop", clock=link.clock)
+
+
 MAKERS = {"sim": simulated, "loop": looped, "staged": staged, "guarded": guarded}
+PITCH_MAKERS = {"pitch": pitching, "pitch loop": pitching_looped}
 
 
 @pytest.fixture(params=[*MAKERS, "tcp", "pty"])
@@ -81,6 +94,27 @@ def bench(request: pytest.FixtureRequest) -> Iterator[Bench]:
     else:
         with served(PtyLink()) as made:
             yield made
+
+
+@pytest.fixture(params=[*MAKERS, *PITCH_MAKERS, "tcp", "pty"])
+def any_bench(request: pytest.FixtureRequest) -> Iterator[Bench]:
+    """Give a bench of either kind: with a load cell, or with a hinge."""
+    if request.param in PITCH_MAKERS:
+        yield PITCH_MAKERS[request.param]()
+    elif request.param in MAKERS:
+        yield MAKERS[request.param]()
+    elif request.param == "tcp":
+        with served(TcpLink("127.0.0.1", 0)) as made:
+            yield made
+    elif os.name != "posix":
+        pytest.skip("this system has no pseudo-terminals")
+    else:
+        with served(PtyLink()) as made:
+            yield made
+
+
+def spin(bench: Bench, pulse_us: float) -> None:
+    bench.set_pwm(np.full(bench.identity.n_rotors, pulse_us))
 
 
 def gather(bench: Bench, duration_s: float) -> np.ndarray:
@@ -101,7 +135,8 @@ def column(bench: Bench, rows: np.ndarray, name: str) -> np.ndarray:
     return shown[~np.isnan(shown)]
 
 
-def test_it_is_a_bench(bench: Bench) -> None:
+def test_it_is_a_bench(any_bench: Bench) -> None:
+    bench = any_bench
     with bench:
         assert isinstance(bench, Bench)
 
@@ -124,7 +159,8 @@ def test_the_identity_is_complete(bench: Bench) -> None:
     assert {"thrust_N", "rpm", "pwm_us"} <= set(identity.limits)
 
 
-def test_time_goes_on_and_samples_come_in_order(bench: Bench) -> None:
+def test_time_goes_on_and_samples_come_in_order(any_bench: Bench) -> None:
+    bench = any_bench
     with bench:
         before_s = bench.now_s()
         rows = gather(bench, 2.0)
@@ -141,9 +177,10 @@ def test_a_pulse_is_acknowledged_and_shows_in_the_stream(bench: Bench) -> None:
         assert column(bench, rows, "rpm1")[-1] > 1000.0
 
 
-def test_stop_zeroes_and_may_be_called_twice(bench: Bench) -> None:
+def test_stop_zeroes_and_may_be_called_twice(any_bench: Bench) -> None:
+    bench = any_bench
     with bench:
-        bench.set_pwm(np.array([1400.0]))
+        spin(bench, 1400.0)
         gather(bench, 2.0)
         bench.stop()
         bench.stop()
@@ -162,33 +199,37 @@ def test_a_tare_brings_thrust_to_zero(bench: Bench) -> None:
     assert after == pytest.approx(0.0, abs=0.02)
 
 
-def test_the_plate_goes_where_it_is_sent(bench: Bench) -> None:
+def test_the_plate_goes_where_it_is_sent(any_bench: Bench) -> None:
+    bench = any_bench
     with bench:
         bench.move_plate(1.2)
         rows = gather(bench, 1.0)
         assert column(bench, rows, "plate_z_m")[-1] == pytest.approx(1.2, abs=1e-3)
 
 
-def test_the_plate_is_refused_under_throttle_and_outside_of_its_travel(bench: Bench) -> None:
+def test_the_plate_is_refused_under_throttle_and_outside_of_its_travel(any_bench: Bench) -> None:
+    bench = any_bench
     with bench:
         with pytest.raises(StageError, match=r"0\.05"):
             bench.move_plate(0.001)
-        bench.set_pwm(np.array([1400.0]))
+        spin(bench, 1400.0)
         with pytest.raises(StageError, match="idle"):
             bench.move_plate(1.0)
 
 
-def test_a_pulse_that_is_too_long_is_refused_with_the_limit(bench: Bench) -> None:
+def test_a_pulse_that_is_too_long_is_refused_with_the_limit(any_bench: Bench) -> None:
+    bench = any_bench
     with bench:
         with pytest.raises(BenchtoolError, match="1950"):
-            bench.set_pwm(np.array([2500.0]))
+            spin(bench, 2500.0)
         with pytest.raises(InputError):
-            bench.set_pwm(np.array([np.nan]))
+            spin(bench, np.nan)
         rows = gather(bench, 1.0)
         assert column(bench, rows, "pwm1_us")[-1] == STOP_US
 
 
-def test_another_rate_is_told_and_comes(bench: Bench) -> None:
+def test_another_rate_is_told_and_comes(any_bench: Bench) -> None:
+    bench = any_bench
     with bench:
         bench.set_rate(50.0)
         assert bench.identity.rate_Hz == 50.0
@@ -198,9 +239,10 @@ def test_another_rate_is_told_and_comes(bench: Bench) -> None:
     assert step_s == pytest.approx(0.02, rel=0.05)
 
 
-def test_leaving_it_stops_the_motors_and_closing_twice_is_safe(bench: Bench) -> None:
+def test_leaving_it_stops_the_motors_and_closing_twice_is_safe(any_bench: Bench) -> None:
+    bench = any_bench
     with bench:
-        bench.set_pwm(np.array([1400.0]))
+        spin(bench, 1400.0)
         gather(bench, 1.0)
     bench.close()
     bench.close()
@@ -210,12 +252,14 @@ def test_leaving_it_stops_the_motors_and_closing_twice_is_safe(bench: Bench) -> 
         assert column(bench, rows, "rpm1")[-1] == 0.0
 
 
-def test_an_error_in_the_body_is_not_hidden_by_leaving(bench: Bench) -> None:
+def test_an_error_in_the_body_is_not_hidden_by_leaving(any_bench: Bench) -> None:
+    bench = any_bench
     with pytest.raises(ZeroDivisionError), bench:
         _ = 1 / 0
 
 
-def test_reading_a_bench_that_is_not_open_says_so(bench: Bench) -> None:
+def test_reading_a_bench_that_is_not_open_says_so(any_bench: Bench) -> None:
+    bench = any_bench
     with pytest.raises(LinkLost, match="open it first"):
         bench.read(0.1)
 
