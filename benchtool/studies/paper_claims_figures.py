@@ -174,7 +174,7 @@ def bench_figures() -> dict[str, Figure]:
     for letter, rig in (("a", "pquad"), ("b", "amuse")):
         setup = changed(pitch_setup(rig=rig, gains="s3", controllers=("pid",)), slow)
         out[f"fig26{letter}-bench-{rig}"] = draw(
-            setup, f"{rig}: a plate under one rotor, PID with slow integral (Fig. 26{letter})"
+            setup, f"{rig}: plate under one rotor, PID + integral (Fig. 26{letter})"
         )
     forward = pitch_setup(gains="s3", controllers=("pid", "feedforward"))
     out["fig27-bench-feedforward"] = draw(
