@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from datetime import date
+from hashlib import sha256
 from typing import Any
 
 from benchtool.acquire.check_plan import Expected
@@ -28,10 +30,11 @@ def arming_text(plan: Plan, rig: Rig, expected: Expected) -> str:
     )
 
 
-def require_unattended(identity: Identity, today: date) -> None:
+def require_unattended(identity: Identity, rig: Rig, today: date) -> None:
     """Refuse to go on without a typed confirmation unless that is safe.
 
-    Safe is a simulated bench, or a bench whose `bench check` passed on the same day.
+    Safe is a simulated bench, or a bench whose `bench check` passed on the same day with this very
+    rig: limits of another one were not looked at.
 
     Raises:
         InputError: neither holds.
@@ -39,9 +42,14 @@ def require_unattended(identity: Identity, today: date) -> None:
     if identity.simulated:
         return
     checked = recall("checked", identity.device_id)
+    if checked is not None and checked.get("device_id") != identity.device_id:
+        checked = None
     if checked is not None and checked.get("date") == today.isoformat():
-        return
-    when = f"its last check passed on {checked['date']}" if checked else "it was never checked"
+        if checked.get("rig_sha256") == _rig_hash(rig):
+            return
+        when = f"today's was made with rig {checked['rig']!r}, which is not this one any more"
+    else:
+        when = f"its last check passed on {checked['date']}" if checked else "it was never checked"
     raise InputError(
         f"--yes needs a bench check of today on device {identity.device_id!r}, but {when}; run "
         f"benchtool bench check {identity.address}, or leave --yes out and type the confirmation"
@@ -54,6 +62,11 @@ def remember_check(identity: Identity, rig: Rig, findings: list[str], today: dat
         "date": today.isoformat(),
         "device_id": identity.device_id,
         "rig": rig.name,
+        "rig_sha256": _rig_hash(rig),
         "findings": findings,
     }
     remember("checked", identity.device_id, facts)
+
+
+def _rig_hash(rig: Rig) -> str:
+    return sha256(repr(asdict(rig)).encode()).hexdigest()

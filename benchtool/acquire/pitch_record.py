@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from benchtool.acquire.motors import RAMP_DOWN_S, Motors
 from benchtool.acquire.pitch_experiment import RATE_LIMIT_RAD_S, PitchExperiment, require_pitch
-from benchtool.acquire.progress import Progress, Silent
+from benchtool.acquire.progress import Progress, Silent, Unwatched
 from benchtool.acquire.record import Recorder
 from benchtool.bench.bench import Bench, Readings
 from benchtool.bench.guard import GuardedBench
@@ -95,7 +95,9 @@ def record_pitch(
         BenchError, RunStopped: why it ended early.
     """
     require_pitch(bench.identity)
-    recorder = PitchRecorder(bench, run, progress or Silent(), experiment.pitch_limit_rad)
+    recorder = PitchRecorder(
+        bench, run, Unwatched(progress or Silent()), experiment.pitch_limit_rad
+    )
     motors = Motors(recorder, rig)
     try:
         try:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from collections.abc import Callable
+from typing import Any, Protocol
 
 from benchtool.acquire.order import Visit
 from benchtool.store import Event, Point
@@ -42,3 +43,31 @@ class Silent:
 
     def happened(self, event: Event) -> None:
         pass
+
+
+class Unwatched:
+    """Be another watcher until it cannot be told any more (a closed pipe, a terminal that went).
+
+    A run goes on when nobody looks; what it measures is on the disk.
+    """
+
+    def __init__(self, watcher: Progress) -> None:
+        self._watcher = watcher
+
+    def _tell(self, what: Callable[..., None], *news: Any) -> None:
+        try:
+            what(*news)
+        except OSError:
+            self._watcher = Silent()
+
+    def started(self, visits: int, done: int, expected_s: float) -> None:
+        self._tell(self._watcher.started, visits, done, expected_s)
+
+    def visiting(self, visit: Visit) -> None:
+        self._tell(self._watcher.visiting, visit)
+
+    def measured(self, point: Point, remaining_s: float) -> None:
+        self._tell(self._watcher.measured, point, remaining_s)
+
+    def happened(self, event: Event) -> None:
+        self._tell(self._watcher.happened, event)

@@ -108,11 +108,16 @@ def _counts(run: Run, done: frozenset[int]) -> tuple[int, int]:
 
 
 def _points_on_disk(run: Run) -> set[int]:
-    if not (run.path / "points.csv").is_file():
+    """Return the visits that have their points.
+
+    Raises:
+        FileFormatError: a line that cannot be read; to take its visit for not done would throw
+            away what it says, so a person has to look.
+    """
+    path = run.path / "points.csv"
+    if not path.is_file():
         return set()
-    try:
-        points = read_points(run.path)
-    except FileFormatError:
-        # Only a header, or only tares: no visit is done.
+    whole_lines = path.read_text("utf-8", "replace").split("\n")[1:-1]
+    if all(line.split(",")[1:2] == ["tare"] for line in whole_lines):
         return set()
-    return {int(point) for point in points.column("point")}
+    return {int(point) for point in read_points(run.path).column("point")}

@@ -17,7 +17,7 @@ from benchtool.acquire.measure import ThrustScale, measure
 from benchtool.acquire.motors import RAMP_DOWN_S, Motors
 from benchtool.acquire.order import Place, Visit, visits_of
 from benchtool.acquire.plan import Plan
-from benchtool.acquire.progress import Progress, Silent
+from benchtool.acquire.progress import Progress, Silent, Unwatched
 from benchtool.acquire.record import LinkQuality, Recorder
 from benchtool.acquire.rest import rest_if_needed
 from benchtool.acquire.settle import is_settled
@@ -109,7 +109,14 @@ def run_sweep(
             f"sweep with --calibration none"
         )
     sweep = _Sweep(
-        bench, stage, plan, rig, run, progress or Silent(), calibration, start or Start()
+        bench,
+        stage,
+        plan,
+        rig,
+        run,
+        Unwatched(progress or Silent()),
+        calibration,
+        start or Start(),
     )
     return sweep.run_through()
 
@@ -264,8 +271,9 @@ class _Sweep:
         if not isinstance(error, OSError):
             self._record_tail()
         with suppress(BenchtoolError, OSError):
-            self._recorder.note("stopped", reason)
             self._run.update_metadata(state="stopped", reason=reason, link=self._link())
+        with suppress(BenchtoolError, OSError):
+            self._recorder.note("stopped", reason)
 
     def _record_tail(self) -> None:
         """Put on the disk what waited in the link, and how the rotors slow down."""

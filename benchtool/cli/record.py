@@ -115,7 +115,7 @@ def _arm(bench: GuardedBench, rig: Rig, experiment: PitchExperiment, yes: bool) 
     idle_us = float(told) if told else None
     text = arming_text(experiment, rig, check_experiment(experiment, rig, identity.limits, idle_us))
     if yes:
-        require_unattended(identity, datetime.now().astimezone().date())
+        require_unattended(identity, rig, datetime.now().astimezone().date())
         print(text, flush=True)
     else:
         confirm_arming(text, CONFIRMATION, bench)

@@ -266,7 +266,7 @@ def _arm(
     scale = f"calibration {calibration.id}" if calibration else "the device's own newtons"
     text = f"{text}\nthrust by {scale}"
     if yes:
-        require_unattended(bench.identity, datetime.now().astimezone().date())
+        require_unattended(bench.identity, rig, datetime.now().astimezone().date())
         print(text, flush=True)
     else:
         confirm_arming(text, CONFIRMATION, bench)

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
+import errno
+import io
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -84,6 +88,37 @@ def test_a_resumed_run_keeps_its_order(capsys: pytest.CaptureFixture[str]) -> No
     capsys.readouterr()
     assert call("sweep", "--resume", "cut", "--yes") == 2
     assert "nothing is left to resume" in capsys.readouterr().err
+
+
+def test_a_run_with_an_unreadable_point_is_left_as_it_is(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """One bad character must not make a resume measure everything again."""
+    assert call("sweep", "sim:pquad_single?seed=3", *SMALL, "--yes", "--out", "cut") == 0
+    cut = Path("cut")
+    _cut_back(cut, points=4)
+    text = (cut / "points.csv").read_text("utf-8").splitlines(keepends=True)
+    text[3] = text[3].rstrip("\n") + "x\n"
+    (cut / "points.csv").write_text("".join(text), "utf-8")
+    before = {path.name: path.read_bytes() for path in cut.iterdir()}
+    capsys.readouterr()
+    assert call("sweep", "--resume", "cut", "--yes") == 2
+    assert "points.csv, line 4" in capsys.readouterr().err
+    assert {path.name: path.read_bytes() for path in cut.iterdir()} == before
+
+
+def test_a_watcher_that_goes_away_does_not_end_a_sweep() -> None:
+    class Gone(io.StringIO):
+        def write(self, text: str) -> int:
+            if re.match(r"\d+/\d+ ", text):
+                raise BrokenPipeError(errno.EPIPE, "Broken pipe")
+            return len(text)
+
+    with contextlib.redirect_stdout(Gone()), contextlib.suppress(BrokenPipeError):
+        call("sweep", "sim:pquad_single?seed=3", *SMALL, "--yes", "--out", "piped")
+    metadata = json.loads((Path("piped") / "metadata.json").read_text("utf-8"))
+    assert metadata["state"] == "ended"
+    assert len(read_points(Path("piped"))) > 4
 
 
 def _cut_back(run: Path, points: int) -> None:

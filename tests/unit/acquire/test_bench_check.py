@@ -86,11 +86,13 @@ def test_unattended_needs_a_check_of_the_same_day(
     monkeypatch.setenv("BENCHTOOL_STATE", str(tmp_path))
     identity, today = FakeBench().identity, date(2026, 1, 31)
     with pytest.raises(InputError, match="it was never checked; run benchtool bench check fake:1"):
-        require_unattended(identity, today)
+        require_unattended(identity, rig_named("pquad_single"), today)
     remember_check(identity, rig_named("pquad_single"), ["all good"], date(2026, 1, 30))
     with pytest.raises(InputError, match="its last check passed on 2026-01-30"):
-        require_unattended(identity, today)
+        require_unattended(identity, rig_named("pquad_single"), today)
     remember_check(identity, rig_named("pquad_single"), ["all good"], today)
-    require_unattended(identity, today)
+    require_unattended(identity, rig_named("pquad_single"), today)
+    with pytest.raises(InputError, match="today's was made with rig 'pquad_single', which is not"):
+        require_unattended(identity, rig_named("pquad"), today)
     with open_bench("sim:pquad") as bench:
-        require_unattended(bench.identity, today)
+        require_unattended(bench.identity, rig_named("pquad_single"), today)
