@@ -103,7 +103,10 @@ def _judge(
     else:
         text = f"only {own} answers to pwm{rotor + 1}_us"
     yield Finding(f"rotor {rotor + 1} channel", not others and rpm >= STANDSTILL_RPM, text)
-    thrust_N = seen.get("thrust_N", nan) - still.get("thrust_N", nan)
+    if "thrust_N" not in still:
+        # A pitch bench has no load cell.
+        return
+    thrust_N = seen.get("thrust_N", nan) - still["thrust_N"]
     expected_N = p.thrust_coefficient_N_s2 * (expected_rpm * pi / 30.0) ** 2
     yield Finding(
         f"rotor {rotor + 1} thrust",

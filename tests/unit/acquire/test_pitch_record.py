@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchtool.acquire.bench_check import check_bench
 from benchtool.acquire.pitch_experiment import (
     PitchExperiment,
     arming_text,
@@ -182,6 +183,13 @@ def test_limits_of_device_and_rig_hold() -> None:
     weak = replace(RIG, limits=replace(RIG.limits, thrust_N=10.0))
     with pytest.raises(PlanError, match="10 N"):
         check_experiment(HOVER, weak)
+
+
+def test_a_pitch_bench_can_be_checked_without_a_load_cell() -> None:
+    with GuardedBench(open_bench(ADDRESS), RIG) as bench:
+        findings = list(check_bench(bench, RIG))
+    assert all(finding.passed for finding in findings)
+    assert [finding.name for finding in findings][-2:] == ["rotor 4 speed", "rotor 4 channel"]
 
 
 def test_a_run_of_something_else_is_no_pitch_recording(tmp_path: Path) -> None:
