@@ -7,6 +7,7 @@ numbers up between nodes. Cells at or below `base_m`, and cells without a height
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -93,11 +94,15 @@ class HeightGrid:
                     )
 
     def averaged(self, radius_m: float) -> DiscGrid:
-        """Return what a disc of that radius sees, at every node.
+        """Return what a disc of that radius sees, at every node; worked out once and kept.
 
         Samples lie on a sunflower spiral of equal areas; between nodes both rise and height are
         bilinear, so an edge is blurred over one cell.
         """
+        return _averaged(self, radius_m)
+
+    def sampled(self, radius_m: float) -> DiscGrid:
+        """Work out what `averaged` keeps."""
         k = np.arange(SAMPLES) + 0.5
         reach = radius_m * np.sqrt(k / SAMPLES)
         turn = np.pi * (1.0 + np.sqrt(5.0)) * k
@@ -131,6 +136,11 @@ class HeightGrid:
             (1.0 - b) * values[i + 1, j] + b * values[i + 1, j + 1]
         )
         return found
+
+
+@lru_cache(maxsize=8)
+def _averaged(grid: HeightGrid, radius_m: float) -> DiscGrid:
+    return grid.sampled(radius_m)
 
 
 def _spread(height: Array, known: NDArray[np.bool_]) -> Array:

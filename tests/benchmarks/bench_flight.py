@@ -1,0 +1,126 @@
+"""Print how fast flights run beside rotorpy; the aims: 1500 times real time, 300 times rotorpy.
+
+Ours: the PQUAD with six degrees of freedom, motor lag, observer or map feedforward, gyro noise,
+plant at 1 kHz, control at 250 Hz, logging at 250 Hz, float64, after warm-up; over a box with exact
+areas, and over a height grid. rotorpy: its Hummingbird under its own SE(3) controller over nothing
+(it has no map and no ground effect): vehicle and controller alone, stepped at 100 Hz, its own
+default, and at our 250 Hz; and its `Environment` as its users run it, at 250 Hz, with sensors. Runs
+are taken in turns, and the best of each counts. rotorpy comes with the benchmark extra.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from benchtool.library import gains_named, rig_named
+from benchtool.simulate.environment import Environment
+from benchtool.simulate.flight import FlightCase, fly
+from benchtool.simulate.flight_cases import flight_case
+from benchtool.simulate.flight_vehicle import FlightVehicle
+from benchtool.simulate.height_grid import HeightGrid
+
+ROUNDS, OURS_S, THEIRS_S = 5, 60.0, 2.0
+
+
+def grid() -> Environment:
+    """Return the paper's obstacle as a height grid of 2 cm cells."""
+    x, y = np.arange(-1.0, 9.0, 0.02), np.arange(-1.0, 1.01, 0.02)
+    rise = np.where((x[:, None] >= 3.0) & (x[:, None] <= 5.0), 0.0, np.nan) + 0.0 * y
+    return Environment(grid=HeightGrid(x, y, rise))
+
+
+def cases() -> dict[str, FlightCase]:
+    """Return the flights by name."""
+    vehicle = FlightVehicle(rig=rig_named("pquad"), lag_s=0.02)
+    base = flight_case(
+        "over", vehicle, gains_named("s3"), duration_s=OURS_S, gyro_noise_rad_s=0.015, log_Hz=250.0
+    )
+    out = {
+        f"{control} over a box": replace(base, control=control)
+        for control in ("pid", "observer", "feedforward")
+    }
+    return out | {"observer over a grid": replace(base, control="observer", below=grid())}
+
+
+def rotorpy_at(rate_Hz: float, whole: bool = False) -> Callable[[], None] | None:
+    """Return one rotorpy flight of `THEIRS_S`, or None where it is not installed."""
+    try:
+        from rotorpy.controllers.quadrotor_control import SE3Control
+        from rotorpy.trajectories.hover_traj import HoverTraj
+        from rotorpy.vehicles.hummingbird_params import quad_params
+        from rotorpy.vehicles.multirotor import Multirotor
+    except ImportError:
+        return None
+    if whole:
+        from rotorpy.environments import Environment as Sandbox
+
+        sandbox: Any = Sandbox(
+            vehicle=Multirotor(quad_params),
+            controller=SE3Control(quad_params),
+            trajectory=HoverTraj(x0=np.array([1.0, 0.0, 0.0])),
+            sim_rate=rate_Hz,
+        )
+        return lambda: sandbox.run(t_final=THEIRS_S, plot=False)
+    vehicle: Any = Multirotor(quad_params)
+    controller: Any = SE3Control(quad_params)
+    target: Any = HoverTraj(x0=np.array([1.0, 0.0, 0.0]))
+
+    def run() -> None:
+        state = {key: np.array(value, float) for key, value in vehicle.initial_state.items()}
+        log = []
+        for k in range(round(THEIRS_S * rate_Hz)):
+            at = k / rate_Hz
+            command = controller.update(at, state, target.update(at))
+            state = vehicle.step(state, command, 1.0 / rate_Hz)
+            log.append(state["x"])
+        assert np.isfinite(log[-1]).all()
+
+    return run
+
+
+def seconds(run: Callable[[], object]) -> float:
+    """Return how long a run takes."""
+    began = time.perf_counter()
+    run()
+    return time.perf_counter() - began
+
+
+def main() -> None:
+    """Take runs in turns and print the best of each."""
+    flights = cases()
+    fastest = {name: float("inf") for name in flights}
+    theirs = {
+        "rotorpy bare, 100 Hz": rotorpy_at(100.0),
+        "rotorpy bare, 250 Hz": rotorpy_at(250.0),
+        "rotorpy whole, 250 Hz": rotorpy_at(250.0, whole=True),
+    }
+    rotorpy = {rate: float("inf") for rate in theirs}
+    for case in flights.values():
+        fly(replace(case, duration_s=1.0))
+    for _ in range(ROUNDS):
+        for name, case in flights.items():
+            fastest[name] = min(fastest[name], seconds(lambda case=case: fly(case)))  # type: ignore[misc]
+        for rate, run in theirs.items():
+            if run is not None:
+                rotorpy[rate] = min(rotorpy[rate], seconds(run))
+    for name, took in fastest.items():
+        print(f"{name:<24} {OURS_S / took:>8.0f} times real time")
+    slowest = min(OURS_S / each for each in fastest.values())
+    for name, took in rotorpy.items():
+        if not np.isfinite(took):
+            print("rotorpy is not installed: pip install benchtool[benchmark]")
+            break
+        theirs_x = THEIRS_S / took
+        print(
+            f"{name:<24} {theirs_x:>8.2f} times real time; our slowest is {slowest / theirs_x:.0f} "
+            f"times that"
+        )
+
+
+if __name__ == "__main__":
+    main()
