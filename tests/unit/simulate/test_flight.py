@@ -11,6 +11,7 @@ from benchtool.errors import InputError, UnknownChoice
 from benchtool.library import load_model
 from benchtool.library.gain_file import gains_named
 from benchtool.library.rig_file import rig_named
+from benchtool.simulate import flight as flight_module
 from benchtool.simulate.environment import Block, Environment
 from benchtool.simulate.flight import FlightCase, Goal, fly
 from benchtool.simulate.flight_cases import FLIGHTS, flight_case
@@ -226,3 +227,12 @@ def test_bad_names_and_vehicles_are_refused() -> None:
         FlightVehicle(rig=rig_named("pquad_single")).airframe()
     with pytest.raises(UnknownChoice, match="column"):
         flown(duration_s=1.0)["nothing"]
+
+
+def test_without_a_compiler_the_same_source_flies(monkeypatch: pytest.MonkeyPatch) -> None:
+    short = case("oblique", control="both", start_m=(2.75, 0.0, 0.24), duration_s=1.0)
+    compiled = fly(short)
+    monkeypatch.setattr(flight_module, "fly_loop", flight_module.fly_loop.__wrapped__)
+    plain = fly(short)
+    assert compiled["coverage1"].max() > 0.05
+    np.testing.assert_allclose(plain.log, compiled.log, rtol=0.0, atol=1e-10)
