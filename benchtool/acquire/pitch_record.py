@@ -13,6 +13,7 @@ from benchtool.acquire.motors import RAMP_DOWN_S, Motors
 from benchtool.acquire.pitch_experiment import RATE_LIMIT_RAD_S, PitchExperiment, require_pitch
 from benchtool.acquire.progress import Progress, Silent, Unwatched
 from benchtool.acquire.record import Recorder
+from benchtool.bench.after_stop import after_stop
 from benchtool.bench.bench import Bench, Readings
 from benchtool.bench.guard import GuardedBench
 from benchtool.core.rig import Rig
@@ -20,6 +21,9 @@ from benchtool.errors import BenchtoolError, LimitExceeded, RunStopped
 from benchtool.store import Run
 
 Array = NDArray[np.float64]
+
+TAIL_S = 0.5
+"""After an early stop the run records so long how pulses and speeds fall; a choice."""
 
 RAMP_UP_S = 0.5
 """From idle to the collective in so long; a choice, ten times the lag of a motor."""
@@ -51,6 +55,10 @@ class PitchRecorder(Recorder):
             if channel.name in self._limits
         ]
 
+    def watch_no_more(self) -> None:
+        """Only record from now on: there is nothing left to stop."""
+        self._watched = []
+
     def keep(self, readings: Readings, phase: str, point: int = 0) -> Readings:
         """Write readings, then refuse what lies beyond a limit, once.
 
@@ -62,7 +70,7 @@ class PitchRecorder(Recorder):
             column = kept.values[:, index]
             beyond = column[np.abs(column) > self._limits[name]]
             if len(beyond):
-                self._watched = []
+                self.watch_no_more()
                 raise LimitExceeded(
                     name,
                     float(beyond[0]),
@@ -95,6 +103,8 @@ def record_pitch(
         BenchError, RunStopped: why it ended early.
     """
     require_pitch(bench.identity)
+    if isinstance(bench, GuardedBench):
+        bench.spare(Recorder.read, _stop_at_once)
     recorder = PitchRecorder(
         bench, run, Unwatched(progress or Silent()), experiment.pitch_limit_rad
     )
@@ -149,11 +159,17 @@ def _stop_at_once(recorder: PitchRecorder, run: Run, error: BaseException) -> No
     bench = recorder.bench
     with suppress(BenchtoolError, OSError):
         bench.stop()
+    recorder.watch_no_more()
     interrupted = isinstance(error, KeyboardInterrupt)
     reason = "stopped by Ctrl-C" if interrupted else str(error) or type(error).__name__
     with suppress(BenchtoolError, OSError):
         if isinstance(bench, GuardedBench) and (kept := bench.take_kept()):
             recorder.keep(kept, "end")
+    if not isinstance(error, OSError):
+        device = bench.bench if isinstance(bench, GuardedBench) else bench
+        with suppress(BenchtoolError, OSError):
+            for readings in after_stop(device, TAIL_S):
+                recorder.keep(readings, "end")
     with suppress(BenchtoolError, OSError):
         recorder.note("stopped", reason)
         run.update_metadata(state="stopped", reason=reason, link=_link(recorder))

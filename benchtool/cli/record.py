@@ -84,22 +84,25 @@ def _record(
     from benchtool.acquire.pitch_experiment import require_pitch
     from benchtool.acquire.pitch_record import record_pitch
     from benchtool.bench.address import open_bench
+    from benchtool.bench.closing_signals import ClosingSignals
     from benchtool.bench.guard import GuardedBench
 
     run: Run | None = None
-    try:
-        with GuardedBench(open_bench(address), rig) as bench:
-            identity = bench.identity
-            require_pitch(identity)
-            _arm(bench, rig, experiment, yes)
-            run = _new_run(bench, rig, experiment, folder, operator)
-            print(f"run {run.path}", flush=True)
-            summary = record_pitch(bench, rig, experiment, run)
-    finally:
-        if run is not None and (run.path / "samples.csv").is_file():
-            run.seal_samples()
-            if run.metadata.get("state") == "stopped":
-                print(f"what was recorded is kept in {run.path}")
+    with ClosingSignals() as closing:
+        try:
+            with GuardedBench(open_bench(address), rig) as bench:
+                identity = bench.identity
+                require_pitch(identity)
+                _arm(bench, rig, experiment, yes)
+                run = _new_run(bench, rig, experiment, folder, operator)
+                print(f"run {run.path}", flush=True)
+                closing.begin()
+                summary = record_pitch(bench, rig, experiment, run)
+        finally:
+            if run is not None and (run.path / "samples.csv").is_file():
+                run.seal_samples()
+                if run.metadata.get("state") == "stopped":
+                    print(f"what was recorded is kept in {run.path}")
     return run, summary, identity.simulated
 
 

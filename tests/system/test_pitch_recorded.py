@@ -161,6 +161,9 @@ def test_a_signal_ends_it_safely(
     assert Run.open(run).metadata["state"] == "stopped"
     assert read_events(run / "events.jsonl")[-1].event == "stopped"
     assert (run / "samples.parquet").is_file()
+    samples = read_samples(run)
+    assert set(np.diff(samples.column("device_time_us"))) == {4000.0}
+    assert samples.column("pwm1_us")[-1] == 1000.0
 
 
 @posix
