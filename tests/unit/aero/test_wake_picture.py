@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.special import ellipe, ellipk
 
 from benchtool.aero.wake_picture import (
     CORE,
     Hover,
+    complete_elliptic,
     contraction,
     ring_velocity,
     source_velocity,
@@ -75,3 +77,10 @@ def test_the_slipstream_contracts_and_stays_inside_the_mid_plane() -> None:
     assert radii[0] == 1.0
     assert np.all(np.diff(radii) < 0.0)
     assert radii[-1] > 0.85
+
+
+def test_elliptic_integrals_to_rounding() -> None:
+    m = np.array([0.0, 1e-6, 0.3, 0.9, 0.999, 1.0 - 1e-9])
+    K, E = complete_elliptic(m)
+    np.testing.assert_allclose(K, ellipk(m), rtol=1e-9)
+    np.testing.assert_allclose(E, ellipe(m), rtol=1e-13)
