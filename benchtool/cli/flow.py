@@ -10,7 +10,7 @@ import typer
 app = typer.Typer(no_args_is_help=True, rich_markup_mode=None, add_completion=False)
 
 Spacing = Annotated[float, typer.Option("--spacing-R", help="Rotor spacing in radii.", min=2.0)]
-Height = Annotated[float, typer.Option("--z-over-R", help="Height in rotor radii.", min=0.5)]
+Height = Annotated[float, typer.Option("--z-over-r", help="Height in rotor radii.", min=0.5)]
 
 
 @app.callback()

@@ -23,7 +23,7 @@ def command(
         str, typer.Option(help="Some of pid, observer, feedforward, both; with commas.")
     ] = "pid,observer,feedforward",
     z_over_r: Annotated[
-        float, typer.Option("--z-over-R", help="Height over the obstacle in rotor radii.")
+        float, typer.Option("--z-over-r", help="Height over the obstacle in rotor radii.")
     ] = 2.0,
     speed_m_s: Annotated[
         float, typer.Option("--speed-m-s", help="Speed limit; the case's own without.")

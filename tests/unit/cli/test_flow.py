@@ -44,5 +44,5 @@ def test_a_case_that_hangs_together(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert (out / "Allrun").stat().st_mode & 0o100
     assert run("export", "--out", str(out)) == 2
     assert run("export", "--out", str(tmp_path / "b"), "--rig", "amuse") == 2
-    assert run("export", "--out", str(tmp_path / "b"), "--z-over-R", "9") == 2
+    assert run("export", "--out", str(tmp_path / "b"), "--z-over-r", "9") == 2
     assert "z/R is 9" in capsys.readouterr().err

@@ -66,7 +66,7 @@ def test_a_map_from_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
         (["--controllers", ","], "no controller was named"),
         (["--layout", "x"], "known: cross, plus"),
         (["--map-offset-m", "1,2"], "give 3 numbers"),
-        (["--z-over-R", "nan"], "z/R is nan"),
+        (["--z-over-r", "nan"], "z/R is nan"),
         (["--speed-m-s", "-1"], "goal speed_m_s is -1"),
         (["--gyro-noise-rad-s", "inf"], "gyro_noise_rad_s is inf"),
         (["--rig", "pquad_single"], "four rotors or more"),
