@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import tomli_w
 from annotated_types import Ge, Gt, Le, Len
 
 from benchtool.core.rig import Rig
@@ -200,32 +201,15 @@ def plan_from_toml(text: str, where: str) -> Plan:
 
 def plan_to_toml(plan: Plan) -> str:
     """Return a plan as TOML text that reads back to the same plan."""
-    tables = asdict(plan)
-    plain = {key: value for key, value in tables.items() if not isinstance(value, Mapping)}
-    lines = _pairs(plain)
-    for name, table in tables.items():
-        if isinstance(table, Mapping):
-            lines += ["", f"[{name}]", *_pairs(table)]
-    return "\n".join(lines) + "\n"
+    return tomli_w.dumps(_stated(asdict(plan)))
 
 
-def _pairs(table: Mapping[str, Any]) -> list[str]:
-    return [
-        f"{key} = {_literal(value)}"
-        for key, value in table.items()
-        if value is not None and value != ()
-    ]
-
-
-def _literal(value: Any) -> str:
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, str):
-        escaped = value.replace("\\", "\\\\").replace('"', '\\"')
-        return f'"{escaped}"'
-    if isinstance(value, tuple | list):
-        return "[" + ", ".join(_literal(item) for item in value) + "]"
-    return repr(value)
+def _stated(table: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a table without what it leaves open."""
+    kept = {key: value for key, value in table.items() if value is not None and value != ()}
+    return {
+        key: _stated(value) if isinstance(value, Mapping) else value for key, value in kept.items()
+    }
 
 
 def _standard_pwm_us(rig: Rig) -> tuple[float, ...]:

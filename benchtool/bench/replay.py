@@ -10,13 +10,13 @@ import csv
 import json
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from types import TracebackType
-from typing import Any, NoReturn, Self
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.bench.bench import Identity, Readings
+from benchtool.bench.opened import Opened
 from benchtool.core.channel import Channel
 from benchtool.core.units import UNITS
 from benchtool.errors import CommandRefused, FileFormatError, LinkLost
@@ -27,7 +27,7 @@ _NOT_STREAMED = ("time_s", "device_time_us", "point", "phase")
 _OWN_WORDS = {"Nm": "N m", "raw": "count"}
 
 
-class ReplayBench:
+class ReplayBench(Opened):
     """Play recorded samples back as a bench that takes no commands.
 
     Args:
@@ -109,18 +109,6 @@ class ReplayBench:
         now = slice(self._next, max(end, self._next))
         self._next = now.stop
         return Readings(self._time_s[now], self._device_time_us[now], self._values[now])
-
-    def __enter__(self) -> Self:
-        self.open()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def _refuse(self, command: str) -> NoReturn:
         raise CommandRefused(command, "a replay takes no commands; name a bench to drive one")

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from types import TracebackType
 from typing import Self
 
 import numpy as np
@@ -33,6 +32,7 @@ from benchtool.bench.conversation import Conversation
 from benchtool.bench.device_clock import DeviceClock
 from benchtool.bench.hello import Hello
 from benchtool.bench.link import Batch
+from benchtool.bench.opened import Opened
 from benchtool.bench.transport import Transport
 from benchtool.errors import (
     BenchError,
@@ -54,7 +54,7 @@ ASK_PLATE_S = 0.5
 HALT_TRIES = 3
 
 
-class SerialBench:
+class SerialBench(Opened):
     """Drive a device that speaks the bench protocol.
 
     Time of this bench is wall time, multiplied by the speed that a virtual device tells in its
@@ -223,18 +223,6 @@ class SerialBench:
                 return self._readings([])
             if not self._talk.pump(left_s):
                 self._check_silence()
-
-    def __enter__(self) -> Self:
-        self.open()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def _known(self) -> Hello:
         if self._hello is None:

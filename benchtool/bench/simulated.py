@@ -7,8 +7,7 @@ here, because host and device are one process.
 
 from __future__ import annotations
 
-from types import TracebackType
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +26,7 @@ from benchtool.bench.commands import (
 )
 from benchtool.bench.firmware import Event, Firmware, Rows
 from benchtool.bench.hello import Hello
+from benchtool.bench.opened import Opened
 from benchtool.bench.virtual_device import hello_of, virtual_plant
 from benchtool.core.rig import Rig
 from benchtool.effects.model import Model
@@ -46,7 +46,7 @@ MOVE_LIMIT_S = 600.0
 """A plate that has not arrived after this long never will."""
 
 
-class SimulatedBench:
+class SimulatedBench(Opened):
     """Answer as a rotor bench does, from simulated physics, without waiting.
 
     Args:
@@ -187,18 +187,6 @@ class SimulatedBench:
             values=np.concatenate([row.values for row in rows]),
             messages=messages,
         )
-
-    def __enter__(self) -> Self:
-        self.open()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def _pass(self, duration_s: float) -> None:
         """Let time pass and keep the samples that fall into it."""

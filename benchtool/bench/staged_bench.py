@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from contextlib import ExitStack
 from dataclasses import replace
-from types import TracebackType
-from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.bench.bench import Bench, Identity, Readings
 from benchtool.bench.join_readings import joined
+from benchtool.bench.opened import Opened
 from benchtool.bench.stage import Stage
 from benchtool.core.channel import Channel
 from benchtool.core.units import from_si
@@ -25,7 +24,7 @@ PLATE_CHANNELS = (
 )
 
 
-class StagedBench:
+class StagedBench(Opened):
     """Be another bench, with the plate moved by a stage.
 
     The stream gains the plate's channels, those that the bench streams itself are replaced: a
@@ -88,18 +87,6 @@ class StagedBench:
         readings = joined([*self._kept, self._with_plate(self._bench.read(timeout_s))])
         self._kept = []
         return readings
-
-    def __enter__(self) -> Self:
-        self.open()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def _listen(self, duration_s: float) -> None:
         """Read on while the stage moves, so that the bench hears from us and nothing is lost."""
