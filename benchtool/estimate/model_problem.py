@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,10 @@ from benchtool.estimate.problem import IntArray, Problem
 
 Array = NDArray[np.float64]
 Basis = Literal["joint", "equal_rpm2", "equal_pwm", "equal_power"]
-BASES: tuple[Basis, ...] = ("joint", "equal_rpm2", "equal_pwm", "equal_power")
+"""What is fitted: thrust in newtons against everything ("joint"), or the ratio T_IGE/T_OGE with
+rotor speed, pulse width or electrical power held equal."""
+
+BASES: tuple[Basis, ...] = get_args(Basis)
 
 SAME_DISTANCE_M = 1e-3
 """Points whose plate stands within this of each other belong to one setting."""

@@ -12,10 +12,7 @@ from annotated_types import Ge, Len
 from benchtool.aero.validity import VALIDITY_Z_OVER_R
 from benchtool.core.toml_text import FileTable, read_strict
 from benchtool.errors import FileFormatError
-
-Basis = Literal["joint", "equal_rpm2", "equal_pwm", "equal_power"]
-"""What is fitted: thrust in newtons against everything ("joint"), or the ratio T_IGE/T_OGE with
-rotor speed, pulse width or electrical power held equal."""
+from benchtool.estimate.model_problem import Basis as Basis
 
 Method = Literal["least_squares", "emcee"]
 Noise = Literal["auto", "stated", "scale", "add"]
