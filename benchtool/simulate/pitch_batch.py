@@ -7,10 +7,8 @@ one by one and then forgotten, so that memory does not grow with the number of r
 
 from __future__ import annotations
 
-import os
-from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
+from functools import partial
 from itertools import islice
 from typing import TypeVar
 
@@ -19,6 +17,7 @@ from numpy.typing import NDArray
 
 from benchtool.aero.expression import can_compile
 from benchtool.core.schedule import SampledSchedule
+from benchtool.simulate.in_order import results_in_order
 from benchtool.simulate.pitch_run import PitchJob, PitchLoop
 
 T = TypeVar("T")
@@ -55,9 +54,7 @@ def simulate_many(
         lanes: runs side by side; `LANES`, or 1 without a compiler, when None.
     """
     width = lanes if lanes is not None else (LANES if can_compile() else 1)
-    workers = max(1, threads if threads is not None else (os.cpu_count() or 1))
     waiting = iter(jobs)
-    number = 0
     spare: list[NDArray[np.float64]] = []  # logs to write into again: fresh memory is slow
 
     def run_block(block: list[PitchJob], numbers: list[int]) -> list[T]:
@@ -71,19 +68,15 @@ def simulate_many(
         spare.append(loop.log)
         return taken
 
-    pending: deque[Future[list[T]]] = deque()
-    with ThreadPoolExecutor(workers) as pool:
-        while True:
-            while len(pending) <= workers:
-                block = list(islice(waiting, width))
-                if not block:
-                    break
-                numbers = [
-                    first_run + (k % repeat if repeat else k)
-                    for k in range(number, number + len(block))
-                ]
-                number += len(block)
-                pending.append(pool.submit(run_block, block, numbers))
-            if not pending:
-                return
-            yield from pending.popleft().result()
+    def blocks() -> Iterator[Callable[[], list[T]]]:
+        number = 0
+        while block := list(islice(waiting, width)):
+            numbers = [
+                first_run + (k % repeat if repeat else k)
+                for k in range(number, number + len(block))
+            ]
+            number += len(block)
+            yield partial(run_block, block, numbers)
+
+    for results in results_in_order(blocks(), threads):
+        yield from results
