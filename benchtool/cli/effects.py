@@ -9,15 +9,21 @@ import typer
 
 def command(
     name: Annotated[str, typer.Argument(help="An effect; all are listed without.")] = "",
+    rig: Annotated[
+        str, typer.Option("--rig", help="Whose tolerances to show: shipped rig or TOML file.")
+    ] = "beam",
 ) -> None:
     """List physical effects, or show one with law and parameters."""
     from benchtool.effects.catalogue import EFFECTS, effect_named
+    from benchtool.effects.effect import BENCH_KINDS
+    from benchtool.effects.tolerances import default_tolerances
+    from benchtool.library import rig_named
 
     if not name:
         for effect in EFFECTS.values():
             print(f"{effect.name:<18} {effect.stage:<14} {effect.title}: {effect.law}")
         return
-    effect = effect_named(name)
+    effect, own = effect_named(name), rig_named(rig)
     print(f"{effect.name}: {effect.title} ({effect.stage})")
     print(effect.description)
     print(f"law:    {effect.law}")
@@ -25,7 +31,13 @@ def command(
     print(f"source: {effect.source}")
     for other, how in effect.confused_with.items():
         print(f"looks like {other}: {how}")
+    shown = [bench for bench in BENCH_KINDS if bench in effect.benches]
+    print(f"candidate on: {' and '.join(f'{bench} benches' for bench in shown) or 'no bench'}")
+    known = {bench: default_tolerances(effect, own, bench) for bench in shown or BENCH_KINDS[:1]}
     for item in effect.parameters:
         neutral = "no neutral value" if item.neutral is None else f"neutral {item.neutral:g}"
-        tolerance = "" if item.tolerance is None else f", tolerance {item.tolerance:g}"
+        matters = [
+            f"{one[item.name]:.3g} ({bench})" for bench, one in known.items() if item.name in one
+        ]
+        tolerance = f"; tolerance on {rig}: {', '.join(matters)}" if matters else ""
         print(f"  {item.name} [{item.unit}]: {item.description}; {neutral}{tolerance}")

@@ -42,5 +42,6 @@ EFFECT = Effect(
     shows="fast motion; grows with the collective",
     source="blade-element theory to first order; about 3 to 5 is usual for small rotors (a guess)",
     confused_with={"viscous_friction": "several collectives separate them"},
+    benches=frozenset({"pitch"}),
     torque=torque,
 )

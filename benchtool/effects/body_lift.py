@@ -42,5 +42,6 @@ EFFECT = Effect(
         "plate_offset": "three plate distances separate them",
         "neighbour_images": "distances below and above half the rotor spacing separate them",
     },
+    benches=frozenset({"pitch", "sweep"}),
     denominator=denominator,
 )

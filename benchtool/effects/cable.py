@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from benchtool.aero.expression import expression
 from benchtool.core.parameter import Parameter
-from benchtool.effects.effect import Effect, Flow, Quantity, Values
+from benchtool.core.rig import Rig
+from benchtool.effects.effect import BenchKind, Effect, Flow, Quantity, Values
+from benchtool.effects.size import torque_scale
 
 
 @expression
@@ -14,6 +18,11 @@ def torque(flow: Flow, p: Values) -> Quantity:
     """Return the pull of the cable about the hinge: N m."""
     loose = np.minimum(np.maximum(flow.pitch_rad, -p[1]), p[1])
     return -p[0] * (flow.pitch_rad - loose)
+
+
+def tolerance_of(rig: Rig, bench: BenchKind) -> Mapping[str, float]:
+    """Return the stiffness that matters, in the measure of m g L: N m/rad."""
+    return {"stiffness_Nm_per_rad": 0.02 * torque_scale(rig)}
 
 
 EFFECT = Effect(
@@ -30,7 +39,6 @@ EFFECT = Effect(
             neutral=0.0,
             lower=0.0,
             upper=20.0,
-            tolerance=0.02,
             description="stiffness of the taut cable",
             source="neutral value",
         ),
@@ -48,6 +56,7 @@ EFFECT = Effect(
     shows="large angles only",
     source="spring with a dead zone, an assumption",
     confused_with={"hinge_spring": "small angles separate them"},
-    candidate=False,
+    benches=frozenset(),
+    tolerance_of=tolerance_of,
     torque=torque,
 )

@@ -26,7 +26,7 @@ from benchtool.effects import (
     viscous_friction,
     wake_torque,
 )
-from benchtool.effects.effect import Effect
+from benchtool.effects.effect import BenchKind, Effect
 from benchtool.errors import UnknownChoice
 
 EFFECTS: dict[str, Effect] = {
@@ -65,3 +65,8 @@ def effect_named(name: str) -> Effect:
         return EFFECTS[name]
     except KeyError:
         raise UnknownChoice("effect", name, EFFECTS) from None
+
+
+def candidates(bench: BenchKind) -> tuple[Effect, ...]:
+    """Return the effects that an explanation may name on that kind of bench, in order."""
+    return tuple(effect for effect in EFFECTS.values() if bench in effect.benches)

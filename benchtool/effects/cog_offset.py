@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from benchtool.aero.expression import expression
 from benchtool.core.parameter import Parameter
-from benchtool.effects.effect import Effect, Flow, Quantity, Values
+from benchtool.core.rig import Rig
+from benchtool.effects.effect import BenchKind, Effect, Flow, Quantity, Values
+from benchtool.effects.size import arm_scale
 
 
 @expression
 def torque(flow: Flow, p: Values) -> Quantity:
     """Return the torque of the weight about the hinge, positive nose down: N m."""
     return flow.weight_N * p[0] * flow.cos_pitch
+
+
+def tolerance_of(rig: Rig, bench: BenchKind) -> Mapping[str, float]:
+    """Return the offset that matters, in the measure of the arm: m."""
+    return {"x_m": 0.0005 * arm_scale(rig)}
 
 
 EFFECT = Effect(
@@ -27,7 +36,6 @@ EFFECT = Effect(
             neutral=0.0,
             lower=-0.1,
             upper=0.1,
-            tolerance=0.0005,
             description="centre of gravity in front of the hinge, in the rotor plane",
             source="neutral value",
         ),
@@ -38,5 +46,7 @@ EFFECT = Effect(
         "rotor_asymmetry": "collective steps of 10 % separate them",
         "hinge_spring": "angles of both signs separate them",
     },
+    benches=frozenset({"pitch"}),
+    tolerance_of=tolerance_of,
     torque=torque,
 )

@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from benchtool.aero.expression import expression
 from benchtool.core.parameter import Parameter
-from benchtool.effects.effect import Effect, Flow, Quantity, Values
+from benchtool.core.rig import Rig
+from benchtool.effects.effect import BenchKind, Effect, Flow, Quantity, Values
+from benchtool.effects.size import torque_scale
 
 
 @expression
 def dry_friction(flow: Flow, p: Values) -> Quantity:
     """Return the torque that the hinge can hold: N m."""
     return p[0]
+
+
+def tolerance_of(rig: Rig, bench: BenchKind) -> Mapping[str, float]:
+    """Return the friction that matters, in the measure of m g L: N m."""
+    return {"torque_Nm": 0.002 * torque_scale(rig)}
 
 
 EFFECT = Effect(
@@ -27,7 +36,6 @@ EFFECT = Effect(
             neutral=0.0,
             lower=0.0,
             upper=10.0,
-            tolerance=0.002,
             description="dry friction torque of the hinge",
             source="neutral value",
         ),
@@ -38,5 +46,7 @@ EFFECT = Effect(
         "viscous_friction": "fast and slow motion separate them",
         "stribeck": "speeds near zero separate them",
     },
+    benches=frozenset({"pitch"}),
+    tolerance_of=tolerance_of,
     dry_friction=dry_friction,
 )

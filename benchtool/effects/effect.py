@@ -17,9 +17,14 @@ from typing import Any, Literal, NamedTuple, TypeAlias
 
 from benchtool.aero.expression import Quantity as Quantity
 from benchtool.core.parameter import Parameter
+from benchtool.core.rig import Rig
 
 Stage = Literal["pwm_to_rpm", "rpm_to_thrust", "hinge", "sensor", "plate"]
 STAGES: tuple[Stage, ...] = ("pwm_to_rpm", "rpm_to_thrust", "hinge", "sensor", "plate")
+
+BenchKind = Literal["pitch", "sweep"]
+BENCH_KINDS: tuple[BenchKind, ...] = ("pitch", "sweep")
+"""A beam or vehicle that turns on a hinge, and a plate sweep over a load cell."""
 
 
 class Flow(NamedTuple):
@@ -78,6 +83,9 @@ ChangeHook = Callable[[int, Quantity, Flow, Values], Quantity]
 BodyHook = Callable[[Flow, Values], Quantity]
 """hook(flow, p) -> a quantity of the whole body."""
 
+ToleranceHook = Callable[[Rig, BenchKind], Mapping[str, float]]
+"""hook(rig, bench) -> tolerance by the parameter's own name, in its unit."""
+
 ReadingHook = Callable[[Quantity, Flow, Sequence[Quantity], Values], Quantity]
 """hook(reading, flow, states, p) -> the reading, changed."""
 
@@ -121,7 +129,10 @@ class Effect:
         shows: where it shows in data.
         source: paper and equation, data sheet, or that it is a guess.
         confused_with: names of effects that look alike, with what separates them.
-        candidate: whether an explanation may name it.
+        benches: on which kinds of bench an explanation may name it; none for effects that are
+            there for simulation only.
+        tolerance_of: tolerances that go with the vehicle's size, for parameters that state none
+            themselves; a model file that states one goes first (`tolerances.tolerances`).
         height: change of a disc's distance to the plate, added: m.
         area: a disc's covered fraction, changed: area(i, fraction, flow, p).
         denominator: term of the thrust denominator, added.
@@ -148,7 +159,8 @@ class Effect:
     shows: str
     source: str
     confused_with: Mapping[str, str]
-    candidate: bool = True
+    benches: frozenset[BenchKind] = frozenset(BENCH_KINDS)
+    tolerance_of: ToleranceHook | None = None
     height: DiscHook | None = None
     area: ChangeHook | None = None
     denominator: DiscHook | None = None
@@ -161,6 +173,11 @@ class Effect:
     readings: Mapping[str, ReadingHook] = field(default_factory=dict)
     states: tuple[OwnState, ...] = ()
     configure: Callable[[Mapping[str, Any]], Effect] | None = None
+
+    @property
+    def candidate(self) -> bool:
+        """Whether an explanation may name it on some bench."""
+        return bool(self.benches)
 
     @property
     def thrust_reading(self) -> ReadingHook | None:

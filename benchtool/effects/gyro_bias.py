@@ -37,5 +37,6 @@ EFFECT = Effect(
     shows="always; against the encoder's slope",
     source="constant bias, the usual first approximation of a MEMS gyro",
     confused_with={"gyro_scale": "fast motion separates them"},
+    benches=frozenset({"pitch"}),
     readings={"gyro_rad_s": gyro_reading},
 )

@@ -37,5 +37,6 @@ EFFECT = Effect(
     shows="fast motion; against the encoder's slope",
     source="linear scale error, data sheets of MEMS gyros state 1 to 3 %",
     confused_with={"gyro_bias": "rest separates them"},
+    benches=frozenset({"pitch"}),
     readings={"gyro_rad_s": gyro_reading},
 )

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from benchtool.aero.expression import expression
 from benchtool.core.parameter import Parameter
-from benchtool.effects.effect import Effect, Flow, OwnState, Quantity, Values
+from benchtool.core.rig import Rig
+from benchtool.effects.effect import BenchKind, Effect, Flow, OwnState, Quantity, Values
+from benchtool.effects.size import weight_scale
 
 
 @expression
@@ -29,6 +31,11 @@ def thrust_reading(
     return reading + states[0]
 
 
+def tolerance_of(rig: Rig, bench: BenchKind) -> Mapping[str, float]:
+    """Return the creep that matters (a guess), in the measure of the weight: N/s."""
+    return {"rate_N_per_s": 1e-4 * weight_scale(rig)}
+
+
 EFFECT = Effect(
     name="load_cell_drift",
     title="Load-cell drift",
@@ -43,7 +50,6 @@ EFFECT = Effect(
             neutral=0.0,
             lower=-0.1,
             upper=0.1,
-            tolerance=1e-4,
             description="creep of the zero",
             source="neutral value",
         ),
@@ -54,6 +60,8 @@ EFFECT = Effect(
         "battery_sag": "the voltage column, or anchors at zero throttle, separate them",
         "tare_offset": "points soon and late after a tare separate them",
     },
+    benches=frozenset({"sweep"}),
+    tolerance_of=tolerance_of,
     readings={"thrust_N": thrust_reading},
     states=(
         OwnState(

@@ -1,7 +1,8 @@
 """A model: a rig, the images of its rotors, and named effects that add.
 
 The baseline is one rotor over the plate (eq. 2) with thrust k w^2 (eq. 8): parameters `k`
-(thrust coefficient of one rotor) and `R_m` (effective radius). Everything else is an effect.
+(thrust coefficient of one rotor), `R_m` (effective radius) and, where the vehicle turns,
+`inertia_kgm2`. Everything else is an effect.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 from benchtool.aero.body_lift import BodyDistance, body_images, centre_distances_m
 from benchtool.aero.images import neighbour_images, partial_factor, self_image, thrust_factor
 from benchtool.aero.wake_rules import WAKE_RULES
-from benchtool.core.parameter import Parameter, Parameters
+from benchtool.core.parameter import Parameter, Parameters, Prior
 from benchtool.core.rig import Rig
 from benchtool.effects.catalogue import effect_named
 from benchtool.effects.conditions import Conditions
@@ -27,8 +28,12 @@ from benchtool.errors import InputError, UnknownChoice
 Array = NDArray[np.float64]
 
 
+INERTIA_KNOWN = 0.05
+"""Standard error of an inertia over its value, where a model file states none; a guess."""
+
+
 def baseline_parameters(rig: Rig) -> Parameters:
-    """Return k, R_m and the two noise parameters at the rig's own values."""
+    """Return k, R_m, the pitch inertia and the two noise parameters at the rig's own values."""
     p = rig.propulsion
     return Parameters(
         (
@@ -53,6 +58,23 @@ def baseline_parameters(rig: Rig) -> Parameters:
                     upper=3.0 * p.radius_m,
                     description="effective rotor radius in the image terms (eq. 2)",
                     source=rig.sources.get("propulsion.radius_m", ""),
+                ),
+            ),
+            (
+                "inertia_kgm2",
+                Parameter(
+                    "inertia_kgm2",
+                    "kg m2",
+                    rig.body.inertia_yy_kgm2,
+                    lower=0.0,
+                    prior=Prior(
+                        "normal",
+                        rig.body.inertia_yy_kgm2,
+                        INERTIA_KNOWN * rig.body.inertia_yy_kgm2,
+                        "assumed: an inertia worked out from parts is known to 5 %",
+                    ),
+                    description="moment of inertia about the pitch axis",
+                    source=rig.sources.get("body.inertia_yy_kgm2", ""),
                 ),
             ),
             (

@@ -49,6 +49,7 @@ EFFECT = Effect(
     shows="changes of pulse width; never on a settled bench",
     source="first-order model, usual for small brushless motors",
     confused_with={"transport_delay": "dither above 5 Hz, or rpm telemetry, separates them"},
+    benches=frozenset({"pitch"}),
     states=(
         OwnState(
             name="speed",

@@ -35,5 +35,6 @@ EFFECT = Effect(
     shows="several rotors over the plate, z/R of 1 to 3",
     source="Sanchez-Cuevas et al. 2017, eq. (3); method of images",
     confused_with={"body_lift": "distances below and above half the rotor spacing separate them"},
+    benches=frozenset({"sweep"}),
     denominator=denominator,
 )

@@ -90,6 +90,7 @@ def with_knots(coverages: Sequence[float]) -> Effect:
         shows="lateral plate positions at a near distance",
         source="linearity: paper section 3.1 after Seo et al. 2010; the free factors are ours",
         confused_with={"body_lift": "a full cover at the same distance separates them"},
+        benches=frozenset({"pitch", "sweep"}),
         area=area,
         configure=configured,
     )

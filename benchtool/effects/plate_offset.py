@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from benchtool.aero.expression import expression
 from benchtool.core.parameter import Parameter
-from benchtool.effects.effect import Effect, Flow, Quantity, Values
+from benchtool.core.rig import Rig
+from benchtool.effects.effect import BenchKind, Effect, Flow, Quantity, Values
+from benchtool.effects.size import radius_scale
 
 
 @expression
 def height(i: int, flow: Flow, p: Values) -> Quantity:
     """Return the distance to add to what was read: true minus read."""
     return p[0]
+
+
+def tolerance_of(rig: Rig, bench: BenchKind) -> Mapping[str, float]:
+    """Return the offset that matters, in the measure of the rotor radius: m."""
+    return {"dz_m": 0.003 * radius_scale(rig)}
 
 
 EFFECT = Effect(
@@ -27,7 +36,6 @@ EFFECT = Effect(
             neutral=0.0,
             lower=-0.03,
             upper=0.03,
-            tolerance=0.003,
             description="true minus read distance",
             source="neutral value",
         ),
@@ -38,5 +46,7 @@ EFFECT = Effect(
         "body_lift": "three plate distances separate them",
         "plate_tilt": "lateral plate positions separate them",
     },
+    benches=frozenset({"pitch", "sweep"}),
+    tolerance_of=tolerance_of,
     height=height,
 )

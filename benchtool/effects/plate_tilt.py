@@ -38,5 +38,6 @@ EFFECT = Effect(
     shows="near distances, rotors away from the centre",
     source="geometry",
     confused_with={"plate_offset": "lateral plate positions separate them"},
+    benches=frozenset({"sweep"}),
     height=height,
 )

@@ -39,5 +39,6 @@ EFFECT = Effect(
     shows="always; a constant torque that scales with the collective",
     source="worn or unequal propellers; a plain ratio",
     confused_with={"cog_offset": "collective steps of 10 % separate them"},
+    benches=frozenset({"pitch"}),
     factor=factor,
 )

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from benchtool.aero.expression import expression
 from benchtool.core.parameter import Parameter
-from benchtool.effects.effect import Effect, Flow, Quantity, Values
+from benchtool.core.rig import Rig
+from benchtool.effects.effect import BenchKind, Effect, Flow, Quantity, Values
+from benchtool.effects.size import torque_scale
 
 
 @expression
@@ -12,6 +16,11 @@ def dry_friction(flow: Flow, p: Values) -> Quantity:
     """Return what the hinge holds beyond its friction in motion: N m."""
     ratio = flow.rate_rad_s / p[1]
     return p[0] / (1.0 + ratio * ratio)
+
+
+def tolerance_of(rig: Rig, bench: BenchKind) -> Mapping[str, float]:
+    """Return the friction that matters, in the measure of m g L: N m."""
+    return {"excess_Nm": 0.002 * torque_scale(rig)}
 
 
 EFFECT = Effect(
@@ -28,7 +37,6 @@ EFFECT = Effect(
             neutral=0.0,
             lower=0.0,
             upper=10.0,
-            tolerance=0.002,
             description="friction at rest above that in motion",
             source="neutral value",
         ),
@@ -46,6 +54,7 @@ EFFECT = Effect(
     shows="slow reversals: the beam breaks loose with a jerk",
     source="Hess and Soom 1990, J. Tribology 112: the form 1 / (1 + (v/v_s)^2)",
     confused_with={"coulomb_friction": "speeds near zero separate them"},
-    candidate=False,
+    benches=frozenset(),
+    tolerance_of=tolerance_of,
     dry_friction=dry_friction,
 )

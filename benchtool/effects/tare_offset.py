@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from benchtool.aero.expression import expression
 from benchtool.core.parameter import Parameter
-from benchtool.effects.effect import Effect, Flow, Quantity, Values
+from benchtool.core.rig import Rig
+from benchtool.effects.effect import BenchKind, Effect, Flow, Quantity, Values
+from benchtool.effects.size import weight_scale
 
 
 @expression
@@ -15,6 +17,11 @@ def thrust_reading(
 ) -> Quantity:
     """Return the reading with a constant on it: N."""
     return reading + p[0]
+
+
+def tolerance_of(rig: Rig, bench: BenchKind) -> Mapping[str, float]:
+    """Return the force that matters (a guess), in the measure of the weight: N."""
+    return {"thrust_N": 0.02 * weight_scale(rig)}
 
 
 EFFECT = Effect(
@@ -31,7 +38,6 @@ EFFECT = Effect(
             neutral=0.0,
             lower=-5.0,
             upper=5.0,
-            tolerance=0.02,
             description="constant on the reading",
             source="neutral value",
         ),
@@ -39,5 +45,7 @@ EFFECT = Effect(
     shows="low throttle, zero throttle",
     source="arithmetic of a tare",
     confused_with={"load_cell_hysteresis": "tare rows and up-and-down order separate them"},
+    benches=frozenset({"sweep"}),
+    tolerance_of=tolerance_of,
     readings={"thrust_N": thrust_reading},
 )

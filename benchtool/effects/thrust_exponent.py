@@ -46,5 +46,6 @@ EFFECT = Effect(
     shows="several throttle levels",
     source="UIUC propeller data: C_T of a 10x7 slow flyer rises 14 % from 2283 to 5987 rpm",
     confused_with={"tare_offset": "several pwm levels separate them"},
+    benches=frozenset({"sweep"}),
     factor=factor,
 )

@@ -35,5 +35,6 @@ EFFECT = Effect(
     shows="changes of pulse width; never on a settled bench",
     source="pure delay: bus, ESC input filter, PWM period",
     confused_with={"motor_lag": "dither above 5 Hz, or rpm telemetry, separates them"},
+    benches=frozenset({"pitch"}),
     delay_s=delay_s,
 )

@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from benchtool.aero.expression import expression
 from benchtool.core.parameter import Parameter
-from benchtool.effects.effect import Effect, Flow, Quantity, Values
+from benchtool.core.rig import Rig
+from benchtool.effects.effect import BenchKind, Effect, Flow, Quantity, Values
+from benchtool.effects.size import torque_scale
 
 
 @expression
 def torque(flow: Flow, p: Values) -> Quantity:
     """Return the damping torque about the hinge: N m."""
     return -p[0] * flow.rate_rad_s
+
+
+def tolerance_of(rig: Rig, bench: BenchKind) -> Mapping[str, float]:
+    """Return the damping that matters, in the measure of m g L: N m s."""
+    return {"damping_Nms": 0.004 * torque_scale(rig)}
 
 
 EFFECT = Effect(
@@ -27,7 +36,6 @@ EFFECT = Effect(
             neutral=0.0,
             lower=0.0,
             upper=10.0,
-            tolerance=0.004,
             description="damping of the hinge",
             source="neutral value",
         ),
@@ -38,5 +46,7 @@ EFFECT = Effect(
         "coulomb_friction": "fast and slow motion separate them",
         "aerodynamic_damping": "several collectives separate them",
     },
+    benches=frozenset({"pitch"}),
+    tolerance_of=tolerance_of,
     torque=torque,
 )

@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from benchtool.aero.expression import expression
 from benchtool.core.parameter import Parameter
-from benchtool.effects.effect import Effect, Quantity, Values
+from benchtool.core.rig import Rig
+from benchtool.effects.effect import BenchKind, Effect, Quantity, Values
+from benchtool.effects.size import torque_scale
 
 
 @expression
 def random_torque(p: Values) -> tuple[Quantity, Quantity]:
     """Return standard deviation (N m) and correlation time (s)."""
     return p[0], p[1]
+
+
+def tolerance_of(rig: Rig, bench: BenchKind) -> Mapping[str, float]:
+    """Return the torque that matters, in the measure of m g L: N m."""
+    return {"sd_Nm": 0.002 * torque_scale(rig)}
 
 
 EFFECT = Effect(
@@ -27,7 +36,6 @@ EFFECT = Effect(
             neutral=0.0,
             lower=0.0,
             upper=10.0,
-            tolerance=0.002,
             description="standard deviation of the random torque",
             source="neutral value",
         ),
@@ -45,6 +53,7 @@ EFFECT = Effect(
     shows="always; coloured residuals of torque",
     source="Ornstein-Uhlenbeck, the simplest coloured noise; an assumption",
     confused_with={},
-    candidate=False,
+    benches=frozenset(),
+    tolerance_of=tolerance_of,
     random_torque=random_torque,
 )

@@ -13,6 +13,7 @@ from benchtool.core.parameter import Parameters
 from benchtool.effects.conditions import FAR_AWAY_M, Conditions
 from benchtool.effects.model import Model
 from benchtool.effects.prepared import Prepared
+from benchtool.effects.tolerances import with_tolerances
 from benchtool.errors import InputError, UnknownChoice
 from benchtool.estimate.problem import IntArray, Problem
 
@@ -76,7 +77,7 @@ def problem_from_model(
     conditions = conditions.select(kept)
     far = conditions.out_of_ground_effect() if reference is None else reference.select(kept)
     facts: dict[str, str | int | float | bool | None] = {"left_out_near": left_out}
-    parameters = model.parameters
+    parameters = with_tolerances(model, "sweep")
     if standard_error is None:
         standard_error = np.ones(len(observed))
         parameters = parameters.replaced("noise.scale", parameters["noise.scale"].freed())

@@ -5,7 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from benchtool.effects.catalogue import EFFECTS
-from benchtool.effects.effect import Effect
+from benchtool.effects.effect import BENCH_KINDS, BenchKind, Effect
+from benchtool.effects.tolerances import default_tolerances
+from benchtool.library import rig_named
 
 PAGE = Path(__file__).with_name("effects.md")
 
@@ -13,8 +15,18 @@ HEAD = """# Effects
 
 Every physical effect that benchtool knows, made from the catalogue by
 `docs/reference/write_effects.py`. `benchtool effects NAME` prints the same. At its neutral value an
-effect is exactly absent. Effects that are no candidates exist for simulation only.
+effect is exactly absent. An explanation names an effect only on the benches given here; those that
+are no candidates exist for simulation only.
+
+A change within its tolerance does not matter. A model file may state tolerances of its own. Where
+it states none, they go with the vehicle: torques with m g L, forces with m g, the centre of gravity
+with the arm, the plate's distance with the rotor radius. The tables give them for a pitch bench of
+the rig `beam` and for a plate sweep of the rig `pquad`; `benchtool effects NAME --rig RIG` prints
+them for another.
 """
+
+RIGS: dict[BenchKind, str] = {"pitch": "beam", "sweep": "pquad"}
+"""Whose tolerances the page shows, by kind of bench."""
 
 
 def page() -> str:
@@ -29,21 +41,36 @@ def section(effect: Effect) -> str:
         "",
         f"{effect.title}. {effect.description}",
         "",
-        f"- stage: `{effect.stage}`{'' if effect.candidate else '; no candidate'}",
+        f"- stage: `{effect.stage}`",
+        f"- candidate: {benches(effect)}",
         f"- law: `{effect.law}`",
         f"- shows: {effect.shows}",
         f"- source: {effect.source}",
         *(f"- looks like `{other}`: {how}" for other, how in effect.confused_with.items()),
         "",
-        "| parameter | unit | neutral | tolerance | what |",
-        "|---|---|---|---|---|",
+        "| parameter | unit | neutral | tolerance, pitch | tolerance, sweep | what |",
+        "|---|---|---|---|---|---|",
     ]
     for item in effect.parameters:
         neutral = "–" if item.neutral is None else f"{item.neutral:.4g}"
-        tolerance = "–" if item.tolerance is None else f"{item.tolerance:.4g}"
+        matters = " | ".join(tolerance(effect, item.name, bench) for bench in BENCH_KINDS)
         unit = "–" if item.unit == "1" else item.unit
-        lines.append(f"| `{item.name}` | {unit} | {neutral} | {tolerance} | {item.description} |")
+        lines.append(f"| `{item.name}` | {unit} | {neutral} | {matters} | {item.description} |")
     return "\n".join([*lines, ""])
+
+
+def benches(effect: Effect) -> str:
+    """Return where an explanation may name the effect."""
+    named = [f"{bench} bench" for bench in BENCH_KINDS if bench in effect.benches]
+    return " and ".join(named) or "nowhere"
+
+
+def tolerance(effect: Effect, name: str, bench: BenchKind) -> str:
+    """Return one tolerance on the rig that the page takes for that kind of bench."""
+    if effect.benches and bench not in effect.benches:
+        return "–"
+    known = default_tolerances(effect, rig_named(RIGS[bench]), bench)
+    return f"{known[name]:.3g}" if name in known else "–"
 
 
 if __name__ == "__main__":

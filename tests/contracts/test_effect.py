@@ -9,27 +9,28 @@ from benchtool.core.parameter import Parameter
 from benchtool.core.rig import Rig
 from benchtool.effects.catalogue import EFFECTS
 from benchtool.effects.conditions import Conditions
-from benchtool.effects.effect import STAGES, Effect, Flow, OwnState
+from benchtool.effects.effect import BENCH_KINDS, STAGES, BenchKind, Effect, Flow, OwnState
 from benchtool.effects.model import Model
 from benchtool.effects.moving import moving_thrust_N
 from benchtool.effects.prepared import Prepared
+from benchtool.effects.tolerances import default_tolerances
 from benchtool.library import rig_named
 
 EACH = pytest.mark.parametrize("name", sorted(EFFECTS))
 
 
-def strong_value(item: Parameter) -> float:
-    """Return a value well away from neutral and inside the bounds."""
+def strong_value(name: str, item: Parameter) -> float:
+    """Return a value of an effect's parameter well away from neutral and inside the bounds."""
     if item.neutral is None:
         return item.value
-    step = 20.0 * item.tolerance if item.tolerance else 0.5
+    step = 20.0 * default_tolerances(EFFECTS[name], rig_named("beam"), "pitch")[item.name]
     return float(np.clip(item.neutral + step, item.lower, item.upper))
 
 
 def acting(rig: Rig, name: str) -> Model:
     """Return a model in which the effect acts strongly."""
     effect = EFFECTS[name]
-    values = {item.name: strong_value(item) for item in effect.parameters}
+    values = {item.name: strong_value(name, item) for item in effect.parameters}
     return Model.single(rig).with_effect(effect, **values)
 
 
@@ -63,9 +64,24 @@ def test_it_describes_itself(name: str) -> None:
         assert item.description
         assert item.source
         if item.neutral is not None:
-            assert item.tolerance is not None
-            assert item.tolerance > 0.0
             assert item.lower <= item.neutral <= item.upper
+
+
+@EACH
+@pytest.mark.parametrize("bench", BENCH_KINDS)
+@pytest.mark.parametrize("vehicle", ["beam", "pquad", "amuse_single"])
+def test_it_says_what_does_not_matter_on_any_vehicle(
+    name: str, bench: BenchKind, vehicle: str
+) -> None:
+    """One tolerance each, stated or for the vehicle, that leaves room within the bounds."""
+    effect = EFFECTS[name]
+    known = default_tolerances(effect, rig_named(vehicle), bench)
+    with_neutral = [item for item in effect.parameters if item.neutral is not None]
+    assert set(known) == {item.name for item in with_neutral}
+    for item in with_neutral:
+        assert item.neutral is not None
+        assert 0.0 < known[item.name] < 0.5 * (item.upper - item.lower)
+        assert item.tolerance is None or known[item.name] == item.tolerance
 
 
 @EACH
@@ -159,7 +175,7 @@ def test_away_from_neutral_it_shows_somewhere(name: str, rig: Rig, conditions: C
     else:
         changed = model.thrust_N(conditions)
     on_thrust = float(np.max(np.abs(changed - bare.thrust_N(conditions))))
-    p = [strong_value(item) for item in effect.parameters]
+    p = [strong_value(name, item) for item in effect.parameters]
     moving = hinge_outputs(effect, p, turning()) + hinge_outputs(effect, p, turning(rate_rad_s=0.0))
     on_hinge = max(abs(value) for value in moving)
     assert max(on_thrust, on_hinge) > 1e-3
@@ -170,7 +186,7 @@ def test_a_torque_on_scalars_arrays_and_complex_steps_agrees(name: str) -> None:
     effect = EFFECTS[name]
     assert effect.torque is not None
     angles = np.linspace(-0.4, 0.4, 7)
-    p = [strong_value(item) for item in effect.parameters]
+    p = [strong_value(name, item) for item in effect.parameters]
     whole = effect.torque(turning()._replace(pitch_rad=angles, cos_pitch=np.cos(angles)), p)
     each = [effect.torque(turning(pitch_rad=angle), p) for angle in angles]
     np.testing.assert_allclose(np.broadcast_to(whole, (7,)), each, rtol=1e-15)
