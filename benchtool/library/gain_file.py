@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from dataclasses import dataclass, field, fields, replace
+from functools import lru_cache
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, get_type_hints
 
 from annotated_types import Ge, Gt
 
@@ -121,12 +123,23 @@ class Gains(FileTable):
             owner: Any = getattr(changed, _known(self, table, "gain table")) if table else changed
             if not isinstance(getattr(owner, _known(owner, name, "gain"), None), float):
                 raise InputError(f"{key} is no single gain; name one, as attitude.k_q_per_s")
-            if not 0.0 <= float(value) < float("inf"):
-                raise InputError(f"gain {key} is {value}; give a finite number, 0 or more")
+            positive = name in _positive(owner.__class__)
+            if not 0.0 <= float(value) < float("inf") or (positive and not value):
+                bound = "above 0" if positive else "0 or more"
+                raise InputError(f"gain {key} is {value}; give a finite number, {bound}")
             numbers: dict[str, Any] = {name: float(value)}
             tables: dict[str, Any] = {table: replace(owner, **numbers)} if table else numbers
             changed = replace(changed, **tables)
         return changed
+
+
+@lru_cache
+def _positive(table: Hashable) -> frozenset[str]:
+    """Return the names of a table's numbers that must be above zero."""
+    hints = get_type_hints(table, include_extras=True)
+    return frozenset(
+        name for name, hint in hints.items() if Gt(0.0) in getattr(hint, "__metadata__", ())
+    )
 
 
 def _known(owner: Any, name: str, kind: str) -> str:

@@ -16,6 +16,7 @@ from benchtool.effects.model import Model
 from benchtool.errors import InputError, UnknownChoice
 from benchtool.library import gains_named, load_model, model_names, rig_named, schedule_named
 from benchtool.simulate.pitch_bench import PitchBench
+from benchtool.studies.gain_changes import changed_gains
 
 BENCH_NUMBERS = ("inertia_kgm2", "plant_rate_Hz", "stop_rad", "pwm_quantum_us")
 FEEDFORWARD_NUMBERS = ("strength", "height_error_m", "late_s")
@@ -115,17 +116,7 @@ def _changed(setup: PitchSetup, name: str, value: float) -> PitchSetup:
 def _with_gain(control: PitchControl, name: str, value: float) -> PitchControl:
     if control.gains is None:
         return control
-    table = getattr(control.gains, name, None) if "." not in name else None
-    if table is None:
-        return replace(control, gains=control.gains.with_values(**{name: value}))
-    if isinstance(table, float):
-        return replace(control, gains=control.gains.with_values(**{name: value}))
-    scaled = {
-        f"{name}.{each}": value * getattr(table, each)
-        for each in table.__slots__
-        if each.startswith("k_") or each == "rate_per_s"
-    }
-    return replace(control, gains=control.gains.with_values(**scaled))
+    return replace(control, gains=changed_gains(control.gains, name, value))
 
 
 def _with_parameter(model: Model, name: str, value: float) -> Model:
