@@ -1,0 +1,99 @@
+"""A bench under its own controller: one part of a record."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from tests.blind.pitch.beam import STEP_S
+from tests.blind.pitch.moving import STEPS, Moving, State
+from tests.blind.pitch.plant import Plant
+from tests.blind.pitch.programme import Programme
+from tests.blind.pitch.readings import Instruments, plate_readings
+from tests.blind.pitch.sheet import INTEGRAL_LIMIT_RAD_S, PULSE_LIMITS_US, SHEET, Sheet
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Part:
+    """Hold one part of a record and what really went on in it.
+
+    Attributes:
+        table: the columns of the CSV.
+        states: where everything was at each row.
+        plate_m: (n,) plate distance without the gauge's noise.
+        capped: physics steps in which the ground effect was capped.
+    """
+
+    table: pd.DataFrame
+    states: list[State]
+    plate_m: Array
+    capped: int
+
+
+def wake_torque(rng: np.random.Generator, n: int, sd_Nm: float, tau_s: float) -> Array:
+    """Draw a stationary Ornstein-Uhlenbeck torque at n physics steps: N m."""
+    keep = math.exp(-STEP_S / tau_s)
+    kicks = rng.standard_normal(n)
+    kicks[1:] *= math.sqrt(1.0 - keep * keep)
+    return sd_Nm * np.asarray(lfilter([1.0], [1.0, -keep], kicks))
+
+
+def clipped(pulse_us: float) -> int:
+    """Keep a pulse within the controller's limits."""
+    low, high = PULSE_LIMITS_US
+    return int(min(max(pulse_us, low), high))
+
+
+def closed_loop(
+    plant: Plant, programme: Programme, rng: np.random.Generator, sheet: Sheet = SHEET
+) -> Part:
+    """Run one part: the controller reads, sends whole pulses, and the bench moves on."""
+    n = len(programme)
+    noise, wakes, gauge = rng.spawn(3)
+    instruments = Instruments(plant, n, noise, sheet)
+    wake = wake_torque(wakes, n * STEPS, plant.wake_sd_Nm, plant.wake_tau_s)
+    wake_rows = wake.reshape(n, STEPS).tolist()
+    bench = Moving(plant, sheet)
+    bench.rest((programme.collective_us[0], programme.collective_us[0]))
+    references = programme.theta_ref_rad.tolist()
+    collectives = programme.collective_us.tolist()
+    dithers = programme.dither_us.tolist()
+    plates = programme.plate_m.tolist()
+    total = 0.0
+    rows: list[tuple[float, float, int, int, float, float]] = []
+    states: list[State] = []
+    for k in range(n):
+        states.append(bench.state())
+        theta = instruments.theta(k, bench.theta_rad)
+        gyro = instruments.gyro(k, bench.rate_rad_s)
+        rpm1, rpm2 = instruments.speeds(k, bench.speed_rpm)
+        error = references[k] - theta
+        total += error * sheet.dt
+        total = min(max(total, -INTEGRAL_LIMIT_RAD_S), INTEGRAL_LIMIT_RAD_S)
+        asked = sheet.kp * error + sheet.ki * total - sheet.kd * gyro
+        asked = round(asked + dithers[k])
+        pulses = (clipped(collectives[k] + asked), clipped(collectives[k] - asked))
+        rows.append((theta, gyro, *pulses, rpm1, rpm2))
+        bench.advance(pulses, plates[k], wake_rows[k], k * sheet.dt)
+    theta_column, gyro_column, pwm1, pwm2, rpm1_column, rpm2_column = zip(*rows, strict=True)
+    table = pd.DataFrame(
+        {
+            "t": np.round(np.arange(n) * sheet.dt, 6),
+            "theta_ref": programme.theta_ref_rad,
+            "theta": np.array(theta_column),
+            "gyro": np.array(gyro_column),
+            "pwm1": np.array(pwm1),
+            "pwm2": np.array(pwm2),
+            "rpm1": np.array(rpm1_column),
+            "rpm2": np.array(rpm2_column),
+            "plate_z": plate_readings(programme.plate_m, gauge, sheet),
+        }
+    )
+    return Part(table, states, programme.plate_m, bench.capped)

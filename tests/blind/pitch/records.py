@@ -1,0 +1,184 @@
+"""Records of a pitch bench in which something is hidden, with the truth beside them.
+
+The physics is MuJoCo's and this folder's; nothing of benchtool is imported. One record is a part to
+learn from and a part to check on, of the same bench.
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+import zlib
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import pandas as pd
+
+from tests.blind.pitch import seeds
+from tests.blind.pitch.dirt import clean_bench, dirty_bench
+from tests.blind.pitch.library import NAMED, Hidden, Strength
+from tests.blind.pitch.loop import Part, closed_loop
+from tests.blind.pitch.outside import OUTSIDE, put_outside
+from tests.blind.pitch.plant import Plant
+from tests.blind.pitch.programme import Excitation, habits, programme
+from tests.blind.pitch.sheet import SHEET
+
+Dirt = Literal["dirty", "clean"]
+Kind = Literal["named", "none", "pair", "outside"]
+
+NONE, PAIR = "none", "pair"
+"""Families with nothing hidden, and with two named effects, drawn."""
+
+NUMBER = "%.7g"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Truth:
+    """Hold what is hidden in a record.
+
+    Attributes:
+        family: what was asked for.
+        kind: named, none, pair or outside.
+        names: the hidden effects' names; an outside family's name is no library effect.
+        effects: named effects with their values; none where nothing of the library is hidden.
+        plant: the true model, every number of it.
+        seed: of the record.
+        excitation: rich or poor.
+        strength: full or weak.
+        dirt: dirty or clean.
+        imperfections: every number that departs from the data sheet's ideal bench.
+    """
+
+    family: str
+    kind: Kind
+    names: tuple[str, ...]
+    effects: tuple[Hidden, ...]
+    plant: Plant
+    seed: int
+    excitation: Excitation
+    strength: Strength
+    dirt: Dirt
+    imperfections: dict[str, object]
+
+    def keys(self) -> dict[str, object]:
+        """Return the truth as plain values, for a file."""
+        return asdict(self)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HiddenRecord:
+    """Hold a record: what a user sees (learn, check, bench) and what is true.
+
+    Attributes:
+        learn: table to learn from, in the columns of the format.
+        check: table of the same bench with another reference and noise.
+        truth: what is hidden.
+        bench: the data sheet, in the keys of `bench.json`.
+        parts: learn and check with the true states of every row, for scoring only.
+    """
+
+    learn: pd.DataFrame
+    check: pd.DataFrame
+    truth: Truth
+    bench: dict[str, float]
+    parts: tuple[Part, Part]
+
+
+def families() -> dict[str, Kind]:
+    """Return every family that can be asked for, with its kind.
+
+    A pair can also be asked for by its names, as `cog_offset+motor_lag`.
+    """
+    return {
+        **dict.fromkeys(NAMED, "named"),
+        NONE: "none",
+        PAIR: "pair",
+        **dict.fromkeys(OUTSIDE, "outside"),
+    }
+
+
+def pairs() -> tuple[str, ...]:
+    """Return every pair of named effects, as it can be asked for."""
+    return tuple("+".join(two) for two in itertools.combinations(NAMED, 2))
+
+
+def make_record(
+    seed: int,
+    family: str,
+    *,
+    excitation: Excitation,
+    strength: Strength = "full",
+    dirt: Dirt = "dirty",
+    blocks: int = 1,
+) -> HiddenRecord:
+    """Make one record; the same arguments make the same record.
+
+    Args:
+        seed: for development or for scoring (`seeds.py`).
+        family: one of `families()`, or two effects as `pairs()` spells them.
+        excitation: rich or poor.
+        strength: full effects are 2 to 8 tolerances, weak ones 0.3 to 1.5.
+        dirt: whether everything else is slightly off.
+        blocks: length of each part in units of 30 s.
+    """
+    kind = _kind(family)
+    word = f"{family}/{excitation}/{strength}/{dirt}/{blocks}"
+    root = np.random.default_rng([zlib.crc32(word.encode()), seeds.checked(seed)])
+    draw_bench, draw_hidden, draw_habits, *draw_parts = root.spawn(5)
+    plant = dirty_bench(draw_bench) if dirt == "dirty" else clean_bench()
+    names: tuple[str, ...] = ()
+    if kind == "named":
+        names = (family,)
+    elif family == PAIR:
+        names = tuple(str(name) for name in draw_hidden.choice(list(NAMED), 2, replace=False))
+    elif kind == "pair":
+        names = tuple(family.split("+"))
+    effects = tuple(NAMED[name].hide(draw_hidden, strength) for name in names)
+    for effect in effects:
+        plant = NAMED[effect.name].put_into(plant, effect.value)
+    if kind == "outside":
+        plant = put_outside(family, draw_hidden, plant, strength)
+        names = (family,)
+    shared = habits(draw_habits, excitation)
+    learn, check = (
+        closed_loop(plant, programme(rng, excitation, shared, blocks), rng) for rng in draw_parts
+    )
+    truth = Truth(
+        family=family,
+        kind=kind,
+        names=names,
+        effects=effects,
+        plant=plant,
+        seed=seed,
+        excitation=excitation,
+        strength=strength,
+        dirt=dirt,
+        imperfections=plant.departures(),
+    )
+    return HiddenRecord(learn.table, check.table, truth, SHEET.keys(), (learn, check))
+
+
+def _kind(family: str) -> Kind:
+    known = families()
+    if family in known:
+        return known[family]
+    names = family.split("+")
+    if len(set(names)) == 2 and all(name in NAMED for name in names):
+        return "pair"
+    raise ValueError(f"there is no family {family!r}; there are {', '.join(known)}, and A+B")
+
+
+def write_record(record: HiddenRecord, folder: Path, name: str) -> tuple[Path, Path]:
+    """Write both tables and, once per folder, the bench; return the tables' paths.
+
+    The truth is not written: whoever scores makes the record again from its seed.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    bench = json.dumps(record.bench, indent=1)
+    (folder / "bench.json").write_text(bench, encoding="utf-8")
+    paths = folder / f"{name}.csv", folder / f"{name}_check.csv"
+    for path, table in zip(paths, (record.learn, record.check), strict=True):
+        table.to_csv(path, index=False, float_format=NUMBER, lineterminator="\n")
+    return paths

@@ -1,0 +1,186 @@
+"""Records of the blind pitch bench: format, families, sizes, determinism."""
+
+from __future__ import annotations
+
+import ast
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+pytest.importorskip("mujoco", reason="the blind bench is a MuJoCo model")
+
+from tests.blind.pitch import seeds
+from tests.blind.pitch.dirt import dirty_bench
+from tests.blind.pitch.library import NAMED, RANGES
+from tests.blind.pitch.records import (
+    HiddenRecord,
+    families,
+    make_record,
+    pairs,
+    write_record,
+)
+from tests.blind.pitch.sheet import PARKED_M, PULSE_LIMITS_US, SHEET
+
+COLUMNS = ["t", "theta_ref", "theta", "gyro", "pwm1", "pwm2", "rpm1", "rpm2", "plate_z"]
+HERE = Path(__file__).parent
+
+
+@pytest.fixture(scope="module")
+def null() -> HiddenRecord:
+    return make_record(0, "none", excitation="rich")
+
+
+def check_table(table: pd.DataFrame) -> None:
+    """Assert what holds for each part of each record."""
+    assert list(table) == COLUMNS
+    assert np.isfinite(table.to_numpy()).all()
+    assert np.allclose(table["t"], np.arange(len(table)) * SHEET.dt)
+    for name, quantum in (("theta", SHEET.q_theta), ("gyro", SHEET.q_gyro), ("rpm1", SHEET.q_rpm)):
+        counts = table[name].to_numpy() / quantum
+        assert np.abs(counts - np.round(counts)).max() < 1e-6
+    pulses = table[["pwm1", "pwm2"]]
+    assert (pulses.dtypes == np.int64).all()
+    assert pulses.min().min() >= PULSE_LIMITS_US[0]
+    assert pulses.max().max() <= PULSE_LIMITS_US[1]
+    assert table["theta"].abs().max() < math.radians(45.0)
+    assert (table["plate_z"] <= PARKED_M).all()
+
+
+def test_a_record_reads_back_from_its_files(null: HiddenRecord, tmp_path: Path) -> None:
+    learn, check = write_record(null, tmp_path, "none")
+    assert (learn.name, check.name) == ("none.csv", "none_check.csv")
+    for path, table in ((learn, null.learn), (check, null.check)):
+        pd.testing.assert_frame_equal(
+            pd.read_csv(path), table, check_dtype=False, rtol=1e-6, atol=1e-9
+        )
+        assert len(table) == 7500
+    assert json.loads((tmp_path / "bench.json").read_text("utf-8")) == null.bench
+    assert not list(tmp_path.glob("*truth*"))
+
+
+def test_the_format_is_that_of_the_reference_bench(
+    null: HiddenRecord, reference_data: Path, tmp_path: Path
+) -> None:
+    folder = reference_data / "pitch_bench"
+    theirs = pd.read_csv(folder / "nothing_hidden.csv")
+    ours = pd.read_csv(write_record(null, tmp_path, "none")[0])
+    assert list(ours) == list(theirs)
+    assert ours.dtypes.to_dict() == theirs.dtypes.to_dict()
+    assert len(ours) == len(theirs)
+    assert null.bench == json.loads((folder / "bench.json").read_text("utf-8"))
+
+
+@pytest.mark.parametrize("family", families())
+def test_every_family_runs_in_the_format(family: str) -> None:
+    record = make_record(1, family, excitation="rich")
+    for part, table in zip(record.parts, (record.learn, record.check), strict=True):
+        check_table(table)
+        assert part.capped == 0
+    assert record.truth.kind == families()[family]
+    assert len(record.truth.effects) == {"named": 1, "pair": 2}.get(record.truth.kind, 0)
+    for effect in record.truth.effects:
+        named = NAMED[effect.name]
+        assert getattr(record.truth.plant, named.field) == effect.value
+        assert 2.0 <= abs(effect.value - named.neutral) / named.tolerance <= 8.0
+    json.dumps(record.truth.keys())
+
+
+@pytest.mark.parametrize("family", ["none", "rotor_asymmetry", "arm_flexure", "body_lift"])
+def test_poor_records_have_one_collective_one_distance_and_no_dither(family: str) -> None:
+    record = make_record(2, family, excitation="poor", strength="weak")
+    check_table(record.learn)
+    mean = 0.5 * (record.learn["pwm1"] + record.learn["pwm2"])
+    assert mean.nunique() == 1
+    distances = record.parts[0].plate_m
+    assert len(np.unique(distances[distances < PARKED_M])) == 1
+    assert record.learn["theta_ref"].abs().max() <= math.radians(4.0)
+
+
+def test_rich_records_step_the_collective_and_move_the_plate(null: HiddenRecord) -> None:
+    mean = 0.5 * (null.learn["pwm1"] + null.learn["pwm2"]) - SHEET.pwm0
+    assert mean.max() / mean.min() > 1.3
+    distances = null.parts[0].plate_m
+    assert len(np.unique(distances)) == 5
+    assert PARKED_M in distances
+    assert 0.4 < (distances == PARKED_M).mean() < 0.9
+
+
+def test_the_same_arguments_make_the_same_record(null: HiddenRecord) -> None:
+    again = make_record(0, "none", excitation="rich")
+    pd.testing.assert_frame_equal(null.learn, again.learn)
+    pd.testing.assert_frame_equal(null.check, again.check)
+    assert null.truth == again.truth
+    other = make_record(3, "none", excitation="rich")
+    assert other.truth.plant != null.truth.plant
+    assert not null.learn["theta_ref"].equals(null.check["theta_ref"])
+
+
+def test_a_minute_can_be_asked_for() -> None:
+    record = make_record(4, "none", excitation="rich", blocks=2)
+    assert len(record.learn) == len(record.check) == 15000
+    first, second = record.learn["theta_ref"][:7500], record.learn["theta_ref"][7500:]
+    assert not np.array_equal(first, second)
+
+
+def test_a_pair_can_be_asked_for_by_name() -> None:
+    record = make_record(5, "cog_offset+motor_lag", excitation="rich")
+    assert record.truth.names == ("cog_offset", "motor_lag")
+    assert len(pairs()) == 14 * 13 // 2
+    with pytest.raises(ValueError, match="there is no family"):
+        make_record(5, "cog_offset+cog_offset", excitation="rich")
+
+
+def test_sizes_cover_their_ranges_on_both_sides(rng: np.random.Generator) -> None:
+    for effect in NAMED.values():
+        for strength, (low, high) in RANGES.items():
+            sizes = np.array([effect.hide(rng, strength).size for _ in range(200)])
+            assert low <= np.abs(sizes).min()
+            assert np.abs(sizes).max() <= high
+            assert (sizes < 0).any() == (effect.most_below > 0)
+            assert (sizes > 0).any() == (effect.most_above > 0)
+
+
+def test_a_dirty_bench_stays_within_half_of_every_tolerance(rng: np.random.Generator) -> None:
+    for _ in range(100):
+        plant = dirty_bench(rng)
+        for effect in NAMED.values():
+            off = abs(getattr(plant, effect.field) - effect.neutral) / effect.tolerance
+            assert off <= 0.5, effect.name
+        assert len(plant.departures()) >= 20
+
+
+def test_a_clean_bench_is_what_its_sheet_says() -> None:
+    record = make_record(6, "none", excitation="poor", dirt="clean")
+    assert record.truth.imperfections == {}
+
+
+def test_scoring_seeds_are_kept_apart(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert not set(seeds.DEVELOPMENT_SEEDS) & set(seeds.SCORING_SEEDS)
+    monkeypatch.delenv(seeds.SCORING_SWITCH, raising=False)
+    with pytest.raises(PermissionError, match="run `make blind`"):
+        seeds.checked(seeds.SCORING_SEEDS.start)
+    monkeypatch.setenv(seeds.SCORING_SWITCH, "1")
+    assert seeds.checked(seeds.SCORING_SEEDS.start) == 1_000_000
+    with pytest.raises(ValueError, match="neither for development"):
+        seeds.checked(500_000)
+
+
+def test_nothing_of_benchtool_is_imported() -> None:
+    imported = {
+        name
+        for path in HERE.glob("*.py")
+        for node in ast.walk(ast.parse(path.read_text("utf-8")))
+        for name in (
+            [alias.name for alias in node.names]
+            if isinstance(node, ast.Import)
+            else [node.module or ""]
+            if isinstance(node, ast.ImportFrom)
+            else []
+        )
+    }
+    assert "mujoco" in imported
+    assert not [name for name in imported if name.split(".")[0] == "benchtool"]
