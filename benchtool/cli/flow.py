@@ -47,12 +47,16 @@ def export(
     out: Annotated[Path, typer.Option(help="Folder for the case.")],
     rig: Annotated[str, typer.Option(help="Quadrotor.")] = "pquad",
     z_over_r: Height = 2.0,
+    cells_per_radius: Annotated[
+        int, typer.Option(help="Cells to a rotor radius; 10 is half a million cells in all.")
+    ] = 10,
+    iterations: Annotated[int, typer.Option(help="Stop after so many, settled or not.")] = 2000,
 ) -> None:
     """Write an OpenFOAM case: fixed-velocity discs over ground, a quarter of the domain."""
     from benchtool.library import rig_named
     from benchtool.studies.flow_case import FlowCase, write_case
 
-    case = FlowCase.of_rig(rig_named(rig), z_over_r)
+    case = FlowCase.of_rig(rig_named(rig), z_over_r, cells_per_radius, iterations)
     for path in write_case(out, case):
         print(f"written: {path}")
-    print("run Allrun in that folder where OpenFOAM is installed; benchtool has not run it")
+    print("run Allrun in that folder where OpenFOAM is installed; benchtool does not run it")
