@@ -1,0 +1,14 @@
+/* Device time, and the timer behind it. */
+#pragma once
+
+#include <stdint.h>
+
+/* Timer 1 runs through one ESC pulse period in steps of 0.5 us: F_CPU / 8. */
+#define TICKS_PER_US 2
+#define PERIOD_TICKS ((uint16_t)(PULSE_PERIOD_US * TICKS_PER_US))
+
+/* Start timer 1; the ESC outputs join it in motors_start(). */
+void clock_start(void);
+
+/* Microseconds since power-on; wraps after 71.6 minutes. May be called from interrupts. */
+uint32_t clock_us(void);

@@ -1,0 +1,5 @@
+/* What the host may ask for, each number carried out once. */
+#pragma once
+
+/* Take one valid payload. */
+void commands_take(char *payload);

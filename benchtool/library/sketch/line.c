@@ -1,0 +1,76 @@
+#include "line.h"
+
+#include <stddef.h>
+#include <stdlib.h>
+#include <string.h>
+#include <util/crc16.h>
+
+#include "uart.h"
+
+#define LONGEST 100 /* commands have fewer bytes; a longer line is thrown away */
+#define WRAPPING 7  /* $, *, four digits, line end */
+
+static char line[LONGEST + 1];
+static uint8_t length;
+
+/* CRC-16/CCITT-FALSE: of 123456789 it is 29B1. */
+static uint16_t crc16(const char *text)
+{
+    uint16_t crc = 0xFFFF;
+    while (*text)
+        crc = _crc_xmodem_update(crc, (uint8_t)*text++);
+    return crc;
+}
+
+void line_send(const char *payload)
+{
+    char digits[5], tail[WRAPPING] = "*";
+    utoa(crc16(payload), digits, 16);
+    strcat(tail, &"000"[strlen(digits) - 1]);
+    strcat(tail, strupr(digits));
+    strcat(tail, "\n");
+    uart_send("$");
+    uart_send(payload);
+    uart_send(tail);
+}
+
+bool line_send_if_room(const char *payload)
+{
+    if (uart_room() < strlen(payload) + WRAPPING)
+        return false;
+    line_send(payload);
+    return true;
+}
+
+/* Check a line in place: returns its payload, or NULL when it is not one. */
+static char *checked(char *text)
+{
+    char *start = strrchr(text, '$'), *star = start ? strrchr(start, '*') : NULL, *end;
+    if (!star || strlen(star + 1) != 4)
+        return NULL;
+    uint16_t told = (uint16_t)strtoul(star + 1, &end, 16);
+    *star = '\0';
+    return *end == '\0' && crc16(start + 1) == told ? start + 1 : NULL;
+}
+
+char *line_take(void)
+{
+    int16_t byte;
+    while ((byte = uart_take()) >= 0) {
+        if (byte != '\n') {
+            /* Nothing is kept of a line that is too long: its end alone is no valid line. */
+            if (length < LONGEST)
+                line[length++] = (char)byte;
+            continue;
+        }
+        bool whole = length < LONGEST;
+        if (whole && length && line[length - 1] == '\r')
+            length--;
+        line[length] = '\0';
+        length = 0;
+        char *payload = whole ? checked(line) : NULL;
+        if (payload)
+            return payload;
+    }
+    return NULL;
+}

@@ -1,0 +1,14 @@
+/* Lines of the bench protocol: $<payload>*<CRC>. */
+#pragma once
+
+#include <stdbool.h>
+#include <stdint.h>
+
+/* Send a payload as a line. */
+void line_send(const char *payload);
+
+/* Send a payload as a line unless it would have to wait; tells whether it was sent. */
+bool line_send_if_room(const char *payload);
+
+/* Give the payload of the next valid line that has come whole, or NULL. */
+char *line_take(void);
