@@ -25,6 +25,7 @@ COMMANDS: dict[str, str] = {
     "record": "Record a pitch experiment from a bench into a run folder",
     "calibrate": "Calibrate a load cell with known masses",
     "recalibrate": "Apply a calibration to a run, its raw data untouched",
+    "import": "Import flight logs and other makers' files, every repair told",
     "fit": "Fit a ground-effect model to run folders or any CSV",
     "figures": "Draw runs in the layout of the paper's figures 3, 4, 6, 8",
     "simulate": "Simulate benches and flights near surfaces in closed loop",
@@ -39,6 +40,9 @@ COMMANDS: dict[str, str] = {
 }
 """Name of each command, in the order of the help, and its one line there. The line is also the
 first line of the command's docstring."""
+
+_KEYWORDS = {"import": "import_file"}
+"""Commands whose name Python keeps for itself, and the module that holds them."""
 
 UNEXPECTED = 70
 """Exit code of a fault in benchtool itself (EX_SOFTWARE of BSD's sysexits.h)."""
@@ -118,8 +122,13 @@ class _Group(TyperGroup):
         return option
 
 
+def module_of(name: str) -> str:
+    """Return the module that holds a command."""
+    return f"benchtool.cli.{_KEYWORDS.get(name, name)}"
+
+
 def _attach(app: typer.Typer, name: str) -> None:
-    module = import_module(f"benchtool.cli.{name}")
+    module = import_module(module_of(name))
     group: typer.Typer | None = getattr(module, "app", None)
     if group is not None:
         app.add_typer(group, name=name, cls=_Group, help=COMMANDS[name])

@@ -13,15 +13,52 @@ CHANNEL_NAMES: tuple[str, ...] = (
     *("thrust_N", "thrust_sd_N", "thrust_se_N", "thrust_raw", "n_samples", "torque_Nm"),
     *("pwm#_us", "rpm#", "rpm#_sd", "rpm#_se", "coverage#"),
     *("plate_z_m", "plate_x_m", "plate_tilt_deg", "voltage_V", "current_A", "temperature_degC"),
-    *("theta_rad", "theta_ref_rad", "gyro_rad_s"),
+    *("theta_rad", "theta_ref_rad", "gyro_rad_s", "gyro_ref_rad_s", "distance_m"),
+    *("roll_rad", "yaw_rad", "roll_ref_rad", "yaw_ref_rad", "roll_rate_rad_s", "yaw_rate_rad_s"),
+    *("rpm#_optical", "pwm_raw", "battery_V", "power_W", "mechanical_power_W", "ct", "cp"),
+    *("acc_x_m_s2", "acc_y_m_s2", "acc_z_m_s2", "vibration_m_s2", "servo#_us", "motor#_share"),
 )
 """Every channel that a table can be mapped to; # stands for a rotor's number."""
+
+
+_SUFFIXES: dict[str, str] = {
+    "s": "s",
+    "us": "us",
+    "m": "m",
+    "N": "N",
+    "Nm": "N m",
+    "V": "V",
+    "A": "A",
+    "W": "W",
+    "deg": "deg",
+    "rad": "rad",
+    "degC": "degC",
+    "kg": "kg",
+    "Pa": "Pa",
+    "raw": "count",
+}
+_LONG_SUFFIXES: dict[str, str] = {"_rad_s": "rad/s", "_m_s2": "m/s2", "_kg_m3": "kg/m3"}
+_RPM = re.compile(r"rpm\d*(_sd|_se|_optical)?")
+_PWM = re.compile(r"pwm\d+_us")
 
 
 def require_known_channel(name: str) -> None:
     """Refuse a channel name that nothing reads, with the known ones."""
     if re.sub(r"\d+", "#", name) not in CHANNEL_NAMES:
         raise UnknownChoice("channel", name, (item.replace("#", "1") for item in CHANNEL_NAMES))
+
+
+def unit_told_by(name: str) -> str:
+    """Return the unit that a column name of ours carries; "1" when it carries none."""
+    if _RPM.fullmatch(name):
+        return "rpm"
+    if _PWM.fullmatch(name):
+        return "pwm_us"
+    for ending, unit in _LONG_SUFFIXES.items():
+        if name.endswith(ending):
+            return unit
+    head, _, suffix = name.rpartition("_")
+    return _SUFFIXES.get(suffix, "1") if head else "1"
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,6 +8,7 @@ from benchtool.store.frame import frame
 from benchtool.store.pitch import read_pitch
 from benchtool.store.points import Point
 from benchtool.store.read import is_run, read_points, read_samples, read_settings
+from benchtool.store.recording_file import read_recording, write_recording
 from benchtool.store.run import Run, free_run_path
 from benchtool.store.settings import aggregate
 from benchtool.store.table import Where, read_table
@@ -30,8 +31,10 @@ __all__ = [
     "read_events",
     "read_pitch",
     "read_points",
+    "read_recording",
     "read_samples",
     "read_settings",
     "read_table",
     "word_of",
+    "write_recording",
 ]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 
-from benchtool.core.channel import Channel
+from benchtool.core.channel import Channel, unit_told_by
 from benchtool.errors import UnknownChoice
 
 KINDS: tuple[str, ...] = ("measure", "reference", "anchor", "tare")
@@ -37,42 +37,12 @@ WORDS: dict[str, tuple[str, ...]] = {"kind": KINDS, "phase": PHASES}
 SAMPLE_START: tuple[str, ...] = ("time_s", "device_time_us", "point", "phase")
 """First columns of samples.csv; the device's channels follow in its own order."""
 
-_SUFFIXES: dict[str, str] = {
-    "s": "s",
-    "us": "us",
-    "m": "m",
-    "N": "N",
-    "Nm": "N m",
-    "V": "V",
-    "A": "A",
-    "W": "W",
-    "deg": "deg",
-    "rad": "rad",
-    "degC": "degC",
-    "kg": "kg",
-    "Pa": "Pa",
-    "raw": "count",
-}
 _SPEED = re.compile(r"rpm\d+|pwm\d+_us")
-_RPM = re.compile(r"rpm\d*(_sd|_se)?")
-_PWM = re.compile(r"pwm\d+_us")
 
 
 def speed_columns(names: Iterable[str], family: str = "") -> list[str]:
     """Return the columns of rotor speeds and pulses, or only those that begin with `family`."""
     return [name for name in names if _SPEED.fullmatch(name) and name.startswith(family)]
-
-
-def unit_told_by(name: str) -> str:
-    """Return the unit that a column name of ours carries; "1" when it carries none."""
-    if _RPM.fullmatch(name):
-        return "rpm"
-    if _PWM.fullmatch(name):
-        return "pwm_us"
-    if name.endswith("_rad_s"):
-        return "rad/s"
-    head, _, suffix = name.rpartition("_")
-    return _SUFFIXES.get(suffix, "1") if head else "1"
 
 
 def channel_called(name: str) -> Channel:

@@ -10,7 +10,7 @@ from inspect import getdoc
 import pytest
 import typer
 
-from benchtool.cli.app import COMMANDS
+from benchtool.cli.app import COMMANDS, module_of
 
 HEAVY = (
     "numpy", "numba", "scipy", "emcee", "matplotlib", "pandas", "pyarrow", "serial", "pymavlink",
@@ -32,7 +32,7 @@ def subcommands() -> list[list[str]]:
     words: list[list[str]] = [[]]
     for name in COMMANDS:
         words.append([name])
-        group: typer.Typer | None = getattr(import_module(f"benchtool.cli.{name}"), "app", None)
+        group: typer.Typer | None = getattr(import_module(module_of(name)), "app", None)
         if group is not None:
             for command in group.registered_commands:
                 assert command.callback is not None
@@ -61,7 +61,7 @@ def test_help_imports_nothing_heavy(words: list[str]) -> None:
     assert code == 0
     assert printed.startswith(" ".join(["Usage: benchtool", *words]))
     assert modules.isdisjoint(HEAVY)
-    others = {f"benchtool.cli.{name}" for name in COMMANDS if name not in words}
+    others = {module_of(name) for name in COMMANDS if name not in words}
     assert modules.isdisjoint(others)
 
 
@@ -73,7 +73,7 @@ def test_help_lists_every_command_with_its_line() -> None:
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_a_command_has_one_description(name: str) -> None:
-    module = import_module(f"benchtool.cli.{name}")
+    module = import_module(module_of(name))
     if hasattr(module, "app"):
         assert isinstance(module.app, typer.Typer)
         return

@@ -1,0 +1,81 @@
+"""Tell which format a file has, and import it."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from pathlib import Path
+
+from benchtool.errors import FileFormatError
+from benchtool.importers.as_told import flipped, scaled, tared
+from benchtool.importers.column_map import read_by_map
+from benchtool.importers.crazyflie import is_crazyflie, read_crazyflie
+from benchtool.importers.imported import Imported
+from benchtool.importers.inspection import inspect_stand
+from benchtool.importers.named_columns import read_named
+from benchtool.importers.options import Options
+from benchtool.importers.over_surface import mark_windows
+from benchtool.importers.pole_count import compare_speeds
+from benchtool.importers.rcbenchmark import is_rcbenchmark, read_rcbenchmark
+from benchtool.importers.uiuc import is_uiuc, read_uiuc
+
+
+def import_file(path: str | Path, options: Options | None = None) -> Imported:
+    """Return what a foreign file holds, with every repair and doubt.
+
+    Raises:
+        FileFormatError: no such file, nothing readable in it, or columns that nobody knows.
+    """
+    where = Path(path)
+    return import_bytes(_bytes_of(where), str(path), options or Options())
+
+
+def import_files(paths: Sequence[str | Path], options: Options | None = None) -> list[Imported]:
+    """Return several files, each held against the others for speeds that differ by a ratio."""
+    read = [import_file(path, options) for path in paths]
+    compared = compare_speeds(
+        [(str(path), item.recording) for path, item in zip(paths, read, strict=True)]
+    )
+    return [item.with_findings(compared[str(path)]) for path, item in zip(paths, read, strict=True)]
+
+
+def import_bytes(data: bytes, where: str, options: Options) -> Imported:
+    """Return what the bytes of a foreign file hold; see `import_file`."""
+    provenance = {
+        "file": where,
+        "sha256": hashlib.sha256(data).hexdigest(),
+        "simulated": "not stated",
+    }
+    read = inspect_stand(_read_table(data, where, options, provenance))
+    for name in options.flip:
+        read = flipped(read, name)
+    for name in options.tare:
+        read = tared(read, name)
+    for told in options.scale:
+        read = scaled(read, told)
+    return mark_windows(read, options.over, options.near_m)
+
+
+def _read_table(data: bytes, where: str, options: Options, facts: dict[str, str]) -> Imported:
+    if options.columns is not None:
+        return read_by_map(data, where, options.columns, facts)
+    first = data[: 1 << 16].lstrip().split(b"\n", 1)[0].decode("utf-8", "replace")
+    if is_rcbenchmark(first):
+        return read_rcbenchmark(data, where, facts)
+    if is_crazyflie(first):
+        return read_crazyflie(data, where, facts)
+    if is_uiuc(first):
+        return read_uiuc(data, where, facts, options.air_density_kg_m3)
+    return read_named(data, where, facts)
+
+
+def _bytes_of(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except FileNotFoundError:
+        raise FileFormatError(str(path), "there is no such file; check the path") from None
+    except IsADirectoryError:
+        raise FileFormatError(str(path), "this is a folder; name a file in it") from None
+    except OSError as error:
+        reason = (error.strerror or "it cannot be read").lower()
+        raise FileFormatError(str(path), f"{reason}; check the file") from error

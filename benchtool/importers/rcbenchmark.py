@@ -1,0 +1,137 @@
+"""Logs of RCbenchmark and Tyto stands, series 1520, 1580/1585 and 1780, as their program saves.
+
+The columns are known by name, so logs with a script's own columns, older wording or a spreadsheet's
+`;` read alike. Thrust stands in whatever unit the user chose to see.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from benchtool.core.channel import unit_told_by
+from benchtool.errors import InputError
+from benchtool.importers.finding import Finding
+from benchtool.importers.foreign_units import Conversion, conversion
+from benchtool.importers.headed import Head, head_of
+from benchtool.importers.imported import Imported
+from benchtool.importers.mapped import Mapped, read_mapped
+from benchtool.importers.numbers import numbers_of
+from benchtool.importers.text_table import TextTable, lay_out
+
+ELECTRICAL, OPTICAL = "Motor Electrical Speed", "Motor Optical Speed"
+
+CHANNELS: dict[str, str] = {
+    "Time": "time_s",
+    "ESC signal": "pwm1_us",
+    "ESC": "pwm1_us",
+    "Servo": "servo1_us",
+    "Servo 1": "servo1_us",
+    "Servo 2": "servo2_us",
+    "Servo 3": "servo3_us",
+    "AccX": "acc_x_m_s2",
+    "AccY": "acc_y_m_s2",
+    "AccZ": "acc_z_m_s2",
+    "Torque": "torque_Nm",
+    "Thrust": "thrust_N",
+    "Voltage": "voltage_V",
+    "Current": "current_A",
+    ELECTRICAL: "rpm1",
+    OPTICAL: "rpm1_optical",
+    "Electrical Power": "power_W",
+    "Mechanical Power": "mechanical_power_W",
+    "Vibration": "vibration_m_s2",
+}
+"""Columns of the stands by name, as in their exports of 2017 to 2023."""
+
+DERIVED = frozenset(
+    {"Motor Efficiency", "Propeller Mech. Efficiency", "Overall Efficiency", "App message"}
+)
+"""Left out: quotients of other columns, and text."""
+
+
+def is_rcbenchmark(first_line: str) -> bool:
+    """Tell whether a header is one of these stands'."""
+    delimiter = max(",;\t", key=first_line.count)
+    names = {head_of(cell).name for cell in first_line.lstrip("\ufeff").split(delimiter)}
+    return {"Time", "Thrust"} <= names and bool(names & {"ESC", "ESC signal"})
+
+
+def series_of(names: set[str]) -> str:
+    """Return which stand writes these columns."""
+    if "AccX" in names:
+        return "Series 1580/1585"
+    return "Series 1780" if "Torque" in names else "Series 1520"
+
+
+def read_rcbenchmark(data: bytes, where: str, provenance: Mapping[str, str]) -> Imported:
+    """Return a stand's log."""
+    table = lay_out(data, where)
+    heads = [head_of(cell) for cell in table.header]
+    findings: list[Finding] = []
+    columns: list[Mapped] = []
+    others: list[str] = []
+    for position, head in enumerate(heads):
+        name = CHANNELS.get(head.name)
+        if name is None and head.name.endswith("Temp") and head.unit:
+            name = "temperature_degC"
+        if name is None or name in {column.name for column in columns}:
+            if head.name and head.name not in DERIVED:
+                others.append(head.name)
+            continue
+        columns.append(_mapped(table.header[position], head, position, name, findings))
+    if others:
+        words = f"columns of a script, or unknown: {', '.join(others)}"
+        findings.append(Finding("left out", "columns", words, count=len(others)))
+    columns = _one_speed(table, columns, findings)
+    series = series_of({head.name for head in heads})
+    facts = {**provenance, "device": f"RCbenchmark {series}"}
+    return read_mapped(table, columns, f"RCbenchmark {series}", facts, findings)
+
+
+def _mapped(cell: str, head: Head, position: int, name: str, findings: list[Finding]) -> Mapped:
+    unit = unit_told_by(name)
+    if name.startswith("servo"):
+        scale = Conversion(1.0)
+    else:
+        try:
+            scale = conversion(head.unit if head.unit is not None else unit, unit)
+        except InputError as error:
+            findings.append(Finding("doubt", "unit", f"{error}; read as {unit}", name))
+            scale = Conversion(1.0)
+    if head.unit is None and unit != "1":
+        findings.append(Finding("doubt", "unit", f"{cell!r} names none; read as {unit}", name))
+    return Mapped(name=name, position=position, conversion=scale, source=cell)
+
+
+def _one_speed(table: TextTable, columns: list[Mapped], findings: list[Finding]) -> list[Mapped]:
+    """Take the optical probe for the speed where only that one lives; tell dead ones."""
+    speeds = [column for column in columns if column.name in ("rpm1", "rpm1_optical")]
+    positions = [column.position for column in speeds if column.position is not None]
+    read = numbers_of(table, positions).columns
+    lives = {
+        column.name: bool(np.any(np.nan_to_num(values) > 0.0))
+        for column, values in zip(speeds, read, strict=True)
+    }
+    dead = [column for column in speeds if not lives[column.name]]
+    for column in dead:
+        words = f"{column.source} is 0 or blank in every row and left out"
+        findings.append(Finding("left out", "dead channel", words, column.name, table.rows_in_file))
+    if not any(lives.values()):
+        words = "no speed was measured; thrust can only be held against the ESC signal"
+        findings.append(Finding("lacks", "rpm", words))
+    kept = [column for column in columns if column not in dead]
+    if lives.get("rpm1_optical") and not lives.get("rpm1"):
+        return [
+            column
+            if column.name != "rpm1_optical"
+            else Mapped(
+                name="rpm1",
+                position=column.position,
+                conversion=column.conversion,
+                source=column.source,
+            )
+            for column in kept
+        ]
+    return kept

@@ -1,0 +1,110 @@
+"""A recording as one file, CSV or Parquet, with a JSON beside it that says where it comes from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchtool.core.channel import Channel
+from benchtool.core.recording import Recording
+from benchtool.errors import FileFormatError, WouldOverwrite
+from benchtool.store.atomic import read_json, replace_json
+from benchtool.store.columns import channel_called
+from benchtool.store.csv_text import read_csv_text
+from benchtool.store.digest import file_hash
+from benchtool.store.parquet import read_parquet, write_parquet
+from benchtool.store.table import numbers_in
+
+FORMAT = "benchtool-recording-1"
+
+
+def beside(path: Path) -> Path:
+    """Return where the JSON of a recording file stands."""
+    return path.with_name(f"{path.name}.json")
+
+
+def write_recording(
+    path: Path, recording: Recording, facts: Mapping[str, Any], *, overwrite: bool = False
+) -> None:
+    """Write a recording and its facts, each in one step; the JSON last, with the table's hash.
+
+    Args:
+        path: ends in .csv or .parquet.
+        recording: what to write.
+        facts: for the JSON, beside what is written there for every recording.
+        overwrite: replace files of these names.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in (".csv", ".parquet"):
+        raise FileFormatError(str(path), "a recording is written as .csv or .parquet; end it so")
+    if not overwrite:
+        for target in (path, beside(path)):
+            if target.exists():
+                raise WouldOverwrite(str(target))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if suffix == ".csv":
+        _write_csv(path, recording)
+    else:
+        write_parquet(path, recording)
+    channels = [{"name": item.name, "unit": item.unit} for item in recording.channels]
+    replace_json(
+        beside(path),
+        {
+            "format": FORMAT,
+            "sha256": file_hash(path),
+            "rows": len(recording),
+            "simulated": recording.simulated,
+            "channels": channels,
+            "provenance": dict(recording.provenance),
+            **facts,
+        },
+    )
+
+
+def read_recording(path: str | Path) -> Recording:
+    """Return a recording that `write_recording` wrote, with its provenance."""
+    path = Path(path)
+    if not path.is_file():
+        raise FileFormatError(str(path), "there is no such recording; check the path")
+    facts = read_json(beside(path))
+    if facts.get("format") != FORMAT:
+        raise FileFormatError(str(beside(path)), f"this is not the JSON of a {FORMAT}")
+    if facts.get("sha256") != file_hash(path):
+        raise FileFormatError(
+            str(path), "it has changed since it was written; import it again, or restore it"
+        )
+    if path.suffix.lower() == ".csv":
+        table = read_csv_text(path, own=True)
+        rows = range(len(table.rows))
+        pairs = [(channel_called(name), numbers_in(table, name, rows)) for name in table.header]
+        recording = Recording.from_columns(pairs)
+    else:
+        recording = read_parquet(path)
+    units = {str(item["name"]): str(item["unit"]) for item in facts["channels"]}
+    return replace(
+        recording,
+        channels=tuple(Channel(name, units[name]) for name in recording.names),
+        provenance={str(key): str(value) for key, value in facts["provenance"].items()},
+        simulated=bool(facts["simulated"]),
+    )
+
+
+def _write_csv(path: Path, recording: Recording) -> None:
+    """Write with pyarrow: numbers read back to the same numbers, nan is an empty cell."""
+    import pyarrow as pa
+    from pyarrow import csv
+
+    columns = [
+        pa.array(np.ascontiguousarray(recording.column(name)), from_pandas=True)
+        for name in recording.names
+    ]
+    table = pa.table(columns, names=list(recording.names))
+    fresh = path.with_name(f".{path.name}.new")
+    with open(fresh, "wb") as file:
+        file.write(f"{','.join(recording.names)}\n".encode())
+        csv.write_csv(table, file, csv.WriteOptions(include_header=False, quoting_style="none"))
+    fresh.replace(path)
