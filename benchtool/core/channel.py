@@ -13,6 +13,7 @@ CHANNEL_NAMES: tuple[str, ...] = (
     *("thrust_N", "thrust_sd_N", "thrust_se_N", "thrust_raw", "n_samples", "torque_Nm"),
     *("pwm#_us", "rpm#", "rpm#_sd", "rpm#_se", "coverage#"),
     *("plate_z_m", "plate_x_m", "plate_tilt_deg", "voltage_V", "current_A", "temperature_degC"),
+    "load_direction",
     *("theta_rad", "theta_ref_rad", "gyro_rad_s", "gyro_ref_rad_s", "distance_m"),
     *("roll_rad", "yaw_rad", "roll_ref_rad", "yaw_ref_rad", "roll_rate_rad_s", "yaw_rate_rad_s"),
     *("rpm#_optical", "pwm_raw", "battery_V", "power_W", "mechanical_power_W", "ct", "cp"),

@@ -13,6 +13,7 @@ from benchtool.effects import (
     gyro_scale,
     hinge_spring,
     load_cell_drift,
+    load_cell_hysteresis,
     motor_lag,
     neighbour_images,
     partial_coverage,
@@ -25,6 +26,7 @@ from benchtool.effects import (
     transport_delay,
     viscous_friction,
     wake_torque,
+    wall_blockage,
 )
 from benchtool.effects.effect import BenchKind, Effect
 from benchtool.errors import UnknownChoice
@@ -41,6 +43,7 @@ EFFECTS: dict[str, Effect] = {
         body_lift,
         partial_coverage,
         thrust_exponent,
+        wall_blockage,
         rotor_asymmetry,
         coulomb_friction,
         stribeck,
@@ -54,6 +57,7 @@ EFFECTS: dict[str, Effect] = {
         gyro_scale,
         tare_offset,
         load_cell_drift,
+        load_cell_hysteresis,
     )
 }
 """Every effect, in the order of the chain from pulse width to reading."""

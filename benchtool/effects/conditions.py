@@ -11,6 +11,7 @@ from benchtool.aero.coverage import plate_coverages
 from benchtool.aero.rotor import speed_from_pwm
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
+from benchtool.effects.load_direction import load_directions
 from benchtool.errors import InputError
 
 Array = NDArray[np.float64]
@@ -31,6 +32,8 @@ class Conditions:
         voltage_V: (m,) battery voltage.
         elapsed_s: (m,) time since the last tare.
         time_s: (m,) time since the run began.
+        load_direction: (m,) +1 where the load was approached from below, -1 from above, 0 where
+            nobody knows.
         speed_measured: whether the speeds were read from the rotors; else they follow from pulse
             widths, and effects between pulse and speed act on them.
     """
@@ -42,6 +45,7 @@ class Conditions:
     voltage_V: Array
     elapsed_s: Array
     time_s: Array
+    load_direction: Array
     speed_measured: bool = True
 
     def __len__(self) -> int:
@@ -67,6 +71,7 @@ class Conditions:
             voltage_V=self.voltage_V[rows],
             elapsed_s=self.elapsed_s[rows],
             time_s=self.time_s[rows],
+            load_direction=self.load_direction[rows],
             speed_measured=self.speed_measured,
         )
 
@@ -92,6 +97,7 @@ class Conditions:
         voltage_V: Array | float | None = None,
         elapsed_s: Array | float = 0.0,
         time_s: Array | float = 0.0,
+        load_direction: Array | float = 0.0,
         speed_measured: bool = True,
     ) -> Conditions:
         """Build conditions for a rig; everything broadcasts against plate_z_m (m,).
@@ -119,6 +125,7 @@ class Conditions:
             voltage_V=full(nominal if voltage_V is None else voltage_V),
             elapsed_s=full(elapsed_s),
             time_s=full(time_s),
+            load_direction=full(load_direction),
             speed_measured=speed_measured,
         )
 
@@ -128,7 +135,8 @@ class Conditions:
 
         Uses rpm1.. when it has them, else pwm1_us.. through the rig's map; one speed column stands
         for all rotors. Missing plate columns mean that there is no plate; an empty cell in a
-        column that is there stays nan, and its row is for a fit to leave out.
+        column that is there stays nan, and its row is for a fit to leave out. Without a column
+        load_direction, the visits of a run tell it by their order (`load_direction`).
         """
         m = len(recording)
         zeros = np.zeros(m)
@@ -145,14 +153,22 @@ class Conditions:
             coverage[disc] = optional(f"coverage{disc + 1}", coverage[disc])
         coverage = np.where(z >= FAR_AWAY_M, 0.0, coverage)
         time = optional("time_s", zeros)
+        elapsed = optional("elapsed_s", zeros)
+        tilt = optional("plate_tilt_deg", zeros)
+        speed = _speeds(recording, rig, voltage)
+        direction = np.nan_to_num(optional("load_direction", zeros))
+        if {"point", "time_s"} <= set(recording.names) and "load_direction" not in recording:
+            place = np.array([z, optional("plate_x_m", zeros), tilt])
+            direction = load_directions(time, elapsed, place, np.sum(speed**2, axis=0))
         return cls(
-            speed_rad_s=_speeds(recording, rig, voltage),
+            speed_rad_s=speed,
             plate_z_m=z,
-            plate_tilt_rad=optional("plate_tilt_deg", zeros),
+            plate_tilt_rad=tilt,
             coverage=coverage,
             voltage_V=voltage,
-            elapsed_s=optional("elapsed_s", zeros),
+            elapsed_s=elapsed,
             time_s=time,
+            load_direction=direction,
             speed_measured="rpm1" in recording,
         )
 

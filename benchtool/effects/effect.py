@@ -49,6 +49,8 @@ class Flow(NamedTuple):
         cos_pitch: cosine of the pitch, worked out once for all hooks (...).
         weight_N: weight that the hinge carries (...); zero where nothing hangs on one.
         thrust_N: thrust of each disc (n, ...), for torque hooks; empty elsewhere.
+        load_direction: +1 where the load cell's load was approached from below, -1 from above, 0
+            where nobody knows (...).
     """
 
     radius_m: Quantity
@@ -69,6 +71,7 @@ class Flow(NamedTuple):
     cos_pitch: Quantity = 1.0
     weight_N: Quantity = 0.0
     thrust_N: Quantity = ()
+    load_direction: Quantity = 0.0
 
 
 Values: TypeAlias = Any

@@ -240,6 +240,7 @@ class Model:
             voltage_V=conditions.voltage_V,
             elapsed_s=conditions.elapsed_s,
             time_s=conditions.time_s,
+            load_direction=conditions.load_direction,
         )
         for effect in self.present_effects:
             p = self.effect_values(effect, values)

@@ -13,6 +13,7 @@ from benchtool.core.rig import Rig
 from benchtool.effects.conditions import Conditions, plate_coverage
 from benchtool.effects.effect import Flow
 from benchtool.effects.model import Model
+from benchtool.simulate.play import Play
 from benchtool.simulate.powertrain import SpeedChange
 
 Array = NDArray[np.float64]
@@ -43,11 +44,34 @@ class TrueThrust:
         self._truth = truth
         self._values = truth.parameters.values_array()
         self._covered: tuple[float, Array] | None = None
+        self._bare, self._play = _behind_play(truth)
 
     def thrust_N(
         self, speed_rad_s: Array, place: Place, voltage_V: Array, elapsed_s: Array, time_s: Array
     ) -> Array:
-        """Return the reading (m,): N, for speeds (n_rotors, m) and times since tare and start."""
+        """Return the reading (m,): N, for speeds (n_rotors, m) and times since tare and start.
+
+        Samples must come in order: a load cell with hysteresis remembers.
+        """
+        conditions = self._conditions(speed_rad_s, place, voltage_V, elapsed_s, time_s)
+        if self._play is not None:
+            bare_N = self._bare.thrust_N(conditions)
+            conditions = replace(conditions, load_direction=self._play.follow(bare_N))
+        thrust_N: Array = self._truth.thrust_N(conditions, self._values)
+        return thrust_N
+
+    def at_rest_N(self, place: Place, elapsed_s: float, time_s: float) -> float:
+        """Return the model's own reading with every rotor still, so long after a tare."""
+        one = np.ones(1)
+        still = np.zeros((self._rig.n_rotors, 1))
+        nominal_V = self._rig.propulsion.voltage_nominal_V * one
+        conditions = self._conditions(still, place, nominal_V, elapsed_s * one, time_s * one)
+        unloaded = replace(conditions, load_direction=-one)
+        return float(self._truth.thrust_N(unloaded, self._values)[0])
+
+    def _conditions(
+        self, speed_rad_s: Array, place: Place, voltage_V: Array, elapsed_s: Array, time_s: Array
+    ) -> Conditions:
         conditions = Conditions.of(
             self._rig,
             speed_rad_s=speed_rad_s,
@@ -58,15 +82,7 @@ class TrueThrust:
             elapsed_s=elapsed_s,
             time_s=time_s,
         )
-        thrust_N: Array = self._truth.thrust_N(self._kept_valid(conditions), self._values)
-        return thrust_N
-
-    def at_rest_N(self, place: Place, elapsed_s: float, time_s: float) -> float:
-        """Return the model's own reading with every rotor still, so long after a tare."""
-        one = np.ones(1)
-        still = np.zeros((self._rig.n_rotors, 1))
-        nominal_V = self._rig.propulsion.voltage_nominal_V * one
-        return float(self.thrust_N(still, place, nominal_V, elapsed_s * one, time_s * one)[0])
+        return self._kept_valid(conditions)
 
     def _coverage(self, x_m: Array) -> Array:
         """Return the covered fractions (n_discs, m), or (n_discs, 1) for a plate that stands."""
@@ -89,6 +105,15 @@ class TrueThrust:
         self.clamped += int(np.count_nonzero(near))
         lift_m = np.where(near, missing, 0.0) * radius_m / np.cos(conditions.plate_tilt_rad)
         return replace(conditions, plate_z_m=conditions.plate_z_m + lift_m)
+
+
+def _behind_play(truth: Model) -> tuple[Model, Play | None]:
+    """Return the model without hysteresis, and the play that it stands for."""
+    name = "load_cell_hysteresis"
+    if all(effect.name != name for effect in truth.present_effects):
+        return truth, None
+    half_N = truth.parameters[f"{name}.half_width_N"].value
+    return truth.without(name), Play(half_N) if half_N > 0.0 else None
 
 
 def motor_lag_s(truth: Model, otherwise_s: float) -> float:

@@ -36,6 +36,7 @@ PITCH = {
 SWEEP = {
     *("neighbour_images", "body_lift", "plate_offset", "plate_tilt", "partial_coverage"),
     *("thrust_exponent", "battery_sag", "load_cell_drift", "tare_offset"),
+    *("load_cell_hysteresis", "wall_blockage"),
 }
 
 
@@ -72,6 +73,7 @@ def test_on_the_beam_they_are_what_its_owner_named() -> None:
         ("plate_offset.dz_m", 3.0),
         ("tare_offset.thrust_N", 10.0),
         ("load_cell_drift.rate_N_per_s", 10.0),
+        ("load_cell_hysteresis.half_width_N", 10.0),
         ("rotor_asymmetry.ratio", 1.0),
         ("transport_delay.delay_s", 1.0),
         ("body_lift.K_b", 1.0),
