@@ -59,12 +59,18 @@ class Propulsion(FiniteTable):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Body(FiniteTable):
-    """Describe mass and inertia of the whole vehicle about its centre."""
+    """Describe mass and inertia of the whole vehicle about its centre.
+
+    Attributes:
+        half_diagonal_m: b of eq. (4) where the body is no cross of the rotors' own arms (a beam
+            with two rotors); the body then counts as a quadrotor's with that half diagonal.
+    """
 
     mass_kg: Positive
     inertia_xx_kgm2: Positive
     inertia_yy_kgm2: Positive
     inertia_zz_kgm2: Positive
+    half_diagonal_m: Positive | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

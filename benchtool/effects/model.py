@@ -251,8 +251,7 @@ class Model:
 
     def _with_images(self, flow: Flow) -> Flow:
         discs = range(self.rig.n_discs)
-        places = self.rig.disc_positions_m
-        arms = centre_distances_m(places[:, 0], places[:, 1], self.body_distance)
+        arms = self.body_arms_m
         sources = [flow.area[j] * flow.active[j] for j in discs]
         heights, distances = flow.height_m, self.rig.disc_distances_m
         return flow._replace(
@@ -260,6 +259,13 @@ class Model:
             body_images=[body_images(heights[i], arms) for i in discs],
             body_weight=WAKE_RULES[self.wake_rule].weight(sources),
         )
+
+    @cached_property
+    def body_arms_m(self) -> Array:
+        """Return the distances from the body's centre to the images of eq. (4) (n_images,): m."""
+        b = self.rig.body.half_diagonal_m
+        places = self.rig.disc_positions_m if b is None else np.full((4, 2), b / np.sqrt(2.0))
+        return centre_distances_m(places[:, 0], places[:, 1], self.body_distance)
 
     def disc_factors(self, flow: Flow, values: Any) -> list[Quantity]:
         """Return T_IGE/T_OGE of each disc (n_discs, ...), factors of effects included."""

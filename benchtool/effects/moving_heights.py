@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.aero.body_lift import centre_distances_m
 from benchtool.aero.images import image_velocity
 from benchtool.effects.conditions import Conditions
 from benchtool.effects.effect import Flow, Quantity
@@ -56,8 +55,7 @@ class MovingHeights:
         )
         sources = [_row(base.area[j], m) * _row(base.active[j], m) for j in range(len(base.area))]
         distances = model.rig.disc_distances_m
-        places = model.rig.disc_positions_m
-        arms = centre_distances_m(places[:, 0], places[:, 1], model.body_distance)
+        arms = model.body_arms_m
         self._neighbours = [
             _together(
                 [distances[i, j] for j in range(len(sources)) if j != i],

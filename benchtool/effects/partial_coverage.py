@@ -15,14 +15,22 @@ import numpy as np
 
 from benchtool.aero.expression import expression
 from benchtool.core.parameter import Parameter
-from benchtool.effects.effect import Effect, Flow, Quantity, Values
+from benchtool.core.rig import Rig
+from benchtool.effects.effect import BenchKind, Effect, Flow, Quantity, Values
 from benchtool.errors import InputError
+
+TOLERANCE = 0.1
+"""A tenth of the increment does not matter; a choice."""
+
+MOST_KNOTS = 16
+"""More area factors than this carry no tolerance of their own."""
 
 
 @expression
 def area(i: int, fraction: Quantity, flow: Flow, p: Values) -> Quantity:
     """Return the effective fraction: piecewise linear through the factors at the knots."""
-    n = len(p) // 2
+    n = (len(p) - 1) // 2
+    fraction = fraction * p[2 * n]
     reached = 0.0
     effective = 0.0
     start = 0.0
@@ -62,7 +70,6 @@ def with_knots(coverages: Sequence[float]) -> Effect:
             neutral=(b - a) / (1.0 - a),
             lower=0.0,
             upper=1.0,
-            tolerance=0.1,
             description=f"share of the remaining increment taken up to {b:.3g} of the disc",
             source="neutral value: the straight line (paper, section 3.1)",
         )
@@ -80,20 +87,44 @@ def with_knots(coverages: Sequence[float]) -> Effect:
         )
         for k, b in enumerate(coverages, start=1)
     )
+    reached = Parameter(
+        "share",
+        "1",
+        1.0,
+        neutral=1.0,
+        lower=0.0,
+        upper=1.2,
+        description="how much of the stated coverage there is",
+        source="neutral value",
+    )
     return Effect(
         name="partial_coverage",
         title="Partial-area factors",
         description="The increment of a partly covered disc departs from a straight line in area.",
         stage="rpm_to_thrust",
-        law="f = 1 + g(a) (F - 1), g piecewise linear through the factors, g(0) = 0, g(1) = 1",
-        parameters=(*shares, *knots),
+        law=(
+            "f = 1 + g(a) (F - 1), g piecewise linear through the factors, g(0) = 0, g(1) = 1, "
+            "a = share * stated"
+        ),
+        parameters=(*shares, *knots, reached),
         shows="lateral plate positions at a near distance",
         source="linearity: paper section 3.1 after Seo et al. 2010; the free factors are ours",
         confused_with={"body_lift": "a full cover at the same distance separates them"},
         benches=frozenset({"pitch", "sweep"}),
+        tolerance_of=tolerance_of,
         area=area,
         configure=configured,
     )
+
+
+def tolerance_of(rig: Rig, bench: BenchKind) -> Mapping[str, float]:
+    """Return a tenth of the increment: of each factor on a sweep, of the whole on a hinge.
+
+    On a hinge the plate is all the way in or parked, so that factors between do not show.
+    """
+    if bench == "pitch":
+        return {"share": TOLERANCE}
+    return {f"share_{k}": TOLERANCE for k in range(1, MOST_KNOTS + 1)}
 
 
 def configured(settings: Mapping[str, Any]) -> Effect:

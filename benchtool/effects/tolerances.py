@@ -14,11 +14,13 @@ from benchtool.effects.model import Model
 def default_tolerances(effect: Effect, rig: Rig, bench: BenchKind) -> Mapping[str, float]:
     """Return the effect's own tolerances on a rig, by its parameters' own names.
 
-    Parameters that carry no neutral value (knots, reference speeds) have none.
+    Parameters that carry no neutral value (knots, reference speeds) have none, and on a bench
+    where a parameter does not show it has none either.
     """
     stated = {item.name: item.tolerance for item in effect.parameters if item.tolerance is not None}
     scaled = effect.tolerance_of(rig, bench) if effect.tolerance_of is not None else {}
-    return {**scaled, **stated}
+    names = {item.name for item in effect.parameters}
+    return {name: value for name, value in {**scaled, **stated}.items() if name in names}
 
 
 def tolerances(model: Model, bench: BenchKind = "pitch") -> Mapping[str, float]:

@@ -95,7 +95,7 @@ class PitchBench:
         return cls(
             **{
                 "model": model,
-                "inertia_kgm2": rig.body.inertia_yy_kgm2,
+                "inertia_kgm2": model.parameters["inertia_kgm2"].value,
                 "sensors": rig_sensors(rig),
                 "covered": (1.0, *(0.0,) * (rig.n_discs - 1)),
                 "pwm_min_us": rig.propulsion.pwm_start_us,

@@ -20,6 +20,7 @@ from benchtool.aero.validity import clamped_height
 from benchtool.effects.effect import Flow
 from benchtool.simulate.pitch_kernel import run_ticks
 from benchtool.simulate.pitch_shared import Hooks
+from benchtool.simulate.pitch_track import track_ticks
 from benchtool.simulate.spelled import spelled
 {imports}
 
@@ -113,11 +114,29 @@ def run(w, states, sent, past, log, logged, schedule, fresh, table, distances, a
     run_ticks(w, states, sent, past, log, logged, schedule, fresh, table, distances, arms, plan,
               dt_s, LANES, Hooks(numbers, of_discs, places, spans, gaps, near, bare, blown,
                                  factors, loaded, torque, dry_friction, speeds, gyro))
+
+
+@compiled
+def track(w, states, sent, log, logged, schedule, seen, gains, table, distances, arms, plan, dt_s,
+          before):
+    track_ticks(w, states, sent, log, logged, schedule, seen, gains, table, distances, arms, plan,
+                dt_s, before, LANES, Hooks(numbers, of_discs, places, spans, gaps, near, bare,
+                                   blown, factors, loaded, torque, dry_friction, speeds, gyro))
 '''
 
 
-def pitch_module(effects: Sequence[Effect], n_discs: int, lanes: int, rule: str) -> ModuleType:
-    """Return the module whose `run` advances `lanes` benches of `n_discs` discs together."""
+def pitch_module(
+    effects: Sequence[Effect], n_discs: int, lanes: int, rule: str, arms: int
+) -> ModuleType:
+    """Return the module whose `run` advances `lanes` benches of `n_discs` discs together.
+
+    Args:
+        effects: to spell out.
+        n_discs: how many discs a bench has.
+        lanes: how many benches.
+        rule: wake rule.
+        arms: how many images of eq. (4) the body has.
+    """
     spelling = Spelling(effects)
     weight = spelling.name_of(wake_rule(rule).weight)
     gyro = "reading"
@@ -153,7 +172,7 @@ def pitch_module(effects: Sequence[Effect], n_discs: int, lanes: int, rule: str)
             for i in range(n_discs)
         )
         + ")",
-        centre=each(n_discs, "arms[{i}]"),
+        centre=each(arms, "arms[{i}]"),
         gaps=each(n_discs, "gap_m - x_m[{i}] * sine"),
         near=each(n_discs, "min(ranges[{i}], reach)"),
         echoes=each(n_discs, "1.0 * (ranges[{i}] < reach)"),
@@ -165,7 +184,7 @@ def pitch_module(effects: Sequence[Effect], n_discs: int, lanes: int, rule: str)
         ),
         areas=spread(chained(spelling, "area", "flow.area[i]", "flow, ")),
         images=_images(n_discs),
-        bodies=_bodies(n_discs),
+        bodies=_bodies(n_discs, arms),
         weight=weight,
         factors=spread(" * ".join([base.format(denominators), *products])),
         thrusts=each(n_discs, "k * speed[{i}] * speed[{i}] * factor[{i}]"),
@@ -196,9 +215,9 @@ def _images(n: int) -> str:
     return "(" + "".join(f"{text}, " for text in sums) + ")"
 
 
-def _bodies(n: int) -> str:
+def _bodies(n: int, arms: int) -> str:
     """Return what all images contribute at the body's centre for each disc (eq. 4), as text."""
     sums = [
-        " + ".join(f"image_velocity(height[{i}], arms[{j}])" for j in range(n)) for i in range(n)
+        " + ".join(f"image_velocity(height[{i}], arms[{j}])" for j in range(arms)) for i in range(n)
     ]
     return "(" + "".join(f"{text}, " for text in sums) + ")"

@@ -8,7 +8,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.aero.body_lift import centre_distances_m
 from benchtool.control.pid import AttitudePid
 from benchtool.control.pitch import PitchControl
 from benchtool.effects.catalogue import EFFECTS
@@ -25,6 +24,7 @@ ALWAYS = (
     "plate_offset",
     "neighbour_images",
     "body_lift",
+    "partial_coverage",
     "rotor_asymmetry",
     "coulomb_friction",
     "stribeck",
@@ -62,9 +62,7 @@ def geometry_of(model: Model) -> Geometry:
     return Geometry(
         np.ascontiguousarray(np.column_stack([places, np.sqrt(counts)])),
         np.ascontiguousarray(rig.disc_distances_m),
-        np.ascontiguousarray(
-            centre_distances_m(places[:, 0], places[:, 1], model.body_distance), float
-        ),
+        np.ascontiguousarray(model.body_arms_m, float),
     )
 
 

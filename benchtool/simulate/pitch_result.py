@@ -87,6 +87,7 @@ class PitchRun:
         shown = np.where(self.column("plate_share") > 0.0, self.column("plate_read_m"), PARKED_M)
         pairs += [
             (Channel("plate_z_m", "m"), shown),
+            (Channel("coverage1", "1"), self.column("plate_share")),
             (Channel("torque_Nm", "N m"), self.column("torque_Nm")),
             (Channel("disturbance_Nm", "N m"), self.column("estimate_Nm")),
         ]

@@ -70,6 +70,14 @@ def log_rows(n_discs: int) -> NDArray[np.int64]:
     return np.array(rows, np.int64)
 
 
+def track_rows(n_discs: int) -> NDArray[np.int64]:
+    """Return the rows that following a log gives: predicted readings, then the state."""
+    discs = range(n_discs)
+    rows = [r.READ_THETA, r.READ_GYRO, r.THETA, r.RATE, r.WAKE]
+    rows += [r.READ_SPEED + i for i in discs] + [r.SPEED + i for i in discs]
+    return np.array(rows, np.int64)
+
+
 class PitchLoop:
     """Hold everything a compiled loop needs for a few lanes that share schedule and structure.
 
@@ -103,7 +111,9 @@ class PitchLoop:
         self.n_discs = model.rig.n_discs
         models = [model for job in jobs for model in (job.bench.model, job.belief)]
         effects = loop_effects(*models)
-        self._module: ModuleType = pitch_module(effects, self.n_discs, self.lanes, model.wake_rule)
+        self._module: ModuleType = pitch_module(
+            effects, self.n_discs, self.lanes, model.wake_rule, len(model.body_arms_m)
+        )
         packed = {id(job): pack(job.bench, job.control, job.belief, effects) for job in jobs}
         columns = [packed[id(job)] for job in jobs]
         self.substeps = substeps_of(bench, schedule.rate_Hz)
@@ -161,6 +171,22 @@ class PitchLoop:
         """Take the pulses (n_discs, n_ticks) from a log; no controller runs."""
         self.table = np.vstack([self.table, pwm_us])
         self.plan[3] = 2
+
+    def follow(self, seen: Array, gains: Array, first_tick: int = 0) -> Array:
+        """Follow a log and return its rows (n_ticks, n_rows, n_lanes), see `track_rows`.
+
+        Args:
+            seen: (3 + n_discs, n_ticks) what was read, see `pitch_track`.
+            gains: (7,) of the filter.
+            first_tick: how many ticks of the experiment lie before the log's first row.
+        """
+        rows = track_rows(self.n_discs)
+        log = np.empty((len(self.schedule), len(rows), self.lanes))
+        self._module.track(
+            self.w, self.states, self.sent, log, rows, self.table, np.ascontiguousarray(seen),
+            gains, *self.geometry, self.plan, self.dt_s, first_tick,
+        )  # fmt: skip
+        return log
 
     def stepper(self) -> Callable[[int], None]:
         """Return a function that runs one control tick, as quickly as it can be called."""

@@ -90,7 +90,9 @@ def _changed(setup: PitchSetup, name: str, value: float) -> PitchSetup:
         return replace(
             setup, controls=tuple(_with_gain(each, rest, value) for each in setup.controls)
         )
-    if head == "bench":
+    if name == "bench.inertia_kgm2":
+        name = rest
+    elif head == "bench":
         if rest not in BENCH_NUMBERS:
             raise UnknownChoice("number of the bench", rest, BENCH_NUMBERS)
         numbers: dict[str, Any] = {rest: value}
@@ -108,9 +110,9 @@ def _changed(setup: PitchSetup, name: str, value: float) -> PitchSetup:
                 for each in setup.controls
             ),
         )
-    return replace(
-        setup, bench=replace(setup.bench, model=_with_parameter(setup.bench.model, name, value))
-    )
+    model = _with_parameter(setup.bench.model, name, value)
+    inertia_kgm2 = model.parameters["inertia_kgm2"].value
+    return replace(setup, bench=replace(setup.bench, model=model, inertia_kgm2=inertia_kgm2))
 
 
 def _with_gain(control: PitchControl, name: str, value: float) -> PitchControl:

@@ -1,0 +1,199 @@
+"""Follow one logged pitch experiment with many candidate benches at once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.control.pitch import PitchControl
+from benchtool.core.schedule import SampledSchedule
+from benchtool.errors import InputError
+from benchtool.simulate import pitch_rows as r
+from benchtool.simulate import pitch_track as t
+from benchtool.simulate.pitch_bench import PitchBench
+from benchtool.simulate.pitch_run import PitchJob, PitchLoop
+
+Array = NDArray[np.float64]
+
+LANES = (1, 8, 32)
+"""Numbers of lanes that loops are compiled for; a loop takes the next larger one."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class LoggedPitch:
+    """Hold a logged pitch experiment, evenly spaced.
+
+    Attributes:
+        rate_Hz: of the log.
+        pwm_us: (n_discs, n) pulses, each held until the next.
+        plate_z_m: (n,) distance with the beam level.
+        plate_share: (n,) how far the plate is in, 0 (parked) to 1.
+        theta_rad, gyro_rad_s: (n,) readings; nan where there was none.
+        speed_rad_s: (n_discs, n) readings; nan where there was none.
+        mode: (n,) what a filter does with the readings, see `pitch_track`.
+    """
+
+    rate_Hz: float
+    pwm_us: Array
+    plate_z_m: Array
+    plate_share: Array
+    theta_rad: Array
+    gyro_rad_s: Array
+    speed_rad_s: Array
+    mode: Array
+
+    def __len__(self) -> int:
+        return len(self.plate_z_m)
+
+    @property
+    def n_discs(self) -> int:
+        """How many discs were driven."""
+        return len(self.pwm_us)
+
+    def __post_init__(self) -> None:
+        n, discs = len(self), len(self.pwm_us)
+        for name, shape in (
+            ("pwm_us", (discs, n)), ("speed_rad_s", (discs, n)), ("theta_rad", (n,)),
+            ("gyro_rad_s", (n,)), ("mode", (n,)),
+            ("plate_share", (n,)),
+        ):  # fmt: skip
+            if getattr(self, name).shape != shape:
+                raise InputError(
+                    f"{name} has the shape {getattr(self, name).shape}, but {discs} discs and {n} "
+                    f"plate distances need {shape}"
+                )
+
+    def between(self, first: int, last: int) -> LoggedPitch:
+        """Return the rows from `first` up to `last`."""
+        rows = slice(first, last)
+        return replace(
+            self,
+            pwm_us=self.pwm_us[:, rows],
+            plate_z_m=self.plate_z_m[rows],
+            plate_share=self.plate_share[rows],
+            theta_rad=self.theta_rad[rows],
+            gyro_rad_s=self.gyro_rad_s[rows],
+            speed_rad_s=self.speed_rad_s[:, rows],
+            mode=self.mode[rows],
+        )
+
+    def schedule(self) -> SampledSchedule:
+        """Return the plate's part of the log as a schedule without a controller."""
+        ticks = len(self)
+        still = np.zeros(ticks)
+        return SampledSchedule(
+            rate_Hz=self.rate_Hz,
+            time_s=np.arange(ticks) / self.rate_Hz,
+            reference_rad=still,
+            collective=np.ones(ticks),
+            dither_us=still,
+            plate_z_m=np.asarray(self.plate_z_m, float),
+            plate_share=np.asarray(self.plate_share, float),
+            observer=still,
+            feedforward=still,
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Followed:
+    """Hold what benches made of a log, lanes last.
+
+    Attributes:
+        theta_rad, gyro_rad_s: (n, lanes) predicted readings, each from the tick before.
+        speed_rad_s: (n, n_discs, lanes) the same.
+        pitch_rad, rate_rad_s, wake_Nm: (n, lanes) the state after the readings of the tick.
+        turning_rad_s: (n, n_discs, lanes) rotor speeds after the readings of the tick.
+    """
+
+    theta_rad: Array
+    gyro_rad_s: Array
+    speed_rad_s: Array
+    pitch_rad: Array
+    rate_rad_s: Array
+    wake_Nm: Array
+    turning_rad_s: Array
+
+
+def follow(
+    benches: Sequence[PitchBench],
+    logged: LoggedPitch,
+    gains: Array,
+    *,
+    start_s: float = 0.0,
+    states: Array | None = None,
+    seed: int | None = None,
+) -> Followed:
+    """Return what each bench predicts along a log.
+
+    Args:
+        benches: one per lane; all of one rig. Their sensors do not matter.
+        logged: the experiment.
+        gains: (7,) of the filter, see `pitch_track`.
+        start_s: time of the first row, for what changes with time.
+        states: (3 + n_discs, lanes) pitch, rate, wake torque and speeds to begin with; from the
+            first row's readings when None.
+        seed: of the wake's torque; the wake's torque only decays when None.
+    """
+    lanes = next((count for count in LANES if count >= len(benches)), LANES[-1])
+    if len(benches) > lanes:
+        parts = [
+            follow(
+                benches[k : k + lanes], logged, gains, start_s=start_s,
+                states=None if states is None else states[:, k : k + lanes],
+                seed=None if seed is None else seed + k,
+            )
+            for k in range(0, len(benches), lanes)
+        ]  # fmt: skip
+        return _joined(parts)
+    bare = [replace(bench, sensors={}) for bench in benches]
+    control = PitchControl(name="logged", gains=None, rate_Hz=logged.rate_Hz)
+    jobs = [PitchJob(bench, control) for bench in bare]
+    jobs += [jobs[-1]] * (lanes - len(jobs))
+    discs = logged.n_discs
+    first = benches[0]
+    if discs != first.model.rig.n_discs:
+        raise InputError(
+            f"the log drives {discs} discs, but rig {first.model.rig.name!r} has "
+            f"{first.model.rig.n_discs}; name another rig"
+        )
+    loop = PitchLoop(jobs, logged.schedule(), seed or 0, list(range(lanes)), external=True)
+    loop.drive(np.ascontiguousarray(logged.pwm_us, float))
+    w = loop.w.reshape(-1, lanes)
+    if seed is None:
+        w[r.WAKE_KICK] = 0.0
+    p = first.model.rig.propulsion
+    settled = p.speed_per_us_rad_s * np.maximum(logged.pwm_us[:, 0] - p.pwm_start_us, 0.0)
+    w[r.SPEED : r.SPEED + discs] = settled[:, None]
+    mode = np.array(logged.mode, float)
+    if states is None:
+        mode[0] = t.RESTART
+    else:
+        wide = np.pad(states, ((0, 0), (0, lanes - states.shape[1])), mode="edge")
+        w[r.THETA], w[r.RATE], w[r.WAKE] = wide[0], wide[1], wide[2]
+        w[r.SPEED : r.SPEED + discs] = wide[3:]
+    start = loop.sent.reshape(discs, loop.ring, lanes)
+    start[:] = w[r.SPEED : r.SPEED + discs][:, None, :]
+    log = loop.follow(np.vstack([mode, logged.theta_rad, logged.gyro_rad_s, logged.speed_rad_s]),
+                      gains, round(start_s * logged.rate_Hz))  # fmt: skip
+    used = log[:, :, : len(benches)]
+    return Followed(
+        theta_rad=used[:, 0],
+        gyro_rad_s=used[:, 1],
+        speed_rad_s=used[:, 5 : 5 + discs],
+        pitch_rad=used[:, 2],
+        rate_rad_s=used[:, 3],
+        wake_Nm=used[:, 4],
+        turning_rad_s=used[:, 5 + discs :],
+    )
+
+
+def _joined(parts: Sequence[Followed]) -> Followed:
+    return Followed(
+        *(
+            np.concatenate([getattr(part, name) for part in parts], axis=-1)
+            for name in Followed.__slots__
+        )
+    )

@@ -1,0 +1,114 @@
+"""Following a log with the very plant that made it leaves white innovations of the stated size."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchtool.control.pitch import PitchControl
+from benchtool.effects.model import Model
+from benchtool.errors import InputError
+from benchtool.explain.pitch_filter import pitch_filter
+from benchtool.library import load_model, rig_named, schedule_named
+from benchtool.library.gain_file import gains_named
+from benchtool.simulate.pitch_bench import PitchBench
+from benchtool.simulate.pitch_follow import LoggedPitch, follow
+from benchtool.simulate.pitch_run import PitchJob
+from benchtool.simulate.pitch_simulate import simulate_pitch
+
+RATE_HZ = 250.0
+
+
+def bench_of(model: Model) -> PitchBench:
+    return PitchBench.of(model, pwm_quantum_us=1.0)
+
+
+def logged_from(model: Model, seed: int) -> LoggedPitch:
+    control = PitchControl(name="pid", gains=gains_named("s3"), rate_Hz=RATE_HZ)
+    schedule = schedule_named("identify").sampled(RATE_HZ, model.rig.propulsion.radius_m)
+    run = simulate_pitch(PitchJob(bench_of(model), control), schedule, seed)
+    return LoggedPitch(
+        rate_Hz=RATE_HZ,
+        pwm_us=run.pwm_us,
+        plate_z_m=run.column("plate_z_m"),
+        plate_share=run.column("plate_share"),
+        theta_rad=run.column("theta_rad"),
+        gyro_rad_s=run.column("gyro_rad_s"),
+        speed_rad_s=run.speed_rad_s,
+        mode=np.ones(len(run.log)),
+    )
+
+
+def whitened(model: Model, logged: LoggedPitch) -> tuple[np.ndarray, np.ndarray]:
+    bench = PitchBench.of(model, plant_rate_Hz=1000.0)
+    filter_ = pitch_filter(bench, RATE_HZ, gyro=True, speeds=True)
+    found = follow([bench], logged, filter_.gains)
+    innovation = np.array(
+        [logged.theta_rad - found.theta_rad[:, 0], logged.gyro_rad_s - found.gyro_rad_s[:, 0]]
+    )
+    speeds = (logged.speed_rad_s - found.speed_rad_s[:, :, 0].T) / filter_.speed_sd_rad_s
+    return (filter_.whitener @ innovation)[:, 75:], speeds[:, 75:]
+
+
+@pytest.fixture(scope="module")
+def true_model() -> Model:
+    return load_model("pitch_beam").model.fixed("coulomb_friction.torque_Nm", 0.0)
+
+
+def test_the_true_plant_leaves_white_noise_of_unit_size(true_model: Model) -> None:
+    pitch, speeds = whitened(true_model, logged_from(true_model, seed=4))
+    n = pitch.shape[1]
+    spread = 4.0 / np.sqrt(2.0 * n)
+    np.testing.assert_allclose(pitch.std(axis=1), 1.0, atol=0.03)
+    np.testing.assert_allclose(speeds.std(axis=1), 1.0, atol=0.03)
+    assert np.all(np.abs(pitch.mean(axis=1)) < 4.0 / np.sqrt(n))
+    for row in pitch:
+        assert abs(np.mean(row[1:] * row[:-1])) < 0.03 + spread
+    for row in speeds:  # a correction by a tenth leaves that much of a reading's noise
+        assert abs(np.mean(row[1:] * row[:-1])) < 0.1
+
+
+def test_a_wrong_plant_shows(true_model: Model) -> None:
+    logged = logged_from(true_model.fixed("cog_offset.x_m", 0.002)
+                         if "cog_offset.x_m" in true_model.parameters
+                         else true_model.with_effect("cog_offset", x_m=0.002), seed=4)  # fmt: skip
+    _, gyro = whitened(true_model, logged)[0]
+    assert abs(gyro.mean()) > 20.0 / np.sqrt(len(gyro))
+
+
+def test_lanes_do_not_see_each_other(true_model: Model) -> None:
+    logged = logged_from(true_model, seed=5).between(0, 500)
+    bench = PitchBench.of(true_model)
+    heavy = replace(bench, inertia_kgm2=0.05)
+    gains = pitch_filter(bench, RATE_HZ, gyro=True, speeds=True).gains
+    alone = follow([heavy], logged, gains)
+    among = follow([bench, heavy, bench], logged, gains)
+    np.testing.assert_allclose(among.theta_rad[:, 1], alone.theta_rad[:, 0], rtol=1e-12)
+    many = follow([bench] * 39 + [heavy], logged, gains)
+    np.testing.assert_allclose(many.theta_rad[:, 39], alone.theta_rad[:, 0], rtol=1e-12)
+    np.testing.assert_allclose(many.theta_rad[:, 38], among.theta_rad[:, 2], rtol=1e-12)
+
+
+def test_a_part_of_a_log_goes_on_where_the_whole_was(true_model: Model) -> None:
+    logged = logged_from(true_model, seed=6)
+    bench = PitchBench.of(true_model.with_effect("battery_sag", rate_per_s=0.002))
+    gains = pitch_filter(bench, RATE_HZ, gyro=True, speeds=True).gains
+    whole = follow([bench], logged, gains)
+    start = 2000
+    state = np.vstack([whole.pitch_rad[start], whole.rate_rad_s[start], whole.wake_Nm[start],
+                       whole.turning_rad_s[start]])  # fmt: skip
+    rest = logged.between(start, 3000)
+    rest = replace(rest, mode=np.append(0.0, rest.mode[1:]))
+    part = follow([bench], rest, gains, start_s=start / RATE_HZ, states=state)
+    np.testing.assert_allclose(part.theta_rad[1:], whole.theta_rad[start + 1 : 3000], atol=1e-9)
+
+
+def test_a_log_of_other_rotors_is_refused(true_model: Model) -> None:
+    logged = logged_from(true_model, seed=7).between(0, 300)
+    gains = np.zeros(7)
+    with pytest.raises(InputError, match="drives 2 discs, but rig 'pquad'"):
+        follow([PitchBench.of(Model.single(rig_named("pquad")))], logged, gains)
+    with pytest.raises(InputError, match="theta_rad has the shape"):
+        replace(logged, theta_rad=np.zeros(5))
