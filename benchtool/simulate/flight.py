@@ -15,8 +15,27 @@ from benchtool.errors import InputError, UnknownChoice
 from benchtool.library.gain_file import Gains
 from benchtool.simulate.environment import Environment
 from benchtool.simulate.flight_ground import FACTOR, look_down, new_ground
-from benchtool.simulate.flight_kernel import LOGGED, LOST, STRUCK, fly_loop
-from benchtool.simulate.flight_law import AT_X, AT_Y, DISC, N_MEMORY, Law
+from benchtool.simulate.flight_kernel import (
+    ENDING,
+    HELD_TICKS,
+    LAST,
+    LOG_EVERY,
+    LOGGED,
+    LOST,
+    N_PLAN,
+    ROWS,
+    STRUCK,
+    TICKS,
+    fly_loop,
+)
+from benchtool.simulate.flight_law import (
+    AT_X,
+    AT_Y,
+    DISC,
+    N_MEMORY,
+    N_SEEN,
+    Law,
+)
 from benchtool.simulate.flight_vehicle import FlightVehicle
 from benchtool.simulate.rigid_body import at_rest
 
@@ -144,6 +163,7 @@ class Flight:
         ending: "flown" to the end, "struck" something, or "lost" (numbers no longer finite).
         end_s: when it ended.
         held_ticks: plant ticks at which a height was held at the formulae's limit of validity.
+        own: name of the user's own controller; "" for that of the case.
     """
 
     case: FlightCase
@@ -152,6 +172,7 @@ class Flight:
     ending: Ending
     end_s: float
     held_ticks: int
+    own: str = ""
 
     def __getitem__(self, name: str) -> Array:
         """Return one column (rows,)."""
@@ -166,45 +187,79 @@ def fly(case: FlightCase) -> Flight:
     Raises:
         InputError: the map does not cover the path, or the start touches something.
     """
-    vehicle, gains = case.vehicle, case.gains
-    discs = vehicle.discs()
-    radius = discs.radius_m
-    case.below.refuse_uncovered(case.path_m(), vehicle.reach_m, "the path")
-    below = case.below.tables(radius)
-    frame, known = vehicle.airframe(), vehicle.airframe(as_known=True)
-    law = law_of(case)
-    chart = case.chart().tables(radius) if law.feedforward else below
-    period = law.period_s
-    n_periods = round(case.duration_s / period)
-    ticks = max(1, int(np.ceil(period / case.step_s - 1e-9)))
-    every = max(1, round(gains.control_rate_Hz / case.log_Hz))
-    n, n_discs = vehicle.rig.n_rotors, vehicle.rig.n_discs
-    state = np.concatenate([at_rest(case.start_m, case.yaw_rad), np.zeros(n)])
-    ground, guess = new_ground(n_discs), new_ground(n_discs)
-    log = np.zeros(((n_periods + every - 1) // every, len(LOGGED) + 3 * n_discs + n))
-    first = Goal(x_m=case.start_m[0], y_m=case.start_m[1], z_m=case.start_m[2])
-    goals = np.array(
-        [[g.from_s, g.x_m, g.y_m, g.z_m, g.speed_m_s] for g in (first, *case.goals)], float
-    )
-    goals[0, 0] = -1.0
-    gusts = np.array([[g.from_s, g.length_s, *g.wind_m_s] for g in case.gusts], float)
-    noise = np.zeros((1, 3))
-    if case.gyro_noise_rad_s:
-        rng = np.random.default_rng(case.seed)
-        noise = rng.normal(0.0, case.gyro_noise_rad_s, (n_periods, 3))
-    rows, ending, held = fly_loop(
-        state, law, frame, known, discs, below, chart, goals, float(case.yaw_rad),
-        gusts.reshape(-1, 5), noise, n_periods, ticks, every, log, ground, guess,
-        np.zeros(N_MEMORY), np.zeros(n),
-    )  # fmt: skip
-    if rows <= 1 and ending == STRUCK:
-        raise InputError(
-            f"the vehicle touches something where it starts, at {case.start_m} m; start elsewhere"
+    loop = FlightLoop(case)
+    loop.run()
+    return loop.flight()
+
+
+class FlightLoop:
+    """Hold everything the compiled loop needs for one flight.
+
+    Args:
+        case: what is flown.
+        charted: the map of the case is read whether or not its own controller does.
+    """
+
+    def __init__(self, case: FlightCase, charted: bool = False) -> None:
+        vehicle, gains = case.vehicle, case.gains
+        self.case, self.discs = case, vehicle.discs()
+        self.frame, self.known = vehicle.airframe(), vehicle.airframe(as_known=True)
+        radius = self.discs.radius_m
+        case.below.refuse_uncovered(case.path_m(), vehicle.reach_m, "the path")
+        self.below = case.below.tables(radius)
+        self.law = law_of(case)
+        read = charted or self.law.feedforward > 0.0
+        self.chart = case.chart().tables(radius) if read else self.below
+        self.n_periods = round(case.duration_s * gains.control_rate_Hz)
+        every = max(1, round(gains.control_rate_Hz / case.log_Hz))
+        self.plan = np.zeros(N_PLAN, np.int64)
+        self.plan[LAST] = self.n_periods
+        self.plan[TICKS] = max(1, int(np.ceil(self.law.period_s / case.step_s - 1e-9)))
+        self.plan[LOG_EVERY] = every
+        n, n_discs = vehicle.rig.n_rotors, vehicle.rig.n_discs
+        self.state = np.concatenate([at_rest(case.start_m, case.yaw_rad), np.zeros(n)])
+        self.ground, self.guess = new_ground(n_discs), new_ground(n_discs)
+        self.memory, self.seen, self.speeds = np.zeros(N_MEMORY), np.zeros(N_SEEN), np.zeros(n)
+        rows = (self.n_periods + every - 1) // every
+        self.log = np.zeros((rows, len(LOGGED) + 3 * n_discs + n))
+        first = Goal(x_m=case.start_m[0], y_m=case.start_m[1], z_m=case.start_m[2])
+        self.goals = np.array(
+            [[g.from_s, g.x_m, g.y_m, g.z_m, g.speed_m_s] for g in (first, *case.goals)], float
         )
-    word: Ending = "struck" if ending == STRUCK else "lost" if ending == LOST else "flown"
-    kept = log[:rows]
-    end_s = case.duration_s if word == "flown" else float(kept[-1, 0])
-    return Flight(case, column_names(n_discs, n), kept, word, end_s, int(held))
+        self.goals[0, 0] = -1.0
+        gusts = np.array([[g.from_s, g.length_s, *g.wind_m_s] for g in case.gusts], float)
+        self.gusts = gusts.reshape(-1, 5)
+        self.noise = np.zeros((1, 3))
+        if case.gyro_noise_rad_s:
+            rng = np.random.default_rng(case.seed)
+            self.noise = rng.normal(0.0, case.gyro_noise_rad_s, (self.n_periods, 3))
+
+    def run(self) -> None:
+        """Fly with the controller of the case."""
+        fly_loop(
+            self.state, self.law, self.frame, self.known, self.discs, self.below, self.chart,
+            self.goals, float(self.case.yaw_rad), self.gusts, self.noise, self.plan, self.log,
+            self.ground, self.guess, self.memory, self.speeds, self.seen,
+        )  # fmt: skip
+
+    def flight(self, own: str = "") -> Flight:
+        """Return what has been flown; `own` names the user's controller.
+
+        Raises:
+            InputError: the start touches something.
+        """
+        case, rows, ending = self.case, int(self.plan[ROWS]), self.plan[ENDING]
+        if rows <= 1 and ending == STRUCK:
+            raise InputError(
+                f"the vehicle touches something where it starts, at {case.start_m} m; "
+                f"start elsewhere"
+            )
+        word: Ending = "struck" if ending == STRUCK else "lost" if ending == LOST else "flown"
+        kept = self.log[:rows]
+        end_s = case.duration_s if word == "flown" else float(kept[-1, 0])
+        rig = case.vehicle.rig
+        names = column_names(rig.n_discs, rig.n_rotors)
+        return Flight(case, names, kept, word, end_s, int(self.plan[HELD_TICKS]), own)
 
 
 def column_names(n_discs: int, n_rotors: int) -> tuple[str, ...]:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.aero.body_lift import body_images, body_term
-from benchtool.aero.coverage import rectangle_coverage
+from benchtool.aero.coverage import half_plane_coverage, rectangle_coverage
 from benchtool.aero.expression import Quantity, loop_part
 from benchtool.aero.images import neighbour_images, partial_factor, self_image, thrust_factor
 from benchtool.aero.validity import clamped_height
@@ -100,11 +100,20 @@ def place_discs(state: Array, table: Array, ground: Array) -> None:
 def disc_on_rectangle(
     x: float, y: float, radius: float, x1: float, x2: float, y1: float, y2: float
 ) -> Quantity:
-    """Return `rectangle_coverage`, worked out only where an edge cuts the disc."""
+    """Return `rectangle_coverage`, worked out only where an edge cuts the disc.
+
+    Where that is one edge alone, the area over its half plane is the same and costs a quarter.
+    """
     if x + radius <= x1 or x - radius >= x2 or y + radius <= y1 or y - radius >= y2:
         return 0.0
-    if x - radius >= x1 and x + radius <= x2 and y - radius >= y1 and y + radius <= y2:
+    inside_x = x - radius >= x1 and x + radius <= x2
+    inside_y = y - radius >= y1 and y + radius <= y2
+    if inside_x and inside_y:
         return 1.0
+    if inside_y and x2 - x1 >= 2.0 * radius:
+        return half_plane_coverage(min(x - x1, x2 - x), radius)
+    if inside_x and y2 - y1 >= 2.0 * radius:
+        return half_plane_coverage(min(y - y1, y2 - y), radius)
     return rectangle_coverage(x, y, radius, x1, x2, y1, y2)
 
 

@@ -28,7 +28,9 @@ from benchtool.simulate.flight_law import (
     SPIN,
     Airframe,
     Law,
-    steer,
+    decide,
+    sense,
+    share_out,
 )
 from benchtool.simulate.rigid_body import (
     drift,
@@ -40,9 +42,17 @@ from benchtool.simulate.rigid_body import (
 )
 
 Array = NDArray[np.float64]
+Plan = NDArray[np.int64]
 
-ARRIVED_AT_END, STRUCK, LOST = 0, 1, 2
-"""How a flight ended: flown to the end, touched something, numbers no longer finite."""
+GOING, STRUCK, LOST = 0, 1, 2
+"""How a flight stands: nothing in its way, touched something, numbers no longer finite."""
+
+FIRST, LAST, TICKS, LOG_EVERY, ROWS, HELD_TICKS, AT_GOAL, ENDING = range(8)
+"""Places in a flight's plan: control periods to run from and to stop before, plant ticks in each,
+periods between rows of the log; and what the loop counts: rows logged, ticks at which a height was
+held, the goal that holds, how it stands."""
+
+N_PLAN = 8
 
 LOGGED = (
     "time_s", "x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s", "roll_rad", "pitch_rad",
@@ -55,15 +65,20 @@ follow."""
 
 
 @loop_part
-def motors(state: Array, speeds: Array, lag_s: float, dt_s: float) -> None:
-    """Take the rotors towards their commanded speeds, exactly for a command that is held."""
-    if lag_s > 0.0:
-        keep = math.exp(-dt_s / lag_s)
+def motors(state: Array, speeds: Array, left: float) -> None:
+    """Take the rotors to their commanded speeds, but for a share of the way that is left."""
+    if left > 0.0:
         for i in range(len(speeds)):
-            state[13 + i] = speeds[i] + (state[13 + i] - speeds[i]) * keep
+            state[13 + i] = speeds[i] + (state[13 + i] - speeds[i]) * left
     else:
         for i in range(len(speeds)):
             state[13 + i] = speeds[i]
+
+
+@loop_part
+def left_after(dt_s: float, lag_s: float) -> float:
+    """Return the share of the way to a held command that a first-order lag leaves: exact."""
+    return math.exp(-dt_s / lag_s) if lag_s > 0.0 else 0.0
 
 
 @loop_part
@@ -168,6 +183,74 @@ def write_row(
         row[25 + 2 * n + i] = ground[FACTOR, i]
 
 
+@loop_part
+def observe(
+    period: int,
+    period_s: float,
+    ramp: float,
+    state: Array,
+    goals: Array,
+    noise: Array,
+    plan: Plan,
+    seen: Array,
+) -> None:
+    """Take the goal that holds at a period's beginning, and write what the controller sees."""
+    at = plan[AT_GOAL]
+    now = period * period_s
+    while at + 1 < len(goals) and goals[at + 1, 0] <= now:
+        at += 1
+    plan[AT_GOAL] = at
+    row = min(period, len(noise) - 1)
+    sense(now, state, noise[row], goals[at], goals[max(at - 1, 0)], ramp, seen)
+
+
+@loop_part
+def fly_period(
+    period: int,
+    period_s: float,
+    state: Array,
+    frame: Airframe,
+    discs: Discs,
+    below: Tables,
+    goals: Array,
+    gusts: Array,
+    plan: Plan,
+    log: Array,
+    ground: Array,
+    memory: Array,
+    speeds: Array,
+) -> bool:
+    """Fly one control period at the speeds commanded; return whether that ended the flight."""
+    ticks = plan[TICKS]
+    dt = period_s / ticks
+    now = period * period_s
+    half, whole = left_after(0.5 * dt, frame.lag_s), left_after(dt, frame.lag_s)
+    if period == 0:
+        motors(state, speeds, 0.0)
+    if period % plan[LOG_EVERY] == 0 and plan[ROWS] < len(log):
+        look_down(now, state, discs, below, ground, False)
+        write_row(log[plan[ROWS]], now, state, goals[plan[AT_GOAL]], frame, ground, memory)
+        plan[ROWS] += 1
+    drift(state, 0.5 * dt)
+    motors(state, speeds, half)
+    for tick in range(ticks):
+        middle = now + (tick + 0.5) * dt
+        look_down(middle, state, discs, below, ground, False)
+        if any_of(TOUCHES, ground):
+            plan[ENDING] = STRUCK
+            return True
+        if any_of(HELD, ground):
+            plan[HELD_TICKS] += 1
+        kick(middle, state, frame, gusts, ground, dt)
+        between = tick + 1 < ticks
+        drift(state, dt if between else 0.5 * dt)
+        motors(state, speeds, whole if between else half)
+    if not math.isfinite(state[0] + state[2] + state[6] + state[10] + state[11]):
+        plan[ENDING] = LOST
+        return True
+    return False
+
+
 @compiled
 def fly_loop(
     state: Array,
@@ -181,16 +264,15 @@ def fly_loop(
     yaw_rad: float,
     gusts: Array,
     noise: Array,
-    n_periods: int,
-    ticks: int,
-    log_every: int,
+    plan: Plan,
     log: Array,
     ground: Array,
     guess: Array,
     memory: Array,
     speeds: Array,
-) -> tuple[int, int, int]:
-    """Fly; return how many rows were logged, how it ended, and at how many ticks a height was held.
+    seen: Array,
+) -> None:
+    """Fly some control periods; the plan holds which, and is told how it went.
 
     Args:
         state: body and rotor speeds (13 + n,); is written to.
@@ -204,48 +286,22 @@ def fly_loop(
         yaw_rad: heading to hold.
         gusts: rows of time, length, wind along x, y, z.
         noise: gyro noise (n_periods, 3), or one row that holds for all.
-        n_periods: how many control periods.
-        ticks: plant ticks in each.
-        log_every: periods between rows of the log.
+        plan: integers (`N_PLAN`,).
         log: (rows, columns) is written to.
         ground: scratch for what is there.
         guess: scratch for the map.
         memory: of the controller, zeros at first.
         speeds: scratch for the commands (n,).
+        seen: scratch for what the controller sees.
     """
-    dt = law.period_s / ticks
-    gyro = np.empty(3)
-    rows, held, at = 0, 0, 0
-    for period in range(n_periods):
+    for period in range(plan[FIRST], plan[LAST]):
+        observe(period, law.period_s, law.ramp, state, goals, noise, plan, seen)
+        goal = goals[plan[AT_GOAL]]
         now = period * law.period_s
-        while at + 1 < len(goals) and goals[at + 1, 0] <= now:
-            at += 1
-        k = period if len(noise) > 1 else 0
-        for axis in range(3):
-            gyro[axis] = state[10 + axis] + noise[k, axis]
-        steer(
-            now, state, gyro, goals[at], goals[max(at - 1, 0)], yaw_rad, law, known, discs, chart,
-            guess, memory, speeds,
-        )  # fmt: skip
-        if period == 0:
-            motors(state, speeds, 0.0, dt)
-        if period % log_every == 0 and rows < len(log):
-            look_down(now, state, discs, below, ground, False)
-            write_row(log[rows], now, state, goals[at], frame, ground, memory)
-            rows += 1
-        drift(state, 0.5 * dt)
-        motors(state, speeds, frame.lag_s, 0.5 * dt)
-        for tick in range(ticks):
-            middle = now + (tick + 0.5) * dt
-            look_down(middle, state, discs, below, ground, False)
-            if any_of(TOUCHES, ground):
-                return rows, STRUCK, held
-            if any_of(HELD, ground):
-                held += 1
-            kick(middle, state, frame, gusts, ground, dt)
-            step = dt if tick + 1 < ticks else 0.5 * dt
-            drift(state, step)
-            motors(state, speeds, frame.lag_s, step)
-        if not math.isfinite(state[0] + state[2] + state[6] + state[10] + state[11]):
-            return rows, LOST, held
-    return rows, ARRIVED_AT_END, held
+        decide(now, state, seen, goal, yaw_rad, law, known, discs, chart, guess, memory)
+        share_out(memory, guess, law.feedforward, known, speeds)
+        if fly_period(
+            period, law.period_s, state, frame, discs, below, goals, gusts, plan, log, ground,
+            memory, speeds,
+        ):  # fmt: skip
+            return

@@ -1,9 +1,11 @@
 """The flight controller in the loop: position, velocity, attitude, rate; observer; feedforward.
 
-One control period: the laws of `benchtool.control` on both horizontal axes, height and three
-attitude angles, shared out over the rotors by the mixer's pseudo-inverse. Lateral axes are the same
-laws on roll. The observer watches all six components and compensates the torques, as the paper's
-controller does; the feedforward divides each rotor's thrust by the factor that a map gives.
+One control period: what is measured (`sense`), the laws of `benchtool.control` on both horizontal
+axes, height and three attitude angles (`decide`), shared out over the rotors by the mixer's
+pseudo-inverse (`share_out`). A controller of the user's own stands in the place of `decide`.
+Lateral axes are the same laws on roll. The observer watches all six components and compensates the
+torques, as the paper's controller does; the feedforward divides each rotor's thrust by the factor
+that a map gives.
 """
 
 from __future__ import annotations
@@ -35,11 +37,16 @@ from benchtool.simulate.rigid_body import pitch_of, roll_of, yaw_of
 
 Array = NDArray[np.float64]
 
-N_MEMORY = 26
+N_MEMORY = 30
 """Velocity command (2), velocity integral (2), climb integral, observer's z (6), attitude integrals
-(6), estimate (6), attitude command (3)."""
+(6), estimate (6), attitude command (3), thrust and three torques to be shared out (4)."""
 
-VREF, VINT, CLIMB, EXPLAINED, INTEGRALS, ESTIMATE, COMMAND = 0, 2, 4, 5, 11, 17, 23
+VREF, VINT, CLIMB, EXPLAINED, INTEGRALS, ESTIMATE, COMMAND, WRENCH = 0, 2, 4, 5, 11, 17, 23, 26
+
+N_SEEN = 15
+"""Place (3), velocity (3), roll, pitch, yaw, body rates of the gyro (3), place to steer to (3)."""
+
+PLACE, VELOCITY, ANGLES, GYRO, TARGET = 0, 3, 6, 9, 12
 
 FREE_M_S = 3.0
 """Speed limit while a ramp leads the way, so that the ramp alone sets the pace; assumed."""
@@ -111,9 +118,9 @@ AT_X, AT_Y, SPIN, DISC, PER_THRUST, PER_ROLL, PER_PITCH, PER_YAW = range(8)
 
 
 @loop_part
-def lead(time_s: float, state: Array, goal: Array, began: Array, law: Law) -> tuple[float, float]:
+def lead(time_s: float, goal: Array, began: Array, ramp: float) -> tuple[float, float]:
     """Return the place to steer to: the goal, or a point that runs ahead to it."""
-    if law.ramp == 0.0:
+    if ramp == 0.0:
         return goal[1], goal[2]
     dx, dy = goal[1] - began[1], goal[2] - began[2]
     length = math.sqrt(dx * dx + dy * dy)
@@ -121,6 +128,23 @@ def lead(time_s: float, state: Array, goal: Array, began: Array, law: Law) -> tu
         return goal[1], goal[2]
     share = min(goal[4] * (time_s - goal[0]) / length, 1.0)
     return began[1] + share * dx, began[2] + share * dy
+
+
+@loop_part
+def sense(
+    time_s: float, state: Array, noise: Array, goal: Array, began: Array, ramp: float, seen: Array
+) -> None:
+    """Write what a controller sees (`N_SEEN`,): the state without error, but the gyro's noise."""
+    for k in range(6):
+        seen[PLACE + k] = state[k]
+    w, x, y, z = state[6], state[7], state[8], state[9]
+    seen[ANGLES] = roll_of(w, x, y, z)
+    seen[ANGLES + 1] = pitch_of(w, x, y, z)
+    seen[ANGLES + 2] = yaw_of(w, x, y, z)
+    for k in range(3):
+        seen[GYRO + k] = state[10 + k] + noise[k]
+    seen[TARGET], seen[TARGET + 1] = lead(time_s, goal, began, ramp)
+    seen[TARGET + 2] = goal[3]
 
 
 @loop_part
@@ -166,12 +190,11 @@ def watch(
 
 
 @loop_part
-def steer(
+def decide(
     time_s: float,
     state: Array,
-    gyro: Array,
+    seen: Array,
     goal: Array,
-    began: Array,
     yaw_rad: float,
     law: Law,
     frame: Airframe,
@@ -179,36 +202,31 @@ def steer(
     chart: Tables,
     ground: Array,
     memory: Array,
-    speeds: Array,
 ) -> None:
-    """Write the speeds to command (n,) for the control period that begins now.
+    """Write the thrust and torques to ask for, and the factors to divide by, for this period.
 
     Args:
         time_s: since the flight began.
-        state: of the body, as measured without error.
-        gyro: body rates as the gyro shows them (3,).
+        state: of the body; its attitude turns the commanded thrust into world axes.
+        seen: from `sense`.
         goal: time of issue, x, y, z, speed.
-        began: the goal before, or the start.
         yaw_rad: heading to hold.
         law: the controller.
         frame: the vehicle as the controller knows it.
         discs: its rotor discs.
         chart: the map of the feedforward.
-        ground: scratch for the map.
-        memory: (`N_MEMORY`,) kept from period to period.
-        speeds: is written to.
+        ground: scratch for the map; its factors are what the feedforward divides by.
+        memory: (`N_MEMORY`,) kept from period to period; its wrench is written.
     """
-    w, x, y, z = state[6], state[7], state[8], state[9]
-    roll, pitch, yaw = roll_of(w, x, y, z), pitch_of(w, x, y, z), yaw_of(w, x, y, z)
-    to_x, to_y = lead(time_s, state, goal, began, law)
-    ex, ey = to_x - state[0], to_y - state[1]
+    roll, pitch, yaw = seen[ANGLES], seen[ANGLES + 1], seen[ANGLES + 2]
+    ex, ey = seen[TARGET] - seen[PLACE], seen[TARGET + 1] - seen[PLACE + 1]
     away_m = math.sqrt(ex * ex + ey * ey)
     limit = goal[4] if law.ramp == 0.0 else FREE_M_S
     limit_x, limit_y = limit, limit
     if away_m > 0.0:
         limit_x, limit_y = limit * abs(ex) / away_m, limit * abs(ey) / away_m
-    ax = wanted_acceleration(ex, limit_x, state[3], memory, 0, law)
-    ay = wanted_acceleration(ey, limit_y, state[4], memory, 1, law)
+    ax = wanted_acceleration(ex, limit_x, seen[VELOCITY], memory, 0, law)
+    ay = wanted_acceleration(ey, limit_y, seen[VELOCITY + 1], memory, 1, law)
     cosine, sine = math.cos(yaw), math.sin(yaw)
     forward, left = cosine * ax + sine * ay, cosine * ay - sine * ax
     pitch_wanted = pitch_command(forward, frame.gravity_m_s2, law.position)
@@ -216,34 +234,41 @@ def steer(
     turn = yaw_rad - yaw
     turn -= 2.0 * math.pi * math.floor(turn / (2.0 * math.pi) + 0.5)
     dt = law.period_s
-    wrench = (
-        0.0,
-        attitude(0, roll_wanted, roll, gyro[0], memory, law.roll, dt),
-        attitude(1, pitch_wanted, pitch, gyro[1], memory, law.pitch, dt),
-        attitude(2, yaw + turn, yaw, gyro[2], memory, law.yaw, dt),
-    )
-    ez = goal[3] - state[2]
+    p, q, r = seen[GYRO], seen[GYRO + 1], seen[GYRO + 2]
+    asked_x = attitude(0, roll_wanted, roll, p, memory, law.roll, dt)
+    asked_y = attitude(1, pitch_wanted, pitch, q, memory, law.pitch, dt)
+    asked_z = attitude(2, yaw + turn, yaw, r, memory, law.yaw, dt)
+    ez = seen[TARGET + 2] - seen[PLACE + 2]
     memory[CLIMB] = integrated(memory[CLIMB], law.k_iz_per_s3 * ez, np.inf, dt)
     climb = climb_command(
-        ez, state[5], memory[CLIMB], law.k_z_per_s2, law.k_vz_per_s, law.climb_limit_m_s2
+        ez,
+        seen[VELOCITY + 2],
+        memory[CLIMB],
+        law.k_z_per_s2,
+        law.k_vz_per_s,
+        law.climb_limit_m_s2,
     )
     up = math.cos(pitch) * math.cos(roll)
     thrust = lifting_thrust(climb, frame.mass_kg, frame.gravity_m_s2, up)
 
     on = 1.0 if law.observer_per_s > 0.0 and time_s >= law.from_s else 0.0
     jx, jy, jz = law.roll.inertia_kgm2, law.pitch.inertia_kgm2, law.yaw.inertia_kgm2
-    p, q, r = gyro[0], gyro[1], gyro[2]
     momentum = (
-        frame.mass_kg * state[3], frame.mass_kg * state[4], frame.mass_kg * state[5],
-        jx * p, jy * q, jz * r,
-    )  # fmt: skip
+        frame.mass_kg * seen[VELOCITY],
+        frame.mass_kg * seen[VELOCITY + 1],
+        frame.mass_kg * seen[VELOCITY + 2],
+        jx * p,
+        jy * q,
+        jz * r,
+    )
     for c in range(6):
-        seen = observed(momentum[c], memory[EXPLAINED + c], law.observer_per_s)
-        memory[ESTIMATE + c] = on * seen
+        estimate = observed(momentum[c], memory[EXPLAINED + c], law.observer_per_s)
+        memory[ESTIMATE + c] = on * estimate
     undone = on * law.compensate
-    tx = wrench[1] - undone * memory[ESTIMATE + 3]
-    ty = wrench[2] - undone * memory[ESTIMATE + 4]
-    tz = wrench[3] - undone * memory[ESTIMATE + 5]
+    tx = asked_x - undone * memory[ESTIMATE + 3]
+    ty = asked_y - undone * memory[ESTIMATE + 4]
+    tz = asked_z - undone * memory[ESTIMATE + 5]
+    w, x, y, z = state[6], state[7], state[8], state[9]
     known = (
         thrust * 2.0 * (x * z + w * y),
         thrust * 2.0 * (y * z - w * x),
@@ -254,16 +279,27 @@ def steer(
     )
     for c in range(6):
         watch(c, momentum[c], known[c], on, memory, law)
+    memory[WRENCH], memory[WRENCH + 1] = thrust, tx
+    memory[WRENCH + 2], memory[WRENCH + 3] = ty, tz
 
-    forward_on = law.feedforward > 0.0 and time_s >= law.from_s
-    if forward_on:
+    if law.feedforward > 0.0 and time_s >= law.from_s:
         look_down(time_s, state, discs, chart, ground, law.whole)
+    else:
+        for i in range(ground.shape[1]):
+            ground[FACTOR, i] = 1.0
+
+
+@loop_part
+def share_out(
+    memory: Array, ground: Array, strength: float, frame: Airframe, speeds: Array
+) -> None:
+    """Write the speeds to command (n,) from the wrench in the memory and the factors found."""
+    rotors = frame.rotors
+    thrust, tx = memory[WRENCH], memory[WRENCH + 1]
+    ty, tz = memory[WRENCH + 2], memory[WRENCH + 3]
     for i in range(len(speeds)):
-        rotors = frame.rotors
         wanted = rotors[i, PER_THRUST] * thrust + rotors[i, PER_ROLL] * tx
         wanted += rotors[i, PER_PITCH] * ty + rotors[i, PER_YAW] * tz
-        factor = 1.0
-        if forward_on:
-            factor = expected_factor(ground[FACTOR, int(rotors[i, DISC])], law.feedforward)
+        factor = expected_factor(ground[FACTOR, int(rotors[i, DISC])], strength)
         asked = speed_from_thrust(compensated_thrust(wanted, factor), frame.k_N_s2)
         speeds[i] = min(asked, frame.top_speed_rad_s)

@@ -19,6 +19,7 @@ from benchtool.simulate.flight_ground import (
     HEIGHT,
     HELD,
     TOUCHES,
+    disc_on_rectangle,
     look_down,
     new_ground,
 )
@@ -177,3 +178,16 @@ def test_touching_is_reported_and_low_heights_are_held() -> None:
 def test_what_makes_no_sense_is_refused(make, says: str) -> None:
     with pytest.raises(InputError, match=says):
         make()
+
+
+def test_an_edge_that_cuts_alone_is_worked_out_as_a_half_plane() -> None:
+    rng = np.random.default_rng(4)
+    for _ in range(2000):
+        x1, y1 = rng.uniform(-0.3, 0.3, 2)
+        x2, y2 = x1 + rng.uniform(0.05, 0.6), y1 + rng.uniform(0.05, 0.6)
+        sides = [
+            np.inf if far else value
+            for far, value in zip(rng.random(2) < 0.3, (x2, y2), strict=True)
+        ]
+        place = (*rng.uniform(-0.3, 0.5, 2), 0.12, x1, sides[0], y1, sides[1])
+        assert disc_on_rectangle(*place) == pytest.approx(rectangle_coverage(*place), abs=1e-12)
