@@ -50,7 +50,7 @@ int main(void)
     cell_start();
     rpm_start();
     voltage_start();
-    wdt_enable(WDTO_250MS);
+    wdt_enable(WDTO_120MS);
     sei();
     tell_boot();
     for (;;) {

@@ -1,0 +1,53 @@
+"""The compiled firmware and the program that plays its surroundings, built once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from benchtool.library import rig_named
+from tests.avr.avr_bench import AvrBench, build, build_peer, missing, physics
+
+RIG = rig_named("pquad_single")
+PAIR = replace(
+    RIG,
+    name="pair",
+    rotors=(RIG.rotors[0], replace(RIG.rotors[0], name="second", x_m=0.3)),
+    limits=replace(RIG.limits, pwm_us=1900.0),
+)
+"""Two motors, and the pulse limit of the protocol's page."""
+
+
+@pytest.fixture(scope="session")
+def peer(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    if reason := missing():
+        pytest.skip(reason)
+    return build_peer(tmp_path_factory.mktemp("peer"))
+
+
+@pytest.fixture(scope="session")
+def firmware(tmp_path_factory: pytest.TempPathFactory, peer: Path) -> Path:
+    """Give the firmware for one motor, its slope that of the simulated load cell."""
+    folder = tmp_path_factory.mktemp("one")
+    return build(folder, RIG, NEWTON_PER_COUNT=f"{physics(RIG).count_N}f")
+
+
+@pytest.fixture(scope="session")
+def pair_firmware(tmp_path_factory: pytest.TempPathFactory, peer: Path) -> Path:
+    """Give the firmware for two motors."""
+    return build(tmp_path_factory.mktemp("two"), PAIR)
+
+
+@pytest.fixture
+def bench(peer: Path, firmware: Path) -> Iterator[AvrBench]:
+    with AvrBench(peer, firmware, RIG) as running:
+        yield running
+
+
+@pytest.fixture
+def pair(peer: Path, pair_firmware: Path) -> Iterator[AvrBench]:
+    with AvrBench(peer, pair_firmware, RIG) as running:
+        yield running

@@ -1,0 +1,117 @@
+"""`benchtool` on the firmware, as a user runs it: check, sweep, and a host that is killed."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchtool.store import read_events, read_points
+from tests.avr.avr_bench import AvrBench
+
+COMMAND = [sys.executable, "-m", "benchtool"]
+SMALL = ["--rig", "pquad_single", "--stage", "hand", "--repeats", "1", "--z-over-r", "0.6,2"]
+ONE = [*SMALL, "--pwm", "1550", "--sample-s", "1", "--anchor-every", "0", "--yes"]
+
+
+@pytest.fixture
+def environment(tmp_path: Path) -> dict[str, str]:
+    return {**os.environ, "BENCHTOOL_STATE": str(tmp_path / "state"), "PYTHONUNBUFFERED": "1"}
+
+
+@contextmanager
+def running(
+    words: list[str], environment: dict[str, str], errors: Path
+) -> Iterator[subprocess.Popen[str]]:
+    """Run benchtool with its errors in a file; kill what is left of it at the end."""
+    with (
+        errors.open("w") as file,
+        subprocess.Popen(
+            [*COMMAND, *words],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=file,
+            text=True,
+            env=environment,
+        ) as process,
+    ):
+        try:
+            yield process
+        finally:
+            process.kill()
+
+
+def move_when_asked(process: subprocess.Popen[str], bench: AvrBench) -> str:
+    """Be the operator: put the plate where the sweep wants it and type that; return all it said."""
+    assert process.stdout is not None
+    assert process.stdin is not None
+    said = question = ""
+    while letter := process.stdout.read(1):
+        said += letter
+        question += letter
+        if found := re.search(r"Move the plate to ([\d.]+) mm.* in mm: $", question):
+            bench.place_plate(1e-3 * float(found[1]))
+            process.stdin.write(f"{found[1]}\n")
+            process.stdin.flush()
+            question = ""
+    return said
+
+
+def test_check_and_sweep_by_hand(
+    bench: AvrBench, environment: dict[str, str], tmp_path: Path
+) -> None:
+    errors, out = tmp_path / "errors.txt", tmp_path / "run"
+    check = ["bench", "check", bench.address, "--rig", "pquad_single", "--yes"]
+    with running(check, environment, errors) as process:
+        told, _ = process.communicate(timeout=60)
+    assert process.returncode == 0, told + errors.read_text()
+    with running(["sweep", bench.address, *ONE, "--out", str(out)], environment, errors) as process:
+        told = move_when_asked(process, bench)
+        code = process.wait(10)
+    assert code == 0, told + errors.read_text()
+    points = read_points(out)
+    assert points.simulated
+    near, far = (
+        float(points.column("thrust_N")[np.isclose(points.column("plate_z_m"), z_m)][0])
+        for z_m in (0.072, 0.24)
+    )
+    # Eq. (2) at z/R of 0.6 and 2: the rotor pushes against the near plate.
+    assert near > 1.1 * far > 1.0
+    events = read_events(out / "events.jsonl")
+    assert not [event for event in events if "dropped" in f"{event}"]
+    state = bench.state
+    print(f"simulated {1e-6 * state.time_us:.0f} s, stood still for {1e-6 * state.stood_us:.1f} s")
+    assert state.faults == 0
+    assert state.pulses_us[0] == pytest.approx(1000.0, abs=0.5)
+
+
+def test_a_killed_host_leaves_motors_at_zero_within_300_ms(
+    bench: AvrBench, environment: dict[str, str], tmp_path: Path
+) -> None:
+    words = ["sweep", bench.address, *ONE, "--out", str(tmp_path / "run")]
+    with running(words, environment, tmp_path / "errors.txt") as process:
+        operator = threading.Thread(target=move_when_asked, args=(process, bench))
+        operator.start()
+        try:
+            bench.wait(lambda state: state.pulses_us[0] > 1500.0, timeout_s=40.0)
+        finally:
+            process.send_signal(signal.SIGKILL)
+            killed_us = bench.state.time_us
+            operator.join(10)
+    state = bench.wait(lambda state: state.time_us > killed_us + 1e6)
+    print(
+        f"last pulse above stop {1e-3 * (state.drive_us - state.heard_us):.0f} ms after the last "
+        f"byte, {1e-3 * (state.drive_us - killed_us):.0f} ms after the kill, simulated time"
+    )
+    assert 200e3 < state.drive_us - state.heard_us < 300e3
+    assert state.drive_us - killed_us < 300e3
+    assert state.pulses_us[0] == pytest.approx(1000.0, abs=0.5)
