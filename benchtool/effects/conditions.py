@@ -34,6 +34,7 @@ class Conditions:
         time_s: (m,) time since the run began.
         load_direction: (m,) +1 where the load was approached from below, -1 from above, 0 where
             nobody knows.
+        plate_x_m: (m,) lateral position of the plate's centre.
         speed_measured: whether the speeds were read from the rotors; else they follow from pulse
             widths, and effects between pulse and speed act on them.
     """
@@ -46,6 +47,7 @@ class Conditions:
     elapsed_s: Array
     time_s: Array
     load_direction: Array
+    plate_x_m: Array
     speed_measured: bool = True
 
     def __len__(self) -> int:
@@ -72,6 +74,7 @@ class Conditions:
             elapsed_s=self.elapsed_s[rows],
             time_s=self.time_s[rows],
             load_direction=self.load_direction[rows],
+            plate_x_m=self.plate_x_m[rows],
             speed_measured=self.speed_measured,
         )
 
@@ -126,6 +129,7 @@ class Conditions:
             elapsed_s=full(elapsed_s),
             time_s=full(time_s),
             load_direction=full(load_direction),
+            plate_x_m=full(plate_x_m),
             speed_measured=speed_measured,
         )
 
@@ -148,7 +152,8 @@ class Conditions:
         nominal = np.full(m, rig.propulsion.voltage_nominal_V)
         voltage = optional("voltage_V", nominal)
         voltage = np.where(np.isnan(voltage), nominal, voltage)
-        coverage = plate_coverage(rig, optional("plate_x_m", zeros))
+        plate_x = optional("plate_x_m", zeros)
+        coverage = plate_coverage(rig, plate_x)
         for disc in range(rig.n_discs):
             coverage[disc] = optional(f"coverage{disc + 1}", coverage[disc])
         coverage = np.where(z >= FAR_AWAY_M, 0.0, coverage)
@@ -158,7 +163,7 @@ class Conditions:
         speed = _speeds(recording, rig, voltage)
         direction = np.nan_to_num(optional("load_direction", zeros))
         if {"point", "time_s"} <= set(recording.names) and "load_direction" not in recording:
-            place = np.array([z, optional("plate_x_m", zeros), tilt])
+            place = np.array([z, plate_x, tilt])
             direction = load_directions(time, elapsed, place, np.sum(speed**2, axis=0))
         return cls(
             speed_rad_s=speed,
@@ -169,6 +174,7 @@ class Conditions:
             elapsed_s=elapsed,
             time_s=time,
             load_direction=direction,
+            plate_x_m=plate_x,
             speed_measured="rpm1" in recording,
         )
 

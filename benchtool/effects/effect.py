@@ -51,6 +51,7 @@ class Flow(NamedTuple):
         thrust_N: thrust of each disc (n, ...), for torque hooks; empty elsewhere.
         load_direction: +1 where the load cell's load was approached from below, -1 from above, 0
             where nobody knows (...).
+        plate_x_m: lateral position of the plate's centre (...).
     """
 
     radius_m: Quantity
@@ -72,6 +73,7 @@ class Flow(NamedTuple):
     weight_N: Quantity = 0.0
     thrust_N: Quantity = ()
     load_direction: Quantity = 0.0
+    plate_x_m: Quantity = 0.0
 
 
 Values: TypeAlias = Any

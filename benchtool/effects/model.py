@@ -241,6 +241,7 @@ class Model:
             elapsed_s=conditions.elapsed_s,
             time_s=conditions.time_s,
             load_direction=conditions.load_direction,
+            plate_x_m=conditions.plate_x_m,
         )
         for effect in self.present_effects:
             p = self.effect_values(effect, values)

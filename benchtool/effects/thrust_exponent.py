@@ -29,7 +29,7 @@ EFFECT = Effect(
             neutral=0.0,
             lower=-0.5,
             upper=0.5,
-            tolerance=0.03,
+            tolerance=0.02,
             description="exponent beyond 2",
             source="neutral value",
         ),

@@ -58,7 +58,7 @@ def near(ranges, reach):
 @spelled
 def bare(radius_m, x_m, y_m, height, area, speed, time_s, pitch, rate, cosine, weight):
     return Flow(radius_m, x_m, y_m, height, area, {ones}, speed, {zeros}, {zeros}, 0.0, 0.0,
-                0.0, time_s, pitch, rate, cosine, weight, {zeros}, 0.0)
+                0.0, time_s, pitch, rate, cosine, weight, {zeros}, 0.0, 0.0)
 
 
 @spelled
@@ -68,7 +68,7 @@ def blown(flow, distances, arms, p):
     return Flow(flow.radius_m, flow.position_x_m, flow.position_y_m, height, area, flow.active,
                 flow.speed_rad_s, {images}, {bodies}, {weight}(area), 0.0, 0.0,
                 flow.time_s, flow.pitch_rad, flow.rate_rad_s, flow.cos_pitch, flow.weight_N,
-                {zeros}, 0.0)
+                {zeros}, 0.0, 0.0)
 
 
 @spelled
@@ -83,7 +83,7 @@ def loaded(flow, rate, k, factor):
     return Flow(flow.radius_m, flow.position_x_m, flow.position_y_m, flow.height_m, flow.area,
                 flow.active, speed, flow.neighbour_images, flow.body_images, flow.body_weight,
                 0.0, 0.0, flow.time_s, flow.pitch_rad, rate, flow.cos_pitch, flow.weight_N,
-                {thrusts}, 0.0)
+                {thrusts}, 0.0, 0.0)
 
 
 @spelled

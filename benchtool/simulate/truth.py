@@ -76,6 +76,7 @@ class TrueThrust:
             self._rig,
             speed_rad_s=speed_rad_s,
             plate_z_m=place.z_m,
+            plate_x_m=place.x_m,
             plate_tilt_rad=place.tilt_rad,
             coverage=self._coverage(place.x_m),
             voltage_V=voltage_V,
