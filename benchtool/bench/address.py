@@ -114,6 +114,12 @@ def _examples() -> list[str]:
 MODES = ("plate", "pitch")
 """What a virtual bench is: a load cell over a plate, or a pitch hinge with a controller."""
 
+MAVLINK_OPTIONS = (
+    *("system", "rotors", "map", "mode", "arm", "rate", "key"),
+    *("thrust", "thrust_scale", "rpm", "distance", "orientation", "cell"),
+)
+"""What may follow the place of a `mavlink:` address; mavlink_settings.py says what each means."""
+
 _PITCH_OPTIONS = ("schedule", "controller", "gains")
 
 
@@ -190,12 +196,20 @@ def _replay(address: Address) -> Bench:
     return ReplayBench.of_run(address.text, Path(address.place))
 
 
+def _mavlink(address: Address) -> Bench:
+    from benchtool.bench.mavlink_bench import MavlinkBench
+    from benchtool.bench.mavlink_settings import settings_of, transport_of
+
+    return MavlinkBench(transport_of(address), address.text, settings_of(address))
+
+
 SCHEMES: dict[str, Scheme] = {
     "sim": Scheme(
         _simulated, ("truth", "seed", "rate", "mode", *_PITCH_OPTIONS), "sim:pquad?seed=3"
     ),
     "serial": Scheme(_serial, ("baud",), "serial:/dev/ttyUSB0?baud=2000000"),
     "tcp": Scheme(_tcp, (), "tcp:127.0.0.1:5555"),
+    "mavlink": Scheme(_mavlink, MAVLINK_OPTIONS, "mavlink:udpin:127.0.0.1:14550"),
     "replay": Scheme(_replay, (), "replay:runs/2026-01-31-first"),
 }
 """Every kind of address; another driver costs one line here."""

@@ -30,6 +30,11 @@ class DeviceLink:
         self._writer = SampleWriter(len(firmware.hello.channels))
         self._answered: tuple[int, bytes] | None = None
 
+    @property
+    def speed(self) -> float:
+        """Device seconds per wall second."""
+        return self.firmware.hello.speed
+
     def receive(self, data: bytes, now_s: float) -> bytes:
         """Take what arrived at wall time `now_s` and return the answers."""
         if not data:
@@ -45,6 +50,11 @@ class DeviceLink:
         if self.firmware.rate_Hz <= 0.0:
             return events, []
         return events, self._writer.frames(rows.device_time_us, rows.values)
+
+    def tell_dropped(self, count: int) -> bytes:
+        """Return the event that says how many samples were dropped."""
+        text = f"{count} samples dropped by the device since the hello; read faster"
+        return event_line(Event("dropped", text))
 
     def _answer(self, message: Message, now_s: float) -> bytes:
         self.firmware.hear(now_s)

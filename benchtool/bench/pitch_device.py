@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 import numpy as np
 
 from benchtool import __version__
+from benchtool.bench.device_link import DeviceLink
 from benchtool.bench.faults import Fault, LinkFaults
 from benchtool.bench.faulty_plant import FaultyPlant
 from benchtool.bench.firmware import Firmware
 from benchtool.bench.hello import Hello
 from benchtool.bench.pitch_plant import PitchPlant
+from benchtool.bench.served_device import ServedDevice
 from benchtool.bench.server import BenchServer
 from benchtool.bench.server_links import ServerLink
 from benchtool.bench.virtual_device import device_limits
@@ -106,8 +108,9 @@ def pitch_server(
     seed: int = 0,
     speed: float = 1.0,
     faults: Iterable[Fault] = (),
+    speak: Callable[[Firmware], ServedDevice] = DeviceLink,
 ) -> BenchServer:
-    """Return a server whose device is a virtual pitch bench.
+    """Return a server whose device is a virtual pitch bench; `speak` is its protocol.
 
     Raises:
         InputError: a speed that makes no sense, or a fault of an unknown channel.
@@ -119,7 +122,7 @@ def pitch_server(
     hello = replace(pitch_hello(physics, seed), speed=speed)
     link_rng = np.random.default_rng(np.random.SeedSequence(seed).spawn(1)[0])
     return BenchServer(
-        Firmware(plant, hello),
+        speak(Firmware(plant, hello)),
         link,
         lambda: plant.rate_Hz,
         LinkFaults(faults, link_rng),

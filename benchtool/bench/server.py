@@ -8,9 +8,8 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from benchtool.bench.device_link import DeviceLink, event_line
 from benchtool.bench.faults import LinkFaults
-from benchtool.bench.firmware import Event, Firmware
+from benchtool.bench.served_device import ServedDevice
 from benchtool.bench.server_links import ServerLink
 
 NAP_S = 0.004
@@ -55,7 +54,7 @@ class BenchServer:
     """Serve one device over one link, to one host after another.
 
     Args:
-        firmware: the device; `firmware.hello.speed` sets the pace.
+        device: served; its speed sets the pace.
         link: where it listens.
         tick_Hz: ticks of the plant per second of device time, at present.
         faults: what goes wrong on the wire.
@@ -65,7 +64,7 @@ class BenchServer:
 
     def __init__(
         self,
-        firmware: Firmware,
+        device: ServedDevice,
         link: ServerLink,
         tick_Hz: Callable[[], float],
         faults: LinkFaults | None = None,
@@ -73,7 +72,7 @@ class BenchServer:
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.outbox = Outbox()
-        self._device = DeviceLink(firmware)
+        self._device = device
         self._link = link
         self._tick_Hz = tick_Hz
         self._faults = faults or LinkFaults()
@@ -101,7 +100,7 @@ class BenchServer:
         self.outbox.add(self._faults.carry(answers, since_s))
         passed_s = min(now_s - self._last_s, LONGEST_CATCH_UP_S)
         self._last_s = now_s
-        self._owed += passed_s * self._device.firmware.hello.speed * self._tick_Hz()
+        self._owed += passed_s * self._device.speed * self._tick_Hz()
         n, self._owed = int(self._owed), self._owed % 1.0
         # Without a tick due the watchdog still looks at the time.
         news, samples = self._device.tick(n, now_s)
@@ -134,6 +133,5 @@ class BenchServer:
         count = self.outbox.dropped - self._dropped_before
         # Told at every doubling, so that the news does not fill a line that is already full.
         if count >= self._tell_from and self._greeted_s is not None:
-            text = f"{count} samples dropped by the device since the hello; read faster"
-            self.outbox.add(event_line(Event("dropped", text)))
+            self.outbox.add(self._device.tell_dropped(count))
             self._tell_from = 2 * count

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 import numpy as np
 
+from benchtool.bench.device_link import DeviceLink
 from benchtool.bench.faults import Fault, LinkFaults
 from benchtool.bench.faulty_plant import FaultyPlant
 from benchtool.bench.firmware import Firmware
+from benchtool.bench.served_device import ServedDevice
 from benchtool.bench.server import BenchServer
 from benchtool.bench.server_links import ServerLink
 from benchtool.bench.virtual_device import hello_of, virtual_plant
@@ -36,8 +38,9 @@ def virtual_server(
     rate_Hz: float = 200.0,
     imperfections: Imperfections | None = None,
     faults: Iterable[Fault] = (),
+    speak: Callable[[Firmware], ServedDevice] = DeviceLink,
 ) -> BenchServer:
-    """Return a server whose device is the virtual bench of a rig.
+    """Return a server whose device is the virtual bench of a rig; `speak` is its protocol.
 
     Raises:
         InputError: a speed or a rate that makes no sense, or a fault of an unknown channel.
@@ -56,7 +59,7 @@ def virtual_server(
     # A stream of random numbers of its own, apart from that of the physics.
     link_rng = np.random.default_rng(np.random.SeedSequence(seed).spawn(1)[0])
     return BenchServer(
-        Firmware(plant, hello),
+        speak(Firmware(plant, hello)),
         link,
         lambda: plant.rate_Hz,
         LinkFaults(faults, link_rng),

@@ -10,10 +10,16 @@ import typer
 from benchtool.cli.check import check
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from benchtool.bench.faults import Fault
+    from benchtool.bench.firmware import Firmware
+    from benchtool.bench.served_device import ServedDevice
     from benchtool.bench.server import BenchServer
     from benchtool.bench.server_links import ServerLink
     from benchtool.core.rig import Rig
+
+    Speak = Callable[[Firmware], ServedDevice]
 
 app = typer.Typer(help="Serve a virtual bench; check a bench before motors spin.")
 
@@ -32,7 +38,9 @@ def serve(
     truth: Annotated[
         str | None, typer.Option(help="Model whose thrust the load cell shows; by name or file.")
     ] = None,
-    link: Annotated[str, typer.Option(help="pty, tcp:PORT or tcp:HOST:PORT.")] = "pty",
+    link: Annotated[
+        str, typer.Option(help="pty, tcp:PORT, tcp:HOST:PORT, or mavlink (:pty, :tcp:PORT, ...).")
+    ] = "pty",
     symlink: Annotated[
         Path | None, typer.Option(help="A path that always leads to the pseudo-terminal.")
     ] = None,
@@ -50,14 +58,20 @@ def serve(
     schedule: Annotated[str, typer.Option(help="Pitch: schedule, or its file.")] = "plate",
     controller: Annotated[str, typer.Option(help="Pitch: built-in controller.")] = "pid",
     gains: Annotated[str, typer.Option(help="Pitch: gain set, or its file.")] = "s3",
+    autopilot: Annotated[
+        str, typer.Option(help="MAVLink: what it behaves like, ardupilot or px4.")
+    ] = "ardupilot",
+    system: Annotated[int, typer.Option(min=1, max=250, help="MAVLink: its number.")] = 1,
+    key: Annotated[
+        Path | None, typer.Option(help="MAVLink: file with the key that signs every frame.")
+    ] = None,
 ) -> None:
-    """Run a virtual bench on a pseudo-terminal or TCP port until Ctrl-C."""
+    """Run a virtual bench on a pseudo-terminal, TCP port or MAVLink until Ctrl-C."""
     import signal
     import sys
 
     from benchtool.bench.address import MODES
     from benchtool.bench.faults import fault_from
-    from benchtool.bench.server_links import link_named
     from benchtool.errors import UnknownChoice
     from benchtool.library import rig_named
 
@@ -67,20 +81,65 @@ def serve(
     stands = rig_named(rig)
     device = _pitch if mode == "pitch" else _plate
     named = (schedule, controller, gains)
-    where = link_named(link, symlink)
+    as_autopilot = link.partition(":")[0] == "mavlink"
+    speak, where, address = (
+        _mavlink(link, symlink, stands, mode, (autopilot, system, key))
+        if as_autopilot
+        else _own_protocol(link, symlink)
+    )
     # A service manager's end, and Ctrl-Break of a Windows console, close the link like Ctrl-C.
     for name in ("SIGTERM", "SIGBREAK"):
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.default_int_handler)
     try:
-        server, told = device(stands, truth, where, seed, speed, rate, faults, named)
-        print(where.address, flush=True)
+        server, told = device(stands, truth, where, seed, speed, rate, faults, named, speak)
+        print(address(), flush=True)
         print(f"virtual {told}, speed {speed:g}; no motor turns; Ctrl-C ends it", file=sys.stderr)
         server.run()
     except KeyboardInterrupt:
         pass
     finally:
         where.close()
+
+
+def _own_protocol(link: str, symlink: Path | None) -> tuple[Speak, ServerLink, Callable[[], str]]:
+    """Return protocol, link and address of a device that speaks the bench protocol."""
+    from benchtool.bench.device_link import DeviceLink
+    from benchtool.bench.server_links import link_named
+
+    where = link_named(link, symlink)
+    return DeviceLink, where, lambda: where.address
+
+
+def _mavlink(
+    link: str, symlink: Path | None, rig: Rig, mode: str, named: tuple[str, int, Path | None]
+) -> tuple[Speak, ServerLink, Callable[[], str]]:
+    """Return protocol, link and address of a device that behaves like an autopilot."""
+    from functools import partial
+    from time import time
+
+    from benchtool.acquire.pitch_experiment import hover_pulse_us
+    from benchtool.bench.autopilot_links import autopilot_link, host_address
+    from benchtool.bench.autopilot_orders import AUTOPILOTS
+    from benchtool.bench.mavlink_settings import read_key
+    from benchtool.bench.virtual_autopilot import VirtualAutopilot
+    from benchtool.errors import UnknownChoice
+
+    kind, system, key = named
+    if kind not in AUTOPILOTS:
+        raise UnknownChoice("autopilot", kind, AUTOPILOTS)
+    speak = partial(
+        VirtualAutopilot,
+        kind=kind,
+        system=system,
+        key=read_key(key) if key else None,
+        now_s=time(),
+        hover_us=hover_pulse_us(rig) if mode == "pitch" else None,
+    )
+    where = autopilot_link(link.partition(":")[2], symlink)
+    options = "&mode=pitch&arm=host" if mode == "pitch" else ""
+    options += f"&key={key}" if key else ""
+    return speak, where, lambda: host_address(where, rig.n_rotors, options)
 
 
 def _plate(
@@ -92,6 +151,7 @@ def _plate(
     rate_Hz: float | None,
     faults: list[Fault],
     _: tuple[str, str, str],
+    speak: Speak,
 ) -> tuple[BenchServer, str]:
     from benchtool.bench.virtual_server import standard_truth, virtual_server
     from benchtool.core.toml_text import build
@@ -109,6 +169,7 @@ def _plate(
         rate_Hz=200.0 if rate_Hz is None else rate_Hz,
         imperfections=build(Imperfections, dict(loaded.imperfections), f"{name}: [imperfections]"),
         faults=faults,
+        speak=speak,
     )
     return server, f"bench of {rig.name}, truth {loaded.model.name}"
 
@@ -122,12 +183,13 @@ def _pitch(
     rate_Hz: float | None,
     faults: list[Fault],
     named: tuple[str, str, str],
+    speak: Speak,
 ) -> tuple[BenchServer, str]:
     from benchtool.bench.pitch_device import pitch_plant, pitch_server
 
     schedule, controller, gains = named
     plant = pitch_plant(rig, truth, schedule, controller, gains, seed, rate_Hz)
-    server = pitch_server(plant, link, seed=seed, speed=speed, faults=faults)
+    server = pitch_server(plant, link, seed=seed, speed=speed, faults=faults, speak=speak)
     return server, (
         f"pitch bench of {rig.name}, truth {plant.job.bench.model.name}, {controller} with gains "
         f"{gains}, schedule {plant.schedule.name} of {plant.schedule.duration_s:g} s"

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from benchtool.bench.device_link import DeviceLink
 from benchtool.bench.faults import LinkFaults
 from benchtool.bench.firmware import Firmware
+from benchtool.bench.served_device import ServedDevice
 
 STEP_S = 0.005
 
@@ -15,7 +16,7 @@ class LoopbackLink:
     """Wire a host to a `Firmware` without a port, a process or a wait.
 
     Args:
-        firmware: the device.
+        firmware: the device, or what speaks for it on the wire.
         tick_Hz: ticks of its plant per second, at present.
         faults: what goes wrong on the way to the host.
         baud: what the port was opened with.
@@ -23,13 +24,15 @@ class LoopbackLink:
 
     def __init__(
         self,
-        firmware: Firmware,
+        firmware: Firmware | ServedDevice,
         tick_Hz: Callable[[], float],
         faults: LinkFaults | None = None,
         baud: int | None = None,
     ) -> None:
         self.now_s = 0.0
-        self.device = DeviceLink(firmware)
+        self.device: ServedDevice = (
+            DeviceLink(firmware) if isinstance(firmware, Firmware) else firmware
+        )
         self.sent: list[bytes] = []
         self._tick_Hz = tick_Hz
         self._faults = faults or LinkFaults()
@@ -50,8 +53,7 @@ class LoopbackLink:
         steps = max(1, round(time_s / STEP_S))
         for _ in range(steps):
             self.now_s += time_s / steps
-            speed = self.device.firmware.hello.speed
-            self._owed += time_s / steps * speed * self._tick_Hz()
+            self._owed += time_s / steps * self.device.speed * self._tick_Hz()
             # A hair, so that a sum of small steps that should be 1 is not just below it.
             n = int(self._owed + 1e-9)
             self._owed -= n

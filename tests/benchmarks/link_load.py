@@ -21,6 +21,7 @@ import serial
 from numpy.typing import NDArray
 
 from benchtool.bench.commands import AskHello, SetRate
+from benchtool.bench.device_link import DeviceLink
 from benchtool.bench.firmware import Firmware
 from benchtool.bench.hello import Hello
 from benchtool.bench.link import crc16, frame_command
@@ -118,7 +119,8 @@ def be_the_device() -> None:
     )
     plant, link = Noise(), PtyLink()
     print(link.address.removeprefix("serial:"), flush=True)
-    BenchServer(Firmware(plant, hello, time.monotonic()), link, lambda: RATE_HZ).run()
+    device = DeviceLink(Firmware(plant, hello, time.monotonic()))
+    BenchServer(device, link, lambda: RATE_HZ).run()
 
 
 @contextmanager

@@ -1,6 +1,6 @@
-"""One contract for every bench: simulated, over a loop-back wire, TCP, a pseudo-terminal, staged,
-guarded; what of it a pitch bench keeps, whose loop commands the motors; and what a replay, which
-only listens, has in common with them."""
+"""One contract for every bench: simulated, over a loop-back wire, TCP, a pseudo-terminal, behind an
+autopilot, staged, guarded; what of it a pitch bench keeps, whose loop commands the motors; and what
+a replay, which only listens, has in common with them."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import os
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,11 +17,14 @@ from benchtool.bench.address import open_bench
 from benchtool.bench.bench import Bench
 from benchtool.bench.firmware import Firmware
 from benchtool.bench.guard import GuardedBench
+from benchtool.bench.mavlink_bench import MavlinkBench
+from benchtool.bench.mavlink_settings import MavlinkSettings
 from benchtool.bench.pitch_device import pitch_hello, pitch_plant
 from benchtool.bench.serial_bench import SerialBench
 from benchtool.bench.server_links import PtyLink, ServerLink, TcpLink
 from benchtool.bench.stage import DeviceStage
 from benchtool.bench.staged_bench import StagedBench
+from benchtool.bench.virtual_autopilot import VirtualAutopilot
 from benchtool.bench.virtual_device import hello_of, virtual_plant
 from benchtool.bench.virtual_server import virtual_server
 from benchtool.core.units import unit_named
@@ -78,8 +82,33 @@ def pitching_looped() -> Bench:
     return SerialBench(link, "serial:loop", clock=link.clock)
 
 
+def flown(kind: str) -> Bench:
+    plant = virtual_plant(RIG, TRUTH, 2)
+    hello = replace(hello_of(plant, TRUTH, 2), speed=20.0)
+    device = VirtualAutopilot(Firmware(plant, hello), kind)
+    link = LoopbackLink(device, lambda: plant.rate_Hz)
+    return MavlinkBench(link, "mavlink:loop", MavlinkSettings(rotors=1), clock=link.clock)
+
+
+def ardupilot() -> Bench:
+    return flown("ardupilot")
+
+
+def px4() -> Bench:
+    return flown("px4")
+
+
+def pitching_flown() -> Bench:
+    plant = pitch_plant(rig_named("pquad"), seed=2)
+    firmware = Firmware(plant, replace(pitch_hello(plant, 2), speed=20.0))
+    link = LoopbackLink(VirtualAutopilot(firmware, hover_us=1599.0), lambda: plant.rate_Hz)
+    settings = MavlinkSettings(rotors=4, mode="pitch", arm="host", distance=True)
+    return MavlinkBench(link, "mavlink:loop", settings, clock=link.clock)
+
+
 MAKERS = {"sim": simulated, "loop": looped, "staged": staged, "guarded": guarded}
-PITCH_MAKERS = {"pitch": pitching, "pitch loop": pitching_looped}
+MAKERS |= {"ardupilot": ardupilot, "px4": px4}
+PITCH_MAKERS = {"pitch": pitching, "pitch loop": pitching_looped, "pitch flown": pitching_flown}
 
 
 @pytest.fixture(params=[*MAKERS, "tcp", "pty"])
@@ -156,7 +185,9 @@ def test_the_identity_is_complete(bench: Bench) -> None:
     assert {"pwm1_us", "rpm1", "thrust_N", "plate_z_m", "voltage_V"} <= set(names)
     for channel in identity.channels:
         unit_named(channel.unit)
-    assert {"thrust_N", "rpm", "pwm_us"} <= set(identity.limits)
+    # An autopilot knows its pulses, but nothing of load cells.
+    own = set() if identity.protocol.startswith("MAVLink") else {"thrust_N", "rpm"}
+    assert {"pwm_us", *own} <= set(identity.limits)
 
 
 def test_time_goes_on_and_samples_come_in_order(any_bench: Bench) -> None:
@@ -235,7 +266,10 @@ def test_another_rate_is_told_and_comes(any_bench: Bench) -> None:
         assert bench.identity.rate_Hz == 50.0
         gather(bench, 1.0)
         rows = gather(bench, 4.0)
-        step_s = np.median(np.diff(rows[:, 0]))
+        names = [channel.name for channel in bench.identity.channels]
+        # An autopilot sends each message in its own time, its outputs at the rate.
+        told = np.isfinite(rows[:, 1 + names.index("pwm1_us")])
+        step_s = np.median(np.diff(rows[told, 0]))
     assert step_s == pytest.approx(0.02, rel=0.05)
 
 

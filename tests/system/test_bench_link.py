@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from benchtool.bench.device_link import DeviceLink
 from benchtool.bench.firmware import Firmware
 from benchtool.bench.serial_bench import SerialBench
 from benchtool.bench.server import BenchServer, Outbox
@@ -64,7 +65,7 @@ class Served:
         self.link = link
         self.plant = WatchedPlant()
         self.firmware = Firmware(self.plant, still_hello(rate_Hz=200.0), time.monotonic())
-        self.server = BenchServer(self.firmware, link, lambda: self.plant.rate_Hz)
+        self.server = BenchServer(DeviceLink(self.firmware), link, lambda: self.plant.rate_Hz)
         self._going = True
         self._thread = threading.Thread(target=self.server.run, args=(lambda: self._going,))
         self._thread.start()

@@ -1,0 +1,397 @@
+"""A flight controller as the bench: `mavlink:` addresses.
+
+Orders to turn end by themselves after a quarter of a second and are sent again by whoever reads,
+never by a thread: a host whose control loop hangs falls silent, and its motors stop. What the
+motors do is read back from the outputs, because an acknowledgement proves nothing.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.bench.bench import Identity, Readings
+from benchtool.bench.device_clock import DeviceClock
+from benchtool.bench.join_readings import joined
+from benchtool.bench.mavlink_dialect import Message
+from benchtool.bench.mavlink_drive import Drive, PitchDrive, TestDrive
+from benchtool.bench.mavlink_frames import MavlinkFrames
+from benchtool.bench.mavlink_health import HEARTBEAT_LOST_S, Health
+from benchtool.bench.mavlink_learn import Learnt, learn
+from benchtool.bench.mavlink_pilots import TIMEOUT_S
+from benchtool.bench.mavlink_plate import move_virtual_plate
+from benchtool.bench.mavlink_quality import LinkQuality
+from benchtool.bench.mavlink_rows import MavlinkRows
+from benchtool.bench.mavlink_settings import MavlinkSettings
+from benchtool.bench.mavlink_streams import ask_for, interval, told, wishes
+from benchtool.bench.mavlink_talk import MavlinkTalk
+from benchtool.bench.mavlink_wiring import channels_of
+from benchtool.bench.opened import Opened
+from benchtool.bench.transport import Transport
+from benchtool.core.channel import Channel
+from benchtool.errors import (
+    BenchError,
+    DeviceStopped,
+    InputError,
+    LinkLost,
+    ProtocolError,
+    StageError,
+)
+
+Array = NDArray[np.float64]
+
+STALE_S = 1.0
+"""A stream that brings nothing for so long is lost (wall time); a choice, as on other benches."""
+
+TARE_S = 1.0
+"""A tare takes the mean of the load cell over so long (bench time); a choice: 80 readings."""
+
+PAUSE_S = 0.15
+"""Nobody read for longer than this: the silence was ours, not that of the autopilot."""
+
+
+class MavlinkBench(Opened):
+    """Drive motors through an autopilot and read what it tells.
+
+    Args:
+        transport: carries the bytes.
+        address: as the user gave it, for the identity and messages.
+        settings: what the address says.
+        clock: monotonic wall clock in seconds.
+        since_1970_s: wall clock for signatures.
+    """
+
+    def __init__(
+        self,
+        transport: Transport,
+        address: str,
+        settings: MavlinkSettings | None = None,
+        clock: Callable[[], float] = time.monotonic,
+        since_1970_s: Callable[[], float] = time.time,
+    ) -> None:
+        self.address = address
+        self._transport, self._clock, self._since_1970_s = transport, clock, since_1970_s
+        self._settings = settings or MavlinkSettings()
+        self._learnt: Learnt | None = None
+        self._channels: tuple[Channel, ...] = ()
+        self._rate_Hz = self._settings.rate_Hz
+
+    @property
+    def identity(self) -> Identity:
+        learnt = self._known()
+        pulses = learnt.pulses
+        facts = {
+            "autopilot": learnt.pilot.name,
+            "system": str(self._talk.system),
+            "pwm_stop_us": f"{pulses.stop_us:g}",
+            "pwm_idle_us": f"{pulses.idle_us:g}",
+            "outputs": " ".join(map(str, learnt.wiring.outputs)),
+            **told(self._became),
+            **self._quality.facts(),
+        }
+        if learnt.speed != 1.0:
+            facts["speed"] = f"{learnt.speed:g}"
+        if self._settings.mode == "pitch":
+            facts["mode"] = "pitch"
+        if self._settings.warning:
+            facts["warning"] = self._settings.warning
+        return Identity(
+            address=self.address,
+            device_id=learnt.device_id,
+            firmware=learnt.firmware,
+            protocol="MAVLink 2",
+            channels=self._channels,
+            rate_Hz=self._rate_Hz,
+            n_rotors=learnt.wiring.n_rotors,
+            simulated=learnt.simulated,
+            moves_plate=learnt.simulated,
+            limits={"pwm_us": pulses.high_us},
+            watchdog_s=TIMEOUT_S,
+            facts=facts,
+        )
+
+    def now_s(self) -> float:
+        speed = self._learnt.speed if self._learnt else 1.0
+        return self._opened_s + (self._clock() - self._opened_s) * speed
+
+    def open(self) -> None:
+        if self._learnt is not None:
+            return
+        settings = self._settings
+        frames = MavlinkFrames(key=settings.key, now_s=self._since_1970_s())
+        self._talk = talk = MavlinkTalk(self._transport, self.address, self._clock, frames)
+        self._opened_s = self._pumped_s = self._heard_s = self._clock()
+        self._device_clock = DeviceClock()
+        self._quality = LinkQuality()
+        self._counts: Counter[str] = Counter()
+        self._messages: list[str] = [settings.warning] if settings.warning else []
+        self._stopped: str | None = None
+        self._told = False
+        self._zero_N = 0.0
+        self._kept: list[Readings] = []
+        self._plate_state: list[float] = []
+        self._said = ""
+        try:
+            beat = talk.find(settings.system)
+            learnt = learn(talk, beat, settings, self._clock)
+            self._rows = MavlinkRows(learnt.wiring, learnt.pulses.idle_us, settings.speeds)
+            pitch = settings.mode == "pitch"
+            self._health = Health(pitch or learnt.pilot.arms)
+            made = PitchDrive if pitch else TestDrive
+            self._drive: Drive = made(talk, learnt, self._health, settings.arm, self._clock)
+            talk.on_message = self._take
+            self._became = ask_for(
+                talk, wishes(settings, learnt.wiring.n_rotors), self._counts.__getitem__,
+                self._clock, learnt.speed,
+            )  # fmt: skip
+            self._choose_channels(learnt)
+            self._talk.frames.take_losses(talk.system)
+            self._learnt = learnt
+        except BaseException:
+            self._transport.close()
+            raise
+
+    def close(self) -> None:
+        if self._learnt is None:
+            return
+        try:
+            self._drive.let_go()
+            for name, became in self._became.items():
+                if became == "comes":
+                    self._talk.order(interval(name, 0.0))
+        except BenchError:
+            pass  # The time-out of the motor test stops the motors where we cannot.
+        finally:
+            self._transport.close()
+            self._learnt = None
+
+    def set_pwm(self, pwm_us: Array) -> None:
+        learnt = self._known()
+        self._raise_if_stopped()
+        pulses = np.asarray(pwm_us, float).ravel()
+        if len(pulses) != learnt.wiring.n_rotors or not np.isfinite(pulses).all():
+            raise InputError(
+                f"pulses {pulses.tolist()} were not sent; {learnt.wiring.n_rotors} finite ones "
+                f"are needed, one for each rotor"
+            )
+        low_us, high_us = learnt.pulses.stop_us, learnt.pulses.high_us
+        if (pulses < low_us).any() or (pulses > high_us).any():
+            raise InputError(
+                f"pulses {pulses.tolist()} were not sent; the autopilot's outputs go from "
+                f"{low_us:g} to {high_us:g} us"
+            )
+        self._drive.command(tuple(pulses.tolist()))
+
+    def stop(self) -> None:
+        self._known()
+        self._drive.stop()
+
+    def move_plate(self, z_m: float, x_m: float = 0.0, tilt_rad: float = 0.0) -> None:
+        learnt = self._known()
+        self._raise_if_stopped()
+        if not learnt.simulated:
+            raise StageError(
+                "an autopilot does not move the plate; give --stage hand or --stage grbl:PORT"
+            )
+        idle_us = learnt.pulses.idle_us
+        if self._drive.highest_us > idle_us:
+            raise StageError(
+                f"the plate was not moved: a motor is commanded {self._drive.highest_us:g} us, "
+                f"above idle at {idle_us:g} us; command idle first"
+            )
+        move_virtual_plate(self, self._talk, (z_m, x_m, tilt_rad))
+
+    def listen(self, timeout_s: float) -> list[float]:
+        """Read on, keep the samples for the next `read`, and return what the plate told."""
+        self._kept.append(self._read_fresh(timeout_s))
+        state, self._plate_state = self._plate_state, []
+        return state
+
+    def tare(self) -> None:
+        """Take the mean of the load cell over a second as zero: autopilots have no tare."""
+        names = [channel.name for channel in self.identity.channels]
+        if "thrust_N" not in names:
+            raise InputError("this bench streams no thrust, so there is nothing to tare")
+        index, parts = names.index("thrust_N"), []
+        until_s = self.now_s() + TARE_S
+        while (left_s := until_s - self.now_s()) > 1e-9:
+            readings = self._read_fresh(left_s)
+            self._kept.append(readings)
+            parts.append(readings.values[:, index])
+        seen = np.concatenate(parts) if parts else np.empty(0)
+        if np.isfinite(seen).any():
+            self._zero_N += float(np.nanmean(seen))
+
+    def set_rate(self, rate_Hz: float) -> None:
+        self._known()
+        if not 1.0 <= rate_Hz <= 1000.0:
+            raise InputError(f"a stream of {rate_Hz:g} Hz is not possible; ask for 1 to 1000")
+        for name in ("SERVO_OUTPUT_RAW", "ACTUATOR_OUTPUT_STATUS", "ATTITUDE", "ATTITUDE_TARGET"):
+            if self._became.get(name) == "comes":
+                self._talk.exchange(interval(name, rate_Hz))
+        self._rate_Hz = rate_Hz
+
+    def read(self, timeout_s: float) -> Readings:
+        self._known()
+        if self._kept:
+            kept, self._kept = joined(self._kept), []
+            if len(kept):
+                return kept
+        return self._read_fresh(timeout_s)
+
+    def _read_fresh(self, timeout_s: float) -> Readings:
+        speed = self._known().speed
+        deadline_s = self._clock() + timeout_s / speed
+        while True:
+            readings = self._readings()
+            if len(readings):
+                return readings
+            # What was read before a stop is handed out first: no sample is lost to its news.
+            if not self._told:
+                self._raise_if_stopped()
+            left_s = deadline_s - self._clock()
+            if left_s <= 0.0:
+                return readings
+            self._pump(left_s)
+
+    def last_text(self) -> str:
+        """Return what the autopilot said last."""
+        return self._said or "it does not say why"
+
+    def _known(self) -> Learnt:
+        if self._learnt is None:
+            raise LinkLost(f"{self.address} is not open; open it first")
+        return self._learnt
+
+    def _choose_channels(self, learnt: Learnt) -> None:
+        """Keep the channels that live; say which messages do not come.
+
+        Raises:
+            ProtocolError: no outputs are told, so that nothing could be read back.
+        """
+        if not any(
+            self._became.get(name) == "comes"
+            for name in ("SERVO_OUTPUT_RAW", "ACTUATOR_OUTPUT_STATUS")
+        ):
+            raise ProtocolError(
+                f"system {self._talk.system} does not tell its outputs (SERVO_OUTPUT_RAW "
+                f"{self._became.get('SERVO_OUTPUT_RAW')}), so nobody could see what its motors do; "
+                f"raise the telemetry port's rate or take another port"
+            )
+        n = learnt.wiring.n_rotors
+        every = channels_of(n)
+        _, seen = self._rows.take_rows()
+        alive = np.isfinite(seen).any(axis=0) | (np.arange(len(every)) < n)
+        self._columns = np.flatnonzero(alive)
+        self._channels = tuple(every[index] for index in self._columns.tolist())
+        names = [channel.name for channel in self._channels]
+        self._thrust = names.index("thrust_N") if "thrust_N" in names else -1
+        for name, became in self._became.items():
+            if became not in ("comes", "comes unasked"):
+                self._messages.append(f"{name}: {became}")
+
+    def _pump(self, timeout_s: float) -> None:
+        """Send what must be sent again, take what arrives, and look for what ends a run."""
+        now_s = self._clock()
+        if (pause_s := now_s - self._pumped_s) > PAUSE_S:
+            self._health.skip(pause_s)
+            self._heard_s += pause_s
+        self._pumped_s = now_s
+        fault = self._drive.keep_on(now_s)
+        if self._talk.pump(timeout_s):
+            self._heard_s = self._clock()
+        now_s = self._clock()
+        if self._rows.time.rebooted:
+            self._rows.time.rebooted = False
+            self._health.rebooted()
+        fault = fault or self._health.take_fault()
+        fault = fault or self._drive.fault(self._rows.outputs_us, now_s)
+        if fault is not None and self._stopped is None:
+            self._halt(fault)
+        self._check_silence(now_s)
+
+    def _halt(self, fault: str) -> None:
+        """Stop the motors before anybody is told why."""
+        self._stopped = fault
+        try:
+            self._drive.stop()
+        except LinkLost:
+            pass  # They stop by their time-out.
+
+    def _check_silence(self, now_s: float) -> None:
+        silent_s = now_s - self._heard_s
+        if silent_s > STALE_S:
+            raise LinkLost(
+                f"{self.address} sent nothing for {silent_s:.1f} s, limit {STALE_S:g} s; motor "
+                f"tests end by themselves; check cable and power, then start again"
+            )
+        quiet_s = self._health.silence_s(now_s)
+        if quiet_s > HEARTBEAT_LOST_S:
+            raise LinkLost(
+                f"no heartbeat of system {self._talk.system} for {quiet_s:.1f} s, limit "
+                f"{HEARTBEAT_LOST_S:g} s; check the flight controller, then start again"
+            )
+
+    def _take(self, message: Message, arrived_s: float) -> None:
+        """Take one message of the autopilot."""
+        name = message.msgname
+        self._counts[name] += 1
+        if name == "HEARTBEAT":
+            self._health.beat(message, arrived_s)
+        elif name == "STATUSTEXT":
+            self._health.text(message)
+            self._said = (self._health.texts or [""])[-1]
+        elif name == "NAMED_VALUE_FLOAT" and message.name == "plate_mov":
+            self._plate_state.append(float(message.value))
+        else:
+            self._rows.take(message)
+            if name in ("SERVO_OUTPUT_RAW", "ACTUATOR_OUTPUT_STATUS"):
+                found = self._drive.seen(self._rows.outputs_us, arrived_s)
+                if found is not None:
+                    self._rows.wire(*found)
+                    self._messages.append(f"rotor {found[0]} hangs on output {found[1]}")
+                device_s = 1e-6 * self._rows.time.last_us
+                speed = self._learnt.speed if self._learnt else 1.0
+                self._quality.arrived(arrived_s, device_s / speed)
+
+    def _raise_if_stopped(self) -> None:
+        if self._stopped is not None:
+            self._told = True
+            raise DeviceStopped(
+                f"the run was ended: {self._stopped}; motors were stopped; remove the cause and "
+                f"start again"
+            )
+
+    def _readings(self) -> Readings:
+        """Return the rows that have come, on the host's clock."""
+        times_us, values = self._rows.take_rows()
+        values = values[:, self._columns]
+        some = ~np.isnan(values).all(axis=1)
+        times_us, values = times_us[some], values[some]
+        if len(times_us):
+            self._device_clock.learn(int(times_us[-1]), self._on_bench_clock(self._clock()))
+        if self._thrust >= 0:
+            values[:, self._thrust] -= self._zero_N
+        counted = self._talk.frames.take_losses(self._talk.system)
+        self._quality.count(*counted)
+        self._messages += self._health.texts
+        self._messages += self._rows.speeds.take_news()
+        self._health.texts.clear()
+        messages: tuple[str, ...] = ()
+        if len(times_us):
+            messages, self._messages = tuple(self._messages), []
+        return Readings(
+            time_s=self._device_clock.host_time_s(times_us),
+            device_time_us=times_us.astype(float),
+            values=values,
+            lost=counted[1],
+            corrupt=counted[2],
+            messages=messages,
+        )
+
+    def _on_bench_clock(self, wall_s: float) -> float:
+        return self._opened_s + (wall_s - self._opened_s) * self._known().speed

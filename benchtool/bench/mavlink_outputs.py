@@ -1,0 +1,108 @@
+"""Are pulses seen at the outputs that were commanded? An acknowledgement proves nothing. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+SEEN_S = 0.3
+"""An acknowledged pulse must show at the outputs within this; ArduPilot takes 0.02 to 0.07 s."""
+
+TOLERANCE_US = 3.0
+"""Rounding of pulses on the way through percent and timer ticks; a choice."""
+
+
+class OutputWatch:
+    """Compare what outputs tell with what they were told.
+
+    Args:
+        name: of the autopilot, for messages.
+        stop_us: pulse of a motor that stands; outputs without any pulse stand as well.
+    """
+
+    def __init__(self, name: str, stop_us: float) -> None:
+        self._name = name
+        self._stop_us = stop_us
+        self._wanted: dict[int, tuple[int, float]] = {}
+        self._lately: list[tuple[float, int, float]] = []
+        self._good_s: dict[int, float] = {}
+        self._looked_s: float | None = None
+
+    def command(self, wanted: Mapping[int, tuple[int, float]], now_s: float) -> None:
+        """Note what outputs should show from now on.
+
+        Args:
+            wanted: by rotor (from 1): its output (from 1, 0 when not known) and its pulse in us.
+            now_s: wall time.
+        """
+        for rotor, (output, pulse_us) in wanted.items():
+            before = self._wanted.get(rotor)
+            if before != (output, pulse_us):
+                if before is not None:
+                    self._lately.append((now_s, rotor, before[1]))
+                self._good_s[rotor] = max(self._good_s.get(rotor, now_s), now_s)
+        self._wanted = dict(wanted)
+
+    def seen(self, outputs_us: tuple[int, ...], now_s: float) -> tuple[int, int] | None:
+        """Note what outputs tell; a pulse commanded a moment ago is as good as the present one.
+
+        Returns:
+            a rotor whose output was not known, and the only output that follows it (from 1).
+        """
+        found = None
+        self._lately = [item for item in self._lately if now_s - item[0] <= SEEN_S]
+        for rotor, (output, pulse_us) in self._wanted.items():
+            shown = outputs_us[output - 1] if output else _nearest(outputs_us, pulse_us)
+            allowed = [pulse_us, *(us for _, own, us in self._lately if own == rotor)]
+            if any(self._fits(shown, us) for us in allowed):
+                self._good_s[rotor] = now_s
+                if not output and max(allowed) > self._stop_us:
+                    found = self._only(rotor, outputs_us) or found
+        if found is not None:
+            self._wanted[found[0]] = (found[1], self._wanted[found[0]][1])
+        return found
+
+    def fault(self, outputs_us: tuple[int, ...], now_s: float) -> str | None:
+        """Return what is wrong in a sentence, None while nothing is.
+
+        Call it often: a pause in which nobody looked does not count.
+        """
+        pause_s = now_s - self._looked_s if self._looked_s is not None else 0.0
+        self._looked_s = now_s
+        if pause_s > 0.5 * SEEN_S:
+            self._good_s = {rotor: good_s + pause_s for rotor, good_s in self._good_s.items()}
+        for rotor, (output, pulse_us) in self._wanted.items():
+            late_s = now_s - self._good_s[rotor]
+            if late_s <= SEEN_S:
+                continue
+            where = (
+                f"output {output} shows {outputs_us[output - 1]} us"
+                if output
+                else "no output shows it"
+            )
+            return (
+                f"rotor {rotor} was commanded {pulse_us:g} us and {self._name} acknowledged it, "
+                f"but {where} after {late_s:.1f} s, limit "
+                f"{SEEN_S:g} s; look at the safety switch, the arming checks and the map of "
+                f"outputs (benchtool bench map)"
+            )
+        return None
+
+    def _only(self, rotor: int, outputs_us: tuple[int, ...]) -> tuple[int, int] | None:
+        """Return a rotor with the one output that is driven, None where several are."""
+        driven = [
+            output
+            for output, shown in enumerate(outputs_us, 1)
+            if shown > self._stop_us + TOLERANCE_US
+        ]
+        turning = [own for own, (_, pulse_us) in self._wanted.items() if pulse_us > self._stop_us]
+        return (rotor, driven[0]) if len(driven) == 1 and turning == [rotor] else None
+
+    def _fits(self, shown: int, pulse_us: float) -> bool:
+        if pulse_us <= self._stop_us:
+            return shown <= self._stop_us + TOLERANCE_US
+        return abs(shown - pulse_us) <= TOLERANCE_US
+
+
+def _nearest(outputs_us: tuple[int, ...], pulse_us: float) -> int:
+    """Return the output that comes nearest to a pulse, where it is not known which one it is."""
+    return min(outputs_us, key=lambda shown: abs(shown - pulse_us))

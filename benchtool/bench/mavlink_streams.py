@@ -1,0 +1,130 @@
+"""Which messages a bench asks an autopilot for, and what became of each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+from benchtool.bench.mavlink_dialect import ESC_STATUS, dialect
+from benchtool.bench.mavlink_pilots import Order
+from benchtool.bench.mavlink_settings import MavlinkSettings
+from benchtool.bench.mavlink_talk import MavlinkTalk
+from benchtool.bench.mavlink_wiring import THRUST_MESSAGES
+
+SET_INTERVAL = 511
+SLOW_HZ, BATTERY_HZ = 20.0, 4.0
+"""Speeds and distance; battery. ESC telemetry has no more to say (a choice)."""
+
+LISTEN_S = 1.2
+"""A message that was accepted and has not come after so long is one that never comes."""
+
+ACCEPTED = 0
+
+Became = Literal["comes", "denied", "accepted, but nothing comes", "comes unasked"]
+
+
+@dataclass(frozen=True, slots=True)
+class Wish:
+    """Ask for a message at a rate; `stead` names the one in whose stead it is asked for."""
+
+    name: str
+    rate_Hz: float
+    stead: str = ""
+
+
+def wishes(settings: MavlinkSettings, n_rotors: int) -> tuple[Wish, ...]:
+    """Return what is asked for, the first choice of a channel before the second."""
+    rate_Hz = settings.rate_Hz
+    slow_Hz = min(SLOW_HZ, rate_Hz)
+    found = [
+        Wish("SERVO_OUTPUT_RAW", rate_Hz),
+        Wish("ACTUATOR_OUTPUT_STATUS", rate_Hz, stead="SERVO_OUTPUT_RAW"),
+        Wish("BATTERY_STATUS", min(BATTERY_HZ, rate_Hz)),
+        Wish("SYS_STATUS", min(BATTERY_HZ, rate_Hz), stead="BATTERY_STATUS"),
+    ]
+    if settings.mode == "pitch":
+        found += [Wish("ATTITUDE", rate_Hz), Wish("ATTITUDE_TARGET", rate_Hz)]
+    elif settings.cell is None:
+        found.append(Wish(settings.thrust.message, rate_Hz))
+    if settings.speeds:
+        found.append(Wish("ESC_TELEMETRY_1_TO_4", slow_Hz))
+        if n_rotors > 4:
+            found.append(Wish("ESC_TELEMETRY_5_TO_8", slow_Hz))
+        if n_rotors > 8:
+            found.append(Wish("ESC_TELEMETRY_9_TO_12", slow_Hz))
+        found += [Wish(name, slow_Hz) for name in ("ESC_STATUS", "RAW_RPM", "RPM")]
+    if settings.distance:
+        found.append(Wish("DISTANCE_SENSOR", slow_Hz))
+        found.append(Wish("RANGEFINDER", slow_Hz, stead="DISTANCE_SENSOR"))
+    return tuple(found)
+
+
+def ask_for(
+    talk: MavlinkTalk,
+    wanted: tuple[Wish, ...],
+    counts: Callable[[str], int],
+    clock: Callable[[], float],
+    speed: float,
+) -> dict[str, Became]:
+    """Ask for every message and say what became of each.
+
+    Args:
+        talk: the conversation.
+        wanted: messages, first choices first.
+        counts: how many of a message have come so far.
+        clock: wall time.
+        speed: of the autopilot's time.
+
+    Raises:
+        LinkLost: the autopilot does not answer.
+    """
+    became: dict[str, Became] = {}
+    for stage in (False, True):
+        asked = [
+            wish
+            for wish in wanted
+            if bool(wish.stead) is stage and (not stage or became.get(wish.stead) != "comes")
+        ]
+        taken = []
+        for wish in asked:
+            result = talk.exchange(interval(wish.name, wish.rate_Hz))
+            if result == ACCEPTED:
+                taken.append(wish)
+            else:
+                became[wish.name] = "denied"
+        before = {wish.name: counts(wish.name) for wish in asked}
+        until_s = clock() + LISTEN_S / speed
+        watched = {wish.name for wish in asked}
+        while watched and clock() < until_s:
+            talk.pump(0.02)
+            watched -= {name for name in watched if counts(name) > before[name]}
+        for wish in taken:
+            came = wish.name not in watched
+            became[wish.name] = "comes" if came else "accepted, but nothing comes"
+        for wish in asked:
+            # Named values come from scripts and companions, which nobody can ask.
+            if wish.name in THRUST_MESSAGES and wish.name not in watched:
+                became[wish.name] = "comes" if wish in taken else "comes unasked"
+    return became
+
+
+def interval(name: str, rate_Hz: float) -> Order:
+    """Return the order that asks for a message at a rate; 0 ends it."""
+    every_us = 1e6 / rate_Hz if rate_Hz > 0.0 else -1.0
+    return Order(SET_INTERVAL, (float(number_of(name)), every_us, 0.0, 0.0, 0.0, 0.0, 0.0))
+
+
+def number_of(name: str) -> int:
+    """Return the number of a message."""
+    if name == "ESC_STATUS":
+        return ESC_STATUS
+    return int(getattr(dialect(), f"MAVLINK_MSG_ID_{name}"))
+
+
+def told(became: dict[str, Became]) -> dict[str, str]:
+    """Return in words, for a run's facts, which messages come, were denied, or never came."""
+    groups: dict[str, list[str]] = {}
+    for name, what in became.items():
+        groups.setdefault(what, []).append(name)
+    return {f"messages {what}": " ".join(names) for what, names in groups.items()}

@@ -1,0 +1,55 @@
+"""An autopilot's time since boot, from stamps of 32 and 64 bits that wrap, jump and are missing."""
+
+from __future__ import annotations
+
+MODULUS = 1 << 32
+
+REBOOT_US = 2_000_000
+"""A clock that goes back by more has begun anew; reordered datagrams are off by less. A choice."""
+
+EPOCH_US = 1 << 50
+"""Stamps above (35 years) count since 1970, not since boot; MAVLink allows both, told by size."""
+
+
+class BootTime:
+    """Unwrap stamps of every kind onto one count of microseconds.
+
+    `SERVO_OUTPUT_RAW.time_usec` holds 32 bits and wraps after 71.6 minutes, `time_boot_ms` after
+    49.7 days. A message without a stamp happened at the last one.
+
+    Attributes:
+        last_us: of the newest stamp.
+        rebooted: whether the clock has begun anew; time goes on from the last stamp then.
+    """
+
+    def __init__(self) -> None:
+        self.last_us = 0
+        self.rebooted = False
+        self._started = False
+        self._offset_us = 0
+
+    def us32(self, stamp: int) -> int:
+        """Return a stamp of 32 bits in us, unwrapped."""
+        return self._nearest(stamp, MODULUS)
+
+    def ms32(self, stamp: int) -> int:
+        """Return a stamp of 32 bits in ms as us, unwrapped."""
+        return self._nearest(1000 * stamp, 1000 * MODULUS)
+
+    def us64(self, stamp: int) -> int:
+        """Return a stamp of 64 bits; one since 1970 says nothing about the boot."""
+        return self.last_us if stamp == 0 or stamp >= EPOCH_US else self._nearest(stamp, 1 << 64)
+
+    def _nearest(self, stamp: int, modulus: int) -> int:
+        if not self._started:
+            self._started = True
+            self.last_us = stamp
+            return stamp
+        step = (stamp + self._offset_us - self.last_us + modulus // 2) % modulus - modulus // 2
+        if step < -REBOOT_US:
+            self.rebooted = True
+            # What comes now lies behind what came before: no time of a recording runs backwards.
+            self._offset_us += -step
+            step = 0
+        self.last_us = max(self.last_us, self.last_us + step)
+        return self.last_us if step > 0 else self.last_us + step

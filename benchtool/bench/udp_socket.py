@@ -1,0 +1,99 @@
+"""UDP as a transport: listening for whoever sends, or sending to one place."""
+
+from __future__ import annotations
+
+import errno
+import socket
+import time
+
+from benchtool.bench.link_errors import lost_error, opening_error
+from benchtool.bench.transport import NAP_S
+from benchtool.errors import LinkLost, PortBusy
+
+MOST_PEERS = 8
+"""Senders that are answered; a choice. Beyond it the oldest is forgotten."""
+
+DATAGRAM_BYTES = 65536
+BUFFER_BYTES = 1 << 20
+"""What the system keeps while nobody reads: seconds of telemetry instead of a fraction of one."""
+
+
+class UdpSocket:
+    """Carry bytes in datagrams.
+
+    Args:
+        host: to listen on, or to send to.
+        port: UDP port.
+        listen: True binds and answers whoever has sent; False sends to `host` first.
+    """
+
+    baud: int | None = None
+
+    def __init__(self, host: str, port: int, listen: bool) -> None:
+        self.host, self.port, self._listen = host, port, listen
+        self._socket: socket.socket | None = None
+        self._peers: list[tuple[str, int]] = []
+
+    def open(self) -> None:
+        where = f"{self.host}:{self.port}"
+        opened = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        try:
+            opened.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER_BYTES)
+            if self._listen:
+                opened.bind((self.host, self.port))
+                self._peers = []
+            else:
+                self._peers = [(socket.gethostbyname(self.host), self.port)]
+            opened.setblocking(False)
+        except (OSError, OverflowError, UnicodeError) as error:
+            opened.close()
+            if getattr(error, "errno", None) == errno.EADDRINUSE:
+                raise PortBusy(
+                    f"another program listens on UDP {where} (a ground station?); end it, or let "
+                    f"the autopilot send to another port as well"
+                ) from error
+            raise opening_error(error, f"UDP {where}") from error
+        self._socket = opened
+
+    def read(self, timeout_s: float) -> bytes:
+        deadline_s = time.monotonic() + timeout_s
+        while True:
+            left_s = deadline_s - time.monotonic()
+            time.sleep(min(NAP_S, max(left_s, 0.0)))
+            data = self._take()
+            if data or left_s <= NAP_S:
+                return data
+
+    def write(self, data: bytes) -> None:
+        opened = self._opened()
+        for peer in self._peers:
+            try:
+                opened.sendto(data, peer)
+            except ConnectionError:
+                pass  # Nobody there at the moment: silence is judged by whoever reads.
+            except OSError as error:
+                raise lost_error(error, f"UDP {peer[0]}:{peer[1]}") from error
+
+    def close(self) -> None:
+        opened, self._socket = self._socket, None
+        if opened is not None:
+            opened.close()
+
+    def _opened(self) -> socket.socket:
+        if self._socket is None:
+            raise LinkLost(f"UDP {self.host}:{self.port} is closed; open it first")
+        return self._socket
+
+    def _take(self) -> bytes:
+        opened = self._opened()
+        parts: list[bytes] = []
+        while True:
+            try:
+                data, peer = opened.recvfrom(DATAGRAM_BYTES)
+            except (BlockingIOError, ConnectionError):
+                return b"".join(parts)
+            except OSError as error:
+                raise lost_error(error, f"UDP {self.host}:{self.port}") from error
+            parts.append(data)
+            if self._listen and peer not in self._peers:
+                self._peers = [*self._peers, peer][-MOST_PEERS:]
