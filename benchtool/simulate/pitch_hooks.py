@@ -14,10 +14,13 @@ _TEXT = '''"""Effects of a pitch bench, spelled out: {names}.
 {n} discs, {lanes} lanes, wake rule {rule}. Written by benchtool.simulate.pitch_hooks.
 """
 
+import numpy as np
+
 from benchtool.aero.expression import compiled
 from benchtool.aero.images import image_velocity, partial_factor, self_image, thrust_factor
 from benchtool.aero.validity import clamped_height
 from benchtool.effects.effect import Flow
+from benchtool.simulate.gathered import line, plane, solid
 from benchtool.simulate.pitch_kernel import run_ticks
 from benchtool.simulate.pitch_shared import Hooks
 from benchtool.simulate.pitch_track import track_ticks
@@ -114,6 +117,19 @@ def run(w, states, sent, past, log, logged, schedule, fresh, table, distances, a
     run_ticks(w, states, sent, past, log, logged, schedule, fresh, table, distances, arms, plan,
               dt_s, LANES, Hooks(numbers, of_discs, places, spans, gaps, near, bare, blown,
                                  factors, loaded, torque, dry_friction, speeds, gyro))
+
+
+@compiled
+def tick(block, where, plan, number):
+    plan[0] = number
+    plan[1] = number + 1
+    run_ticks(line(block, where, 0), line(block, where, 1).view(np.int64),
+              line(block, where, 2), line(block, where, 3), solid(block, where, 4),
+              line(block, where, 5).view(np.int64), plane(block, where, 6),
+              plane(block, where, 7), plane(block, where, 8), plane(block, where, 9),
+              line(block, where, 10), plan, line(block, where, 11)[0], LANES,
+              Hooks(numbers, of_discs, places, spans, gaps, near, bare, blown, factors, loaded,
+                    torque, dry_friction, speeds, gyro))
 
 
 @compiled

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from types import ModuleType
 
 import numpy as np
@@ -15,6 +15,7 @@ from benchtool.core.schedule import SampledSchedule
 from benchtool.effects.model import Model
 from benchtool.errors import InputError
 from benchtool.simulate import pitch_rows as r
+from benchtool.simulate.gathered import gathered
 from benchtool.simulate.noise import lane_states
 from benchtool.simulate.pitch_bench import SENSOR_NAMES, PitchBench, PitchSensor
 from benchtool.simulate.pitch_hooks import pitch_module
@@ -189,19 +190,18 @@ class PitchLoop:
         return log
 
     def stepper(self) -> Callable[[int], None]:
-        """Return a function that runs one control tick, as quickly as it can be called."""
-        plan, run = self.plan, self._module.run
-        arguments = (
-            self.w, self.states, self.sent, self.past, self.log, self.rows, self.table,
-            self.fresh, *self.geometry, plan, self.dt_s,
+        """Return a function that runs one control tick, as quickly as it can be called.
+
+        The loop's arrays become views into one block: take them from the loop afterwards.
+        """
+        block, where, views = gathered(
+            [
+                self.w, self.states, self.sent, self.past, self.log, self.rows, self.table,
+                self.fresh.astype(float), *self.geometry, np.array([self.dt_s]),
+            ]
         )  # fmt: skip
-
-        def step(tick: int) -> None:
-            plan[0] = tick
-            plan[1] = tick + 1
-            run(*arguments)
-
-        return step
+        self.w, self.states, self.sent, self.past, self.log, _, self.table = views[:7]
+        return partial(self._module.tick, block, where, self.plan)
 
     def row(self, row: int) -> Array:
         """Return one row of the work space (n_lanes,)."""

@@ -2,25 +2,14 @@
 
 from __future__ import annotations
 
-import traceback
-from math import isfinite, isnan
-from typing import Any
-
 import numpy as np
 
-from benchtool.control.controller import (
-    Controller,
-    PitchCommand,
-    PitchMeasurement,
-    PitchReference,
-)
 from benchtool.core.schedule import SampledSchedule
 from benchtool.errors import InputError
 from benchtool.simulate import pitch_rows as r
+from benchtool.simulate.pitch_own import PitchController, own_ticks
 from benchtool.simulate.pitch_result import PitchRun
 from benchtool.simulate.pitch_run import PitchJob, PitchLoop
-
-PitchController = Controller[PitchMeasurement, PitchReference, PitchCommand | float]
 
 
 def simulate_pitch(
@@ -56,38 +45,7 @@ def simulate_controller(
         InputError: the controller raised, or returned what is no finite number.
     """
     loop = PitchLoop([job], schedule, seed, [run], external=True)
-    n = loop.n_discs
-    w, dt_s = loop.w, 1.0 / schedule.rate_Hz
-    times = schedule.time_s.tolist()
-    references = schedule.reference_rad.tolist()
-    collectives = (schedule.collective * job.bench.hover_N).tolist()
-    step, advance = controller.step, loop.stepper()
-    readings = w[r.READ_THETA : r.READ_RANGE + n]
-    first_speed, first_range = r.READ_SPEED - r.READ_THETA, r.READ_RANGE - r.READ_THETA
-    for tick, time_s in enumerate(times):
-        read = readings.tolist()
-        measured = PitchMeasurement(
-            time_s,
-            read[0],
-            read[1],
-            read[2],
-            tuple(read[first_speed : first_speed + n]),
-            tuple(read[first_range:]),
-        )
-        try:
-            command = step(measured, PitchReference(references[tick], collectives[tick]), dt_s)
-        except Exception as error:
-            raise InputError(_raised(controller, error, time_s)) from error
-        torque, difference = command if isinstance(command, tuple) else (command, 0.0)
-        try:
-            usable = isfinite(torque) and isfinite(difference)
-        except TypeError:
-            usable = False
-        if not usable:
-            raise InputError(_unusable(controller, torque, difference, time_s))
-        w[r.TORQUE] = torque
-        w[r.DIFFERENCE] = difference
-        advance(tick)
+    own_ticks(loop)(controller, 0, len(schedule), 0)
     return taken(loop, 0, name)
 
 
@@ -106,28 +64,4 @@ def taken(loop: PitchLoop, lane: int, name: str) -> PitchRun:
         log=log,
         clamped_steps=int(loop.row(r.CLAMPED)[lane]),
         stopped_steps=int(loop.row(r.STOPPED)[lane]),
-    )
-
-
-def _raised(controller: Any, error: Exception, time_s: float) -> str:
-    """Return one sentence that names the user's own line."""
-    frames = traceback.extract_tb(error.__traceback__)
-    frame = frames[-1]
-    for each in frames:
-        if each.name == "step":
-            frame = each
-    said = " ".join(str(error).split()) or "no message"
-    return (
-        f"controller {type(controller).__name__} raised {type(error).__name__}: {said} at "
-        f"{time_s:g} s, in {frame.filename} line {frame.lineno}: {frame.line}; mend that line"
-    )
-
-
-def _unusable(controller: Any, torque: Any, difference: Any, time_s: float) -> str:
-    field, value = "torque_Nm", torque
-    if isinstance(torque, int | float) and not isnan(torque) and isfinite(torque):
-        field, value = "difference_us", difference
-    return (
-        f"controller {type(controller).__name__} returned {field} = {value!r} at {time_s:g} s; "
-        f"return a finite torque in N m, or a PitchCommand"
     )

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from benchtool.core.schedule import PlateVisit
-from benchtool.errors import InputError
+from benchtool.simulate.own_controller import made
 from benchtool.simulate.pitch_result import PitchRun, PlateNumbers, plate_numbers
 from benchtool.simulate.pitch_run import PitchJob
 from benchtool.simulate.pitch_simulate import simulate_controller, simulate_pitch
@@ -59,21 +59,11 @@ def pitch_study(
         job = PitchJob(setup.bench, control, setup.believed)
         runs.append(simulate_pitch(job, near, seed))
         away.append(simulate_pitch(job, far, seed))
-    for name, made in own:
+    for name, kind in own:
         job = PitchJob(setup.bench, setup.controls[0], setup.believed)
-        runs.append(simulate_controller(_new(made, name), job, near, seed, name=name))
-        away.append(simulate_controller(_new(made, name), job, far, seed, name=name))
+        runs.append(simulate_controller(made(kind, name), job, near, seed, name=name))
+        away.append(simulate_controller(made(kind, name), job, far, seed, name=name))
     return PitchStudy(setup=setup, runs=tuple(runs), away=tuple(away), seed=seed)
-
-
-def _new(made: type[Any], name: str) -> Any:
-    try:
-        return made()
-    except Exception as error:
-        raise InputError(
-            f"controller {name!r} could not be made without arguments: "
-            f"{type(error).__name__}: {error}; give its arguments defaults"
-        ) from error
 
 
 def visit_numbers(run: PitchRun, visit: PlateVisit, duration_s: float) -> PlateNumbers:

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import importlib
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
-from benchtool.control.pitch import PITCH_CONTROLLERS, Feedforward, PitchControl, pitch_controller
+from benchtool.control.pitch import Feedforward, PitchControl, pitch_controller
 from benchtool.core.schedule import Schedule
 from benchtool.effects.catalogue import EFFECTS
 from benchtool.effects.model import Model
@@ -17,6 +14,7 @@ from benchtool.errors import InputError, UnknownChoice
 from benchtool.library import gains_named, load_model, model_names, rig_named, schedule_named
 from benchtool.simulate.pitch_bench import PitchBench
 from benchtool.studies.gain_changes import changed_gains
+from benchtool.studies.own_controllers import controller_class as controller_class
 
 BENCH_NUMBERS = ("inertia_kgm2", "plant_rate_Hz", "stop_rad", "pwm_quantum_us")
 FEEDFORWARD_NUMBERS = ("strength", "height_error_m", "late_s")
@@ -144,31 +142,3 @@ def full_name(model: Model, name: str) -> str:
     if len(alike) == 1:
         return alike[0]
     raise UnknownChoice("number to set or vary", name, alike or known)
-
-
-def controller_class(named: str) -> type[Any]:
-    """Return the class that `module:Class` names; modules are found in the present folder too.
-
-    Raises:
-        InputError: the module cannot be imported, or has no such class with `step`.
-    """
-    module_name, _, class_name = named.partition(":")
-    if not module_name or not class_name:
-        raise UnknownChoice(
-            "controller (and not of the form module:Class)", named, PITCH_CONTROLLERS
-        )
-    here = str(Path.cwd())
-    if here not in sys.path:
-        sys.path.insert(0, here)
-    try:
-        module = importlib.import_module(module_name)
-    except ImportError as error:
-        raise InputError(
-            f"controller {named!r}: {error}; run where {module_name}.py is, or install it"
-        ) from error
-    found = getattr(module, class_name, None)
-    if not isinstance(found, type) or not callable(getattr(found, "step", None)):
-        raise InputError(
-            f"controller {named!r}: {module_name} has no class {class_name} with a method step"
-        )
-    return found

@@ -76,10 +76,12 @@ def test_it_sees_ranges_where_the_feedforward_has_sensors() -> None:
         (None, "returned torque_Nm = None"),
         ("0.1", "returned torque_Nm = '0.1'"),
         (PitchCommand(0.0, float("inf")), "returned difference_us = inf"),
+        ((0.1, 0.0, 0.0), r"returned a command = \(0.1, 0.0, 0.0\)"),
+        (np.zeros(2), r"returned torque_Nm = array\(\[0., 0.\]\)"),
     ],
 )
-def test_what_is_no_finite_number_is_refused(what: Any, message: str) -> None:
-    with pytest.raises(InputError, match=message):
+def test_what_is_no_finite_number_is_refused_with_file_and_line(what: Any, message: str) -> None:
+    with pytest.raises(InputError, match=message + r".* in .*test_pitch_own_controller\.py line"):
         simulate_controller(Returns(what), job(noisy_bench(), soft()), SCHEDULE)
 
 

@@ -1,0 +1,55 @@
+"""Controllers of the user's own by name: `module:Class`."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+import traceback
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from benchtool.control.pitch import PITCH_CONTROLLERS
+from benchtool.errors import InputError, UnknownChoice
+
+
+def controller_class(named: str, known: Iterable[str] = PITCH_CONTROLLERS) -> type[Any]:
+    """Return the class that `module:Class` names; modules are found in the present folder too.
+
+    Args:
+        named: as the user wrote it.
+        known: the built-in controllers, for somebody who meant one of these.
+
+    Raises:
+        InputError: the module cannot be imported, or has no such class with `step`.
+    """
+    module_name, _, class_name = named.partition(":")
+    if not module_name or not class_name:
+        raise UnknownChoice("controller (and not of the form module:Class)", named, known)
+    here = str(Path.cwd())
+    if here not in sys.path:
+        sys.path.insert(0, here)
+    try:
+        module = importlib.import_module(module_name)
+    except ImportError as error:
+        raise InputError(
+            f"controller {named!r}: {error}; run where {module_name}.py is, or install it"
+        ) from error
+    except Exception as error:
+        raise InputError(
+            f"controller {named!r}: {module_name} raised {type(error).__name__}: "
+            f"{' '.join(str(error).split())} while it was imported{_where(error)}; mend that line"
+        ) from error
+    found = getattr(module, class_name, None)
+    if not isinstance(found, type) or not callable(getattr(found, "step", None)):
+        raise InputError(
+            f"controller {named!r}: {module_name} has no class {class_name} with a method step"
+        )
+    return found
+
+
+def _where(error: Exception) -> str:
+    if isinstance(error, SyntaxError):  # tells file and line itself
+        return ""
+    frame = traceback.extract_tb(error.__traceback__)[-1]
+    return f", in {frame.filename} line {frame.lineno}"
