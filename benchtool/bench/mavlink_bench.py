@@ -26,7 +26,7 @@ from benchtool.bench.mavlink_pilots import TIMEOUT_S
 from benchtool.bench.mavlink_plate import move_virtual_plate
 from benchtool.bench.mavlink_quality import LinkQuality
 from benchtool.bench.mavlink_rows import MavlinkRows
-from benchtool.bench.mavlink_settings import MavlinkSettings
+from benchtool.bench.mavlink_settings import LEAST_HZ, MOST_HZ, MavlinkSettings
 from benchtool.bench.mavlink_streams import ask_for, interval, told, wishes
 from benchtool.bench.mavlink_talk import MavlinkTalk
 from benchtool.bench.mavlink_wiring import channels_of
@@ -228,8 +228,10 @@ class MavlinkBench(Opened):
 
     def set_rate(self, rate_Hz: float) -> None:
         self._known()
-        if not 1.0 <= rate_Hz <= 1000.0:
-            raise InputError(f"a stream of {rate_Hz:g} Hz is not possible; ask for 1 to 1000")
+        if not LEAST_HZ <= rate_Hz <= MOST_HZ:
+            raise InputError(
+                f"a stream of {rate_Hz:g} Hz is not possible; ask for {LEAST_HZ:g} to {MOST_HZ:g}"
+            )
         for name in ("SERVO_OUTPUT_RAW", "ACTUATOR_OUTPUT_STATUS", "ATTITUDE", "ATTITUDE_TARGET"):
             if self._became.get(name) == "comes":
                 self._talk.exchange(interval(name, rate_Hz))

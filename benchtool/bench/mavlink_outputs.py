@@ -11,6 +11,13 @@ TOLERANCE_US = 3.0
 """Rounding of pulses on the way through percent and timer ticks; a choice."""
 
 
+GAP_S = 0.15
+"""Outputs come at 10 Hz at least; a longer pause is one of the link or of the reader."""
+
+UNTOLD_S = 1.0
+"""Motors do not turn for longer without their outputs being told; a choice."""
+
+
 class OutputWatch:
     """Compare what outputs tell with what they were told.
 
@@ -25,7 +32,7 @@ class OutputWatch:
         self._wanted: dict[int, tuple[int, float]] = {}
         self._lately: list[tuple[float, int, float]] = []
         self._good_s: dict[int, float] = {}
-        self._looked_s: float | None = None
+        self._heard_s: float | None = None
 
     def command(self, wanted: Mapping[int, tuple[int, float]], now_s: float) -> None:
         """Note what outputs should show from now on.
@@ -49,6 +56,11 @@ class OutputWatch:
             a rotor whose output was not known, and the only output that follows it (from 1).
         """
         found = None
+        gap_s = now_s - self._heard_s if self._heard_s is not None else 0.0
+        self._heard_s = now_s
+        if gap_s > GAP_S:
+            # A pause of the link or of the reader says nothing about the outputs.
+            self._good_s = {rotor: good_s + gap_s for rotor, good_s in self._good_s.items()}
         self._lately = [item for item in self._lately if now_s - item[0] <= SEEN_S]
         for rotor, (output, pulse_us) in self._wanted.items():
             shown = outputs_us[output - 1] if output else _nearest(outputs_us, pulse_us)
@@ -62,16 +74,11 @@ class OutputWatch:
         return found
 
     def fault(self, outputs_us: tuple[int, ...], now_s: float) -> str | None:
-        """Return what is wrong in a sentence, None while nothing is.
-
-        Call it often: a pause in which nobody looked does not count.
-        """
-        pause_s = now_s - self._looked_s if self._looked_s is not None else 0.0
-        self._looked_s = now_s
-        if pause_s > 0.5 * SEEN_S:
-            self._good_s = {rotor: good_s + pause_s for rotor, good_s in self._good_s.items()}
+        """Return what is wrong in a sentence, None while nothing is."""
+        if self._heard_s is None:
+            return None
         for rotor, (output, pulse_us) in self._wanted.items():
-            late_s = now_s - self._good_s[rotor]
+            late_s = self._heard_s - self._good_s[rotor]
             if late_s <= SEEN_S:
                 continue
             where = (
@@ -85,6 +92,9 @@ class OutputWatch:
                 f"{SEEN_S:g} s; look at the safety switch, the arming checks and the map of "
                 f"outputs (benchtool bench map)"
             )
+        untold_s = now_s - self._heard_s
+        if untold_s > UNTOLD_S and any(us > self._stop_us for _, us in self._wanted.values()):
+            return f"{self._name} has not told its outputs for {untold_s:.1f} s while a motor turns"
         return None
 
     def _only(self, rotor: int, outputs_us: tuple[int, ...]) -> tuple[int, int] | None:

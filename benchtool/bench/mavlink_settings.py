@@ -27,6 +27,9 @@ DEFAULT_BAUD = 115_200
 
 KEY_BYTES = 32
 
+LEAST_HZ, MOST_HZ = 10.0, 1000.0
+"""Rates at which outputs are asked for: too rarely, and nobody sees soon what they do."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MavlinkSettings:
@@ -82,7 +85,7 @@ def settings_of(address: Address) -> MavlinkSettings:
         mode="pitch" if pitch else "plate",
         arm="host" if _choice(address, "arm", "operator", ("operator", "host")) == "host"
         else "operator",
-        rate_Hz=address.number("rate", 50.0, 1.0, 1000.0),
+        rate_Hz=address.number("rate", 50.0, LEAST_HZ, MOST_HZ),
         key=read_key(Path(options["key"])) if "key" in options else None,
         thrust=ThrustSource.named(options.get("thrust", "thrust")),
         thrust_scale_N=address.number("thrust_scale", 1.0, -1e6, 1e6),

@@ -1,0 +1,298 @@
+"""A bench behind a virtual autopilot: what it proves, and what ends a run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from benchtool.bench.firmware import Firmware
+from benchtool.bench.mavlink_bench import MavlinkBench
+from benchtool.bench.mavlink_frames import MavlinkFrames
+from benchtool.bench.mavlink_settings import MavlinkSettings
+from benchtool.bench.motor_map import MotorMap
+from benchtool.bench.virtual_autopilot import VirtualAutopilot
+from benchtool.errors import (
+    CommandRefused,
+    DeviceStopped,
+    InputError,
+    LinkLost,
+    NoDevice,
+    ProtocolError,
+    StageError,
+)
+from benchtool.testing.loopback_link import LoopbackLink
+from tests.wire.still_plant import StillPlant, still_hello
+
+PLUS = MotorMap(rig="two", autopilot="ArduPilot", motors=(1, 2), outputs=(3, 1), escs=(3, 1))
+KEY = bytes(range(32))
+
+
+class Bench:
+    """Give a bench, the virtual autopilot behind it, and the time of both."""
+
+    def __init__(self, kind: str = "ardupilot", plant: StillPlant | None = None, **given) -> None:
+        self.kind = kind
+        key = given.pop("device_key", None)
+        self.autopilot = self.booted(plant or StillPlant(), key)
+        self.link = LoopbackLink(self.autopilot, lambda: 100.0)
+        settings = MavlinkSettings(**{"system": 1, **given})
+        self.bench = MavlinkBench(
+            self.link, "mavlink:loop", settings, clock=self.link.clock, since_1970_s=lambda: 1.7e9
+        )
+
+    def booted(self, plant: StillPlant, key: bytes | None = None) -> VirtualAutopilot:
+        hello = still_hello(simulated=True)
+        return VirtualAutopilot(Firmware(plant, hello), self.kind, key=key, now_s=1.7e9)
+
+    def read(self, seconds: float) -> tuple[np.ndarray, list[str]]:
+        """Read for so long; return values (m, c) and messages."""
+        parts, messages = [], []
+        until_s = self.bench.now_s() + seconds
+        while (left_s := until_s - self.bench.now_s()) > 1e-9:
+            readings = self.bench.read(min(left_s, 0.05))
+            parts.append(readings.values)
+            messages.extend(readings.messages)
+        return np.concatenate(parts), messages
+
+    def last(self, values: np.ndarray, name: str) -> float:
+        names = [channel.name for channel in self.bench.identity.channels]
+        column = values[:, names.index(name)]
+        return float(column[np.isfinite(column)][-1])
+
+
+def pulses(*given: float) -> np.ndarray:
+    return np.array(given)
+
+
+def test_the_map_says_which_output_is_which_rotor() -> None:
+    made = Bench(motor_map=PLUS)
+    with made.bench as bench:
+        bench.set_pwm(pulses(1000.0, 1300.0))
+        values, messages = made.read(0.5)
+        assert made.autopilot.outputs_us[:4] == (1300, 1000, 1000, 1000)
+        assert made.last(values, "pwm2_us") == 1300.0
+        assert made.last(values, "pwm1_us") == 1000.0
+        assert not [text for text in messages if "hangs on" in text]
+
+
+def test_a_rotor_that_turns_alone_shows_its_output() -> None:
+    made = Bench()
+    with made.bench as bench:
+        assert bench.identity.n_rotors == 4
+    made = Bench(rotors=2)
+    with made.bench as bench:
+        bench.set_pwm(pulses(1300.0, 1000.0))
+        values, messages = made.read(0.5)
+        assert "rotor 1 hangs on output 3" in messages
+        assert made.last(values, "pwm1_us") == 1300.0
+        assert made.last(values, "pwm2_us") == 1000.0
+
+
+def test_an_order_is_renewed_while_somebody_reads_and_dies_when_nobody_does() -> None:
+    made = Bench(motor_map=PLUS)
+    with made.bench as bench:
+        bench.set_pwm(pulses(1300.0, 1000.0))
+        made.read(2.0)
+        assert max(made.autopilot.outputs_us) == 1300
+        made.link.pass_time(0.2)
+        assert max(made.autopilot.outputs_us) == 1300
+        made.link.pass_time(0.1)
+        assert max(made.autopilot.outputs_us) == 1000
+        # Back in time: the order stands again, and our own pause is nobody's fault.
+        made.read(1.0)
+        assert max(made.autopilot.outputs_us) == 1300
+
+
+def test_an_order_that_is_acknowledged_and_ignored_ends_the_run() -> None:
+    ninth = MotorMap(rig="two", autopilot="ArduPilot", motors=(9, 2), outputs=(3, 1), escs=(3, 1))
+    made = Bench(motor_map=ninth)
+    said = r"commanded 1300 us and ArduPilot acknowledged it, but output 3 shows 1000 us after 0\.3"
+    with made.bench as bench:
+        bench.set_pwm(pulses(1300.0, 1000.0))
+        begun_s = bench.now_s()
+        with pytest.raises(DeviceStopped, match=said):
+            made.read(2.0)
+        assert bench.now_s() - begun_s < 0.4
+        made.read(0.2)  # told once; afterwards it reads on
+
+
+def test_ardupilot_turns_one_motor_at_a_time_and_says_so() -> None:
+    made = Bench(motor_map=PLUS)
+    with made.bench as bench, pytest.raises(InputError, match="motors 1, 2 cannot turn together"):
+        bench.set_pwm(pulses(1300.0, 1300.0))
+
+
+def test_px4_turns_several_together() -> None:
+    straight = MotorMap(rig="two", autopilot="PX4", motors=(1, 2), outputs=(1, 2), escs=(1, 2))
+    made = Bench("px4", motor_map=straight)
+    with made.bench as bench:
+        assert bench.identity.firmware.startswith("PX4")
+        bench.set_pwm(pulses(1300.0, 1500.0))
+        made.read(0.5)
+        assert made.autopilot.outputs_us[:2] == (1300, 1500)
+        bench.set_pwm(pulses(1300.0, 1000.0))
+        made.read(0.5)
+        assert made.autopilot.outputs_us[:2] == (1300, 1000)
+        bench.stop()
+        made.read(0.2)
+        assert made.autopilot.outputs_us[:2] == (1000, 1000)
+
+
+def test_messages_that_do_not_come_are_told() -> None:
+    made = Bench(motor_map=PLUS)
+    with made.bench as bench:
+        facts = bench.identity.facts
+        _, messages = made.read(0.2)
+    assert facts["messages denied"] == "ESC_STATUS RAW_RPM"
+    assert facts["messages accepted, but nothing comes"] == "RPM"
+    assert facts["messages comes unasked"] == "NAMED_VALUE_FLOAT"
+    assert "RPM: accepted, but nothing comes" in messages
+    assert "No ap_message for mavlink id (339)" in messages
+
+
+def check_ends(made: Bench, break_it: Callable[[], object], said: str, kind=DeviceStopped) -> None:
+    """Turn a rotor, break something, and see that the run ends with the motors at zero."""
+    with made.bench as bench:
+        bench.set_pwm(pulses(1300.0, 1000.0))
+        made.read(1.0)
+        break_it()
+        with pytest.raises(kind, match=said):
+            made.read(6.0)
+        assert max(made.autopilot.outputs_us) == 1000
+
+
+def test_a_reboot_ends_the_run() -> None:
+    made = Bench(motor_map=PLUS)
+
+    def reboot() -> None:
+        fresh = made.booted(StillPlant())
+        fresh._every_us = dict(made.autopilot._every_us)
+        fresh._due_us = dict.fromkeys(fresh._every_us, 0.0)
+        made.link.device = made.autopilot = fresh
+
+    made.link.pass_time(5.0)
+    check_ends(made, reboot, "the autopilot rebooted")
+
+
+def test_a_failsafe_ends_the_run_with_its_words() -> None:
+    plant = StillPlant()
+    made = Bench(motor_map=PLUS, plant=plant)
+
+    def overload() -> None:
+        plant.zero_N = -1000.0
+
+    check_ends(made, overload, "Failsafe: thrust_N 100.* against limit 30; motors stopped")
+
+
+def test_disarming_ends_the_run() -> None:
+    made = Bench(motor_map=PLUS)
+    tests = made.autopilot._tests
+    started = tests.start
+
+    def disarm() -> None:
+        tests.end()
+        tests.start = lambda *_: None
+
+    assert started is not None
+    check_ends(made, disarm, "the autopilot disarmed|output 3 shows 1000 us")
+
+
+def test_missing_heartbeats_end_the_run_though_streams_go_on() -> None:
+    made = Bench(motor_map=PLUS)
+    said = r"no heartbeat of system 1 for 3\.\d s, limit 3 s"
+    with made.bench as bench:
+        bench.set_pwm(pulses(1300.0, 1000.0))
+        made.read(0.5)
+        made.autopilot._beat_s = 1e9
+        with pytest.raises(LinkLost, match=said):
+            made.read(6.0)
+
+
+def test_silence_ends_the_run() -> None:
+    made = Bench(motor_map=PLUS)
+    with made.bench as bench:
+        bench.set_pwm(pulses(1300.0, 1000.0))
+        made.read(0.5)
+        made.autopilot.tick = lambda n, now_s: (b"", [])
+        made.autopilot.receive = lambda data, now_s: b""
+        with pytest.raises(LinkLost, match=r"sent nothing for 1\.0 s, limit 1 s"):
+            made.read(3.0)
+
+
+def test_a_refused_order_carries_mavlinks_word() -> None:
+    made = Bench("px4", motor_map=PLUS)
+    made.autopilot._orders.order = lambda *_: (1, "")
+    with made.bench as bench, pytest.raises(CommandRefused, match="TEMPORARILY_REJECTED"):
+        bench.set_pwm(pulses(1300.0, 1000.0))
+    assert max(made.autopilot.outputs_us) == 1000
+
+
+def test_a_tare_is_the_hosts() -> None:
+    plant = StillPlant()
+    plant.zero_N = -0.7
+    made = Bench(motor_map=PLUS, plant=plant)
+    with made.bench as bench:
+        assert made.last(made.read(0.5)[0], "thrust_N") == pytest.approx(0.7)
+        bench.tare()
+        values, _ = made.read(2.0)
+        assert made.last(values, "thrust_N") == pytest.approx(0.0, abs=1e-6)
+        assert made.last(values, "thrust_raw") == pytest.approx(0.7)
+
+
+def test_the_plate_of_a_real_autopilot_needs_a_stage() -> None:
+    made = Bench(motor_map=PLUS)
+    beat = made.autopilot._heartbeat
+
+    def real() -> object:
+        message = beat()
+        message.base_mode &= ~32
+        return message
+
+    made.autopilot._heartbeat = real
+    with made.bench as bench:
+        assert not bench.identity.simulated
+        assert not bench.identity.moves_plate
+        with pytest.raises(StageError, match="give --stage hand or --stage grbl:PORT"):
+            bench.move_plate(0.2)
+
+
+def test_signed_frames_are_taken_and_others_refused() -> None:
+    signed = Bench(motor_map=PLUS, key=KEY, device_key=KEY)
+    with signed.bench as bench:
+        bench.set_pwm(pulses(1300.0, 1000.0))
+        values, _ = signed.read(0.5)
+        assert signed.last(values, "pwm1_us") == 1300.0
+    for theirs in (None, bytes(32)):
+        other = Bench(motor_map=PLUS, key=KEY, device_key=theirs)
+        with pytest.raises(ProtocolError, match="none of it bears a signature of this key"):
+            other.bench.open()
+
+
+def test_an_unsigned_order_turns_nothing_on_a_signed_autopilot() -> None:
+    made = Bench(motor_map=PLUS, device_key=KEY)
+    with pytest.raises((NoDevice, ProtocolError, LinkLost)):
+        made.bench.open()
+    host = MavlinkFrames()
+    order = host._mav.command_long_encode(1, 1, 209, 0, 1, 1, 1300, 3.0, 1, 0, 0)
+    made.autopilot.receive(host.pack(order), 0.0)
+    made.link.pass_time(0.2)
+    assert max(made.autopilot.outputs_us) == 1000
+
+
+def test_link_quality_counts_messages_and_losses() -> None:
+    made = Bench(motor_map=PLUS)
+    with made.bench as bench:
+        made.read(1.0)
+        tick = made.autopilot.tick
+        made.autopilot.tick = lambda n, now_s: (tick(n, now_s)[0], [])
+        made.link.pass_time(0.1)
+        made.autopilot.tick = tick
+        made.link.pass_time(0.1)
+        readings = [bench.read(0.05) for _ in range(5)]
+        lost = sum(part.lost for part in readings)
+        facts = bench.identity.facts
+    assert 10 < lost < 30
+    assert facts["link_lost"].startswith(f"{lost} of ")
+    assert float(facts["link_jitter_ms"]) > 0.0

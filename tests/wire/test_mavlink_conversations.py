@@ -1,0 +1,206 @@
+"""Exact conversations with an autopilot: frames out expected, frames in prepared."""
+
+from __future__ import annotations
+
+import pytest
+
+from benchtool.bench.link import frame
+from benchtool.bench.mavlink_dialect import dialect
+from benchtool.bench.mavlink_frames import MavlinkFrames
+from benchtool.bench.mavlink_pilots import ArduPilot, Order, Px4
+from benchtool.bench.mavlink_streams import Wish, ask_for, interval
+from benchtool.bench.mavlink_talk import MavlinkTalk
+from benchtool.errors import InputError, LinkLost, NoDevice, ProtocolError
+from benchtool.testing.scripted_link import ScriptedLink, Turn
+
+WORDS = dialect()
+ACCEPTED, DENIED, UNSUPPORTED = 0, 2, 3
+
+
+class Side:
+    """Pack what one end says, numbered as it is said."""
+
+    def __init__(self, system: int, component: int) -> None:
+        self._frames = MavlinkFrames(system, component)
+
+    def says(self, *messages: object) -> bytes:
+        return b"".join(map(self._frames.pack, messages))
+
+
+def beat(autopilot: int = 3, mode: int = 1) -> object:
+    return WORDS.MAVLink_heartbeat_message(2, autopilot, mode, 0, 3, 3)
+
+
+def ours() -> object:
+    return WORDS.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)
+
+
+def command(order: Order) -> object:
+    return WORDS.MAVLink_command_long_message(1, 1, order.command, 0, *order.parameters)
+
+
+def ack(order: Order, result: int = ACCEPTED) -> object:
+    return WORDS.MAVLink_command_ack_message(order.command, result, 0, 0, 255, 190)
+
+
+def ask(name: str) -> object:
+    return WORDS.MAVLink_param_request_read_message(1, 1, name.encode(), -1)
+
+
+def talk_on(link: ScriptedLink) -> MavlinkTalk:
+    return MavlinkTalk(link, "mavlink:scripted", link.clock, MavlinkFrames())
+
+
+def met(*turns: Turn, host: Side, device: Side) -> tuple[MavlinkTalk, ScriptedLink]:
+    """Give a conversation in which system 1 was found already."""
+    link = ScriptedLink(Turn(host.says(ours()), device.says(beat())), *turns)
+    talk = talk_on(link)
+    talk.find(1)
+    return talk, link
+
+
+def test_a_quiet_autopilot_is_found_by_its_heartbeat_and_asked() -> None:
+    host, device = Side(255, 190), Side(1, 1)
+    asked = interval("SERVO_OUTPUT_RAW", 50.0)
+    opening = Turn(host.says(ours()), device.says(beat()))
+    link = ScriptedLink(opening, Turn(host.says(command(asked)), device.says(ack(asked))))
+    talk = talk_on(link)
+    assert talk.find(1).autopilot == 3
+    assert talk.exchange(asked) == ACCEPTED
+    assert asked.parameters[:2] == (36.0, 20000.0)
+    link.check_finished()
+
+
+def test_an_acknowledgement_that_got_lost_is_asked_for_again() -> None:
+    host, device = Side(255, 190), Side(1, 1)
+    turn_it = ArduPilot().turn({2: 1150.0}, ArduPilot().pulses({}))[0]
+    assert turn_it.parameters == (2.0, 1.0, 1150.0, 0.25, 1.0, 0.0, 0.0)
+    said = WORDS.MAVLink_statustext_message(6, b"something else", 0, 0)
+    talk, link = met(host=host, device=device)
+    link._turns += [
+        Turn(host.says(command(turn_it)), device.says(said)),
+        Turn(host.says(command(turn_it)), device.says(ack(turn_it))),
+    ]
+    assert talk.exchange(turn_it) == ACCEPTED
+    link.check_finished()
+
+
+def test_no_acknowledgement_at_all_is_a_lost_link() -> None:
+    host, device = Side(255, 190), Side(1, 1)
+    stop = ArduPilot().stop((1, 2))[0]
+    assert stop.parameters[3] == 0.0
+    talk, link = met(host=host, device=device)
+    link._turns += [Turn(host.says(command(stop))) for _ in range(4)]
+    with pytest.raises(LinkLost, match=r"did not acknowledge command 209 in 4 tries"):
+        talk.exchange(stop)
+    link.check_finished()
+
+
+def test_a_message_that_it_has_not_is_denied_with_its_words() -> None:
+    host, device = Side(255, 190), Side(1, 1)
+    asked = interval("RAW_RPM", 20.0)
+    words = WORDS.MAVLink_statustext_message(4, b"No ap_message for mavlink id (339)", 0, 0)
+    answer = device.says(beat()), device.says(ack(asked, DENIED), words)
+    link = ScriptedLink(
+        Turn(host.says(ours()), answer[0]), Turn(host.says(command(asked)), answer[1])
+    )
+    talk = talk_on(link)
+    talk.find(1)
+    heard: list[str] = []
+    talk.on_message = lambda message, _: heard.append(message.msgname)
+    assert talk.exchange(asked) == DENIED
+    assert heard == ["COMMAND_ACK", "STATUSTEXT"]
+    link.check_finished()
+
+
+def test_denied_and_accepted_but_silent_are_told_apart() -> None:
+    host, device = Side(255, 190), Side(1, 1)
+    wanted = (Wish("SERVO_OUTPUT_RAW", 50.0), Wish("RPM", 20.0), Wish("RAW_RPM", 20.0))
+    orders = [interval(wish.name, wish.rate_Hz) for wish in wanted]
+    outputs = WORDS.MAVLink_servo_output_raw_message(1000, 0, *[1000] * 8)
+    talk, link = met(host=host, device=device)
+    link._turns += [
+        Turn(host.says(command(orders[0])), device.says(ack(orders[0]))),
+        Turn(host.says(command(orders[1])), device.says(ack(orders[1]), outputs)),
+        Turn(host.says(command(orders[2])), device.says(ack(orders[2], DENIED))),
+        # A second of listening: our own heartbeat, and the outputs once more.
+        Turn(host.says(ours()), device.says(outputs)),
+    ]
+    counts = dict.fromkeys((wish.name for wish in wanted), 0)
+
+    def count(message: object, _: float) -> None:
+        counts[message.msgname] = counts.get(message.msgname, 0) + 1
+
+    talk.on_message = count
+    became = ask_for(talk, wanted, counts.__getitem__, link.clock, speed=1.0)
+    assert became == {
+        "SERVO_OUTPUT_RAW": "comes",
+        "RPM": "accepted, but nothing comes",
+        "RAW_RPM": "denied",
+    }
+    link.check_finished()
+
+
+def test_an_unknown_parameter_gets_no_answer_and_is_left_out() -> None:
+    host, device = Side(255, 190), Side(1, 1)
+    told = WORDS.MAVLink_param_value_message(b"MOT_PWM_MIN", 1000.0, 9, 900, 65535)
+    talk, link = met(host=host, device=device)
+    link._turns += [
+        Turn(host.says(ask("MOT_PWM_MIN")), device.says(told)),
+        Turn(host.says(ask("NO_SUCH"))),
+        Turn(host.says(ask("NO_SUCH"))),
+    ]
+    assert talk.parameters(("MOT_PWM_MIN", "NO_SUCH")) == {"MOT_PWM_MIN": 1000.0}
+    link.check_finished()
+
+
+def test_a_whole_number_of_px4_comes_bit_by_bit() -> None:
+    host, device = Side(255, 190), Side(1, 1)
+    # 4 as the bits of a float.
+    told = WORDS.MAVLink_param_value_message(b"CA_ROTOR_COUNT", 5.605193857299268e-45, 6, 9, 1)
+    talk, link = met(host=host, device=device)
+    link._turns.append(Turn(host.says(ask("CA_ROTOR_COUNT")), device.says(told)))
+    assert talk.parameters(("CA_ROTOR_COUNT",)) == {"CA_ROTOR_COUNT": 4.0}
+    assert Px4().n_motors({"CA_ROTOR_COUNT": 4.0}) == 4
+
+
+def test_several_autopilots_are_listed_and_one_is_chosen() -> None:
+    beats = Side(1, 1).says(beat()) + Side(7, 1).says(beat(12)) + Side(9, 154).says(beat(8))
+    opening = Turn(Side(255, 190).says(ours()), beats)
+    link = ScriptedLink(opening, *_beats_of_ours(4))
+    with pytest.raises(InputError, match=r"has 2 autopilots, systems 1, 7; choose one with sys"):
+        talk_on(link).find(None)
+    chosen = talk_on(ScriptedLink(opening))
+    assert chosen.find(7).autopilot == 12
+    absent = ScriptedLink(opening, *_beats_of_ours(6))
+    with pytest.raises(InputError, match=r"has no system 3; it has 1, 7"):
+        talk_on(absent).find(3)
+
+
+@pytest.mark.parametrize(
+    ("heard", "words"),
+    [
+        (frame(b"E,boot,ready"), "speaks the bench protocol, not MAVLink; use a serial:"),
+        (b"\r\nGrbl 1.1h ['$' for help]\r\n", "is a G-code stage"),
+        (b"nsh> \r\nnsh> ", "another device, or the autopilot's console"),
+        (bytes(range(128, 250)) + b"\xfd\x80\x01", "the baud rate is wrong, or another program"),
+        (bytes(range(128, 240)), "the baud rate is wrong"),
+    ],
+)
+def test_strangers_are_told_apart(heard: bytes, words: str) -> None:
+    link = ScriptedLink(Turn(Side(255, 190).says(ours()), heard), *_beats_of_ours(6))
+    with pytest.raises(ProtocolError, match=words):
+        talk_on(link).find(None)
+
+
+def test_silence_names_power_and_port() -> None:
+    link = ScriptedLink(Turn(Side(255, 190).says(ours())), *_beats_of_ours(6))
+    with pytest.raises(NoDevice, match="is open, but nothing came for 5 s; check power"):
+        talk_on(link).find(None)
+
+
+def _beats_of_ours(count: int) -> list[Turn]:
+    """Give the heartbeats that a host sends while it waits, after its first."""
+    host = Side(255, 190)
+    host.says(ours())
+    return [Turn(host.says(ours())) for _ in range(count)]
