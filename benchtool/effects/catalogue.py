@@ -20,6 +20,7 @@ from benchtool.effects import (
     plate_offset,
     plate_tilt,
     rotor_asymmetry,
+    speed_map,
     stribeck,
     tare_offset,
     thrust_exponent,
@@ -36,6 +37,7 @@ EFFECTS: dict[str, Effect] = {
     for module in (
         transport_delay,
         motor_lag,
+        speed_map,
         battery_sag,
         plate_offset,
         plate_tilt,

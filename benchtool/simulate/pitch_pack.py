@@ -20,6 +20,7 @@ from benchtool.simulate.pitch_bench import GRAVITY_M_S2, PitchBench, PitchSensor
 Array = NDArray[np.float64]
 
 ALWAYS = (
+    "speed_map",
     "battery_sag",
     "plate_offset",
     "neighbour_images",

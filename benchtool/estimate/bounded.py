@@ -1,0 +1,182 @@
+"""Least squares within bounds, for residuals that are evaluated many sets at once.
+
+Gauss-Newton steps whose bounded linear problem scipy solves exactly (active set), so that a
+parameter may come to rest on its bound; several step lengths are tried in one evaluation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
+
+Array = NDArray[np.float64]
+Residuals = Callable[[Array], Array]
+"""residuals(sets (n_sets, n)) -> (n_rows, n_sets)"""
+
+LENGTHS = (1.0, 0.5, 0.2, 0.05)
+"""Parts of a step that are tried together."""
+
+STEP = 0.05
+"""Finite difference, in units of the parameters; they are scaled to tolerances."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Region:
+    """Say where a minimum is looked for.
+
+    Attributes:
+        lower, upper: (n,) bounds; equal ones hold a parameter.
+        penalty: (n,) weights of a quadratic penalty (p_i x_i)^2, one over a prior's width; 0 for
+            none.
+    """
+
+    lower: Array
+    upper: Array
+    penalty: Array
+
+    def clipped(self, at: Array) -> Array:
+        """Return the nearest point within the bounds."""
+        moved: Array = np.clip(at, self.lower, self.upper)
+        return moved
+
+    def cost_of(self, sets: Array) -> Array:
+        """Return the penalty of points (..., n)."""
+        total: Array = (sets**2) @ self.penalty**2
+        return total
+
+    def holds(self, at: Array) -> bool:
+        """Whether a point is within the bounds."""
+        return bool(np.all(at >= self.lower - 1e-9) and np.all(at <= self.upper + 1e-9))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Linearised:
+    """Hold residuals about a point, without any penalty.
+
+    Attributes:
+        at: (n,) the point.
+        cost: sum of squares there.
+        gradient: (n,) J^T r.
+        curvature: (n, n) J^T J.
+    """
+
+    at: Array
+    cost: float
+    gradient: Array
+    curvature: Array
+
+    def step(self, region: Region) -> tuple[Array, float]:
+        """Return the best point of a region, as far as the neighbourhood tells, and its cost."""
+        weights = region.penalty**2
+        curvature = self.curvature + np.diag(weights)
+        gradient = self.gradient + weights * self.at
+        factor = _root(curvature)
+        target = np.linalg.solve(factor.T, -gradient)
+        low, high = region.lower - self.at, region.upper - self.at
+        free = high - low > 1e-9
+        move = np.clip(np.zeros(len(self.at)), low, high)
+        if free.any():
+            fixed = factor[:, ~free] @ move[~free]
+            found = lsq_linear(
+                factor[:, free], target - fixed, (low[free], high[free]), method="bvls", tol=1e-10
+            )
+            move[free] = np.clip(found.x, low[free], high[free])
+        gained = 2.0 * gradient @ move + move @ curvature @ move
+        return self.at + move, float(self.cost + region.cost_of(self.at) + gained)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Minimum:
+    """Hold where a bounded search ended.
+
+    Attributes:
+        at: (n,) the point.
+        cost: sum of squares there, penalties included.
+        converged: whether the last step gained nothing that matters.
+    """
+
+    at: Array
+    cost: float
+    converged: bool
+
+
+def _root(curvature: Array) -> Array:
+    """Return R with R^T R = curvature, made safe where data say nothing."""
+    ridge = 1e-9 * np.trace(curvature) / len(curvature) + 1e-12
+    root: Array = np.linalg.cholesky(curvature + ridge * np.eye(len(curvature))).T
+    return root
+
+
+class BoundedSearch:
+    """Search minima of one sum of squares in many different regions.
+
+    Args:
+        residuals: of the data, many sets at once.
+        limits: lower and upper (n,) that finite differences may not leave.
+    """
+
+    def __init__(self, residuals: Residuals, limits: tuple[Array, Array]) -> None:
+        self._residuals = residuals
+        self._lower, self._upper = limits
+        self.evaluations = 0
+
+    def data_costs(self, sets: Array) -> Array:
+        """Return the sum of squares of each set (n_sets, n), without penalties."""
+        rows = self._residuals(sets)
+        self.evaluations += len(sets)
+        total: Array = np.einsum("ij,ij->j", rows, rows)
+        return np.where(np.isfinite(total), total, np.inf)
+
+    def linearised(self, at: Array) -> Linearised:
+        """Return the neighbourhood of a point, by differences that stay within the limits."""
+        n = len(at)
+        steps = np.where(at + STEP <= self._upper, STEP, -STEP)
+        rows = self._residuals(np.vstack([at, at + np.diag(steps)]))
+        self.evaluations += n + 1
+        jacobian = (rows[:, 1:] - rows[:, :1]) / steps
+        return Linearised(
+            at=np.array(at),
+            cost=float(rows[:, 0] @ rows[:, 0]),
+            gradient=jacobian.T @ rows[:, 0],
+            curvature=jacobian.T @ jacobian,
+        )
+
+    def minimum(
+        self,
+        start: Array,
+        region: Region,
+        *,
+        known: Linearised | None = None,
+        most_steps: int = 12,
+        enough: float = 0.1,
+    ) -> Minimum:
+        """Return the minimum of a region that is reached from a point.
+
+        Args:
+            start: (n,) where to begin; moved into the region.
+            region: bounds and penalties.
+            known: a neighbourhood to take the first step from; its point may lie outside.
+            most_steps: linearisations to make at most.
+            enough: stop when a step gains less than this in the sum of squares.
+        """
+        here = known if known is not None else self.linearised(region.clipped(start))
+        best = Minimum(here.at, here.cost + float(region.cost_of(here.at)), False)
+        if not region.holds(here.at):
+            best = Minimum(here.at, np.inf, False)
+        for _ in range(most_steps):
+            aim, _ = here.step(region)
+            inside = region.clipped(here.at)
+            sets = np.array([inside + part * (aim - inside) for part in LENGTHS])
+            costs = self.data_costs(sets) + region.cost_of(sets)
+            winner = int(np.argmin(costs))
+            gain = best.cost - float(costs[winner])
+            if gain > 0.0:
+                best = Minimum(sets[winner], float(costs[winner]), False)
+            if not gain > enough:
+                return Minimum(best.at, best.cost, bool(np.isfinite(best.cost)))
+            here = self.linearised(best.at)
+        return best

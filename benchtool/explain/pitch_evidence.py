@@ -1,0 +1,211 @@
+"""What pitch recordings say about a model's numbers: innovations along the log, whitened."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.core.parameter import Parameters
+from benchtool.effects.catalogue import candidates, effect_named
+from benchtool.effects.effect import Effect
+from benchtool.effects.model import Model
+from benchtool.effects.tolerances import tolerances
+from benchtool.explain.knob import Knob
+from benchtool.explain.pitch_filter import PitchFilter, pitch_filter
+from benchtool.explain.pitch_regimes import pitch_regimes
+from benchtool.explain.subject import RowGroups
+from benchtool.simulate.pitch_bench import STEPS_PER_LAG, PitchBench, rig_sensors
+from benchtool.simulate.pitch_follow import Followed, LoggedPitch, follow
+
+Array = NDArray[np.float64]
+
+PLANT_HZ = 500.0
+"""Least plant steps per second; a motor lag of 20 ms then takes ten of them."""
+
+LEAST_LAG_S = 2.0 * STEPS_PER_LAG / PLANT_HZ
+"""Shortest motor lag that is tried; a quicker one is none at these steps."""
+
+SETTLING_S = 0.3
+"""What a filter needs after it began anew before its innovations count."""
+
+RADIUS_KNOWN = 0.025
+"""Standard error of R_m over its value where a model states no prior: 5 % of the increment."""
+
+
+def with_library(model: Model, extra: Sequence[Effect] = ()) -> Model:
+    """Return the model with every candidate of a pitch bench in it, at its neutral value."""
+    have = {effect.name for effect in model.effects}
+    for effect in (*candidates("pitch"), effect_named("speed_map"), *extra):
+        if effect.name in have:
+            continue
+        if effect.name == "motor_lag":
+            model = model.with_effect(effect, tau_s=model.rig.propulsion.lag_s)
+        else:
+            neutral = {
+                item.name: item.neutral for item in effect.parameters if item.neutral is not None
+            }
+            model = model.with_effect(effect, **neutral)
+    return model
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Followable:
+    """Hold one recording with what belongs to it."""
+
+    logged: LoggedPitch
+    filter: PitchFilter
+    counted: NDArray[np.bool_]
+
+
+class PitchEvidence:
+    """Hold recordings against a model and every candidate effect.
+
+    Args:
+        model: as given by the user.
+        logs: one per recording.
+        extra: effects of the user's own.
+    """
+
+    def __init__(
+        self, model: Model, logs: Sequence[LoggedPitch], extra: Sequence[Effect] = ()
+    ) -> None:
+        self.model = with_library(model, extra)
+        names = {effect.name for effect in (*candidates("pitch"), *extra)}
+        self.logs = [self._prepared(log) for log in logs]
+        self.n_discs = logs[0].n_discs
+        self.knobs = (*self._effect_knobs(names), *self._owner_knobs())
+
+    # --- knobs ----------------------------------------------------------------------------
+
+    def _effect_knobs(self, names: set[str]) -> list[Knob]:
+        found = tolerances(self.model, "pitch")
+        return [
+            Knob(
+                name=name,
+                unit=item.unit,
+                effect=name.split(".")[0],
+                start=item.value,
+                scale=found[name],
+                lower=max(item.lower, LEAST_LAG_S if name == "motor_lag.tau_s" else -np.inf),
+                upper=item.upper,
+            )
+            for name, item in self.model.parameters.items()
+            if name.split(".")[0] in names and name in found
+        ]
+
+    def _owner_knobs(self) -> list[Knob]:
+        items = self.model.parameters
+        radius, inertia = items["R_m"], items["inertia_kgm2"]
+        out = [
+            Knob(
+                name="inertia_kgm2", unit="kg m2", effect="", start=inertia.value,
+                scale=inertia.prior.sd, lower=0.2 * inertia.value, held=True,
+            ),
+            Knob(
+                name="R_m", unit="m", effect="", start=radius.value,
+                scale=radius.prior.sd if radius.prior.kind == "normal"
+                else RADIUS_KNOWN * radius.value,
+                lower=0.2 * radius.value, held=True,
+            ),
+        ]  # fmt: skip
+        for name in ("speed_map.gain", "speed_map.difference"):
+            item = items[name]
+            out.append(
+                Knob(
+                    name=name, unit=item.unit, effect="", start=item.value, scale=item.prior.sd,
+                    lower=item.lower, upper=item.upper, held=True,
+                )
+            )  # fmt: skip
+        return out
+
+    # --- data -----------------------------------------------------------------------------
+
+    def _prepared(self, logged: LoggedPitch) -> Followable:
+        bench = self._bench(self.model.parameters, logged.rate_Hz)
+        filter_ = pitch_filter(
+            replace(bench, sensors=rig_sensors(self.model.rig)),
+            logged.rate_Hz,
+            gyro=bool(np.isfinite(logged.gyro_rad_s).any()),
+            speeds=bool(np.isfinite(logged.speed_rad_s).any()),
+        )
+        counted = np.ones(len(logged), bool)
+        wait = round(SETTLING_S * logged.rate_Hz)
+        for start in (0, *np.flatnonzero(logged.mode == 2.0)):
+            counted[start : start + wait] = False
+        return Followable(logged, filter_, counted)
+
+    def _bench(self, parameters: Parameters, rate_Hz: float) -> PitchBench:
+        substeps = max(1, int(np.ceil(PLANT_HZ / rate_Hz)))
+        return PitchBench.of(
+            self.model.at(parameters), sensors={}, pwm_quantum_us=0.0,
+            plant_rate_Hz=substeps * rate_Hz,
+        )  # fmt: skip
+
+    def parameters(self, turned: Array) -> Parameters:
+        """Return the model's parameters with the knobs turned (n_knobs,)."""
+        values = {
+            knob.name: float(np.clip(knob.value(z), knob.lower, knob.upper))
+            for knob, z in zip(self.knobs, turned, strict=True)
+        }
+        return Parameters(
+            (name, item.at(values[name]) if name in values else item)
+            for name, item in self.model.parameters.items()
+        )
+
+    def bench(self, turned: Array, rate_Hz: float) -> PitchBench:
+        """Return the bench with the knobs turned (n_knobs,)."""
+        return self._bench(self.parameters(turned), rate_Hz)
+
+    def residuals(self, turned: Array) -> Array:
+        """Return whitened residuals (n_rows, n_sets) for sets of knobs (n_sets, n_knobs)."""
+        return np.concatenate(
+            [np.concatenate(self._of_log(log, np.atleast_2d(turned))) for log in self.logs]
+        )
+
+    def groups(self) -> RowGroups:
+        """Return labels of the rows: which stage they show, which part of the recording."""
+        speeds: list[NDArray[np.bool_]] = []
+        regimes: dict[str, list[NDArray[np.bool_]]] = {}
+        for log in self.logs:
+            found = pitch_regimes(log.logged, self.model.rig.propulsion.radius_m)
+            channels = self._channels(log)
+            for channel in range(channels):
+                speeds.append(np.full(int(log.counted.sum()), channel >= 2))
+                for name, mask in found.items():
+                    regimes.setdefault(name, []).append(mask[log.counted])
+        turning = np.concatenate(speeds)
+        return RowGroups(
+            stages={"pwm_to_rpm": turning, "hinge": ~turning},
+            regimes={name: np.concatenate(parts) for name, parts in regimes.items()},
+        )
+
+    def _channels(self, log: Followable) -> int:
+        """Return how many channels a log's residuals have: pitch, gyro, speeds that were read."""
+        wait = log.counted
+        return 2 + sum(bool(np.isfinite(row[wait]).any()) for row in log.logged.speed_rad_s)
+
+    def _of_log(self, log: Followable, turned: Array) -> tuple[Array, ...]:
+        benches = [self.bench(one, log.logged.rate_Hz) for one in turned]
+        found = follow(benches, log.logged, log.filter.gains)
+        return self.whitened(log, found)
+
+    def whitened(self, log: Followable, found: Followed) -> tuple[Array, ...]:
+        """Return residuals of pitch, gyro and each rotor's speed, (n_counted, n_sets) each."""
+        logged, counted = log.logged, log.counted
+        pitch = (logged.theta_rad[:, None] - found.theta_rad)[counted]
+        gyro = (logged.gyro_rad_s[:, None] - found.gyro_rad_s)[counted]
+        w = log.filter.whitener
+        rows = [
+            np.nan_to_num(w[0, 0] * pitch),
+            np.nan_to_num(w[1, 0] * np.nan_to_num(pitch) + w[1, 1] * gyro),
+        ]
+        for i in range(self.n_discs):
+            seen = logged.speed_rad_s[i][counted]
+            if not np.isfinite(seen).any():
+                continue
+            error = seen[:, None] - found.speed_rad_s[:, i][counted]
+            rows.append(np.nan_to_num(error / log.filter.speed_sd_rad_s))
+        return tuple(rows)

@@ -1,0 +1,154 @@
+"""The gap: how far a model's prediction over a window is from a recording, and how far it must be.
+
+Each window starts from a state that the filter estimated from earlier samples only, and runs free.
+The floor is what the same prediction would miss if the model were the truth: a start as uncertain
+as the filter says, the stated wake torque, the stated sensor noise; never the residual itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.explain.pitch_filter import PitchFilter, reading_sd
+from benchtool.simulate import pitch_track as t
+from benchtool.simulate.pitch_bench import PitchBench, PitchSensor
+from benchtool.simulate.pitch_follow import Followed, LoggedPitch, follow
+
+Array = NDArray[np.float64]
+
+CHANNELS = ("theta_rad", "gyro_rad_s", "rpm")
+"""What a gap is told for."""
+
+DRAWS = 128
+"""Draws of the noise behind a floor."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Windows:
+    """Cut a log into windows.
+
+    Attributes:
+        starts: (w,) first rows.
+        rows: rows of a window.
+    """
+
+    starts: NDArray[np.intp]
+    rows: int
+
+
+def windows_of(logged: LoggedPitch, window_s: float, settling_s: float) -> Windows:
+    """Return windows that follow each other: none across a gap, none before a filter settled."""
+    rows = max(2, round(window_s * logged.rate_Hz))
+    wait = round(settling_s * logged.rate_Hz)
+    edges = [0, *np.flatnonzero(logged.mode == t.RESTART), len(logged)]
+    starts = [
+        start
+        for first, last in pairwise(edges)
+        for start in range(first + wait, last - rows + 1, rows)
+    ]
+    return Windows(starts=np.array(sorted(set(starts)), np.intp), rows=rows)
+
+
+def predicted(
+    benches: Sequence[PitchBench], logged: LoggedPitch, filter_: PitchFilter, windows: Windows
+) -> list[Followed]:
+    """Return what each bench (a lane) predicts in each window, from its own estimate on."""
+    whole = follow(benches, logged, filter_.gains)
+    return [
+        _free(benches, logged, filter_, start, windows.rows, _state(whole, start))
+        for start in windows.starts
+    ]
+
+
+def errors(logged: LoggedPitch, windows: Windows, found: Sequence[Followed]) -> dict[str, Array]:
+    """Return mean squared errors of each window (w, lanes) by channel, in the channel's unit."""
+    out: dict[str, list[Array]] = {name: [] for name in CHANNELS}
+    for start, run in zip(windows.starts, found, strict=True):
+        rows = slice(start, start + windows.rows)
+        seen = {
+            "theta_rad": logged.theta_rad[rows, None] - run.theta_rad,
+            "gyro_rad_s": logged.gyro_rad_s[rows, None] - run.gyro_rad_s,
+            "rpm": (logged.speed_rad_s[:, rows].T[:, :, None] - run.speed_rad_s) * 30.0 / np.pi,
+        }
+        for name, error in seen.items():
+            axes = tuple(range(error.ndim - 1))
+            if np.isfinite(error).any():
+                out[name].append(np.nanmean(error**2, axis=axes))
+    return {name: np.array(squares) for name, squares in out.items() if squares}
+
+
+def floor(
+    bench: PitchBench,
+    sensors: PitchBench,
+    logged: LoggedPitch,
+    filter_: PitchFilter,
+    windows: Windows,
+    rng: np.random.Generator,
+    draws: int = DRAWS,
+) -> dict[str, Array]:
+    """Return root mean squared errors of a true model (draws,) by channel, in the channel's unit.
+
+    Args:
+        bench: the model taken for true.
+        sensors: the bench with its sensors' stated noise.
+        logged: the recording whose pulses and distances drive it.
+        filter_: of the recording.
+        windows: as for the gap.
+        rng: of the noise.
+        draws: how many.
+    """
+    whole = follow([bench], logged, filter_.gains)
+    sd = {
+        name: reading_sd(sensors.sensors.get(own, PitchSensor()))
+        for name, own in (("theta_rad", "theta_rad"), ("gyro_rad_s", "gyro_rad_s"), ("rpm", "rpm"))
+    }
+    total: dict[str, Array] = {}
+    for start in windows.starts:
+        state = _state(whole, start)
+        spread = np.repeat(state, draws + 1, axis=1)
+        spread[:3, 1:] += filter_.state_root @ rng.standard_normal((3, draws))
+        run = _free(
+            [bench] * (draws + 1), logged, filter_, start, windows.rows, spread,
+            seed=int(rng.integers(2**31)),
+        )  # fmt: skip
+        quiet = _free([bench], logged, filter_, start, windows.rows, state)
+        for name, error, scale in (
+            ("theta_rad", run.theta_rad[:, 1:] - quiet.theta_rad, 1.0),
+            ("gyro_rad_s", run.gyro_rad_s[:, 1:] - quiet.gyro_rad_s, 1.0),
+            ("rpm", run.speed_rad_s[:, :, 1:] - quiet.speed_rad_s, 30.0 / np.pi),
+        ):
+            noisy = error + sd[name] * rng.standard_normal(error.shape)
+            squares = np.mean((scale * noisy) ** 2, axis=tuple(range(error.ndim - 1)))
+            total[name] = total.get(name, 0.0) + squares
+    return {name: np.sqrt(squares / len(windows.starts)) for name, squares in total.items()}
+
+
+def _state(whole: Followed, row: int) -> Array:
+    """Return what the filter knows after the row before (3 + n_discs, lanes).
+
+    The state at `row` is that of the row before, run on for one tick: as it was predicted.
+    """
+    return np.vstack(
+        [whole.pitch_rad[row], whole.rate_rad_s[row], whole.wake_Nm[row], whole.turning_rad_s[row]]
+    )
+
+
+def _free(
+    benches: Sequence[PitchBench],
+    logged: LoggedPitch,
+    filter_: PitchFilter,
+    start: int,
+    rows: int,
+    states: Array,
+    seed: int | None = None,
+) -> Followed:
+    part = logged.between(start, start + rows)
+    part = replace(part, mode=np.full(rows, float(t.FREE)))
+    return follow(
+        benches, part, filter_.gains, start_s=start / logged.rate_Hz, states=states, seed=seed
+    )

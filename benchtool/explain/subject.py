@@ -1,0 +1,95 @@
+"""The seam between kinds of benches and the verdict: what a bench must be able to tell."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.effects.effect import BenchKind, Stage
+from benchtool.effects.model import Model
+from benchtool.explain.evidence import Evidence
+from benchtool.explain.verdict import NextExperiment
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class RowGroups:
+    """Label the rows of evidence.
+
+    Attributes:
+        stages: stage whose disagreement shows in a group of rows, with the mask (n_rows,). A stage
+            may be missing: what it does wrong shows in another's rows.
+        regimes: parts of the recordings in words, with masks (n_rows,); they may overlap.
+    """
+
+    stages: Mapping[Stage, NDArray[np.bool_]]
+    regimes: Mapping[str, NDArray[np.bool_]]
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class ChannelErrors:
+    """Hold prediction errors of one channel.
+
+    Attributes:
+        unit: of their roots.
+        squares: (n_blocks, n_sets) mean squared error of each block of the check recordings.
+    """
+
+    unit: str
+    squares: Array
+
+
+class Subject(Protocol):
+    """Hold recordings of one kind of bench against a model."""
+
+    @property
+    def kind(self) -> BenchKind:
+        """Which bench it is."""
+        ...
+
+    @property
+    def model(self) -> Model:
+        """The model with every candidate in it, neutral unless the user's model says otherwise."""
+        ...
+
+    @property
+    def evidence(self) -> Evidence:
+        """What the recordings to learn from say."""
+        ...
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What was mended in the recordings, and what they lack."""
+        ...
+
+    @property
+    def window_s(self) -> float:
+        """Length of a prediction; 0 where predictions are settled."""
+        ...
+
+    def groups(self) -> RowGroups:
+        """Return labels of the evidence's rows."""
+        ...
+
+    def errors(self, sets: Array) -> Mapping[str, ChannelErrors]:
+        """Return errors on the check recordings by channel, for sets of knobs (n_sets, n_knobs)."""
+        ...
+
+    def floor(self, at: Array, rng: np.random.Generator, draws: int) -> Mapping[str, Array]:
+        """Return errors of a true model with knobs `at` (draws,), by channel, root mean square."""
+        ...
+
+    def model_at(self, at: Array) -> Model:
+        """Return the model with the knobs turned (n_knobs,)."""
+        ...
+
+    def next_experiment(
+        self, rivals: Sequence[tuple[str, Array]], rng: np.random.Generator
+    ) -> NextExperiment | None:
+        """Return the experiment that separates hypotheses best; each with its knobs (n_knobs,)."""
+        ...

@@ -1,0 +1,242 @@
+"""What an explanation comes to, as data: where, which, the gap, what to do next."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+from benchtool.core.parameter import Parameters
+from benchtool.core.schedule import Schedule
+from benchtool.effects.effect import BenchKind, Stage
+
+Kind = Literal["effect", "several", "class", "none", "unknown"]
+KINDS: tuple[Kind, ...] = ("effect", "several", "class", "none", "unknown")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FoundParameter:
+    """Hold one number of a named effect.
+
+    Attributes:
+        name: the parameter's own name ("torque_Nm").
+        unit: of all numbers here.
+        value: most likely value.
+        std: standard deviation of it; other effects are free within their tolerances meanwhile.
+        low, high: 95 % interval.
+        tolerance: what would not have mattered.
+        neutral: value at which the effect is absent.
+    """
+
+    name: str
+    unit: str
+    value: float
+    std: float
+    low: float
+    high: float
+    tolerance: float
+    neutral: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NamedEffect:
+    """Hold one effect that an explanation names.
+
+    Attributes:
+        name: as in the catalogue.
+        title: for people.
+        stage: of the chain.
+        probability: that this effect is there, beyond its tolerance.
+        parameters: its numbers.
+        log_likelihood_ratio: against the same model with the effect held within its tolerance.
+        p_value: of that ratio when nothing beyond tolerance is there.
+    """
+
+    name: str
+    title: str
+    stage: Stage
+    probability: float
+    parameters: tuple[FoundParameter, ...]
+    log_likelihood_ratio: float
+    p_value: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Where:
+    """Say where model and measurement disagree.
+
+    Attributes:
+        stage: link of the chain.
+        regime: part of the recording in which it shows most, in words.
+        size: how far residuals stand out there, in standard deviations of the stated noise.
+        share: part of the whole disagreement that lies in this regime.
+    """
+
+    stage: Stage
+    regime: str
+    size: float
+    share: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Gap:
+    """Hold one channel's prediction error on the check recording, root mean square.
+
+    Attributes:
+        channel: its name.
+        unit: of all numbers here.
+        as_given: of the model as its file states it.
+        before: after what the file calls uncertain or too small to matter was used up.
+        after: with the named effects added; equal to `before` where nothing is named.
+        floor: what a true model would miss, median over draws of the stated noise.
+        floor_low, floor_high: 5 and 95 % of those draws.
+        before_low, before_high, after_low, after_high: 95 % of a block bootstrap over windows.
+    """
+
+    channel: str
+    unit: str
+    as_given: float
+    before: float
+    after: float
+    floor: float
+    floor_low: float
+    floor_high: float
+    before_low: float
+    before_high: float
+    after_low: float
+    after_high: float
+
+    @property
+    def share_closed(self) -> float:
+        """Part of the gap above the floor that the named effects close; 0 where none was."""
+        total = self.before**2 - self.floor**2
+        if total <= 0.0:
+            return 0.0
+        return (self.before**2 - self.after**2) / total
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Nearest:
+    """Say which named effect comes nearest to something unknown, and how much it explains."""
+
+    name: str
+    share_closed: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NextExperiment:
+    """Say what to record next.
+
+    Attributes:
+        candidates: the effects that it is to separate.
+        title: what to do, one line.
+        reason: why that separates them.
+        schedule: commands of a pitch experiment; None for a sweep.
+        plan_toml: a sweep's plan; "" for a pitch experiment.
+        expected: expected log-likelihood ratio between the nearest pair of candidates, by option
+            that was considered, the chosen one first.
+    """
+
+    candidates: tuple[str, ...]
+    title: str
+    reason: str
+    schedule: Schedule | None
+    plan_toml: str
+    expected: Mapping[str, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Verdict:
+    """Hold what an explanation comes to.
+
+    Attributes:
+        kind: effect, several, class, none or unknown.
+        bench: pitch or sweep.
+        effects: named effects; of a class its members, most likely first.
+        probabilities: of every explanation that was weighed, "none" and "unknown" among them.
+        where: where the disagreement is; None where there is none.
+        gaps: of the check recordings, one per channel.
+        nearest: for an unknown, the named effect that comes nearest.
+        tolerances: what does not matter, by parameter's full name.
+        not_judged: effects that this data cannot show, with the reason.
+        remarks: what was mended in the recordings, and what they lack.
+        next: the next experiment, for a class or an unknown.
+        parameters: of the model with the named effects in it.
+        window_s: length of a prediction window.
+        draws: draws behind the floor.
+    """
+
+    kind: Kind
+    bench: BenchKind
+    effects: tuple[NamedEffect, ...]
+    probabilities: Mapping[str, float]
+    where: Where | None
+    gaps: tuple[Gap, ...]
+    nearest: Nearest | None
+    tolerances: Mapping[str, float]
+    not_judged: Mapping[str, str]
+    remarks: tuple[str, ...]
+    next: NextExperiment | None
+    parameters: Parameters
+    window_s: float
+    draws: int = field(default=0)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the effects in the verdict."""
+        return tuple(effect.name for effect in self.effects)
+
+    @property
+    def sentence(self) -> str:
+        """The verdict in one sentence."""
+        return _SENTENCES[self.kind](self)
+
+
+def _number(item: FoundParameter) -> str:
+    unit = "" if item.unit == "1" else f" {item.unit}"
+    return f"{item.name} = {item.value:.4g} ± {item.std:.2g}{unit}"
+
+
+def _effect(effect: NamedEffect) -> str:
+    return f"{effect.name} ({', '.join(_number(item) for item in effect.parameters)})"
+
+
+def _one(verdict: Verdict) -> str:
+    effect = verdict.effects[0]
+    return f"The model lacks {_effect(effect)}, probability {effect.probability:.2f}."
+
+
+def _several(verdict: Verdict) -> str:
+    return f"The model lacks {' and '.join(_effect(effect) for effect in verdict.effects)}."
+
+
+def _class(verdict: Verdict) -> str:
+    return (
+        f"The model lacks one of {', '.join(verdict.names)}; this data cannot tell them apart "
+        f"(most likely {_effect(verdict.effects[0])})."
+    )
+
+
+def _none(verdict: Verdict) -> str:
+    return "Nothing beyond the stated tolerances is missing from the model."
+
+
+def _unknown(verdict: Verdict) -> str:
+    near = verdict.nearest
+    where = verdict.where
+    place = f" in {where.stage}, {where.regime}" if where is not None else ""
+    nearest = (
+        f"; the nearest is {near.name}, which closes {100.0 * near.share_closed:.0f} % of the gap"
+        if near is not None
+        else ""
+    )
+    return f"Something is missing{place} that no named effect explains{nearest}."
+
+
+_SENTENCES = {
+    "effect": _one,
+    "several": _several,
+    "class": _class,
+    "none": _none,
+    "unknown": _unknown,
+}
