@@ -36,6 +36,9 @@ Array = NDArray[np.float64]
 MAX_RATE_HZ = 5000.0
 """Fastest stream that a device accepts; a guess at what a small microcontroller can print."""
 
+LONGEST_REASON = 300
+"""Characters of a failure's reason that are sent, so that the line stays one that a host takes."""
+
 REMIND_S = 1.0
 """A stopped device repeats why, so that a lost line cannot hide it."""
 
@@ -187,11 +190,19 @@ class Firmware:
 
         The limits are checked over the whole block, so n is the device's time to react. With n = 0
         only the watchdog looks at the time.
+
+        Raises:
+            BenchtoolError: what runs on the plant failed; the motors have been stopped.
         """
         self._check_watchdog(now_s)
         if n == 0:
             return Rows(np.empty(0, np.int64), np.empty((0, len(self.hello.channels))))
-        values = self._plant.advance(n)
+        try:
+            values = self._plant.advance(n)
+        except BenchtoolError as error:
+            # The plant's own program failed: nothing may turn, and the host is told why.
+            self._latch(Event("limit", f"{str(error)[:LONGEST_REASON]}; motors stopped"), now_s)
+            raise
         step_us = 1e6 / self._plant.rate_Hz
         times_us = self._device_us + step_us * np.arange(1, n + 1)
         self._device_us += step_us * n

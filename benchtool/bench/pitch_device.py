@@ -25,6 +25,7 @@ from benchtool.effects.model import Model
 from benchtool.errors import InputError
 from benchtool.library import gains_named, load_model, model_names, schedule_named
 from benchtool.simulate.pitch_bench import PitchBench
+from benchtool.simulate.pitch_own import PitchController
 from benchtool.simulate.pitch_run import PitchJob
 
 PITCH_LIMIT_RAD = np.radians(45.0)
@@ -42,6 +43,8 @@ def pitch_plant(
     gains: str = "s3",
     seed: int = 0,
     rate_Hz: float | None = None,
+    own: type[PitchController] | None = None,
+    change: Callable[[PitchJob], PitchJob] = lambda job: job,
 ) -> PitchPlant:
     """Return the simulated pitch bench of these names.
 
@@ -49,21 +52,23 @@ def pitch_plant(
         rig: on the hinge.
         truth: model or its file; the rig's own pitch model when None.
         schedule: by name or file.
-        controller: a built-in one, by name.
+        controller: a built-in one, by name; or what `own` is called.
         gains: by name or file.
         seed: of the noise.
         rate_Hz: stream rate; the control rate when None.
+        own: class of the user's own controller; its rate is that of the gains.
+        change: gives the job with other numbers.
     """
-    own = f"pitch_{rig.name}"
+    usual = f"pitch_{rig.name}"
     if truth is not None:
         model = load_model(truth, rig).model
-    elif own in model_names():
-        model = load_model(own, rig).model
+    elif usual in model_names():
+        model = load_model(usual, rig).model
     else:
         model = Model.single(rig)
-    control = pitch_controller(controller, gains_named(gains))
-    job = PitchJob(PitchBench.of(model), control)
-    return PitchPlant(job, schedule_named(schedule), seed, rate_Hz)
+    control = pitch_controller("pid" if own else controller, gains_named(gains))
+    job = change(PitchJob(PitchBench.of(model), replace(control, name=controller)))
+    return PitchPlant(job, schedule_named(schedule), seed, rate_Hz, own)
 
 
 def pitch_hello(plant: PitchPlant, seed: int) -> Hello:

@@ -11,11 +11,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.control.controller import PitchMeasurement, PitchReference
 from benchtool.core.channel import Channel
 from benchtool.core.schedule import PARKED_M, Schedule
 from benchtool.errors import InputError, StageError
 from benchtool.simulate import pitch_rows as r
 from benchtool.simulate.noise import lane_states
+from benchtool.simulate.own_controller import made
+from benchtool.simulate.pitch_own import PitchController, own_ticks
 from benchtool.simulate.pitch_run import PAST, PitchJob, PitchLoop
 
 Array = NDArray[np.float64]
@@ -55,10 +58,16 @@ class PitchPlant:
         schedule: what the controller is told from the moment of arming on.
         seed: of the noise; the n-th arming (from 0) has the noise of run n, as `simulate_pitch`.
         rate_Hz: stream rate, the control rate over a whole number; the control rate when None.
+        own: class of the user's own controller, made anew for every arming; that of the job, None.
     """
 
     def __init__(
-        self, job: PitchJob, schedule: Schedule, seed: int, rate_Hz: float | None = None
+        self,
+        job: PitchJob,
+        schedule: Schedule,
+        seed: int,
+        rate_Hz: float | None = None,
+        own: type[PitchController] | None = None,
     ) -> None:
         self.job, self.schedule, self.rig = job, schedule, job.bench.model.rig
         self.control_rate_Hz = job.control.control_rate_Hz
@@ -82,6 +91,10 @@ class PitchPlant:
         )
         self._loop = PitchLoop([job], sampled, seed, [IDLE_RUN])
         self._loop.drive(np.zeros((self._loop.n_discs, len(sampled))))
+        self._own = own
+        self._controller: PitchController = _Still() if own is None else made(own, job.control.name)
+        self._own_ticks = None if own is None else own_ticks(self._loop)
+        self._ticks_armed = 0
         self._visits = self._loop.table[[r.S_PLATE, r.S_SHARE]].copy()
         self._believed = self._loop.table[[r.S_BELIEVED_PLATE, r.S_BELIEVED_SHARE]].copy()
         self._tick = 0
@@ -94,6 +107,8 @@ class PitchPlant:
         self.command_pwm(np.full(self.rig.n_rotors, pulse.pwm_stop_us))
         # Compiles, where it must, before anybody waits for an answer.
         self._run(1)
+        if self._own_ticks is not None:
+            self._own_ticks(_Still(), self._tick, self._tick + 1, 0)
         if rate_Hz is not None:
             self.set_rate(rate_Hz)
 
@@ -200,7 +215,11 @@ class PitchPlant:
             most = ticks if self._armed and not self.plate_moving else 10
             count = min(ticks, end - first, most)
             self._place_plate(first, count)
-            loop.run(first, first + count)
+            if self._armed and self._own_ticks is not None:
+                self._own_ticks(self._controller, first, first + count, self._ticks_armed)
+                self._ticks_armed += count
+            else:
+                loop.run(first, first + count)
             self._tick = first + count
             blocks.append(self._taken(first, count))
             if not self._armed:
@@ -270,6 +289,10 @@ class PitchPlant:
         for row in _CONTROLLER:
             loop.row(row)[0] = 0.0
         loop.plan[3] = 0
+        if self._own is not None:
+            loop.plan[3] = 1
+            self._controller = made(self._own, self.job.control.name)
+            self._ticks_armed = 0
         self._jump(0)
         self._armed = True
 
@@ -301,6 +324,13 @@ class PitchPlant:
         family = channel.name.rstrip("0123456789")
         sensor = self.job.bench.sensors.get(family)
         return sensor.rate_Hz if sensor and sensor.rate_Hz else self.control_rate_Hz
+
+
+class _Still:
+    """Ask for nothing; pulses drive the motors while it stands in for a controller."""
+
+    def step(self, measurement: PitchMeasurement, reference: PitchReference, dt_s: float) -> float:
+        return 0.0
 
 
 def _hold_end(tracks: list[Array], ticks: int) -> None:

@@ -11,10 +11,14 @@ from collections.abc import Callable
 from benchtool.bench.faults import LinkFaults
 from benchtool.bench.served_device import ServedDevice
 from benchtool.bench.server_links import ServerLink
+from benchtool.errors import BenchtoolError
 
 NAP_S = 0.004
 LONGEST_CATCH_UP_S = 0.5
 """Wall time that the physics makes up for after the process was held; more is left out."""
+
+LAST_WORDS_S = 1.0
+"""A device whose program failed says so for as long before it is gone. A choice."""
 
 OUTBOX_BYTES = 65536
 """What the device keeps for a host that does not read, on top of what the link holds; samples
@@ -85,9 +89,21 @@ class BenchServer:
         self._greeted_s: float | None = None
 
     def run(self, keep_on: Callable[[], bool] = lambda: True, nap_s: float = NAP_S) -> None:
-        """Serve until `keep_on` says no, or until an exception (Ctrl-C) ends it."""
+        """Serve until `keep_on` says no, or until an exception (Ctrl-C) ends it.
+
+        Raises:
+            BenchtoolError: what runs on the device failed. The motors stand by then, and a host
+                has had the time to read why.
+        """
         while keep_on():
-            self.step()
+            try:
+                self.step()
+            except BenchtoolError:
+                until_s = self._clock() + LAST_WORDS_S
+                while self._clock() < until_s:
+                    self.step()
+                    time.sleep(nap_s)
+                raise
             time.sleep(nap_s)
 
     def step(self) -> None:

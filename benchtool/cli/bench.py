@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from benchtool.cli.check import check
+from benchtool.cli.map_motors import map_motors
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from benchtool.core.rig import Rig
 
     Speak = Callable[[Firmware], ServedDevice]
+    PitchNames = tuple[str, str, str, list[str]]
 
 app = typer.Typer(help="Serve a virtual bench; check a bench before motors spin.")
 
@@ -30,6 +32,7 @@ def group() -> None:
 
 
 app.command()(check)
+app.command("map")(map_motors)
 
 
 @app.command()
@@ -56,8 +59,14 @@ def serve(
         str, typer.Option(help="plate (load cell), or pitch (hinge with a controller).")
     ] = "plate",
     schedule: Annotated[str, typer.Option(help="Pitch: schedule, or its file.")] = "plate",
-    controller: Annotated[str, typer.Option(help="Pitch: built-in controller.")] = "pid",
+    controller: Annotated[
+        str, typer.Option(help="Pitch: controller; your own as module:Class.")
+    ] = "pid",
     gains: Annotated[str, typer.Option(help="Pitch: gain set, or its file.")] = "s3",
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", help="Pitch: NAME=VALUE, as K_b=1.8 or gains.attitude.k_q_per_s=8."),
+    ] = None,
     autopilot: Annotated[
         str, typer.Option(help="MAVLink: what it behaves like, ardupilot or px4.")
     ] = "ardupilot",
@@ -72,7 +81,7 @@ def serve(
 
     from benchtool.bench.address import MODES
     from benchtool.bench.faults import fault_from
-    from benchtool.errors import UnknownChoice
+    from benchtool.errors import InputError, UnknownChoice
     from benchtool.library import rig_named
 
     if mode not in MODES:
@@ -80,7 +89,9 @@ def serve(
     faults = [fault_from(text) for text in fault or ()]
     stands = rig_named(rig)
     device = _pitch if mode == "pitch" else _plate
-    named = (schedule, controller, gains)
+    named = (schedule, controller, gains, settings or [])
+    if settings and mode != "pitch":
+        raise InputError("--set changes a pitch bench; add --mode pitch, or give --truth a file")
     as_autopilot = link.partition(":")[0] == "mavlink"
     speak, where, address = (
         _mavlink(link, symlink, stands, mode, (autopilot, system, key))
@@ -150,7 +161,7 @@ def _plate(
     speed: float,
     rate_Hz: float | None,
     faults: list[Fault],
-    _: tuple[str, str, str],
+    _: PitchNames,
     speak: Speak,
 ) -> tuple[BenchServer, str]:
     from benchtool.bench.virtual_server import standard_truth, virtual_server
@@ -182,13 +193,28 @@ def _pitch(
     speed: float,
     rate_Hz: float | None,
     faults: list[Fault],
-    named: tuple[str, str, str],
+    named: PitchNames,
     speak: Speak,
 ) -> tuple[BenchServer, str]:
     from benchtool.bench.pitch_device import pitch_plant, pitch_server
+    from benchtool.cli.name_values import name_values
+    from benchtool.control.pitch import PITCH_CONTROLLERS
+    from benchtool.studies.own_controllers import controller_class
+    from benchtool.studies.pitch_setup import changed_job
 
-    schedule, controller, gains = named
-    plant = pitch_plant(rig, truth, schedule, controller, gains, seed, rate_Hz)
+    schedule, controller, gains, settings = named
+    values = name_values(settings, "--set")
+    plant = pitch_plant(
+        rig,
+        truth,
+        schedule,
+        controller,
+        gains,
+        seed,
+        rate_Hz,
+        own=None if controller in PITCH_CONTROLLERS else controller_class(controller),
+        change=lambda job: changed_job(job, values),
+    )
     server = pitch_server(plant, link, seed=seed, speed=speed, faults=faults, speak=speak)
     return server, (
         f"pitch bench of {rig.name}, truth {plant.job.bench.model.name}, {controller} with gains "

@@ -13,6 +13,7 @@ from benchtool.effects.model import Model
 from benchtool.errors import InputError, UnknownChoice
 from benchtool.library import gains_named, load_model, model_names, rig_named, schedule_named
 from benchtool.simulate.pitch_bench import PitchBench
+from benchtool.simulate.pitch_run import PitchJob
 from benchtool.studies.gain_changes import changed_gains
 from benchtool.studies.own_controllers import controller_class as controller_class
 
@@ -80,6 +81,16 @@ def changed(setup: PitchSetup, values: Mapping[str, float]) -> PitchSetup:
     for name, value in values.items():
         setup = _changed(setup, name, float(value))
     return setup
+
+
+def changed_job(job: PitchJob, values: Mapping[str, float]) -> PitchJob:
+    """Return a single job with some numbers changed, by the names of `changed`."""
+    none = Schedule(name="none", title="no number stands in a schedule", duration_s=1.0)
+    setup = PitchSetup(
+        bench=job.bench, controls=(job.control,), schedule=none, believed=job.believed
+    )
+    new = changed(setup, values)
+    return replace(job, bench=new.bench, control=new.controls[0])
 
 
 def _changed(setup: PitchSetup, name: str, value: float) -> PitchSetup:

@@ -11,6 +11,7 @@ from benchtool.bench.commands import Clear, MovePlate, SetLimit, SetPwm, SetRate
 from benchtool.bench.firmware import Firmware
 from benchtool.bench.pitch_device import pitch_hello, pitch_plant
 from benchtool.bench.pitch_plant import PitchPlant
+from benchtool.control.controller import PitchCommand, PitchMeasurement, PitchReference
 from benchtool.core.units import unit_named
 from benchtool.errors import (
     BenchtoolError,
@@ -229,3 +230,87 @@ def test_options_of_a_pitch_bench_need_its_mode() -> None:
         open_bench("sim:pquad?schedule=steps")
     with pytest.raises(UnknownChoice, match="plate"):
         open_bench("sim:pquad?mode=yaw")
+
+
+class Own:
+    """A law of the user's own: the soft cascade without its integrals."""
+
+    made = 0
+
+    def __init__(self) -> None:
+        Own.made += 1
+        self.times: list[float] = []
+
+    def step(
+        self, measurement: PitchMeasurement, reference: PitchReference, dt_s: float
+    ) -> PitchCommand:
+        self.times.append(measurement.time_s)
+        rate = 2.9 * (reference.theta_rad - measurement.theta_rad)
+        return PitchCommand(0.018 * 7.4 * (rate - measurement.rate_rad_s))
+
+
+class FailsLater(Own):
+    """Fail after one second."""
+
+    def step(
+        self, measurement: PitchMeasurement, reference: PitchReference, dt_s: float
+    ) -> PitchCommand:
+        if measurement.time_s > 1.0:
+            raise RuntimeError("no more")
+        return super().step(measurement, reference, dt_s)
+
+
+def with_own(own: type[Own]) -> tuple[PitchPlant, Firmware]:
+    plant = pitch_plant(RIG, seed=3, controller="mine:Own", own=own)
+    return plant, Firmware(plant, pitch_hello(plant, 3))
+
+
+def test_a_users_own_controller_runs_on_the_device() -> None:
+    device = with_own(Own)[1]
+    built_in = started()[1]
+    for each in (device, built_in):
+        each.execute(pulses(hover_us()), 0.0)
+    own, soft = (each.advance(4000, 0.0).values for each in (device, built_in))
+    assert device.hello.facts["controller"] == "mine:Own"
+    # The same law where the built-in one has no integral part (S3), but for the torque's limit.
+    theta, expected = column(own, "theta_rad"), column(soft, "theta_rad")
+    assert np.degrees(np.abs(theta - expected).max()) < 0.01
+    assert np.degrees(theta[3500:].mean()) == pytest.approx(-1.56, abs=0.1)
+    assert np.isfinite(column(own, "torque_Nm")).all()
+
+
+def test_every_arming_has_a_new_controller_whose_time_begins_anew() -> None:
+    plant, device = with_own(Own)
+    before = Own.made
+    for _ in range(2):
+        device.execute(pulses(hover_us()), 0.0)
+        for n in (1, 30, 469):
+            device.advance(n, 0.0)
+        times = plant._controller.times  # type: ignore[attr-defined]
+        np.testing.assert_allclose(times, np.arange(500) / 250.0, atol=1e-12)
+        device.execute(Stop(), 0.0)
+        device.advance(20, 0.0)
+    assert Own.made == before + 2
+
+
+def test_behind_the_schedules_end_its_time_goes_on() -> None:
+    plant, device = with_own(Own)
+    device.execute(pulses(hover_us()), 0.0)
+    n = round(250.0 * (plant.schedule.duration_s + 6.0))
+    device.advance(n, 0.0)
+    times = plant._controller.times  # type: ignore[attr-defined]
+    np.testing.assert_allclose(times, np.arange(n) / 250.0, atol=1e-9)
+
+
+def test_a_controller_that_raises_stops_the_motors_and_says_where() -> None:
+    plant, device = with_own(FailsLater)
+    device.execute(pulses(hover_us()), 0.0)
+    with pytest.raises(InputError, match=r"RuntimeError: no more at 1\.0.*test_pitch_plant\.py"):
+        device.advance(1000, 0.0)
+    event = device.take_events()[0]
+    assert event.kind == "limit"
+    assert "raised RuntimeError: no more" in event.text
+    assert not plant.armed
+    values = device.advance(500, 0.0).values
+    assert (column(values, "pwm1_us") == 1000.0).all()
+    assert not device.execute(pulses(hover_us()), 0.0).ok
