@@ -97,16 +97,24 @@ def _from_bench(
 
     from benchtool.acquire.calibrate_bench import mean_counts, require_raw_counts
     from benchtool.bench.address import open_bench
-    from benchtool.bench.guard import GuardedBench
     from benchtool.cli.sweep_operator import LOOK_S, answer_to
     from benchtool.cli.sweep_options import numbers, rig_for
+    from benchtool.core.units import STANDARD_GRAVITY_M_S2
     from benchtool.errors import InputError
 
     kilograms = np.array(numbers(masses, "--masses"))
     if not 0.0 < seconds <= LONGEST_S:
         raise InputError(f"--seconds is {seconds:g}; give more than 0 and at most {LONGEST_S:g}")
     counts = []
-    with GuardedBench(open_bench(address), rig_for(address, rig)) as bench:
+    rating_N = rig_for(address, rig).limits.load_cell_rating_N
+    heaviest_N = float(kilograms.max()) * STANDARD_GRAVITY_M_S2
+    if heaviest_N > rating_N:
+        raise InputError(
+            f"{kilograms.max():g} kg pull with {heaviest_N:.3g} N, the load cell's rating is "
+            f"{rating_N:g} N; leave the heavier masses away"
+        )
+    # Not under the guard of a sweep: thrust without a turning rotor is what is wanted here.
+    with open_bench(address) as bench:
         require_raw_counts(bench)
         is_virtual = address.startswith("sim:")
         for kilogram in kilograms:

@@ -104,11 +104,13 @@ class AvrBench:
         address: what a host writes to reach it.
         plant: the physics.
         battery: whether the pack is connected.
+        hung_N: weight of what hangs on the load cell besides.
     """
 
     def __init__(self, peer: Path, firmware: Path, rig: Rig, truth: str = "single") -> None:
         self.plant = physics(rig, truth)
         self.battery = True
+        self.hung_N = 0.0
         self._lock = threading.Lock()
         self._order = ""
         self._rotors = rig.n_rotors
@@ -215,7 +217,7 @@ class AvrBench:
         }
         rpm = [self._seen.get(f"rpm{i}", 0.0) for i in (1, 2)]
         volt = self._seen["voltage_V"] * DIVIDER if self.battery else 0.0
-        counts = round(self._seen.get("thrust_raw", 0.0))
+        counts = round(self._seen.get("thrust_raw", 0.0) + self.hung_N / self.plant.count_N)
         return f"{counts} {rpm[0]:.1f} {rpm[1]:.1f} {1000.0 * volt:.1f}"
 
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -50,20 +51,31 @@ def running(
             process.kill()
 
 
-def move_when_asked(process: subprocess.Popen[str], bench: AvrBench) -> str:
-    """Be the operator: put the plate where the sweep wants it and type that; return all it said."""
+def answer_as_asked(
+    process: subprocess.Popen[str], question: str, answer: Callable[[float], str]
+) -> str:
+    """Answer each question, in which a number is asked for; return all that was said."""
     assert process.stdout is not None
     assert process.stdin is not None
-    said = question = ""
+    said = unanswered = ""
     while letter := process.stdout.read(1):
         said += letter
-        question += letter
-        if found := re.search(r"Move the plate to ([\d.]+) mm.* in mm: $", question):
-            bench.place_plate(1e-3 * float(found[1]))
-            process.stdin.write(f"{found[1]}\n")
+        unanswered += letter
+        if found := re.search(question, unanswered):
+            process.stdin.write(f"{answer(float(found[1]))}\n")
             process.stdin.flush()
-            question = ""
+            unanswered = ""
     return said
+
+
+def move_when_asked(process: subprocess.Popen[str], bench: AvrBench) -> str:
+    """Be the operator: put the plate where the sweep wants it and type that."""
+
+    def move(z_mm: float) -> str:
+        bench.place_plate(1e-3 * z_mm)
+        return f"{z_mm}"
+
+    return answer_as_asked(process, r"Move the plate to ([\d.]+) mm.* in mm: $", move)
 
 
 def test_check_and_sweep_by_hand(
@@ -115,3 +127,22 @@ def test_a_killed_host_leaves_motors_at_zero_within_300_ms(
     assert 200e3 < state.drive_us - state.heard_us < 300e3
     assert state.drive_us - killed_us < 300e3
     assert state.pulses_us[0] == pytest.approx(1000.0, abs=0.5)
+
+
+def test_calibrate_with_masses(
+    bench: AvrBench, environment: dict[str, str], tmp_path: Path
+) -> None:
+    def hang(mass_kg: float) -> str:
+        bench.hung_N = 9.8 * mass_kg
+        return ""
+
+    out, errors = tmp_path / "calibration.json", tmp_path / "errors.txt"
+    words = ["calibrate", bench.address, "--rig", "pquad_single", "--gravity", "9.8"]
+    words += ["--masses", "0,0.5,1,0.5,0", "--seconds", "1", "--out", str(out)]
+    with running(words, environment, errors) as process:
+        told = answer_as_asked(process, r"hang ([\d.]+) kg.*press Enter: $", hang)
+        code = process.wait(10)
+    assert code == 0, told + errors.read_text()
+    kept = json.loads(out.read_text())
+    assert kept["device_id"] == "bench-avr"
+    assert kept["slope_N_per_count"] == pytest.approx(bench.plant.count_N, rel=2e-3)
