@@ -79,8 +79,7 @@ void guard_rpm(uint8_t rotor, float rpm)
 
 void guard_voltage(float voltage_V)
 {
-    /* The battery may be off while a load cell is calibrated. */
-    if (voltage_V < limits[VOLTAGE_MIN] && motors_run())
+    if (voltage_V < limits[VOLTAGE_MIN])
         latch(PSTR("voltage_V"), voltage_V, limits[VOLTAGE_MIN]);
 }
 

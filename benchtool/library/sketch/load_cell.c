@@ -2,6 +2,7 @@
 
 #include "load_cell.h"
 
+#include <math.h>
 #include <util/atomic.h>
 #include <util/delay.h>
 
@@ -12,7 +13,7 @@
 
 static int32_t recent[TARE_READINGS];
 static uint8_t position, known;
-static float zero_counts;
+static float zero_counts = NAN; /* an HX711 has any offset: no thrust before a tare */
 static uint32_t read_us;
 
 void cell_start(void)
@@ -46,8 +47,8 @@ bool cell_poll(void)
         counts |= 0xFF000000;
     position = (position + 1) % TARE_READINGS;
     recent[position] = (int32_t)counts;
-    if (known < TARE_READINGS)
-        known++;
+    if (known < TARE_READINGS && ++known == TARE_READINGS && isnan(zero_counts))
+        cell_tare(); /* the first by itself, 0.2 s after power-on */
     read_us = clock_us();
     return true;
 }

@@ -12,7 +12,7 @@ bool cell_poll(void);
 /* The last reading: counts, never tared. */
 int32_t cell_counts(void);
 
-/* The last reading since the tare: N. */
+/* The last reading since the tare: N; nan before the first. */
 float cell_thrust_N(void);
 
 /* When the last reading came: device time in us. */

@@ -15,7 +15,7 @@
 #define LIMIT_PWM_US @LIMIT_PWM@
 #define LIMIT_THRUST_N @LIMIT_THRUST@ /* either sign */
 #define LIMIT_RPM @LIMIT_RPM@
-#define LIMIT_VOLTAGE_MIN_V @LIMIT_VOLTAGE@ /* while motors run */
+#define LIMIT_VOLTAGE_MIN_V @LIMIT_VOLTAGE@
 
 /* N per count of the HX711, with the sign that makes thrust positive. This one is that of a 2 kg
    cell of 1 mV/V at gain 128: 19.6 N give 0.001 x 256 x 2^23 counts, whatever the supply is. Put
