@@ -42,11 +42,7 @@ def partial_effect_figure(sketch: Sketch, *, x_m: float, z_m: float, title: str)
     for (rx, ry), name in zip(sketch.rotors_m, sketch.names, strict=True):
         over = x_m + rx + sketch.radius_m > edge
         above.plot([x_m, x_m + rx], [0.0, ry], color=BLACK, linewidth=2.0, zorder=1)
-        above.add_patch(
-            Circle((x_m + rx, ry), sketch.radius_m, facecolor="#bfe3c8" if over else "white",
-                   edgecolor=GREEN if over else GREY, linewidth=1.6, zorder=2)
-        )  # fmt: skip
-        above.text(x_m + rx, ry, name, ha="center", va="center", fontsize=8.5, zorder=3)
+        _disc(above, (x_m + rx, ry), sketch.radius_m, name, over)
     above.text(edge + 0.17, 0.36, "obstacle", ha="center", fontsize=9)
     above.set_title("from above: one rotor over the edge")
     above.set_xlim(x_m - 0.45, edge + 0.35)
@@ -95,6 +91,78 @@ def cases_figure(
         each.set_ylabel("height [m]")
         each.set_aspect("equal")
     axes[-1].set_xlabel("$x$ [m]")
+    return figure
+
+
+@styled
+def plate_figure(
+    sketch: Sketch,
+    *,
+    half_width_m: float,
+    away_m: float,
+    z_m: float,
+    when: tuple[str, str],
+    title: str,
+) -> Figure:
+    """Draw figure 29: a plate that comes under the front rotor in free hover, and goes again.
+
+    Args:
+        sketch: the vehicle; its obstacle is the plate where it stands under the rotor.
+        half_width_m: of the plate along y.
+        away_m: how far along x it stands before and after.
+        z_m: height of the rotors over the plate.
+        when: when it comes, and when it goes.
+        title: of the figure.
+    """
+    figure = new_figure(title, simulated=False, height_in=4.9)
+    above, side = figure.subplots(2, 1, sharex=True, height_ratios=[1.0, 0.85])
+    near, length = sketch.obstacle_m[0], sketch.obstacle_m[1] - sketch.obstacle_m[0]
+    thick = 0.03
+    for shift, face, line in ((away_m, "none", "--"), (0.0, SOLID, "-")):
+        for axes, low, high in (
+            (above, -half_width_m, 2.0 * half_width_m),
+            (side, -thick, thick),
+        ):
+            axes.add_patch(
+                Rectangle((near + shift, low), length, high, facecolor=face, edgecolor=GREY,
+                          linestyle=line)
+            )  # fmt: skip
+    front = float(sketch.rotors_m[:, 0].max())
+    for (rx, ry), name in zip(sketch.rotors_m, sketch.names, strict=True):
+        over = rx + sketch.radius_m > near and abs(ry) < half_width_m
+        above.plot([0.0, rx], [0.0, ry], color=BLACK, linewidth=2.0, zorder=1)
+        _disc(above, (rx, ry), sketch.radius_m, name, over)
+    _vehicle(side, sketch, 0.0, z_m, 0.0)
+    _measure(side, (front + 0.06, 0.0), (front + 0.06, z_m), "$z$")
+    end = sketch.obstacle_m[1]
+    for axes, y in ((above, 0.0), (side, 0.16)):
+        for offset, (text, begins, ends) in zip(
+            (0.04, -0.08),
+            ((when[0], end + away_m - 0.1, end + 0.1), (when[1], end + 0.1, end + away_m - 0.1)),
+            strict=True,
+        ):
+            axes.annotate(
+                "", (ends, y + offset), (begins, y + offset),
+                arrowprops={"arrowstyle": "-|>", "color": BLUE, "linewidth": 1.5},
+            )  # fmt: skip
+            if axes is above:
+                axes.text(end + 0.5 * away_m, y + offset + 0.03, text, ha="center", fontsize=9)
+    side.annotate(
+        "", (front, z_m + 0.24), (front, z_m + 0.03),
+        arrowprops={"arrowstyle": "-|>", "color": VERMILION, "linewidth": 2.2},
+    )  # fmt: skip
+    side.text(front + 0.04, z_m + 0.16, "more thrust: nose up, and a drift back", fontsize=9,
+              color=VERMILION)  # fmt: skip
+    above.set_title("from above: one rotor over the plate")
+    above.set_ylabel("$y$ [m]")
+    above.set_ylim(-0.42, 0.42)
+    side.set_title("from the side: nothing else is in reach of the wakes")
+    side.set_ylim(-0.12, z_m + 0.34)
+    side.set_ylabel("height [m]")
+    side.set_xlabel("$x$ [m]")
+    side.set_xlim(-0.45, end + away_m + 0.08)
+    for axes in (above, side):
+        axes.set_aspect("equal")
     return figure
 
 
@@ -152,6 +220,15 @@ def _ground(axes: Axes, obstacle: tuple[float, float], depth: float) -> None:
         Rectangle((obstacle[0], -depth), obstacle[1] - obstacle[0], depth, facecolor=SOLID,
                   edgecolor=GREY)
     )  # fmt: skip
+
+
+def _disc(axes: Axes, place: tuple[float, float], radius: float, name: str, over: bool) -> None:
+    """Draw a rotor disc from above; green where it is over something."""
+    axes.add_patch(
+        Circle(place, radius, facecolor="#bfe3c8" if over else "white",
+               edgecolor=GREEN if over else GREY, linewidth=1.6, zorder=2)
+    )  # fmt: skip
+    axes.text(*place, name, ha="center", va="center", fontsize=8.5, zorder=3)
 
 
 def _vehicle(

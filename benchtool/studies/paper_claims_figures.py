@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from math import sqrt
 
 import numpy as np
@@ -13,9 +14,20 @@ from benchtool.aero.multirotor import three_rotor_average_factor
 from benchtool.core.rig import Rig
 from benchtool.report.blocks import Box, Wire, block_figure
 from benchtool.report.files import Figure
-from benchtool.report.geometry import Sketch, cases_figure, map_figure, partial_effect_figure
+from benchtool.report.geometry import (
+    Sketch,
+    cases_figure,
+    map_figure,
+    partial_effect_figure,
+    plate_figure,
+)
 from benchtool.report.ground_effect import Curve, ratio_figure
-from benchtool.simulate.flight_cases import GOAL_EDGE_M, GOAL_OVER_M, OBSTACLE_X_M
+from benchtool.simulate.flight_cases import (
+    GOAL_EDGE_M,
+    GOAL_OVER_M,
+    OBSTACLE_X_M,
+    plate_under_front,
+)
 from benchtool.studies.attitude import attitude_moments
 from benchtool.studies.flight_figures import extra_figures, flight_figures
 from benchtool.studies.flow import flow_pictures
@@ -69,7 +81,7 @@ def ratio_figures(rig: Rig) -> dict[str, Figure]:
 
 
 def geometry_figures(rig: Rig) -> dict[str, Figure]:
-    """Draw figures 7, 10 and 11."""
+    """Draw figures 7, 10, 11, and the set-up of figure 29."""
     sketch = Sketch(
         rotors_m=rig.disc_positions_m,
         names=tuple(rotor.name for rotor in rig.rotors[: rig.n_discs]),
@@ -81,6 +93,9 @@ def geometry_figures(rig: Rig) -> dict[str, Figure]:
     over = (x[:, None] >= OBSTACLE_X_M[0]) & (x[:, None] <= OBSTACLE_X_M[1])
     height = np.where(over, 0.0, -0.6) + 0.0 * y
     path = np.array([[0.0, 0.0, z_m], [GOAL_OVER_M, 0.0, z_m]])
+    radius, arm = rig.propulsion.radius_m, float(rig.disc_positions_m[:, 0].max())
+    plate = plate_under_front(radius, arm).blocks[0]
+    comes, come, goes, gone = plate.times_s
     return {
         "fig07-partial-effect": partial_effect_figure(
             sketch, x_m=GOAL_EDGE_M, z_m=z_m, title="One rotor over the obstacle (Fig. 7)"
@@ -96,6 +111,14 @@ def geometry_figures(rig: Rig) -> dict[str, Figure]:
             ],
             z_m=z_m,
             title="The two cases, z/R = 2 (Fig. 11)",
+        ),
+        "fig29-plate-set-up": plate_figure(
+            replace(sketch, obstacle_m=plate.x_m),
+            half_width_m=plate.y_m[1],
+            away_m=plate.slide_m[0],
+            z_m=z_m,
+            when=(f"comes at {comes:g} to {come:g} s", f"goes at {goes:g} to {gone:g} s"),
+            title="Free hover with a plate moved under one rotor and withdrawn (Fig. 29)",
         ),
     }
 

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from benchtool.bench.address import open_bench
+from benchtool.bench.bench import Bench
 from benchtool.errors import DeviceStopped
 from benchtool.store import Run, read_events, read_pitch, read_samples
 
@@ -246,6 +247,12 @@ def test_a_controller_of_ones_own_flies_the_bench_until_it_fails(
     assert "served_law.py line 9" in Run.open(tmp_path / "failed").metadata["reason"]
 
 
+def read_on(bench: Bench) -> None:
+    """Read for two seconds, or until the bench says no."""
+    for _ in range(20):
+        bench.read(0.1)
+
+
 @posix
 def test_the_server_of_a_failed_controller_ends_with_its_sentence(
     tmp_path: Path, environment: dict[str, str]
@@ -264,8 +271,7 @@ def test_the_server_of_a_failed_controller_ends_with_its_sentence(
     with open_bench(process.stdout.readline().strip()) as bench:
         bench.set_pwm(np.full(4, 1599.0))
         with pytest.raises(DeviceStopped, match=r"served_law\.py line 9"):
-            for _ in range(20):
-                bench.read(0.1)
+            read_on(bench)
     _, complained = process.communicate(timeout=20)
     assert process.returncode == 2
     assert complained.count("returned torque_Nm = nan at 0 s") == 1
