@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
-from benchtool.core.units import UNITS, unit_named
+from benchtool.core.units import STANDARD_GRAVITY_M_S2, UNITS, unit_named
 from benchtool.errors import InputError
 
 _SPELLINGS: dict[str, str] = {
@@ -84,7 +84,7 @@ def conversion(text: str, target: str) -> Conversion:
     if dimension == "force":
         unit = _FORCE_OF_MASS.get(unit, unit)
     if dimension == "acceleration" and unit == "g":
-        unit = "standard_gravity"
+        return Conversion(STANDARD_GRAVITY_M_S2)
     if dimension == "angular speed" and unit in _TURNS:
         unit = "revolutions_per_second"
     if unit == target or (target == "pwm_us" and unit == "us"):

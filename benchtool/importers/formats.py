@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+import re
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from benchtool.errors import FileFormatError
@@ -12,12 +13,15 @@ from benchtool.importers.column_map import read_by_map
 from benchtool.importers.crazyflie import is_crazyflie, read_crazyflie
 from benchtool.importers.imported import Imported
 from benchtool.importers.inspection import inspect_stand
+from benchtool.importers.mavlink_walk import is_tlog
 from benchtool.importers.named_columns import read_named
 from benchtool.importers.options import Options
 from benchtool.importers.over_surface import mark_windows
 from benchtool.importers.pole_count import compare_speeds
 from benchtool.importers.rcbenchmark import is_rcbenchmark, read_rcbenchmark
 from benchtool.importers.uiuc import is_uiuc, read_uiuc
+
+_TEXT_LOG = re.compile(rb"(?:[^\n]{0,200}\n){0,8}FMT, ?\d+, ?\d+, ?\w+,")
 
 
 def import_file(path: str | Path, options: Options | None = None) -> Imported:
@@ -46,7 +50,11 @@ def import_bytes(data: bytes, where: str, options: Options) -> Imported:
         "sha256": hashlib.sha256(data).hexdigest(),
         "simulated": "not stated",
     }
-    read = inspect_stand(_read_table(data, where, options, provenance))
+    reader = _log_reader(data)
+    if reader is not None and options.columns is None:
+        read = reader(data, where, provenance)
+    else:
+        read = inspect_stand(_read_table(data, where, options, provenance))
     for name in options.flip:
         read = flipped(read, name)
     for name in options.tare:
@@ -54,6 +62,29 @@ def import_bytes(data: bytes, where: str, options: Options) -> Imported:
     for told in options.scale:
         read = scaled(read, told)
     return mark_windows(read, options.over, options.near_m)
+
+
+Reader = Callable[[bytes, str, Mapping[str, str]], Imported]
+
+
+def _log_reader(data: bytes) -> Reader | None:
+    """Return what reads a flight log that begins like this; None for tables.
+
+    The logs' readers are imported only for logs: pyulog and pymavlink take their time.
+    """
+    if data.startswith(b"\xa3\x95") or _TEXT_LOG.match(data[:4096]):
+        from benchtool.importers.ardupilot import read_ardupilot
+
+        return read_ardupilot
+    if data.startswith(b"ULog\x01\x12\x35"):
+        from benchtool.importers.px4 import read_px4
+
+        return read_px4
+    if is_tlog(data):
+        from benchtool.importers.mavlink_log import read_mavlink
+
+        return read_mavlink
+    return None
 
 
 def _read_table(data: bytes, where: str, options: Options, facts: dict[str, str]) -> Imported:

@@ -80,7 +80,7 @@ class Imported:
 
     def with_values(self, name: str, values: NDArray[np.float64]) -> Imported:
         """Return the import with other numbers (n,) in one channel."""
-        table = self.recording.values.copy()
+        table = self.recording.values.copy(order="K")
         table[:, self.recording.index(name)] = values
         return replace(self, recording=replace(self.recording, values=table))
 

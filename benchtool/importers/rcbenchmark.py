@@ -6,9 +6,11 @@ The columns are known by name, so logs with a script's own columns, older wordin
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from benchtool.core.channel import unit_told_by
 from benchtool.errors import InputError
@@ -17,8 +19,9 @@ from benchtool.importers.foreign_units import Conversion, conversion
 from benchtool.importers.headed import Head, head_of
 from benchtool.importers.imported import Imported
 from benchtool.importers.mapped import Mapped, read_mapped
-from benchtool.importers.numbers import numbers_of
-from benchtool.importers.text_table import TextTable, lay_out
+from benchtool.importers.text_table import lay_out
+
+Array = NDArray[np.float64]
 
 ELECTRICAL, OPTICAL = "Motor Electrical Speed", "Motor Optical Speed"
 
@@ -84,10 +87,9 @@ def read_rcbenchmark(data: bytes, where: str, provenance: Mapping[str, str]) -> 
     if others:
         words = f"columns of a script, or unknown: {', '.join(others)}"
         findings.append(Finding("left out", "columns", words, count=len(others)))
-    columns = _one_speed(table, columns, findings)
     series = series_of({head.name for head in heads})
     facts = {**provenance, "device": f"RCbenchmark {series}"}
-    return read_mapped(table, columns, f"RCbenchmark {series}", facts, findings)
+    return read_mapped(table, columns, f"RCbenchmark {series}", facts, findings, _one_speed)
 
 
 def _mapped(cell: str, head: Head, position: int, name: str, findings: list[Finding]) -> Mapped:
@@ -105,33 +107,23 @@ def _mapped(cell: str, head: Head, position: int, name: str, findings: list[Find
     return Mapped(name=name, position=position, conversion=scale, source=cell)
 
 
-def _one_speed(table: TextTable, columns: list[Mapped], findings: list[Finding]) -> list[Mapped]:
+def _one_speed(
+    columns: Sequence[Mapped], read: Mapping[str, Array], findings: list[Finding]
+) -> list[Mapped]:
     """Take the optical probe for the speed where only that one lives; tell dead ones."""
-    speeds = [column for column in columns if column.name in ("rpm1", "rpm1_optical")]
-    positions = [column.position for column in speeds if column.position is not None]
-    read = numbers_of(table, positions).columns
     lives = {
-        column.name: bool(np.any(np.nan_to_num(values) > 0.0))
-        for column, values in zip(speeds, read, strict=True)
+        name: bool(np.any(read[name] > 0.0)) for name in ("rpm1", "rpm1_optical") if name in read
     }
-    dead = [column for column in speeds if not lives[column.name]]
-    for column in dead:
+    kept: list[Mapped] = []
+    for column in columns:
+        if lives.get(column.name, True):
+            optical_only = column.name == "rpm1_optical" and not lives.get("rpm1")
+            kept.append(replace(column, name="rpm1") if optical_only else column)
+            continue
         words = f"{column.source} is 0 or blank in every row and left out"
-        findings.append(Finding("left out", "dead channel", words, column.name, table.rows_in_file))
+        count = len(read[column.name])
+        findings.append(Finding("left out", "dead channel", words, column.name, count))
     if not any(lives.values()):
         words = "no speed was measured; thrust can only be held against the ESC signal"
         findings.append(Finding("lacks", "rpm", words))
-    kept = [column for column in columns if column not in dead]
-    if lives.get("rpm1_optical") and not lives.get("rpm1"):
-        return [
-            column
-            if column.name != "rpm1_optical"
-            else Mapped(
-                name="rpm1",
-                position=column.position,
-                conversion=column.conversion,
-                source=column.source,
-            )
-            for column in kept
-        ]
     return kept

@@ -1,0 +1,223 @@
+"""Take from an ArduPilot log what a pitch recording needs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.importers.dataflash import read_dataflash
+from benchtool.importers.dataflash_text import read_text_log
+from benchtool.importers.finding import Finding, counted
+from benchtool.importers.flight_log import Counts, flight_import
+from benchtool.importers.imported import Imported
+from benchtool.importers.motor_channels import ardupilot_motors, motors_finding
+from benchtool.importers.streams import Stream
+
+Array = NDArray[np.float64]
+
+WANTED = frozenset(
+    {
+        *("ATT", "RATE", "IMU", "RCOU", "ESC", "RPM", "BAT", "CURR", "RFND", "PARM", "MSG"),
+        *(f"ESC{number}" for number in range(1, 9)),
+    }
+)
+"""Messages of a log that are read; the others are counted only."""
+
+GOOD_RANGE = 4
+"""RangeFinder::Status::Good of ArduPilot's AP_RangeFinder.h."""
+
+LOOKS_DOWN = 25
+"""ROTATION_PITCH_270, as MAVLink's MAV_SENSOR_ORIENTATION counts."""
+
+Scales = dict[str, tuple[str, float]]
+"""Channel name, and the field that it is read from with what multiplies it there."""
+
+_DEG = np.pi / 180.0
+
+
+class Records(Protocol):
+    """A log's records by name; what `DataFlashLog` and `TextLog` have in common."""
+
+    @property
+    def total(self) -> int: ...
+    @property
+    def broken(self) -> int: ...
+    @property
+    def findings(self) -> tuple[Finding, ...]: ...
+    def count(self, name: str) -> int:
+        """Return how many records of a kind there are."""
+
+    def has(self, name: str, field: str) -> bool:
+        """Tell whether records of a kind stand in the log and have a field."""
+
+    def numbers(self, name: str, field: str) -> Array:
+        """Return one field of all records of a kind (m,)."""
+
+    def times_us(self, name: str) -> NDArray[np.int64]:
+        """Return the records' times (m,) in microseconds since boot."""
+
+    def texts(self, name: str, field: str) -> list[str]:
+        """Return one field of all records of a kind as text."""
+
+
+def read_ardupilot(data: bytes, where: str, provenance: Mapping[str, str]) -> Imported:
+    """Return a DataFlash log, binary or text, as a pitch recording."""
+    if data.startswith(b"\xa3\x95"):
+        log: Records = read_dataflash(data, WANTED)
+        name = "ArduPilot DataFlash"
+    else:
+        log = read_text_log(data, WANTED)
+        name = "ArduPilot DataFlash text"
+    findings = list(log.findings)
+    motors = _motors(log)
+    streams = [
+        *_attitude(log),
+        *_rates(log),
+        *_outputs(log, motors, findings),
+        *_speeds(log, motors, findings),
+        *_battery(log),
+        *_distance(log, findings),
+    ]
+    counts = Counts(total=log.total, broken=log.broken)
+    facts = {**provenance, "device": _firmware(log)}
+    return flight_import(streams, name, where, facts, findings, counts)
+
+
+def _stream(
+    log: Records, name: str, scales: Scales, rows: NDArray[np.bool_] | None = None
+) -> list[Stream]:
+    """Return one kind of record as a stream of those fields that it has; none without a time."""
+    if not (log.has(name, "TimeUS") or log.has(name, "TimeMS")):
+        return []
+    chosen = slice(None) if rows is None else rows
+    columns, fields = {}, {}
+    for channel, (field, scale) in scales.items():
+        if log.has(name, field):
+            values = log.numbers(name, field)[chosen]
+            columns[channel] = values if scale == 1.0 else values * scale
+            fields[channel] = field
+    return [Stream(name, log.times_us(name)[chosen], columns, fields)] if columns else []
+
+
+def _first(log: Records, name: str) -> NDArray[np.bool_] | None:
+    """Return which records are of the first instance; None where there are no instances."""
+    for field in ("I", "Instance", "Inst"):
+        if log.has(name, field):
+            return np.asarray(log.numbers(name, field) == 0.0)
+    return None
+
+
+def _attitude(log: Records) -> list[Stream]:
+    scales = {
+        "theta_rad": ("Pitch", -_DEG),
+        "theta_ref_rad": ("DesPitch", -_DEG),
+        "roll_rad": ("Roll", _DEG),
+        "roll_ref_rad": ("DesRoll", _DEG),
+        "yaw_rad": ("Yaw", _DEG),
+        "yaw_ref_rad": ("DesYaw", _DEG),
+    }
+    return _stream(log, "ATT", scales)
+
+
+def _rates(log: Records) -> list[Stream]:
+    """Return the gyro, and the wanted rate; what the rate controller saw where no IMU is logged."""
+    gyro = {
+        "gyro_rad_s": ("GyrY", -1.0),
+        "roll_rate_rad_s": ("GyrX", 1.0),
+        "yaw_rate_rad_s": ("GyrZ", 1.0),
+    }
+    seen = {
+        "gyro_rad_s": ("P", -_DEG),
+        "roll_rate_rad_s": ("R", _DEG),
+        "yaw_rate_rad_s": ("Y", _DEG),
+    }
+    wanted: Scales = {"gyro_ref_rad_s": ("PDes", -_DEG)}
+    imu = _stream(log, "IMU", gyro, _first(log, "IMU"))
+    return [*imu, *_stream(log, "RATE", wanted if imu else {**wanted, **seen})]
+
+
+def _motors(log: Records) -> dict[int, int]:
+    if not (log.has("PARM", "Name") and log.has("PARM", "Value")):
+        return {}
+    names, values = log.texts("PARM", "Name"), log.numbers("PARM", "Value")
+    return ardupilot_motors(dict(zip(names, values.tolist(), strict=True)))
+
+
+def _outputs(log: Records, motors: dict[int, int], findings: list[Finding]) -> list[Stream]:
+    channels = [n for n in range(1, 15) if log.has("RCOU", f"C{n}")]
+    if not channels:
+        return []
+    findings.append(motors_finding(motors, "SERVOn_FUNCTION"))
+    if motors:
+        pairs = [(channel, motor) for channel, motor in motors.items() if channel in channels]
+    else:
+        pairs = [(channel, channel) for channel in channels]
+    return _stream(log, "RCOU", {f"pwm{motor}_us": (f"C{n}", 1.0) for n, motor in pairs})
+
+
+def _speeds(log: Records, motors: dict[int, int], findings: list[Finding]) -> list[Stream]:
+    if log.has("ESC", "Instance") and log.has("ESC", "RPM"):
+        instance = log.numbers("ESC", "Instance")
+        streams, taken = [], []
+        for number in sorted(set(instance[np.isfinite(instance)].astype(int).tolist())):
+            motor = motors.get(number + 1, number + 1)
+            if motor in taken or not 1 <= motor <= 32:
+                continue
+            taken.append(motor)
+            streams += _stream(log, "ESC", {f"rpm{motor}": ("RPM", 1.0)}, instance == number)
+        words = f"ESC instances count output channels from 0: rotors {', '.join(map(str, taken))}"
+        findings.append(Finding("read as", "rpm", words))
+        return streams
+    own = [n for n in range(1, 9) if log.has(f"ESC{n}", "RPM")]
+    if own:
+        return [
+            stream
+            for n in own
+            for stream in _stream(log, f"ESC{n}", {f"rpm{motors.get(n, n)}": ("RPM", 1.0)})
+        ]
+    return _stream(log, "RPM", {"rpm1": ("rpm1", 1.0), "rpm2": ("rpm2", 1.0)})
+
+
+def _battery(log: Records) -> list[Stream]:
+    name = "BAT" if log.count("BAT") else "CURR"
+    scales = {"voltage_V": ("Volt", 1.0), "current_A": ("Curr", 1.0)}
+    return _stream(log, name, scales, _first(log, name))
+
+
+def _distance(log: Records, findings: list[Finding]) -> list[Stream]:
+    field, orient = ("Dist", "Orient") if log.has("RFND", "Dist") else ("Dist1", "Orient1")
+    if not log.has("RFND", field):
+        return []
+    rows = np.ones(log.count("RFND"), bool)
+    if log.has("RFND", orient):
+        down = log.numbers("RFND", orient) == LOOKS_DOWN
+        if not down.any():
+            words = f"{counted(rows.size, 'reading')} of sensors that do not look down"
+            findings.append(Finding("left out", "distance", words, "distance_m", rows.size))
+            return []
+        rows = down
+    for instance in ("Instance", "I"):
+        if log.has("RFND", instance):
+            numbers = log.numbers("RFND", instance)
+            rows &= numbers == np.min(numbers[rows])
+    streams = _stream(log, "RFND", {"distance_m": (field, 1.0)}, rows)
+    if streams and log.has("RFND", "Stat"):
+        bad = log.numbers("RFND", "Stat")[rows] != GOOD_RANGE
+        streams[0].columns["distance_m"][bad] = np.nan
+        many = int(np.count_nonzero(bad))
+        if many:
+            words = (
+                f"{counted(many, 'reading')} that the sensor itself calls out of range, blank now"
+            )
+            findings.append(Finding("repaired", "distance", words, "distance_m", many))
+    return streams
+
+
+def _firmware(log: Records) -> str:
+    if not log.has("MSG", "Message"):
+        return "ArduPilot"
+    texts = [text for text in log.texts("MSG", "Message") if text.startswith(("Ardu", "APM"))]
+    return texts[0] if texts else "ArduPilot"
