@@ -3,17 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 
+from tests.blind.families import RANGES, Strength
 from tests.blind.pitch.plant import Plant
 from tests.blind.pitch.sheet import SHEET
-
-Strength = Literal["full", "weak"]
-
-RANGES: dict[Strength, tuple[float, float]] = {"full": (2.0, 8.0), "weak": (0.3, 1.5)}
-"""Sizes in tolerances past the neutral value."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

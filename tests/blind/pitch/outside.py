@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tests.blind.pitch.library import Strength
+from tests.blind.families import Strength
 from tests.blind.pitch.plant import Plant
 
 WEAK = 0.25

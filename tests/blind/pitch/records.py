@@ -6,16 +6,15 @@ learn from and a part to check on, of the same bench.
 
 from __future__ import annotations
 
-import itertools
 import json
 import zlib
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 import pandas as pd
 
+from tests.blind.families import Dirt, Kind, families_of, hidden_names, kind_of, pairs_of
 from tests.blind.pitch import seeds
 from tests.blind.pitch.dirt import clean_bench, dirty_bench
 from tests.blind.pitch.library import NAMED, Hidden, Strength
@@ -24,12 +23,6 @@ from tests.blind.pitch.outside import OUTSIDE, put_outside
 from tests.blind.pitch.plant import Plant
 from tests.blind.pitch.programme import Excitation, habits, programme
 from tests.blind.pitch.sheet import SHEET
-
-Dirt = Literal["dirty", "clean"]
-Kind = Literal["named", "none", "pair", "outside"]
-
-NONE, PAIR = "none", "pair"
-"""Families with nothing hidden, and with two named effects, drawn."""
 
 NUMBER = "%.7g"
 
@@ -91,17 +84,12 @@ def families() -> dict[str, Kind]:
 
     A pair can also be asked for by its names, as `cog_offset+motor_lag`.
     """
-    return {
-        **dict.fromkeys(NAMED, "named"),
-        NONE: "none",
-        PAIR: "pair",
-        **dict.fromkeys(OUTSIDE, "outside"),
-    }
+    return families_of(NAMED, OUTSIDE)
 
 
 def pairs() -> tuple[str, ...]:
     """Return every pair of named effects, as it can be asked for."""
-    return tuple("+".join(two) for two in itertools.combinations(NAMED, 2))
+    return pairs_of(NAMED)
 
 
 def make_record(
@@ -123,18 +111,12 @@ def make_record(
         dirt: whether everything else is slightly off.
         blocks: length of each part in units of 30 s.
     """
-    kind = _kind(family)
+    kind = kind_of(family, families())
     word = f"{family}/{excitation}/{strength}/{dirt}/{blocks}"
     root = np.random.default_rng([zlib.crc32(word.encode()), seeds.checked(seed)])
     draw_bench, draw_hidden, draw_habits, *draw_parts = root.spawn(5)
     plant = dirty_bench(draw_bench) if dirt == "dirty" else clean_bench()
-    names: tuple[str, ...] = ()
-    if kind == "named":
-        names = (family,)
-    elif family == PAIR:
-        names = tuple(str(name) for name in draw_hidden.choice(list(NAMED), 2, replace=False))
-    elif kind == "pair":
-        names = tuple(family.split("+"))
+    names = hidden_names(family, families(), draw_hidden)
     effects = tuple(NAMED[name].hide(draw_hidden, strength) for name in names)
     for effect in effects:
         plant = NAMED[effect.name].put_into(plant, effect.value)
@@ -158,16 +140,6 @@ def make_record(
         imperfections=plant.departures(),
     )
     return HiddenRecord(learn.table, check.table, truth, SHEET.keys(), (learn, check))
-
-
-def _kind(family: str) -> Kind:
-    known = families()
-    if family in known:
-        return known[family]
-    names = family.split("+")
-    if len(set(names)) == 2 and all(name in NAMED for name in names):
-        return "pair"
-    raise ValueError(f"there is no family {family!r}; there are {', '.join(known)}, and A+B")
 
 
 def write_record(record: HiddenRecord, folder: Path, name: str) -> tuple[Path, Path]:

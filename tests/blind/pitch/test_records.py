@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import json
 import math
 from pathlib import Path
@@ -13,9 +12,10 @@ import pytest
 
 pytest.importorskip("mujoco", reason="the blind bench is a MuJoCo model")
 
+from tests.blind.families import RANGES, packages_imported
 from tests.blind.pitch import seeds
 from tests.blind.pitch.dirt import dirty_bench
-from tests.blind.pitch.library import NAMED, RANGES
+from tests.blind.pitch.library import NAMED
 from tests.blind.pitch.records import (
     HiddenRecord,
     families,
@@ -170,17 +170,6 @@ def test_scoring_seeds_are_kept_apart(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_nothing_of_benchtool_is_imported() -> None:
-    imported = {
-        name
-        for path in HERE.glob("*.py")
-        for node in ast.walk(ast.parse(path.read_text("utf-8")))
-        for name in (
-            [alias.name for alias in node.names]
-            if isinstance(node, ast.Import)
-            else [node.module or ""]
-            if isinstance(node, ast.ImportFrom)
-            else []
-        )
-    }
+    imported = packages_imported(HERE)
     assert "mujoco" in imported
-    assert not [name for name in imported if name.split(".")[0] == "benchtool"]
+    assert "benchtool" not in imported

@@ -1,0 +1,183 @@
+"""The effects that can be hidden one by one or in pairs: parameters, neutral values, tolerances."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from tests.blind.families import RANGES, Strength
+from tests.blind.sweep.bench import Bench
+from tests.blind.sweep.layouts import Layout, LayoutName
+
+BEAM_KG, BEAM_RADIUS_M = 1.2, 0.127
+"""Vehicle for which the tolerances of forces and of the plate's distance were stated."""
+
+KNOTS = (0.25, 0.5, 0.75)
+"""Covered fractions at which the area factors of a model stand."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Hidden:
+    """Hold one hidden effect: its parameters' true values, and its size in tolerances."""
+
+    name: str
+    parameters: Mapping[str, float]
+    size: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Named:
+    """Describe one effect that has a name.
+
+    Attributes:
+        name: of the effect.
+        unit_of: tolerance of one step of `size` on a layout, in the parameter's unit.
+        field: of the bench that holds it.
+        parameter: of the effect; where there are several, `shares` gives them.
+        neutral: value at which the effect is absent.
+        most_below, most_above: greatest size on either side, in tolerances; 0: physics allows none.
+        layouts: on which it can be told at all.
+    """
+
+    name: str
+    parameter: str
+    field: str
+    unit_of: Callable[[Layout], float]
+    neutral: float = 0.0
+    most_below: float = 8.0
+    most_above: float = 8.0
+    layouts: tuple[LayoutName, ...] = ("single", "quad")
+
+    def hide(self, rng: np.random.Generator, layout: Layout, strength: Strength) -> Hidden:
+        """Draw a size and a side."""
+        low, high = RANGES[strength]
+        sides = [side for side in (-1.0, 1.0) if (self.most_below, self.most_above)[side > 0] > 0]
+        side = float(rng.choice(sides))
+        high = min(high, self.most_above if side > 0 else self.most_below)
+        size = side * float(rng.uniform(low, high))
+        value = self.neutral + size * self.unit_of(layout)
+        parameters = {self.parameter: value} if self.parameter else shares(power_of(value))
+        return Hidden(name=self.name, parameters=parameters, size=size)
+
+    def value_in(self, bench: Bench) -> float:
+        """Return what the bench has of it, in tolerances past neutral."""
+        value = float(getattr(bench, self.field))
+        if not self.parameter:
+            value = departure(value)
+        return (value - self.neutral) / self.unit_of(bench.layout)
+
+    def put_into(self, bench: Bench, size: float) -> Bench:
+        """Return the bench with so many tolerances of this effect, whatever it had before."""
+        value = self.neutral + size * self.unit_of(bench.layout)
+        return replace(bench, **{self.field: power_of(value) if not self.parameter else value})
+
+    def tolerances(self, layout: Layout) -> dict[str, float]:
+        """Return the tolerance of every parameter."""
+        names = [self.parameter] if self.parameter else [f"share_{k + 1}" for k in range(3)]
+        return dict.fromkeys(names, self.unit_of(layout))
+
+
+def shares(power: float) -> dict[str, float]:
+    """Return what a^power takes of what is left up to each knot, as area factors are stated."""
+    factors = [0.0, *(knot**power for knot in KNOTS)]
+    return {
+        f"share_{k}": (b - a) / (1.0 - a) for k, (a, b) in enumerate(pairwise(factors), start=1)
+    }
+
+
+def departure(power: float) -> float:
+    """Return the greatest change of a share, with its sign; 0 for the straight line."""
+    off = [value - shares(1.0)[name] for name, value in shares(power).items()]
+    return max(off, key=abs)
+
+
+def power_of(value: float) -> float:
+    """Return the power whose greatest change of a share is this."""
+    low, high = 0.2, 5.0
+    for _ in range(60):
+        middle = float(np.sqrt(low * high))
+        low, high = (low, middle) if departure(middle) < value else (middle, high)
+    return float(np.sqrt(low * high))
+
+
+def _plain(number: float) -> Callable[[Layout], float]:
+    return lambda layout: number
+
+
+def _of_weight(number: float) -> Callable[[Layout], float]:
+    return lambda layout: number * layout.mass_kg / BEAM_KG
+
+
+def _of_radius(number: float) -> Callable[[Layout], float]:
+    return lambda layout: number * layout.radius_m / BEAM_RADIUS_M
+
+
+_ALL = (
+    Named(
+        name="neighbour_images",
+        parameter="strength",
+        field="neighbours",
+        unit_of=_plain(0.2),
+        most_below=0.0,
+        layouts=("quad",),
+    ),
+    Named(
+        name="body_lift",
+        parameter="K_b",
+        field="K_b",
+        unit_of=_plain(0.25),
+        most_below=0.0,
+        layouts=("quad",),
+    ),
+    # The plate is never read so far off that a disc would hit it.
+    Named(
+        name="plate_offset",
+        parameter="dz_m",
+        field="plate_dz_m",
+        unit_of=_of_radius(0.003),
+        most_below=4.0,
+    ),
+    Named(name="plate_tilt", parameter="angle_rad", field="plate_tilt_rad", unit_of=_plain(0.01)),
+    # Parameters: the three area factors' shares; a power of the covered fraction makes them. The
+    # straight line leaves only so much room below.
+    Named(
+        name="partial_coverage",
+        parameter="",
+        field="coverage_power",
+        unit_of=_plain(0.05),
+        most_below=4.0,
+    ),
+    Named(
+        name="thrust_exponent",
+        parameter="excess",
+        field="exponent_excess",
+        unit_of=_plain(0.02),
+    ),
+    Named(
+        name="battery_sag",
+        parameter="rate_per_s",
+        field="sag_per_s",
+        unit_of=_plain(2.5e-5),
+        most_below=0.0,
+    ),
+    Named(
+        name="load_cell_drift",
+        parameter="rate_N_per_s",
+        field="drift_N_per_s",
+        unit_of=_of_weight(1e-4),
+    ),
+    Named(name="tare_offset", parameter="thrust_N", field="tare_N", unit_of=_of_weight(0.02)),
+    Named(
+        name="load_cell_hysteresis",
+        parameter="half_width_N",
+        field="hysteresis_N",
+        unit_of=_of_weight(0.02),
+        most_below=0.0,
+    ),
+    Named(name="wall_blockage", parameter="share", field="blockage", unit_of=_plain(0.01)),
+)
+
+NAMED: dict[str, Named] = {effect.name: effect for effect in _ALL}
