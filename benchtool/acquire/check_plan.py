@@ -85,6 +85,7 @@ def check_plan(plan: Plan, rig: Rig, device_limits: Mapping[str, float] | None =
     _check_length(plan, rig)
     settings = settings_of(plan, rig)
     device = dict(device_limits or {})
+    _check_together(plan, device)
     highest_us = min(rig.limits.pwm_us, rig.propulsion.pwm_max_us, device.get("pwm_us", np.inf))
     stop_us = rig.propulsion.pwm_stop_us
     for level_us in plan.throttle.pwm_us:
@@ -166,6 +167,18 @@ def _check_lists(plan: Plan, rig: Rig) -> None:
         raise PlanError(
             f"rest.until_degC {rest.until_degC:g} is not below rest.above_degC "
             f"{rest.above_degC:g}; lower it"
+        )
+
+
+def _check_together(plan: Plan, device: Mapping[str, float]) -> None:
+    """Refuse more rotors at once than a motor test turns."""
+    together = device.get("rotors_together", np.inf)
+    on = plan.throttle.rotors_on
+    if len(on) > together:
+        listed = ", ".join(map(str, on))
+        raise PlanError(
+            f"throttle.rotors_on asks for rotors {listed} together, but this autopilot's motor "
+            f"test turns {together:g} at a time; name one with --rotors {on[0]}"
         )
 
 

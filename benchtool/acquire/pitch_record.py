@@ -128,7 +128,7 @@ def record_pitch(
                 ) from error
             raise
         recorder.note("ended", f"{summary.seconds:g} s are recorded")
-        run.update_metadata(state="ended", link=_link(recorder))
+        run.update_metadata(state="ended", link=recorder.link())
         return summary
     finally:
         recorder.close()
@@ -172,12 +172,7 @@ def _stop_at_once(recorder: PitchRecorder, run: Run, error: BaseException) -> No
                 recorder.keep(readings, "end")
     with suppress(BenchtoolError, OSError):
         recorder.note("stopped", reason)
-        run.update_metadata(state="stopped", reason=reason, link=_link(recorder))
-
-
-def _link(recorder: Recorder) -> dict[str, int]:
-    quality = recorder.quality
-    return {"samples": quality.samples, "lost": quality.lost, "corrupt": quality.corrupt}
+        run.update_metadata(state="stopped", reason=reason, link=recorder.link())
 
 
 def summary_line(summary: PitchSummary) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -110,6 +111,21 @@ class Recorder:
         entry = Event(round(self.now_s, 6), event, text, point)
         self._events.append(entry)
         self._progress.happened(entry)
+
+    def link(self) -> dict[str, Any]:
+        """Return how good the link was, for metadata.json.
+
+        Samples, lost, corrupt; a bench that measures more (messages, jitter) tells it in facts
+        that begin with `link_`.
+        """
+        quality = self.quality
+        told = self.bench.identity.facts
+        return {
+            "samples": quality.samples,
+            "lost": quality.lost,
+            "corrupt": quality.corrupt,
+            **{name: text for name, text in told.items() if name.startswith("link_")},
+        }
 
     def sync(self) -> None:
         """Force the samples to the disk."""

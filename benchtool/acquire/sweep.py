@@ -169,7 +169,7 @@ class _Sweep:
                 raise
             summary = self._summary()
             recorder.note("ended", f"all {summary.measured} visits are measured")
-            self._run.update_metadata(state="ended", link=self._link())
+            self._run.update_metadata(state="ended", link=self._recorder.link())
             return summary
         finally:
             recorder.close()
@@ -271,7 +271,7 @@ class _Sweep:
         if not isinstance(error, OSError):
             self._record_tail()
         with suppress(BenchtoolError, OSError):
-            self._run.update_metadata(state="stopped", reason=reason, link=self._link())
+            self._run.update_metadata(state="stopped", reason=reason, link=self._recorder.link())
         with suppress(BenchtoolError, OSError):
             self._recorder.note("stopped", reason)
 
@@ -281,10 +281,6 @@ class _Sweep:
         with suppress(BenchtoolError, OSError):
             for readings in after_stop(bench, TAIL_S):
                 self._recorder.keep(readings, "end")
-
-    def _link(self) -> dict[str, int]:
-        quality = self._recorder.quality
-        return {"samples": quality.samples, "lost": quality.lost, "corrupt": quality.corrupt}
 
     def _summary(self) -> Summary:
         quality = self._recorder.quality

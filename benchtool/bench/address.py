@@ -199,8 +199,11 @@ def _replay(address: Address) -> Bench:
 def _mavlink(address: Address) -> Bench:
     from benchtool.bench.mavlink_bench import MavlinkBench
     from benchtool.bench.mavlink_settings import settings_of, transport_of
+    from benchtool.bench.serial_port import SerialPort
 
-    return MavlinkBench(transport_of(address), address.text, settings_of(address))
+    settings = settings_of(address)
+    cell = SerialPort(*settings.cell) if settings.cell else None
+    return MavlinkBench(transport_of(address), address.text, settings, cell=cell)
 
 
 SCHEMES: dict[str, Scheme] = {

@@ -20,9 +20,9 @@ from benchtool.bench.join_readings import joined
 from benchtool.bench.mavlink_dialect import Message
 from benchtool.bench.mavlink_drive import Drive, PitchDrive, TestDrive
 from benchtool.bench.mavlink_frames import MavlinkFrames
-from benchtool.bench.mavlink_health import HEARTBEAT_LOST_S, Health
+from benchtool.bench.mavlink_health import Health, silence_of
+from benchtool.bench.mavlink_identity import identity_of
 from benchtool.bench.mavlink_learn import Learnt, learn
-from benchtool.bench.mavlink_pilots import TIMEOUT_S
 from benchtool.bench.mavlink_plate import move_virtual_plate
 from benchtool.bench.mavlink_quality import LinkQuality
 from benchtool.bench.mavlink_rows import MavlinkRows
@@ -31,6 +31,7 @@ from benchtool.bench.mavlink_streams import ask_for, interval, told, wishes
 from benchtool.bench.mavlink_talk import MavlinkTalk
 from benchtool.bench.mavlink_wiring import channels_of
 from benchtool.bench.opened import Opened
+from benchtool.bench.side_cell import SideCell, in_order
 from benchtool.bench.transport import Transport
 from benchtool.core.channel import Channel
 from benchtool.errors import (
@@ -43,9 +44,6 @@ from benchtool.errors import (
 )
 
 Array = NDArray[np.float64]
-
-STALE_S = 1.0
-"""A stream that brings nothing for so long is lost (wall time); a choice, as on other benches."""
 
 TARE_S = 1.0
 """A tare takes the mean of the load cell over so long (bench time); a choice: 80 readings."""
@@ -63,6 +61,7 @@ class MavlinkBench(Opened):
         settings: what the address says.
         clock: monotonic wall clock in seconds.
         since_1970_s: wall clock for signatures.
+        cell: port of a load cell beside the autopilot.
     """
 
     def __init__(
@@ -72,10 +71,12 @@ class MavlinkBench(Opened):
         settings: MavlinkSettings | None = None,
         clock: Callable[[], float] = time.monotonic,
         since_1970_s: Callable[[], float] = time.time,
+        cell: Transport | None = None,
     ) -> None:
         self.address = address
         self._transport, self._clock, self._since_1970_s = transport, clock, since_1970_s
         self._settings = settings or MavlinkSettings()
+        self._cell = SideCell(cell, self._settings.cell_name, clock) if cell else None
         self._learnt: Learnt | None = None
         self._channels: tuple[Channel, ...] = ()
         self._rate_Hz = self._settings.rate_Hz
@@ -83,35 +84,9 @@ class MavlinkBench(Opened):
     @property
     def identity(self) -> Identity:
         learnt = self._known()
-        pulses = learnt.pulses
-        facts = {
-            "autopilot": learnt.pilot.name,
-            "system": str(self._talk.system),
-            "pwm_stop_us": f"{pulses.stop_us:g}",
-            "pwm_idle_us": f"{pulses.idle_us:g}",
-            "outputs": " ".join(map(str, learnt.wiring.outputs)),
-            **told(self._became),
-            **self._quality.facts(),
-        }
-        if learnt.speed != 1.0:
-            facts["speed"] = f"{learnt.speed:g}"
-        if self._settings.mode == "pitch":
-            facts["mode"] = "pitch"
-        if self._settings.warning:
-            facts["warning"] = self._settings.warning
-        return Identity(
-            address=self.address,
-            device_id=learnt.device_id,
-            firmware=learnt.firmware,
-            protocol="MAVLink 2",
-            channels=self._channels,
-            rate_Hz=self._rate_Hz,
-            n_rotors=learnt.wiring.n_rotors,
-            simulated=learnt.simulated,
-            moves_plate=learnt.simulated,
-            limits={"pwm_us": pulses.high_us},
-            watchdog_s=TIMEOUT_S,
-            facts=facts,
+        more = {"system": str(self._talk.system), **told(self._became), **self._quality.facts()}
+        return identity_of(
+            self.address, learnt, self._settings, self._channels, self._rate_Hz, more
         )
 
     def now_s(self) -> float:
@@ -132,10 +107,13 @@ class MavlinkBench(Opened):
         self._stopped: str | None = None
         self._told = False
         self._zero_N = 0.0
+        self._given_us = -1
         self._kept: list[Readings] = []
         self._plate_state: list[float] = []
         self._said = ""
         try:
+            if self._cell is not None:
+                self._cell.open()
             beat = talk.find(settings.system)
             learnt = learn(talk, beat, settings, self._clock)
             self._rows = MavlinkRows(learnt.wiring, learnt.pulses.idle_us, settings.speeds)
@@ -152,7 +130,7 @@ class MavlinkBench(Opened):
             self._talk.frames.take_losses(talk.system)
             self._learnt = learnt
         except BaseException:
-            self._transport.close()
+            self._close_ports()
             raise
 
     def close(self) -> None:
@@ -166,7 +144,7 @@ class MavlinkBench(Opened):
         except BenchError:
             pass  # The time-out of the motor test stops the motors where we cannot.
         finally:
-            self._transport.close()
+            self._close_ports()
             self._learnt = None
 
     def set_pwm(self, pwm_us: Array) -> None:
@@ -260,6 +238,19 @@ class MavlinkBench(Opened):
                 return readings
             self._pump(left_s)
 
+    def outputs_us(self) -> tuple[int, ...]:
+        """Return the pulse of every output, 0 where there is none."""
+        return self._rows.outputs_us
+
+    def speeds_rpm(self) -> dict[int, float]:
+        """Return the speed that each ESC last told, by its place from 1."""
+        return dict(self._rows.speeds_rpm)
+
+    def _close_ports(self) -> None:
+        self._transport.close()
+        if self._cell is not None:
+            self._cell.close()
+
     def last_text(self) -> str:
         """Return what the autopilot said last."""
         return self._said or "it does not say why"
@@ -288,6 +279,8 @@ class MavlinkBench(Opened):
         every = channels_of(n)
         _, seen = self._rows.take_rows()
         alive = np.isfinite(seen).any(axis=0) | (np.arange(len(every)) < n)
+        if self._cell is not None:
+            alive |= [channel.name in ("thrust_N", "thrust_raw") for channel in every]
         self._columns = np.flatnonzero(alive)
         self._channels = tuple(every[index] for index in self._columns.tolist())
         names = [channel.name for channel in self._channels]
@@ -306,6 +299,8 @@ class MavlinkBench(Opened):
         fault = self._drive.keep_on(now_s)
         if self._talk.pump(timeout_s):
             self._heard_s = self._clock()
+        if self._cell is not None:
+            self._cell.poll()
         now_s = self._clock()
         if self._rows.time.rebooted:
             self._rows.time.rebooted = False
@@ -314,7 +309,9 @@ class MavlinkBench(Opened):
         fault = fault or self._drive.fault(self._rows.outputs_us, now_s)
         if fault is not None and self._stopped is None:
             self._halt(fault)
-        self._check_silence(now_s)
+        silence = silence_of(self.address, now_s - self._heard_s, self._health.silence_s(now_s))
+        if silence is not None:
+            raise silence
 
     def _halt(self, fault: str) -> None:
         """Stop the motors before anybody is told why."""
@@ -323,20 +320,6 @@ class MavlinkBench(Opened):
             self._drive.stop()
         except LinkLost:
             pass  # They stop by their time-out.
-
-    def _check_silence(self, now_s: float) -> None:
-        silent_s = now_s - self._heard_s
-        if silent_s > STALE_S:
-            raise LinkLost(
-                f"{self.address} sent nothing for {silent_s:.1f} s, limit {STALE_S:g} s; motor "
-                f"tests end by themselves; check cable and power, then start again"
-            )
-        quiet_s = self._health.silence_s(now_s)
-        if quiet_s > HEARTBEAT_LOST_S:
-            raise LinkLost(
-                f"no heartbeat of system {self._talk.system} for {quiet_s:.1f} s, limit "
-                f"{HEARTBEAT_LOST_S:g} s; check the flight controller, then start again"
-            )
 
     def _take(self, message: Message, arrived_s: float) -> None:
         """Take one message of the autopilot."""
@@ -376,6 +359,15 @@ class MavlinkBench(Opened):
         times_us, values = times_us[some], values[some]
         if len(times_us):
             self._device_clock.learn(int(times_us[-1]), self._on_bench_clock(self._clock()))
+        if self._cell is not None and self._given_us + len(times_us) >= 0:
+            columns = [self._thrust + 1, self._thrust]
+            cell = self._cell.rows(
+                self._on_bench_clock, self._device_clock, len(self._channels), columns
+            )
+            cell[1][:, self._thrust] *= self._settings.thrust_scale_N
+            times_us, values = in_order((times_us, values), cell, self._given_us)
+        if len(times_us):
+            self._given_us = int(times_us[-1])
         if self._thrust >= 0:
             values[:, self._thrust] -= self._zero_N
         counted = self._talk.frames.take_losses(self._talk.system)

@@ -5,9 +5,13 @@ from __future__ import annotations
 import re
 
 from benchtool.bench.mavlink_dialect import Message
+from benchtool.errors import LinkLost
 
 HEARTBEAT_LOST_S = 3.0
 """Heartbeats come every second; three missing ones are a dead autopilot. A choice."""
+
+STALE_S = 1.0
+"""A link that brings nothing for so long is lost (wall time); a choice, as on other benches."""
 
 ARMED = 128
 HIL = 32
@@ -99,6 +103,27 @@ class Health:
             self._beat_s += pause_s
         if self._driven_since_s is not None:
             self._driven_since_s += pause_s
+
+
+def silence_of(address: str, silent_s: float, quiet_s: float) -> LinkLost | None:
+    """Return the error that a silence is, None for one that is short enough.
+
+    Args:
+        address: for the message.
+        silent_s: for so long nothing came at all.
+        quiet_s: for so long no heartbeat came.
+    """
+    if silent_s > STALE_S:
+        return LinkLost(
+            f"{address} sent nothing for {silent_s:.1f} s, limit {STALE_S:g} s; motor tests end "
+            f"by themselves; check cable and power, then start again"
+        )
+    if quiet_s > HEARTBEAT_LOST_S:
+        return LinkLost(
+            f"{address} sends, but no heartbeat came for {quiet_s:.1f} s, limit "
+            f"{HEARTBEAT_LOST_S:g} s; check the flight controller, then start again"
+        )
+    return None
 
 
 def _whole(message: Message, chunks: dict[int, list[str]]) -> str | None:

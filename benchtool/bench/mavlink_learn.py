@@ -10,7 +10,7 @@ from benchtool.bench.mavlink_health import HIL
 from benchtool.bench.mavlink_pilots import PILOTS, Order, Pilot, PulseRange
 from benchtool.bench.mavlink_settings import MavlinkSettings
 from benchtool.bench.mavlink_talk import MavlinkTalk
-from benchtool.bench.mavlink_wiring import Wiring
+from benchtool.bench.mavlink_wiring import NO_THRUST, Wiring
 from benchtool.errors import InputError, ProtocolError
 
 REQUEST_MESSAGE = 512
@@ -89,7 +89,7 @@ def _wiring(told: int | None, settings: MavlinkSettings, system: int) -> Wiring:
         motors=known.motors if known else straight,
         outputs=known.outputs if known else (0,) * n,
         escs=known.escs if known else straight,
-        thrust=settings.thrust,
+        thrust=NO_THRUST if settings.cell else settings.thrust,
         thrust_scale_N=settings.thrust_scale_N,
         orientation=settings.orientation,
     )

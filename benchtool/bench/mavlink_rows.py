@@ -33,6 +33,7 @@ class MavlinkRows:
     Attributes:
         time: the autopilot's clock.
         outputs_us: (16,) pulse of every output as last told, 0 where there is none.
+        speeds_rpm: speed that each ESC (by its place, from 1) last told.
         speeds: which speed message lives.
 
     Args:
@@ -53,6 +54,7 @@ class MavlinkRows:
         # Outputs that nobody knows yet count as straight: all of them show the same at standstill.
         self._outputs_of = [output or rotor for rotor, output in enumerate(wiring.outputs, 1)]
         self._escs_of = list(wiring.escs)
+        self.speeds_rpm: dict[int, float] = {}
         self._counts: dict[int, int] = {}
         self._distance_known = False
         self._row: list[float] = []
@@ -161,6 +163,7 @@ class MavlinkRows:
         self._put(time_us, self._at["thrust_N"], raw * self._wiring.thrust_scale_N)
 
     def _speed(self, source: str, esc: int, rpm: float, time_us: int) -> None:
+        self.speeds_rpm[esc] = rpm
         if esc not in self._escs_of:
             return
         rotor = self._escs_of.index(esc)

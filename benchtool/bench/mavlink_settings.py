@@ -67,6 +67,11 @@ class MavlinkSettings:
     cell: tuple[str, int] | None = None
     warning: str = ""
 
+    @property
+    def cell_name(self) -> str:
+        """Port of the load cell beside the autopilot, for messages."""
+        return self.cell[0] if self.cell else "its port"
+
 
 def settings_of(address: Address) -> MavlinkSettings:
     """Return what the options of an address say.

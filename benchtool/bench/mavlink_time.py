@@ -7,6 +7,10 @@ MODULUS = 1 << 32
 REBOOT_US = 2_000_000
 """A clock that goes back by more has begun anew; reordered datagrams are off by less. A choice."""
 
+LEAP_US = 600_000_000
+"""A clock that leaps ahead by more has begun anew as well: seen through a wrap, back is ahead. A
+link that was silent for so long has ended its run before. A choice."""
+
 EPOCH_US = 1 << 50
 """Stamps above (35 years) count since 1970, not since boot; MAVLink allows both, told by size."""
 
@@ -25,12 +29,12 @@ class BootTime:
     def __init__(self) -> None:
         self.last_us = 0
         self.rebooted = False
-        self._started = False
+        self._anchored = False
         self._offset_us = 0
 
     def us32(self, stamp: int) -> int:
         """Return a stamp of 32 bits in us, unwrapped."""
-        return self._nearest(stamp, MODULUS)
+        return self._nearest(stamp, MODULUS, whole=False)
 
     def ms32(self, stamp: int) -> int:
         """Return a stamp of 32 bits in ms as us, unwrapped."""
@@ -40,16 +44,17 @@ class BootTime:
         """Return a stamp of 64 bits; one since 1970 says nothing about the boot."""
         return self.last_us if stamp == 0 or stamp >= EPOCH_US else self._nearest(stamp, 1 << 64)
 
-    def _nearest(self, stamp: int, modulus: int) -> int:
-        if not self._started:
-            self._started = True
+    def _nearest(self, stamp: int, modulus: int, whole: bool = True) -> int:
+        if not self._anchored and (whole or not self.last_us):
+            # The first stamp that cannot have wrapped says how long it has been up.
+            self._anchored = whole
             self.last_us = stamp
             return stamp
         step = (stamp + self._offset_us - self.last_us + modulus // 2) % modulus - modulus // 2
-        if step < -REBOOT_US:
+        if not -REBOOT_US <= step <= LEAP_US:
             self.rebooted = True
             # What comes now lies behind what came before: no time of a recording runs backwards.
-            self._offset_us += -step
+            self._offset_us -= step
             step = 0
         self.last_us = max(self.last_us, self.last_us + step)
         return self.last_us if step > 0 else self.last_us + step

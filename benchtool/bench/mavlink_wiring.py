@@ -50,6 +50,9 @@ class ThrustSource:
 THRUST = ThrustSource()
 """A single value called `thrust`: what a script or a companion sends unless told otherwise."""
 
+NO_THRUST = ThrustSource(name="")
+"""A name that no message has, for a load cell that hangs elsewhere."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Wiring:

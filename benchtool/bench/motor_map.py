@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
+import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-import tomli_w
 from annotated_types import Ge, Le, Len
 
 from benchtool.core.toml_text import FiniteTable, read_strict
@@ -36,17 +37,12 @@ class MotorMap(FiniteTable):
 
     def to_toml(self) -> str:
         """Return it as the text of its file."""
-        return "# Made by `benchtool bench map`: rotors of the rig on an autopilot.\n" + (
-            tomli_w.dumps(
-                {
-                    "rig": self.rig,
-                    "autopilot": self.autopilot,
-                    "motors": list(self.motors),
-                    "outputs": list(self.outputs),
-                    "escs": list(self.escs),
-                }
-            )
-        )
+        lines = ["# Made by `benchtool bench map`: rotors of the rig on an autopilot."]
+        # JSON's strings and lists of numbers are TOML's as well, on one line.
+        lines += [
+            f"{name} = {json.dumps(value)}" for name, value in dataclasses.asdict(self).items()
+        ]
+        return "\n".join(lines) + "\n"
 
 
 def read_motor_map(path: Path) -> MotorMap:

@@ -29,6 +29,8 @@ def check(
     findings = []
     with GuardedBench(open_bench(address), stands) as bench:
         identity = bench.identity
+        if warning := identity.facts.get("warning"):
+            print(f"warning: {warning}")
         text = (
             f"rotors 1 to {stands.n_rotors} of rig {stands.name} will turn one after another at "
             f"{low_throttle_us(stands):g} us"

@@ -92,6 +92,8 @@ def _record(
         try:
             with GuardedBench(open_bench(address), rig) as bench:
                 identity = bench.identity
+                if warning := identity.facts.get("warning"):
+                    print(f"warning: {warning}")
                 require_pitch(identity)
                 _arm(bench, rig, experiment, yes)
                 run = _new_run(bench, rig, experiment, folder, operator)

@@ -245,6 +245,8 @@ def _new_run(
 
 
 def _say_speed(identity: Identity) -> None:
+    if warning := identity.facts.get("warning"):
+        print(f"warning: {warning}")
     if speed := identity.facts.get("speed"):
         print(f"this bench runs at {speed} times the speed of life; all times are the bench's own")
 

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import os
 import signal
-import socket
 import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -23,56 +20,25 @@ from benchtool.bench.virtual_autopilot import VirtualAutopilot
 from benchtool.bench.virtual_device import hello_of, virtual_plant
 from benchtool.library import load_model, rig_named
 from benchtool.store import Run, read_events, read_points, read_samples
+from tests.system.mavlink_served import environment_of, free_port, run, serving
 
-COMMAND = [sys.executable, "-m", "benchtool"]
 SMALL = ["--rig", "pquad_single", "--repeats", "1", "--z-over-r", "0.5,1", "--sample-s", "1"]
+FAST = ["--rig", "pquad_single", "--speed", "20"]
 posix = pytest.mark.skipif(os.name != "posix", reason="needs pseudo-terminals or signals")
 
 
 @pytest.fixture
 def environment(tmp_path: Path) -> dict[str, str]:
-    return {**os.environ, "BENCHTOOL_STATE": str(tmp_path / "state"), "PYTHONUNBUFFERED": "1"}
-
-
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
-@contextmanager
-def serving(link: str, environment: dict[str, str], *more: str) -> Iterator[str]:
-    """Give the address of a virtual autopilot in a process of its own, twenty times faster."""
-    words = ["bench", "serve", "--rig", "pquad_single", "--speed", "20", "--link", link]
-    process = subprocess.Popen(
-        [*COMMAND, *words, *more],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        text=True,
-        env=environment,
-    )
-    assert process.stdout is not None
-    try:
-        yield process.stdout.readline().strip()
-    finally:
-        process.terminate()
-        process.wait(10)
-        process.stdout.close()
+    return environment_of(tmp_path)
 
 
 def sweep(address: str, out: Path, environment: dict[str, str]) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [*COMMAND, "sweep", address, *SMALL, "--yes", "--out", str(out)],
-        capture_output=True,
-        text=True,
-        env=environment,
-        timeout=90,
-    )
+    return run(["sweep", address, *SMALL, "--yes", "--out", str(out)], environment)
 
 
-def check_swept(ended: subprocess.CompletedProcess[str], run: Path) -> None:
+def check_swept(ended: subprocess.CompletedProcess[str], folder: Path) -> None:
     assert ended.returncode == 0, ended.stderr
-    points = read_points(run)
+    points = read_points(folder)
     assert f"{int(points.column('point').max())} points (simulated)" in ended.stdout
     thrust_N = points.column("thrust_N")
     assert np.nanmax(thrust_N) > 4.0
@@ -82,7 +48,7 @@ def check_swept(ended: subprocess.CompletedProcess[str], run: Path) -> None:
     far = points.column("plate_z_m") > 1.0
     ratio = thrust_N[near & pulse].mean() / thrust_N[far & pulse].mean()
     assert ratio == pytest.approx(1.33, abs=0.02)
-    facts = Run.open(run).metadata
+    facts = Run.open(folder).metadata
     assert facts["state"] == "ended"
     assert facts["simulated"] is True
     assert facts["device"]["protocol"] == "MAVLink 2"
@@ -91,7 +57,7 @@ def check_swept(ended: subprocess.CompletedProcess[str], run: Path) -> None:
 @pytest.mark.parametrize("kind", ["ardupilot", "px4"])
 def test_a_sweep_over_udp(tmp_path: Path, environment: dict[str, str], kind: str) -> None:
     link = f"mavlink:udpout:127.0.0.1:{free_port()}"
-    with serving(link, environment, "--autopilot", kind) as address:
+    with serving(link, environment, *FAST, "--autopilot", kind) as address:
         assert address.startswith("mavlink:udpin:127.0.0.1:")
         ended = sweep(address, tmp_path / "run", environment)
     check_swept(ended, tmp_path / "run")
@@ -101,7 +67,7 @@ def test_a_sweep_over_udp(tmp_path: Path, environment: dict[str, str], kind: str
 
 @posix
 def test_a_sweep_over_a_pseudo_terminal(tmp_path: Path, environment: dict[str, str]) -> None:
-    with serving("mavlink:pty", environment, "--symlink", str(tmp_path / "fc")) as address:
+    with serving("mavlink:pty", environment, *FAST, "--symlink", str(tmp_path / "fc")) as address:
         assert address == f"mavlink:serial:{tmp_path / 'fc'}:115200?rotors=1"
         ended = sweep(address, tmp_path / "run", environment)
     check_swept(ended, tmp_path / "run")

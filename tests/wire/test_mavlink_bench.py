@@ -29,6 +29,26 @@ PLUS = MotorMap(rig="two", autopilot="ArduPilot", motors=(1, 2), outputs=(3, 1),
 KEY = bytes(range(32))
 
 
+class Cell:
+    """A load cell on a port of its own: ten counts for every second of the common clock."""
+
+    baud = None
+
+    def __init__(self, link: LoopbackLink) -> None:
+        self._link, self._told = link, 0
+
+    def open(self) -> None:
+        self._told = 0
+
+    def read(self, timeout_s: float) -> bytes:
+        self._link.pass_time(timeout_s) if timeout_s else None
+        told, self._told = self._told, int(self._link.now_s * 50)
+        return b"HX711 reading: %d\n" % (10 * self._link.now_s) if told != self._told else b""
+
+    def close(self) -> None:
+        """Do nothing."""
+
+
 class Bench:
     """Give a bench, the virtual autopilot behind it, and the time of both."""
 
@@ -38,8 +58,14 @@ class Bench:
         self.autopilot = self.booted(plant or StillPlant(), key)
         self.link = LoopbackLink(self.autopilot, lambda: 100.0)
         settings = MavlinkSettings(**{"system": 1, **given})
+        cell = Cell(self.link) if settings.cell else None
         self.bench = MavlinkBench(
-            self.link, "mavlink:loop", settings, clock=self.link.clock, since_1970_s=lambda: 1.7e9
+            self.link,
+            "mavlink:loop",
+            settings,
+            clock=self.link.clock,
+            since_1970_s=lambda: 1.7e9,
+            cell=cell,
         )
 
     def booted(self, plant: StillPlant, key: bytes | None = None) -> VirtualAutopilot:
@@ -201,7 +227,7 @@ def test_disarming_ends_the_run() -> None:
 
 def test_missing_heartbeats_end_the_run_though_streams_go_on() -> None:
     made = Bench(motor_map=PLUS)
-    said = r"no heartbeat of system 1 for 3\.\d s, limit 3 s"
+    said = r"sends, but no heartbeat came for 3\.\d s, limit 3 s"
     with made.bench as bench:
         bench.set_pwm(pulses(1300.0, 1000.0))
         made.read(0.5)
@@ -296,3 +322,20 @@ def test_link_quality_counts_messages_and_losses() -> None:
     assert 10 < lost < 30
     assert facts["link_lost"].startswith(f"{lost} of ")
     assert float(facts["link_jitter_ms"]) > 0.0
+
+
+def test_a_load_cell_beside_the_autopilot_is_laid_on_its_time() -> None:
+    made = Bench(motor_map=PLUS, cell=("/dev/cell", 57600), thrust_scale_N=0.1)
+    with made.bench as bench:
+        names = [channel.name for channel in bench.identity.channels]
+        parts = [bench.read(0.05) for _ in range(100)]
+    time_s = np.concatenate([part.time_s for part in parts])
+    device_us = np.concatenate([part.device_time_us for part in parts])
+    raw = np.concatenate([part.values[:, names.index("thrust_raw")] for part in parts])
+    thrust_N = np.concatenate([part.values[:, names.index("thrust_N")] for part in parts])
+    assert np.all(np.diff(device_us) > 0)
+    told = np.isfinite(raw)
+    assert told.sum() > 40
+    # The count says when it was read: whole tenths of a second.
+    assert np.all(np.abs(time_s[told] - raw[told] / 10.0) < 0.11)
+    np.testing.assert_allclose(thrust_N[told], 0.1 * raw[told])

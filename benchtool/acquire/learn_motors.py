@@ -1,0 +1,120 @@
+"""Learn which motor, output and ESC belongs to each rotor: one motor after another, slowly."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+
+from benchtool.acquire.bench_check import low_throttle_us
+from benchtool.bench.bench import Bench
+from benchtool.bench.guard import GuardedBench
+from benchtool.bench.motor_map import MotorMap
+from benchtool.core.rig import Rig
+from benchtool.errors import BenchError, InputError
+
+SPIN_S = 1.2
+"""A motor turns so long: rotors have started, and a dead speed channel has not ended it yet."""
+
+REST_S = 1.0
+"""Between two motors: the one before must stand, so that only one ESC tells a speed."""
+
+STEP_S = 0.05
+
+
+@runtime_checkable
+class Mapped(Protocol):
+    """Be a bench that tells what every output shows and every ESC reads."""
+
+    def outputs_us(self) -> tuple[int, ...]:
+        """Return the pulse of every output, 0 where there is none."""
+        ...
+
+    def speeds_rpm(self) -> dict[int, float]:
+        """Return the speed that each ESC last told, by its place from 1."""
+        ...
+
+
+def learn_motors(
+    bench: Bench,
+    rig: Rig,
+    motors: tuple[int, ...],
+    told: Callable[[str], None],
+) -> MotorMap:
+    """Turn each motor alone at low throttle and note its output and its ESC.
+
+    Args:
+        bench: open, within its limits, opened without a map.
+        rig: what stands on it.
+        motors: number of each rotor (n_rotors,) in the autopilot's motor test.
+        told: hears of each rotor in a sentence.
+
+    Raises:
+        InputError: a bench that has no outputs to look at.
+        BenchError: several outputs or none follow a motor.
+    """
+    device = bench.bench if isinstance(bench, GuardedBench) else bench
+    if not isinstance(device, Mapped):
+        raise InputError("only a flight controller has motors to map; name a mavlink: address")
+    low_us = low_throttle_us(rig)
+    stop_us = np.full(rig.n_rotors, rig.propulsion.pwm_stop_us)
+    found = MotorMap(
+        rig=rig.name,
+        autopilot=bench.identity.facts["autopilot"],
+        motors=motors,
+        outputs=(0,) * rig.n_rotors,
+        escs=(0,) * rig.n_rotors,
+    )
+    for motor in range(1, rig.n_rotors + 1):
+        pulses_us = stop_us.copy()
+        pulses_us[motor - 1] = low_us
+        bench.set_pwm(pulses_us)
+        _wait(bench, SPIN_S)
+        output, esc = _driven(device, motor, low_us), _turning(device)
+        bench.set_pwm(stop_us)
+        rotor = motors.index(motor)
+        name = f"rotor {rotor + 1} ({rig.rotors[rotor].name})"
+        told(f"motor {motor} drives output {output}, {name}; " + _esc_words(esc))
+        found = replace(
+            found,
+            outputs=_with(found.outputs, rotor, output),
+            escs=_with(found.escs, rotor, esc),
+        )
+        _wait(bench, REST_S)
+    bench.stop()
+    return found
+
+
+def _driven(device: Mapped, motor: int, low_us: float) -> int:
+    shown = device.outputs_us()
+    # What shows the low pulse is driven; idle outputs show the stop pulse, servos what they like.
+    driven = [output for output, us in enumerate(shown, 1) if abs(us - low_us) <= 3.0]
+    if len(driven) != 1:
+        listed = ", ".join(map(str, driven)) or "none"
+        raise BenchError(
+            f"motor {motor} was turned at {low_us:g} us, and outputs that show it are: {listed}; "
+            f"exactly one must; look at the autopilot's output functions"
+        )
+    return driven[0]
+
+
+def _turning(device: Mapped) -> int:
+    """Return the place of the one ESC that tells a speed, 0 where none or several do."""
+    turning = [place for place, rpm in device.speeds_rpm().items() if rpm > 0.0]
+    return turning[0] if len(turning) == 1 else 0
+
+
+def _esc_words(esc: int) -> str:
+    return f"ESC {esc} tells its speed" if esc else "no ESC tells its speed"
+
+
+def _with(places: tuple[int, ...], rotor: int, place: int) -> tuple[int, ...]:
+    return (*places[:rotor], place, *places[rotor + 1 :])
+
+
+def _wait(bench: Bench, seconds: float) -> None:
+    end_s = bench.now_s() + seconds
+    while (left_s := end_s - bench.now_s()) > 1e-9:
+        bench.read(min(STEP_S, left_s))

@@ -1,0 +1,78 @@
+"""`benchtool bench map`: which motor, output and ESC belongs to each rotor of a rig."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def map_motors(
+    address: Annotated[str, typer.Argument(help="The flight controller: mavlink:...")],
+    rig: Annotated[str | None, typer.Option(help="Rig by name, or a rig file.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="File to write; RIG.motors.toml when left out.")
+    ] = None,
+    motors: Annotated[
+        str | None,
+        typer.Option(help="Test number of each rotor, in the rig's order: 1,4,3,2."),
+    ] = None,
+    yes: Annotated[
+        bool, typer.Option("--yes", help="No typed confirmation; simulated benches only.")
+    ] = False,
+) -> None:
+    """Turn each motor of a flight controller alone, slowly, and write down what it drives."""
+    from benchtool.acquire.arming import CONFIRMATION
+    from benchtool.acquire.bench_check import low_throttle_us
+    from benchtool.acquire.learn_motors import learn_motors
+    from benchtool.bench.address import open_bench, parse_address
+    from benchtool.bench.guard import GuardedBench
+    from benchtool.cli.sweep_operator import confirm_arming
+    from benchtool.cli.sweep_options import rig_for
+    from benchtool.errors import InputError, WouldOverwrite
+
+    stands = rig_for(address, rig)
+    numbers = _numbers(motors, stands.n_rotors)
+    parsed = parse_address(address)
+    if parsed.scheme != "mavlink" or "map" in parsed.options:
+        raise InputError(
+            "a map is learnt from a mavlink: address without map=; name one, for example "
+            "mavlink:udpin:127.0.0.1:14550"
+        )
+    target = out or Path(f"{stands.name}.motors.toml")
+    if target.exists():
+        raise WouldOverwrite(str(target))
+    with GuardedBench(open_bench(address), stands) as bench:
+        text = (
+            f"motors 1 to {stands.n_rotors} will turn one after another at "
+            f"{low_throttle_us(stands):g} us; see which rotor each one is"
+        )
+        if not yes:
+            confirm_arming(text, CONFIRMATION, bench)
+        elif not bench.identity.simulated:
+            raise InputError("--yes is for simulated benches only; leave it out and type ARM")
+        found = learn_motors(bench, stands, numbers, lambda told: print(told, flush=True))
+    try:
+        target.write_text(found.to_toml(), encoding="utf-8")
+    except OSError as error:
+        raise InputError(
+            f"{target} cannot be written ({error.strerror}); choose another --out"
+        ) from error
+    joint = "&" if "?" in address else "?"
+    print(f"written to {target}; from now on use {address}{joint}map={target}")
+
+
+def _numbers(text: str | None, n_rotors: int) -> tuple[int, ...]:
+    """Return the motor of every rotor: as given, or numbered as the rotors are."""
+    from benchtool.errors import InputError
+
+    if text is None:
+        return tuple(range(1, n_rotors + 1))
+    given = [int(part) if part.strip().isdecimal() else 0 for part in text.split(",")]
+    if sorted(given) != list(range(1, n_rotors + 1)):
+        raise InputError(
+            f"--motors is {text!r}, but every number from 1 to {n_rotors} must stand in it once, "
+            f"in the order of the rig's rotors"
+        )
+    return tuple(given)

@@ -1,0 +1,131 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from benchtool.bench.mavlink_dialect import ESC_STATUS, dialect
+from benchtool.bench.mavlink_rows import MavlinkRows
+from benchtool.bench.mavlink_wiring import ThrustSource, Wiring, channels_of
+from benchtool.errors import InputError
+
+W = dialect()
+TWO = {"motors": (1, 2), "outputs": (3, 1), "escs": (3, 1)}
+NAMES = [channel.name for channel in channels_of(2)]
+
+
+def servo(time_us: int, *pulses: int) -> object:
+    return W.MAVLink_servo_output_raw_message(time_us, 0, *pulses, *[0] * (8 - len(pulses)))
+
+
+def rows_of(*messages: object, **given: object) -> dict[str, list[float]]:
+    """Give what each channel got from messages, in order."""
+    rows = MavlinkRows(Wiring(**{**TWO, **given}), idle_us=1100.0)
+    for message in (*messages, servo(99_000_000, 1000, 1000, 1000)):
+        rows.take(message)
+    _, values = rows.take_rows()
+    told = {name: values[:, index] for index, name in enumerate(NAMES)}
+    return {name: column[np.isfinite(column)].tolist() for name, column in told.items()}
+
+
+def test_outputs_of_the_rotors() -> None:
+    told = rows_of(servo(1000, 1200, 1000, 1500, 1000))
+    assert told["pwm1_us"] == [1500.0]
+    assert told["pwm2_us"] == [1200.0]
+
+
+def test_messages_of_one_millisecond_are_one_row() -> None:
+    rows = MavlinkRows(Wiring(**TWO), idle_us=1100.0)
+    for step in range(3):
+        rows.take(servo(20_000 * step + 7, 1000, 1000, 1000))
+        rows.take(W.MAVLink_named_value_float_message(20 * step, b"thrust", 1.5))
+    rows.take(servo(60_000, 1000, 1000, 1000))
+    times_us, values = rows.take_rows()
+    assert times_us.tolist() == [7, 20_007, 40_007]
+    assert np.isfinite(values[:, NAMES.index("thrust_N")]).all()
+    assert np.isfinite(values[:, NAMES.index("pwm1_us")]).all()
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("cell", W.MAVLink_named_value_float_message(5, b"cell", 2.5)),
+        ("cell.y", W.MAVLink_debug_vect_message(b"cell", 5000, 1.0, 2.5, 3.0)),
+        (
+            "cell[2]",
+            W.MAVLink_debug_float_array_message(5000, b"cell", 1, [0.0, 1.0, 2.5] * 19 + [0]),
+        ),
+    ],
+)
+def test_thrust_comes_by_name_in_three_messages(text: str, message: object) -> None:
+    other = W.MAVLink_named_value_float_message(5, b"other", 9.0)
+    told = rows_of(message, other, thrust=ThrustSource.named(text), thrust_scale_N=2.0)
+    assert told["thrust_raw"] == [2.5]
+    assert told["thrust_N"] == [5.0]
+
+
+@pytest.mark.parametrize("text", ["", "elevenletters", "cell.w", "cell[x]"])
+def test_a_name_that_is_none_is_refused(text: str) -> None:
+    with pytest.raises(InputError, match=r"write thrust=NAME, NAME.x or NAME\[0\]"):
+        ThrustSource.named(text)
+
+
+def telemetry(rpm: list[int], count: int) -> object:
+    return W.MAVLink_esc_telemetry_1_to_4_message(
+        [30] * 4, [1200] * 4, [0] * 4, [0] * 4, rpm, [count] * 4
+    )
+
+
+def test_speeds_of_every_message() -> None:
+    assert rows_of(telemetry([3000, 0, 4000, 0], 7))["rpm1"] == [4000.0]
+    assert rows_of(telemetry([3000, 0, 4000, 0], 7))["temperature_degC"] == [30.0]
+    esc = W.mavlink_map[ESC_STATUS](0, 5000, [-3000, 0, 4000, 0], [12.0] * 4, [1.0] * 4)
+    assert rows_of(esc)["rpm2"] == [3000.0]
+    assert rows_of(W.MAVLink_raw_rpm_message(2, 4100.0))["rpm1"] == [4100.0]
+    told = rows_of(W.MAVLink_rpm_message(-1.0, -1.0), W.MAVLink_rpm_message(3100.0, -1.0))
+    assert told["rpm2"] == [3100.0]
+    assert told["rpm1"] == []
+
+
+def test_an_esc_that_has_said_nothing_new_is_not_repeated() -> None:
+    told = rows_of(*[telemetry([3000, 0, 4000, 0], count) for count in (7, 7, 8, 8)])
+    assert told["rpm1"] == [4000.0, 4000.0]
+
+
+def test_battery_attitude_and_distance() -> None:
+    told = rows_of(
+        W.MAVLink_battery_status_message(
+            0, 0, 0, 32767, [4100, 4000, 3900] + [65535] * 7, 250, -1, -1, -1
+        ),
+        W.MAVLink_attitude_message(1, 0.0, 0.2, 0.0, 0.0, 0.5, 0.0),
+        W.MAVLink_attitude_target_message(1, 0, [np.cos(0.05), 0.0, np.sin(0.05), 0.0], 0, 0, 0, 0),
+        W.MAVLink_distance_sensor_message(2, 5, 400, 34, 0, 0, 25, 0),
+        W.MAVLink_distance_sensor_message(3, 5, 400, 99, 0, 1, 0, 0),
+        orientation=25,
+    )
+    assert told["voltage_V"] == [pytest.approx(12.0)]
+    assert told["current_A"] == [2.5]
+    # MAVLink's pitch is positive nose up, ours nose down.
+    assert told["theta_rad"] == [pytest.approx(-0.2)]
+    assert told["gyro_rad_s"] == [pytest.approx(-0.5)]
+    assert told["theta_ref_rad"] == [pytest.approx(-0.1)]
+    assert told["plate_z_m"] == [pytest.approx(0.34)]
+
+
+def test_unknown_voltages_are_left_out() -> None:
+    told = rows_of(
+        W.MAVLink_battery_status_message(0, 0, 0, 32767, [65535] * 10, -1, -1, -1, -1),
+        W.MAVLink_sys_status_message(0, 0, 0, 0, 65535, -1, -1, 0, 0, 0, 0, 0, 0),
+    )
+    assert told["voltage_V"] == []
+    assert told["current_A"] == []
+    known = W.MAVLink_sys_status_message(0, 0, 0, 0, 11_100, 300, -1, 0, 0, 0, 0, 0, 0)
+    assert rows_of(known)["voltage_V"] == [pytest.approx(11.1)]
+
+
+def test_a_rotor_changes_places_when_its_output_is_found() -> None:
+    rows = MavlinkRows(Wiring(motors=(1, 2), outputs=(0, 0), escs=(1, 2)), idle_us=1100.0)
+    rows.wire(1, 2)
+    for message in (servo(1000, 1000, 1500), telemetry([0, 4000, 0, 0], 3), servo(20_000, 9)):
+        rows.take(message)
+    _, values = rows.take_rows()
+    assert values[0, :4].tolist() == [1500.0, 1000.0, 4000.0, 0.0]
