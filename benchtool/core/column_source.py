@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from benchtool.core.toml_text import FileTable
+from benchtool.core.toml_text import FiniteTable
 from benchtool.core.units import unit_named
 from benchtool.errors import InputError
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ColumnSource(FileTable):
+class ColumnSource(FiniteTable):
     """Say where one of our columns comes from.
 
     Attributes:

@@ -9,7 +9,7 @@ import numpy as np
 from annotated_types import Ge, Gt
 from numpy.typing import NDArray
 
-from benchtool.core.toml_text import FileTable
+from benchtool.core.toml_text import FiniteTable
 from benchtool.errors import InputError
 
 Array = NDArray[np.float64]
@@ -21,7 +21,7 @@ PARKED_M = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Signal(FileTable):
+class Signal(FiniteTable):
     """Add one shape to a track; shapes of a track add up.
 
     Attributes:
@@ -73,7 +73,7 @@ class Signal(FileTable):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PlateVisit(FileTable):
+class PlateVisit(FiniteTable):
     """Move the plate in at one time and out at another.
 
     Attributes:
@@ -99,7 +99,7 @@ class PlateVisit(FileTable):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Switch(FileTable):
+class Switch(FiniteTable):
     """Turn parts of the controller on or off from one time on; None leaves a part as it was."""
 
     at_s: NotNegative
@@ -108,7 +108,7 @@ class Switch(FileTable):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Schedule(FileTable):
+class Schedule(FiniteTable):
     """Hold the timed commands of one pitch run.
 
     Attributes:

@@ -11,7 +11,7 @@ from typing import Annotated, Any, get_type_hints
 from annotated_types import Ge, Gt
 
 from benchtool.core.toml_text import (
-    FileTable,
+    FiniteTable,
     Sources,
     build,
     parse_toml,
@@ -26,7 +26,7 @@ NotNegative = Annotated[float, Ge(0.0)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PositionGains(FileTable):
+class PositionGains(FiniteTable):
     """Turn a position error into an acceleration.
 
     Attributes:
@@ -47,7 +47,7 @@ class PositionGains(FileTable):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AttitudeGains(FileTable):
+class AttitudeGains(FiniteTable):
     """Turn an attitude error into an angular acceleration, in two nested loops.
 
     Attributes:
@@ -70,7 +70,7 @@ class AttitudeGains(FileTable):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AltitudeGains(FileTable):
+class AltitudeGains(FiniteTable):
     """Turn a height error into a vertical acceleration."""
 
     k_z_per_s2: NotNegative
@@ -80,14 +80,14 @@ class AltitudeGains(FileTable):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ObserverGains(FileTable):
+class ObserverGains(FiniteTable):
     """Set the disturbance observer of eq. (12): its bandwidth, 1/s; 0 is no observer."""
 
     rate_per_s: NotNegative
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class YawGains(FileTable):
+class YawGains(FiniteTable):
     """Turn a heading error into an angular acceleration about the vertical axis."""
 
     k_psi_per_s: NotNegative
@@ -95,7 +95,7 @@ class YawGains(FileTable):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Gains(FileTable):
+class Gains(FiniteTable):
     """Hold one named set of gains for every loop.
 
     Attributes:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
+from math import isfinite, isnan
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from benchtool.core.channel import require_known_channel
 from benchtool.core.column_source import ColumnSource
 from benchtool.core.parameter import Parameter, Prior
 from benchtool.core.rig import Rig
-from benchtool.core.toml_text import FileTable, build, parse_toml
+from benchtool.core.toml_text import FileTable, FiniteTable, build, parse_toml
 from benchtool.effects.catalogue import effect_named
 from benchtool.effects.model import Model
 from benchtool.errors import FileFormatError, InputError
@@ -32,7 +33,7 @@ class _Head(FileTable):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _ModelFile(FileTable):
+class _ModelFile(FiniteTable):
     model: _Head
     parameters: Mapping[str, Any] = field(default_factory=dict)
     effects: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
@@ -52,6 +53,14 @@ class _ParameterTable(FileTable):
     prior: Prior | None = None
     source: str = ""
     assumed: bool = False
+
+    def __post_init__(self) -> None:
+        for name, number in (("value", self.value), ("tolerance", self.tolerance)):
+            if number is not None and not isfinite(number):
+                raise InputError(f"{name} is {number:g}; give a finite number")
+        for name, bound in (("lower", self.lower), ("upper", self.upper)):
+            if bound is not None and isnan(bound):
+                raise InputError(f"{name} is nan; give a number, or inf for no bound")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 from annotated_types import Ge, Len
 
 from benchtool.aero.validity import VALIDITY_Z_OVER_R
-from benchtool.core.toml_text import FileTable, read_strict
+from benchtool.core.toml_text import FiniteTable, read_strict
 from benchtool.errors import FileFormatError
 from benchtool.estimate.model_problem import Basis as Basis
 
@@ -19,7 +19,7 @@ Noise = Literal["auto", "stated", "scale", "add"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Recipe(FileTable):
+class Recipe(FiniteTable):
     """State one fit.
 
     Attributes:
@@ -65,7 +65,7 @@ class Recipe(FileTable):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _RecipeFile(FileTable):
+class _RecipeFile(FiniteTable):
     recipe: Recipe
 
 

@@ -61,6 +61,10 @@ class Block:
                 raise InputError(f"{self.name}: slope_{axis} is {slope:g}; give at most 2 (63 deg)")
         if not isfinite(self.top_m):
             raise InputError(f"{self.name}: top_m is {self.top_m:g}; give a finite height")
+        if not all(map(isfinite, (*self.times_s, *self.slide_m))):
+            raise InputError(
+                f"{self.name}: times_s {self.times_s} and slide_m {self.slide_m} must be finite"
+            )
         if list(self.times_s) != sorted(self.times_s):
             raise InputError(f"{self.name}: times_s {self.times_s} do not increase; sort them")
 
@@ -95,6 +99,8 @@ class Environment:
     name: str = "free air"
 
     def __post_init__(self) -> None:
+        if not self.floor_m < inf:
+            raise InputError(f"floor_m is {self.floor_m:g}; give a height in m, or -inf for none")
         for a, b in combinations(self.blocks, 2):
             if _overlap(a.x_m, b.x_m) and _overlap(a.y_m, b.y_m):
                 raise InputError(f"blocks {a.name!r} and {b.name!r} overlap in plan; cut one")

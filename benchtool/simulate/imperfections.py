@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-from math import isnan, nan
+from math import isinf, isnan, nan
 from typing import Annotated
 
 from annotated_types import Ge
 
 from benchtool.core.rig import Rig
-from benchtool.core.toml_text import FileTable
+from benchtool.core.toml_text import FiniteTable
+from benchtool.errors import InputError
 
 NotNegative = Annotated[float, Ge(0.0)]
 
@@ -18,7 +19,7 @@ OPEN = nan
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Imperfections(FileTable):
+class Imperfections(FiniteTable):
     """State how far a virtual bench is from a perfect one; zero means absent, everywhere.
 
     A value left open (nan) is the rig's own number, so that a file needs to name only what differs.
@@ -70,6 +71,12 @@ class Imperfections(FileTable):
     plate_noise_m: NotNegative = OPEN
     plate_quantum_m: NotNegative = OPEN
     backlash_m: NotNegative = OPEN
+
+    def __post_init__(self) -> None:
+        for item in fields(self):
+            value = getattr(self, item.name)
+            if isinf(value) or (isnan(value) and item.default is not OPEN):
+                raise InputError(f"imperfection {item.name} is {value:g}; give a finite number")
 
     @classmethod
     def none(cls) -> Imperfections:
