@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from benchtool.aero.expression import expression
-from benchtool.core.parameter import Parameter
+from benchtool.core.parameter import Parameter, Prior
 from benchtool.core.rig import Rig
 from benchtool.effects.effect import BenchKind, Effect, Flow, Quantity, Values
 from benchtool.effects.size import torque_scale
@@ -20,6 +20,12 @@ def dry_friction(flow: Flow, p: Values) -> Quantity:
 def tolerance_of(rig: Rig, bench: BenchKind) -> Mapping[str, float]:
     """Return the friction that matters, in the measure of m g L: N m."""
     return {"torque_Nm": 0.002 * torque_scale(rig)}
+
+
+@expression
+def dry_width(flow: Flow, p: Values) -> Quantity:
+    """Return the rate over which the friction builds up: rad/s."""
+    return p[1]
 
 
 EFFECT = Effect(
@@ -39,6 +45,16 @@ EFFECT = Effect(
             description="dry friction torque of the hinge",
             source="neutral value",
         ),
+        Parameter(
+            "width_rad_s",
+            "rad/s",
+            0.0,
+            lower=0.0,
+            upper=1.0,
+            prior=Prior("normal", 0.0, 0.03, "assumed: bearings creep below 2 deg/s"),
+            description="rate over which it builds up; 0 is Coulomb's law with real stick",
+            source="Coulomb's law",
+        ),
     ),
     shows="slow reversals; the beam sticks short of its reference",
     source="Coulomb's law with real stick",
@@ -49,4 +65,5 @@ EFFECT = Effect(
     benches=frozenset({"pitch"}),
     tolerance_of=tolerance_of,
     dry_friction=dry_friction,
+    dry_width=dry_width,
 )

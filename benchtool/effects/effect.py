@@ -146,6 +146,8 @@ class Effect:
         torque: torque about the pitch axis: N m, positive nose down as in eq. (9).
         dry_friction: torque that the hinge can hold at rest or opposes to motion: N m, not
             negative; the plant decides between stick and slip.
+        dry_width: rate over which dry friction builds up to its full torque: rad/s, not negative;
+            0 where it holds at rest.
         random_torque: standard deviation (N m) and correlation time (s) of a random torque about
             the pitch axis, an Ornstein-Uhlenbeck process.
         delay_s: time between a command and its arrival at the motors.
@@ -173,6 +175,7 @@ class Effect:
     speed: ChangeHook | None = None
     torque: BodyHook | None = None
     dry_friction: BodyHook | None = None
+    dry_width: BodyHook | None = None
     random_torque: Callable[[Values], tuple[Quantity, Quantity]] | None = None
     delay_s: Callable[[Values], Quantity] | None = None
     readings: Mapping[str, ReadingHook] = field(default_factory=dict)

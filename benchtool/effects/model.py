@@ -28,8 +28,9 @@ from benchtool.errors import InputError, UnknownChoice
 Array = NDArray[np.float64]
 
 
-INERTIA_KNOWN = 0.05
-"""Standard error of an inertia over its value, where a model file states none; a guess."""
+INERTIA_KNOWN = 0.025
+"""Standard error of an inertia over its value, where a model file states none: "known to 5 %" taken
+for two standard errors; a guess."""
 
 
 def baseline_parameters(rig: Rig) -> Parameters:
@@ -71,7 +72,7 @@ def baseline_parameters(rig: Rig) -> Parameters:
                         "normal",
                         rig.body.inertia_yy_kgm2,
                         INERTIA_KNOWN * rig.body.inertia_yy_kgm2,
-                        "assumed: an inertia worked out from parts is known to 5 %",
+                        "assumed: worked out from parts, 5 % for two standard errors",
                     ),
                     description="moment of inertia about the pitch axis",
                     source=rig.sources.get("body.inertia_yy_kgm2", ""),

@@ -93,7 +93,7 @@ def with_knots(coverages: Sequence[float]) -> Effect:
         1.0,
         neutral=1.0,
         lower=0.0,
-        upper=1.2,
+        upper=1.0,
         description="how much of the stated coverage there is",
         source="neutral value",
     )

@@ -167,7 +167,7 @@ class BoundedSearch:
         best = Minimum(here.at, here.cost + float(region.cost_of(here.at)), False)
         if not region.holds(here.at):
             best = Minimum(here.at, np.inf, False)
-        for _ in range(most_steps):
+        for step in range(1, most_steps + 1):
             aim, _ = here.step(region)
             inside = region.clipped(here.at)
             sets = np.array([inside + part * (aim - inside) for part in LENGTHS])
@@ -178,5 +178,6 @@ class BoundedSearch:
                 best = Minimum(sets[winner], float(costs[winner]), False)
             if not gain > enough:
                 return Minimum(best.at, best.cost, bool(np.isfinite(best.cost)))
-            here = self.linearised(best.at)
+            if step < most_steps:
+                here = self.linearised(best.at)
         return best

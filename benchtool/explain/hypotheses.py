@@ -9,7 +9,8 @@ is missing; a test against exactly zero would name one of them on every record.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,12 +20,21 @@ from benchtool.explain.evidence import Evidence
 
 Array = NDArray[np.float64]
 
-SMALL = 0.5
+SMALL = 1.0 / 3.0
 """Standard deviation of an effect that is there within its tolerance, in tolerances: what is said
-to be too small to matter is mostly well below it. A choice, not a fit."""
+to be too small to matter reaches to three of them. A choice, not a fit."""
 
 REACH = 2.0
 """How many standard errors a number that the owner knows roughly may be off."""
+
+UNSEEN = 8.0
+"""An effect that would have to be this many tolerances large to show is called not judged."""
+
+FIRST_STEPS = 1
+"""Steps that every candidate gets, from the base's own neighbourhood; only the best go on."""
+
+FINISHED = 4
+"""How many of the best go on."""
 
 WORTH_A_FIT = 2.0
 """Gain in the sum of squares that the null's own neighbourhood must promise before a candidate
@@ -46,6 +56,10 @@ class Hypothesis:
     at: Array
     cost: float
     converged: bool
+
+    def opening(self, opened: tuple[str, ...]) -> Hypothesis:
+        """Return the same numbers with other effects free to break their tolerance."""
+        return replace(self, opened=opened)
 
 
 class Hypotheses:
@@ -72,12 +86,51 @@ class Hypotheses:
         knobs = self.evidence.knobs
         wide = np.array([knob.effect in names for knob in knobs])
         held = np.array([knob.held for knob in knobs])
-        reach = np.where(wide, np.inf, np.where(held, REACH, 1.0))
+        limit = np.asarray(np.where(held, REACH, 1.0), float)
+        reach = np.asarray(np.where(wide, np.inf, limit), float)
         return Region(
-            lower=np.maximum(self._limits[0], -reach),
-            upper=np.minimum(self._limits[1], reach),
-            penalty=np.where(wide, 0.0, np.where(held, 1.0, 1.0 / SMALL)),
+            lower=np.asarray(np.maximum(self._limits[0], -reach), float),
+            upper=np.asarray(np.minimum(self._limits[1], reach), float),
+            penalty=np.asarray(np.where(wide, 0.0, np.where(held, 1.0, 1.0 / SMALL)), float),
         )
+
+    def dispersion(self, one: Hypothesis) -> float:
+        """Return how much larger residuals are than the stated noise, 1 at least (a variance)."""
+        return max(1.0, one.cost / self.n_rows)
+
+    @cached_property
+    def n_rows(self) -> int:
+        """How many residuals there are."""
+        return len(self.evidence.residuals(np.zeros((1, len(self.evidence.knobs)))))
+
+    def spread(self, one: Hypothesis) -> Array:
+        """Return the covariance of all knobs (n_knobs, n_knobs) at a hypothesis, in scales.
+
+        From the curvature, the noise as large as the residuals say, and the penalties; a knob at
+        the end of its tolerance counts as if it could move on.
+        """
+        region = self.region(one.opened)
+        curvature = self.near(one.at).curvature / self.dispersion(one)
+        ridge = 1e-9 * np.eye(len(curvature))
+        covariance: Array = np.linalg.inv(curvature + np.diag(region.penalty**2) + ridge)
+        return covariance
+
+    def unseen(self, one: Hypothesis) -> dict[str, float]:
+        """Return effects that the data cannot show: by how many tolerances each would have to act.
+
+        Three standard deviations of the knob that shows best, if that is more than `UNSEEN`.
+        """
+        curvature = self.near(one.at).curvature / self.dispersion(one)
+        out = {}
+        for name in self.effects:
+            penalty = self.region((*one.opened, name)).penalty
+            total = curvature + np.diag(penalty**2) + 1e-9 * np.eye(len(curvature))
+            spread = np.sqrt(np.diag(np.linalg.inv(total)))
+            own = [s for s, knob in zip(spread, self.evidence.knobs, strict=True)
+                   if knob.effect == name]  # fmt: skip
+            if 3.0 * min(own) > UNSEEN:
+                out[name] = float(3.0 * min(own))
+        return out
 
     def near(self, at: Array) -> Linearised:
         """Return the neighbourhood of a point; the same one is worked out once."""
@@ -108,8 +161,13 @@ class Hypotheses:
             if base.cost - promised < WORTH_A_FIT:
                 out.append(Hypothesis(opened=opened, at=base.at, cost=base.cost, converged=True))
                 continue
-            found = self._search.minimum(base.at, region, known=near)
+            found = self._search.minimum(base.at, region, known=near, most_steps=FIRST_STEPS)
             out.append(_of(opened, found))
+        out.sort(key=lambda item: item.cost)
+        for place, one in enumerate(out[:FINISHED]):
+            if not one.converged:
+                region = self.region(one.opened)
+                out[place] = _of(one.opened, self._search.minimum(one.at, region))
         return sorted(out, key=lambda item: item.cost)
 
     def secured(self, base: Hypothesis, others: Iterable[Hypothesis]) -> Hypothesis:
@@ -126,6 +184,28 @@ class Hypotheses:
             if found.cost < best.cost:
                 best = _of(base.opened, found)
         return best
+
+    def null_gains(self, base: Hypothesis, draws: int, rng: np.random.Generator) -> Array:
+        """Return the largest gain of any candidate (draws,) when the base is the truth.
+
+        White residuals drawn about the base move the gradient of its neighbourhood; there every
+        candidate's bounded problem is solved exactly. Gains are in units of the dispersion.
+        """
+        near = self.near(base.at)
+        spread = self.dispersion(base)
+        curvature = near.curvature / spread
+        root = np.linalg.cholesky(curvature + 1e-9 * np.eye(len(curvature)))
+        regions = [self.region((*base.opened, e)) for e in self.effects if e not in base.opened]
+        own = self.region(base.opened)
+        out = np.empty(draws)
+        for k in range(draws):
+            drawn = Linearised(
+                at=base.at, cost=0.0, gradient=root @ rng.standard_normal(len(root)),
+                curvature=curvature,
+            )  # fmt: skip
+            _, least = drawn.step(own)
+            out[k] = max(least - drawn.step(region)[1] for region in regions)
+        return out
 
     def _fitted(self, opened: tuple[str, ...], starts: list[Array]) -> Hypothesis:
         region = self.region(opened)

@@ -31,8 +31,9 @@ LEAST_LAG_S = 2.0 * STEPS_PER_LAG / PLANT_HZ
 SETTLING_S = 0.3
 """What a filter needs after it began anew before its innovations count."""
 
-RADIUS_KNOWN = 0.025
-"""Standard error of R_m over its value where a model states no prior: 5 % of the increment."""
+RADIUS_KNOWN = 0.0125
+"""Standard error of R_m over its value where a model states no prior: the increment (R/4z)^2 known
+to 5 %, taken for two standard errors."""
 
 
 def with_library(model: Model, extra: Sequence[Effect] = ()) -> Model:
@@ -111,7 +112,7 @@ class PitchEvidence:
                 lower=0.2 * radius.value, held=True,
             ),
         ]  # fmt: skip
-        for name in ("speed_map.gain", "speed_map.difference"):
+        for name in ("speed_map.gain", "speed_map.difference", "coulomb_friction.width_rad_s"):
             item = items[name]
             out.append(
                 Knob(

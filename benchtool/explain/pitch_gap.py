@@ -24,6 +24,9 @@ Array = NDArray[np.float64]
 CHANNELS = ("theta_rad", "gyro_rad_s", "rpm")
 """What a gap is told for."""
 
+LEAD_S = 0.1
+"""How much of the pulses before a window a delay may still hold."""
+
 DRAWS = 128
 """Draws of the noise behind a floor."""
 
@@ -147,8 +150,12 @@ def _free(
     states: Array,
     seed: int | None = None,
 ) -> Followed:
-    part = logged.between(start, start + rows)
-    part = replace(part, mode=np.full(rows, float(t.FREE)))
-    return follow(
-        benches, part, filter_.gains, start_s=start / logged.rate_Hz, states=states, seed=seed
-    )
+    lead = min(start, round(LEAD_S * logged.rate_Hz))
+    part = logged.between(start - lead, start + rows)
+    mode = np.full(lead + rows, float(t.FREE))
+    mode[:lead] = t.WAIT
+    run = follow(
+        benches, replace(part, mode=mode), filter_.gains,
+        start_s=(start - lead) / logged.rate_Hz, states=states, seed=seed,
+    )  # fmt: skip
+    return Followed(*(getattr(run, name)[lead:] for name in Followed.__slots__))

@@ -82,7 +82,12 @@ def pitch_log(recording: Recording, rig: Rig, name: str = "") -> PitchLog:
 
     discs = [int(np.argmax(rig.disc_of_rotor == disc)) + 1 for disc in range(rig.n_discs)]
     speeds = np.array([optional(f"rpm{rotor}") for rotor in discs])
-    pulses = np.array([optional(f"pwm{rotor}_us") for rotor in discs])
+    pulses = np.array(
+        [
+            recording.column(name) if name in recording else nothing
+            for name in (f"pwm{rotor}_us" for rotor in discs)
+        ]
+    )
     driven_by = "pwm"
     if not np.isfinite(pulses).any(axis=1).all():
         if not np.isfinite(speeds).any(axis=1).all():

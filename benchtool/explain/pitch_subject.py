@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from benchtool.effects.effect import BenchKind, Effect
 from benchtool.effects.model import Model
+from benchtool.explain.explanation import Overlay
 from benchtool.explain.pitch_evidence import SETTLING_S, PitchEvidence
 from benchtool.explain.pitch_gap import errors, floor, predicted, windows_of
 from benchtool.explain.pitch_log import PitchLog
@@ -22,6 +23,9 @@ Array = NDArray[np.float64]
 WINDOW_S = 1.0
 """Length of a prediction. The beam over a near plate falls away from a prediction within one to
 two seconds whatever the model, so that longer windows would measure luck."""
+
+BREAK = np.array([np.nan])
+"""Put between windows, so that lines break there."""
 
 UNITS = {"theta_rad": "rad", "gyro_rad_s": "rad/s", "rpm": "rpm"}
 
@@ -94,6 +98,49 @@ class PitchSubject:
                 total[name] = total.get(name, 0.0) + len(windows.starts) * roots**2
             count += len(windows.starts)
         return {name: np.sqrt(squares / max(count, 1)) for name, squares in total.items()}
+
+    def overlays(self, before: Array, after: Array) -> tuple[Overlay, ...]:
+        """Return the first check recording with the predictions of each window, by channel."""
+        log = self._check.logs[0]
+        logged = log.logged
+        windows = windows_of(logged, WINDOW_S, SETTLING_S)
+        benches = [self._check.bench(one, logged.rate_Hz) for one in (before, after)]
+        runs = predicted(benches, logged, log.filter, windows)
+        measured = {
+            "theta_rad": logged.theta_rad,
+            "gyro_rad_s": logged.gyro_rad_s,
+            "rpm": logged.speed_rad_s[0] * 30.0 / np.pi,
+        }
+        out = []
+        for name, values in measured.items():
+            if not np.isfinite(values).any():
+                continue
+            at: list[Array] = []
+            shown: list[Array] = []
+            lines: list[Array] = []
+            for start, run in zip(windows.starts, runs, strict=True):
+                rows = slice(start, start + windows.rows)
+                predictions = {
+                    "theta_rad": run.theta_rad,
+                    "gyro_rad_s": run.gyro_rad_s,
+                    "rpm": run.speed_rad_s[:, 0] * 30.0 / np.pi,
+                }[name]
+                at += [np.arange(rows.start, rows.stop) / logged.rate_Hz, BREAK]
+                shown += [values[rows], BREAK]
+                lines += [predictions, np.full((1, 2), np.nan)]
+            both = np.concatenate(lines)
+            out.append(
+                Overlay(
+                    channel=name if name != "rpm" else "rpm1",
+                    unit=UNITS[name],
+                    axis="time_s",
+                    at=np.concatenate(at),
+                    measured=np.concatenate(shown),
+                    before=both[:, 0],
+                    after=both[:, 1],
+                )
+            )
+        return tuple(out)
 
     def next_experiment(
         self, rivals: Sequence[tuple[str, Array]], rng: np.random.Generator

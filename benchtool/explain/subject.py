@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from benchtool.effects.effect import BenchKind, Stage
 from benchtool.effects.model import Model
 from benchtool.explain.evidence import Evidence
+from benchtool.explain.explanation import Overlay
 from benchtool.explain.verdict import NextExperiment
 
 Array = NDArray[np.float64]
@@ -86,6 +87,10 @@ class Subject(Protocol):
 
     def model_at(self, at: Array) -> Model:
         """Return the model with the knobs turned (n_knobs,)."""
+        ...
+
+    def overlays(self, before: Array, after: Array) -> tuple[Overlay, ...]:
+        """Return measurement and predictions with knobs before and after (n_knobs,) each."""
         ...
 
     def next_experiment(

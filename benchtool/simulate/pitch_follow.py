@@ -148,9 +148,9 @@ def follow(
             for k in range(0, len(benches), lanes)
         ]  # fmt: skip
         return _joined(parts)
-    bare = [replace(bench, sensors={}) for bench in benches]
     control = PitchControl(name="logged", gains=None, rate_Hz=logged.rate_Hz)
-    jobs = [PitchJob(bench, control) for bench in bare]
+    once = {id(bench): PitchJob(replace(bench, sensors={}), control) for bench in benches}
+    jobs = [once[id(bench)] for bench in benches]
     jobs += [jobs[-1]] * (lanes - len(jobs))
     discs = logged.n_discs
     first = benches[0]

@@ -100,6 +100,11 @@ def dry_friction(flow, p):
 
 
 @spelled
+def dry_width(flow, p):
+    return {dry_width}
+
+
+@spelled
 def speeds(flow, p):
     return {speeds}
 
@@ -116,7 +121,7 @@ LANES = {lane_tuple}
 def run(w, states, sent, past, log, logged, schedule, fresh, table, distances, arms, plan, dt_s):
     run_ticks(w, states, sent, past, log, logged, schedule, fresh, table, distances, arms, plan,
               dt_s, LANES, Hooks(numbers, of_discs, places, spans, gaps, near, bare, blown,
-                                 factors, loaded, torque, dry_friction, speeds, gyro))
+                                 factors, loaded, torque, dry_friction, dry_width, speeds, gyro))
 
 
 @compiled
@@ -129,7 +134,7 @@ def tick(block, where, plan, number):
               plane(block, where, 7), plane(block, where, 8), plane(block, where, 9),
               line(block, where, 10), plan, line(block, where, 11)[0], LANES,
               Hooks(numbers, of_discs, places, spans, gaps, near, bare, blown, factors, loaded,
-                    torque, dry_friction, speeds, gyro))
+                    torque, dry_friction, dry_width, speeds, gyro))
 
 
 @compiled
@@ -137,7 +142,8 @@ def track(w, states, sent, log, logged, schedule, seen, gains, table, distances,
           before):
     track_ticks(w, states, sent, log, logged, schedule, seen, gains, table, distances, arms, plan,
                 dt_s, before, LANES, Hooks(numbers, of_discs, places, spans, gaps, near, bare,
-                                   blown, factors, loaded, torque, dry_friction, speeds, gyro))
+                                   blown, factors, loaded, torque, dry_friction, dry_width, speeds,
+                                   gyro))
 '''
 
 
@@ -206,6 +212,7 @@ def pitch_module(
         thrusts=each(n_discs, "k * speed[{i}] * speed[{i}] * factor[{i}]"),
         torque=summed(spelling, "torque", "flow, "),
         dry_friction=summed(spelling, "dry_friction", "flow, "),
+        dry_width=summed(spelling, "dry_width", "flow, "),
         speeds=spread(chained(spelling, "speed", "flow.speed_rad_s[i]", "flow, ")),
         gyro=gyro,
         lane_tuple=each(lanes, "{i}"),

@@ -19,6 +19,9 @@ from benchtool.simulate import pitch_rows as r
 from benchtool.simulate.noise import next_state, normal, uniform
 from benchtool.simulate.trigonometry import cosine, sine
 
+SMALLEST = 1e-300
+"""Keeps a hinge without friction from dividing nothing by nothing."""
+
 NEAREST_ECHO = 0.2
 """A false echo comes from this share of the true distance, or farther; a guess."""
 
@@ -72,7 +75,9 @@ def step_lane(w: Any, lane: Any, at: Any, states: Any, shared: Any, hooks: Any) 
     middle = rate + 0.5 * share * (pushed + hooks.torque(flow, p))
     flow = hooks.loaded(flow, middle, k, factor)
     slipping = rate + share * (pushed + hooks.torque(flow, p))
-    rate = slipping - limited(slipping, share * hooks.dry_friction(flow, p))
+    held = share * hooks.dry_friction(flow, p)
+    built = held / np.maximum(held + hooks.dry_width(flow, p), SMALLEST)
+    rate = slipping - limited(slipping * built, held)
     theta = theta + 0.5 * dt_s * rate
     inside = limited(theta, w[r.STOP * at + lane])
     hit = 1.0 * (inside != theta)

@@ -19,7 +19,7 @@ class Hooks(NamedTuple):
         blown: blown(flow, distances, arms, p) -> the Flow with changed heights, areas, images.
         factors: factors(flow, p) -> T_IGE/T_OGE of each disc.
         loaded: loaded(flow, rate, k, factor) -> the Flow with thrusts, at another rate.
-        torque, dry_friction: of the hinge, summed over effects.
+        torque, dry_friction, dry_width: of the hinge, summed over effects.
         speeds: speeds(flow, p) -> commanded speeds, changed by effects.
         gyro: gyro(reading, flow, p) -> the gyro's reading, changed by effects.
     """
@@ -36,6 +36,7 @@ class Hooks(NamedTuple):
     loaded: Any
     torque: Any
     dry_friction: Any
+    dry_width: Any
     speeds: Any
     gyro: Any
 

@@ -16,8 +16,9 @@ from benchtool.simulate.pitch_lane import arrive_lane, step_lane
 from benchtool.simulate.pitch_law import turn_lane
 from benchtool.simulate.pitch_shared import Shared
 
-FREE, CORRECT, RESTART = range(3)
-"""What to do with the readings of a tick: nothing, correct by them, begin anew from them."""
+FREE, CORRECT, RESTART, WAIT = range(4)
+"""What to do with a tick: run on without its readings, correct by them, begin anew from them, or
+only send its pulses, so that a delay has them when the plant begins to move."""
 
 (SEEN_MODE, SEEN_THETA, SEEN_GYRO) = range(3)
 SEEN_SPEEDS = 3
@@ -76,7 +77,8 @@ def track_ticks(
         for channel in range(len(logged)):
             for lane in range(at):
                 log[tick, channel, lane] = w[logged[channel] * at + lane]
-        for part in range(substeps):
+        moving = substeps if seen[SEEN_MODE, tick] != WAIT else 0
+        for part in range(moving):
             if delayed > 0:
                 for lane in range(at):
                     arrive_lane(w, lane, at, sent, tick * substeps + part, substeps, ring, x)

@@ -1,0 +1,120 @@
+"""Put hypotheses into words and numbers: parameters with intervals, where it shows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.effects.catalogue import EFFECTS
+from benchtool.effects.effect import Effect, Stage
+from benchtool.explain.explanation import Disagreement
+from benchtool.explain.hypotheses import Hypotheses, Hypothesis
+from benchtool.explain.subject import RowGroups, Subject
+from benchtool.explain.verdict import FoundParameter, Where
+
+Array = NDArray[np.float64]
+
+SIGMA_95 = 1.959964
+"""Half of a 95 % interval in standard deviations."""
+
+
+def effect_of(subject: Subject, name: str) -> Effect:
+    """Return an effect of the subject's model by name."""
+    return (
+        next((e for e in subject.model.effects if e.name == name), EFFECTS.get(name))
+        or (EFFECTS[name])
+    )
+
+
+def found_parameters(
+    subject: Subject, hypotheses: Hypotheses, one: Hypothesis, name: str
+) -> tuple[FoundParameter, ...]:
+    """Return an effect's numbers under a hypothesis that opens it."""
+    spread = np.sqrt(np.diag(hypotheses.spread(one)))
+    neutral = {item.name: item.neutral for item in effect_of(subject, name).parameters}
+    out = []
+    for knob, turned, sd in zip(hypotheses.evidence.knobs, one.at, spread, strict=True):
+        if knob.effect != name:
+            continue
+        value, std = knob.value(float(turned)), float(sd) * knob.scale
+        own = knob.name.partition(".")[2]
+        rest = neutral[own]
+        out.append(
+            FoundParameter(
+                name=own,
+                unit=knob.unit,
+                value=value,
+                std=std,
+                low=max(value - SIGMA_95 * std, knob.lower),
+                high=min(value + SIGMA_95 * std, knob.upper),
+                tolerance=knob.scale,
+                neutral=knob.start if rest is None else rest,
+            )
+        )
+    return tuple(out)
+
+
+def where_shown(
+    groups: RowGroups, before: Array, after: Array, stage: Stage | None
+) -> Where | None:
+    """Return where residuals stand out before the fix.
+
+    Args:
+        groups: labels of the rows.
+        before: (n_rows,) residuals within tolerance.
+        after: (n_rows,) with what was named, or of the nearest.
+        stage: of what was named; found from the rows when None.
+    """
+    shown: Stage = stage if stage is not None else loudest(groups, before)
+    rows = groups.stages.get(shown)
+    if rows is None:
+        rows = ~groups.stages.get("pwm_to_rpm", np.zeros(len(before), bool))
+    gained = np.where(rows, before**2 - after**2, 0.0)
+    if gained.sum() <= 0.0:  # nothing was gained: look at what stands out of the noise
+        gained = np.where(rows, before**2 - 1.0, 0.0)
+    total = gained.sum()
+    best, crowded = "everywhere", 1.5
+    for name, mask in groups.regimes.items():
+        inside = gained[mask].sum() / total if total > 0.0 else 0.0
+        dense = inside / max(float(np.mean(mask[rows])), 1e-9)
+        if inside > 0.3 and dense > crowded:
+            best, crowded = name, dense
+    mask = groups.regimes.get(best, np.ones(len(before), bool)) & rows
+    return Where(
+        stage=shown,
+        regime=best,
+        size=_rms(before[mask]),
+        share=float(gained[mask].sum() / total) if total > 0.0 else 0.0,
+    )
+
+
+def loudest(groups: RowGroups, residuals: Array) -> Stage:
+    """Return the stage whose rows stand out most."""
+    sizes: dict[Stage, float] = {name: _rms(residuals[m]) for name, m in groups.stages.items()}
+    return max(sizes, key=lambda name: sizes[name])
+
+
+def disagreements(groups: RowGroups, before: Array, after: Array) -> tuple[Disagreement, ...]:
+    """Return residuals by stage and regime, before and after (n_rows,) each."""
+    out = []
+    for stage, rows in groups.stages.items():
+        if not rows.any():
+            continue
+        masks: Mapping[str, NDArray[np.bool_]] = {
+            "everywhere": np.ones(len(rows), bool),
+            **groups.regimes,
+        }
+        out.append(
+            Disagreement(
+                stage=stage,
+                by_regime={name: _rms(before[mask & rows]) for name, mask in masks.items()},
+                after={name: _rms(after[mask & rows]) for name, mask in masks.items()},
+            )
+        )
+    return tuple(out)
+
+
+def _rms(rows: Array) -> float:
+    return float(np.sqrt(np.mean(rows**2))) if len(rows) else 0.0

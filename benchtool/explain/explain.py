@@ -1,0 +1,154 @@
+"""Explain recordings: where a model disagrees with them, which effect is missing, what is left."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.explain.describe import (
+    disagreements,
+    effect_of,
+    found_parameters,
+    where_shown,
+)
+from benchtool.explain.explanation import Explanation
+from benchtool.explain.held_out import HeldOut
+from benchtool.explain.hypotheses import Hypotheses
+from benchtool.explain.search import Progress, Search, searched
+from benchtool.explain.significance import p_value
+from benchtool.explain.subject import Subject
+from benchtool.explain.verdict import Kind, NamedEffect, Nearest, Verdict
+from benchtool.explain.weigh import Weighed, weighed
+
+Array = NDArray[np.float64]
+
+CLASS_FROM = 0.05
+"""A rival for the same place that is likelier than this makes a class with the best."""
+
+MOST_MEMBERS = 3
+"""More members than this say too little to be a class."""
+
+
+def explain(
+    subject: Subject,
+    *,
+    seed: int = 0,
+    draws: int = 128,
+    bootstrap: int = 0,
+    progress: Progress | None = None,
+) -> Explanation:
+    """Return what is missing from a subject's model, and what the check recordings say to it.
+
+    Args:
+        subject: recordings against a model.
+        seed: of the noise behind floors and intervals.
+        draws: of the noise behind the floor, 100 at least for a report.
+        bootstrap: records drawn from the null for p-values; asymptotic ones when 0.
+        progress: told what is being done.
+    """
+    tell = progress if progress is not None else _silent
+    rng = np.random.default_rng(seed)
+    hypotheses = Hypotheses(subject.evidence)
+    search = searched(hypotheses, tell)
+    null, best = search.null, search.best
+    tell("predicting the check recordings", 0.7)
+    held = HeldOut.of(subject, null.at, best.at, rng, draws)
+    weights = [
+        weighed(slot.gains, hypotheses.dispersion(slot.tried[0]), held.ratio(2), held.ratio(1))
+        for slot in search.slots
+    ]
+    kind, members = _decided(search, weights)
+    tell("drawing the answer", 0.9)
+    effects = tuple(
+        NamedEffect(
+            name=name,
+            title=effect_of(subject, name).title,
+            stage=effect_of(subject, name).stage,
+            probability=weights[place].named[name],
+            parameters=found_parameters(subject, hypotheses, one, name),
+            log_likelihood_ratio=0.5 * (search.slots[place].base.cost - one.cost),
+            p_value=p_value(hypotheses, search.slots[place].base, one, bootstrap, rng),
+        )
+        for place, name, one in (
+            (place, name, next(t for t in search.slots[place].tried if t.opened[-1] == name))
+            for place, name in members
+        )
+    )
+    after = best.at if effects else null.at
+    rows = subject.evidence.residuals(np.vstack([null.at, best.at]))
+    groups = subject.groups()
+    where = None
+    if kind != "none":
+        where = where_shown(groups, rows[:, 0], rows[:, 1], effects[0].stage if effects else None)
+    nearest = None
+    if kind == "unknown":
+        nearest = Nearest(name=search.slots[0].name, share_closed=max(0.0, held.share_closed))
+    rivals = _rivals(search, kind, members)
+    verdict = Verdict(
+        kind=kind,
+        bench=subject.kind,
+        effects=effects,
+        probabilities=_probabilities(weights),
+        where=where,
+        gaps=held.gaps(bool(effects), rng),
+        nearest=nearest,
+        tolerances={k.name: k.scale for k in subject.evidence.knobs if k.effect},
+        not_judged={
+            name: f"would have to be {size:.0f} tolerances large to show"
+            for name, size in hypotheses.unseen(null).items()
+        },
+        remarks=subject.remarks,
+        next=subject.next_experiment(rivals, rng) if rivals else None,
+        parameters=subject.model_at(after).parameters,
+        window_s=subject.window_s,
+        draws=draws,
+    )
+    tell("done", 1.0)
+    return Explanation(
+        verdict=verdict,
+        overlays=subject.overlays(null.at, after),
+        disagreements=disagreements(groups, rows[:, 0], rows[:, 1] if effects else rows[:, 0]),
+    )
+
+
+def _silent(what: str, share: float) -> None:
+    """Say nothing."""
+
+
+def _decided(search: Search, weights: list[Weighed]) -> tuple[Kind, list[tuple[int, str]]]:
+    """Return the kind of verdict and its members: (place, effect) each."""
+    first = weights[0]
+    if first.unknown > max(first.none, sum(first.named.values())):
+        return "unknown", []
+    if not search.best.opened:
+        return "none", []
+    if len(search.best.opened) > 1:
+        return "several", [(place, slot.name) for place, slot in enumerate(search.slots)]
+    total = sum(first.named.values())
+    likely = sorted(first.named, key=lambda name: -first.named[name])
+    members = [name for name in likely if first.named[name] > CLASS_FROM * total]
+    if len(members) == 1:
+        return "effect", [(0, members[0])]
+    if len(members) > MOST_MEMBERS:
+        return "unknown", []
+    return "class", [(0, name) for name in members]
+
+
+def _probabilities(weights: list[Weighed]) -> dict[str, float]:
+    """Return the probability of every explanation; where effects join, of each for its place."""
+    out: dict[str, float] = {}
+    for one in weights:
+        for name, value in one.named.items():
+            out[name] = max(out.get(name, 0.0), value)
+    return {**out, "none": min(w.none for w in weights), "unknown": weights[0].unknown}
+
+
+def _rivals(search: Search, kind: Kind, members: list[tuple[int, str]]) -> list[tuple[str, Array]]:
+    """Return the hypotheses that a next experiment should separate."""
+    slot = search.slots[0]
+    if kind == "class":
+        names = {name for _, name in members}
+        return [(one.opened[-1], one.at) for one in slot.tried if one.opened[-1] in names]
+    if kind == "unknown":
+        return [(one.opened[-1], one.at) for one in slot.tried[:2]]
+    return []

@@ -1,0 +1,69 @@
+"""From likelihoods and the held-out gap to probabilities.
+
+Likelihoods are tempered: a law that is a few per cent off in shape makes their ratios look sharper
+than they are. Whether anything that was named explains the recording is judged by the gap on the
+check recording, not by likelihood; what is left over is the probability of "unknown".
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import exp, log
+
+from benchtool.explain.search import ENOUGH
+
+TEMPERATURE = 3.0
+"""Divides differences of log-likelihood; chosen on development records."""
+
+REFUSED_AT = 1.25
+"""Held-out error after the fix over the upper noise quantile at which "unknown" is as likely as
+what was named."""
+
+SHARPNESS = 15.0
+"""How quickly the probability of "unknown" grows with the logarithm of that ratio."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Weighed:
+    """Hold probabilities that sum to 1.
+
+    Attributes:
+        named: of each effect.
+        none: that nothing beyond tolerance is missing.
+        unknown: that something is missing which no named effect explains.
+    """
+
+    named: Mapping[str, float]
+    none: float
+    unknown: float
+
+
+def weighed(
+    gains: Mapping[str, float], dispersion: float, ratio: float, ratio_none: float
+) -> Weighed:
+    """Return the probabilities of every effect for one place, of none, and of unknown.
+
+    Args:
+        gains: what each effect gains in the sum of squares over the base.
+        dispersion: variance of the residuals over that of the stated noise.
+        ratio: held-out error over the upper noise quantile with the best effect.
+        ratio_none: the same without any.
+    """
+    scale = 2.0 * TEMPERATURE * dispersion
+    weights = {name: (gain - ENOUGH * dispersion) / scale for name, gain in gains.items()}
+    top = max([0.0, *weights.values()])
+    parts = {name: exp(max(weight - top, -700.0)) for name, weight in weights.items()}
+    none = exp(max(-top, -700.0))
+    total = none + sum(parts.values())
+    named = {name: part / total * accepted(ratio) for name, part in parts.items()}
+    left = none / total * accepted(ratio_none)
+    return Weighed(
+        named=named, none=left, unknown=min(1.0, max(0.0, 1.0 - left - sum(named.values())))
+    )
+
+
+def accepted(ratio: float) -> float:
+    """Return the probability that a gap of that ratio is noise."""
+    steep = SHARPNESS * (log(max(ratio, 1e-6)) - log(REFUSED_AT))
+    return 1.0 / (1.0 + exp(min(steep, 500.0)))
