@@ -20,27 +20,27 @@ SPECK_KGM2 = 1e-9
 # An impedance near one: dry friction then creeps at less than 1e-4 rad/s below its limit.
 HOLD = 'solimpfriction="0.99 0.99 0.001"'
 
-FLEX = """<joint name="flex" type="hinge" axis="0 -1 0" stiffness="{stiffness!r}"
-               damping="{damping!r}"/>"""
+FLEX = """<joint name="flex" type="hinge" axis="0 -1 0" stiffness="{flex}"
+               damping="{flex_damping}"/>"""
 
 MODEL = """
 <mujoco model="pitch bench">
-  <option timestep="{step!r}" integrator="Euler" gravity="0 0 -{g!r}">
+  <option timestep="{step}" integrator="Euler" gravity="0 0 -{g}">
     <flag contact="disable" sensor="disable"/>
   </option>
   <worldbody>
     <body name="hub">
-      <joint name="hinge" type="hinge" axis="0 -1 0" damping="{damping!r}"
-             stiffness="{stiffness!r}" frictionloss="{frictionloss!r}" {hold}/>
-      <inertial pos="{x!r} 0 {z!r}" mass="{mass!r}" diaginertia="{own!r} {own!r} {own!r}"/>
+      <joint name="hinge" type="hinge" axis="0 -1 0" damping="{damping}"
+             stiffness="{stiffness}" frictionloss="{frictionloss}" HOLD/>
+      <inertial pos="{x} 0 {z}" mass="{mass}" diaginertia="{own} {own} {own}"/>
       <body name="arms">
-        {flex}
-        <body name="rotor1" pos="{arm!r} 0 0">
-          <inertial pos="0 0 0" mass="{rotor!r}" diaginertia="{speck!r} {speck!r} {speck!r}"/>
+        FLEX
+        <body name="rotor1" pos="{arm} 0 0">
+          <inertial pos="0 0 0" mass="{rotor}" diaginertia="{speck} {speck} {speck}"/>
           <site name="rotor1"/>
         </body>
-        <body name="rotor2" pos="-{arm!r} 0 0">
-          <inertial pos="0 0 0" mass="{rotor!r}" diaginertia="{speck!r} {speck!r} {speck!r}"/>
+        <body name="rotor2" pos="-{arm} 0 0">
+          <inertial pos="0 0 0" mass="{rotor}" diaginertia="{speck} {speck} {speck}"/>
           <site name="rotor2"/>
         </body>
       </body>
@@ -56,36 +56,48 @@ MODEL = """
 
 def model_text(plant: Plant, sheet: Sheet = SHEET) -> str:
     """Write the bench for MuJoCo: masses placed so that inertia and centre of gravity are true."""
-    share = plant.flex_hub_share if plant.flexible else 0.0
-    rotor = 0.5 * plant.inertia_kgm2 * (1.0 - share) / sheet.L**2
-    rotor -= SPECK_KGM2 / sheet.L**2
-    hub = sheet.m - 2.0 * rotor
-    x, z = (sheet.m * offset / hub for offset in (plant.cog_x_m, -plant.cog_below_m))
-    swung = hub * (x * x + z * z)
-    if share == 0.0:
-        # The hub's own eccentricity is a part of the inertia; the rotors give way for it.
-        rotor -= 0.5 * (swung + SPECK_KGM2) / sheet.L**2
-        own = SPECK_KGM2
-    else:
-        own = share * plant.inertia_kgm2 - swung
-    return MODEL.format(
-        step=STEP_S,
-        g=sheet.g,
-        damping=plant.damping_Nms,
-        stiffness=plant.stiffness_Nm_per_rad,
-        frictionloss=plant.friction_Nm if plant.friction_law == "constraint" else 0.0,
-        hold=HOLD,
-        x=x,
-        z=z,
-        mass=sheet.m - 2.0 * rotor,
-        own=own,
-        arm=sheet.L,
-        rotor=rotor,
-        speck=SPECK_KGM2,
-        flex=FLEX.format(stiffness=plant.flex_Nm_per_rad, damping=plant.flex_damping_Nms)
-        if plant.flexible
-        else "",
-    )
+    rotor, x, z, own = _masses(plant, sheet)
+    numbers = {
+        "step": STEP_S,
+        "g": sheet.g,
+        "damping": plant.damping_Nms,
+        "stiffness": plant.stiffness_Nm_per_rad,
+        "frictionloss": plant.friction_Nm if plant.friction_law == "constraint" else 0.0,
+        "x": x,
+        "z": z,
+        "mass": sheet.m - 2.0 * rotor,
+        "own": own,
+        "arm": sheet.L,
+        "rotor": rotor,
+        "speck": SPECK_KGM2,
+        "flex": plant.flex_Nm_per_rad,
+        "flex_damping": plant.flex_damping_Nms,
+    }
+    flex = FLEX if plant.flexible else ""
+    text = MODEL.replace("FLEX", flex).replace("HOLD", HOLD)
+    return text.format(**{name: f"{value:.17g}" for name, value in numbers.items()})
+
+
+def _masses(plant: Plant, sheet: Sheet) -> tuple[float, float, float, float]:
+    """Return a rotor's mass, the hub's place (x, z) and its own inertia.
+
+    A stiff beam's hub is a point, and the rotors carry the inertia; a hub that swings against its
+    arms has its share of it.
+    """
+    if plant.flexible:
+        arms = (1.0 - plant.flex_hub_share) * plant.inertia_kgm2
+        rotor = (0.5 * arms - SPECK_KGM2) / sheet.L**2
+        hub = sheet.m - 2.0 * rotor
+        x, z = (sheet.m * offset / hub for offset in (plant.cog_x_m, -plant.cog_below_m))
+        return rotor, x, z, plant.flex_hub_share * plant.inertia_kgm2 - hub * (x * x + z * z)
+    rotor, x, z = 0.5 * plant.inertia_kgm2 / sheet.L**2, 0.0, 0.0
+    # The hub's place depends on its mass, and its swing on both: a few rounds settle it.
+    for _ in range(20):
+        hub = sheet.m - 2.0 * rotor
+        x, z = (sheet.m * offset / hub for offset in (plant.cog_x_m, -plant.cog_below_m))
+        swung = hub * (x * x + z * z) + 3.0 * SPECK_KGM2
+        rotor = 0.5 * (plant.inertia_kgm2 - swung) / sheet.L**2
+    return rotor, x, z, SPECK_KGM2
 
 
 def compiled(plant: Plant) -> mujoco.MjModel:

@@ -14,10 +14,17 @@ from tests.blind.pitch.beam import STEP_S
 from tests.blind.pitch.moving import STEPS, Moving, State
 from tests.blind.pitch.plant import Plant
 from tests.blind.pitch.programme import Programme
-from tests.blind.pitch.readings import Instruments, plate_readings
+from tests.blind.pitch.readings import Instruments, plate_readings, quantised
 from tests.blind.pitch.sheet import INTEGRAL_LIMIT_RAD_S, PULSE_LIMITS_US, SHEET, Sheet
 
 Array = NDArray[np.float64]
+
+
+TURNED_OVER_RAD = math.radians(60.0)
+
+
+class TurnedOver(Exception):
+    """The beam left the range in which any of this is meant."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,12 +35,14 @@ class Part:
         table: the columns of the CSV.
         states: where everything was at each row.
         plate_m: (n,) plate distance without the gauge's noise.
+        first_us: pulse at which both rotors turned before the first row.
         capped: physics steps in which the ground effect was capped.
     """
 
     table: pd.DataFrame
     states: list[State]
     plate_m: Array
+    first_us: float
     capped: int
 
 
@@ -56,8 +65,11 @@ def closed_loop(
 ) -> Part:
     """Run one part: the controller reads, sends whole pulses, and the bench moves on."""
     n = len(programme)
-    noise, wakes, gauge = rng.spawn(3)
-    instruments = Instruments(plant, n, noise, sheet)
+    sensors, wakes, gauge = rng.spawn(3)
+    instruments = Instruments(plant)
+    theta_noise = (sheet.sd_theta * sensors.standard_normal(n)).tolist()
+    gyro_noise = (sheet.sd_gyro * sensors.standard_normal(n)).tolist()
+    speed_noise = (sheet.sd_rpm * sensors.standard_normal((2, n))).tolist()
     wake = wake_torque(wakes, n * STEPS, plant.wake_sd_Nm, plant.wake_tau_s)
     wake_rows = wake.reshape(n, STEPS).tolist()
     bench = Moving(plant, sheet)
@@ -71,9 +83,12 @@ def closed_loop(
     states: list[State] = []
     for k in range(n):
         states.append(bench.state())
-        theta = instruments.theta(k, bench.theta_rad)
-        gyro = instruments.gyro(k, bench.rate_rad_s)
-        rpm1, rpm2 = instruments.speeds(k, bench.speed_rpm)
+        theta = quantised(instruments.angle(bench.theta_rad) + theta_noise[k], sheet.q_theta)
+        gyro = quantised(instruments.rate(bench.rate_rad_s) + gyro_noise[k], sheet.q_gyro)
+        rpm1, rpm2 = (
+            quantised(speed + noise[k], sheet.q_rpm)
+            for speed, noise in zip(bench.speed_rpm, speed_noise, strict=True)
+        )
         error = references[k] - theta
         total += error * sheet.dt
         total = min(max(total, -INTEGRAL_LIMIT_RAD_S), INTEGRAL_LIMIT_RAD_S)
@@ -82,6 +97,8 @@ def closed_loop(
         pulses = (clipped(collectives[k] + asked), clipped(collectives[k] - asked))
         rows.append((theta, gyro, *pulses, rpm1, rpm2))
         bench.advance(pulses, plates[k], wake_rows[k], k * sheet.dt)
+        if abs(bench.theta_rad) > TURNED_OVER_RAD:
+            raise TurnedOver(f"the beam stands at {math.degrees(bench.theta_rad):.0f} deg")
     theta_column, gyro_column, pwm1, pwm2, rpm1_column, rpm2_column = zip(*rows, strict=True)
     table = pd.DataFrame(
         {
@@ -96,4 +113,4 @@ def closed_loop(
             "plate_z": plate_readings(programme.plate_m, gauge, sheet),
         }
     )
-    return Part(table, states, programme.plate_m, bench.capped)
+    return Part(table, states, programme.plate_m, collectives[0], bench.capped)

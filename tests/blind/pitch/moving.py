@@ -21,12 +21,6 @@ STEPS = round(SHEET.dt / STEP_S)
 LEAST_DENOMINATOR = 0.25
 """Ground effect never does more than quadruple a thrust; `capped` counts where this was needed."""
 
-TURNED_OVER_RAD = math.radians(75.0)
-
-
-class TurnedOver(Exception):
-    """The beam left the range in which any of this is meant."""
-
 
 @dataclass(frozen=True, slots=True)
 class State:
@@ -145,8 +139,8 @@ class Moving:
                 one *= factor
                 self.capped += capped
             if climb:
-                one *= 1.0 - climb * arm_rate / speed1
-                two *= 1.0 + climb * arm_rate / speed2
+                one *= 1.0 - climb * arm_rate / max(speed1, 1.0)
+                two *= 1.0 + climb * arm_rate / max(speed2, 1.0)
             control[0], control[1] = one, two
             outer = float(wake_Nm[k])
             hinge = -load * math.cos(theta) if load else 0.0
@@ -159,8 +153,6 @@ class Moving:
                 applied[1] = outer
             mujoco.mj_step(model, data)
         self.rate_rad_s = float(rate[0] + 0.5 * STEP_S * data.qacc[0])
-        if abs(position[0]) > TURNED_OVER_RAD:
-            raise TurnedOver(f"the beam stands at {math.degrees(position[0]):.0f} deg")
 
     def _load_torque(self, time_s: float) -> float:
         plant = self._plant

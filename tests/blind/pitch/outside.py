@@ -23,13 +23,13 @@ Outside = Callable[[np.random.Generator, Plant, float], Plant]
 
 def stribeck_hysteresis(rng: np.random.Generator, plant: Plant, scale: float) -> Plant:
     """Give the hinge bristles: it holds more at rest than in motion, and remembers."""
-    coulomb = scale * rng.uniform(0.006, 0.012)
+    coulomb = scale * rng.uniform(0.008, 0.014)
     return replace(
         plant,
         friction_Nm=0.0,
         bristle_coulomb_Nm=coulomb,
-        bristle_static_Nm=coulomb * rng.uniform(2.5, 4.0),
-        bristle_rate_rad_s=rng.uniform(0.05, 0.2),
+        bristle_static_Nm=coulomb * rng.uniform(3.0, 4.5),
+        bristle_rate_rad_s=rng.uniform(0.1, 0.3),
         bristle_angle_rad=math.radians(rng.uniform(0.5, 2.0)),
     )
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,43 +19,26 @@ def quantised(value: float, quantum: float) -> float:
 
 
 class Instruments:
-    """Read encoder, gyro and rotor speeds, with noise drawn beforehand."""
+    """Show what encoder and gyro would show without noise and quanta.
 
-    def __init__(
-        self, plant: Plant, n: int, rng: np.random.Generator, sheet: Sheet = SHEET
-    ) -> None:
-        self._plant, self._sheet = plant, sheet
-        self._theta = (sheet.sd_theta * rng.standard_normal(n)).tolist()
-        self._gyro = (sheet.sd_gyro * rng.standard_normal(n)).tolist()
-        self._speed = (sheet.sd_rpm * rng.standard_normal((n, 2))).tolist()
-        self._shaft = 0.0
+    The encoder's shaft remembers on which side of its play it lies; feed it every sample.
+    """
 
-    def theta(self, k: int, true_rad: float) -> float:
-        """Return the encoder's angle at sample k: rad."""
+    def __init__(self, plant: Plant, shaft_rad: float = 0.0) -> None:
+        self._plant = plant
+        self.shaft_rad = shaft_rad
+
+    def angle(self, true_rad: float) -> float:
+        """Return the encoder's angle: rad."""
         plant = self._plant
         play = plant.encoder_play_rad
-        if play:
-            self._shaft = min(max(self._shaft, true_rad - play), true_rad + play)
-        else:
-            self._shaft = true_rad
-        shown = self._shaft
-        if plant.encoder_wobble_rad:
-            shown += plant.encoder_wobble_rad * np.sin(shown + plant.encoder_phase_rad)
-        return quantised(shown + self._theta[k], self._sheet.q_theta)
+        self.shaft_rad = min(max(self.shaft_rad, true_rad - play), true_rad + play)
+        turned = self.shaft_rad + plant.encoder_phase_rad
+        return self.shaft_rad + plant.encoder_wobble_rad * math.sin(turned)
 
-    def gyro(self, k: int, true_rad_s: float) -> float:
-        """Return the gyro's rate at sample k: rad/s."""
-        plant = self._plant
-        shown = plant.gyro_scale * true_rad_s + plant.gyro_bias_rad_s
-        return quantised(shown + self._gyro[k], self._sheet.q_gyro)
-
-    def speeds(self, k: int, true_rpm: tuple[float, float]) -> tuple[float, float]:
-        """Return both rotors' speeds at sample k: rpm."""
-        noise, quantum = self._speed[k], self._sheet.q_rpm
-        return (
-            quantised(true_rpm[0] + noise[0], quantum),
-            quantised(true_rpm[1] + noise[1], quantum),
-        )
+    def rate(self, true_rad_s: float) -> float:
+        """Return the gyro's rate: rad/s."""
+        return self._plant.gyro_scale * true_rad_s + self._plant.gyro_bias_rad_s
 
 
 def plate_readings(plate_m: Array, rng: np.random.Generator, sheet: Sheet = SHEET) -> Array:
