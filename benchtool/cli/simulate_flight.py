@@ -2,11 +2,31 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+from benchtool.cli.simulate_options import (
+    Duration,
+    Gains,
+    MeasureName,
+    Out,
+    Samples,
+    Seed,
+    Seeds,
+    Settings,
+    Varied,
+    controller_names,
+    gain_sets,
+    numbers_between_commas,
+    one_gain_set,
+    refuse_without_vary,
+    say_if_slow,
+)
+
+if TYPE_CHECKING:
+    from benchtool.simulate.flight_vehicle import FlightVehicle
 
 
 def command(
@@ -18,10 +38,13 @@ def command(
     model: Annotated[
         str, typer.Option(help="Model whose ground effect acts, or its file; eq. (4) without.")
     ] = "",
-    gains: Annotated[str, typer.Option(help="Gain set (s3, s1a, stiff), or its file.")] = "s3",
+    gains: Gains = None,
     controllers: Annotated[
-        str, typer.Option(help="Some of pid, observer, feedforward, both; with commas.")
-    ] = "pid,observer,feedforward",
+        str,
+        typer.Option(
+            help="Some of pid, observer, feedforward, both; oge (PID over nothing) in a campaign."
+        ),
+    ] = "",
     z_over_r: Annotated[
         float, typer.Option("--z-over-r", help="Height over the obstacle in rotor radii.")
     ] = 2.0,
@@ -32,8 +55,12 @@ def command(
         bool, typer.Option("--ramp", help="Lead the reference along in place of a speed limit.")
     ] = False,
     gyro_noise_rad_s: Annotated[
-        float, typer.Option("--gyro-noise-rad-s", help="Standard deviation; the paper has 0.015.")
-    ] = 0.0,
+        float | None,
+        typer.Option(
+            "--gyro-noise-rad-s",
+            help="Standard deviation; without, none, or the paper's 0.015 under several seeds.",
+        ),
+    ] = None,
     map_offset_m: Annotated[
         str, typer.Option("--map-offset-m", help="X,Y,Z of the feedforward's map; -0.05,0,0.")
     ] = "0,0,0",
@@ -43,70 +70,77 @@ def command(
     goal_m: Annotated[str, typer.Option("--goal-m", help="X,Y to fly to instead.")] = "",
     lag_s: Annotated[float, typer.Option("--lag-s", help="Time constant of the motors.")] = 0.0,
     layout: Annotated[str, typer.Option(help="plus, or cross: turned by 45 degrees.")] = "plus",
-    duration_s: Annotated[
-        float, typer.Option("--duration-s", help="Length; the case's own without.")
-    ] = 0.0,
-    seed: Annotated[int, typer.Option(help="Seed of the noise.", min=0)] = 1,
-    out: Annotated[Path | None, typer.Option(help="Folder for CSV, table and figure.")] = None,
+    duration_s: Duration = 0.0,
+    seed: Seed = 1,
+    settings: Settings = None,
+    vary: Varied = None,
+    seeds: Seeds = 1,
+    samples: Samples = 0,
+    measure: MeasureName = "",
+    out: Out = None,
 ) -> None:
-    """Simulate a flight over an obstacle: numbers, recordings, figure."""
-    from dataclasses import replace
-    from typing import Any, get_args
+    """Simulate a flight over an obstacle: numbers, recordings, figure; or a campaign of flights."""
+    from typing import get_args
 
-    from benchtool.aero.expression import can_compile
-    from benchtool.errors import InputError, UnknownChoice
-    from benchtool.library import gains_named, load_model, rig_named
-    from benchtool.simulate.flight import FlightControl, Goal
-    from benchtool.simulate.flight_cases import flight_case
-    from benchtool.simulate.flight_vehicle import FlightVehicle
+    from benchtool.cli.name_values import name_values
+    from benchtool.errors import UnknownChoice
+    from benchtool.library import gains_named
+    from benchtool.simulate.flight import FlightControl
+    from benchtool.studies.campaign_flight import OGE, FlightCampaign
     from benchtool.studies.flight_map import read_map
     from benchtool.studies.flight_report import fly_each, table_lines, warnings_of
+    from benchtool.studies.flight_setup import FlightSetup, changed, full_name
+    from benchtool.studies.flight_table import GYRO_NOISE_RAD_S
 
-    if not can_compile():
-        print(
-            "numba is not installed, so this runs as plain Python and takes minutes; "
-            "pip install benchtool[fast] makes it a second",
-            file=sys.stderr,
-        )
-    if layout not in ("plus", "cross"):
-        raise UnknownChoice("layout", layout, ("plus", "cross"))
-    names = [name.strip() for name in controllers.split(",") if name.strip()]
+    say_if_slow()
     known = get_args(FlightControl)
+    names = controller_names(
+        controllers or ("oge,pid" if vary else "pid,observer,feedforward"), known
+    )
     for name in names:
-        if name not in known:
-            raise UnknownChoice("controller of a flight", name, known)
-    if not names:
-        raise InputError(f"no controller was named; name some of: {', '.join(known)}")
-    vehicle = FlightVehicle(rig=rig_named(rig))
-    if model:
-        vehicle = FlightVehicle.of_model(load_model(model, rig_named(rig)).model)
-    vehicle = replace(vehicle, lag_s=lag_s, turned_deg=45.0 if layout == "cross" else 0.0)
-    changes: dict[str, Any] = {
-        "ramp": ramp,
-        "gyro_noise_rad_s": gyro_noise_rad_s,
-        "map_offset_m": _numbers("--map-offset-m", map_offset_m, 3),
-        "seed": seed,
-    }
-    if duration_s:
-        changes["duration_s"] = duration_s
-    if map_file is not None:
-        changes["below"] = read_map(map_file)
-    if goal_m:
-        x, y = _numbers("--goal-m", goal_m, 2)
-        z_m = z_over_r * vehicle.rig.propulsion.radius_m
-        changes["goals"] = (Goal(x_m=x, y_m=y, z_m=z_m, speed_m_s=speed_m_s or 0.2),)
-    flown = flight_case(
-        case,
-        vehicle,
-        gains_named(gains),
+        if name not in known and not (vary and name == OGE):
+            raise UnknownChoice("controller of a flight", name, [*known, OGE] if vary else known)
+    sets = gain_sets(gains)
+    if gyro_noise_rad_s is None:
+        gyro_noise_rad_s = GYRO_NOISE_RAD_S if seeds > 1 else 0.0
+    offset_x_m, offset_y_m, offset_z_m = numbers_between_commas("--map-offset-m", map_offset_m, 3)
+    goal = numbers_between_commas("--goal-m", goal_m, 2) if goal_m else None
+    setup = FlightSetup(
+        case=case,
+        vehicle=_vehicle(rig, model, lag_s, layout),
+        gains=gains_named(sets[0]),
         z_over_R=z_over_r,
         speed_m_s=speed_m_s or None,
-        **changes,
+        duration_s=duration_s or None,
+        goal_m=(goal[0], goal[1]) if goal else None,
+        below=None if map_file is None else read_map(map_file),
+        ramp=ramp,
+        gyro_noise_rad_s=gyro_noise_rad_s,
+        map_offset_m=(offset_x_m, offset_y_m, offset_z_m),
     )
-    flights = fly_each(flown, names)  # type: ignore[arg-type]
+    given = name_values(settings or [], "--set")
+    if vary:
+        from dataclasses import replace
+
+        from benchtool.cli.campaign_display import run_with_progress
+        from benchtool.studies.design import Design
+
+        setups = {
+            name: changed(replace(setup, gains=gains_named(name)), given) for name in sets
+        }  # fmt: skip
+        design = Design.read(vary, samples=samples, seeds=seeds, seed=seed, full_name=full_name)
+        campaign = FlightCampaign(setups=setups, controllers=tuple(names))
+        run_with_progress(campaign, design, settings or [], measure, out)
+        return
+    refuse_without_vary(seeds=seeds > 1, samples=samples, measure=measure)
+    gain_set = one_gain_set(sets)
+    setup = changed(setup, given)
+    flown = setup.flown("pid", seed)
+    built_in = [each for name in names for each in known if each == name]
+    flights = fly_each(flown, built_in)
     print(
-        f"SIMULATED flight {flown.name}: {flown.title}; rig {rig}, z/R {z_over_r:g}, "
-        f"{flown.goals[-1].speed_m_s:g} m/s, gains {gains}"
+        f"SIMULATED flight {flown.name}: {flown.title}; rig {rig}, z/R {setup.z_over_R:g}, "
+        f"{flown.goals[-1].speed_m_s:g} m/s, gains {gain_set}"
     )
     for line in [*table_lines(flights), *warnings_of(flights)]:
         print(line, flush=True)
@@ -119,14 +153,17 @@ def command(
         print(f"written: {path}")
 
 
-def _numbers(option: str, text: str, count: int) -> tuple[float, ...]:
-    """Return so many numbers with commas between."""
-    from benchtool.errors import InputError
+def _vehicle(rig: str, model: str, lag_s: float, layout: str) -> FlightVehicle:
+    """Return what flies."""
+    from dataclasses import replace
 
-    try:
-        numbers = tuple(float(word) for word in text.split(","))
-    except ValueError:
-        numbers = ()
-    if len(numbers) != count:
-        raise InputError(f"{option} is {text!r}; give {count} numbers with commas between")
-    return numbers
+    from benchtool.errors import UnknownChoice
+    from benchtool.library import load_model, rig_named
+    from benchtool.simulate.flight_vehicle import FlightVehicle
+
+    if layout not in ("plus", "cross"):
+        raise UnknownChoice("layout", layout, ("plus", "cross"))
+    vehicle = FlightVehicle(rig=rig_named(rig))
+    if model:
+        vehicle = FlightVehicle.of_model(load_model(model, rig_named(rig)).model)
+    return replace(vehicle, lag_s=lag_s, turned_deg=45.0 if layout == "cross" else 0.0)

@@ -2,11 +2,26 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
 from typing import Annotated
 
 import typer
+
+from benchtool.cli.simulate_options import (
+    Duration,
+    Gains,
+    MeasureName,
+    Out,
+    Samples,
+    Seed,
+    Seeds,
+    Settings,
+    Varied,
+    controller_names,
+    gain_sets,
+    one_gain_set,
+    refuse_without_vary,
+    say_if_slow,
+)
 
 
 def command(
@@ -14,77 +29,74 @@ def command(
     model: Annotated[
         str, typer.Option(help="Model or its file; the rig's pitch model without.")
     ] = "",
-    gains: Annotated[str, typer.Option(help="Gain set, or its file.")] = "s3",
+    gains: Gains = None,
     controllers: Annotated[
         str,
         typer.Option(help="Controllers, with commas; your own as module:Class."),
     ] = "pid,feedforward,observer",
     schedule: Annotated[str, typer.Option(help="Schedule, or its file.")] = "plate",
-    duration_s: Annotated[
-        float, typer.Option("--duration-s", help="Length; the schedule's own without.")
-    ] = 0.0,
-    seed: Annotated[int, typer.Option(help="Seed of the noise.", min=0)] = 1,
-    settings: Annotated[
-        list[str] | None,
-        typer.Option("--set", help="NAME=VALUE, as K_b=1.8 or gains.attitude.k_q_per_s=8."),
-    ] = None,
+    duration_s: Duration = 0.0,
+    seed: Seed = 1,
+    settings: Settings = None,
     feedforward: Annotated[
         str, typer.Option(help="What feedforward knows: distance or range (sensors).")
     ] = "distance",
-    vary: Annotated[
-        list[str] | None,
-        typer.Option(help="NAME=FROM:TO:COUNT: a campaign over a grid; --out is needed."),
-    ] = None,
-    seeds: Annotated[int, typer.Option(help="Seeds per point of a campaign.", min=1)] = 1,
-    samples: Annotated[int, typer.Option(help="Random points in place of the grid.", min=0)] = 0,
-    out: Annotated[
-        Path | None, typer.Option(help="Folder for recordings, table and figure.")
-    ] = None,
+    vary: Varied = None,
+    seeds: Seeds = 1,
+    samples: Samples = 0,
+    measure: MeasureName = "",
+    out: Out = None,
 ) -> None:
     """Simulate the pitch bench under each controller: numbers, recordings, figure."""
     from dataclasses import replace
 
-    from benchtool.aero.expression import can_compile
     from benchtool.cli.name_values import name_values
     from benchtool.control.pitch import PITCH_CONTROLLERS, Feedforward
     from benchtool.errors import InputError
+    from benchtool.studies.own_controllers import controller_class
     from benchtool.studies.pitch import pitch_study, table_lines, warnings_of, write_study
-    from benchtool.studies.pitch_setup import changed, controller_class, pitch_setup
+    from benchtool.studies.pitch_setup import PitchSetup, changed, pitch_setup
 
-    if not can_compile():
-        print(
-            "numba is not installed, so this runs as plain Python and takes minutes; "
-            "pip install benchtool[fast] makes it a second",
-            file=sys.stderr,
-        )
-    names = [name.strip() for name in controllers.split(",") if name.strip()]
-    if not names:
-        raise InputError(f"no controller was named; name some of: {', '.join(PITCH_CONTROLLERS)}")
+    say_if_slow()
+    names = controller_names(controllers, PITCH_CONTROLLERS)
     own = [(name, controller_class(name)) for name in names if name not in PITCH_CONTROLLERS]
     built_in = [name for name in names if name in PITCH_CONTROLLERS]
-    setup = pitch_setup(
-        rig=rig,
-        model=model or None,
-        gains=gains,
-        controllers=built_in or ["pid"],
-        schedule=schedule,
-        feedforward=Feedforward(strength=0.9, source=feedforward),
-    )
-    setup = changed(setup, name_values(settings or [], "--set"))
-    if duration_s:
-        setup = replace(setup, schedule=setup.schedule.lasting(duration_s))
+    given = name_values(settings or [], "--set")
+
+    def setup_with(gain_set: str) -> PitchSetup:
+        setup = pitch_setup(
+            rig=rig,
+            model=model or None,
+            gains=gain_set,
+            controllers=built_in or ["pid"],
+            schedule=schedule,
+            feedforward=Feedforward(strength=0.9, source=feedforward),
+        )
+        setup = changed(setup, given)
+        if not duration_s:
+            return setup
+        return replace(setup, schedule=setup.schedule.lasting(duration_s))
+
+    sets = gain_sets(gains)
     if vary:
         from benchtool.cli.campaign_display import run_with_progress
+        from benchtool.studies.campaign_pitch import PitchCampaign
+        from benchtool.studies.design import Design
 
         if own:
             raise InputError("a campaign runs built-in controllers; leave your own out")
-        run_with_progress(setup, vary, seeds, samples, seed, out)
+        campaign = PitchCampaign(setups={name: setup_with(name) for name in sets})
+        design = Design.read(vary, samples=samples, seeds=seeds, seed=seed)
+        run_with_progress(campaign, design, settings or [], measure, out)
         return
+    refuse_without_vary(seeds=seeds > 1, samples=samples, measure=measure)
+    gain_set = one_gain_set(sets)
+    setup = setup_with(gain_set)
     study = pitch_study(setup, seed, own, only_own=not built_in)
     bench = setup.bench
     print(
-        f"SIMULATED pitch bench {bench.model.rig.name}, model {bench.model.name}, gains {gains}, "
-        f"schedule {setup.schedule.name}, seed {seed}"
+        f"SIMULATED pitch bench {bench.model.rig.name}, model {bench.model.name}, "
+        f"gains {gain_set}, schedule {setup.schedule.name}, seed {seed}"
     )
     for line in [*table_lines(study), *warnings_of(study)]:
         print(line, flush=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -18,14 +18,16 @@ ROWS_AT_ONCE = 4096
 class CampaignWriter:
     """Write rows of one campaign; what is written no longer takes memory.
 
-    The file gets its name when the campaign is complete; until then it ends in `.part`.
+    The file gets its name when the campaign is complete; until then, and where it was broken off,
+    it ends in `.part`.
     """
 
     def __init__(self, path: Path, metadata: Mapping[str, str]) -> None:
-        if path.exists():
-            raise WouldOverwrite(str(path))
         self.path = path
-        self._part = path.with_name(path.name + ".part")
+        self._part = unfinished(path)
+        for present in (self.path, self._part):
+            if present.exists():
+                raise WouldOverwrite(str(present))
         self._metadata = dict(metadata)
         self._rows: list[Mapping[str, float | str]] = []
         self._writer: Any = None
@@ -40,8 +42,7 @@ class CampaignWriter:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        if kind is None:
-            self._flush()
+        self._flush()
         if self._writer is not None:
             self._writer.close()
         if kind is None and self._part.exists():
@@ -67,9 +68,21 @@ class CampaignWriter:
         self._rows.clear()
 
 
-def read_campaign(path: Path, columns: Sequence[str]) -> dict[str, NDArray[Any]]:
-    """Return some columns of a campaign's table, each (n_rows,)."""
+def unfinished(path: Path) -> Path:
+    """Return where a campaign's table is until it is complete."""
+    return path.with_name(path.name + ".part")
+
+
+def campaign_batches(path: Path, columns: Sequence[str]) -> Iterator[dict[str, NDArray[Any]]]:
+    """Yield some columns of a campaign's table, (n_rows,) each, a few thousand rows at once."""
     import pyarrow.parquet as pq
 
-    table = pq.read_table(path, columns=list(columns))
-    return {name: np.asarray(table.column(name).to_pylist()) for name in columns}
+    with pq.ParquetFile(path) as file:
+        for batch in file.iter_batches(batch_size=ROWS_AT_ONCE, columns=list(columns)):
+            yield {name: batch.column(name).to_numpy(zero_copy_only=False) for name in columns}
+
+
+def read_campaign(path: Path, columns: Sequence[str]) -> dict[str, NDArray[Any]]:
+    """Return some columns of a whole table, each (n_rows,)."""
+    batches = list(campaign_batches(path, columns))
+    return {name: np.concatenate([batch[name] for batch in batches]) for name in columns}

@@ -4,53 +4,35 @@ from __future__ import annotations
 
 import tracemalloc
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from benchtool.cli.app import main
-from benchtool.errors import InputError
-from benchtool.store.campaign import read_campaign
-from benchtool.studies.campaign import Vary, design, design_size, run_campaign, write_campaign
-from benchtool.studies.pitch_setup import PitchSetup, changed, pitch_setup
+from benchtool.errors import WouldOverwrite
+from benchtool.store.campaign import CampaignWriter, read_campaign, unfinished
+from benchtool.studies.campaign import Row, write_campaign
+from benchtool.studies.campaign_pitch import PitchCampaign
+from benchtool.studies.design import Design
+from benchtool.studies.pitch_setup import PitchSetup, pitch_setup
 
 WORDS = ("simulate", "pitch", "--duration-s", "12", "--controllers", "pid,observer")
 
 
 def short(duration_s: float = 12.0) -> PitchSetup:
-    from dataclasses import replace
-
     setup = pitch_setup(controllers=("pid",))
     return replace(setup, schedule=setup.schedule.lasting(duration_s))
 
 
-def test_a_grid_and_a_random_design() -> None:
-    varied = [Vary.read("K_b=1.5:2.5:3"), Vary.read("gains.attitude=0.8:1.2:2")]
-    points = list(design(varied, 0, 1))
-    assert len(points) == design_size(varied, 0) == 6
-    assert points[1] == {"K_b": 1.5, "gains.attitude": 1.2}
-    random = list(design(varied, 50, 1))
-    assert len(random) == 50
-    assert random == list(design(varied, 50, 1))
-    assert all(1.5 <= point["K_b"] <= 2.5 for point in random)
-
-
-@pytest.mark.parametrize(
-    "text", ["K_b", "K_b=1:2", "K_b=1:2:0", "K_b=a:2:3", "=1:2:3", "K=1:nan:3"]
-)
-def test_a_range_that_cannot_be_read_is_refused(text: str) -> None:
-    with pytest.raises(InputError, match="write NAME=FROM:TO:COUNT"):
-        Vary.read(text)
-
-
 def test_every_point_sees_the_same_noise_and_stands_as_if_run_alone() -> None:
     setup = short()
-    varied = [Vary.read("bench.inertia_kgm2=0.015:0.021:3")]
-    rows = list(run_campaign(setup, lambda: design(varied, 0, 0), seeds=2, seed=5))
+    design = Design.read(["bench.inertia_kgm2=0.015:0.021:3"], seeds=2, seed=5)
+    rows = list(PitchCampaign(setups={"s3": setup}).rows(design))
     assert [row["seed"] for row in rows] == [5.0, 6.0] * 3
-    one = changed(setup, {"bench.inertia_kgm2": 0.018})
-    alone = list(run_campaign(one, lambda: iter([{}]), seeds=2, seed=5))
+    one = Design.read(["bench.inertia_kgm2=0.018:0.018:1"], seeds=2, seed=5)
+    alone = list(PitchCampaign(setups={"s3": setup}).rows(one))
     for mine, other in zip(rows[2:4], alone, strict=True):
         assert mine["rms_deg"] == pytest.approx(float(other["rms_deg"]), rel=1e-9)
     assert rows[0]["rms_deg"] != rows[1]["rms_deg"]
@@ -86,6 +68,12 @@ def test_the_command_writes_a_tidy_table_and_a_map(
         (("--vary", "K_b=1:2:3"), "add --out FOLDER"),
         (("--vary", "K_b=1:2:3", "--vary", "K_b=1:2:3", "--out", "x"), "one number twice"),
         (("--vary", "Kb=1:2:3", "--out", "x"), "unknown number to set or vary"),
+        (("--vary", "K_b=1:2:3", "--measure", "rms", "--out", "x"), "did you mean 'rms_deg'"),
+        (("--vary", "K_b=1:2:3", "--seeds", "0", "--out", "x"), "given: '0'"),
+        (("--vary", "K_b=2:1:3", "--out", "x"), "is no range"),
+        (("--seeds", "3"), "--seeds is for a campaign; add --vary"),
+        (("--gains", "s3", "--gains", "stiff"), "2 gain sets (s3, stiff) are for a campaign"),
+        (("--gains", "s3,s3", "--vary", "K_b=1:2:3", "--out", "x"), "name each gain set once"),
         (("--vary", "gains.control_rate_Hz=250:500:2", "--out", "x"), "cannot vary control_rate"),
     ],
 )
@@ -102,6 +90,36 @@ def test_a_campaign_that_cannot_be_run_is_refused(
     assert left.value.code == 2
     assert message in capsys.readouterr().err
     assert not list(tmp_path.rglob("*.parquet"))
+
+
+def test_gain_sets_stand_side_by_side(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    vary = ("--vary", "K_b=1.5:2.5:2", "--gains", "s3", "--gains", "stiff")
+    with pytest.raises(SystemExit) as left:
+        main([*WORDS, *vary, "--measure", "peak_deg", "--out", str(tmp_path)])
+    assert left.value.code == 0
+    said = capsys.readouterr().out
+    assert "8 runs" in said
+    peaks = {line.split(":")[0].strip(): float(line.split(":")[1]) for line in said.splitlines()
+             if line.startswith("  ")}  # fmt: skip
+    assert list(peaks) == ["s3, pid", "s3, observer", "stiff, pid", "stiff, observer"]
+    assert abs(peaks["stiff, pid"]) < 0.5 * abs(peaks["s3, pid"])
+
+
+def test_a_campaign_that_is_broken_off_keeps_its_rows_and_is_not_written_over(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "campaign.parquet"
+
+    def rows() -> Iterator[Row]:
+        yield from ({"K_b": float(number)} for number in range(10))
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        write_campaign(rows(), path, {}, lambda _: None)
+    assert not path.exists()
+    assert read_campaign(unfinished(path), ["K_b"])["K_b"].tolist() == list(range(10))
+    with pytest.raises(WouldOverwrite, match=r"campaign\.parquet\.part exists already"):
+        CampaignWriter(path, {})
 
 
 def test_memory_does_not_grow_with_the_number_of_runs(tmp_path: Path) -> None:

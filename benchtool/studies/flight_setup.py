@@ -1,0 +1,132 @@
+"""From names and numbers on a command line to a flight."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from benchtool.errors import UnknownChoice
+from benchtool.library.gain_file import Gains
+from benchtool.simulate.environment import Environment
+from benchtool.simulate.flight import FlightCase, Goal
+from benchtool.simulate.flight_cases import FLIGHTS, flight_case
+from benchtool.simulate.flight_vehicle import FlightVehicle
+from benchtool.studies.gain_changes import changed_gains
+
+FLIGHT_NUMBERS = ("z_over_R", "speed_m_s", "gyro_noise_rad_s", "map_strength", "drag_N_s_m")
+VEHICLE_NUMBERS = ("K_b", "neighbours", "lag_s", "turned_deg", "inertia_scale")
+MAP_OFFSETS = ("map_offset_x_m", "map_offset_y_m", "map_offset_z_m")
+GAIN_TABLES = ("gains.position", "gains.attitude", "gains.altitude", "gains.yaw", "gains.observer")
+CHANGEABLE = (*FLIGHT_NUMBERS, *VEHICLE_NUMBERS, *MAP_OFFSETS, *GAIN_TABLES)
+"""What can be set or varied; and every single gain, as gains.attitude.k_q_per_s."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlightSetup:
+    """Describe a shipped flight and what is asked of it.
+
+    Attributes:
+        case: one of the shipped flights.
+        vehicle: what flies.
+        gains: of every loop.
+        z_over_R: height over the obstacle in rotor radii.
+        speed_m_s: speed limit; the flight's own when None.
+        duration_s: length; the flight's own when None.
+        goal_m: x and y to fly to in place of the flight's own goal.
+        below: what to fly over in place of the flight's own obstacle.
+        drag_N_s_m: of the vehicle against the air; the flight's own when None.
+        ramp, gyro_noise_rad_s, map_offset_m, map_strength: as in `FlightCase`.
+    """
+
+    case: str
+    vehicle: FlightVehicle
+    gains: Gains
+    z_over_R: float = 2.0
+    speed_m_s: float | None = None
+    duration_s: float | None = None
+    goal_m: tuple[float, float] | None = None
+    below: Environment | None = None
+    drag_N_s_m: float | None = None
+    ramp: bool = False
+    gyro_noise_rad_s: float = 0.0
+    map_offset_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    map_strength: float = 1.0
+
+    def flown(self, control: str, seed: int = 1) -> FlightCase:
+        """Return the case for one controller under one noise."""
+        changes: dict[str, Any] = {
+            "control": control,
+            "seed": seed,
+            "ramp": self.ramp,
+            "gyro_noise_rad_s": self.gyro_noise_rad_s,
+            "map_offset_m": self.map_offset_m,
+            "map_strength": self.map_strength,
+        }
+        if self.duration_s is not None:
+            changes["duration_s"] = self.duration_s
+        if self.below is not None:
+            changes["below"] = self.below
+        if self.goal_m is not None and self.case in FLIGHTS:
+            x_m, y_m = self.goal_m
+            z_m = self.z_over_R * self.vehicle.rig.propulsion.radius_m
+            speed_m_s = FLIGHTS[self.case].speed_m_s if self.speed_m_s is None else self.speed_m_s
+            changes["goals"] = (Goal(x_m=x_m, y_m=y_m, z_m=z_m, speed_m_s=speed_m_s),)
+        flown = flight_case(
+            self.case, self.vehicle, self.gains,
+            z_over_R=self.z_over_R, speed_m_s=self.speed_m_s, **changes,
+        )  # fmt: skip
+        if self.drag_N_s_m is None:
+            return flown
+        return replace(flown, vehicle=replace(flown.vehicle, drag_N_s_m=self.drag_N_s_m))
+
+    def words(self) -> dict[str, str]:
+        """Return the numbers asked for as text by name."""
+        vehicle = {name: getattr(self.vehicle, name) for name in VEHICLE_NUMBERS}
+        own = {name: getattr(self, name) for name in FLIGHT_NUMBERS}
+        offsets = dict(zip(MAP_OFFSETS, self.map_offset_m, strict=True))
+        numbers = {**own, **vehicle, **offsets, "duration_s": self.duration_s}
+        said = {name: "the flight's own" if n is None else f"{n:g}" for name, n in numbers.items()}
+        environment = "the flight's own" if self.below is None else self.below.name
+        return {"rig": self.vehicle.rig.name, "environment": environment, **said}
+
+
+def full_name(name: str) -> str:
+    """Return the name of a number for what somebody typed: the unit may be left out.
+
+    Raises:
+        UnknownChoice: there is no such number, or there are several.
+    """
+    if name in CHANGEABLE or (name.startswith("gains.") and len(name) > len("gains.")):
+        return name
+    alike = [each for each in CHANGEABLE if each.startswith(f"{name}_")]
+    if len(alike) == 1:
+        return alike[0]
+    raise UnknownChoice("number of a flight", name, alike or CHANGEABLE)
+
+
+def changed(setup: FlightSetup, values: Mapping[str, float]) -> FlightSetup:
+    """Return the setup with some numbers changed, by name.
+
+    A name is one of `CHANGEABLE`, where a table of gains takes a factor on all its gains, or a
+    single gain ("gains.attitude.k_q_per_s").
+    """
+    for typed, value in values.items():
+        setup = _changed(setup, full_name(typed), float(value))
+    return setup
+
+
+def _changed(setup: FlightSetup, name: str, value: float) -> FlightSetup:
+    numbers: dict[str, Any] = {name: value}
+    if name.startswith("gains."):
+        gains = changed_gains(setup.gains, name.removeprefix("gains."), value)
+        return replace(setup, gains=gains)
+    if name in VEHICLE_NUMBERS:
+        return replace(setup, vehicle=replace(setup.vehicle, **numbers))
+    if name in MAP_OFFSETS:
+        x_m, y_m, z_m = (
+            value if each == name else old
+            for each, old in zip(MAP_OFFSETS, setup.map_offset_m, strict=True)
+        )
+        return replace(setup, map_offset_m=(x_m, y_m, z_m))
+    return replace(setup, **numbers)
