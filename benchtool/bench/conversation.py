@@ -15,6 +15,7 @@ from benchtool.bench.link import (
     Message,
     frame_command,
 )
+from benchtool.bench.mavlink_strangers import is_mavlink
 from benchtool.bench.transport import Transport
 from benchtool.errors import LinkLost, NoDevice, PortBusy, ProtocolError
 
@@ -163,6 +164,12 @@ class Conversation:
             raise NoDevice(
                 f"{self._address} is open, but nothing answered for {HELLO_S:g} s; check power, "
                 f"firmware and baud rate (`benchtool doctor` tries each cause)"
+            )
+        if is_mavlink(self._heard):
+            place = self._address.partition("?")[0]
+            raise ProtocolError(
+                f"{self._address} speaks MAVLink: it is a flight controller; use mavlink:{place} "
+                f"for it"
             )
         raise ProtocolError(
             f"{self._address} sends {self._heard!r}, which is not the bench protocol; check that "

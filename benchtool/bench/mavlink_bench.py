@@ -23,6 +23,7 @@ from benchtool.bench.mavlink_frames import MavlinkFrames
 from benchtool.bench.mavlink_health import Health, silence_of
 from benchtool.bench.mavlink_identity import identity_of
 from benchtool.bench.mavlink_learn import Learnt, learn
+from benchtool.bench.mavlink_pilots import AUTOPILOT_INVALID
 from benchtool.bench.mavlink_plate import move_virtual_plate
 from benchtool.bench.mavlink_quality import LinkQuality
 from benchtool.bench.mavlink_rows import MavlinkRows
@@ -326,7 +327,9 @@ class MavlinkBench(Opened):
         name = message.msgname
         self._counts[name] += 1
         if name == "HEARTBEAT":
-            self._health.beat(message, arrived_s)
+            # A gimbal or a companion of the same system has a heartbeat of its own.
+            if message.autopilot != AUTOPILOT_INVALID:
+                self._health.beat(message, arrived_s)
         elif name == "STATUSTEXT":
             self._health.text(message)
             self._said = (self._health.texts or [""])[-1]

@@ -8,6 +8,13 @@ PRINTABLE_SHARE = 0.9
 """Share of letters above which bytes count as text; a choice: at a wrong baud rate half are not."""
 
 
+def is_mavlink(heard: bytes) -> bool:
+    """Tell whether bytes hold a whole frame of MAVLink."""
+    from benchtool.bench.mavlink_frames import MavlinkFrames
+
+    return bool(MavlinkFrames().parse(heard))
+
+
 def what_it_is(heard: bytes) -> str:
     """Return the end of a sentence that begins with the address."""
     shown = repr(bytes(heard[:40]))

@@ -6,7 +6,7 @@ import struct
 from collections.abc import Callable
 
 from benchtool.bench.mavlink_dialect import Message, dialect
-from benchtool.bench.mavlink_frames import AUTOPILOT_COMPONENT, MavlinkFrames
+from benchtool.bench.mavlink_frames import AUTOPILOT_COMPONENT, GROUND_SYSTEM, MavlinkFrames
 from benchtool.bench.mavlink_pilots import AUTOPILOT_INVALID, Order
 from benchtool.bench.mavlink_strangers import what_it_is
 from benchtool.bench.transport import Transport
@@ -186,7 +186,9 @@ class MavlinkTalk:
     def _sort(self, message: Message, arrived_s: float) -> None:
         name = message.msgname
         if name == "COMMAND_ACK":
-            self._acks[message.command] = message.result
+            # Another ground station's orders are acknowledged to that one.
+            if message.target_system in (0, GROUND_SYSTEM):
+                self._acks[message.command] = message.result
         elif name == "PARAM_VALUE":
             self._told[str(message.param_id)] = _value(message)
         self.on_message(message, arrived_s)

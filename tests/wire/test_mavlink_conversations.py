@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from benchtool.bench.conversation import Conversation
 from benchtool.bench.link import frame
 from benchtool.bench.mavlink_dialect import dialect
 from benchtool.bench.mavlink_frames import MavlinkFrames
@@ -204,3 +205,36 @@ def _beats_of_ours(count: int) -> list[Turn]:
     host = Side(255, 190)
     host.says(ours())
     return [Turn(host.says(ours())) for _ in range(count)]
+
+
+def test_a_flight_controller_behind_a_serial_address_is_named() -> None:
+    link = LoopbackStranger(Side(1, 1).says(beat()))
+    said = "serial:/dev/x speaks MAVLink: it is a flight controller; use mavlink:serial:/dev/x"
+    with pytest.raises(ProtocolError, match=said):
+        Conversation(link, "serial:/dev/x", link.clock).open()
+
+
+class LoopbackStranger(ScriptedLink):
+    """A port on which somebody talks and listens to nobody."""
+
+    def __init__(self, says: bytes) -> None:
+        super().__init__()
+        self._says = says
+
+    def read(self, timeout_s: float) -> bytes:
+        self.now_s += max(timeout_s, 1e-3)
+        said, self._says = self._says, b""
+        return said
+
+    def write(self, data: bytes) -> None:
+        """Pass it over."""
+
+
+def test_what_is_meant_for_another_ground_station_is_passed_over() -> None:
+    host, device = Side(255, 190), Side(1, 1)
+    stop = ArduPilot().stop((1,))[0]
+    other = WORDS.MAVLink_command_ack_message(209, 4, 0, 0, 250, 190)
+    talk, link = met(host=host, device=device)
+    link._turns.append(Turn(host.says(command(stop)), device.says(other, ack(stop))))
+    assert talk.exchange(stop) == ACCEPTED
+    link.check_finished()
