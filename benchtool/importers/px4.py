@@ -59,18 +59,20 @@ def read_px4(data: bytes, where: str, provenance: Mapping[str, str]) -> Imported
     from pyulog import ULog
     from pyulog.exceptions import ULogException
 
-    said = io.StringIO()
+    walk = walk_ulog(data)
+    if not walk.has_definitions:
+        told = "; ".join(item.words for item in walk.findings) or "it ends before its first message"
+        raise FileFormatError(where, f"nothing in it can be read: {told}")
     try:
-        with contextlib.redirect_stdout(said):
-            log = ULog(io.BytesIO(data), list(WANTED), disable_str_exceptions=True)
+        with contextlib.redirect_stdout(io.StringIO()):
+            log = ULog(io.BytesIO(walk.whole), list(WANTED), disable_str_exceptions=True)
     except (ULogException, *_FAULTS) as error:
         raise FileFormatError(
             where, f"its definitions are broken ({error}), so nothing in it can be read"
         ) from error
-    walk = walk_ulog(data)
     findings = list(walk.findings)
-    if log.file_corruption and not walk.corrupt:
-        words = "pyulog met broken messages and passed them over"
+    if log.file_corruption:
+        words = "pyulog met messages that their definitions do not fit, and passed them over"
         findings.append(Finding("refused", "corrupt messages", words))
     if log.dropouts:
         lost_s = 1e-3 * sum(item.duration for item in log.dropouts)
@@ -90,7 +92,7 @@ def read_px4(data: bytes, where: str, provenance: Mapping[str, str]) -> Imported
         *_distance(topics, findings),
     ]
     kept = sum(stream.time_us.size for stream in streams)
-    # What pyulog finds again after a corrupt stretch, the walk has not counted.
+    # A log with data appended has its messages in two parts, of which pyulog may read one twice.
     counts = Counts(total=max(walk.data_messages, kept), broken=walk.broken)
     facts = {**provenance, "device": _device(log)}
     return flight_import(streams, "PX4 ULog", where, facts, findings, counts)
