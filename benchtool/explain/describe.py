@@ -96,6 +96,11 @@ def loudest(groups: RowGroups, residuals: Array) -> Stage:
     return max(sizes, key=lambda name: sizes[name])
 
 
+def leftover(groups: RowGroups, residuals: Array) -> float:
+    """Return the variance of the residuals (n_rows,) of the stage that stands out most."""
+    return max(_rms(residuals[mask]) ** 2 for mask in groups.stages.values())
+
+
 def disagreements(groups: RowGroups, before: Array, after: Array) -> tuple[Disagreement, ...]:
     """Return residuals by stage and regime, before and after (n_rows,) each."""
     out = []

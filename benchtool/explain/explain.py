@@ -9,6 +9,7 @@ from benchtool.explain.describe import (
     disagreements,
     effect_of,
     found_parameters,
+    leftover,
     where_shown,
 )
 from benchtool.explain.explanation import Explanation
@@ -18,7 +19,7 @@ from benchtool.explain.search import Progress, Search, searched
 from benchtool.explain.significance import p_value
 from benchtool.explain.subject import Subject
 from benchtool.explain.verdict import Kind, NamedEffect, Nearest, Verdict
-from benchtool.explain.weigh import Weighed, weighed
+from benchtool.explain.weigh import Fit, Weighed, weighed
 
 Array = NDArray[np.float64]
 
@@ -53,8 +54,17 @@ def explain(
     null, best = search.null, search.best
     tell("predicting the check recordings", 0.7)
     held = HeldOut.of(subject, null.at, best.at, rng, draws)
+    rows = subject.evidence.residuals(np.vstack([null.at, best.at]))
+    groups = subject.groups()
+    without, fit = (
+        Fit(
+            ratio=held.ratio(1 + column),
+            leftover=leftover(groups, rows[:, column]) / subject.allowed_leftover,
+        )
+        for column in (0, 1)
+    )
     weights = [
-        weighed(slot.gains, hypotheses.dispersion(slot.tried[0]), held.ratio(2), held.ratio(1))
+        weighed(slot.gains, hypotheses.dispersion(slot.tried[0]), fit, without)
         for slot in search.slots
     ]
     kind, members = _decided(search, weights)
@@ -75,8 +85,6 @@ def explain(
         )
     )
     after = best.at if effects else null.at
-    rows = subject.evidence.residuals(np.vstack([null.at, best.at]))
-    groups = subject.groups()
     where = None
     if kind != "none":
         where = where_shown(groups, rows[:, 0], rows[:, 1], effects[0].stage if effects else None)

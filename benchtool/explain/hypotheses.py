@@ -112,8 +112,7 @@ class Hypotheses:
         region = self.region(one.opened)
         curvature = self.near(one.at).curvature / self.dispersion(one)
         ridge = 1e-9 * np.eye(len(curvature))
-        covariance: Array = np.linalg.inv(curvature + np.diag(region.penalty**2) + ridge)
-        return covariance
+        return np.asarray(np.linalg.inv(curvature + np.diag(region.penalty**2) + ridge), float)
 
     def unseen(self, one: Hypothesis) -> dict[str, float]:
         """Return effects that the data cannot show: by how many tolerances each would have to act.
@@ -141,8 +140,13 @@ class Hypotheses:
 
     def null(self, opened: tuple[str, ...] = ()) -> Hypothesis:
         """Return the best numbers with those effects open, from the model as given."""
-        start = self.region(opened).clipped(np.zeros(len(self.evidence.knobs)))
+        first = np.array([knob.first for knob in self.evidence.knobs])
+        start = self.region(opened).clipped(first)
         return self._fitted(opened, [start])
+
+    def started(self, opened: tuple[str, ...], at: Array) -> Hypothesis:
+        """Return the best numbers with those effects open, from given ones on."""
+        return self._fitted(opened, [self.region(opened).clipped(at)])
 
     def refitted(self, opened: tuple[str, ...], *starts: Hypothesis) -> Hypothesis:
         """Return the best numbers with those effects open, from where others ended."""

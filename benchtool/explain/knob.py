@@ -21,6 +21,7 @@ class Knob:
         start: value in the model as given.
         scale: tolerance of an effect's parameter; standard error of any other.
         lower, upper: bounds of the value.
+        first: where a search begins, in scales.
         held: whether only its prior holds it, not its tolerance.
     """
 
@@ -32,6 +33,7 @@ class Knob:
     lower: float = -inf
     upper: float = inf
     held: bool = False
+    first: float = 0.0
 
     @property
     def least(self) -> float:

@@ -118,6 +118,7 @@ class PitchEvidence:
                 Knob(
                     name=name, unit=item.unit, effect="", start=item.value, scale=item.prior.sd,
                     lower=item.lower, upper=item.upper, held=True,
+                    first=1.0 if item.lower == item.value else 0.0,
                 )
             )  # fmt: skip
         return out

@@ -69,6 +69,11 @@ class Subject(Protocol):
         ...
 
     @property
+    def allowed_leftover(self) -> float:
+        """Variance of whitened residuals that small imperfections may leave; inf for any."""
+        ...
+
+    @property
     def window_s(self) -> float:
         """Length of a prediction; 0 where predictions are settled."""
         ...

@@ -24,6 +24,24 @@ SHARPNESS = 15.0
 """How quickly the probability of "unknown" grows with the logarithm of that ratio."""
 
 
+LEFTOVER_SHARPNESS = 60.0
+"""The same with the variance of the residuals that are left, beyond what the subject allows."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fit:
+    """Say how well a hypothesis fits, inside the recordings and held out.
+
+    Attributes:
+        ratio: held-out error over the upper noise quantile, in the worst channel.
+        leftover: variance of the whitened residuals of the worst stage, over what a bench with
+            nothing but small imperfections may show.
+    """
+
+    ratio: float
+    leftover: float
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Weighed:
     """Hold probabilities that sum to 1.
@@ -39,16 +57,14 @@ class Weighed:
     unknown: float
 
 
-def weighed(
-    gains: Mapping[str, float], dispersion: float, ratio: float, ratio_none: float
-) -> Weighed:
+def weighed(gains: Mapping[str, float], dispersion: float, fit: Fit, without: Fit) -> Weighed:
     """Return the probabilities of every effect for one place, of none, and of unknown.
 
     Args:
         gains: what each effect gains in the sum of squares over the base.
         dispersion: variance of the residuals over that of the stated noise.
-        ratio: held-out error over the upper noise quantile with the best effect.
-        ratio_none: the same without any.
+        fit: of the best hypothesis.
+        without: of the null.
     """
     scale = 2.0 * TEMPERATURE * dispersion
     weights = {name: (gain - ENOUGH * dispersion) / scale for name, gain in gains.items()}
@@ -56,14 +72,15 @@ def weighed(
     parts = {name: exp(max(weight - top, -700.0)) for name, weight in weights.items()}
     none = exp(max(-top, -700.0))
     total = none + sum(parts.values())
-    named = {name: part / total * accepted(ratio) for name, part in parts.items()}
-    left = none / total * accepted(ratio_none)
+    named = {name: part / total * accepted(fit) for name, part in parts.items()}
+    left = none / total * accepted(without)
     return Weighed(
         named=named, none=left, unknown=min(1.0, max(0.0, 1.0 - left - sum(named.values())))
     )
 
 
-def accepted(ratio: float) -> float:
-    """Return the probability that a gap of that ratio is noise."""
-    steep = SHARPNESS * (log(max(ratio, 1e-6)) - log(REFUSED_AT))
-    return 1.0 / (1.0 + exp(min(steep, 500.0)))
+def accepted(fit: Fit) -> float:
+    """Return the probability that what a fit leaves is noise."""
+    gap = SHARPNESS * (log(max(fit.ratio, 1e-6)) - log(REFUSED_AT))
+    rest = LEFTOVER_SHARPNESS * (fit.leftover - 1.0)
+    return 1.0 / ((1.0 + exp(min(gap, 300.0))) * (1.0 + exp(min(rest, 300.0))))
