@@ -67,7 +67,7 @@ def recording_of(flight: Flight) -> Recording:
             "flight": case.name,
             "rig": case.vehicle.rig.name,
             "gains": case.gains.name,
-            "control": case.control,
+            "control": flight.own or case.control,
             "ending": flight.ending,
         },
         simulated=True,

@@ -5,11 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from benchtool.errors import InputError
 from benchtool.report.files import refuse_existing, save_figure
 from benchtool.report.flight import flight_figure
 from benchtool.simulate.flight import FlightCase, FlightControl
+from benchtool.simulate.flight_measures import measure
+from benchtool.simulate.flight_own import fly_own
+from benchtool.simulate.own_controller import made
 from benchtool.store.write import write_table
 from benchtool.studies.flight import (
     CONTROL_NAMES,
@@ -22,15 +26,34 @@ from benchtool.studies.flight import (
 )
 
 
-def fly_each(case: FlightCase, controls: Sequence[FlightControl]) -> list[Flown]:
-    """Fly a case out of ground effect with PID first, then under each controller."""
+def fly_each(
+    case: FlightCase,
+    controls: Sequence[FlightControl],
+    own: Sequence[tuple[str, type[Any]]] = (),
+) -> list[Flown]:
+    """Fly a case out of ground effect with PID first, then under each controller.
+
+    Args:
+        case: what is flown.
+        controls: built-in controllers.
+        own: name and class of the user's own; a new one is made for every flight.
+    """
     beside = replace(out_of_ground_effect(case), control="pid")
-    return [fly_and_measure(beside), *(fly_and_measure(replace(case, control=c)) for c in controls)]
+    flights = [fly_and_measure(replace(case, control=control)) for control in controls]
+    for name, kind in own:
+        flight = fly_own(case, made(kind, name), name)
+        flights.append(Flown(flight, measure(flight)))
+    return [fly_and_measure(beside), *flights]
+
+
+def name_of(flown: Flown) -> str:
+    """Return what tables and figures call a flight's controller."""
+    return flown.flight.own or CONTROL_NAMES[flown.case.control]
 
 
 def table_lines(flights: Sequence[Flown]) -> list[str]:
     """Return the table of numbers; the first flight is the one out of ground effect."""
-    names = [f"{CONTROL_NAMES[flown.case.control]}" for flown in flights]
+    names = [name_of(flown) for flown in flights]
     names[0] += " OGE"
     width = max(len(name) for name in names)
     lines = [
@@ -53,7 +76,7 @@ def warnings_of(flights: Sequence[Flown]) -> list[str]:
     """Return what a reader of the numbers must know."""
     out = []
     for flown in flights:
-        name = CONTROL_NAMES[flown.case.control]
+        name = name_of(flown)
         if flown.flight.ending == "struck":
             out.append(f"{name}: a rotor touched the obstacle at {flown.flight.end_s:.2f} s")
         if flown.flight.ending == "lost":
@@ -63,7 +86,8 @@ def warnings_of(flights: Sequence[Flown]) -> list[str]:
                 f"{name}: a rotor came nearer than z/R = 0.5 in {flown.measures.held_ticks} steps; "
                 f"its height was held there, where the formulae end"
             )
-    if any(flown.case.control in ("feedforward", "both") for flown in flights) and not any(
+    mapped = [flown for flown in flights if flown.case.control in ("feedforward", "both")]
+    if any(not flown.flight.own for flown in mapped) and not any(
         any(flown.case.map_offset_m) for flown in flights
     ):
         out.append(
@@ -74,7 +98,8 @@ def warnings_of(flights: Sequence[Flown]) -> list[str]:
 
 def write_flights(out: Path, flights: Sequence[Flown]) -> list[Path]:
     """Write one CSV for each flight, the table and the figure; refuses to write over anything."""
-    names = ["oge", *(flown.case.control for flown in flights[1:])]
+    names = [flown.flight.own.replace(":", "-") or flown.case.control for flown in flights]
+    names[0] = "oge"
     if len(set(names)) < len(names):
         raise InputError(f"a controller is named twice: {', '.join(names[1:])}; name each once")
     tables = {out / f"{name}.csv": flown for name, flown in zip(names, flights, strict=True)}
@@ -87,7 +112,7 @@ def write_flights(out: Path, flights: Sequence[Flown]) -> list[Path]:
     first = flights[1].case
     height = first.start_m[2] / first.vehicle.rig.propulsion.radius_m
     figure = flight_figure(
-        [trace_of(flown, CONTROL_NAMES[flown.case.control]) for flown in flights[1:]],
+        [trace_of(flown, name_of(flown)) for flown in flights[1:]],
         title=f"{first.title}, z/R = {height:.3g}, gains {first.gains.name}",
         beside=trace_of(flights[0], "PID out of ground effect"),
         obstacle_m=obstacle_extent(first),

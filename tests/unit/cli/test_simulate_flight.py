@@ -80,3 +80,48 @@ def test_bad_input_is_one_sentence(
     error = capsys.readouterr().err
     assert says in error
     assert error.count("\n") == 1
+
+
+LAW = """
+class Law:
+    def step(self, seen, want, dt_s):
+        climb = 4.0 * (want.z_m - seen.z_m) - 3.2 * seen.vz_m_s
+        return want.hover_N * (1.0 + climb / 9.81), 0.0, -0.5 * seen.pitch_rad, 0.0
+
+
+class Bad(Law):
+    def step(self, seen, want, dt_s):
+        thrust, roll, pitch, yaw = super().step(seen, want, dt_s)
+        return thrust, roll, pitch * float("nan"), yaw
+
+
+class Breaks(Law):
+    def step(self, seen, want, dt_s):
+        return [][int(seen.time_s)]
+"""
+
+
+def test_a_controller_of_ones_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "flownlaw.py").write_text(LAW)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    short = ("--duration-s", "2", "--out", "out")
+    assert run(*short, "--controllers", "pid,flownlaw:Law") == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines[3:6]] == ["PID", "PID", "flownlaw:Law"]
+    table = read_csv_text(tmp_path / "out" / "flownlaw-Law.csv")
+    wanted = table.header.index("pitch_ref_rad")
+    assert {row[wanted] for row in table.rows} == {""}
+    for name, says in (
+        ("flownlaw:Bad", "returned pitch_Nm = nan at 0 s, in "),
+        ("flownlaw:Breaks", "raised IndexError"),
+        ("flownlaw:None_", "has no class None_ with a method step"),
+        ("no_module_of_mine:Law", "No module named"),
+    ):
+        assert run("--duration-s", "2", "--controller", name) == 2
+        error = capsys.readouterr().err
+        assert says in error
+        assert error.count("\n") == 1
+        assert ("flownlaw.py line" in error) is (name in ("flownlaw:Bad", "flownlaw:Breaks"))
