@@ -42,7 +42,10 @@ def command(
     controllers: Annotated[
         str,
         typer.Option(
-            help="Some of pid, observer, feedforward, both; oge (PID over nothing) in a campaign."
+            "--controllers",
+            "--controller",
+            help="Some of pid, observer, feedforward, both; your own as module:Class; oge (PID "
+            "over nothing) in a campaign.",
         ),
     ] = "",
     z_over_r: Annotated[
@@ -91,6 +94,7 @@ def command(
     from benchtool.studies.flight_report import fly_each, table_lines, warnings_of
     from benchtool.studies.flight_setup import FlightSetup, changed, full_name
     from benchtool.studies.flight_table import GYRO_NOISE_RAD_S
+    from benchtool.studies.own_controllers import controller_class
 
     say_if_slow()
     known = get_args(FlightControl)
@@ -98,7 +102,7 @@ def command(
         controllers or ("oge,pid" if vary else "pid,observer,feedforward"), known
     )
     for name in names:
-        if name not in known and not (vary and name == OGE):
+        if name not in known and not (vary and name == OGE) and (vary or ":" not in name):
             raise UnknownChoice("controller of a flight", name, [*known, OGE] if vary else known)
     sets = gain_sets(gains)
     if gyro_noise_rad_s is None:
@@ -136,8 +140,9 @@ def command(
     gain_set = one_gain_set(sets)
     setup = changed(setup, given)
     flown = setup.flown("pid", seed)
+    own = [(name, controller_class(name, known)) for name in names if name not in known]
     built_in = [each for name in names for each in known if each == name]
-    flights = fly_each(flown, built_in)
+    flights = fly_each(flown, built_in, own)
     print(
         f"SIMULATED flight {flown.name}: {flown.title}; rig {rig}, z/R {setup.z_over_R:g}, "
         f"{flown.goals[-1].speed_m_s:g} m/s, gains {gain_set}"
