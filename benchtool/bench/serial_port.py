@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import os
-import time
 from contextlib import suppress
 
 import serial
 
 from benchtool.bench.link_errors import lost_error, opening_error
-from benchtool.bench.transport import NAP_S
+from benchtool.bench.transport import first_bytes
 from benchtool.errors import InputError, LinkLost
 
 WRITE_TIMEOUT_S = 0.2
@@ -59,13 +58,7 @@ class SerialPort:
             raise opening_error(error, self.port) from error
 
     def read(self, timeout_s: float) -> bytes:
-        deadline_s = time.monotonic() + timeout_s
-        while True:
-            left_s = deadline_s - time.monotonic()
-            time.sleep(min(NAP_S, max(left_s, 0.0)))
-            data = self._take()
-            if data or left_s <= NAP_S:
-                return data
+        return first_bytes(self._take, timeout_s)
 
     def write(self, data: bytes) -> None:
         try:

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import socket
-import time
 
 from benchtool.bench.link_errors import lost_error, opening_error
-from benchtool.bench.transport import NAP_S
+from benchtool.bench.transport import first_bytes
 from benchtool.errors import LinkLost, NoDevice
 
 CONNECT_S = 3.0
@@ -43,13 +42,7 @@ class TcpSocket:
         self._socket = opened
 
     def read(self, timeout_s: float) -> bytes:
-        deadline_s = time.monotonic() + timeout_s
-        while True:
-            left_s = deadline_s - time.monotonic()
-            time.sleep(min(NAP_S, max(left_s, 0.0)))
-            data = self._take()
-            if data or left_s <= NAP_S:
-                return data
+        return first_bytes(self._take, timeout_s)
 
     def write(self, data: bytes) -> None:
         opened = self._opened()

@@ -2,12 +2,25 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
 from typing import Protocol
 
 NAP_S = 0.005
 """Longest sleep between two reads. A pseudo-terminal holds 0.2 s of a 1 kHz stream; a nap with one
 read costs a twelfth of the processor time that a wake-up per line does (measured, see
 tests/benchmarks/bench_link.py)."""
+
+
+def first_bytes(take: Callable[[], bytes], timeout_s: float) -> bytes:
+    """Return what `take` finds, looking again after short sleeps for at most `timeout_s`."""
+    deadline_s = time.monotonic() + timeout_s
+    while True:
+        left_s = deadline_s - time.monotonic()
+        time.sleep(min(NAP_S, max(left_s, 0.0)))
+        data = take()
+        if data or left_s <= NAP_S:
+            return data
 
 
 class Transport(Protocol):

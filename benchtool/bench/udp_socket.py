@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import errno
 import socket
-import time
 
 from benchtool.bench.link_errors import lost_error, opening_error
-from benchtool.bench.transport import NAP_S
+from benchtool.bench.transport import first_bytes
 from benchtool.errors import LinkLost, PortBusy
 
 MOST_PEERS = 8
@@ -56,13 +55,7 @@ class UdpSocket:
         self._socket = opened
 
     def read(self, timeout_s: float) -> bytes:
-        deadline_s = time.monotonic() + timeout_s
-        while True:
-            left_s = deadline_s - time.monotonic()
-            time.sleep(min(NAP_S, max(left_s, 0.0)))
-            data = self._take()
-            if data or left_s <= NAP_S:
-                return data
+        return first_bytes(self._take, timeout_s)
 
     def write(self, data: bytes) -> None:
         opened = self._opened()
