@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 from urllib.parse import parse_qsl
 
 from benchtool.bench.bench import Bench
@@ -161,7 +162,7 @@ def _simulated_pitch(address: Address) -> Bench:
     seed = address.whole("seed", 0, 0, 2**32 - 1)
     rate_Hz = address.number("rate", 0.0, 1.0, 5000.0)
     # A plus sign in an address reads as a space.
-    named = {
+    named: dict[str, Any] = {
         name: address.options[name].replace(" ", "+")
         for name in ("truth", *_PITCH_OPTIONS)
         if name in address.options

@@ -32,7 +32,9 @@ def command(
     gains: Gains = None,
     controllers: Annotated[
         str,
-        typer.Option(help="Controllers, with commas; your own as module:Class."),
+        typer.Option(
+            "--controllers", "--controller", help="With commas; your own as module:Class."
+        ),
     ] = "pid,feedforward,observer",
     schedule: Annotated[str, typer.Option(help="Schedule, or its file.")] = "plate",
     duration_s: Duration = 0.0,

@@ -15,7 +15,6 @@ from benchtool.library import gains_named, load_model, model_names, rig_named, s
 from benchtool.simulate.pitch_bench import PitchBench
 from benchtool.simulate.pitch_run import PitchJob
 from benchtool.studies.gain_changes import changed_gains
-from benchtool.studies.own_controllers import controller_class as controller_class
 
 BENCH_NUMBERS = ("inertia_kgm2", "plant_rate_Hz", "stop_rad", "pwm_quantum_us")
 FEEDFORWARD_NUMBERS = ("strength", "height_error_m", "late_s")
