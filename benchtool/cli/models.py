@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Annotated
 
 import typer
+
+from benchtool.cli.shipped import AsToml, show_shipped
 
 
 def command(
@@ -12,28 +15,29 @@ def command(
         str,
         typer.Argument(help="A shipped model or the path of a model file; all are listed without."),
     ] = "",
-    toml: Annotated[
-        bool, typer.Option("--toml", help="Print the file itself, to start one of your own.")
-    ] = False,
+    toml: AsToml = False,
 ) -> None:
     """List models, or show one with its effects and parameters."""
-    from benchtool import library
-    from benchtool.library.packaged import read_named
+    show_shipped("model", name, toml, listed=_listed, described=_described)
 
-    if not name:
-        for each in library.model_names():
-            print(f"{each:<16} {library.load_model(each).model.description}")
-        return
-    if toml:
-        print(read_named("model", "models", name)[0], end="")
-        return
+
+def _listed() -> Iterator[str]:
+    from benchtool import library
+
+    for name in library.model_names():
+        yield f"{name:<16} {library.load_model(name).model.description}"
+
+
+def _described(name: str) -> Iterator[str]:
+    from benchtool import library
+
     model = library.load_model(name).model
-    print(f"{model.name}: {model.description}")
-    print(f"rig {model.rig.name}, wake rule {model.wake_rule}, b is the {model.body_distance}")
+    yield f"{model.name}: {model.description}"
+    yield f"rig {model.rig.name}, wake rule {model.wake_rule}, b is the {model.body_distance}"
     effects = ", ".join(effect.name for effect in model.effects) or "none beyond eq. (2)"
-    print(f"effects: {effects}")
+    yield f"effects: {effects}"
     for full_name, item in model.parameters.items():
         state = "free " if item.free else "fixed"
         bounds = f"[{item.lower:g}, {item.upper:g}]"
         value = f"{item.value:>12g} {item.unit:<14}"
-        print(f"  {full_name:<26} {value} {state} {bounds:<18} {item.source}")
+        yield f"  {full_name:<26} {value} {state} {bounds:<18} {item.source}"

@@ -2,35 +2,40 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Annotated
 
 import typer
+
+from benchtool.cli.shipped import AsToml, show_shipped
 
 
 def command(
     name: Annotated[
         str, typer.Argument(help="A shipped rig or the path of a rig file; all are listed without.")
     ] = "",
-    toml: Annotated[
-        bool, typer.Option("--toml", help="Print the file itself, to start one of your own.")
-    ] = False,
+    toml: AsToml = False,
 ) -> None:
     """List rigs, or show one with the source of every number."""
-    from benchtool import library
-    from benchtool.library.packaged import read_named
+    show_shipped("rig", name, toml, listed=_listed, described=_described)
 
-    if not name:
-        for each in library.rig_names():
-            print(f"{each:<14} {library.rig_named(each).title}")
-        return
+
+def _listed() -> Iterator[str]:
+    from benchtool import library
+
+    for name in library.rig_names():
+        yield f"{name:<14} {library.rig_named(name).title}"
+
+
+def _described(name: str) -> Iterator[str]:
+    from benchtool import library
+
     rig = library.rig_named(name)
-    if toml:
-        print(read_named("rig", "rigs", name)[0], end="")
-        return
-    print(f"{rig.name}: {rig.title}")
-    print(f"{len(rig.assumed)} of {len(rig.sources)} numbers are assumed (marked ?)")
+    yield f"{rig.name}: {rig.title}"
+    yield f"{len(rig.assumed)} of {len(rig.sources)} numbers are assumed (marked ?)"
     for key, source in rig.sources.items():
-        print(f"{'?' if key in rig.assumed else ' '} {key:<40} {_value(rig, key):>12}  {source}")
+        mark = "?" if key in rig.assumed else " "
+        yield f"{mark} {key:<40} {_value(rig, key):>12}  {source}"
 
 
 def _value(rig: object, key: str) -> str:
