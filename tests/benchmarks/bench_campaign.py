@@ -1,0 +1,92 @@
+"""Print what campaigns cost against their number of runs: time grows with it, memory does not.
+
+Each line is a process of its own, warmed up by its first runs, that writes its table to disk as
+`benchtool simulate ... --vary` does: flights of 20 s over an obstacle with gyro noise, and pitch
+runs of 10 s. Memory is the peak of the resident set, less what it was before the first run counted.
+"""
+
+from __future__ import annotations
+
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import replace
+from pathlib import Path
+
+from benchtool.library import gains_named, rig_named
+from benchtool.simulate.flight_vehicle import FlightVehicle
+from benchtool.studies.campaign import Campaign, write_campaign
+from benchtool.studies.campaign_flight import FlightCampaign
+from benchtool.studies.campaign_pitch import PitchCampaign
+from benchtool.studies.design import Design
+from benchtool.studies.flight_setup import FlightSetup
+from benchtool.studies.pitch_setup import pitch_setup
+
+RUNS = {"flight": (100, 400, 1600), "pitch": (1000, 4000, 16000)}
+"""How many runs each line has."""
+
+WARM = {"flight": 40, "pitch": 640}
+"""Runs before: they compile, and fill the buffers that are used again."""
+
+
+def campaign(kind: str) -> Campaign:
+    """Return what is run."""
+    if kind == "pitch":
+        setup = pitch_setup(controllers=("pid",))
+        short = replace(setup, schedule=setup.schedule.lasting(10.0))
+        return PitchCampaign(setups={"s3": short})
+    flight = FlightSetup(
+        case="over",
+        vehicle=FlightVehicle(rig=rig_named("pquad")),
+        gains=gains_named("s3"),
+        speed_m_s=1.0,
+        duration_s=20.0,
+        gyro_noise_rad_s=0.015,
+    )
+    return FlightCampaign(setups={"s3": flight}, controllers=("pid",))
+
+
+def write(kind: str, runs: int, folder: Path) -> float:
+    """Run a campaign into a table of that many rows and return how long it took."""
+    design = Design.read(["gains.attitude=0.9:1.1:10"], seeds=runs // 10)
+    began = time.perf_counter()
+    done = write_campaign(
+        campaign(kind).rows(design), folder / f"{runs}.parquet", {}, lambda _: None
+    )
+    assert done == runs
+    return time.perf_counter() - began
+
+
+def peak_MB() -> float:
+    """Return the peak of this process's resident set."""
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak / (1024.0**2 if sys.platform == "darwin" else 1024.0)
+
+
+def one_line(kind: str, runs: int) -> None:
+    """Run one size and print its line."""
+    with tempfile.TemporaryDirectory() as folder:
+        write(kind, WARM[kind], Path(folder))
+        before = peak_MB()
+        took_s = write(kind, runs, Path(folder))
+        print(
+            f"{kind:<8} {runs:>6} runs {took_s:>7.2f} s {runs / took_s:>7.0f} runs/s "
+            f"{peak_MB() - before:>6.1f} MB more than {before:.0f} MB",
+            flush=True,
+        )
+
+
+def main() -> None:
+    """Run every size in a process of its own."""
+    if len(sys.argv) == 3:
+        one_line(sys.argv[1], int(sys.argv[2]))
+        return
+    for kind, sizes in RUNS.items():
+        for runs in sizes:
+            subprocess.run([sys.executable, __file__, kind, str(runs)], check=True)
+
+
+if __name__ == "__main__":
+    main()
