@@ -13,14 +13,21 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from math import cos
 from typing import Any
 
 import numpy as np
 
+from benchtool.control.flight_controller import (
+    FlightCommand,
+    FlightMeasurement,
+    FlightReference,
+)
 from benchtool.library import gains_named, rig_named
 from benchtool.simulate.environment import Environment
 from benchtool.simulate.flight import FlightCase, fly
 from benchtool.simulate.flight_cases import flight_case
+from benchtool.simulate.flight_own import fly_own
 from benchtool.simulate.flight_vehicle import FlightVehicle
 from benchtool.simulate.height_grid import HeightGrid
 
@@ -83,6 +90,32 @@ def rotorpy_at(rate_Hz: float, whole: bool = False) -> Callable[[], None] | None
     return run
 
 
+class OwnCascade:
+    """A cascade over position, velocity and attitude, as a user would write it."""
+
+    def __init__(self) -> None:
+        self.speed, self.climb = [0.0, 0.0], 0.0
+
+    def step(self, seen: FlightMeasurement, want: FlightReference, dt_s: float) -> FlightCommand:
+        """Return thrust and torques."""
+        tilts = []
+        for axis, (error, velocity) in enumerate(
+            ((want.x_m - seen.x_m, seen.vx_m_s), (want.y_m - seen.y_m, seen.vy_m_s))
+        ):
+            ask = max(-want.speed_m_s, min(want.speed_m_s, 1.1 * error))
+            slew = 0.65 * dt_s
+            self.speed[axis] += max(-slew, min(slew, ask - self.speed[axis]))
+            tilts.append(1.5 * (self.speed[axis] - velocity) / 9.81)
+        self.climb += (want.z_m - seen.z_m) * dt_s
+        up = 4.0 * (want.z_m - seen.z_m) + self.climb - 3.2 * seen.vz_m_s
+        return FlightCommand(
+            want.hover_N * (1.0 + up / 9.81) / (cos(seen.pitch_rad) * cos(seen.roll_rad)),
+            0.13 * (2.9 * (-tilts[1] - seen.roll_rad) - seen.p_rad_s),
+            0.13 * (2.9 * (tilts[0] - seen.pitch_rad) - seen.q_rad_s),
+            0.06 * (1.5 * (want.yaw_rad - seen.yaw_rad) - seen.r_rad_s),
+        )
+
+
 def seconds(run: Callable[[], object]) -> float:
     """Return how long a run takes."""
     began = time.perf_counter()
@@ -102,7 +135,11 @@ def main() -> None:
     rotorpy = {rate: float("inf") for rate in theirs}
     for case in flights.values():
         fly(replace(case, duration_s=1.0))
+    own = next(iter(flights.values()))
+    own_s = float("inf")
+    fly_own(replace(own, duration_s=1.0), OwnCascade(), "own")
     for _ in range(ROUNDS):
+        own_s = min(own_s, seconds(lambda: fly_own(own, OwnCascade(), "own")))
         for name, case in flights.items():
             fastest[name] = min(fastest[name], seconds(lambda case=case: fly(case)))  # type: ignore[misc]
         for rate, run in theirs.items():
@@ -110,6 +147,7 @@ def main() -> None:
                 rotorpy[rate] = min(rotorpy[rate], seconds(run))
     for name, took in fastest.items():
         print(f"{name:<24} {OURS_S / took:>8.0f} times real time")
+    print(f"{'a Python class over a box':<24} {OURS_S / own_s:>8.0f} times real time")
     slowest = min(OURS_S / each for each in fastest.values())
     for name, took in rotorpy.items():
         if not np.isfinite(took):
