@@ -1,0 +1,274 @@
+"""The scorecard: counts over records, held against what was set out to be reached.
+
+It knows nothing of benches: pitch and sweep hand in the same form (`scored.py`). Nothing is chosen
+by looking at it; it only counts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from math import log
+
+import numpy as np
+
+from tests.blind.intervals import Share, share_of
+from tests.blind.scored import Scored
+
+BINS = 10
+LEAST_PROBABILITY = 1e-6
+"""A logarithmic score counts nothing as less likely; one certain error would hide all else."""
+
+GAP_REACHED = 1.1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Line:
+    """Hold one figure of the scorecard.
+
+    Attributes:
+        what: is counted.
+        found: in words.
+        aim: in words; "" where none was set.
+        reached: whether the aim is; None where there is none or nothing was counted.
+    """
+
+    what: str
+    found: str
+    aim: str = ""
+    reached: bool | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Bin:
+    """Hold one bin of stated probabilities: how many, their mean, and how often they were right."""
+
+    count: int
+    stated: float
+    right: float
+
+
+def calibration(records: Sequence[Scored], bins: int = BINS) -> tuple[Bin, ...]:
+    """Return stated probability against frequency, in bins of equal count."""
+    stated = sorted(one.stated for one in records)
+    parts = np.array_split(np.arange(len(stated)), min(bins, max(len(stated), 1)))
+    return tuple(
+        Bin(
+            count=len(part),
+            stated=float(np.mean([stated[i][0] for i in part])),
+            right=float(np.mean([stated[i][1] for i in part])),
+        )
+        for part in parts
+        if len(part)
+    )
+
+
+def calibration_error(bins: Iterable[Bin]) -> float:
+    """Return the expected calibration error: mean distance of stated from right, by count."""
+    kept = list(bins)
+    total = sum(one.count for one in kept)
+    return sum(one.count * abs(one.stated - one.right) for one in kept) / max(total, 1)
+
+
+def by_effect(records: Iterable[Scored]) -> dict[str, tuple[Share, Share]]:
+    """Return how often each effect is named first, and is among the first two or in a class."""
+    groups: dict[str, list[Scored]] = {}
+    for one in records:
+        groups.setdefault(one.truth[0], []).append(one)
+    return {
+        name: (
+            share_of(one.named_first for one in group),
+            share_of(one.in_two_or_class for one in group),
+        )
+        for name, group in sorted(groups.items())
+    }
+
+
+class Scorecard:
+    """Count verdicts on records.
+
+    Args:
+        title: of the bench.
+        records: whatever was scored, of every kind.
+    """
+
+    def __init__(self, title: str, records: Sequence[Scored]) -> None:
+        self.title = title
+        self.records = tuple(records)
+
+    def chosen(self, kind: str, strength: str = "full", excitation: str = "rich") -> list[Scored]:
+        """Return the records of a kind."""
+        return [
+            one
+            for one in self.records
+            if (one.kind, one.strength, one.excitation) == (kind, strength, excitation)
+        ]
+
+    @property
+    def mixed(self) -> list[Scored]:
+        """Rich records of every kind and strength on which probabilities are held to account."""
+        return [one for one in self.records if one.kind != "pair" and one.excitation == "rich"]
+
+    def lines(self) -> tuple[Line, ...]:
+        """Return the figures, in the order of what was set out to be reached."""
+        full, nulls = self.chosen("named"), self.chosen("none")
+        outside, pairs = self.chosen("outside"), self.chosen("pair")
+        poor = self.chosen("named", excitation="poor")
+        named = [one for one in full if one.named_first]
+        parameters = [p for one in self.records if one.named_first for p in one.parameters]
+        return (
+            _at_least("right name first", full, lambda one: one.named_first, 0.97),
+            _at_least("right in the first two or in a class", full, _in_two, 0.99),
+            _at_most("confident wrong name", full, lambda one: one.confidently_wrong, 0.01),
+            _at_most("a name too many beside the right one", named, _too_many, None),
+            _at_most("false name where nothing is hidden", nulls, _false_name, 0.01),
+            _at_most("'unknown' where nothing is hidden", nulls, _unknown, None),
+            _at_least("'unknown' for what is outside", outside, _unknown, 0.95),
+            _at_least("gap after at most 1.1 floors", named, _gap_reached, 0.95),
+            _at_least("the same of the true model", _told(named), _true_gap, None),
+            _at_least("pairs: both named", pairs, lambda one: one.both_named, 0.85),
+            _at_least("stage right", full, lambda one: one.where == one.stage, 0.98),
+            _at_least("poor excitation: right or an honest class", poor, _honest, 0.90),
+            self._coverage([parameter.held for parameter in parameters]),
+            *self._calibrated(self.mixed),
+            self._seconds(),
+        )
+
+    def _coverage(self, held: list[bool]) -> Line:
+        share = share_of(held)
+        what = "95 % intervals that hold the truth"
+        good = 0.90 <= share.value <= 0.98 if share.total else None
+        return Line(what=what, found=str(share), aim="90 to 98 %", reached=good)
+
+    def _calibrated(self, mixed: list[Scored]) -> tuple[Line, ...]:
+        if not mixed:
+            return ()
+        bins = calibration(mixed)
+        error = calibration_error(bins)
+        brier = float(np.mean([one.brier for one in mixed]))
+        score = float(np.mean([-log(max(one.given_to_truth, LEAST_PROBABILITY)) for one in mixed]))
+        least = min(one.count for one in bins)
+        what = f"expected calibration error, {len(bins)} bins of {least} or more"
+        return (
+            Line(what=what, found=f"{error:.3f}", aim="at most 0.05", reached=error <= 0.05),
+            Line(what="Brier score (0 best, 2 worst)", found=f"{brier:.3f}"),
+            Line(what="logarithmic score (0 best)", found=f"{score:.3f}"),
+        )
+
+    def _seconds(self) -> Line:
+        spent = [one.seconds for one in self.records]
+        found = f"median {np.median(spent):.1f}, most {max(spent):.1f}" if spent else "none"
+        return Line(what="seconds a record", found=found)
+
+    # --- print ----------------------------------------------------------------------------
+
+    def tables(self) -> tuple[tuple[str, tuple[str, ...], list[tuple[str, ...]]], ...]:
+        """Return every table: its heading, its columns, its rows."""
+        figures = [
+            (line.what, line.found, line.aim, {True: "yes", False: "NO", None: ""}[line.reached])
+            for line in self.lines()
+        ]
+        effects = [
+            (name, str(first), str(two))
+            for name, (first, two) in by_effect(self.chosen("named")).items()
+        ]
+        bins = [
+            (str(one.count), f"{one.stated:.3f}", f"{one.right:.3f}")
+            for one in calibration(self.mixed)
+        ]
+        outside = self.chosen("outside")
+        families = [
+            (name, str(share_of(_unknown(one) for one in outside if name in one.truth)))
+            for name in sorted({name for one in outside for name in one.truth})
+        ]
+        return (
+            ("Figures", ("what", "found", "aim", "reached"), figures),
+            ("By effect", ("effect", "named first", "in the first two or a class"), effects),
+            ("From outside the library", ("family", "unknown"), families),
+            ("Calibration", ("records", "stated", "right"), bins),
+        )
+
+    def text(self) -> str:
+        """Return the scorecard for a terminal."""
+        out = [f"{self.title}: {len(self.records)} records"]
+        for heading, columns, rows in self.tables():
+            if not rows:
+                continue
+            shown = [columns, *rows]
+            widths = [max(len(row[i]) for row in shown) for i in range(len(columns))]
+            out += ["", heading]
+            out += [
+                "  ".join(
+                    cell.ljust(width) for cell, width in zip(row, widths, strict=True)
+                ).rstrip()
+                for row in shown
+            ]
+        return "\n".join(out)
+
+    def markdown(self, date: str) -> str:
+        """Return the scorecard as a part of a page.
+
+        Args:
+            date: on which the records were scored.
+        """
+        out = [f"## {self.title}", "", f"{len(self.records)} records, scored on {date}."]
+        for heading, columns, rows in self.tables():
+            if not rows:
+                continue
+            out += ["", f"### {heading}", "", _row(columns), _row(["---"] * len(columns))]
+            out += [_row(row) for row in rows]
+        return "\n".join([*out, ""])
+
+
+def _row(cells: Iterable[str]) -> str:
+    return f"| {' | '.join(cells)} |"
+
+
+def _at_least(
+    what: str, records: list[Scored], holds: Callable[[Scored], bool], aim: float | None
+) -> Line:
+    share = share_of(holds(one) for one in records)
+    reached = share.value >= aim if aim is not None and share.total else None
+    told = f"at least {100.0 * aim:g} %" if aim is not None else ""
+    return Line(what=what, found=str(share), aim=told, reached=reached)
+
+
+def _at_most(
+    what: str, records: list[Scored], holds: Callable[[Scored], bool], aim: float | None
+) -> Line:
+    share = share_of(holds(one) for one in records)
+    reached = share.value <= aim if aim is not None and share.total else None
+    told = f"at most {100.0 * aim:g} %" if aim is not None else ""
+    return Line(what=what, found=str(share), aim=told, reached=reached)
+
+
+def _in_two(one: Scored) -> bool:
+    return one.in_two_or_class
+
+
+def _honest(one: Scored) -> bool:
+    return one.honest
+
+
+def _too_many(one: Scored) -> bool:
+    return bool(one.wrong_names)
+
+
+def _false_name(one: Scored) -> bool:
+    return bool(one.names)
+
+
+def _unknown(one: Scored) -> bool:
+    return one.verdict == "unknown"
+
+
+def _gap_reached(one: Scored) -> bool:
+    return max(one.gaps.values(), default=0.0) <= GAP_REACHED
+
+
+def _true_gap(one: Scored) -> bool:
+    return max(one.true_gaps.values()) <= GAP_REACHED
+
+
+def _told(records: list[Scored]) -> list[Scored]:
+    return [one for one in records if one.true_gaps]

@@ -1,0 +1,154 @@
+"""One record with what is true of it and what a verdict says: the neutral form of a scorecard."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+Kind = Literal["named", "none", "pair", "outside"]
+Strength = Literal["full", "weak"]
+Excitation = Literal["rich", "poor"]
+
+MOST_MEMBERS = 3
+"""A class of more members says too little to count."""
+
+SURE = 0.9
+"""A name that is stated with more than this probability is stated with confidence."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ScoredParameter:
+    """Hold one number of a rightly named effect beside its true value."""
+
+    name: str
+    value: float
+    low: float
+    high: float
+    truth: float
+
+    @property
+    def held(self) -> bool:
+        """Whether the interval holds the truth."""
+        return self.low <= self.truth <= self.high
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scored:
+    """Hold the truth of one record and the verdict on it.
+
+    Attributes:
+        kind: of what is hidden: named, none, pair or outside.
+        strength: weak effects are smaller than twice their tolerance.
+        excitation: of the record.
+        truth: names of what is hidden; an outside family's name is no effect of the library.
+        sizes: of the hidden effects, in tolerances.
+        stage: in which the hidden effect sits; "" where nobody can say.
+        verdict: effect, several, class, none or unknown.
+        names: in the verdict, most likely first.
+        probabilities: of every explanation, "none" and "unknown" among them.
+        where: stage that the verdict points at; "" for none.
+        not_judged: effects that the verdict says this data cannot show.
+        confirmed: whether the true model's Fisher information says that a class is one.
+        gaps: held-out error after over the noise floor, by channel.
+        true_gaps: the same of the true model, by channel, where the generator tells it.
+        parameters: of rightly named effects.
+        seconds: that the verdict took.
+        label: to find the record again ("none 17").
+    """
+
+    kind: Kind
+    truth: tuple[str, ...]
+    sizes: tuple[float, ...]
+    stage: str
+    verdict: str
+    names: tuple[str, ...]
+    probabilities: Mapping[str, float]
+    where: str
+    gaps: Mapping[str, float]
+    seconds: float
+    strength: Strength = "full"
+    excitation: Excitation = "rich"
+    not_judged: tuple[str, ...] = ()
+    confirmed: bool = False
+    true_gaps: Mapping[str, float] = field(default_factory=dict)
+    parameters: tuple[ScoredParameter, ...] = ()
+    label: str = ""
+
+    @property
+    def named_first(self) -> bool:
+        """Whether the likeliest name is right."""
+        return bool(self.names) and self.verdict != "unknown" and self.names[0] in self.truth
+
+    @property
+    def in_class(self) -> bool:
+        """Whether the truth is in a declared class that counts."""
+        return (
+            self.verdict == "class"
+            and len(self.names) <= MOST_MEMBERS
+            and self.confirmed
+            and any(name in self.truth for name in self.names)
+        )
+
+    @property
+    def in_two_or_class(self) -> bool:
+        """Whether one of the two likeliest names is right, or the truth is in a class that counts.
+
+        The likeliest two are taken from the stated probabilities, named or not.
+        """
+        ranked = sorted(self.probabilities, key=lambda name: -self.probabilities[name])
+        return self.named_first or self.in_class or any(one in self.truth for one in ranked[:2])
+
+    @property
+    def honest(self) -> bool:
+        """Whether the name is right, or in a class, or the effect was said not to show."""
+        unseen = self.verdict == "none" and bool(set(self.truth) & set(self.not_judged))
+        return self.named_first or self.in_class or unseen
+
+    @property
+    def wrong_names(self) -> tuple[str, ...]:
+        """Names that a verdict states as there, and are not; of a class, all if none is right."""
+        if self.verdict == "class":
+            return () if set(self.names) & set(self.truth) else self.names
+        return tuple(name for name in self.names if name not in self.truth)
+
+    @property
+    def confidently_wrong(self) -> bool:
+        """Whether a name that is not true is stated with confidence."""
+        return any(self.probabilities.get(name, 0.0) > SURE for name in self.wrong_names)
+
+    @property
+    def both_named(self) -> bool:
+        """Whether both effects of a pair are named."""
+        return set(self.truth) <= set(self.names)
+
+    @property
+    def answers(self) -> frozenset[str]:
+        """Answers that count as right when probabilities are held against the truth.
+
+        An effect within its tolerance is none; a weak one from outside may be either.
+        """
+        if self.kind == "none":
+            return frozenset({"none"})
+        if self.kind == "outside":
+            return frozenset({"unknown", "none"} if self.strength == "weak" else {"unknown"})
+        beyond = [name for name, s in zip(self.truth, self.sizes, strict=True) if abs(s) > 1.0]
+        return frozenset(beyond or {"none"})
+
+    @property
+    def stated(self) -> tuple[float, bool]:
+        """Return the probability of the likeliest explanation, and whether it is right."""
+        best = max(self.probabilities, key=lambda name: self.probabilities[name])
+        return self.probabilities[best], best in self.answers
+
+    @property
+    def given_to_truth(self) -> float:
+        """Probability given to what is true."""
+        return max((self.probabilities.get(name, 0.0) for name in self.answers), default=0.0)
+
+    @property
+    def brier(self) -> float:
+        """Squared error of the probabilities of all explanations; 0 is best, 2 worst."""
+        best = max(self.answers, key=lambda name: self.probabilities.get(name, 0.0))
+        total = sum((p - (name == best)) ** 2 for name, p in self.probabilities.items())
+        return total + (best not in self.probabilities)

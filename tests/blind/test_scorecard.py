@@ -1,0 +1,199 @@
+"""The scorecard counts what it says, on made-up records."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.blind.intervals import Share, share_of
+from tests.blind.scorecard import Scorecard, by_effect, calibration, calibration_error
+from tests.blind.scored import Scored, ScoredParameter
+
+RIGHT = Scored(
+    kind="named",
+    truth=("body_lift",),
+    sizes=(3.0,),
+    stage="rpm_to_thrust",
+    verdict="effect",
+    names=("body_lift",),
+    probabilities={"body_lift": 0.95, "none": 0.01, "unknown": 0.04},
+    where="rpm_to_thrust",
+    gaps={"thrust_N": 1.05, "rpm": 0.99},
+    true_gaps={"thrust_N": 1.0},
+    parameters=(ScoredParameter(name="K_b", value=2.0, low=1.8, high=2.2, truth=2.1),),
+    seconds=1.0,
+)
+WRONG = replace(
+    RIGHT,
+    names=("plate_offset",),
+    probabilities={"plate_offset": 0.97, "body_lift": 0.02, "none": 0.0, "unknown": 0.01},
+    where="plate",
+    gaps={"thrust_N": 1.3},
+    parameters=(),
+)
+NULL = replace(
+    RIGHT,
+    kind="none",
+    truth=(),
+    sizes=(),
+    stage="",
+    verdict="none",
+    names=(),
+    where="",
+    probabilities={"body_lift": 0.02, "none": 0.9, "unknown": 0.08},
+    parameters=(),
+)
+OUTSIDE = replace(
+    NULL,
+    kind="outside",
+    truth=("recirculation",),
+    verdict="unknown",
+    probabilities={"body_lift": 0.2, "none": 0.1, "unknown": 0.7},
+)
+PAIR = replace(
+    RIGHT,
+    kind="pair",
+    truth=("body_lift", "tare_offset"),
+    sizes=(3.0, 4.0),
+    verdict="several",
+    names=("tare_offset", "body_lift"),
+)
+CLASS = replace(
+    RIGHT,
+    verdict="class",
+    names=("plate_offset", "body_lift"),
+    probabilities={"plate_offset": 0.5, "body_lift": 0.3, "none": 0.0, "unknown": 0.2},
+    confirmed=True,
+)
+
+
+def figure(records: list[Scored], what: str) -> str:
+    """Return what the scorecard found."""
+    return next(line.found for line in Scorecard("x", records).lines() if what in line.what)
+
+
+def test_wilson_intervals_are_those_of_the_formula() -> None:
+    # Wilson's own formula, the roots of (p - q)^2 = z^2 q (1 - q) / n.
+    for count, total in ((0, 10), (3, 10), (97, 100), (300, 300)):
+        p, z2 = count / total, 1.959964**2
+        roots = np.roots([1.0 + z2 / total, -(2.0 * p + z2 / total), p * p])
+        assert Share(count=count, total=total).interval == pytest.approx(
+            tuple(sorted(roots.real)), abs=1e-6
+        )
+    assert share_of([]).interval == (0.0, 1.0)
+
+
+def test_named_records_are_counted() -> None:
+    records = [RIGHT, RIGHT, RIGHT, WRONG]
+    assert figure(records, "right name first").startswith("3 of 4: 75.0 %")
+    assert figure(records, "first two or in a class").startswith("4 of 4")
+    assert figure(records, "confident wrong name").startswith("1 of 4")
+    assert figure(records, "gap after at most").startswith("3 of 3")
+    assert figure(records, "same of the true model").startswith("3 of 3")
+    assert figure(records, "stage right").startswith("3 of 4")
+    assert figure(records, "hold the truth").startswith("3 of 3")
+    assert figure(records, "seconds") == "median 1.0, most 1.0"
+
+
+def test_a_wrong_name_beside_the_right_one_is_told() -> None:
+    beside = replace(
+        RIGHT,
+        verdict="several",
+        names=("body_lift", "tare_offset"),
+        probabilities={"body_lift": 0.99, "tare_offset": 0.98, "none": 0.0, "unknown": 0.01},
+    )
+    assert figure([RIGHT, beside], "a name too many").startswith("1 of 2")
+    assert beside.confidently_wrong
+    assert beside.named_first
+
+
+def test_a_class_counts_only_if_it_is_small_right_and_confirmed() -> None:
+    assert CLASS.in_class
+    assert CLASS.in_two_or_class
+    assert not CLASS.named_first
+    assert not CLASS.wrong_names
+    assert not replace(CLASS, confirmed=False).in_class
+    assert not replace(CLASS, names=("a", "b", "c", "body_lift")).in_class
+    other = replace(CLASS, names=("plate_offset", "plate_tilt"))
+    assert not other.in_class
+    assert other.wrong_names == other.names
+
+
+def test_nulls_and_outsiders_are_counted() -> None:
+    false = replace(NULL, verdict="effect", names=("body_lift",))
+    doubted = replace(NULL, verdict="unknown")
+    records = [NULL, NULL, false, doubted, OUTSIDE, replace(OUTSIDE, verdict="none")]
+    assert figure(records, "false name").startswith("1 of 4")
+    assert figure(records, "'unknown' where nothing").startswith("1 of 4")
+    assert figure(records, "'unknown' for what is outside").startswith("1 of 2")
+
+
+def test_pairs_need_both_names() -> None:
+    half = replace(PAIR, verdict="effect", names=("tare_offset",))
+    assert figure([PAIR, half], "pairs").startswith("1 of 2")
+
+
+def test_poor_records_may_say_that_an_effect_does_not_show() -> None:
+    poor = replace(
+        RIGHT, excitation="poor", verdict="none", names=(), not_judged=("body_lift",), where=""
+    )
+    records = [poor, replace(poor, not_judged=()), replace(CLASS, excitation="poor")]
+    assert figure(records, "poor").startswith("2 of 3")
+
+
+def test_what_counts_as_right_goes_by_size() -> None:
+    assert RIGHT.answers == {"body_lift"}
+    assert replace(RIGHT, sizes=(0.6,), strength="weak").answers == {"none"}
+    assert NULL.answers == {"none"}
+    assert OUTSIDE.answers == {"unknown"}
+    assert replace(OUTSIDE, strength="weak").answers == {"unknown", "none"}
+    assert replace(PAIR, sizes=(0.5, 3.0)).answers == {"tare_offset"}
+
+
+def test_probabilities_are_held_against_the_truth() -> None:
+    assert RIGHT.stated == (0.95, True)
+    assert WRONG.stated == (0.97, False)
+    assert RIGHT.brier == pytest.approx(0.05**2 + 0.01**2 + 0.04**2)
+    assert WRONG.brier == pytest.approx(0.97**2 + 0.98**2 + 0.01**2)
+    assert replace(NULL, probabilities={"unknown": 1.0}).brier == pytest.approx(2.0)
+    assert OUTSIDE.given_to_truth == 0.7
+
+
+def test_a_calibrated_teller_has_a_small_error(rng: np.random.Generator) -> None:
+    told = rng.uniform(0.5, 1.0, 4000)
+    honest = [
+        replace(RIGHT, probabilities={"body_lift" if rng.random() < p else "none": p}) for p in told
+    ]
+    bins = calibration(honest)
+    assert len(bins) == 10
+    assert {one.count for one in bins} == {400}
+    assert calibration_error(bins) < 0.03
+    boasting = [replace(one, probabilities={next(iter(one.probabilities)): 1.0}) for one in honest]
+    assert calibration_error(calibration(boasting)) == pytest.approx(0.25, abs=0.03)
+
+
+def test_effects_are_listed_apart() -> None:
+    other = replace(RIGHT, truth=("tare_offset",))
+    found = by_effect([RIGHT, WRONG, other])
+    assert found["body_lift"][0] == Share(count=1, total=2)
+    assert found["tare_offset"][0] == Share(count=0, total=1)
+
+
+def test_text_and_page_hold_every_figure() -> None:
+    card = Scorecard("Plate sweeps", [RIGHT, WRONG, NULL, OUTSIDE, PAIR, CLASS])
+    text, page = card.text(), card.markdown("2026-11-21")
+    assert "Plate sweeps: 6 records" in text
+    assert "scored on 2026-11-21" in page
+    for line in card.lines():
+        assert line.what in text
+        assert f"| {line.what} | {line.found} |" in page
+    assert "| recirculation | 1 of 1" in page
+    assert "NO" in text
+
+
+def test_an_empty_scorecard_claims_nothing() -> None:
+    card = Scorecard("nothing", [])
+    assert all(line.reached is None for line in card.lines())
+    assert "none counted" in card.text()
