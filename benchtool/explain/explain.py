@@ -59,9 +59,9 @@ def explain(
     without, fit = (
         Fit(
             ratio=held.ratio(1 + column),
-            leftover=leftover(groups, rows[:, column]) / subject.allowed_leftover,
+            leftover=leftover(groups, rows[:, column]) / subject.allowed_leftover(one.at, rng),
         )
-        for column in (0, 1)
+        for column, one in ((0, null), (1, best))
     )
     weights = [
         weighed(slot.gains, hypotheses.dispersion(slot.tried[0]), fit, without)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from benchtool.explain.pitch_filter import PitchFilter, reading_sd
 from benchtool.simulate import pitch_track as t
-from benchtool.simulate.pitch_bench import PitchBench, PitchSensor
+from benchtool.simulate.pitch_bench import PitchBench, PitchSensor, rig_sensors
 from benchtool.simulate.pitch_follow import Followed, LoggedPitch, follow
 
 Array = NDArray[np.float64]
@@ -129,6 +129,54 @@ def floor(
             squares = np.mean((scale * noisy) ** 2, axis=tuple(range(error.ndim - 1)))
             total[name] = total.get(name, 0.0) + squares
     return {name: np.sqrt(squares / len(windows.starts)) for name, squares in total.items()}
+
+
+def expected_leftover(
+    bench: PitchBench,
+    logged: LoggedPitch,
+    filter_: PitchFilter,
+    windows: Windows,
+    rng: np.random.Generator,
+) -> float:
+    """Return the variance of whitened innovations of pitch and gyro that a true model leaves.
+
+    It is 1 for a smooth plant. Where dry friction lets go at random moments, a filter of constant
+    gain is surprised, by a true model too.
+    """
+    whole = follow([bench], logged, filter_.gains)
+    sensors = rig_sensors(bench.model.rig)
+    total, count = 0.0, 0
+    for start in windows.starts:
+        state = _state(whole, start)
+        true = np.array(state)
+        true[:3] += filter_.state_root @ rng.standard_normal((3, 1))
+        run = _free(
+            [bench], logged, filter_, start, windows.rows, true, seed=int(rng.integers(2**31))
+        )
+        part = logged.between(start, start + windows.rows)
+        seen = [
+            run_channel[:, 0]
+            + reading_sd(sensors.get(name, PitchSensor())) * rng.standard_normal(windows.rows)
+            for run_channel, name in (
+                (run.theta_rad, "theta_rad"), (run.gyro_rad_s, "gyro_rad_s"),
+            )
+        ]  # fmt: skip
+        mode = np.full(windows.rows, float(t.CORRECT))
+        mode[0] = t.FREE
+        again = follow(
+            [bench],
+            replace(
+                part, theta_rad=seen[0], gyro_rad_s=seen[1], mode=mode,
+                speed_rad_s=np.ascontiguousarray(run.speed_rad_s[:, :, 0].T),
+            ),
+            filter_.gains, start_s=start / logged.rate_Hz, states=state,
+        )  # fmt: skip
+        white = filter_.whitener @ np.array(
+            [seen[0] - again.theta_rad[:, 0], seen[1] - again.gyro_rad_s[:, 0]]
+        )
+        total += float(np.mean(white[:, 1:] ** 2))
+        count += 1
+    return total / count if count else 1.0
 
 
 def _state(whole: Followed, row: int) -> Array:

@@ -13,7 +13,13 @@ from benchtool.effects.model import Model
 from benchtool.explain.explanation import Overlay
 from benchtool.explain.next_pitch import next_pitch_experiment
 from benchtool.explain.pitch_evidence import SETTLING_S, PitchEvidence
-from benchtool.explain.pitch_gap import errors, floor, predicted, windows_of
+from benchtool.explain.pitch_gap import (
+    errors,
+    expected_leftover,
+    floor,
+    predicted,
+    windows_of,
+)
 from benchtool.explain.pitch_log import PitchLog
 from benchtool.explain.subject import ChannelErrors, RowGroups
 from benchtool.explain.verdict import NextExperiment
@@ -28,9 +34,10 @@ two seconds whatever the model, so that longer windows would measure luck."""
 BREAK = np.array([np.nan])
 """Put between windows, so that lines break there."""
 
-ALLOWED_LEFTOVER = 1.09
-"""Dirty benches, and true effects whose law is a little off, left up to 1.04 on development
-records; friction with hysteresis and a load that creeps left 1.13 and more."""
+IMPERFECTIONS = 1.09
+"""What small imperfections may add to the variance of residuals, as a factor. On development
+records dirty benches, and true effects whose law is a little off, left up to 1.04 times what a
+true model leaves; friction with hysteresis and a load that creeps left 1.13 and more."""
 
 UNITS = {"theta_rad": "rad", "gyro_rad_s": "rad/s", "rpm": "rpm"}
 
@@ -47,7 +54,6 @@ class PitchSubject:
 
     kind: BenchKind = "pitch"
     window_s = WINDOW_S
-    allowed_leftover = ALLOWED_LEFTOVER
 
     def __init__(
         self,
@@ -104,6 +110,17 @@ class PitchSubject:
                 total[name] = total.get(name, 0.0) + len(windows.starts) * roots**2
             count += len(windows.starts)
         return {name: np.sqrt(squares / max(count, 1)) for name, squares in total.items()}
+
+    def allowed_leftover(self, at: Array, rng: np.random.Generator) -> float:
+        """Return what a true model leaves in the rows of the hinge, with room for imperfections."""
+        expected = [
+            expected_leftover(
+                self.evidence.bench(at, log.logged.rate_Hz), log.logged, log.filter,
+                windows_of(log.logged, WINDOW_S, SETTLING_S), rng,
+            )
+            for log in self.evidence.logs
+        ]  # fmt: skip
+        return IMPERFECTIONS * max(1.0, float(np.mean(expected)))
 
     def overlays(self, before: Array, after: Array) -> tuple[Overlay, ...]:
         """Return the first check recording with the predictions of each window, by channel."""

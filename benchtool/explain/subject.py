@@ -68,9 +68,11 @@ class Subject(Protocol):
         """What was mended in the recordings, and what they lack."""
         ...
 
-    @property
-    def allowed_leftover(self) -> float:
-        """Variance of whitened residuals that small imperfections may leave; inf for any."""
+    def allowed_leftover(self, at: Array, rng: np.random.Generator) -> float:
+        """Return what variance whitened residuals of a stage may have with knobs `at` (n_knobs,).
+
+        What a true model would leave, and what small imperfections add; inf where it tells nothing.
+        """
         ...
 
     @property
