@@ -7,23 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from benchtool.cli.simulate_options import (
-    Duration,
-    Gains,
-    MeasureName,
-    Out,
-    Samples,
-    Seed,
-    Seeds,
-    Settings,
-    Varied,
-    controller_names,
-    gain_sets,
-    numbers_between_commas,
-    one_gain_set,
-    refuse_without_vary,
-    say_if_slow,
-)
+from benchtool.cli import simulate_options as options
 
 if TYPE_CHECKING:
     from benchtool.simulate.flight_vehicle import FlightVehicle
@@ -38,7 +22,7 @@ def command(
     model: Annotated[
         str, typer.Option(help="Model whose ground effect acts, or its file; eq. (4) without.")
     ] = "",
-    gains: Gains = None,
+    gains: options.Gains = None,
     controllers: Annotated[
         str,
         typer.Option(
@@ -73,14 +57,14 @@ def command(
     goal_m: Annotated[str, typer.Option("--goal-m", help="X,Y to fly to instead.")] = "",
     lag_s: Annotated[float, typer.Option("--lag-s", help="Time constant of the motors.")] = 0.0,
     layout: Annotated[str, typer.Option(help="plus, or cross: turned by 45 degrees.")] = "plus",
-    duration_s: Duration = 0.0,
-    seed: Seed = 1,
-    settings: Settings = None,
-    vary: Varied = None,
-    seeds: Seeds = 1,
-    samples: Samples = 0,
-    measure: MeasureName = "",
-    out: Out = None,
+    duration_s: options.Duration = 0.0,
+    seed: options.Seed = 1,
+    settings: options.Settings = None,
+    vary: options.Varied = None,
+    seeds: options.Seeds = 1,
+    samples: options.Samples = 0,
+    measure: options.MeasureName = "",
+    out: options.Out = None,
 ) -> None:
     """Simulate a flight over an obstacle: numbers, recordings, figure; or a campaign of flights."""
     from typing import get_args
@@ -91,24 +75,26 @@ def command(
     from benchtool.simulate.flight import FlightControl
     from benchtool.studies.campaign_flight import OGE, FlightCampaign
     from benchtool.studies.flight_map import read_map
-    from benchtool.studies.flight_report import fly_each, table_lines, warnings_of
+    from benchtool.studies.flight_report import fly_each, table_lines, warnings_of, write_flights
     from benchtool.studies.flight_setup import FlightSetup, changed, full_name
     from benchtool.studies.flight_table import GYRO_NOISE_RAD_S
     from benchtool.studies.own_controllers import controller_class
 
-    say_if_slow()
+    options.say_if_slow()
     known = get_args(FlightControl)
-    names = controller_names(
+    names = options.controller_names(
         controllers or ("oge,pid" if vary else "pid,observer,feedforward"), known
     )
     for name in names:
         if name not in known and not (vary and name == OGE) and (vary or ":" not in name):
             raise UnknownChoice("controller of a flight", name, [*known, OGE] if vary else known)
-    sets = gain_sets(gains)
+    sets = options.gain_sets(gains)
     if gyro_noise_rad_s is None:
         gyro_noise_rad_s = GYRO_NOISE_RAD_S if seeds > 1 else 0.0
-    offset_x_m, offset_y_m, offset_z_m = numbers_between_commas("--map-offset-m", map_offset_m, 3)
-    goal = numbers_between_commas("--goal-m", goal_m, 2) if goal_m else None
+    offset_x_m, offset_y_m, offset_z_m = options.numbers_between_commas(
+        "--map-offset-m", map_offset_m, 3
+    )
+    goal = options.numbers_between_commas("--goal-m", goal_m, 2) if goal_m else None
     setup = FlightSetup(
         case=case,
         vehicle=_vehicle(rig, model, lag_s, layout),
@@ -136,26 +122,19 @@ def command(
         campaign = FlightCampaign(setups=setups, controllers=tuple(names))
         run_with_progress(campaign, design, settings or [], measure, out)
         return
-    refuse_without_vary(seeds=seeds > 1, samples=samples, measure=measure)
-    gain_set = one_gain_set(sets)
+    options.refuse_without_vary(seeds=seeds > 1, samples=samples, measure=measure)
+    gain_set = options.one_gain_set(sets)
     setup = changed(setup, given)
     flown = setup.flown("pid", seed)
     own = [(name, controller_class(name, known)) for name in names if name not in known]
     built_in = [each for name in names for each in known if each == name]
     flights = fly_each(flown, built_in, own)
-    print(
+    header = (
         f"SIMULATED flight {flown.name}: {flown.title}; rig {rig}, z/R {setup.z_over_R:g}, "
         f"{flown.goals[-1].speed_m_s:g} m/s, gains {gain_set}"
     )
-    for line in [*table_lines(flights), *warnings_of(flights)]:
-        print(line, flush=True)
-    if out is None:
-        print("add --out FOLDER for the recordings (CSV) and the figure")
-        return
-    from benchtool.studies.flight_report import write_flights
-
-    for path in write_flights(out, flights):
-        print(f"written: {path}")
+    lines = [header, *table_lines(flights), *warnings_of(flights)]
+    options.show_study(lines, lambda folder: write_flights(folder, flights), out)
 
 
 def _vehicle(rig: str, model: str, lag_s: float, layout: str) -> FlightVehicle:

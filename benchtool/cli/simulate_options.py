@@ -1,9 +1,9 @@
-"""Options that every closed-loop simulation takes, and what is read from them."""
+"""Options that every closed-loop simulation takes, what is read from them, and its words."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -93,3 +93,16 @@ def refuse_without_vary(**given: Any) -> None:
             raise InputError(
                 f"--{option} is for a campaign; add --vary NAME=FROM:TO:COUNT or leave it out"
             )
+
+
+def show_study(
+    lines: Iterable[str], write: Callable[[Path], Iterable[Path]], out: Path | None
+) -> None:
+    """Print what came out, and write it where a folder was named."""
+    for line in lines:
+        print(line, flush=True)
+    if out is None:
+        print("add --out FOLDER for the recordings (CSV) and the figure")
+        return
+    for path in write(out):
+        print(f"written: {path}")

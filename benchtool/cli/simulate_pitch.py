@@ -6,22 +6,7 @@ from typing import Annotated
 
 import typer
 
-from benchtool.cli.simulate_options import (
-    Duration,
-    Gains,
-    MeasureName,
-    Out,
-    Samples,
-    Seed,
-    Seeds,
-    Settings,
-    Varied,
-    controller_names,
-    gain_sets,
-    one_gain_set,
-    refuse_without_vary,
-    say_if_slow,
-)
+from benchtool.cli import simulate_options as options
 
 
 def command(
@@ -29,7 +14,7 @@ def command(
     model: Annotated[
         str, typer.Option(help="Model or its file; the rig's pitch model without.")
     ] = "",
-    gains: Gains = None,
+    gains: options.Gains = None,
     controllers: Annotated[
         str,
         typer.Option(
@@ -37,17 +22,17 @@ def command(
         ),
     ] = "pid,feedforward,observer",
     schedule: Annotated[str, typer.Option(help="Schedule, or its file.")] = "plate",
-    duration_s: Duration = 0.0,
-    seed: Seed = 1,
-    settings: Settings = None,
+    duration_s: options.Duration = 0.0,
+    seed: options.Seed = 1,
+    settings: options.Settings = None,
     feedforward: Annotated[
         str, typer.Option(help="What feedforward knows: distance or range (sensors).")
     ] = "distance",
-    vary: Varied = None,
-    seeds: Seeds = 1,
-    samples: Samples = 0,
-    measure: MeasureName = "",
-    out: Out = None,
+    vary: options.Varied = None,
+    seeds: options.Seeds = 1,
+    samples: options.Samples = 0,
+    measure: options.MeasureName = "",
+    out: options.Out = None,
 ) -> None:
     """Simulate the pitch bench under each controller: numbers, recordings, figure."""
     from dataclasses import replace
@@ -59,8 +44,8 @@ def command(
     from benchtool.studies.pitch import pitch_study, table_lines, warnings_of, write_study
     from benchtool.studies.pitch_setup import PitchSetup, changed, pitch_setup
 
-    say_if_slow()
-    names = controller_names(controllers, PITCH_CONTROLLERS)
+    options.say_if_slow()
+    names = options.controller_names(controllers, PITCH_CONTROLLERS)
     own = [(name, controller_class(name)) for name in names if name not in PITCH_CONTROLLERS]
     built_in = [name for name in names if name in PITCH_CONTROLLERS]
     given = name_values(settings or [], "--set")
@@ -79,7 +64,7 @@ def command(
             return setup
         return replace(setup, schedule=setup.schedule.lasting(duration_s))
 
-    sets = gain_sets(gains)
+    sets = options.gain_sets(gains)
     if vary:
         from benchtool.cli.campaign_display import run_with_progress
         from benchtool.studies.campaign_pitch import PitchCampaign
@@ -91,19 +76,14 @@ def command(
         design = Design.read(vary, samples=samples, seeds=seeds, seed=seed)
         run_with_progress(campaign, design, settings or [], measure, out)
         return
-    refuse_without_vary(seeds=seeds > 1, samples=samples, measure=measure)
-    gain_set = one_gain_set(sets)
+    options.refuse_without_vary(seeds=seeds > 1, samples=samples, measure=measure)
+    gain_set = options.one_gain_set(sets)
     setup = setup_with(gain_set)
     study = pitch_study(setup, seed, own, only_own=not built_in)
     bench = setup.bench
-    print(
+    header = (
         f"SIMULATED pitch bench {bench.model.rig.name}, model {bench.model.name}, "
         f"gains {gain_set}, schedule {setup.schedule.name}, seed {seed}"
     )
-    for line in [*table_lines(study), *warnings_of(study)]:
-        print(line, flush=True)
-    if out is None:
-        print("add --out FOLDER for the recordings (CSV) and the figure")
-        return
-    for path in write_study(study, out):
-        print(f"written: {path}")
+    lines = [header, *table_lines(study), *warnings_of(study)]
+    options.show_study(lines, lambda folder: write_study(study, folder), out)
