@@ -14,7 +14,9 @@ def inspect_stand(read: Imported) -> Imported:
     """Return the import of a stand's log with what could be mended mended and the rest doubted."""
     read = mend_spikes(mend_time(read))
     recording = read.recording
-    found = [*rest_doubts(recording), *dead_channels(recording), *speed_doubts(recording)]
+    told = {name for name, source in read.sources.items() if source.startswith("constant ")}
+    dead = [item for item in dead_channels(recording) if item.channel not in told]
+    found = [*rest_doubts(recording), *dead, *speed_doubts(recording)]
     if len(recording) == 1:
         words = "one row is no measurement series; nothing can be held against it"
         found.append(Finding("doubt", "single row", words, count=1))

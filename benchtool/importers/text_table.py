@@ -131,6 +131,8 @@ def _header_line(data: bytes, where: str, findings: list[Finding]) -> tuple[str,
     except UnicodeDecodeError:
         text = raw.decode("cp1252", "replace")
         _repaired(findings, "encoding", "the header is not UTF-8; read as Windows-1252")
+    # A name may reach a terminal, and must give it no orders.
+    text = "".join(letter if letter.isprintable() or letter == "\t" else "�" for letter in text)
     return text, line, min(at, len(data))
 
 

@@ -98,9 +98,13 @@ def _write_csv(path: Path, recording: Recording) -> None:
     import pyarrow as pa
     from pyarrow import csv
 
+    blank = np.isnan(recording.values)
+    masks = [blank[:, index].copy() for index in range(len(recording.channels))]
+    # A line of nothing but empty cells would be taken for no row: its first cell says nan.
+    masks[0] &= ~blank.all(axis=1)
     columns = [
-        pa.array(np.ascontiguousarray(recording.column(name)), from_pandas=True)
-        for name in recording.names
+        pa.array(np.ascontiguousarray(recording.values[:, index]), mask=mask)
+        for index, mask in enumerate(masks)
     ]
     table = pa.table(columns, names=list(recording.names))
     fresh = path.with_name(f".{path.name}.new")
