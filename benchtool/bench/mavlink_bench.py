@@ -28,7 +28,15 @@ from benchtool.bench.mavlink_plate import move_virtual_plate
 from benchtool.bench.mavlink_quality import LinkQuality
 from benchtool.bench.mavlink_rows import MavlinkRows
 from benchtool.bench.mavlink_settings import LEAST_HZ, MOST_HZ, MavlinkSettings
-from benchtool.bench.mavlink_streams import ask_for, interval, told, wishes
+from benchtool.bench.mavlink_streams import (
+    ask_for,
+    check_fit,
+    fitted,
+    interval,
+    require_outputs,
+    told,
+    wishes,
+)
 from benchtool.bench.mavlink_talk import MavlinkTalk
 from benchtool.bench.mavlink_wiring import channels_of
 from benchtool.bench.opened import Opened
@@ -40,7 +48,6 @@ from benchtool.errors import (
     DeviceStopped,
     InputError,
     LinkLost,
-    ProtocolError,
     StageError,
 )
 
@@ -78,6 +85,7 @@ class MavlinkBench(Opened):
         self._transport, self._clock, self._since_1970_s = transport, clock, since_1970_s
         self._settings = settings or MavlinkSettings()
         self._cell = SideCell(cell, self._settings.cell_name, clock) if cell else None
+        self._ports = [transport] if cell is None else [transport, cell]
         self._learnt: Learnt | None = None
         self._channels: tuple[Channel, ...] = ()
         self._rate_Hz = self._settings.rate_Hz
@@ -123,15 +131,20 @@ class MavlinkBench(Opened):
             made = PitchDrive if pitch else TestDrive
             self._drive: Drive = made(talk, learnt, self._health, settings.arm, self._clock)
             talk.on_message = self._take
+            n = learnt.wiring.n_rotors
+            self._baud = 0 if learnt.simulated else self._transport.baud or 0
+            asked, news = fitted(settings, n, self._baud)
+            self._rate_Hz, self._messages = asked.rate_Hz, [*self._messages, *news]
             self._became = ask_for(
-                talk, wishes(settings, learnt.wiring.n_rotors), self._counts.__getitem__,
+                talk, wishes(asked, n), self._counts.__getitem__,
                 self._clock, learnt.speed,
             )  # fmt: skip
             self._choose_channels(learnt)
             self._talk.frames.take_losses(talk.system)
             self._learnt = learnt
         except BaseException:
-            self._close_ports()
+            for port in self._ports:
+                port.close()
             raise
 
     def close(self) -> None:
@@ -145,7 +158,8 @@ class MavlinkBench(Opened):
         except BenchError:
             pass  # The time-out of the motor test stops the motors where we cannot.
         finally:
-            self._close_ports()
+            for port in self._ports:
+                port.close()
             self._learnt = None
 
     def set_pwm(self, pwm_us: Array) -> None:
@@ -177,10 +191,10 @@ class MavlinkBench(Opened):
                 "an autopilot does not move the plate; give --stage hand or --stage grbl:PORT"
             )
         idle_us = learnt.pulses.idle_us
-        if self._drive.highest_us > idle_us:
+        if (highest_us := self._drive.highest_us) > idle_us:
             raise StageError(
-                f"the plate was not moved: a motor is commanded {self._drive.highest_us:g} us, "
-                f"above idle at {idle_us:g} us; command idle first"
+                f"the plate was not moved: a motor is commanded {highest_us:g} us, above idle at "
+                f"{idle_us:g} us; command idle first"
             )
         move_virtual_plate(self, self._talk, (z_m, x_m, tilt_rad))
 
@@ -211,6 +225,7 @@ class MavlinkBench(Opened):
             raise InputError(
                 f"a stream of {rate_Hz:g} Hz is not possible; ask for {LEAST_HZ:g} to {MOST_HZ:g}"
             )
+        check_fit(self._settings, rate_Hz, self._known().wiring.n_rotors, self._baud)
         for name in ("SERVO_OUTPUT_RAW", "ACTUATOR_OUTPUT_STATUS", "ATTITUDE", "ATTITUDE_TARGET"):
             if self._became.get(name) == "comes":
                 self._talk.exchange(interval(name, rate_Hz))
@@ -247,11 +262,6 @@ class MavlinkBench(Opened):
         """Return the speed that each ESC last told, by its place from 1."""
         return dict(self._rows.speeds_rpm)
 
-    def _close_ports(self) -> None:
-        self._transport.close()
-        if self._cell is not None:
-            self._cell.close()
-
     def last_text(self) -> str:
         """Return what the autopilot said last."""
         return self._said or "it does not say why"
@@ -267,15 +277,7 @@ class MavlinkBench(Opened):
         Raises:
             ProtocolError: no outputs are told, so that nothing could be read back.
         """
-        if not any(
-            self._became.get(name) == "comes"
-            for name in ("SERVO_OUTPUT_RAW", "ACTUATOR_OUTPUT_STATUS")
-        ):
-            raise ProtocolError(
-                f"system {self._talk.system} does not tell its outputs (SERVO_OUTPUT_RAW "
-                f"{self._became.get('SERVO_OUTPUT_RAW')}), so nobody could see what its motors do; "
-                f"raise the telemetry port's rate or take another port"
-            )
+        require_outputs(self._became, self._talk.system)
         n = learnt.wiring.n_rotors
         every = channels_of(n)
         _, seen = self._rows.take_rows()

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
+from benchtool.bench.baud import BITS_PER_BYTE
 from benchtool.bench.mavlink_dialect import ESC_STATUS, dialect
 from benchtool.bench.mavlink_pilots import Order
-from benchtool.bench.mavlink_settings import MavlinkSettings
+from benchtool.bench.mavlink_settings import LEAST_HZ, MavlinkSettings
 from benchtool.bench.mavlink_talk import MavlinkTalk
 from benchtool.bench.mavlink_wiring import THRUST_MESSAGES
+from benchtool.errors import InputError, ProtocolError
 
 SET_INTERVAL = 511
 SLOW_HZ, BATTERY_HZ = 20.0, 4.0
@@ -20,6 +22,15 @@ LISTEN_S = 1.2
 """A message that was accepted and has not come after so long is one that never comes."""
 
 ACCEPTED = 0
+
+FRAME_BYTES, SIGNATURE_BYTES = 12, 13
+"""Around the payload of a MAVLink 2 frame."""
+
+ALTERNATES = ("ESC_STATUS", "RAW_RPM", "RPM")
+"""Speeds that come where ESC_TELEMETRY does not: a line carries one kind."""
+
+RATES_HZ = (40.0, 25.0, 20.0, LEAST_HZ)
+"""Rates that are tried where a slow line does not carry what was asked for; a choice."""
 
 Became = Literal["comes", "denied", "accepted, but nothing comes", "comes unasked"]
 
@@ -58,6 +69,61 @@ def wishes(settings: MavlinkSettings, n_rotors: int) -> tuple[Wish, ...]:
         found.append(Wish("DISTANCE_SENSOR", slow_Hz))
         found.append(Wish("RANGEFINDER", slow_Hz, stead="DISTANCE_SENSOR"))
     return tuple(found)
+
+
+def fitted(
+    settings: MavlinkSettings, n_rotors: int, baud: int
+) -> tuple[MavlinkSettings, list[str]]:
+    """Return the settings with a rate that fits a serial line, and what must be said of that.
+
+    Raises:
+        InputError: not even the slowest fits, with the arithmetic.
+    """
+    for rate_Hz in (settings.rate_Hz, *RATES_HZ):
+        if rate_Hz <= settings.rate_Hz and fits(settings, rate_Hz, n_rotors, baud):
+            break
+    else:
+        check_fit(settings, LEAST_HZ, n_rotors, baud)
+    if rate_Hz == settings.rate_Hz:
+        return settings, []
+    told = (
+        f"outputs come at {rate_Hz:g} Hz instead of {settings.rate_Hz:g}: the link runs at "
+        f"{baud:,} baud"
+    )
+    return replace(settings, rate_Hz=rate_Hz), [told]
+
+
+def check_fit(settings: MavlinkSettings, rate_Hz: float, n_rotors: int, baud: int) -> None:
+    """Refuse a rate of outputs that does not fit a serial line; 0 baud has no limit.
+
+    Raises:
+        InputError: with the arithmetic.
+    """
+    if not fits(settings, rate_Hz, n_rotors, baud):
+        needed = _bytes_per_s(settings, rate_Hz, n_rotors)
+        raise InputError(
+            f"outputs at {rate_Hz:g} Hz and what comes with them are {needed:,.0f} bytes/s x "
+            f"{BITS_PER_BYTE} bits = {BITS_PER_BYTE * needed:,.0f} baud, but the link runs at "
+            f"{baud:,} baud; ask for less (rate=, rpm=none) or raise the baud rate on both ends"
+        )
+
+
+def fits(settings: MavlinkSettings, rate_Hz: float, n_rotors: int, baud: int) -> bool:
+    """Tell whether everything that is asked for fits a serial line."""
+    return not baud or BITS_PER_BYTE * _bytes_per_s(settings, rate_Hz, n_rotors) <= baud
+
+
+def _bytes_per_s(settings: MavlinkSettings, rate_Hz: float, n_rotors: int) -> float:
+    """Return the bytes per second of first choices; what is denied makes it less."""
+    signature = SIGNATURE_BYTES if settings.key else 0
+    known = dialect().mavlink_map
+    return float(
+        sum(
+            wish.rate_Hz * (known[number_of(wish.name)].unpacker.size + FRAME_BYTES + signature)
+            for wish in wishes(replace(settings, rate_Hz=rate_Hz), n_rotors)
+            if not wish.stead and wish.name not in ALTERNATES
+        )
+    )
 
 
 def ask_for(
@@ -107,6 +173,21 @@ def ask_for(
             if wish.name in THRUST_MESSAGES and wish.name not in watched:
                 became[wish.name] = "comes" if wish in taken else "comes unasked"
     return became
+
+
+def require_outputs(became: dict[str, Became], system: int) -> None:
+    """Refuse an autopilot that does not tell its outputs: nothing could be read back.
+
+    Raises:
+        ProtocolError: what became of the messages.
+    """
+    outputs = ("SERVO_OUTPUT_RAW", "ACTUATOR_OUTPUT_STATUS")
+    if not any(became.get(name) == "comes" for name in outputs):
+        told = ", ".join(f"{name} {became[name]}" for name in outputs if name in became)
+        raise ProtocolError(
+            f"system {system} does not tell its outputs ({told}), so nobody could see what its "
+            f"motors do; raise the telemetry port's rate or take another port"
+        )
 
 
 def interval(name: str, rate_Hz: float) -> Order:

@@ -69,7 +69,7 @@ class SideCell:
         self._last_us = 0
 
     def open(self) -> None:
-        """Open the port and wait for the first reading.
+        """Open the port and wait for the first reading; whoever owns the port closes it.
 
         Raises:
             PortBusy, PortDenied, NoDevice: it cannot be had, or no number comes.
@@ -79,16 +79,11 @@ class SideCell:
         until_s = self._clock() + FIRST_S
         while not self._waiting:
             if self._clock() >= until_s:
-                self._transport.close()
                 raise NoDevice(
                     f"the load cell on {self._name} sent no number for {FIRST_S:g} s; check its "
                     f"power, its program and the baud rate behind the port's name"
                 )
             self.poll(0.02)
-
-    def close(self) -> None:
-        """Give the port back."""
-        self._transport.close()
 
     def poll(self, timeout_s: float = 0.0) -> None:
         """Take what has arrived."""

@@ -56,7 +56,7 @@ class Bench:
         self.kind = kind
         key = given.pop("device_key", None)
         self.autopilot = self.booted(plant or StillPlant(), key)
-        self.link = LoopbackLink(self.autopilot, lambda: 100.0)
+        self.link = LoopbackLink(self.autopilot, lambda: 100.0, baud=given.pop("baud", None))
         settings = MavlinkSettings(**{"system": 1, **given})
         cell = Cell(self.link) if settings.cell else None
         self.bench = MavlinkBench(
@@ -267,8 +267,8 @@ def test_a_tare_is_the_hosts() -> None:
         assert made.last(values, "thrust_raw") == pytest.approx(0.7)
 
 
-def test_the_plate_of_a_real_autopilot_needs_a_stage() -> None:
-    made = Bench(motor_map=PLUS)
+def make_real(made: Bench) -> None:
+    """Let the heartbeat not say any more that no motor turns."""
     beat = made.autopilot._heartbeat
 
     def real() -> object:
@@ -277,6 +277,26 @@ def test_the_plate_of_a_real_autopilot_needs_a_stage() -> None:
         return message
 
     made.autopilot._heartbeat = real
+
+
+def test_a_slow_line_carries_less_and_says_so() -> None:
+    made = Bench(motor_map=PLUS, baud=38400)
+    make_real(made)
+    with made.bench as bench:
+        assert bench.identity.rate_Hz == 25.0
+        _, messages = made.read(0.3)
+        assert "outputs come at 25 Hz instead of 50: the link runs at 38,400 baud" in messages
+        with pytest.raises(InputError, match=r"bytes/s x 10 bits = 1\d\d,\d{3} baud, but the link"):
+            bench.set_rate(200.0)
+    made = Bench(motor_map=PLUS, baud=9600)
+    make_real(made)
+    with pytest.raises(InputError, match="outputs at 10 Hz and what comes with them are"):
+        made.bench.open()
+
+
+def test_the_plate_of_a_real_autopilot_needs_a_stage() -> None:
+    made = Bench(motor_map=PLUS)
+    make_real(made)
     with made.bench as bench:
         assert not bench.identity.simulated
         assert not bench.identity.moves_plate
@@ -339,3 +359,11 @@ def test_a_load_cell_beside_the_autopilot_is_laid_on_its_time() -> None:
     # The count says when it was read: whole tenths of a second.
     assert np.all(np.abs(time_s[told] - raw[told] / 10.0) < 0.11)
     np.testing.assert_allclose(thrust_N[told], 0.1 * raw[told])
+
+
+def test_an_autopilot_that_does_not_tell_its_outputs_is_refused() -> None:
+    made = Bench(motor_map=PLUS)
+    made.autopilot._orders.lacks = made.autopilot._orders.lacks | {36}
+    said = r"does not tell its outputs \(SERVO_OUTPUT_RAW denied, ACTUATOR_OUTPUT_STATUS denied\)"
+    with pytest.raises(ProtocolError, match=said):
+        made.bench.open()

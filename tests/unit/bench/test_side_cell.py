@@ -48,7 +48,7 @@ def test_a_silent_cell_is_named() -> None:
     link = ScriptedLink()
     with pytest.raises(NoDevice, match="the load cell on /dev/cell sent no number for 5 s"):
         SideCell(link, "/dev/cell", link.clock).open()
-    assert link.closed == 1
+    assert link.opened == 1
 
 
 def test_rows_of_two_sources_come_in_order_and_never_twice_at_one_time() -> None:
