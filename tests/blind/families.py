@@ -12,6 +12,7 @@ import numpy as np
 
 Dirt = Literal["dirty", "clean"]
 Kind = Literal["named", "none", "pair", "outside"]
+Stage = Literal["pwm_to_rpm", "rpm_to_thrust", "hinge", "sensor", "plate"]
 Strength = Literal["full", "weak"]
 
 RANGES: dict[Strength, tuple[float, float]] = {"full": (2.0, 8.0), "weak": (0.3, 1.5)}

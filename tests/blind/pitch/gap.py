@@ -59,7 +59,7 @@ def shown(part: Part, truth: Plant, model: Plant, window_s: float = WINDOW_S) ->
     bench = Moving(model)
     out = np.empty((len(CHANNELS), n))
     for start in range(0, n, span):
-        before = pulses[max(start - 20, 0) : start] or [(part.first_us, part.first_us)]
+        before = pulses[max(start - 20, 0) : start] or [(SHEET.base_pwm, SHEET.base_pwm)]
         state = part.states[start]
         if truth.flexible and not model.flexible:
             state = _averaged(state, truth)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tests.blind.families import RANGES, Strength
+from tests.blind.families import RANGES, Stage, Strength
 from tests.blind.pitch.plant import Plant
 from tests.blind.pitch.sheet import SHEET
 
@@ -17,6 +17,7 @@ class Named:
 
     Attributes:
         name: of the effect.
+        stage: where between pulse and reading it acts.
         parameter: of the effect, with its unit in the name where it has one.
         field: of the plant that holds it.
         neutral: value at which the effect is absent.
@@ -26,6 +27,7 @@ class Named:
     """
 
     name: str
+    stage: Stage
     parameter: str
     field: str
     neutral: float
@@ -65,6 +67,7 @@ class Hidden:
 _ALL = (
     Named(
         name="coulomb_friction",
+        stage="hinge",
         parameter="torque_Nm",
         field="friction_Nm",
         neutral=0.0,
@@ -73,6 +76,7 @@ _ALL = (
     ),
     Named(
         name="viscous_friction",
+        stage="hinge",
         parameter="damping_Nms",
         field="damping_Nms",
         neutral=0.0,
@@ -81,15 +85,31 @@ _ALL = (
     ),
     Named(
         name="hinge_spring",
+        stage="hinge",
         parameter="stiffness_Nm_per_rad",
         field="stiffness_Nm_per_rad",
         neutral=0.0,
         tolerance=0.02,
     ),
-    Named(name="cog_offset", parameter="x_m", field="cog_x_m", neutral=0.0, tolerance=0.0005),
-    Named(name="motor_lag", parameter="tau_s", field="tau_s", neutral=SHEET.tau_m, tolerance=0.002),
+    Named(
+        name="cog_offset",
+        stage="hinge",
+        parameter="x_m",
+        field="cog_x_m",
+        neutral=0.0,
+        tolerance=0.0005,
+    ),
+    Named(
+        name="motor_lag",
+        stage="pwm_to_rpm",
+        parameter="tau_s",
+        field="tau_s",
+        neutral=SHEET.tau_m,
+        tolerance=0.002,
+    ),
     Named(
         name="transport_delay",
+        stage="pwm_to_rpm",
         parameter="delay_s",
         field="delay_s",
         neutral=0.0,
@@ -98,6 +118,7 @@ _ALL = (
     ),
     Named(
         name="rotor_asymmetry",
+        stage="rpm_to_thrust",
         parameter="ratio",
         field="thrust_ratio",
         neutral=1.0,
@@ -106,6 +127,7 @@ _ALL = (
     # The plate is never read so far off that the covered rotor would hit it.
     Named(
         name="plate_offset",
+        stage="plate",
         parameter="dz_m",
         field="plate_dz_m",
         neutral=0.0,
@@ -114,6 +136,7 @@ _ALL = (
     ),
     Named(
         name="battery_sag",
+        stage="pwm_to_rpm",
         parameter="rate_per_s",
         field="sag_per_s",
         neutral=0.0,
@@ -122,6 +145,7 @@ _ALL = (
     ),
     Named(
         name="gyro_bias",
+        stage="sensor",
         parameter="bias_rad_s",
         field="gyro_bias_rad_s",
         neutral=0.0,
@@ -129,6 +153,7 @@ _ALL = (
     ),
     Named(
         name="body_lift",
+        stage="rpm_to_thrust",
         parameter="K_b",
         field="K_b",
         neutral=0.0,
@@ -137,16 +162,25 @@ _ALL = (
     ),
     Named(
         name="aerodynamic_damping",
+        stage="hinge",
         parameter="coefficient",
         field="aero_damping",
         neutral=0.0,
         tolerance=0.5,
         most_below=0.0,
     ),
-    Named(name="gyro_scale", parameter="scale", field="gyro_scale", neutral=1.0, tolerance=0.02),
+    Named(
+        name="gyro_scale",
+        stage="sensor",
+        parameter="scale",
+        field="gyro_scale",
+        neutral=1.0,
+        tolerance=0.02,
+    ),
     # A plate that reaches under a part of the disc takes a part of the increment.
     Named(
         name="partial_coverage",
+        stage="rpm_to_thrust",
         parameter="share",
         field="coverage_share",
         neutral=1.0,

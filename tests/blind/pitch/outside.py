@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tests.blind.families import Strength
+from tests.blind.families import Stage, Strength
 from tests.blind.pitch.plant import Plant
 
 WEAK = 0.25
@@ -87,6 +87,15 @@ OUTSIDE: dict[str, Outside] = {
         thrust_lean,
         shifting_load,
     )
+}
+
+STAGES: dict[str, Stage] = {
+    "stribeck_hysteresis": "hinge",
+    "arm_flexure": "hinge",
+    "encoder_backlash": "sensor",
+    "esc_steps": "pwm_to_rpm",
+    "thrust_lean": "rpm_to_thrust",
+    "shifting_load": "hinge",
 }
 
 

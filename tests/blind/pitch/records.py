@@ -14,17 +14,29 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from tests.blind.families import Dirt, Kind, families_of, hidden_names, kind_of, pairs_of
+from tests.blind.families import (
+    Dirt,
+    Kind,
+    Stage,
+    Strength,
+    families_of,
+    hidden_names,
+    kind_of,
+    pairs_of,
+)
 from tests.blind.pitch import seeds
 from tests.blind.pitch.dirt import clean_bench, dirty_bench
-from tests.blind.pitch.library import NAMED, Hidden, Strength
-from tests.blind.pitch.loop import Part, closed_loop
-from tests.blind.pitch.outside import OUTSIDE, put_outside
+from tests.blind.pitch.library import NAMED, Hidden
+from tests.blind.pitch.loop import Part, TurnedOver, closed_loop
+from tests.blind.pitch.outside import OUTSIDE, STAGES, put_outside
 from tests.blind.pitch.plant import Plant
 from tests.blind.pitch.programme import Excitation, habits, programme
 from tests.blind.pitch.sheet import SHEET
 
 NUMBER = "%.7g"
+
+ATTEMPTS = 5
+"""Benches drawn for one record at most. One is enough but for the odd pair of great effects."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,6 +47,7 @@ class Truth:
         family: what was asked for.
         kind: named, none, pair or outside.
         names: the hidden effects' names; an outside family's name is no library effect.
+        stages: where each of them acts.
         effects: named effects with their values; none where nothing of the library is hidden.
         plant: the true model, every number of it.
         seed: of the record.
@@ -42,11 +55,13 @@ class Truth:
         strength: full or weak.
         dirt: dirty or clean.
         imperfections: every number that departs from the data sheet's ideal bench.
+        attempt: how many benches were drawn before that turned over or touched the plate.
     """
 
     family: str
     kind: Kind
     names: tuple[str, ...]
+    stages: tuple[Stage, ...]
     effects: tuple[Hidden, ...]
     plant: Plant
     seed: int
@@ -54,6 +69,7 @@ class Truth:
     strength: Strength
     dirt: Dirt
     imperfections: dict[str, object]
+    attempt: int
 
     def keys(self) -> dict[str, object]:
         """Return the truth as plain values, for a file."""
@@ -112,32 +128,69 @@ def make_record(
         blocks: length of each part in units of 30 s.
     """
     kind = kind_of(family, families())
-    word = f"{family}/{excitation}/{strength}/{dirt}/{blocks}"
-    root = np.random.default_rng([zlib.crc32(word.encode()), seeds.checked(seed)])
-    draw_bench, draw_hidden, draw_habits, *draw_parts = root.spawn(5)
-    plant = dirty_bench(draw_bench) if dirt == "dirty" else clean_bench()
-    names = hidden_names(family, families(), draw_hidden)
-    effects = tuple(NAMED[name].hide(draw_hidden, strength) for name in names)
+    asked = Asked(seeds.checked(seed), family, kind, excitation, strength, dirt, blocks)
+    for attempt in range(ATTEMPTS):
+        record = _attempt(asked, attempt)
+        if record is not None:
+            return record
+    raise TurnedOver(f"{ATTEMPTS} benches drawn for {asked} cannot be run")
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """Hold the arguments of one record."""
+
+    seed: int
+    family: str
+    kind: Kind
+    excitation: Excitation
+    strength: Strength
+    dirt: Dirt
+    blocks: int
+
+    def generators(self, attempt: int) -> list[np.random.Generator]:
+        """Return generators for bench, hidden thing, habits, learn and check part."""
+        asked = (self.family, self.excitation, self.strength, self.dirt, self.blocks)
+        word = "/".join(str(part) for part in asked)
+        root = np.random.default_rng([zlib.crc32(word.encode()), self.seed, attempt])
+        return root.spawn(5)
+
+
+def _attempt(asked: Asked, attempt: int) -> HiddenRecord | None:
+    """Draw a bench and run it; None where nobody would keep the recording."""
+    draw_bench, draw_hidden, draw_habits, *draw_parts = asked.generators(attempt)
+    plant = dirty_bench(draw_bench) if asked.dirt == "dirty" else clean_bench()
+    names = hidden_names(asked.family, families(), draw_hidden)
+    effects = tuple(NAMED[name].hide(draw_hidden, asked.strength) for name in names)
+    stages = tuple(NAMED[name].stage for name in names)
     for effect in effects:
         plant = NAMED[effect.name].put_into(plant, effect.value)
-    if kind == "outside":
-        plant = put_outside(family, draw_hidden, plant, strength)
-        names = (family,)
-    shared = habits(draw_habits, excitation)
-    learn, check = (
-        closed_loop(plant, programme(rng, excitation, shared, blocks), rng) for rng in draw_parts
-    )
+    if asked.kind == "outside":
+        plant = put_outside(asked.family, draw_hidden, plant, asked.strength)
+        names, stages = (asked.family,), (STAGES[asked.family],)
+    shared = habits(draw_habits, asked.excitation)
+    try:
+        learn, check = (
+            closed_loop(plant, programme(rng, asked.excitation, shared, asked.blocks), rng)
+            for rng in draw_parts
+        )
+    except TurnedOver:
+        return None
+    if learn.capped or check.capped:
+        return None
     truth = Truth(
-        family=family,
-        kind=kind,
+        family=asked.family,
+        kind=asked.kind,
         names=names,
+        stages=stages,
         effects=effects,
         plant=plant,
-        seed=seed,
-        excitation=excitation,
-        strength=strength,
-        dirt=dirt,
+        seed=asked.seed,
+        excitation=asked.excitation,
+        strength=asked.strength,
+        dirt=asked.dirt,
         imperfections=plant.departures(),
+        attempt=attempt,
     )
     return HiddenRecord(learn.table, check.table, truth, SHEET.keys(), (learn, check))
 

@@ -86,6 +86,7 @@ def test_every_family_runs_in_the_format(family: str) -> None:
         named = NAMED[effect.name]
         assert getattr(record.truth.plant, named.field) == effect.value
         assert 2.0 <= abs(effect.value - named.neutral) / named.tolerance <= 8.0
+    assert len(record.truth.stages) == len(record.truth.names)
     json.dumps(record.truth.keys())
 
 
