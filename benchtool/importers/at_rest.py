@@ -75,14 +75,14 @@ def zero_of(recording: Recording, name: str) -> Zero | None:
         if throttle is None:
             return None
         lowest = recording.column(throttle)
-        rows = known & (lowest == np.nanmin(lowest))
-        if not rows.any() or np.nanmin(lowest) == np.nanmax(lowest):
+        rows = known & (lowest == _least(lowest))
+        if not rows.any() or _least(lowest) == -_least(-lowest):
             return None
         return Zero(float(np.median(values[rows])), "at the lowest throttle")
     still = known & np.all(np.nan_to_num(np.array(speeds), nan=np.inf) == 0.0, axis=0)
     if throttle is not None and still.any():
         # A tachometer that has not caught on yet reads 0 under load.
-        still &= recording.column(throttle) == np.nanmin(recording.column(throttle)[still])
+        still &= recording.column(throttle) == _least(recording.column(throttle)[still])
     if still.any():
         return Zero(float(np.median(values[still])), "with rotors standing still")
     squared = np.sum(np.square(np.array(speeds)), axis=0)
@@ -91,6 +91,12 @@ def zero_of(recording: Recording, name: str) -> Zero | None:
         return None
     _, at_zero = np.polyfit(squared[rows] / np.max(squared[rows]), values[rows], 1)
     return Zero(float(at_zero), "extrapolated along rpm^2 to rest", UNTARED_EXTRAPOLATED)
+
+
+def _least(values: Array) -> float:
+    """Return the least number; nan, which equals nothing, where all are blank."""
+    finite = values[np.isfinite(values)]
+    return float(finite.min()) if finite.size else float("nan")
 
 
 def dead_channels(recording: Recording) -> list[Finding]:
@@ -102,7 +108,7 @@ def dead_channels(recording: Recording) -> list[Finding]:
         if not _LIVING.fullmatch(name):
             continue
         values = recording.column(name)
-        if np.nanmax(values) != np.nanmin(values):
+        if _least(values) != -_least(-values):
             continue
         values = values[np.isfinite(values)]
         if values.size >= 10:

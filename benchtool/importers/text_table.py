@@ -152,7 +152,9 @@ def _unquoted(first: str, body: bytes, delimiter: str, where: str) -> tuple[str,
     except csv.Error as error:
         problem = f"line {reader.line_num} cannot be read: {error}; mend that line"
         raise FileFormatError(where, problem) from error
-    whole = "\n".join(rows[1:]) + ("\n" if body.endswith(b"\n") else "")
+    whole = "".join(f"{row}\n" for row in rows[1:])
+    if not body.endswith(b"\n") and rows[-1]:
+        whole = whole[:-1]
     return rows[0], whole.encode(), np.array(lines[1:], np.intp)
 
 

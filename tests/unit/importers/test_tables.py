@@ -101,6 +101,19 @@ def test_quoted_cells_may_hold_anything() -> None:
     assert read.tally.total == 2
 
 
+def test_rows_whose_lengths_make_up_for_each_other() -> None:
+    read = imported("time_s,thrust_N,rpm1\n0,1.5\n1,2.5,30,40\n2,3.5,50\n")
+    assert found(read, "ragged rows")[0].lines == "2"
+    assert (read.tally.kept, read.tally.refused) == (2, 1)
+    two = imported("time_s,thrust_N,rpm1\n0,1.5\n1,2.5,30,\n")
+    assert two.tally.kept == 2
+
+
+def test_a_quote_that_nobody_closes() -> None:
+    read = imported('time_s,thrust_N\n0,1.5\n"')
+    assert (read.tally.kept, read.tally.total) == (1, 1)
+
+
 def test_a_crazyflie_lifts_in_gram_force() -> None:
     read = imported("pwm,vbat[V],rpm1,rpm2,rpm3,rpm4, weight\n100,4.0,9,9,9,9,22.5\n")
     assert read.format == "Crazyflie system_id"
