@@ -26,11 +26,12 @@ from benchtool.explain.pitch_log import pitch_log
 from benchtool.explain.pitch_subject import PitchSubject
 from benchtool.explain.verdict import Verdict
 from benchtool.library import load_model
+from tests.blind.families import NONE, PAIR
 from tests.blind.pitch.gap import miss
 from tests.blind.pitch.information import information
 from tests.blind.pitch.library import NAMED
 from tests.blind.pitch.outside import OUTSIDE
-from tests.blind.pitch.records import NONE, PAIR, HiddenRecord, make_record
+from tests.blind.pitch.records import HiddenRecord, make_record
 from tests.blind.pitch.seeds import DEVELOPMENT_SEEDS, SCORING_SEEDS, SCORING_SWITCH
 from tests.blind.scorecard import Scorecard
 from tests.blind.scored import Scored, ScoredParameter
