@@ -138,6 +138,7 @@ class BoundedSearch:
         rows = self._residuals(np.vstack([at, at + np.diag(steps)]))
         self.evaluations += n + 1
         jacobian = (rows[:, 1:] - rows[:, :1]) / steps
+        jacobian = np.where(np.isfinite(jacobian), jacobian, 0.0)  # no way where nothing is told
         return Linearised(
             at=np.array(at),
             cost=float(rows[:, 0] @ rows[:, 0]),

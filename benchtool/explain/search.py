@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from benchtool.errors import EstimationError
 from benchtool.explain.hypotheses import Hypotheses, Hypothesis
 
-ENOUGH = 7.0
+ENOUGH = 8.0
 """Gain in the sum of squares, over the dispersion, from which an effect is added. Chosen on
 development records: nulls of dirty benches stayed below 6, effects at twice their tolerance above
 20 but for plate distances that other tolerances can make up."""

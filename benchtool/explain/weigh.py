@@ -69,7 +69,10 @@ def weighed(gains: Mapping[str, float], dispersion: float, fit: Fit, without: Fi
     scale = 2.0 * TEMPERATURE * dispersion
     weights = {name: (gain - ENOUGH * dispersion) / scale for name, gain in gains.items()}
     top = max([0.0, *weights.values()])
-    parts = {name: exp(max(weight - top, -700.0)) for name, weight in weights.items()}
+    nothing = exp(max(-ENOUGH * dispersion / scale - top, -700.0))  # an effect that gains nothing
+    parts = {
+        name: max(exp(max(weight - top, -700.0)) - nothing, 0.0) for name, weight in weights.items()
+    }
     none = exp(max(-top, -700.0))
     total = none + sum(parts.values())
     named = {name: part / total * accepted(fit) for name, part in parts.items()}

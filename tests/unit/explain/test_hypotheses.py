@@ -1,0 +1,111 @@
+"""Composite hypotheses and the search over them, on evidence that is linear and known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from benchtool.explain.hypotheses import Hypotheses
+from benchtool.explain.knob import Knob
+from benchtool.explain.search import searched
+from benchtool.explain.significance import p_value
+
+Array = np.ndarray
+
+
+def knob(name: str, effect: str, *, held: bool = False) -> Knob:
+    return Knob(
+        name=name, unit="1", effect=effect, start=0.0, scale=1.0, lower=-50.0, upper=50.0, held=held
+    )
+
+
+KNOBS = (knob("a.x", "a"), knob("b.x", "b"), knob("c.x", "c"), knob("inertia", "", held=True))
+
+
+@dataclass
+class Linear:
+    """Residuals that are linear in four knobs; c looks nearly like b."""
+
+    truth: Array
+    seed: int
+    knobs: tuple[Knob, ...] = KNOBS
+
+    def __post_init__(self) -> None:
+        rng = np.random.default_rng(self.seed)
+        self.design = rng.standard_normal((400, 4))
+        self.design[:, 2] = 0.995 * self.design[:, 1] + 0.1 * self.design[:, 2]
+        self.noise = rng.standard_normal(400)
+
+    def residuals(self, turned: Array) -> Array:
+        """Return data minus prediction."""
+        data = self.design @ self.truth + self.noise
+        rows: Array = data[:, None] - self.design @ turned.T
+        return rows
+
+
+def quiet(what: str, share: float) -> None:
+    assert 0.0 <= share <= 1.0
+    assert what
+
+
+def names_of(truth: list[float], seed: int = 1) -> tuple[str, ...]:
+    return searched(Hypotheses(Linear(np.array(truth), seed)), quiet).best.opened
+
+
+def test_small_imperfections_everywhere_are_nothing() -> None:
+    found = [names_of([0.4, -0.3, 0.2, 0.9], seed) for seed in range(30)]
+    assert found == [()] * 30
+
+
+def test_what_breaks_its_tolerance_is_named() -> None:
+    assert [names_of([3.0, -0.3, 0.2, 0.5], seed) for seed in range(20)] == [("a",)] * 20
+
+
+def test_two_effects_are_both_named() -> None:
+    found = searched(Hypotheses(Linear(np.array([4.0, 5.0, 0.0, 0.0]), 3)), quiet)
+    assert set(found.best.opened) == {"a", "b"}
+    assert {slot.name for slot in found.slots} == {"a", "b"}
+    rivals = next(slot for slot in found.slots if slot.name == "b").gains
+    assert 0.8 * rivals["b"] < rivals["c"] < rivals["b"]
+
+
+def test_the_null_is_never_above_a_candidate_within_tolerance() -> None:
+    for seed in range(10):
+        hypotheses = Hypotheses(Linear(np.array([0.9, 0.5, -0.5, 0.0]), seed))
+        null = hypotheses.null()
+        for one in hypotheses.with_one_more(null):
+            if hypotheses.region(()).holds(one.at):
+                extra = float(hypotheses.region(()).cost_of(one.at))
+                assert null.cost <= one.cost + extra + 0.2
+
+
+def test_the_spread_is_that_of_linear_regression() -> None:
+    evidence = Linear(np.array([5.0, 0.0, 0.0, 0.0]), 2)
+    hypotheses = Hypotheses(evidence)
+    best = hypotheses.refitted(("a",), hypotheses.null())
+    sd = float(np.sqrt(hypotheses.spread(best)[0, 0]))
+    alone = 1.0 / np.sqrt(np.sum(evidence.design[:, 0] ** 2))
+    assert sd == pytest.approx(alone, rel=0.15)
+    assert abs(best.at[0] - 5.0) < 4.0 * sd
+
+
+def test_what_the_data_cannot_show_is_told() -> None:
+    evidence = Linear(np.array([0.0, 0.0, 0.0, 0.0]), 4)
+    evidence.design[:, 0] *= 1e-3
+    unseen = Hypotheses(evidence).unseen(Hypotheses(evidence).null())
+    assert list(unseen) == ["a"]
+    assert unseen["a"] > 50.0
+
+
+def test_p_values_of_nothing_are_spread_out_and_of_something_small() -> None:
+    rng = np.random.default_rng(0)
+    hypotheses = Hypotheses(Linear(np.array([3.0, 0.0, 0.0, 0.0]), 5))
+    null = hypotheses.null()
+    best = hypotheses.with_one_more(null)[0]
+    assert p_value(hypotheses, null, best, 0, rng) < 1e-6
+    assert p_value(hypotheses, null, best, 60, rng) == pytest.approx(1.0 / 61.0)
+    nothing = Hypotheses(Linear(np.zeros(4), 6))
+    base = nothing.null()
+    assert p_value(nothing, base, nothing.with_one_more(base)[0], 60, rng) > 0.1
