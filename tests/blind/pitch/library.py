@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -51,7 +52,8 @@ class Named:
 
     def put_into(self, plant: Plant, value: float) -> Plant:
         """Return the plant with this effect at that value, whatever it was before."""
-        return replace(plant, **{self.field: value})
+        changed: dict[str, Any] = {self.field: value}
+        return replace(plant, **changed)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -139,7 +139,7 @@ def _clear(rng: np.random.Generator, plate_m: float, most_deg: float) -> float:
 
 def _triangle(amplitude_deg: float, period_s: float, n: int) -> Array:
     phase = (np.arange(n) * SHEET.dt / period_s) % 1.0
-    return amplitude_deg * (4.0 * np.abs(phase - 0.5) - 1.0)
+    return np.asarray(amplitude_deg * (4.0 * np.abs(phase - 0.5) - 1.0))
 
 
 def _chirp(amplitude_deg: float, low_Hz: float, high_Hz: float, n: int) -> Array:

@@ -17,7 +17,7 @@ from tests.blind.pitch.bristle import Bristle
 from tests.blind.pitch.dirt import dirty_bench
 from tests.blind.pitch.loop import wake_torque
 from tests.blind.pitch.moving import STEPS, Moving, State, ground_factor
-from tests.blind.pitch.plant import Plant
+from tests.blind.pitch.plant import FrictionLaw, Plant
 from tests.blind.pitch.readings import Instruments
 from tests.blind.pitch.rotors import Rotors
 from tests.blind.pitch.sheet import PARKED_M, SHEET
@@ -43,9 +43,9 @@ def thrown(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Let go of a beam with steady rotors and no wake; return angle and rate at each sample."""
     bench = Moving(plant)
-    steady = tuple(g * (p - SHEET.pwm0) for g, p in zip(plant.rpm_per_us, pulses_us, strict=True))
+    one, two = (g * (p - SHEET.pwm0) for g, p in zip(plant.rpm_per_us, pulses_us, strict=True))
     against = 0.0 if arms_rad_s is None else arms_rad_s - rate_rad_s
-    start = State((theta_rad, 0.0), (rate_rad_s, against), steady, 0.0, rate_rad_s)
+    start = State((theta_rad, 0.0), (rate_rad_s, against), (one, two), 0.0, rate_rad_s)
     bench.restore(start, [pulses_us], 0.0, SHEET.dt)
     angles, rates = [], []
     for k in range(round(seconds / SHEET.dt)):
@@ -109,7 +109,7 @@ def test_viscous_friction_lets_the_rate_decay_exponentially() -> None:
 
 
 @pytest.mark.parametrize("law", ["constraint", "smooth"])
-def test_coulomb_friction_stops_the_beam_in_its_time(law: str) -> None:
+def test_coulomb_friction_stops_the_beam_in_its_time(law: FrictionLaw) -> None:
     plant = Plant(friction_Nm=0.01, friction_law=law, friction_width_rad_s=0.005)
     _, rates = thrown(plant, rate_rad_s=0.3, seconds=1.5)
     t = np.arange(len(rates)) * SHEET.dt
@@ -119,7 +119,7 @@ def test_coulomb_friction_stops_the_beam_in_its_time(law: str) -> None:
 
 
 @pytest.mark.parametrize("law", ["constraint", "smooth"])
-def test_coulomb_friction_holds_a_smaller_torque(law: str) -> None:
+def test_coulomb_friction_holds_a_smaller_torque(law: FrictionLaw) -> None:
     plant = Plant(friction_Nm=0.01, friction_law=law, friction_width_rad_s=0.005, cog_x_m=0.0007)
     held = SHEET.m * SHEET.g * 0.0007
     _, rates = thrown(plant, seconds=1.0)
