@@ -60,6 +60,7 @@ def explain(
         Fit(
             ratio=held.ratio(1 + column),
             leftover=leftover(groups, rows[:, column]) / subject.allowed_leftover(one.at, rng),
+            closed=held.closed(1 + column) / subject.closed_enough if column else 0.0,
         )
         for column, one in ((0, null), (1, best))
     )

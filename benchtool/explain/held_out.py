@@ -46,6 +46,19 @@ class HeldOut:
             for name, found in self.errors.items()
         )
 
+    def closed(self, column: int) -> float:
+        """Return the share of the gap that is closed, in the channel where it is least.
+
+        Root mean square over the floor's median; channels within the noise do not count.
+        """
+        shares = [1.0]
+        for name, found in self.errors.items():
+            floor = float(np.median(self.floor[name]))
+            before, after = np.sqrt(np.mean(found.squares[:, [1, column]], axis=0))
+            if after > np.quantile(self.floor[name], UPPER):
+                shares.append(float((before - after) / max(before - floor, 1e-12)))
+        return min(shares)
+
     @property
     def share_closed(self) -> float:
         """Part of the gap above the floor that the named effects close, in the worst channel."""

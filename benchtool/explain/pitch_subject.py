@@ -54,6 +54,7 @@ class PitchSubject:
 
     kind: BenchKind = "pitch"
     window_s = WINDOW_S
+    closed_enough = float("inf")
 
     def __init__(
         self,

@@ -76,6 +76,11 @@ class Subject(Protocol):
         ...
 
     @property
+    def closed_enough(self) -> float:
+        """Share of a gap from which an effect counts as its cause, whatever is left; inf: never."""
+        ...
+
+    @property
     def window_s(self) -> float:
         """Length of a prediction; 0 where predictions are settled."""
         ...

@@ -27,6 +27,10 @@ SHARPNESS = 15.0
 LEFTOVER_SHARPNESS = 60.0
 """The same with the variance of the residuals that are left, beyond what the subject allows."""
 
+CLOSED_SHARPNESS = 30.0
+"""How quickly that probability falls with the share of the gap that is closed, past what is enough
+on the subject's bench."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fit:
@@ -36,10 +40,13 @@ class Fit:
         ratio: held-out error over the upper noise quantile, in the worst channel.
         leftover: variance of the whitened residuals of the worst stage, over what a bench with
             nothing but small imperfections may show.
+        closed: share of the gap that it closes, over the share that is enough on this bench
+            whatever is left; 1 and more: the gap is this effect's, its law a little off.
     """
 
     ratio: float
     leftover: float
+    closed: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,5 +92,6 @@ def weighed(gains: Mapping[str, float], dispersion: float, fit: Fit, without: Fi
 def accepted(fit: Fit) -> float:
     """Return the probability that what a fit leaves is noise."""
     gap = SHARPNESS * (log(max(fit.ratio, 1e-6)) - log(REFUSED_AT))
+    gap = min(gap, CLOSED_SHARPNESS * (1.0 - fit.closed))
     rest = LEFTOVER_SHARPNESS * (fit.leftover - 1.0)
     return 1.0 / ((1.0 + exp(min(gap, 300.0))) * (1.0 + exp(min(rest, 300.0))))
