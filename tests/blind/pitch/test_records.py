@@ -13,7 +13,7 @@ import pytest
 pytest.importorskip("mujoco", reason="the blind bench is a MuJoCo model")
 
 from tests.blind.families import RANGES, packages_imported
-from tests.blind.pitch import seeds
+from tests.blind.pitch import seeds, write_examples
 from tests.blind.pitch.dirt import dirty_bench
 from tests.blind.pitch.library import NAMED
 from tests.blind.pitch.records import (
@@ -157,6 +157,19 @@ def test_a_dirty_bench_stays_within_half_of_every_tolerance(rng: np.random.Gener
 def test_a_clean_bench_is_what_its_sheet_says() -> None:
     record = make_record(6, "none", excitation="poor", dirt="clean")
     assert record.truth.imperfections == {}
+
+
+def test_examples_are_written_with_their_truth(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_examples.main([str(tmp_path), "--family", "cog_offset+motor_lag", "--seed", "7"])
+    assert len(pd.read_csv(tmp_path / "cog_offset_and_motor_lag_check.csv")) == 7500
+    truth = json.loads((tmp_path / "truth.json").read_text("utf-8"))
+    assert truth["cog_offset_and_motor_lag"]["stages"] == ["hinge", "pwm_to_rpm"]
+    for wrong, said in ((["--family", "nope"], "no family"), (["--seed", "1000000"], "scoring")):
+        with pytest.raises(SystemExit, match="2"):
+            write_examples.main([str(tmp_path), *wrong])
+        assert said in capsys.readouterr().err
 
 
 def test_scoring_seeds_are_kept_apart(monkeypatch: pytest.MonkeyPatch) -> None:

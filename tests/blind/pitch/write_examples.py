@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Sequence
 from pathlib import Path
 
 from tests.blind.pitch.records import families, make_record, write_record
 
 
-def main() -> None:
+def main(arguments: Sequence[str] | None = None) -> None:
     """Read the arguments, write the records."""
     parser = argparse.ArgumentParser(description="Write one example record of each family.")
     parser.add_argument("folder", type=Path)
@@ -22,9 +23,17 @@ def main() -> None:
     parser.add_argument("--excitation", choices=("rich", "poor"), default="rich")
     parser.add_argument("--strength", choices=("full", "weak"), default="full")
     parser.add_argument("--dirt", choices=("dirty", "clean"), default="dirty")
-    parser.add_argument("--blocks", type=int, default=1, help="length in units of 30 s")
+    parser.add_argument("--minutes", choices=(0.5, 1.0, 2.0), type=float, default=0.5)
     parser.add_argument("--family", action="append", help="only this one; can be given again")
-    given = parser.parse_args()
+    given = parser.parse_args(arguments)
+    try:
+        write(given)
+    except (ValueError, PermissionError) as error:
+        parser.error(str(error))
+
+
+def write(given: argparse.Namespace) -> None:
+    """Write each family's record, and the truth of all of them."""
     truths = {}
     for family in given.family or families():
         record = make_record(
@@ -33,7 +42,7 @@ def main() -> None:
             excitation=given.excitation,
             strength=given.strength,
             dirt=given.dirt,
-            blocks=given.blocks,
+            blocks=round(2 * given.minutes),
         )
         name = family.replace("+", "_and_")
         learn, _ = write_record(record, given.folder, name)
