@@ -6,17 +6,9 @@ so that a run that was cut short goes on where it was.
 
 from __future__ import annotations
 
-import argparse
-import datetime as dt
-import json
-import os
 import time
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict, dataclass
 from pathlib import Path
-
-import numpy as np
 
 from benchtool.core.channel import Channel
 from benchtool.core.recording import Recording
@@ -26,15 +18,14 @@ from benchtool.explain.pitch_log import pitch_log
 from benchtool.explain.pitch_subject import PitchSubject
 from benchtool.explain.verdict import Verdict
 from benchtool.library import load_model
-from tests.blind.families import NONE, PAIR
+from tests.blind.fisher import CANNOT_TELL
 from tests.blind.pitch.gap import miss
 from tests.blind.pitch.information import information
 from tests.blind.pitch.library import NAMED
 from tests.blind.pitch.outside import OUTSIDE
 from tests.blind.pitch.records import HiddenRecord, make_record
-from tests.blind.pitch.seeds import DEVELOPMENT_SEEDS, SCORING_SEEDS, SCORING_SWITCH
-from tests.blind.scorecard import Scorecard
 from tests.blind.scored import Scored, ScoredParameter
+from tests.blind.scoring import Asked, plan, run
 
 MODEL = Path(__file__).resolve().parents[2] / "datasets" / "pitch_bench" / "model.toml"
 
@@ -49,48 +40,10 @@ OUTSIDE_STAGE = {
     "arm_flexure": "hinge", "encoder_backlash": "", "thrust_lean": "",
 }  # fmt: skip
 
-CANNOT_TELL = 25.0
-"""Twice the log-likelihood ratio that the truth has on average over a rival, by the true model's
-own information, below which a class of the two is an honest answer."""
 
-
-@dataclass(frozen=True, slots=True)
-class Asked:
-    """Ask for one record."""
-
-    seed: int
-    family: str
-    strength: str = "full"
-    excitation: str = "rich"
-
-    @property
-    def label(self) -> str:
-        """Find the record again by this."""
-        return f"{self.family} {self.strength} {self.excitation} {self.seed}"
-
-
-def plan(first_seed: int, scale: float = 1.0) -> Iterator[Asked]:
-    """Yield what is scored: every kind in turn, so that a part of it is a fair sample."""
-
-    def count(full: int) -> int:
-        return max(1, round(full * scale))
-
-    seed = first_seed
-    for part in range(count(16)):
-        for name in NAMED:
-            yield Asked(seed, name)
-            if part % 8 < 3:
-                yield Asked(seed, name, excitation="poor")
-            if part % 8 < 3:
-                yield Asked(seed, name, strength="weak")
-        for k in range(count(19)):
-            yield Asked(seed + k, NONE)
-        for name in OUTSIDE:
-            if part % 8 < 5:
-                yield Asked(seed, name)
-        for k in range(3):
-            yield Asked(seed + k, PAIR)
-        seed += 20
+def asked(first_seed: int, scale: float) -> Iterator[Asked]:
+    """Yield what is scored."""
+    return plan(NAMED, OUTSIDE, first_seed, scale=scale)
 
 
 def recording_of(record_part: object, name: str) -> Recording:
@@ -114,13 +67,13 @@ def verdict_on(record: HiddenRecord) -> tuple[Verdict, float]:
     return verdict, time.perf_counter() - began
 
 
-def scored(asked: Asked) -> Scored:
+def scored(one: Asked) -> Scored:
     """Make a record and score the verdict on it."""
     record = make_record(
-        asked.seed,
-        asked.family,
-        excitation=asked.excitation,
-        strength=asked.strength,  # type: ignore[arg-type]
+        one.seed,
+        one.family,
+        excitation=one.excitation,
+        strength=one.strength,
     )
     verdict, seconds = verdict_on(record)
     truth = record.truth
@@ -128,11 +81,11 @@ def scored(asked: Asked) -> Scored:
     stage = (
         EFFECTS[truth.names[0]].stage
         if truth.kind == "named"
-        else (OUTSIDE_STAGE.get(asked.family, "") if truth.kind == "outside" else "")
+        else (OUTSIDE_STAGE.get(one.family, "") if truth.kind == "outside" else "")
     )
     floors = {gap.channel: gap.floor for gap in verdict.gaps}
     true_gaps: dict[str, float] = {}
-    if truth.kind == "named" and asked.strength == "full" and asked.excitation == "rich":
+    if truth.kind == "named" and one.strength == "full" and one.excitation == "rich":
         missed = miss(record.parts[1], truth.plant, truth.plant)
         true_gaps = {
             "theta_rad": missed["theta"] / floors["theta_rad"],
@@ -167,65 +120,11 @@ def scored(asked: Asked) -> Scored:
             if item.name == hidden[effect.name].parameter
         ),
         seconds=seconds,
-        strength=asked.strength,  # type: ignore[arg-type]
-        excitation=asked.excitation,  # type: ignore[arg-type]
-        label=asked.label,
+        strength=one.strength,
+        excitation=one.excitation,
+        label=one.label,
     )  # fmt: skip
 
 
-def read(path: Path) -> dict[str, Scored]:
-    """Return what was scored before, by label."""
-    if not path.exists():
-        return {}
-    found = {}
-    for line in path.read_text(encoding="utf-8").splitlines():
-        data = json.loads(line)
-        data["parameters"] = tuple(ScoredParameter(**one) for one in data["parameters"])
-        for name in ("truth", "sizes", "names", "not_judged"):
-            data[name] = tuple(data[name])
-        found[data["label"]] = Scored(**data)
-    return found
-
-
-def main() -> None:
-    """Score, print, and write the page when asked."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--scoring", action="store_true", help="scoring seeds, not development's")
-    parser.add_argument("--scale", type=float, default=1.0, help="part of the records to make")
-    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
-    parser.add_argument("--kept", type=Path, default=Path("build/blind_pitch.jsonl"))
-    parser.add_argument("--page", type=Path, default=None, help="Markdown file to write")
-    given = parser.parse_args()
-    if given.scoring:
-        os.environ[SCORING_SWITCH] = "1"
-    first = (SCORING_SEEDS if given.scoring else DEVELOPMENT_SEEDS).start
-    first += 0 if given.scoring else 2000
-    given.kept.parent.mkdir(parents=True, exist_ok=True)
-    done = read(given.kept)
-    asked = [one for one in plan(first, given.scale) if one.label not in done]
-    print(f"{len(done)} records were scored before, {len(asked)} are to be", flush=True)
-    with (
-        ProcessPoolExecutor(given.workers) as pool,
-        given.kept.open("a", encoding="utf-8") as kept,
-    ):
-        for count, one in enumerate(pool.map(scored, asked), 1):
-            done[one.label] = one
-            kept.write(json.dumps(asdict(one), default=_plain) + "\n")
-            kept.flush()
-            if count % 20 == 0:
-                print(f"{count} of {len(asked)}", flush=True)
-    card = Scorecard("Pitch bench", list(done.values()))
-    print(card.text())
-    if given.page is not None:
-        today = dt.datetime.now(tz=dt.UTC).date().isoformat()
-        given.page.write_text(card.markdown(today), encoding="utf-8")
-
-
-def _plain(value: object) -> object:
-    if isinstance(value, np.generic):
-        return value.item()
-    raise TypeError(f"{value!r} cannot be kept")
-
-
 if __name__ == "__main__":
-    main()
+    run("Pitch bench", asked, scored, Path("build/blind_pitch.jsonl"))

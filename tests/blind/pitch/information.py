@@ -15,9 +15,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cholesky, expm
-from scipy.optimize import lsq_linear
+from scipy.linalg import expm
 
+from tests.blind.fisher import evidence
 from tests.blind.pitch.gap import CHANNELS, WINDOW_S, shown
 from tests.blind.pitch.library import NAMED
 from tests.blind.pitch.loop import Part
@@ -85,14 +85,7 @@ class Information:
         free = set(rivals)
         low = np.array([LOWEST[name] * (np.inf if name in free else 1.0) for name in NAMES])
         high = np.array([HIGHEST[name] * (np.inf if name in free else 1.0) for name in NAMES])
-        told = np.diag(self.matrix)
-        scale = 1.0 / np.sqrt(np.where(told > 0.0, told, 1.0))
-        root = cholesky(scale[:, None] * self.matrix * scale + 1e-10 * np.eye(len(NAMES)))
-        lowest, highest = (low - self.sizes) / scale, (high - self.sizes) / scale
-        # Equal bounds have no inside; a hair's breadth does no harm.
-        highest = np.maximum(highest, lowest + 1e-9)
-        best = lsq_linear(root, np.zeros(len(NAMES)), bounds=(lowest, highest), method="bvls")
-        return 2.0 * float(best.cost)
+        return evidence(self.matrix, self.sizes, low, high)
 
 
 def moved(plant: Plant, name: str, by: float) -> Plant:

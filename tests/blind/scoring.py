@@ -1,0 +1,138 @@
+"""Score many records: what is asked for, what was scored before, the command that does it.
+
+Every record's outcome is kept in a file, so that a run that was cut short goes on where it was.
+"""
+
+from __future__ import annotations
+
+import argparse
+import datetime as dt
+import json
+import os
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+
+from tests.blind.families import NONE, PAIR
+from tests.blind.pitch.seeds import DEVELOPMENT_SEEDS, SCORING_SEEDS, SCORING_SWITCH
+from tests.blind.scorecard import Scorecard
+from tests.blind.scored import Excitation, Scored, ScoredParameter, Strength
+
+FIRST_DEVELOPMENT_SEED = 2000
+"""Seeds below were looked at while the method was written."""
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """Ask for one record."""
+
+    seed: int
+    family: str
+    strength: Strength = "full"
+    excitation: Excitation = "rich"
+
+    @property
+    def label(self) -> str:
+        """Find the record again by this."""
+        return f"{self.family} {self.strength} {self.excitation} {self.seed}"
+
+
+def plan(
+    named: Iterable[str],
+    outside: Iterable[str],
+    first_seed: int,
+    *,
+    parts: int = 16,
+    scale: float = 1.0,
+) -> Iterator[Asked]:
+    """Yield what is scored: every kind in turn, so that a part of it is a fair sample."""
+
+    def count(full: int) -> int:
+        return max(1, round(full * scale))
+
+    seed = first_seed
+    for part in range(count(parts)):
+        for name in named:
+            yield Asked(seed, name)
+            if part % 8 < 3:
+                yield Asked(seed, name, excitation="poor")
+            if part % 8 < 3:
+                yield Asked(seed, name, strength="weak")
+        for k in range(count(19)):
+            yield Asked(seed + k, NONE)
+        for name in outside:
+            if part % 8 < 5:
+                yield Asked(seed, name)
+        for k in range(3):
+            yield Asked(seed + k, PAIR)
+        seed += 20
+
+
+def read_kept(path: Path) -> dict[str, Scored]:
+    """Return what was scored before, by label."""
+    if not path.exists():
+        return {}
+    found = {}
+    for line in path.read_text(encoding="utf-8").splitlines():
+        data = json.loads(line)
+        data["parameters"] = tuple(ScoredParameter(**one) for one in data["parameters"])
+        for name in ("truth", "sizes", "names", "not_judged"):
+            data[name] = tuple(data[name])
+        found[data["label"]] = Scored(**data)
+    return found
+
+
+def run(
+    title: str,
+    asked: Callable[[int, float], Iterable[Asked]],
+    scored: Callable[[Asked], Scored],
+    kept: Path,
+) -> None:
+    """Score what the command line asks for, print, and write the page when asked.
+
+    Args:
+        title: of the scorecard.
+        asked: asked(first seed, scale) yields the records.
+        scored: makes a record and scores the verdict on it; runs in processes of its own.
+        kept: file of outcomes, when the command line names none.
+    """
+    parser = argparse.ArgumentParser(description=title)
+    parser.add_argument("--scoring", action="store_true", help="scoring seeds, not development's")
+    parser.add_argument("--scale", type=float, default=1.0, help="part of the records to make")
+    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
+    parser.add_argument("--kept", type=Path, default=kept)
+    parser.add_argument("--page", type=Path, default=None, help="Markdown file to write")
+    given = parser.parse_args()
+    if given.scoring:
+        os.environ[SCORING_SWITCH] = "1"
+        first = SCORING_SEEDS.start
+    else:
+        first = DEVELOPMENT_SEEDS.start + FIRST_DEVELOPMENT_SEED
+    given.kept.parent.mkdir(parents=True, exist_ok=True)
+    done = read_kept(given.kept)
+    to_do = [one for one in asked(first, given.scale) if one.label not in done]
+    print(f"{len(done)} records were scored before, {len(to_do)} are to be", flush=True)
+    with (
+        ProcessPoolExecutor(given.workers) as pool,
+        given.kept.open("a", encoding="utf-8") as file,
+    ):
+        for count, one in enumerate(pool.map(scored, to_do), 1):
+            done[one.label] = one
+            file.write(json.dumps(asdict(one), default=_plain) + "\n")
+            file.flush()
+            if count % 20 == 0:
+                print(f"{count} of {len(to_do)}", flush=True)
+    card = Scorecard(title, list(done.values()))
+    print(card.text())
+    if given.page is not None:
+        today = dt.datetime.now(tz=dt.UTC).date().isoformat()
+        given.page.write_text(card.markdown(today), encoding="utf-8")
+
+
+def _plain(value: object) -> object:
+    if isinstance(value, np.generic):
+        return value.item()
+    raise TypeError(f"{value!r} cannot be kept")
