@@ -21,6 +21,9 @@ Array = NDArray[np.float64]
 SHARES = LinearSegmentedColormap.from_list("shares", [VERMILION, "#f3ece2", BLUE])
 """None is orange, all is blue: apart under every common colour-vision deficiency."""
 
+MANY_CELLS = 1000
+"""Cells of a panel above which a map is an image, even in a vector file, without lines between."""
+
 LEGIBLE_IN = (0.26, 0.13)
 """Width and height of the smallest cell that takes a number, inches."""
 
@@ -145,9 +148,11 @@ def _map(axes: Axes, panel: CampaignPanel, low: float, high: float, share: bool)
     assert panel.y_edges is not None
     axes.grid(visible=False)
     axes.set_facecolor(PALE)  # of cells without a value
+    many = panel.count.size > MANY_CELLS
     return axes.pcolormesh(
         panel.x_edges, panel.y_edges, np.ma.masked_invalid(panel.means), vmin=low, vmax=high,
-        cmap=SHARES if share else "viridis", edgecolors="white", linewidth=0.4,
+        cmap=SHARES if share else "viridis", rasterized=many,
+        edgecolors="none" if many else "white", linewidth=0.4,
     )  # fmt: skip
 
 

@@ -1,0 +1,44 @@
+"""Draw which gains cross at which speed: python docs/assets/draw_campaign.py
+
+The same 3744 flights as the command in docs/how-to/simulate-flight.md; a few minutes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from benchtool.library import gains_named, rig_named
+from benchtool.report.files import save_figure
+from benchtool.simulate.flight_vehicle import FlightVehicle
+from benchtool.studies.campaign import write_campaign
+from benchtool.studies.campaign_flight import OGE, FlightCampaign
+from benchtool.studies.campaign_map import campaign_map, campaign_panels
+from benchtool.studies.design import Design
+from benchtool.studies.flight_setup import FlightSetup
+from benchtool.studies.flight_table import GYRO_NOISE_RAD_S
+
+TARGET = Path(__file__).parent / "flight-campaign"
+
+FLIGHT = FlightSetup(
+    case="over",
+    vehicle=FlightVehicle(rig=rig_named("pquad")),
+    gains=gains_named("s3"),
+    duration_s=120.0,
+    gyro_noise_rad_s=GYRO_NOISE_RAD_S,
+)
+CAMPAIGN = FlightCampaign(
+    setups={name: replace(FLIGHT, gains=gains_named(name)) for name in ("s3", "s1a", "stiff")},
+    controllers=(OGE, "pid"),
+)
+DESIGN = Design.read(["speed_m_s=0.1:1.2:12", "gains.attitude=0.6:1.8:13"], seeds=4, seed=1)
+
+if __name__ == "__main__":
+    with TemporaryDirectory() as folder:
+        table = Path(folder) / "campaign.parquet"
+        write_campaign(CAMPAIGN.rows(DESIGN), table, {}, lambda _: None)
+        panels = campaign_panels(table, CAMPAIGN, DESIGN, "arrives")
+    figure = campaign_map(panels, CAMPAIGN, DESIGN, "arrives")
+    for path in save_figure(figure, TARGET, ("svg",), replace=True):
+        print(path)
