@@ -13,7 +13,7 @@ from benchtool.explain.describe import (
     where_shown,
 )
 from benchtool.explain.explanation import Explanation
-from benchtool.explain.held_out import HeldOut
+from benchtool.explain.held_out import HeldOut, Known
 from benchtool.explain.hypotheses import Hypotheses
 from benchtool.explain.search import Progress, Search, searched
 from benchtool.explain.significance import p_value
@@ -36,6 +36,7 @@ def explain(
     seed: int = 0,
     draws: int = 128,
     bootstrap: int = 0,
+    propose: bool = True,
     progress: Progress | None = None,
 ) -> Explanation:
     """Return what is missing from a subject's model, and what the check recordings say to it.
@@ -45,6 +46,7 @@ def explain(
         seed: of the noise behind floors and intervals.
         draws: of the noise behind the floor, 100 at least for a report.
         bootstrap: records drawn from the null for p-values; asymptotic ones when 0.
+        propose: whether to work out the next experiment, which takes as long as all the rest.
         progress: told what is being done.
     """
     tell = progress if progress is not None else _silent
@@ -53,12 +55,14 @@ def explain(
     search = searched(hypotheses, tell)
     null, best = search.null, search.best
     tell("predicting the check recordings", 0.7)
-    held = HeldOut.of(subject, null.at, best.at, rng, draws)
+    before = Known(at=null.at, spread=hypotheses.spread(null))
+    after = before if best is null else Known(at=best.at, spread=hypotheses.spread(best))
+    held = HeldOut.of(subject, before, after, rng, draws)
     rows = subject.evidence.residuals(np.vstack([null.at, best.at]))
     groups = subject.groups()
     without, fit = (
         Fit(
-            ratio=held.ratio(1 + column),
+            ratio=held.ratio(column),
             leftover=leftover(groups, rows[:, column]) / subject.allowed_leftover(one.at, rng),
             closed=held.closed(1 + column) / subject.closed_enough if column else 0.0,
         )
@@ -85,7 +89,7 @@ def explain(
             for place, name in members
         )
     )
-    after = best.at if effects else null.at
+    final = best.at if effects else null.at
     where = None
     if kind != "none":
         where = where_shown(groups, rows[:, 0], rows[:, 1], effects[0].stage if effects else None)
@@ -107,15 +111,15 @@ def explain(
             for name, size in hypotheses.unseen(null).items()
         },
         remarks=subject.remarks,
-        next=subject.next_experiment(rivals, rng) if rivals else None,
-        parameters=subject.model_at(after).parameters,
+        next=subject.next_experiment(rivals, rng) if rivals and propose else None,
+        parameters=subject.model_at(final).parameters,
         window_s=subject.window_s,
         draws=draws,
     )
     tell("done", 1.0)
     return Explanation(
         verdict=verdict,
-        overlays=subject.overlays(null.at, after),
+        overlays=subject.overlays(null.at, final),
         disagreements=disagreements(groups, rows[:, 0], rows[:, 1] if effects else rows[:, 0]),
     )
 

@@ -19,6 +19,18 @@ RESAMPLES = 1000
 """Draws of the block bootstrap."""
 
 
+DOUBT_DRAWS = 64
+"""Draws behind the quantile that decides whether a gap is noise."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Known:
+    """Hold knobs (n_knobs,) with their covariance (n_knobs, n_knobs)."""
+
+    at: Array
+    spread: Array
+
+
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class HeldOut:
     """Hold errors on the check recordings.
@@ -26,23 +38,36 @@ class HeldOut:
     Attributes:
         errors: by channel; columns are the model as given, before, after.
         floor: (draws,) by channel, of the model with the named effects taken for true.
+        doubt: the same for the model before and after, its numbers as uncertain as they are.
     """
 
     errors: dict[str, ChannelErrors]
     floor: dict[str, Array]
+    doubt: tuple[dict[str, Array], dict[str, Array]]
 
     @classmethod
     def of(
-        cls, subject: Subject, before: Array, after: Array, rng: np.random.Generator, draws: int
+        cls, subject: Subject, before: Known, after: Known, rng: np.random.Generator, draws: int
     ) -> HeldOut:
-        """Predict with knobs before and after (n_knobs,) each."""
-        sets = np.vstack([np.zeros(len(before)), before, after])
-        return cls(errors=dict(subject.errors(sets)), floor=dict(subject.floor(after, rng, draws)))
+        """Predict with the numbers before and after."""
+        sets = np.vstack([np.zeros(len(before.at)), before.at, after.at])
+        first = dict(subject.floor(before.at, rng, DOUBT_DRAWS, before.spread))
+        second = first
+        if after is not before:
+            second = dict(subject.floor(after.at, rng, DOUBT_DRAWS, after.spread))
+        return cls(
+            errors=dict(subject.errors(sets)),
+            floor=dict(subject.floor(after.at, rng, draws)),
+            doubt=(first, second),
+        )
 
-    def ratio(self, column: int) -> float:
-        """Return the largest error over the upper noise quantile, over channels."""
+    def ratio(self, place: int) -> float:
+        """Return the largest error over the upper noise quantile, before (0) or after (1)."""
         return max(
-            float(np.sqrt(np.mean(found.squares[:, column])) / np.quantile(self.floor[name], UPPER))
+            float(
+                np.sqrt(np.mean(found.squares[:, 1 + place]))
+                / np.quantile(self.doubt[place][name], UPPER)
+            )
             for name, found in self.errors.items()
         )
 

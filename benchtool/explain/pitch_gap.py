@@ -27,9 +27,6 @@ CHANNELS = ("theta_rad", "gyro_rad_s", "rpm")
 LEAD_S = 0.1
 """How much of the pulses before a window a delay may still hold."""
 
-DRAWS = 128
-"""Draws of the noise behind a floor."""
-
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Windows:
@@ -87,36 +84,34 @@ def errors(logged: LoggedPitch, windows: Windows, found: Sequence[Followed]) -> 
 
 def floor(
     bench: PitchBench,
-    sensors: PitchBench,
+    truths: Sequence[PitchBench],
     logged: LoggedPitch,
     filter_: PitchFilter,
     windows: Windows,
     rng: np.random.Generator,
-    draws: int = DRAWS,
 ) -> dict[str, Array]:
     """Return root mean squared errors of a true model (draws,) by channel, in the channel's unit.
 
     Args:
-        bench: the model taken for true.
-        sensors: the bench with its sensors' stated noise.
+        bench: the model that predicts.
+        truths: what is taken for true, one for each draw of the noise: the model itself, or models
+            as far from it as its numbers are uncertain.
         logged: the recording whose pulses and distances drive it.
         filter_: of the recording.
         windows: as for the gap.
         rng: of the noise.
-        draws: how many.
     """
+    draws = len(truths)
+    sensors = rig_sensors(bench.model.rig)
     whole = follow([bench], logged, filter_.gains)
-    sd = {
-        name: reading_sd(sensors.sensors.get(own, PitchSensor()))
-        for name, own in (("theta_rad", "theta_rad"), ("gyro_rad_s", "gyro_rad_s"), ("rpm", "rpm"))
-    }
+    sd = {name: reading_sd(sensors.get(name, PitchSensor())) for name in CHANNELS}
     total: dict[str, Array] = {}
     for start in windows.starts:
         state = _state(whole, start)
         spread = np.repeat(state, draws + 1, axis=1)
         spread[:3, 1:] += filter_.state_root @ rng.standard_normal((3, draws))
         run = _free(
-            [bench] * (draws + 1), logged, filter_, start, windows.rows, spread,
+            [bench, *truths], logged, filter_, start, windows.rows, spread,
             seed=int(rng.integers(2**31)),
         )  # fmt: skip
         quiet = _free([bench], logged, filter_, start, windows.rows, state)

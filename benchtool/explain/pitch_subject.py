@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +22,6 @@ from benchtool.explain.pitch_gap import (
 from benchtool.explain.pitch_log import PitchLog
 from benchtool.explain.subject import ChannelErrors, RowGroups
 from benchtool.explain.verdict import NextExperiment
-from benchtool.simulate.pitch_bench import rig_sensors
 
 Array = NDArray[np.float64]
 
@@ -98,15 +96,20 @@ class PitchSubject:
             for name, squares in found.items()
         }
 
-    def floor(self, at: Array, rng: np.random.Generator, draws: int) -> Mapping[str, Array]:
+    def floor(
+        self, at: Array, rng: np.random.Generator, draws: int, spread: Array | None = None
+    ) -> Mapping[str, Array]:
         """Return errors of a true model with knobs `at` (draws,), by channel."""
         total: dict[str, Array] = {}
         count = 0
         for log in self._check.logs:
             windows = windows_of(log.logged, WINDOW_S, SETTLING_S)
             bench = self._check.bench(at, log.logged.rate_Hz)
-            noisy = replace(bench, sensors=rig_sensors(bench.model.rig))
-            found = floor(bench, noisy, log.logged, log.filter, windows, rng, draws)
+            truths = [bench] * draws
+            if spread is not None:
+                turned = rng.multivariate_normal(at, spread, draws, method="eigh")
+                truths = [self._check.bench(one, log.logged.rate_Hz) for one in turned]
+            found = floor(bench, truths, log.logged, log.filter, windows, rng)
             for name, roots in found.items():
                 total[name] = total.get(name, 0.0) + len(windows.starts) * roots**2
             count += len(windows.starts)

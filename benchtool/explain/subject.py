@@ -93,8 +93,14 @@ class Subject(Protocol):
         """Return errors on the check recordings by channel, for sets of knobs (n_sets, n_knobs)."""
         ...
 
-    def floor(self, at: Array, rng: np.random.Generator, draws: int) -> Mapping[str, Array]:
-        """Return errors of a true model with knobs `at` (draws,), by channel, root mean square."""
+    def floor(
+        self, at: Array, rng: np.random.Generator, draws: int, spread: Array | None = None
+    ) -> Mapping[str, Array]:
+        """Return errors of a true model with knobs `at` (draws,), by channel, root mean square.
+
+        With `spread` (n_knobs, n_knobs) the truth of each draw lies as far from the model that
+        predicts as its knobs are uncertain.
+        """
         ...
 
     def model_at(self, at: Array) -> Model:

@@ -63,7 +63,7 @@ def verdict_on(record: HiddenRecord) -> tuple[Verdict, float]:
         for table, name in ((record.learn, "learn"), (record.check, "check"))
     ]
     began = time.perf_counter()
-    verdict = explain(PitchSubject(model, logs[:1], logs[1:])).verdict
+    verdict = explain(PitchSubject(model, logs[:1], logs[1:]), propose=False).verdict
     return verdict, time.perf_counter() - began
 
 

@@ -1,0 +1,110 @@
+"""The whole chain on benches that we simulate ourselves: named, none, refused, and the model out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchtool.control.pitch import PitchControl
+from benchtool.effects.model import Model
+from benchtool.explain.explain import explain
+from benchtool.explain.explanation import Explanation
+from benchtool.explain.pitch_log import PitchLog, pitch_log
+from benchtool.explain.pitch_subject import PitchSubject
+from benchtool.library import gains_named, load_model, schedule_named
+from benchtool.simulate.pitch_bench import PitchBench
+from benchtool.simulate.pitch_run import PitchJob
+from benchtool.simulate.pitch_simulate import simulate_pitch
+
+RATE_HZ = 250.0
+SECONDS = 30.0
+
+
+@pytest.fixture(scope="module")
+def model() -> Model:
+    return load_model("pitch_beam").model.fixed("coulomb_friction.torque_Nm", 0.0)
+
+
+def log_of(truth: Model, seed: int, *, inertia: float = 0.0305) -> PitchLog:
+    control = PitchControl(name="pid", gains=gains_named("s3"), rate_Hz=RATE_HZ)
+    bench = replace(PitchBench.of(truth), inertia_kgm2=inertia)
+    schedule = schedule_named("identify").lasting(SECONDS)
+    sampled = schedule.sampled(RATE_HZ, truth.rig.propulsion.radius_m)
+    run = simulate_pitch(PitchJob(bench, control), sampled, seed)
+    return pitch_log(run.recording(truth.rig), truth.rig, f"seed {seed}")
+
+
+def explained(model: Model, truth: Model) -> Explanation:
+    subject = PitchSubject(model, [log_of(truth, 1)], [log_of(truth, 2)])
+    return explain(subject, draws=32)
+
+
+@pytest.fixture(scope="module")
+def friction(model: Model) -> Explanation:
+    return explained(model, model.fixed("coulomb_friction.torque_Nm", 0.011))
+
+
+def test_hidden_friction_is_named_with_its_size(friction: Explanation) -> None:
+    verdict = friction.verdict
+    assert (verdict.kind, verdict.names) == ("effect", ("coulomb_friction",))
+    found = verdict.effects[0].parameters[0]
+    assert found.low <= 0.011 <= found.high
+    assert found.std < 0.0008
+    assert verdict.effects[0].probability > 0.9
+    assert verdict.effects[0].p_value < 1e-6
+    assert verdict.where is not None
+    assert verdict.where.stage == "hinge"
+    assert "coulomb_friction (torque_Nm = 0.01" in verdict.sentence
+
+
+def test_the_gap_shrinks_to_the_floor(friction: Explanation) -> None:
+    gap = friction.verdict.gaps[0]
+    assert gap.channel == "theta_rad"
+    assert gap.as_given > gap.before > 1.5 * gap.after
+    assert gap.after < gap.floor_high * 1.1
+    assert gap.after_low < gap.after < gap.after_high
+    assert 0.8 < gap.share_closed < 1.2
+
+
+def test_the_model_that_comes_out_has_it_in(friction: Explanation) -> None:
+    parameters = friction.verdict.parameters
+    assert parameters["coulomb_friction.torque_Nm"].value == pytest.approx(0.011, abs=0.0015)
+    assert parameters["inertia_kgm2"].value == pytest.approx(0.0305, rel=0.02)
+
+
+def test_curves_break_between_windows(friction: Explanation) -> None:
+    overlay = friction.overlays[0]
+    assert overlay.axis == "time_s"
+    breaks = np.isnan(overlay.at)
+    assert 20 < breaks.sum() < 40
+    np.testing.assert_array_equal(breaks, np.isnan(overlay.measured))
+    inside = ~breaks
+    worse = np.mean((overlay.before - overlay.measured)[inside] ** 2)
+    assert np.mean((overlay.after - overlay.measured)[inside] ** 2) < 0.5 * worse
+
+
+def test_small_imperfections_are_nothing(model: Model) -> None:
+    truth = (
+        model.fixed("coulomb_friction.torque_Nm", 0.0006)
+        .with_effect("cog_offset", x_m=0.0002)
+        .with_effect("gyro_bias", bias_rad_s=0.001)
+        .with_effect("rotor_asymmetry", ratio=1.004)
+        .with_effect("speed_map", gain=0.002, difference=-0.003)
+    )
+    verdict = explained(model, truth).verdict
+    assert verdict.kind == "none"
+    assert verdict.effects == ()
+    assert all(gap.after == gap.before for gap in verdict.gaps)
+    assert verdict.probabilities["none"] > 0.8
+
+
+def test_what_the_library_does_not_have_is_unknown(model: Model) -> None:
+    """A cable is no candidate: it pulls once its slack is used up."""
+    truth = model.with_effect("cable", stiffness_Nm_per_rad=1.5, slack_rad=0.12)
+    verdict = explained(model, truth).verdict
+    assert verdict.kind == "unknown"
+    assert verdict.nearest is not None
+    assert verdict.where is not None
+    assert verdict.where.stage == "hinge"
