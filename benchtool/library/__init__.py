@@ -9,7 +9,7 @@ from benchtool.library.model_file import (
     read_columns,
 )
 from benchtool.library.rig_file import rig_named, rig_names, rig_to_dict
-from benchtool.library.schedule_file import schedule_named, schedule_names
+from benchtool.library.schedule_file import schedule_named, schedule_names, schedule_to_toml
 
 __all__ = [
     "Gains",
@@ -25,4 +25,5 @@ __all__ = [
     "rig_to_dict",
     "schedule_named",
     "schedule_names",
+    "schedule_to_toml",
 ]
