@@ -17,8 +17,10 @@ from benchtool.core.parameter import Parameter, Prior
 from benchtool.core.rig import Rig
 from benchtool.core.toml_text import FileTable, FiniteTable, build, parse_toml
 from benchtool.effects.catalogue import effect_named
+from benchtool.effects.effect import Effect
 from benchtool.effects.model import Model
 from benchtool.errors import FileFormatError, InputError
+from benchtool.library.own_effects import own_effects
 from benchtool.library.packaged import packaged_names, read_named
 from benchtool.library.rig_file import rig_named
 
@@ -30,6 +32,7 @@ class _Head(FileTable):
     description: str = ""
     wake_rule: str = "notes"
     body_distance: BodyDistance = "half_diagonal"
+    effects_file: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,12 +75,16 @@ class LoadedModel:
         columns: our channel name to the source column, for somebody's CSV.
         row_filter: column to value: only those rows are read.
         imperfections: numbers of a virtual bench, when the file describes a truth.
+        rig_name: how the file names its rig; empty for a model that no file describes.
+        effects_file: Python file with effects of the user's own; empty without.
     """
 
     model: Model
     columns: Mapping[str, ColumnSource] = field(default_factory=dict)
     row_filter: Mapping[str, str] = field(default_factory=dict)
     imperfections: Mapping[str, float] = field(default_factory=dict)
+    rig_name: str = ""
+    effects_file: str = ""
 
 
 def model_names() -> tuple[str, ...]:
@@ -113,16 +120,17 @@ def model_from_toml(text: str, where: str, rig: Rig | None = None) -> LoadedMode
             description=read.model.description,
             provenance=dict(read.provenance),
         )
+        own = {effect.name: effect for effect in _own(read.model.effects_file, where)}
         for name, tables in read.effects.items():
-            effect = effect_named(name)
+            effect = own.get(name) or effect_named(name)
             settings = tables.get("settings", {})
             if effect.configure is not None:
                 effect = effect.configure(settings)
             elif settings:
                 raise InputError(f"effect {name!r} takes no settings; take them out")
             model = model.with_effect(effect)
-            own = {key: table for key, table in tables.items() if key != "settings"}
-            model = _set(model, {f"{name}.{key}": table for key, table in own.items()}, where)
+            given = {key: table for key, table in tables.items() if key != "settings"}
+            model = _set(model, {f"{name}.{key}": table for key, table in given.items()}, where)
         model = _set(model, _flattened(read.parameters), where)
     except InputError as error:
         if isinstance(error, FileFormatError):
@@ -134,6 +142,8 @@ def model_from_toml(text: str, where: str, rig: Rig | None = None) -> LoadedMode
         columns=read.columns,
         row_filter=read.where,
         imperfections=read.imperfections,
+        rig_name=read.model.rig,
+        effects_file=read.model.effects_file,
     )
 
 
@@ -194,6 +204,8 @@ def model_to_toml(loaded: LoadedModel, rig: str | None = None) -> str:
         "parameters": baseline,
         "effects": effects,
     }
+    if loaded.effects_file:
+        data["model"]["effects_file"] = loaded.effects_file
     if loaded.columns:
         data["columns"] = {name: _column_table(column) for name, column in loaded.columns.items()}
     if loaded.row_filter:
@@ -203,6 +215,13 @@ def model_to_toml(loaded: LoadedModel, rig: str | None = None) -> str:
     if model.provenance:
         data["provenance"] = dict(model.provenance)
     return tomli_w.dumps(data)
+
+
+def _own(effects_file: str, where: str) -> tuple[Effect, ...]:
+    """Return the effects of a Python file that stands beside a model file."""
+    if not effects_file:
+        return ()
+    return own_effects(str(Path(where).parent / effects_file))
 
 
 def _rig_beside(name: str, where: str) -> Rig:

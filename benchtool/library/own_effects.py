@@ -1,0 +1,124 @@
+"""Effects of the user's own: a Python file or module that holds `EFFECT` or `EFFECTS`."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import sys
+import traceback
+from collections.abc import Iterable
+from pathlib import Path
+from types import ModuleType
+
+from benchtool.effects.catalogue import EFFECTS
+from benchtool.effects.effect import Effect
+from benchtool.errors import InputError
+
+
+def own_effects(file_or_module: str) -> tuple[Effect, ...]:
+    """Return the effects that a Python file, or a module found from the present folder, holds.
+
+    Raises:
+        InputError: it cannot be imported, holds no effect, or one whose name is taken or whose
+            parameters cannot be judged.
+    """
+    module = _imported(file_or_module)
+    found = list(_listed(module, file_or_module))
+    if not found:
+        raise InputError(
+            f"{file_or_module} holds no effect; give it EFFECT = Effect(...) or EFFECTS = [...] of "
+            f"benchtool.effects.effect.Effect"
+        )
+    names = [effect.name for effect in found]
+    for effect in found:
+        if effect.name in EFFECTS:
+            raise InputError(
+                f"effect {effect.name!r} of {file_or_module} has the name of a shipped one; name "
+                f"yours otherwise"
+            )
+        if names.count(effect.name) > 1:
+            raise InputError(f"{file_or_module} holds two effects named {effect.name!r}; keep one")
+        _check(effect, file_or_module)
+    return tuple(found)
+
+
+def _listed(module: ModuleType, where: str) -> Iterable[Effect]:
+    for name in ("EFFECT", "EFFECTS"):
+        value = getattr(module, name, None)
+        if value is None:
+            continue
+        for item in (value,) if isinstance(value, Effect) else _items(value, name, where):
+            if not isinstance(item, Effect):
+                raise InputError(
+                    f"{name} of {where} holds {item!r}, which is no "
+                    f"benchtool.effects.effect.Effect; build it as Effect(name=..., ...)"
+                )
+            yield item
+
+
+def _items(value: object, name: str, where: str) -> Iterable[object]:
+    if isinstance(value, dict):
+        return value.values()
+    if isinstance(value, Iterable) and not isinstance(value, str):
+        return value
+    raise InputError(f"{name} of {where} is {value!r}; make it an Effect or a list of them")
+
+
+def _check(effect: Effect, where: str) -> None:
+    """Refuse an effect that an explanation could not judge."""
+    if not effect.benches:
+        raise InputError(
+            f"effect {effect.name!r} of {where} is no candidate on any bench; give it benches = "
+            f'frozenset({{"pitch"}}), or "sweep", or both'
+        )
+    if effect.tolerance_of is not None:
+        return
+    for item in effect.parameters:
+        if item.neutral is not None and item.tolerance is None:
+            raise InputError(
+                f"parameter {item.name} of effect {effect.name!r} in {where} has no tolerance, so "
+                f"nothing tells when it matters; add tolerance=... in {item.unit}"
+            )
+
+
+def _imported(file_or_module: str) -> ModuleType:
+    path = Path(file_or_module)
+    is_file = path.suffix == ".py"
+    if is_file and not path.is_file():
+        raise InputError(f"effects of {file_or_module}: there is no such file; check the path")
+    try:
+        return _file(path) if is_file else _module(file_or_module)
+    except ImportError as error:
+        raise InputError(
+            f"effects of {file_or_module}: {error}; give a Python file, or run where the module is"
+        ) from error
+    except Exception as error:
+        raise InputError(
+            f"effects of {file_or_module}: it raised {type(error).__name__}: "
+            f"{' '.join(str(error).split())}{_where(error)}; mend that line"
+        ) from error
+
+
+def _file(path: Path) -> ModuleType:
+    name = f"benchtool_own_{path.stem}"
+    spec = importlib.util.spec_from_file_location(name, path)
+    if spec is None or spec.loader is None:
+        raise ImportError(f"{path} is no Python file")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module  # hooks are looked up there when they are compiled
+    spec.loader.exec_module(module)
+    return module
+
+
+def _module(name: str) -> ModuleType:
+    here = str(Path.cwd())
+    if here not in sys.path:
+        sys.path.insert(0, here)
+    return importlib.import_module(name)
+
+
+def _where(error: Exception) -> str:
+    if isinstance(error, SyntaxError):  # tells file and line itself
+        return ""
+    frame = traceback.extract_tb(error.__traceback__)[-1]
+    return f", in {frame.filename} line {frame.lineno}"
