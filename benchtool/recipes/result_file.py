@@ -12,7 +12,7 @@ from benchtool.core.fit_result import FitResult
 from benchtool.errors import FileFormatError
 from benchtool.library import LoadedModel, model_to_toml
 from benchtool.recipes.run_recipe import FitOutput
-from benchtool.store.atomic import read_json, replace_json, replace_text
+from benchtool.store.atomic import json_ready, read_json, replace_json, replace_text
 
 FORMAT = "benchtool-fit-1"
 
@@ -37,7 +37,7 @@ def result_tables(output: FitOutput) -> dict[str, Any]:
             "sentence": output.comparison.sentence,
             "scores": [asdict(score) for score in output.comparison.scores],
         }
-    cleaned: dict[str, Any] = _json_ready(tables)
+    cleaned: dict[str, Any] = json_ready(tables)
     return cleaned
 
 
@@ -101,16 +101,3 @@ def _paths_as_names(output: FitOutput) -> dict[str, Any]:
     recipe["model"] = Path(output.recipe.model).name
     recipe["compare"] = [Path(name).name for name in output.recipe.compare]
     return recipe
-
-
-def _json_ready(value: Any) -> Any:
-    """Return the value with nan and infinity as None and NumPy numbers as plain ones."""
-    if isinstance(value, dict):
-        return {str(key): _json_ready(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_json_ready(item) for item in value]
-    if isinstance(value, np.generic):
-        return _json_ready(value.item())
-    if isinstance(value, float) and not np.isfinite(value):
-        return None
-    return value

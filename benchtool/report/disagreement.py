@@ -70,7 +70,8 @@ def _panel(axes: Axes, stage: StageSizes) -> None:
     places = range(len(names))
     axes.barh(
         [y - half for y in places], [stage.before[name] for name in names], height=height,
-        color=BEFORE, label="before", hatch="//", edgecolor="white", linewidth=0.0,
+        color=BEFORE if stage.changed else AFTER, label="before",
+        hatch="//" if stage.changed else None, edgecolor="white", linewidth=0.0,
     )  # fmt: skip
     if stage.changed:
         axes.barh(

@@ -58,6 +58,7 @@ def gap_figure(bars: Sequence[GapBar], *, title: str, simulated: bool) -> Figure
     axes.set_ylim(len(bars) - 0.45, -0.62)
     if largest > LOGARITHMIC_FROM:
         axes.set_xscale("log")
+        axes.xaxis.set_major_formatter("{x:g}")
         axes.set_xlim(min(0.5, *(0.7 * bar.after / bar.floor for bar in bars)), 4.0 * largest)
     else:
         axes.set_xlim(0.0, 1.45 * max(largest, 1.5))
@@ -81,6 +82,8 @@ def _bar(axes: Axes, row: int, bar: GapBar) -> None:
     pairs = [("before", bar.before, bar.before_range, BEFORE)]
     if bar.changed:
         pairs.append(("after", bar.after, bar.after_range, AFTER))
+    else:
+        pairs = [("adjusted within tolerance", bar.before, bar.before_range, AFTER)]
     step = 0.4 if len(pairs) == 2 else 0.0
     for place, (label, value, span, color) in enumerate(pairs):
         y = row + (place - 0.5) * step

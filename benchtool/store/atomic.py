@@ -5,8 +5,11 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Mapping
+from math import isfinite
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from benchtool.errors import FileFormatError
 
@@ -25,6 +28,19 @@ def replace_text(path: Path, text: str) -> None:
 def replace_json(path: Path, data: Mapping[str, Any]) -> None:
     """Write a JSON object in one step; numbers that JSON has not (nan) are refused early."""
     replace_text(path, json.dumps(data, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
+
+
+def json_ready(value: Any) -> Any:
+    """Return the value with nan and infinity as None and NumPy numbers as plain ones."""
+    if isinstance(value, Mapping):
+        return {str(key): json_ready(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [json_ready(item) for item in value]
+    if isinstance(value, np.generic):
+        return json_ready(value.item())
+    if isinstance(value, float) and not isfinite(value):
+        return None
+    return value
 
 
 def read_json(path: Path) -> dict[str, Any]:

@@ -1,0 +1,115 @@
+"""An answer: an explanation with what it was made from, as files and pages tell it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import degrees
+
+from benchtool.effects.effect import Effect
+from benchtool.explain.explanation import Explanation
+from benchtool.explain.recordings import Source
+from benchtool.explain.verdict import Verdict
+from benchtool.library import LoadedModel
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Answer:
+    """Hold an explanation and where it came from.
+
+    Attributes:
+        explanation: the verdict with its curves.
+        loaded: the model that was asked about, with its columns.
+        model_file: how the user named it, without folders of one machine.
+        model_sha256: of its file; empty for a shipped one.
+        learn, check: recordings.
+        seed: of everything random.
+        seconds: how long it took.
+        commands: as they were typed.
+        own_effects: candidates of the user's own.
+    """
+
+    explanation: Explanation
+    loaded: LoadedModel
+    model_file: str
+    learn: tuple[Source, ...]
+    check: tuple[Source, ...]
+    seed: int
+    seconds: float
+    model_sha256: str = ""
+    commands: tuple[str, ...] = ()
+    own_effects: tuple[Effect, ...] = ()
+
+    @property
+    def verdict(self) -> Verdict:
+        """The verdict."""
+        return self.explanation.verdict
+
+    @property
+    def simulated(self) -> bool:
+        """Whether any recording says that no physical bench made it."""
+        return any(source.simulated for source in (*self.learn, *self.check))
+
+    @property
+    def has_model(self) -> bool:
+        """Whether there is an effect to add to the model."""
+        return bool(self.verdict.effects)
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What was mended in the recordings, and what they lack."""
+        found = [line for source in (*self.learn, *self.check) for line in source.remarks]
+        return tuple(dict.fromkeys((*found, *self.verdict.remarks)))
+
+    @property
+    def hashes(self) -> Mapping[str, str]:
+        """SHA-256 of each recording by its name."""
+        return {source.name: source.sha256 for source in (*self.learn, *self.check)}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChannelWords:
+    """Say how a channel is shown to people.
+
+    Attributes:
+        title: in words.
+        unit: shown.
+        factor: turns stored numbers into shown ones.
+    """
+
+    title: str
+    unit: str
+    factor: float = 1.0
+
+
+_CHANNELS = {
+    "theta_rad": ChannelWords(title="pitch", unit="deg", factor=degrees(1.0)),
+    "gyro_rad_s": ChannelWords(title="pitch rate", unit="deg/s", factor=degrees(1.0)),
+    "thrust_N": ChannelWords(title="thrust", unit="N"),
+}
+
+
+def channel_words(channel: str, unit: str) -> ChannelWords:
+    """Return how a channel is shown."""
+    if channel in _CHANNELS:
+        return _CHANNELS[channel]
+    if channel.startswith("rpm"):
+        rotor = channel.removeprefix("rpm")
+        title = f"speed of rotor {rotor}" if rotor else "rotor speed"
+        return ChannelWords(title=title, unit="rpm")
+    return ChannelWords(title=channel, unit=unit)
+
+
+STAGES = {
+    "pwm_to_rpm": "from pwm to rpm",
+    "rpm_to_thrust": "from rpm to thrust",
+    "hinge": "hinge",
+    "sensor": "sensor",
+    "plate": "plate",
+}
+"""Links of the chain in words."""
+
+
+def stage_words(stage: str) -> str:
+    """Return a link of the chain, or a channel, in words."""
+    return STAGES.get(stage, stage)

@@ -1,0 +1,76 @@
+"""Write an answer: its folder with page, figures, new model and next experiment, and its JSON."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from benchtool.errors import WouldOverwrite
+from benchtool.explain.added_model import added_model, own_names
+from benchtool.explain.answer import Answer
+from benchtool.explain.answer_figures import answer_figures
+from benchtool.explain.answer_file import Written, answer_tables, next_file
+from benchtool.explain.answer_page import answer_page
+from benchtool.report.files import save_figure, write_whole
+from benchtool.report.html import write_report
+from benchtool.store.atomic import replace_json, replace_text
+
+MODEL = "model.toml"
+PAGE = "report.html"
+ANSWER = "answer.json"
+
+
+def refuse_taken(folder: Path | None, json_file: Path | None) -> None:
+    """Refuse targets that hold something already, before an answer is worked out.
+
+    Raises:
+        WouldOverwrite: a folder with files in it, or a file.
+    """
+    if folder is not None and folder.exists() and not _is_empty(folder):
+        raise WouldOverwrite(f"{folder} (--overwrite replaces its files)")
+    if json_file is not None and json_file.exists():
+        raise WouldOverwrite(f"{json_file} (--overwrite replaces it)")
+
+
+def write_folder(
+    folder: Path, answer: Answer, rig_file: Path | None = None, effects_file: Path | None = None
+) -> Written:
+    """Write everything of an answer and return where programs find model and next experiment.
+
+    Args:
+        folder: made where it is not there; files of these names are replaced.
+        answer: what is written.
+        rig_file: the rig beside the parent's model file, where it is one; copied.
+        effects_file: the user's own effects; copied beside a model that has one of them.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    model = ""
+    if answer.has_model:
+        own = effects_file if own_names(answer) else None
+        for file in (rig_file, own):
+            if file is not None:
+                write_whole(folder / file.name, file.read_bytes())
+        text = added_model(
+            answer, rig_file.name if rig_file else "", own.name if own is not None else ""
+        )
+        replace_text(folder / MODEL, text)
+        model = str(folder / MODEL)
+    name, text = next_file(answer)
+    if name:
+        replace_text(folder / name, text)
+    written = Written(model=model, schedule=str(folder / name) if name else "")
+    figures = answer_figures(answer)
+    for stem, figure in figures.items():
+        save_figure(figure, folder / stem, replace=True)
+    write_report(folder / PAGE, answer_page(answer, figures, name), replace=True)
+    write_json(folder / ANSWER, answer, written)
+    return written
+
+
+def write_json(path: Path, answer: Answer, written: Written) -> None:
+    """Write the answer for programs; replaces a file of that name."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    replace_json(path, answer_tables(answer, written))
+
+
+def _is_empty(folder: Path) -> bool:
+    return folder.is_dir() and not any(folder.iterdir())

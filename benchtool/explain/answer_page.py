@@ -1,0 +1,168 @@
+"""The report page of an answer: the sentence first, then where, which, the gap, what to do next."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from benchtool import __version__
+from benchtool.explain.answer import Answer, channel_words
+from benchtool.explain.answer_figures import gap_numbers, parameter_text
+from benchtool.explain.answer_tables import effects_table, gap_table, next_table, tolerances_table
+from benchtool.report.page import (
+    Block,
+    Commands,
+    Facts,
+    Figure,
+    FigureBlock,
+    Paragraph,
+    Report,
+    Section,
+    Warnings,
+)
+
+CAPTIONS: dict[str, str] = {
+    "where": (
+        "Size of the residuals in each part of the recordings, over the noise that the model "
+        "states. What the verdict names is bold."
+    ),
+    "which": "Probability of each explanation that was weighed; the answer is blue.",
+    "parameters": (
+        "Each parameter with its 95 % interval, counted in tolerances from where its effect is "
+        "absent."
+    ),
+    "gap": (
+        "Prediction error before (hatched) and after, over what a true model would miss; thin "
+        "lines: 95 % of a bootstrap over windows. Diamonds: the model as its file states it, "
+        "before anything was adjusted within tolerance."
+    ),
+}
+"""Captions of the figures but overlays."""
+
+OVERLAY = (
+    "Measurement and predictions on the check recording; below, what is left over. The grey band "
+    "is the noise floor."
+)
+
+
+def where_sentence(answer: Answer) -> str:
+    """Say where model and measurement disagree."""
+    where = answer.verdict.where
+    if where is None:
+        return "The model agrees with the recordings within their noise and the tolerances."
+    return (
+        f"The disagreement is in the stage {where.stage}, most of it in: {where.regime}. There "
+        f"residuals are {where.size:.2g} times the stated noise, and {100.0 * where.share:.0f} % "
+        f"of the disagreement lies there."
+    )
+
+
+def next_sentence(answer: Answer) -> str:
+    """Say what to record next, and why; empty where nothing is asked for."""
+    experiment = answer.verdict.next
+    if experiment is None:
+        return ""
+    return (
+        f"Record next: {experiment.title}. {experiment.reason[:1].upper()}{experiment.reason[1:]}."
+    )
+
+
+def answer_page(answer: Answer, figures: Mapping[str, Figure], next_name: str = "") -> Report:
+    """Return the report page of an answer.
+
+    Args:
+        answer: what is told.
+        figures: of `answer_figures`.
+        next_name: name of the file beside the page that holds the next experiment.
+    """
+    verdict = answer.verdict
+    sections = [
+        Section("Where", [Paragraph(where_sentence(answer)), *_figures(figures, "where")]),
+        Section("Which", _which(answer, figures)),
+        Section("The gap", _gap(answer, figures)),
+    ]
+    if verdict.next is not None:
+        sections.append(Section("What to record next", _next(answer, next_name)))
+    sections += [
+        Section("Tolerances", [tolerances_table(answer)]),
+        Section("What was not judged", _not_judged(answer)),
+        Section("What stands behind it", [Facts(_facts(answer))]),
+        Section("Made with", [Commands(answer.commands)]),
+    ]
+    return Report(
+        title=f"Explanation: {answer.loaded.model.name}",
+        summary=verdict.sentence,
+        sections=sections,
+        simulated=answer.simulated,
+        made=f"benchtool {__version__}",
+        highlights=_highlights(answer),
+    )
+
+
+def _figures(figures: Mapping[str, Figure], *names: str) -> list[Block]:
+    return [FigureBlock(figures[name], CAPTIONS[name]) for name in names if name in figures]
+
+
+def _which(answer: Answer, figures: Mapping[str, Figure]) -> list[Block]:
+    blocks: list[Block] = [Paragraph(answer.verdict.sentence)]
+    if answer.verdict.effects:
+        blocks.append(effects_table(answer))
+    return [*blocks, *_figures(figures, "parameters", "which")]
+
+
+def _gap(answer: Answer, figures: Mapping[str, Figure]) -> list[Block]:
+    overlays = [
+        FigureBlock(figure, OVERLAY)
+        for name, figure in figures.items()
+        if name.startswith("overlay_")
+    ]
+    said = (
+        f"The floor is what the model, taken for true, misses of its own simulated data: median "
+        f"of {answer.verdict.draws} draws of the stated sensor and wake noise."
+    )
+    return [gap_table(answer), Paragraph(said), *_figures(figures, "gap"), *overlays]
+
+
+def _next(answer: Answer, next_name: str) -> list[Block]:
+    blocks: list[Block] = [Paragraph(next_sentence(answer))]
+    if next_name:
+        blocks.append(Paragraph(f"Its commands stand in {next_name} beside this page."))
+    return [*blocks, next_table(answer)]
+
+
+def _not_judged(answer: Answer) -> list[Block]:
+    blocks: list[Block] = []
+    if answer.remarks:
+        blocks.append(Warnings(answer.remarks))
+    if answer.verdict.not_judged:
+        blocks.append(Facts(dict(answer.verdict.not_judged)))
+    if not blocks:
+        blocks.append(Paragraph("Every effect of this kind of bench was judged."))
+    return blocks
+
+
+def _facts(answer: Answer) -> dict[str, str]:
+    verdict, model = answer.verdict, answer.loaded.model
+    facts = {
+        "model": f"{model.name} ({answer.model_file})",
+        "rig": f"{model.rig.name}: {model.rig.title}",
+        "bench": verdict.bench,
+        "learned from": ", ".join(source.name for source in answer.learn),
+        "checked on": ", ".join(source.name for source in answer.check),
+        "seed": str(answer.seed),
+        "took": f"{answer.seconds:.1f} s",
+        "software": f"benchtool {__version__}",
+    }
+    return facts | {f"sha256 of {name}": digest for name, digest in answer.hashes.items()}
+
+
+def _highlights(answer: Answer) -> dict[str, str]:
+    verdict = answer.verdict
+    shown = {
+        f"{effect.name}: {item.name}": parameter_text(item)
+        for effect in verdict.effects[:2]
+        for item in effect.parameters[:2]
+    }
+    for gap in verdict.gaps[:1]:
+        title = channel_words(gap.channel, gap.unit).title
+        shown[f"gap of {title}"] = gap_numbers(gap, answer.has_model)
+    return shown

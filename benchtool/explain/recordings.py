@@ -1,0 +1,169 @@
+"""Read the recordings of an explanation, whatever wrote them, and tell which bench they are of."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from benchtool.core.column_source import ColumnSource
+from benchtool.core.recording import Recording
+from benchtool.effects.effect import BenchKind
+from benchtool.errors import FileFormatError, InputError
+from benchtool.library import LoadedModel
+from benchtool.store import (
+    data_hash,
+    is_run,
+    read_pitch,
+    read_points,
+    read_recording,
+    read_samples,
+    read_table,
+)
+from benchtool.store.csv_text import read_csv_text
+from benchtool.store.recording_file import beside
+
+TELLS: dict[BenchKind, str] = {"pitch": "theta_rad", "sweep": "thrust_N"}
+"""The channel by which a bench is told; a hinge goes before a load cell."""
+
+NEEDED: dict[BenchKind, tuple[str, ...]] = {
+    "pitch": ("time_s", "theta_rad"),
+    "sweep": ("thrust_N",),
+}
+"""Channels whose column must be in a file; others may be missing, and it is told."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Source:
+    """Hold one recording with where it comes from.
+
+    Attributes:
+        path: as the user gave it.
+        recording: what it holds.
+        sha256: of its bytes.
+        remarks: columns of the model's map that the file has not.
+    """
+
+    path: str
+    recording: Recording
+    sha256: str
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """The file's or folder's own name, for people."""
+        return Path(self.path).name or self.path
+
+    @property
+    def simulated(self) -> bool:
+        """Whether the recording says that no physical bench made it."""
+        return self.recording.simulated
+
+
+def read_sources(
+    learn: Sequence[str], check: Sequence[str], loaded: LoadedModel
+) -> tuple[list[Source], list[Source]]:
+    """Return the recordings to learn from and those to check on.
+
+    Raises:
+        InputError: none of either, the same data twice, or benches of two kinds.
+        FileFormatError: a file that is no recording.
+    """
+    if not learn:
+        raise InputError(
+            "nothing to explain: give recordings to learn from, for example benchtool explain "
+            "learn.csv --model model.toml --check check.csv"
+        )
+    if not check:
+        raise InputError(
+            "there is no check recording; name one of the same bench that is not learned from: "
+            "--check FILE"
+        )
+    seen: dict[str, str] = {}
+    for path in (*learn, *check):
+        if not Path(path).exists():
+            raise FileFormatError(path, "there is no such run or file; check the path")
+        digest = data_hash(path)
+        if digest in seen:
+            raise InputError(
+                f"{path} holds the same data as {seen[digest]}; a model is checked on what it did "
+                f"not learn from, so name each recording once and check on another"
+            )
+        seen[digest] = path
+    hashes = {path: digest for digest, path in seen.items()}
+    groups = [[_source(path, hashes[path], loaded) for path in part] for part in (learn, check)]
+    kinds = {bench_of(source): source.path for part in groups for source in part}
+    if len(kinds) > 1:
+        raise InputError(
+            f"{kinds['pitch']} is of a pitch bench and {kinds['sweep']} of a plate sweep; explain "
+            f"them one kind at a time"
+        )
+    return groups[0], groups[1]
+
+
+def bench_of(source: Source) -> BenchKind:
+    """Return which kind of bench made a recording, by its channels."""
+    for kind, channel in TELLS.items():
+        if channel in source.recording:
+            return kind
+    raise InputError(
+        f"{source.path} has neither theta_rad (a pitch bench) nor thrust_N (a plate sweep), only "
+        f"{', '.join(source.recording.names)}; map its columns in the model's [columns]"
+    )
+
+
+def _source(path: str, digest: str, loaded: LoadedModel) -> Source:
+    if is_run(path):
+        return Source(path=path, recording=_run(path), sha256=digest)
+    if Path(path).is_dir():
+        raise FileFormatError(path, "this folder is no run; name a run folder or a file in it")
+    if beside(Path(path)).is_file():
+        return Source(path=path, recording=read_recording(path), sha256=digest)
+    if Path(path).suffix.lower() == ".parquet":
+        raise FileFormatError(
+            path, f"there is no {beside(Path(path)).name} beside it; import it with benchtool"
+        )
+    columns, remarks = _present(path, loaded.columns)
+    filters = [f"{key}={value}" for key, value in loaded.row_filter.items()] if columns else []
+    recording = read_table(path, columns, filters)
+    if recording.provenance.get("repairs"):
+        remarks.append(f"{Path(path).name}: {recording.provenance['repairs']}")
+    return Source(path=path, recording=recording, sha256=digest, remarks=tuple(remarks))
+
+
+def _run(path: str) -> Recording:
+    """Return a run's experiment: that of a hinge, or the points of a sweep."""
+    if TELLS["pitch"] in read_samples(path):
+        return read_pitch(path)
+    return read_points(path)
+
+
+def _present(
+    path: str, columns: Mapping[str, ColumnSource]
+) -> tuple[Mapping[str, ColumnSource], list[str]]:
+    """Return the map without columns that a file has not, and what is missing.
+
+    A file with our own names needs no map. Where a needed column is missing, the map is left whole:
+    reading it then says what the file has.
+    """
+    if not columns:
+        return {}, []
+    header = read_csv_text(Path(path)).header
+    absent = {
+        name: source.column
+        for name, source in columns.items()
+        if source.column is not None and source.column.strip() not in header
+    }
+    needed = [name for names in NEEDED.values() for name in names if name in absent]
+    own = [kind for kind, names in NEEDED.items() if all(name in header for name in names)]
+    if needed and own:
+        return {}, []
+    if needed:
+        return columns, []
+    return (
+        {name: source for name, source in columns.items() if name not in absent},
+        [
+            f"{Path(path).name}: no column {theirs!r}, which the model's [columns] map to {ours}"
+            for ours, theirs in absent.items()
+        ],
+    )

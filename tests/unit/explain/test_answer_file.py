@@ -1,0 +1,100 @@
+"""The answer as JSON: the keys of the issue, always there, and plain JSON."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from benchtool.explain.answer_file import Written, answer_tables, next_file
+from benchtool.explain.verdict import KINDS, Kind
+from benchtool.library import schedule_named
+from tests.unit.explain.hand_made import NEXT, answer, gap, verdict
+
+PROMISED = (
+    "version", "verdict", "effects", "class", "where", "gap", "nearest", "tolerances",
+    "next_experiment", "model_out", "seconds",
+)  # fmt: skip
+
+
+def tables(kind: Kind, written: Written | None = None) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads(
+        json.dumps(answer_tables(answer(kind), written or Written()), allow_nan=False)
+    )
+    return found
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_promised_key_is_there_whatever_the_verdict(kind: Kind) -> None:
+    found = tables(kind)
+    assert set(PROMISED) <= set(found)
+    assert found["version"] == 1
+    assert found["verdict"] == kind
+    assert set(found["where"]) >= {"stage", "regime"}
+    assert set(found["nearest"]) == {"name", "share_closed"}
+    assert set(found["gap"]) == {"theta_rad", "gyro_rad_s", "rpm"}
+    assert all({"unit", "before", "after", "floor"} <= set(one) for one in found["gap"].values())
+    assert found["tolerances"]["coulomb_friction.torque_Nm"] == 0.002
+
+
+def test_an_effect_is_told_with_its_numbers_and_evidence() -> None:
+    found = tables("effect", Written(model="out/model.toml"))
+    (effect,) = found["effects"]
+    assert effect["name"] == "coulomb_friction"
+    assert effect["parameters"]["torque_Nm"]["value"] == 0.0241
+    assert effect["parameters"]["torque_Nm"]["std"] == 0.0006
+    assert effect["parameters"]["torque_Nm"]["unit"] == "N m"
+    assert effect["log_likelihood_ratio"] == 512.3
+    assert effect["p_value"] == 1e-30
+    assert found["where"]["stage"] == "hinge"
+    assert found["where"]["regime"] == "slow reversals"
+    assert found["class"] == []
+    assert found["model_out"] == "out/model.toml"
+    assert found["seconds"] == 4.2
+
+
+def test_nothing_missing_leaves_the_gap_as_it_was_and_names_nothing() -> None:
+    found = tables("none")
+    assert found["effects"] == []
+    assert found["where"]["stage"] is None
+    assert found["model_out"] is None
+    assert all(one["after"] == one["before"] for one in found["gap"].values())
+
+
+def test_a_class_has_its_members_and_the_experiment_that_separates_them(tmp_path: Path) -> None:
+    found = tables("class", Written(schedule="out/next_schedule.toml"))
+    assert found["class"] == ["coulomb_friction", "cog_offset"]
+    experiment = found["next_experiment"]
+    assert experiment["kind"] == "schedule"
+    assert experiment["file"] == "out/next_schedule.toml"
+    assert experiment["expected"]["next_collectives"] == 40.0
+    path = tmp_path / "next.toml"
+    path.write_text(experiment["text"], encoding="utf-8")
+    assert schedule_named(path) == NEXT.schedule
+
+
+def test_an_unknown_tells_the_nearest_effect() -> None:
+    found = tables("unknown")
+    assert found["nearest"] == {"name": "coulomb_friction", "share_closed": 0.61}
+    assert found["effects"] == found["class"] == []
+
+
+def test_a_plan_of_a_sweep_is_handed_on_as_it_is() -> None:
+    plan = replace(NEXT, schedule=None, plan_toml="seed = 3\n")
+    found = replace(
+        answer("class"),
+        explanation=replace(answer("class").explanation, verdict=verdict("class", next=plan)),
+    )
+    assert next_file(found) == ("next_plan.toml", "seed = 3\n")
+    assert answer_tables(found, Written())["next_experiment"]["kind"] == "plan"
+
+
+def test_numbers_that_json_has_not_become_null() -> None:
+    broken = verdict(gaps=(gap("theta_rad", "rad", float("nan"), float("inf"), 0.1),))
+    found = replace(
+        answer(), explanation=replace(answer().explanation, verdict=broken)
+    )  # fmt: skip
+    assert answer_tables(found, Written())["gap"]["theta_rad"]["before"] is None
