@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from benchtool import __version__
 from benchtool.core.schedule import PlateVisit
 from benchtool.simulate.own_controller import made
 from benchtool.simulate.pitch_result import PitchRun, PlateNumbers, plate_numbers
@@ -140,13 +141,14 @@ def write_study(study: PitchStudy, out: Path) -> list[Path]:
         the files.
     """
     from benchtool.report.files import refuse_existing, save_figure
-    from benchtool.store.write import write_table
+    from benchtool.store.recording_file import beside, write_recording
 
     setup = study.setup
     rig = setup.bench.model.rig
     recordings = {out / f"{_file_name(run.controller)}.csv": run for run in study.runs}
     table = out / "numbers.txt"
-    refuse_existing([*recordings, table, out / "pitch.svg", out / "pitch.png"])
+    sidecars = [beside(path) for path in recordings]
+    refuse_existing([*recordings, *sidecars, table, out / "pitch.svg", out / "pitch.png"])
     out.mkdir(parents=True, exist_ok=True)
     for path, run in recordings.items():
         provenance = {
@@ -156,7 +158,9 @@ def write_study(study: PitchStudy, out: Path) -> list[Path]:
             "schedule": setup.schedule.name,
             "seed": str(study.seed),
         }
-        write_table(path, run.recording(rig, provenance))
+        write_recording(
+            path, run.recording(rig, provenance), {"software": f"benchtool {__version__}"}
+        )
     table.write_text("\n".join(table_lines(study)) + "\n", encoding="utf-8")
     return [*recordings, table, *save_figure(study_figure(study), out / "pitch")]
 

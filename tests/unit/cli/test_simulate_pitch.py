@@ -9,6 +9,7 @@ import pytest
 
 from benchtool.cli.app import main
 from benchtool.store.read import read_samples
+from benchtool.store.recording_file import read_recording
 from benchtool.studies.pitch import pitch_study, table_lines
 from benchtool.studies.pitch_setup import changed, pitch_setup
 
@@ -39,8 +40,10 @@ def test_it_writes_recordings_a_table_and_a_figure_and_overwrites_nothing(
     words = (*SHORT, "--controllers", "pid,observer+feedforward", "--out", str(out))
     assert simulate(capsys, *words)[0] == 0
     assert sorted(path.name for path in out.iterdir()) == [
-        "numbers.txt", "observer-feedforward.csv", "pid.csv", "pitch.png", "pitch.svg",
+        "numbers.txt", "observer-feedforward.csv", "observer-feedforward.csv.json", "pid.csv",
+        "pid.csv.json", "pitch.png", "pitch.svg",
     ]  # fmt: skip
+    assert read_recording(out / "pid.csv").simulated
     recording = read_samples(out / "pid.csv")
     assert recording.names[:5] == ("time_s", "theta_ref_rad", "theta_rad", "gyro_rad_s", "pwm1_us")
     assert {"pwm4_us", "rpm4", "plate_z_m", "disturbance_Nm"} <= set(recording.names)
