@@ -27,7 +27,7 @@ to be too small to matter reaches to three of them. A choice, not a fit."""
 REACH = 2.0
 """How many standard errors a number that the owner knows roughly may be off."""
 
-UNSEEN = 8.0
+UNSEEN = 3.0
 """An effect that would have to be this many tolerances large to show is called not judged."""
 
 FIRST_STEPS = 1
@@ -117,7 +117,8 @@ class Hypotheses:
     def unseen(self, one: Hypothesis) -> dict[str, float]:
         """Return effects that the data cannot show: by how many tolerances each would have to act.
 
-        Three standard deviations of the knob that shows best, if that is more than `UNSEEN`.
+        Its tolerance and three standard deviations of the knob that shows best, if that is more
+        than `UNSEEN`.
         """
         curvature = self.near(one.at).curvature / self.dispersion(one)
         out = {}
@@ -127,8 +128,9 @@ class Hypotheses:
             spread = np.sqrt(np.diag(np.linalg.inv(total)))
             own = [s for s, knob in zip(spread, self.evidence.knobs, strict=True)
                    if knob.effect == name]  # fmt: skip
-            if 3.0 * min(own) > UNSEEN:
-                out[name] = float(3.0 * min(own))
+            needed = 1.0 + 3.0 * min(own)
+            if needed > UNSEEN:
+                out[name] = float(needed)
         return out
 
     def near(self, at: Array) -> Linearised:
