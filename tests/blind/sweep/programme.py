@@ -7,6 +7,7 @@ each other without a stop. That is how `benchtool sweep` does it.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -118,6 +119,9 @@ def _rich(rng: np.random.Generator, layout: Layout) -> list[Stay]:
     # The nearest ones come again, so that a stage is seen from both sides.
     places += [(float(z), 0.0) for z in distances[[1, 3]]]
     order = rng.permutation(len(places))
+    # A stay that comes again at once would not be seen from the other side.
+    while any(places[a] == places[b] for a, b in pairwise(order)):
+        order = rng.permutation(len(places))
     stays = []
     for count, index in enumerate(order):
         if count % 6 == 0:
