@@ -13,7 +13,7 @@ from benchtool.report.overlay import AFTER, BEFORE
 from benchtool.report.palette import BLACK
 from benchtool.report.style import new_figure, styled
 
-MOST_REGIMES = 9
+MOST_REGIMES = 6
 """How many parts of a recording one panel shows, the worst first."""
 
 
@@ -42,8 +42,10 @@ class StageSizes:
 
 @styled
 def disagreement_figure(stages: Sequence[StageSizes], *, title: str, simulated: bool) -> Figure:
-    """Draw a panel per stage, a bar per regime; the line at 1 is what noise alone gives."""
-    drawn = [stage for stage in stages if stage.before]
+    """Draw a panel per stage and a bar per regime, the worst first; at 1 stands noise alone."""
+    drawn = sorted(
+        (stage for stage in stages if stage.before), key=lambda stage: -max(stage.before.values())
+    )
     if not drawn:
         raise InputError("a figure of disagreements needs at least one stage with a regime")
     rows = [len(stage.shown) for stage in drawn]

@@ -12,7 +12,10 @@ from benchtool.report.palette import BLACK, GREY
 from benchtool.report.style import new_figure, styled
 
 MOST = 9
-"""How many explanations are drawn; the rest share one bar."""
+"""How many explanations are drawn at most; the rest share one bar."""
+
+VISIBLE = 0.001
+"""Less likely ones share that bar, too."""
 
 ALWAYS = ("none", "unknown")
 """Explanations that are drawn however unlikely they are."""
@@ -54,17 +57,17 @@ def probability_figure(
 
 
 def percentage(value: float) -> str:
-    """Return a probability as people read it, never quite 0 or 100 % unless it is."""
-    if 0.0 < value < 0.001:
-        return "below 0.1 %"
-    if 0.999 < value < 1.0:
-        return "above 99.9 %"
+    """Return a probability as people read it, never quite 0."""
+    if value < VISIBLE:
+        return f"below {100.0 * VISIBLE:g} %"
+    if 1.0 - VISIBLE < value < 1.0:
+        return f"above {100.0 * (1.0 - VISIBLE):g} %"
     return f"{100.0 * value:.1f} %"
 
 
 def _shown(probabilities: Mapping[str, float]) -> dict[str, float]:
     ranked = sorted(probabilities, key=lambda name: -probabilities[name])
-    kept = ranked[: MOST - 1]
+    kept = [name for name in ranked if probabilities[name] >= VISIBLE][: MOST - 1]
     kept += [name for name in ALWAYS if name in probabilities and name not in kept]
     rest = [name for name in ranked if name not in kept]
     shown = {name: probabilities[name] for name in kept}

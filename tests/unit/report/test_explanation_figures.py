@@ -97,7 +97,7 @@ def test_where_shows_the_worst_parts_first_and_marks_the_answer() -> None:
 
 
 def test_probabilities_keep_none_and_unknown_and_sum_the_rest() -> None:
-    named = {f"effect {number}": 0.9 / 2**number for number in range(1, 14)}
+    named = {f"effect {number}": 0.9 / 1.5**number for number in range(1, 14)}
     (axes,) = probability_figure(
         {**named, "none": 1e-9, "unknown": 1e-5}, {"effect 1"}, title="Which", simulated=False
     ).axes
