@@ -69,7 +69,7 @@ def explain(
         for column, one in ((0, null), (1, best))
     )
     weights = [
-        weighed(slot.gains, hypotheses.dispersion(slot.tried[0]), fit, without)
+        weighed(slot.gains, hypotheses.dispersion(slot.tried[0]), fit, without, subject.temperature)
         for slot in search.slots
     ]
     kind, members = _decided(search, weights)

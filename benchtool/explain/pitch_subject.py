@@ -53,6 +53,7 @@ class PitchSubject:
     kind: BenchKind = "pitch"
     window_s = WINDOW_S
     closed_enough = float("inf")
+    temperature = TEMPERATURE
 
     def __init__(
         self,

@@ -81,6 +81,11 @@ class Subject(Protocol):
         ...
 
     @property
+    def temperature(self) -> float:
+        """What divides differences of log-likelihood before they become probabilities."""
+        ...
+
+    @property
     def window_s(self) -> float:
         """Length of a prediction; 0 where predictions are settled."""
         ...

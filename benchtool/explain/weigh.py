@@ -14,7 +14,8 @@ from math import exp, log
 from benchtool.explain.search import ENOUGH
 
 TEMPERATURE = 3.0
-"""Divides differences of log-likelihood; chosen on development records."""
+"""Divides differences of log-likelihood, where a bench names no other; chosen on development
+records of pitch benches."""
 
 REFUSED_AT = 1.25
 """Held-out error after the fix over the upper noise quantile at which "unknown" is as likely as
@@ -64,7 +65,13 @@ class Weighed:
     unknown: float
 
 
-def weighed(gains: Mapping[str, float], dispersion: float, fit: Fit, without: Fit) -> Weighed:
+def weighed(
+    gains: Mapping[str, float],
+    dispersion: float,
+    fit: Fit,
+    without: Fit,
+    temperature: float = TEMPERATURE,
+) -> Weighed:
     """Return the probabilities of every effect for one place, of none, and of unknown.
 
     Args:
@@ -72,8 +79,9 @@ def weighed(gains: Mapping[str, float], dispersion: float, fit: Fit, without: Fi
         dispersion: variance of the residuals over that of the stated noise.
         fit: of the best hypothesis.
         without: of the null.
+        temperature: divides differences of log-likelihood.
     """
-    scale = 2.0 * TEMPERATURE * dispersion
+    scale = 2.0 * temperature * dispersion
     weights = {name: (gain - ENOUGH * dispersion) / scale for name, gain in gains.items()}
     top = max([0.0, *weights.values()])
     nothing = exp(max(-ENOUGH * dispersion / scale - top, -700.0))  # an effect that gains nothing
