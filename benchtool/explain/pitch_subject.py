@@ -22,6 +22,7 @@ from benchtool.explain.pitch_gap import (
 from benchtool.explain.pitch_log import PitchLog
 from benchtool.explain.subject import ChannelErrors, RowGroups
 from benchtool.explain.verdict import NextExperiment
+from benchtool.explain.weigh import TEMPERATURE
 
 Array = NDArray[np.float64]
 
