@@ -82,7 +82,7 @@ class PitchRun:
         ]
         discs = rig.disc_of_rotor
         pwm, rpm = self.pwm_us, self.speed_rad_s * 30.0 / np.pi
-        pairs += [(Channel(f"pwm{k + 1}_us", "us"), pwm[disc]) for k, disc in enumerate(discs)]
+        pairs += [(Channel(f"pwm{k + 1}_us", "pwm_us"), pwm[disc]) for k, disc in enumerate(discs)]
         pairs += [(Channel(f"rpm{k + 1}", "rpm"), rpm[disc]) for k, disc in enumerate(discs)]
         shown = np.where(self.column("plate_share") > 0.0, self.column("plate_read_m"), PARKED_M)
         pairs += [
