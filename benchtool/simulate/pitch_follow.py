@@ -159,7 +159,9 @@ def follow(
             f"the log drives {discs} discs, but rig {first.model.rig.name!r} has "
             f"{first.model.rig.n_discs}; name another rig"
         )
-    loop = PitchLoop(jobs, logged.schedule(), seed or 0, list(range(lanes)), external=True)
+    loop = PitchLoop(
+        jobs, logged.schedule(), seed or 0, list(range(lanes)), external=True, neutral_too=True
+    )
     loop.drive(np.ascontiguousarray(logged.pwm_us, float))
     w = loop.w.reshape(-1, lanes)
     if seed is None:

@@ -20,12 +20,10 @@ from benchtool.simulate.pitch_bench import GRAVITY_M_S2, PitchBench, PitchSensor
 Array = NDArray[np.float64]
 
 ALWAYS = (
-    "speed_map",
     "battery_sag",
     "plate_offset",
     "neighbour_images",
     "body_lift",
-    "partial_coverage",
     "rotor_asymmetry",
     "coulomb_friction",
     "stribeck",
@@ -67,8 +65,12 @@ def geometry_of(model: Model) -> Geometry:
     )
 
 
-def loop_effects(*models: Model) -> tuple[Effect, ...]:
-    """Return the effects that a loop must spell out for these models, in catalogue order."""
+def loop_effects(*models: Model, neutral_too: bool = False) -> tuple[Effect, ...]:
+    """Return the effects that a loop must spell out for these models, in catalogue order.
+
+    Those that cannot act are left out, but for `ALWAYS`; with `neutral_too` every effect of the
+    models stands in the loop, so that one compilation serves all values of their numbers.
+    """
     found: dict[str, Effect] = {name: EFFECTS[name] for name in EFFECTS if name in ALWAYS}
     own = {"motor_lag", "transport_delay", "wake_torque"}
     for model in models:
@@ -81,7 +83,7 @@ def loop_effects(*models: Model) -> tuple[Effect, ...]:
                     f"effect {effect.name!r} lags, delays or wanders; a pitch simulation follows "
                     f"motor_lag, transport_delay and wake_torque alone"
                 )
-            if effect.name in found or model.is_present(effect):
+            if neutral_too or effect.name in found or model.is_present(effect):
                 found[effect.name] = effect
     order = [*EFFECTS, *(name for name in found if name not in EFFECTS)]
     return tuple(found[name] for name in order if name in found)

@@ -87,6 +87,7 @@ class PitchLoop:
         schedule: commands, the same for all.
         seed, runs: of the noise; the number of each lane's run under the seed.
         external: the controller is the caller's, tick by tick.
+        neutral_too: spell out effects that cannot act too, see `loop_effects`.
         log: (n_ticks, n_rows, n_lanes) to log into; a new one when None or of another shape.
     """
 
@@ -98,6 +99,7 @@ class PitchLoop:
         runs: Sequence[int],
         *,
         external: bool = False,
+        neutral_too: bool = False,
         log: Array | None = None,
     ) -> None:
         first = jobs[0]
@@ -111,7 +113,7 @@ class PitchLoop:
         self.lanes, self.schedule = len(jobs), schedule
         self.n_discs = model.rig.n_discs
         models = [model for job in jobs for model in (job.bench.model, job.belief)]
-        effects = loop_effects(*models)
+        effects = loop_effects(*models, neutral_too=neutral_too)
         self._module: ModuleType = pitch_module(
             effects, self.n_discs, self.lanes, model.wake_rule, len(model.body_arms_m)
         )
