@@ -50,7 +50,7 @@ def arm_flexure(rng: np.random.Generator, plant: Plant, scale: float) -> Plant:
 
 def encoder_backlash(rng: np.random.Generator, plant: Plant, scale: float) -> Plant:
     """Give the coupling between hinge and encoder play."""
-    return replace(plant, encoder_play_rad=scale * math.radians(rng.uniform(0.5, 1.5)))
+    return replace(plant, encoder_play_rad=scale * math.radians(rng.uniform(0.8, 1.8)))
 
 
 def esc_steps(rng: np.random.Generator, plant: Plant, scale: float) -> Plant:
