@@ -36,8 +36,8 @@ coverage-truth: $(TESTING)
 # How often `benchtool explain` is right, on records with hidden effects whose physics is not ours.
 # Takes about an hour; a run that was cut short goes on where it was.
 blind: $(TESTING)
-	$(BIN)/python -m tests.blind.score_pitch --scoring --page docs/explanation/scorecard-pitch.md
-	$(BIN)/python -m tests.blind.score_sweep --scoring --page docs/explanation/scorecard-sweep.md
+	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m tests.blind.score_pitch --scoring --page build/scorecard-pitch.md
+	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m tests.blind.score_sweep --scoring --page build/scorecard-sweep.md
 
 # Everything that takes minutes.
 soak: $(TESTING)

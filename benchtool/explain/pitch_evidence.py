@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 PLANT_HZ = 500.0
 """Least plant steps per second; a motor lag of 20 ms then takes ten of them."""
 
-LEAST_LAG_S = 2.0 * STEPS_PER_LAG / PLANT_HZ
+LEAST_LAG_S = 1.001 * STEPS_PER_LAG / PLANT_HZ
 """Shortest motor lag that is tried; a quicker one is none at these steps."""
 
 SETTLING_S = 0.3
