@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from benchtool.aero.expression import expression
-from benchtool.core.parameter import Parameter
+from benchtool.core.parameter import Parameter, Prior
 from benchtool.core.rig import Rig
 from benchtool.effects.effect import BenchKind, Effect, Flow, Quantity, Values
 from benchtool.effects.size import weight_scale
+
+GROWTH_KNOWN = Prior("normal", 0.0, 0.15, "assumed: data sheets tell one width, at full load")
 
 
 @expression
@@ -16,7 +18,8 @@ def thrust_reading(
     reading: Quantity, flow: Flow, states: Sequence[Quantity], p: Values
 ) -> Quantity:
     """Return the reading behind a play: low after a rise, against the direction of the tare: N."""
-    return reading - p[0] * (flow.load_direction - p[1])
+    width = p[0] * (1.0 + p[2] * (reading / p[3] - 1.0))
+    return reading - width * (flow.load_direction - p[1])
 
 
 def tolerance_of(rig: Rig, bench: BenchKind) -> Mapping[str, float]:
@@ -32,7 +35,10 @@ EFFECT = Effect(
         "friction in the stand and the cell itself do it."
     ),
     stage="sensor",
-    law="reading = thrust - h (d - d_tare), d = +1 approached from below, -1 from above",
+    law=(
+        "reading = thrust - h (1 + s (thrust/ref - 1)) (d - d_tare), d = +1 approached from below, "
+        "-1 from above"
+    ),
     parameters=(
         Parameter(
             "half_width_N",
@@ -41,7 +47,7 @@ EFFECT = Effect(
             neutral=0.0,
             lower=0.0,
             upper=5.0,
-            description="half the difference between the way down and the way up",
+            description="half the difference between the way down and the way up at the reference",
             source="neutral value",
         ),
         Parameter(
@@ -52,6 +58,25 @@ EFFECT = Effect(
             upper=1.0,
             description="direction d of the load at the tare: -1 after thrust, 0 on a fresh cell",
             source="convention: a bench is tared after its motors have run",
+        ),
+        Parameter(
+            "growth",
+            "1",
+            0.0,
+            lower=-1.0,
+            upper=1.0,
+            prior=GROWTH_KNOWN,
+            description="share s by which the loop is wider at twice the reference load",
+            source="0: a loop of constant width (play, dry friction)",
+        ),
+        Parameter(
+            "reference_N",
+            "N",
+            10.0,
+            lower=0.01,
+            upper=1e4,
+            description="load at which the half width holds",
+            source="convention; it matters only where the loop grows",
         ),
     ),
     shows="levels visited up and down at one place",

@@ -5,17 +5,19 @@ from __future__ import annotations
 import numpy as np
 
 from benchtool.aero.expression import expression
-from benchtool.core.parameter import Parameter
+from benchtool.core.parameter import Parameter, Prior
 from benchtool.effects.effect import Effect, Flow, Quantity, Values
 
 RECOVERY = 1.22
 """Leishman 2006, eq. (6.36): download near the ground over that far away is 1 - 1.22 exp(-z/R)."""
 
+REACH_KNOWN = Prior("normal", 1.0, 0.05, "assumed: a curve read off a figure holds to 5 %")
+
 
 @expression
 def factor(i: int, flow: Flow, p: Values) -> Quantity:
     """Return what the wake's push on the stand leaves of a disc's thrust."""
-    recovered = flow.area[i] * RECOVERY * np.exp(-flow.height_m[i] / flow.radius_m)
+    recovered = flow.area[i] * RECOVERY * np.exp(-flow.height_m[i] / (p[1] * flow.radius_m))
     return 1.0 - p[0] * (1.0 - recovered)
 
 
@@ -27,7 +29,7 @@ EFFECT = Effect(
         "effect too; a near plate slows the wake and gives some of it back."
     ),
     stage="rpm_to_thrust",
-    law="factor 1 - b (1 - a 1.22 exp(-z/R)), a the covered fraction of the disc",
+    law="factor 1 - b (1 - a 1.22 exp(-z/(c R))), a the covered fraction of the disc",
     parameters=(
         Parameter(
             "share",
@@ -39,6 +41,16 @@ EFFECT = Effect(
             tolerance=0.01,
             description="share b of the thrust that the stand takes with no plate near",
             source="neutral value",
+        ),
+        Parameter(
+            "reach",
+            "1",
+            1.0,
+            lower=0.5,
+            upper=2.0,
+            prior=REACH_KNOWN,
+            description="distance c over R in which the recovery falls off",
+            source="1: Leishman 2006, eq. (6.36)",
         ),
     ),
     shows="plate distances z/R of 0.5 to 4 against far ones; far ones alone only scale k",
