@@ -78,6 +78,10 @@ class Conditions:
             speed_measured=self.speed_measured,
         )
 
+    def moved_by(self, farther_m: float) -> Conditions:
+        """Return the same conditions with the plate farther away."""
+        return replace(self, plate_z_m=self.plate_z_m + farther_m)
+
     def out_of_ground_effect(self) -> Conditions:
         """Return the same conditions with no plate anywhere."""
         return replace(

@@ -1,0 +1,254 @@
+"""What plate sweeps say about a model's numbers: thrust, and speeds at given pulses, whitened."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.core.parameter import Parameter, Parameters
+from benchtool.core.units import STANDARD_GRAVITY_M_S2
+from benchtool.effects.catalogue import candidates, effect_named
+from benchtool.effects.conditions import Conditions
+from benchtool.effects.effect import Effect
+from benchtool.effects.model import Model
+from benchtool.effects.tolerances import tolerances
+from benchtool.explain.knob import Knob
+from benchtool.explain.subject import RowGroups
+from benchtool.explain.sweep_log import SweepLog
+from benchtool.explain.sweep_noise import SweepNoise
+from benchtool.explain.sweep_regimes import sweep_regimes
+
+Array = NDArray[np.float64]
+
+RADIUS_KNOWN = 0.0125
+"""Standard error of R_m over its value where a model fixes it and states no prior: the increment
+(R/4z)^2 known to 5 %, taken for two standard errors."""
+
+RADIUS_FITTED = 0.05
+"""The same where a model leaves R_m to a fit: an effective radius is within a tenth of the rotor's;
+a choice."""
+
+K_KNOWN, K_FITTED = 0.01, 0.1
+"""The same two for k; a load cell's scale is known to a per cent, a rotor's coefficient is not."""
+
+DROP = "supply.drop"
+CURVE = "supply.curve"
+SUPPLY_KNOBS = (
+    Knob(
+        name=DROP, unit="1", effect="", start=0.02, scale=0.02, lower=0.0, upper=0.3, held=True
+    ),
+    Knob(name=CURVE, unit="1", effect="", start=0.0, scale=0.1, held=True),
+)  # fmt: skip
+"""Share of the open voltage that full load takes, and how far a discharge is from a straight line;
+guesses for lithium polymer packs."""
+
+RATE = "battery_sag.rate_per_s"
+GROWTH = "load_cell_hysteresis.growth"
+
+SHAPES = ("ground_shape.curvature", "plate_side.dx_m", GROWTH, "wall_blockage.reach")
+"""What no owner knows exactly of laws and set-up; held by the priors that the effects state."""
+
+OWN_EFFECTS = ("ground_shape", "plate_side")
+"""Effects that are no candidates: what a bench's owner knows only roughly."""
+
+
+def with_sweep_library(model: Model, extra: Sequence[Effect] = ()) -> Model:
+    """Return the model with every candidate of a sweep in it, free, at its neutral value."""
+    have = {effect.name for effect in model.effects}
+    for effect in (*candidates("sweep"), *map(effect_named, OWN_EFFECTS), *extra):
+        if effect.name not in have:
+            neutral = {
+                item.name: item.neutral for item in effect.parameters if item.neutral is not None
+            }
+            model = model.with_effect(effect, **neutral)
+    if model.parameters[GROWTH].value == 0.0:
+        weight_N = STANDARD_GRAVITY_M_S2 * model.rig.body.mass_kg
+        model = model.fixed("load_cell_hysteresis.reference_N", weight_N)
+    if model.parameters["plate_side.dx_m"].is_neutral:
+        model = model.fixed("plate_side.disc_radius_m", model.rig.propulsion.radius_m)
+    return model
+
+
+class SweepEvidence:
+    """Hold sweeps against a model and every candidate effect.
+
+    Args:
+        model: as given by the user.
+        logs: one per sweep.
+        extra: effects of the user's own.
+        ahead: predict speeds from each level's first visits, as a check does; else each level's
+            own scale is fitted.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        logs: Sequence[SweepLog],
+        extra: Sequence[Effect] = (),
+        *,
+        ahead: bool = False,
+    ) -> None:
+        self._given = (model, tuple(extra))
+        self.model = with_sweep_library(model, extra)
+        self.logs = tuple(logs)
+        names = {effect.name for effect in (*candidates("sweep"), *extra)}
+        self.knobs = (*self._effect_knobs(names), *self._owner_knobs())
+        self._places = {name: place for place, name in enumerate(self.model.parameters)}
+        self._turned = {knob.name: place for place, knob in enumerate(self.knobs)}
+        # Every knob acts, wherever it stands: a model leaves out what is neutral and fixed.
+        self._acting = self.model.freed(*(k.name for k in self.knobs if k.name in self._places))
+        self._ahead = ahead
+        self.noise = tuple(self._noise(log) for log in self.logs)
+
+    # --- knobs ----------------------------------------------------------------------------
+
+    def _effect_knobs(self, names: set[str]) -> list[Knob]:
+        found = tolerances(self.model, "sweep")
+        return [
+            Knob(
+                name=name,
+                unit=item.unit,
+                effect=name.split(".")[0],
+                start=item.value,
+                scale=found[name],
+                lower=item.lower,
+                upper=item.upper,
+            )
+            for name, item in self.model.parameters.items()
+            if name.split(".")[0] in names and name in found
+        ]
+
+    def _owner_knobs(self) -> list[Knob]:
+        items = self.model.parameters
+        out = [
+            _held("k", items["k"], K_FITTED if items["k"].free else K_KNOWN),
+            _held("R_m", items["R_m"], RADIUS_FITTED if items["R_m"].free else RADIUS_KNOWN),
+            *(_held(name, items[name], 1.0) for name in SHAPES),
+        ]
+        if any(log.power is not None for log in self.logs):
+            out += SUPPLY_KNOBS
+        return out
+
+    def parameters(self, turned: Array) -> Parameters:
+        """Return the model's parameters with the knobs turned (n_knobs,)."""
+        values = {
+            knob.name: float(np.clip(knob.value(z), knob.lower, knob.upper))
+            for knob, z in zip(self.knobs, turned, strict=True)
+        }
+        return Parameters(
+            (name, item.at(values[name]) if name in values else item)
+            for name, item in self.model.parameters.items()
+        )
+
+    # --- predictions ----------------------------------------------------------------------
+
+    def thrusts(self, conditions: Conditions, turned: Array) -> Array:
+        """Return predicted readings (m, n_sets) for sets of knobs (n_sets, n_knobs): N."""
+        values: list[object] = list(self.model.parameters.values_array())
+        for knob, row in zip(self.knobs, turned.T, strict=True):
+            if knob.name in self._places:
+                values[self._places[knob.name]] = (knob.start + knob.scale * row)[:, None]
+        shown = np.asarray(self._acting.thrust_N(conditions, values), float)
+        return np.broadcast_to(shown, (len(turned), len(conditions))).T
+
+    def kept(self, log: SweepLog, turned: Array) -> Array:
+        """Return supply voltage over its open value at the start (m, n_sets)."""
+        assert log.power is not None
+        rate, curve, drop = (
+            self.knobs[place].start + self.knobs[place].scale * turned[:, place]
+            for place in (self._turned[name] for name in (RATE, CURVE, DROP))
+        )
+        return log.power.kept(rate, curve, drop)
+
+    def speeds(self, log: SweepLog, turned: Array) -> Array:
+        """Return predicted speeds at the log's pulses (m, n_sets): rad/s."""
+        power = log.power
+        assert power is not None
+        return power.speeds(self.kept(log, turned), ~power.late if self._ahead else power.all)
+
+    def voltages(self, log: SweepLog, turned: Array) -> Array:
+        """Return predicted voltages (m, n_sets): V."""
+        power = log.power
+        assert power is not None
+        return power.voltages(self.kept(log, turned), power.all)
+
+    def of(self, log: SweepLog) -> SweepEvidence:
+        """Return the evidence of another sweep about the same model."""
+        model, extra = self._given
+        return SweepEvidence(model, [log], extra)
+
+    def _noise(self, log: SweepLog) -> SweepNoise:
+        """Return what the sweep's thrusts may be off by, places shared within a stay."""
+        here = np.zeros((1, len(self.knobs)))
+        moved = log.conditions.moved_by(log.place_sd_m)
+        by_place = self.thrusts(moved, here)[:, 0] - self.thrusts(log.conditions, here)[:, 0]
+        items = self.model.parameters
+        se = np.hypot(items["noise.scale"].value * log.se_N, items["noise.sd_N"].value)
+        return SweepNoise.of(se, log.stay, np.where(log.tare, 0.0, by_place))
+
+    # --- evidence -------------------------------------------------------------------------
+
+    def residuals(self, turned: Array) -> Array:
+        """Return whitened residuals (n_rows, n_sets) for sets of knobs (n_sets, n_knobs)."""
+        sets = np.atleast_2d(turned)
+        rows = []
+        for log, noise in zip(self.logs, self.noise, strict=True):
+            shown = self.thrusts(log.conditions, sets)
+            rows.append(noise.whitener @ (log.thrust_N[:, None] - shown))
+            power = log.power
+            if power is not None:
+                missed = power.speed_rad_s[:, None] - self.speeds(log, sets)
+                rows.append(missed / power.speed_se[:, None])
+                read = np.isfinite(power.voltage_V)
+                if read.any():
+                    missed = power.voltage_V[read, None] - self.voltages(log, sets)[read]
+                    rows.append(missed / power.voltage_se)
+        return np.concatenate(rows)
+
+    def groups(self) -> RowGroups:
+        """Return labels of the rows: which stage they show, which part of the sweep."""
+        turning: list[NDArray[np.bool_]] = []
+        regimes: list[dict[str, NDArray[np.bool_]]] = []
+        for log in self.logs:
+            found = sweep_regimes(log, self.model)
+            turning.append(np.zeros(len(log), bool))
+            regimes.append(found)
+            power = log.power
+            if power is not None:
+                running = ~log.tare
+                for rows in (np.ones(len(power.time_s), bool), np.isfinite(power.voltage_V)):
+                    turning.append(np.ones(int(rows.sum()), bool))
+                    regimes.append({name: mask[running][rows] for name, mask in found.items()})
+        labels = np.concatenate(turning)
+        names = dict.fromkeys(name for part in regimes for name in part)
+        return RowGroups(
+            stages={"pwm_to_rpm": labels, "rpm_to_thrust": ~labels}
+            if labels.any()
+            else {"rpm_to_thrust": ~labels},
+            regimes={
+                name: np.concatenate(
+                    [
+                        part.get(name, np.zeros(len(rows), bool))
+                        for part, rows in zip(regimes, turning, strict=True)
+                    ]
+                )
+                for name in names
+            },
+        )
+
+
+def _held(name: str, item: Parameter, known: float) -> Knob:
+    """Return the knob of a number that only its prior holds, `known` of its value without one."""
+    stated = item.prior.kind == "normal"
+    return Knob(
+        name=name,
+        unit=item.unit,
+        effect="",
+        start=item.value,
+        scale=item.prior.sd if stated else known * item.value,
+        lower=max(item.lower, 0.2 * item.value) if item.value > 0.0 else item.lower,
+        upper=item.upper,
+        held=True,
+    )

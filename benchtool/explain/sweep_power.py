@@ -1,0 +1,179 @@
+"""What pulses make of speeds along a sweep: the supply sags, and speed at a pulse with it.
+
+Every level of the pulse has a speed of its own, so that no map from pulse to speed is needed; what
+is held against a model is how speeds at one level, and the voltage under load, change with time.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.core.recording import Recording
+from benchtool.core.rig import Rig, Sensor
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+FIRST_VISITS = 2
+FIRST_SHARE = 0.25
+"""Visits of a level that tell its speed where the rest is to be predicted: the first quarter, two
+at least."""
+
+CURVE_AT_S = 900.0
+"""Time at which the curvature of a discharge counts in full: a battery's usual run, a choice."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Power:
+    """Hold pulses, speeds and voltage of a sweep's points, motors running (m,) each.
+
+    Attributes:
+        time_s: since the run began.
+        pulse_us: mean over rotors.
+        level: number of the pulse level.
+        speed_rad_s: mean over rotors, its standard error `speed_se`.
+        load: current over its greatest, or the cube of speed where no current was read.
+        voltage_V: nan where it was not read; its standard error `voltage_se`.
+        late: rows that are to be predicted: all but the first visits of a level.
+    """
+
+    time_s: Array
+    pulse_us: Array
+    level: NDArray[np.intp]
+    speed_rad_s: Array
+    speed_se: Array
+    load: Array
+    voltage_V: Array
+    voltage_se: float
+    late: Mask
+
+    @property
+    def all(self) -> Mask:
+        """Every row."""
+        return np.ones(len(self.time_s), bool)
+
+    def planned(self, time_s: Array, pulse_us: Array, speed_rad_s: Array) -> Power:
+        """Return what a sweep with other pulses would have, readings as good as here."""
+        level = _levels(pulse_us)
+        return Power(
+            time_s=time_s,
+            pulse_us=pulse_us,
+            level=level,
+            speed_rad_s=speed_rad_s,
+            speed_se=np.full(len(time_s), float(np.median(self.speed_se))),
+            load=speed_rad_s**3 / np.max(speed_rad_s) ** 3,
+            voltage_V=np.full(len(time_s), float(np.nanmax(self.voltage_V)))
+            if np.isfinite(self.voltage_V).any()
+            else np.full(len(time_s), np.nan),
+            voltage_se=self.voltage_se,
+            late=_late(level),
+        )
+
+    def as_kept(self, kept: Array) -> Power:
+        """Return speeds and voltage with so much of the supply left (m,)."""
+        return replace(self, speed_rad_s=self.speed_rad_s * kept, voltage_V=self.voltage_V * kept)
+
+    def kept(self, rate_per_s: Array, curve: Array, drop: Array) -> Array:
+        """Return supply voltage over its open value at the start (m, n_sets), for sets (n_sets,).
+
+        Args:
+            rate_per_s: linear loss.
+            curve: how much faster it goes after `CURVE_AT_S` than on average.
+            drop: share lost at full load.
+        """
+        time = self.time_s[:, None]
+        loss = rate_per_s * time * (1.0 + curve * (time / CURVE_AT_S - 1.0))
+        return np.asarray(1.0 - loss - drop * self.load[:, None], float)
+
+    def speeds(self, kept: Array, told_by: Mask) -> Array:
+        """Return predicted speeds (m, n_sets), each level's own scale told by some rows (m,)."""
+        out = np.empty_like(kept)
+        for level in np.unique(self.level):
+            rows = self.level == level
+            known = rows & told_by
+            weights = 1.0 / self.speed_se[known] ** 2
+            shape = kept[known]
+            scale = ((weights * self.speed_rad_s[known]) @ shape) / (weights @ shape**2)
+            out[rows] = scale * kept[rows]
+        return out
+
+    def told(self, read: Array, told_by: Mask) -> Array:
+        """Return what errors of reading (m, n) do to predictions, through each level's scale."""
+        out = np.empty_like(read)
+        for level in np.unique(self.level):
+            rows = self.level == level
+            out[rows] = read[rows & told_by].mean(axis=0)
+        return out
+
+    def voltages(self, kept: Array, told_by: Mask) -> Array:
+        """Return predicted voltages (m, n_sets), the open one told by some rows (m,)."""
+        known = told_by & np.isfinite(self.voltage_V)
+        shape = kept[known]
+        scale = (self.voltage_V[known] @ shape) / np.sum(shape**2, axis=0)
+        return np.asarray(scale * kept, float)
+
+
+def power_of(recording: Recording, rig: Rig) -> Power | None:
+    """Return pulses against speeds; None where one of them, or the time, is missing."""
+    n = rig.n_rotors
+    speeds, errors = _rows(recording, "rpm{}", n), _rows(recording, "rpm{}_se", n)
+    pulses = _rows(recording, "pwm{}_us", n)
+    if not len(speeds) or not len(pulses) or "time_s" not in recording:
+        return None
+    speed = speeds.mean(axis=0)
+    pulse = pulses.mean(axis=0)
+    level = _levels(pulse)
+    late = _late(level)
+    time = recording.si("time_s")
+    if not np.isfinite(speed).all() or not np.isfinite(pulses).all() or not late.any():
+        return None
+    stated = np.sqrt(np.sum(errors**2, axis=0)) / n if len(errors) else np.zeros(len(time))
+    sensor = rig.sensors.get("rpm", Sensor())
+    least = np.pi / 30.0 * max(sensor.quantum / np.sqrt(12.0), 0.01) / np.sqrt(n)
+    voltage = _column(recording, "voltage_V")
+    current = _column(recording, "current_A")
+    load = current if np.isfinite(current).all() and np.ptp(current) > 0.0 else speed**3
+    volts = rig.sensors.get("voltage_V", Sensor())
+    samples = np.nanmedian(recording.column("n_samples")) if "n_samples" in recording else 1.0
+    return Power(
+        time_s=time,
+        pulse_us=pulse,
+        level=level,
+        speed_rad_s=speed,
+        speed_se=np.hypot(np.nan_to_num(stated), least),
+        load=load / load.max(),
+        voltage_V=voltage,
+        voltage_se=float(
+            max(np.hypot(volts.noise / np.sqrt(samples), volts.quantum / np.sqrt(12.0)), 1e-3)
+        ),
+        late=late,
+    )
+
+
+def _levels(pulse_us: Array) -> NDArray[np.intp]:
+    """Return the number of each row's pulse level; pulses a tenth of a us apart are one."""
+    numbers: NDArray[np.intp] = np.unique(np.round(pulse_us, 1), return_inverse=True)[1]
+    return numbers.reshape(-1)
+
+
+def _late(level: NDArray[np.intp]) -> Mask:
+    """Return the rows (m,) after the first visits of their level."""
+    late = np.ones(len(level), bool)
+    for number in np.unique(level):
+        rows = np.flatnonzero(level == number)
+        late[rows[: max(FIRST_VISITS, round(FIRST_SHARE * len(rows)))]] = False
+    return late
+
+
+def _rows(recording: Recording, pattern: str, n: int) -> Array:
+    names = [pattern.format(i + 1) for i in range(n)]
+    if any(name not in recording for name in names):
+        names = [names[0]] if names[0] in recording else []
+    return np.array([recording.si(name) for name in names])
+
+
+def _column(recording: Recording, name: str) -> Array:
+    return recording.si(name) if name in recording else np.full(len(recording), np.nan)

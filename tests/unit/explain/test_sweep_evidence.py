@@ -1,0 +1,113 @@
+"""Evidence of sweeps: residuals are white at the truth, and knobs act as the model says."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchtool.explain.next_sweep import as_read
+from benchtool.explain.sweep_evidence import SweepEvidence
+from benchtool.explain.sweep_log import sweep_log
+from benchtool.explain.sweep_noise import SweepNoise
+from benchtool.explain.sweep_plan import speed_at
+from benchtool.library import load_model
+from benchtool.store import read_points
+from benchtool.store.columns import KINDS
+
+QUAD = Path(__file__).parents[3] / "datasets" / "quad" / "run"
+
+
+@pytest.fixture(scope="module")
+def evidence() -> SweepEvidence:
+    model = load_model("quad").model
+    return SweepEvidence(model, [sweep_log(read_points(QUAD, KINDS), model.rig)])
+
+
+def knob(evidence: SweepEvidence, name: str) -> int:
+    """Return the place of a knob."""
+    return [item.name for item in evidence.knobs].index(name)
+
+
+def drawn(evidence: SweepEvidence, at: np.ndarray, seed: int) -> SweepEvidence:
+    """Return evidence of a bench with those knobs, its noise drawn as stated."""
+    rng = np.random.default_rng(seed)
+    swept = evidence.logs[0]
+    assert swept.power is not None
+    at_pulses = speed_at(swept.power.pulse_us, evidence.model.rig)
+    power = swept.power.planned(swept.power.time_s, swept.power.pulse_us, at_pulses)
+    log = as_read(replace(swept, power=power), evidence, at)
+    noise = evidence.noise[0].root @ rng.standard_normal(len(log))
+    assert log.power is not None
+    power = replace(
+        log.power,
+        speed_rad_s=log.power.speed_rad_s
+        + log.power.speed_se * rng.standard_normal(len(log.power.speed_se)),
+        voltage_V=log.power.voltage_V
+        + log.power.voltage_se * rng.standard_normal(len(log.power.voltage_V)),
+    )
+    return evidence.of(replace(log, thrust_N=log.thrust_N + noise, power=power))
+
+
+def test_every_candidate_and_what_owners_know_roughly_can_be_turned(
+    evidence: SweepEvidence,
+) -> None:
+    effects = {item.effect for item in evidence.knobs}
+    assert {"body_lift", "plate_offset", "battery_sag", "load_cell_hysteresis"} <= effects
+    held = {item.name for item in evidence.knobs if item.held}
+    assert {"k", "R_m", "ground_shape.curvature", "plate_side.dx_m", "supply.drop"} <= held
+
+
+def test_many_sets_at_once_are_the_same_as_one_by_one(evidence: SweepEvidence) -> None:
+    sets = np.random.default_rng(0).uniform(0.0, 1.0, (5, len(evidence.knobs)))
+    together = evidence.residuals(sets)
+    for column, one in enumerate(sets):
+        assert evidence.residuals(one)[:, 0] == pytest.approx(together[:, column], rel=1e-9)
+
+
+def test_predictions_are_those_of_the_model(evidence: SweepEvidence) -> None:
+    turned = np.zeros(len(evidence.knobs))
+    turned[knob(evidence, "body_lift.K_b")] = 8.0
+    turned[knob(evidence, "plate_offset.dz_m")] = 1.0
+    model = evidence.model.at(evidence.parameters(turned))
+    assert model.parameters["body_lift.K_b"].value == pytest.approx(2.0)
+    expected = model.thrust_N(evidence.logs[0].conditions)
+    found = evidence.thrusts(evidence.logs[0].conditions, turned[None, :])[:, 0]
+    assert found == pytest.approx(expected, rel=1e-12)
+
+
+def test_residuals_are_white_at_the_truth(evidence: SweepEvidence) -> None:
+    turned = np.zeros(len(evidence.knobs))
+    turned[knob(evidence, "body_lift.K_b")] = 8.0
+    squares = [np.mean(drawn(evidence, turned, seed).residuals(turned) ** 2) for seed in range(20)]
+    # Each level's own speed and the voltage at the start are fitted, so a little below 1.
+    assert 0.9 < np.mean(squares) < 1.03
+
+
+def test_battery_sag_shows_in_speeds_and_voltage_alone(evidence: SweepEvidence) -> None:
+    sets = np.zeros((2, len(evidence.knobs)))
+    sets[1, knob(evidence, "battery_sag.rate_per_s")] = 1.0
+    rows = evidence.residuals(sets)
+    changed = np.abs(rows[:, 1] - rows[:, 0]) > 1e-9
+    stages = evidence.groups().stages
+    assert not changed[stages["rpm_to_thrust"]].any()
+    assert changed[stages["pwm_to_rpm"]].mean() > 0.9
+
+
+def test_labels_cover_every_row_once(evidence: SweepEvidence) -> None:
+    groups = evidence.groups()
+    n = len(evidence.residuals(np.zeros(len(evidence.knobs))))
+    assert sum(mask.astype(int) for mask in groups.stages.values()).tolist() == [1] * n
+    assert all(len(mask) == n and mask.any() for mask in groups.regimes.values())
+    assert "z/R below 1" in groups.regimes
+
+
+def test_a_place_that_a_stay_shares_is_counted_once() -> None:
+    stay = np.array([0, 0, 0, 1])
+    noise = SweepNoise.of(np.full(4, 0.1), stay, np.array([1.0, 2.0, 3.0, 1.0]))
+    covariance = noise.root @ noise.root.T
+    assert covariance[0, 2] == pytest.approx(3.0)
+    assert covariance[0, 3] == 0.0
+    assert noise.whitener @ covariance @ noise.whitener.T == pytest.approx(np.eye(4))
