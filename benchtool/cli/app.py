@@ -1,8 +1,9 @@
 """The command line's entry: the table of commands and the one boundary where errors end.
 
-A command is a module of its name in this package with a function ``command``, or, where it has
-subcommands, a ``typer.Typer`` named ``app``. Only the module of the command that was asked for
-is imported; the others appear in the help by their line in `COMMANDS`.
+A command is a module of its name in this package with a function ``command`` (and a ``Parser``
+where words are taken in a way of its own), or, where it has subcommands, a ``typer.Typer`` named
+``app``. Only the module of the command that was asked for is imported; the others
+appear in the help by their line in `COMMANDS`.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ COMMANDS: dict[str, str] = {
     "recalibrate": "Apply a calibration to a run, its raw data untouched",
     "import": "Import flight logs and other makers' files, every repair told",
     "fit": "Fit a ground-effect model to run folders or any CSV",
+    "explain": "Name the effect that a model lacks, and show the gap shrink",
     "figures": "Draw runs in the layout of the paper's figures 3, 4, 6, 8",
     "simulate": "Simulate benches and flights near surfaces in closed loop",
     "bench": "Serve a virtual bench; check a bench before motors spin",
@@ -134,7 +136,7 @@ def _attach(app: typer.Typer, name: str) -> None:
         app.add_typer(group, name=name, cls=_Group, help=COMMANDS[name])
         return
     command: Callable[..., Any] = module.command
-    app.command(name)(command)
+    app.command(name, cls=getattr(module, "Parser", None))(command)
 
 
 def _show_version(wanted: bool) -> None:

@@ -48,13 +48,13 @@ def print_fit(output: FitOutput) -> None:
         console.print("SIMULATED DATA: no physical bench produced these points")
     console.print(sentence(output), markup=False)
     for result in output.results:
-        _print_table(console, short_table(result))
+        print_table(console, short_table(result))
         console.print(f"{result.method}: {result.outcome.message}", markup=False)
     if len(output.results) > 1:
-        _print_table(console, methods_table(output.results))
+        print_table(console, methods_table(output.results))
     if output.comparison is not None:
         console.print(output.comparison.sentence, markup=False)
-        _print_table(console, _narrow(comparison_table(output.comparison)))
+        print_table(console, _narrow(comparison_table(output.comparison)))
     for line in _warnings(output.results):
         console.print(f"! {line}", markup=False)
 
@@ -74,7 +74,8 @@ def _warnings(results: tuple[FitResult, ...]) -> list[str]:
     return list(dict.fromkeys(line for result in results for line in result.warnings))
 
 
-def _print_table(console: Console, shown: page.Table) -> None:
+def print_table(console: Console, shown: page.Table) -> None:
+    """Print a table of the report on a terminal."""
     table = Table(title=shown.caption, title_justify="left", box=SIMPLE_HEAD)
     for position, head in enumerate(shown.header):
         justify: Literal["left", "right"] = "left" if position < shown.text_columns else "right"

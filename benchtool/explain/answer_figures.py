@@ -119,8 +119,9 @@ def _overlay(answer: Answer, overlay: Overlay) -> Figure:
         before=words.factor * overlay.before,
         after=words.factor * overlay.after,
         floor=floors[0] if floors else float("nan"),
-        as_lines=overlay.axis == "time_s",
+        as_lines=answer.verdict.bench == "pitch",
         changed=answer.has_model,
     )
-    title = f"{words.title.capitalize()} on the check recording"
+    what = "recording" if answer.verdict.bench == "pitch" else "sweep"
+    title = f"{words.title.capitalize()} on the check {what}"
     return overlay_figure(curves, title=title, simulated=answer.simulated)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+
+import numpy as np
 
 from benchtool.core.column_source import ColumnSource
 from benchtool.core.recording import Recording
@@ -12,6 +15,7 @@ from benchtool.effects.effect import BenchKind
 from benchtool.errors import FileFormatError, InputError
 from benchtool.library import LoadedModel
 from benchtool.store import (
+    KINDS,
     data_hash,
     is_run,
     read_pitch,
@@ -69,16 +73,7 @@ def read_sources(
         InputError: none of either, the same data twice, or benches of two kinds.
         FileFormatError: a file that is no recording.
     """
-    if not learn:
-        raise InputError(
-            "nothing to explain: give recordings to learn from, for example benchtool explain "
-            "learn.csv --model model.toml --check check.csv"
-        )
-    if not check:
-        raise InputError(
-            "there is no check recording; name one of the same bench that is not learned from: "
-            "--check FILE"
-        )
+    require_both(learn, check)
     seen: dict[str, str] = {}
     for path in (*learn, *check):
         if not Path(path).exists():
@@ -91,7 +86,9 @@ def read_sources(
             )
         seen[digest] = path
     hashes = {path: digest for digest, path in seen.items()}
-    groups = [[_source(path, hashes[path], loaded) for path in part] for part in (learn, check)]
+    groups = [
+        [_alive(_source(path, hashes[path], loaded)) for path in part] for part in (learn, check)
+    ]
     kinds = {bench_of(source): source.path for part in groups for source in part}
     if len(kinds) > 1:
         raise InputError(
@@ -99,6 +96,20 @@ def read_sources(
             f"them one kind at a time"
         )
     return groups[0], groups[1]
+
+
+def require_both(learn: Sequence[str], check: Sequence[str]) -> None:
+    """Refuse a question that names nothing to learn from, or nothing to check on."""
+    if not learn:
+        raise InputError(
+            "nothing to explain: give recordings to learn from, for example benchtool explain "
+            "learn.csv --model model.toml --check check.csv"
+        )
+    if not check:
+        raise InputError(
+            "there is no check recording; name one of the same bench that is not learned from: "
+            "--check FILE"
+        )
 
 
 def bench_of(source: Source) -> BenchKind:
@@ -131,11 +142,42 @@ def _source(path: str, digest: str, loaded: LoadedModel) -> Source:
     return Source(path=path, recording=recording, sha256=digest, remarks=tuple(remarks))
 
 
+def _alive(source: Source) -> Source:
+    """Return a source without speeds, pulses and a gyro that never change, and say so.
+
+    A rotor speed of exactly the same value in every row was never measured; a model held against
+    it would be found wanting.
+    """
+    recording, remarks = source.recording, list(source.remarks)
+    if TELLS["pitch"] not in recording or len(recording) < 2:
+        return source
+    dead = [name for name in recording.names if _DIES.fullmatch(name) and _still(recording, name)]
+    for name in dead:
+        value = recording.column(name)[0]
+        remarks.append(
+            f"{source.name}: {name} is {value:g} in every row: a dead channel, left out; mend it"
+        )
+    kept = [name for name in recording.names if name not in dead]
+    if len(kept) == len(recording.names):
+        return source
+    columns = [(recording.channels[recording.index(name)], recording.column(name)) for name in kept]
+    living = Recording.from_columns(columns, recording.provenance, recording.simulated)
+    return replace(source, recording=living, remarks=tuple(remarks))
+
+
+_DIES = re.compile(r"rpm\d+|pwm\d+_us|gyro_rad_s")
+
+
+def _still(recording: Recording, name: str) -> bool:
+    values = recording.column(name)
+    return bool(np.isfinite(values).all() and np.ptp(values) == 0.0)
+
+
 def _run(path: str) -> Recording:
-    """Return a run's experiment: that of a hinge, or the points of a sweep."""
+    """Return a run's experiment: that of a hinge, or the points of a sweep with its tares."""
     if TELLS["pitch"] in read_samples(path):
         return read_pitch(path)
-    return read_points(path)
+    return read_points(path, KINDS)
 
 
 def _present(
@@ -155,7 +197,7 @@ def _present(
         if source.column is not None and source.column.strip() not in header
     }
     needed = [name for names in NEEDED.values() for name in names if name in absent]
-    own = [kind for kind, names in NEEDED.items() if all(name in header for name in names)]
+    own = any(name in header for names in NEEDED.values() for name in names)
     if needed and own:
         return {}, []
     if needed:

@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from benchtool.errors import InputError
+from benchtool.report.gap import LOGARITHMIC_FROM
 from benchtool.report.overlay import AFTER, BEFORE
 from benchtool.report.palette import BLACK
 from benchtool.report.style import new_figure, styled
@@ -58,6 +59,10 @@ def disagreement_figure(stages: Sequence[StageSizes], *, title: str, simulated: 
     for axes, stage in zip(panels, drawn, strict=True):
         _panel(axes, stage)
     panels[-1].set_xlabel("residual size over the stated noise [–]    (line: noise alone)")
+    if max(max(stage.before.values()) for stage in drawn) > LOGARITHMIC_FROM:
+        panels[-1].set_xscale("log")
+        panels[-1].set_xlim(left=0.5)
+        panels[-1].xaxis.set_major_formatter("{x:g}")
     if any(stage.changed for stage in drawn):
         panels[0].legend(
             loc="lower right", ncols=2, bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2

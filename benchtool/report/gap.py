@@ -14,7 +14,7 @@ from benchtool.report.palette import BLACK, GREY, PALE
 from benchtool.report.style import new_figure, styled
 
 LOGARITHMIC_FROM = 12.0
-"""Beyond so many noise floors the axis is logarithmic."""
+"""Beyond so many times the noise an axis is logarithmic."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -118,9 +118,11 @@ def _values(axes: Axes, curves: Curves) -> None:
     both = (("measured", curves.measured, BLACK, "o"), *_simulations(curves))
     for label, values, color, marker in both:
         if not curves.as_lines:
+            measured = label == "measured"
             axes.plot(
-                curves.at, values, marker, color=color, ms=4.0 if marker == "o" else 5.0,
-                mfc="none" if marker != "o" else color, label=label,
+                curves.at, values, marker=marker, color=color, ms=3.4 if measured else 5.0,
+                mfc=color if measured else "none", label=label, lw=0.8,
+                ls="none" if measured else "-", zorder=2.4 if measured else 2.2,
             )  # fmt: skip
             continue
         measured = label == "measured"

@@ -1,0 +1,120 @@
+"""`benchtool explain`: where a model disagrees with recordings, and which effect it lacks."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperCommand
+
+CHECK = "--check"
+
+
+class Parser(TyperCommand):
+    """A command whose --check takes every word up to the next option.
+
+    Without it a second word would pass for a recording to learn from, and nobody would notice.
+    """
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        return super().parse_args(ctx, spread(args))
+
+
+def spread(words: list[str]) -> list[str]:
+    """Return the words with --check before each of those that follow it."""
+    out: list[str] = []
+    follows = False  # whether the last option was --check with a word of its own
+    for place, word in enumerate(words):
+        before = words[place - 1] if place else ""
+        if word.startswith("-") and len(word) > 1:
+            follows = word.startswith(f"{CHECK}=")
+        elif before == CHECK:
+            follows = True
+        elif follows:
+            out.append(CHECK)
+        out.append(word)
+    return out
+
+
+def command(
+    recordings: Annotated[
+        list[str] | None,
+        typer.Argument(help="To learn from: CSV, Parquet of benchtool import, run folders."),
+    ] = None,
+    model: Annotated[
+        str, typer.Option(help="Shipped model (benchtool models) or the path of a model file.")
+    ] = "",
+    check: Annotated[
+        list[str] | None,
+        typer.Option(help="To check on: same bench, not learned from; one or more."),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for page, figures, new model, next experiment.")
+    ] = None,
+    json_file: Annotated[
+        Path | None, typer.Option("--json", help="File for the answer as JSON.")
+    ] = None,
+    effects: Annotated[
+        str | None, typer.Option(help="Python file or module with effects of your own.")
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Seed of everything random.", min=0)] = 0,
+    draws: Annotated[
+        int, typer.Option(help="Draws of the noise behind the floor.", min=20, max=100_000)
+    ] = 128,
+    bootstrap: Annotated[
+        int,
+        typer.Option(help="Simulated records behind p-values; asymptotic ones without.", min=0),
+    ] = 0,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace an earlier answer's files.")
+    ] = False,
+) -> None:
+    """Name the effect that a model lacks, and show the gap shrink"""
+    import shlex
+    import sys
+    import time
+
+    from benchtool.cli.show_explain import print_answer, print_files, working
+    from benchtool.errors import InputError
+    from benchtool.explain.answer import Answer
+    from benchtool.explain.answer_file import Written
+    from benchtool.explain.answer_folder import refuse_taken, write_folder, write_json
+    from benchtool.explain.asked import asked
+    from benchtool.explain.explain import explain
+    from benchtool.explain.recordings import require_both
+
+    require_both(recordings or [], check or [])
+    if not model:
+        from benchtool.library import model_names
+
+        pitch = [name for name in model_names() if not name.startswith("virtual_")]
+        raise InputError(
+            f"which model? give --model with the path of a model file or one of: {', '.join(pitch)}"
+        )
+    if not overwrite:
+        refuse_taken(out, json_file)
+    began = time.monotonic()
+    question = asked(recordings or [], check or [], model, effects)
+    with working() as tell:
+        subject = question.subject()
+        found = explain(subject, seed=seed, draws=draws, bootstrap=bootstrap, progress=tell)
+    answer = Answer(
+        explanation=found,
+        loaded=question.loaded,
+        model_file=question.model_file,
+        model_sha256=question.model_sha256,
+        learn=question.learn,
+        check=question.check,
+        seed=seed,
+        seconds=time.monotonic() - began,
+        commands=(shlex.join(["benchtool", *sys.argv[1:]]),),
+        own_effects=question.own,
+    )
+    print_answer(answer)
+    written = Written()
+    if out is not None:
+        written = write_folder(out, answer, question.rig_file, question.effects_file)
+    if json_file is not None:
+        write_json(json_file, answer, written)
+    print_files(answer, out, json_file)

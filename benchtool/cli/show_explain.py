@@ -1,0 +1,76 @@
+"""Show an explanation on the terminal: progress while it works, then the answer."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
+
+from benchtool.cli.show_fit import FILE_WIDTH, print_table
+from benchtool.explain.answer import Answer
+from benchtool.explain.answer_file import next_file
+from benchtool.explain.answer_folder import ANSWER, MODEL, PAGE
+from benchtool.explain.answer_page import next_sentence, where_sentence
+from benchtool.explain.answer_tables import short_effects_table, short_gap_table
+
+
+@contextmanager
+def working() -> Iterator[Callable[[str, float], None]]:
+    """Show a bar on a terminal, nothing elsewhere; gives the function that moves it."""
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TaskProgressColumn(),
+        TimeElapsedColumn(),
+    )
+    shown = sys.stderr.isatty()
+    with Progress(*columns, console=Console(stderr=True), transient=True, disable=not shown) as bar:
+        task = bar.add_task("reading", total=1.0)
+
+        def tell(what: str, share: float) -> None:
+            bar.update(task, description=what, completed=share)
+
+        yield tell
+
+
+def print_answer(answer: Answer) -> None:
+    """Print what was found: the sentence, where, which, the gap, tolerances, what to do next."""
+    console = Console(soft_wrap=True, highlight=False)
+    if not console.is_terminal:
+        console.width = FILE_WIDTH
+    verdict = answer.verdict
+    if answer.simulated:
+        console.print("SIMULATED DATA: no physical bench produced these recordings")
+    console.print(verdict.sentence, markup=False)
+    console.print(where_sentence(answer), markup=False)
+    if verdict.effects:
+        print_table(console, short_effects_table(answer))
+    print_table(console, short_gap_table(answer))
+    listed = ", ".join(f"{name} {value:.3g}" for name, value in verdict.tolerances.items())
+    console.print(f"Tolerances used, in SI units: {listed}", markup=False)
+    for name, reason in verdict.not_judged.items():
+        console.print(f"Not judged: {name}: {reason}", markup=False)
+    for line in answer.remarks:
+        console.print(f"! {line}", markup=False)
+    if verdict.next is not None:
+        console.print(next_sentence(answer), markup=False)
+    console.print(f"It took {answer.seconds:.1f} s.", markup=False)
+
+
+def print_files(answer: Answer, out: Path | None, json_file: Path | None) -> None:
+    """Print where files were written, and what can be done with them."""
+    if out is not None:
+        print(f"written: {out / PAGE}, the figures and {ANSWER} beside it")
+    if out is not None and answer.has_model:
+        print(f"written: {out / MODEL}, the model with what was found in it")
+    name, _ = next_file(answer)
+    if out is not None and name:
+        print(f"written: {out / name}, the next experiment")
+    if json_file is not None:
+        print(f"written: {json_file}")
+    if out is None:
+        print("add --out FOLDER for the page, the figures, the new model and the next experiment")

@@ -1,0 +1,94 @@
+"""What somebody asks: recordings, a model, effects of his own; from names to a subject."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from benchtool.effects.effect import BenchKind, Effect
+from benchtool.explain.pitch_log import PitchLog, pitch_log
+from benchtool.explain.pitch_subject import PitchSubject
+from benchtool.explain.recordings import Source, bench_of, read_sources
+from benchtool.explain.subject import Subject
+from benchtool.explain.sweep_subject import SweepSubject
+from benchtool.library import LoadedModel, load_model
+from benchtool.library.own_effects import own_effects
+from benchtool.store.digest import file_hash
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Asked:
+    """Hold a question with everything read that it names.
+
+    Attributes:
+        loaded: the model.
+        model_file: its shipped name, or its file's own name.
+        model_sha256: of its file; empty for a shipped one.
+        rig_file: the rig's file where it stands beside the model's.
+        effects_file: Python file of the user's own effects, where it is one.
+        own: those effects.
+        learn, check: recordings.
+    """
+
+    loaded: LoadedModel
+    model_file: str
+    model_sha256: str
+    rig_file: Path | None
+    effects_file: Path | None
+    own: tuple[Effect, ...]
+    learn: tuple[Source, ...]
+    check: tuple[Source, ...]
+
+    @property
+    def kind(self) -> BenchKind:
+        """Which bench the recordings are of."""
+        return bench_of(self.learn[0])
+
+    def subject(self) -> Subject:
+        """Return the recordings held against the model.
+
+        Raises:
+            InputError: recordings that no verdict can stand on.
+        """
+        own = [effect for effect in self.own if self.kind in effect.benches]
+        if self.kind == "sweep":
+            points = [[source.recording for source in part] for part in (self.learn, self.check)]
+            return SweepSubject(self.loaded.model, points[0], points[1], own)
+        return PitchSubject(self.loaded.model, self._logs(self.learn), self._logs(self.check), own)
+
+    def _logs(self, sources: Sequence[Source]) -> list[PitchLog]:
+        rig = self.loaded.model.rig
+        return [pitch_log(source.recording, rig, source.name) for source in sources]
+
+
+def asked(
+    learn: Sequence[str], check: Sequence[str], model: str, effects: str | None = None
+) -> Asked:
+    """Read everything that a question names.
+
+    Args:
+        learn: recordings to learn from: CSV, Parquet of `benchtool import`, run folders.
+        check: recordings of the same bench to check on.
+        model: shipped name or path of a model file.
+        effects: Python file or module with effects of the user's own.
+    """
+    loaded = load_model(model)
+    file = Path(model) if Path(model).suffix == ".toml" and Path(model).is_file() else None
+    rig = file.parent / loaded.rig_name if file is not None else Path(loaded.rig_name)
+    beside = rig.suffix == ".toml" and rig.is_file()
+    own = own_effects(effects) if effects else ()
+    given = Path(effects) if effects and effects.endswith(".py") else None
+    if given is None and loaded.effects_file and file is not None:
+        given = file.parent / loaded.effects_file
+    sources, checks = read_sources(learn, check, loaded)
+    return Asked(
+        loaded=loaded,
+        model_file=file.name if file is not None else model,
+        model_sha256=file_hash(file) if file is not None else "",
+        rig_file=rig if beside else None,
+        effects_file=given,
+        own=own,
+        learn=tuple(sources),
+        check=tuple(checks),
+    )

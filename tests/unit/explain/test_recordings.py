@@ -1,0 +1,134 @@
+"""Recordings of an explanation: read whatever wrote them, refused with one sentence."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchtool.core.channel import Channel
+from benchtool.core.recording import Recording
+from benchtool.errors import BenchtoolError
+from benchtool.explain.recordings import bench_of, read_sources
+from benchtool.library import LoadedModel, load_model
+from benchtool.store import write_recording
+from tests.unit.explain.hand_made import MODEL
+
+THEIRS = "t,theta_ref,theta,gyro,pwm1,pwm2,rpm1,rpm2,plate_z"
+SWEEP = Path(__file__).parents[3] / "datasets" / "single_rotor" / "run"
+
+
+def csv(folder: Path, name: str, header: str = THEIRS, first: float = 0.0) -> str:
+    columns = header.split(",")
+    rows = [
+        ",".join(f"{first + row + 0.1 * place:g}" for place in range(len(columns)))
+        for row in range(5)
+    ]
+    path = folder / name
+    path.write_text("\n".join([header, *rows]) + "\n", encoding="utf-8")
+    return str(path)
+
+
+def loaded() -> LoadedModel:
+    return load_model(MODEL)
+
+
+def test_a_csv_is_read_through_the_columns_of_the_model(tmp_path: Path) -> None:
+    learn, check = read_sources(
+        [csv(tmp_path, "a.csv")], [csv(tmp_path, "b.csv", first=1.0)], loaded()
+    )
+    assert learn[0].name == "a.csv"
+    assert bench_of(learn[0]) == "pitch"
+    assert learn[0].recording.column("pwm1_us")[0] == 0.4
+    assert len(learn[0].sha256) == 64
+    assert learn[0].sha256 != check[0].sha256
+    assert learn[0].remarks == ()
+
+
+def test_a_missing_column_is_told_and_the_rest_is_read(tmp_path: Path) -> None:
+    header = "t,theta_ref,theta,gyro,pwm1,pwm2,plate_z"
+    (source,), _ = read_sources(
+        [csv(tmp_path, "a.csv", header)], [csv(tmp_path, "b.csv")], loaded()
+    )
+    assert "rpm1" not in source.recording
+    assert source.remarks == (
+        "a.csv: no column 'rpm1', which the model's [columns] map to rpm1",
+        "a.csv: no column 'rpm2', which the model's [columns] map to rpm2",
+    )
+
+
+def test_our_own_names_need_no_map(tmp_path: Path) -> None:
+    header = "time_s,theta_rad,gyro_rad_s,pwm1_us,pwm2_us,disturbance_Nm"
+    (source,), _ = read_sources(
+        [csv(tmp_path, "a.csv", header)], [csv(tmp_path, "b.csv")], loaded()
+    )
+    assert source.recording.column("theta_rad")[0] == 0.1
+    assert source.remarks == ()
+
+
+def test_an_imported_recording_says_whether_it_is_simulated(tmp_path: Path) -> None:
+    recording = Recording.from_columns(
+        [(Channel("time_s", "s"), np.arange(3.0)), (Channel("theta_rad", "rad"), np.zeros(3))],
+        simulated=True,
+    )
+    write_recording(tmp_path / "a.parquet", recording, {})
+    write_recording(tmp_path / "b.csv", replace(recording, simulated=False), {})
+    (first,), (second,) = read_sources(
+        [str(tmp_path / "a.parquet")], [str(tmp_path / "b.csv")], loaded()
+    )
+    assert first.simulated
+    assert not second.simulated
+
+
+def test_a_run_of_a_sweep_is_read_as_its_points() -> None:
+    other = SWEEP.parents[1] / "amuse_rotor" / "run"
+    (source,), _ = read_sources([str(SWEEP)], [str(other)], load_model("single"))
+    assert bench_of(source) == "sweep"
+    assert source.simulated
+    assert len(source.recording) > 100
+
+
+def test_a_dead_channel_is_left_out_and_told(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text(
+        "time_s,theta_rad,rpm1,rpm2,pwm1_us\n0,0.1,0,5000,1500\n1,0.2,0,5100,1500\n",
+        encoding="utf-8",
+    )
+    (source,), _ = read_sources([str(path)], [csv(tmp_path, "b.csv")], loaded())
+    assert source.recording.names == ("time_s", "theta_rad", "rpm2")
+    assert [line.split(":")[1].strip() for line in source.remarks] == [
+        "rpm1 is 0 in every row", "pwm1_us is 1500 in every row",
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("learn", "check", "said"),
+    [
+        ([], ["a.csv"], "nothing to explain"),
+        (["a.csv"], [], "no check recording"),
+        (["a.csv"], ["a.csv"], "same data"),
+        (["a.csv"], ["copy.csv"], "same data"),
+        (["nowhere.csv"], ["a.csv"], "no such run or file"),
+        (["."], ["a.csv"], "neither a file nor a run"),
+        (["bare.parquet"], ["a.csv"], "no bare.parquet.json beside it"),
+        (["other.csv"], ["a.csv"], "unknown column of other.csv 't'"),
+        (["notime.csv"], ["a.csv"], "neither theta_rad .a pitch bench. nor thrust_N"),
+        (["a.csv"], ["sweep"], "a.csv is of a pitch bench and .*run of a plate sweep"),
+    ],
+)
+def test_what_cannot_be_explained_is_refused_with_the_reason(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, learn: list[str], check: list[str], said: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    csv(tmp_path, "a.csv")
+    csv(tmp_path, "copy.csv")
+    csv(tmp_path, "other.csv", "a,b,c")
+    csv(tmp_path, "notime.csv", "time_s,gyro_rad_s")
+    (tmp_path / "bare.parquet").write_bytes(b"PAR1")
+    check = [str(SWEEP) if name == "sweep" else name for name in check]
+    with pytest.raises(BenchtoolError, match=said) as refused:
+        read_sources(learn, check, loaded())
+    assert refused.value.exit_code == 2
+    assert "\n" not in str(refused.value)
