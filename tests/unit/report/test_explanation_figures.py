@@ -56,12 +56,12 @@ def test_an_overlay_draws_measurement_both_models_and_what_each_leaves() -> None
     ]  # fmt: skip
 
 
-def test_an_unchanged_model_is_drawn_once_and_points_stand_by_themselves() -> None:
+def test_an_unchanged_model_is_drawn_once_and_measured_points_stand_by_themselves() -> None:
     figure = overlay_figure(
         curves(as_lines=False, changed=False), title="Thrust", simulated=False
     )  # fmt: skip
     assert len(figure.axes) == 2
-    assert [line.get_linestyle() for line in figure.axes[0].lines] == ["None", "None"]
+    assert [line.get_linestyle() for line in figure.axes[0].lines] == ["None", "-"]
 
 
 def test_gaps_are_drawn_in_noise_floors_with_the_band_of_pure_noise() -> None:
