@@ -26,9 +26,10 @@ def overlays(check: SweepEvidence, before: Array, after: Array) -> tuple[Overlay
     """
     log = check.logs[0]
     sets = np.vstack([before, after])
-    shown = check.thrusts(log.conditions, sets)
-    ratio = _z_over_R(log, check)
-    out = [_overlay("thrust_N", "N", "z_over_R", ratio, _levels(log), log.thrust_N, shown)]
+    running = ~log.tare
+    shown = check.thrusts(log.conditions, sets)[running]
+    ratio, level = _z_over_R(log, check)[running], _levels(log)[running]
+    out = [_overlay("thrust_N", "N", "z_over_R", ratio, level, log.thrust_N[running], shown)]
     if log.power is not None:
         power = log.power
         late = power.late
@@ -48,7 +49,7 @@ def _z_over_R(log: SweepLog, check: SweepEvidence) -> Array:
 
 
 def _levels(log: SweepLog) -> NDArray[np.intp]:
-    """Return the number of each row's level of throttle (m,), tares the lowest."""
+    """Return the number of each row's level of throttle (m,)."""
     squares = np.sum(log.conditions.speed_rad_s**2, axis=0)
     order = np.argsort(squares)
     steps = np.diff(squares[order]) > SAME_LOAD * squares[order][1:]
