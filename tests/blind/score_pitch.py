@@ -25,7 +25,7 @@ from tests.blind.pitch.library import NAMED
 from tests.blind.pitch.outside import OUTSIDE
 from tests.blind.pitch.records import HiddenRecord, make_record
 from tests.blind.scored import Scored, ScoredParameter
-from tests.blind.scoring import Asked, plan, run
+from tests.blind.scoring import Asked, plan, run, sizes_needed
 
 MODEL = Path(__file__).resolve().parents[2] / "datasets" / "pitch_bench" / "model.toml"
 
@@ -105,7 +105,7 @@ def scored(one: Asked) -> Scored:
         names=verdict.names,
         probabilities=dict(verdict.probabilities),
         where=verdict.where.stage if verdict.where is not None else "",
-        not_judged=tuple(verdict.not_judged),
+        not_judged=sizes_needed(verdict.not_judged),
         confirmed=confirmed,
         gaps={gap.channel: gap.after / gap.floor for gap in verdict.gaps},
         true_gaps=true_gaps,

@@ -21,7 +21,7 @@ from benchtool.store import read_points
 from benchtool.store.columns import KINDS
 from tests.blind.fisher import CANNOT_TELL
 from tests.blind.scored import Scored, ScoredParameter
-from tests.blind.scoring import Asked, plan, run
+from tests.blind.scoring import Asked, plan, run, sizes_needed
 from tests.blind.sweep.information import information
 from tests.blind.sweep.library import NAMED
 from tests.blind.sweep.outside import OUTSIDE
@@ -72,7 +72,7 @@ def scored(one: Asked) -> Scored:
         names=verdict.names,
         probabilities=dict(verdict.probabilities),
         where=verdict.where.stage if verdict.where is not None else "",
-        not_judged=tuple(verdict.not_judged),
+        not_judged=sizes_needed(verdict.not_judged),
         confirmed=confirmed,
         gaps={gap.channel: gap.after / gap.floor for gap in verdict.gaps},
         true_gaps=_true_gaps(record, verdict),

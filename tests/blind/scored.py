@@ -48,7 +48,8 @@ class Scored:
         names: in the verdict, most likely first.
         probabilities: of every explanation, "none" and "unknown" among them.
         where: stage that the verdict points at; "" for none.
-        not_judged: effects that the verdict says this data cannot show.
+        not_judged: effects that the verdict says this data cannot show, with the size in tolerances
+            from which it would.
         confirmed: whether the true model's Fisher information says that a class is one.
         gaps: held-out error after over the noise floor, by channel.
         true_gaps: the same of the true model, by channel, where the generator tells it.
@@ -69,7 +70,7 @@ class Scored:
     seconds: float
     strength: Strength = "full"
     excitation: Excitation = "rich"
-    not_judged: tuple[str, ...] = ()
+    not_judged: Mapping[str, float] = field(default_factory=dict)
     confirmed: bool = False
     true_gaps: Mapping[str, float] = field(default_factory=dict)
     parameters: tuple[ScoredParameter, ...] = ()
@@ -101,8 +102,14 @@ class Scored:
 
     @property
     def honest(self) -> bool:
-        """Whether the name is right, or in a class, or the effect was said not to show."""
-        unseen = self.verdict == "none" and bool(set(self.truth) & set(self.not_judged))
+        """Whether the name is right, or in a class, or the effect was said not to show.
+
+        It must be as small as the verdict says that this data cannot show.
+        """
+        unseen = self.verdict == "none" and all(
+            abs(size) <= self.not_judged.get(name, 0.0)
+            for name, size in zip(self.truth, self.sizes, strict=True)
+        )
         return self.named_first or self.in_class or unseen
 
     @property

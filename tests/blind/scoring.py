@@ -9,7 +9,7 @@ import argparse
 import datetime as dt
 import json
 import os
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -79,10 +79,20 @@ def read_kept(path: Path) -> dict[str, Scored]:
     for line in path.read_text(encoding="utf-8").splitlines():
         data = json.loads(line)
         data["parameters"] = tuple(ScoredParameter(**one) for one in data["parameters"])
-        for name in ("truth", "sizes", "names", "not_judged"):
+        for name in ("truth", "sizes", "names"):
             data[name] = tuple(data[name])
+        if isinstance(data["not_judged"], list):  # kept before sizes were
+            data["not_judged"] = dict.fromkeys(data["not_judged"], float("inf"))
         found[data["label"]] = Scored(**data)
     return found
+
+
+def sizes_needed(not_judged: Mapping[str, str]) -> dict[str, float]:
+    """Return from which size each effect would show, in tolerances, as a verdict says it."""
+    return {
+        name: float(next(word for word in text.split() if word.replace(".", "").isdigit()))
+        for name, text in not_judged.items()
+    }
 
 
 def run(

@@ -137,10 +137,11 @@ def test_pairs_need_both_names() -> None:
 
 def test_poor_records_may_say_that_an_effect_does_not_show() -> None:
     poor = replace(
-        RIGHT, excitation="poor", verdict="none", names=(), not_judged=("body_lift",), where=""
+        RIGHT, excitation="poor", verdict="none", names=(), not_judged={"body_lift": 5.0}, where=""
     )
-    records = [poor, replace(poor, not_judged=()), replace(CLASS, excitation="poor")]
-    assert figure(records, "poor").startswith("2 of 3")
+    in_class = replace(CLASS, excitation="poor")
+    records = [poor, replace(poor, not_judged={}), replace(poor, sizes=(6.0,)), in_class]
+    assert figure(records, "poor").startswith("2 of 4")
 
 
 def test_what_counts_as_right_goes_by_size() -> None:
