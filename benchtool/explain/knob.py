@@ -2,8 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import inf
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.core.parameter import Parameters
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,3 +61,18 @@ class Knob:
     def unit_label(self) -> str:
         """The unit, empty for plain numbers."""
         return "" if self.unit == "1" else self.unit
+
+
+def parameters_at(parameters: Parameters, knobs: Sequence[Knob], turned: Array) -> Parameters:
+    """Return parameters with knobs turned (n_knobs,), each within its bounds.
+
+    A knob whose name is no parameter's belongs to the bench, not to the model.
+    """
+    values = {
+        knob.name: float(np.clip(knob.value(z), knob.lower, knob.upper))
+        for knob, z in zip(knobs, turned, strict=True)
+    }
+    return Parameters(
+        (name, item.at(values[name]) if name in values else item)
+        for name, item in parameters.items()
+    )

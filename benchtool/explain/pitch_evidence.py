@@ -13,7 +13,7 @@ from benchtool.effects.catalogue import candidates, effect_named
 from benchtool.effects.effect import Effect
 from benchtool.effects.model import Model
 from benchtool.effects.tolerances import tolerances
-from benchtool.explain.knob import Knob
+from benchtool.explain.knob import Knob, parameters_at
 from benchtool.explain.pitch_filter import PitchFilter, pitch_filter
 from benchtool.explain.pitch_regimes import pitch_regimes
 from benchtool.explain.subject import RowGroups
@@ -148,14 +148,7 @@ class PitchEvidence:
 
     def parameters(self, turned: Array) -> Parameters:
         """Return the model's parameters with the knobs turned (n_knobs,)."""
-        values = {
-            knob.name: float(np.clip(knob.value(z), knob.lower, knob.upper))
-            for knob, z in zip(self.knobs, turned, strict=True)
-        }
-        return Parameters(
-            (name, item.at(values[name]) if name in values else item)
-            for name, item in self.model.parameters.items()
-        )
+        return parameters_at(self.model.parameters, self.knobs, turned)
 
     def bench(self, turned: Array, rate_Hz: float) -> PitchBench:
         """Return the bench with the knobs turned (n_knobs,)."""

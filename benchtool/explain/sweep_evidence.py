@@ -14,7 +14,7 @@ from benchtool.effects.conditions import Conditions
 from benchtool.effects.effect import Effect
 from benchtool.effects.model import Model
 from benchtool.effects.tolerances import tolerances
-from benchtool.explain.knob import Knob
+from benchtool.explain.knob import Knob, parameters_at
 from benchtool.explain.subject import RowGroups
 from benchtool.explain.sweep_log import SweepLog
 from benchtool.explain.sweep_noise import SweepNoise
@@ -133,14 +133,7 @@ class SweepEvidence:
 
     def parameters(self, turned: Array) -> Parameters:
         """Return the model's parameters with the knobs turned (n_knobs,)."""
-        values = {
-            knob.name: float(np.clip(knob.value(z), knob.lower, knob.upper))
-            for knob, z in zip(self.knobs, turned, strict=True)
-        }
-        return Parameters(
-            (name, item.at(values[name]) if name in values else item)
-            for name, item in self.model.parameters.items()
-        )
+        return parameters_at(self.model.parameters, self.knobs, turned)
 
     # --- predictions ----------------------------------------------------------------------
 

@@ -17,7 +17,7 @@ TEMPERATURE = 3.0
 """Divides differences of log-likelihood, where a bench names no other; chosen on development
 records of pitch benches."""
 
-REFUSED_AT = 1.25
+REFUSED_AT = 1.35
 """Held-out error after the fix over the upper noise quantile at which "unknown" is as likely as
 what was named."""
 
@@ -25,7 +25,7 @@ SHARPNESS = 15.0
 """How quickly the probability of "unknown" grows with the logarithm of that ratio."""
 
 
-LEFTOVER_SHARPNESS = 60.0
+LEFTOVER_SHARPNESS = 30.0
 """The same with the variance of the residuals that are left, beyond what the subject allows."""
 
 CLOSED_SHARPNESS = 30.0
