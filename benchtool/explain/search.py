@@ -10,9 +10,8 @@ from benchtool.explain.hypotheses import Hypotheses, Hypothesis
 
 ENOUGH = 11.0
 """Gain in the sum of squares, over the dispersion, from which an effect is added. Chosen on
-development records: most nulls of dirty benches stayed below 6, effects at twice their tolerance above
-20 but for plate distances that other tolerances can make up; nulls within every tolerance reached
-9 at times."""
+development records: most nulls of dirty benches stayed below 6 and some reached 9; effects at twice
+their tolerance gained more than 20, but for plate distances that other tolerances can make up."""
 
 ENOUGH_MORE = 30.0
 """The same beside an effect that is named already: a law a little off in shape leaves something

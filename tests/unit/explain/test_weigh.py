@@ -6,8 +6,8 @@ import pytest
 
 from benchtool.explain.weigh import Fit, weighed
 
-GOOD = Fit(ratio=0.9, leftover=0.92)
-OPEN = Fit(ratio=3.0, leftover=0.92)
+GOOD = Fit(ratio=0.9, leftover=0.75)
+OPEN = Fit(ratio=3.0, leftover=0.75)
 ROUGH = Fit(ratio=0.9, leftover=1.3)
 
 
