@@ -1,4 +1,4 @@
-"""The whole chain on benches that we simulate ourselves: named, none, refused, and the model out."""
+"""The whole chain on benches that we simulate: named, none, unknown, the model that comes out."""
 
 from __future__ import annotations
 
