@@ -77,10 +77,11 @@ def pitch_figure(traces: Sequence[PitchTrace], *, title: str, simulated: bool) -
             trace.time_s, trace.pitch_deg, color=VERMILION, lw=1.2, label="with the plate (IGE)"
         )
         axes.set_title(trace.label)
-        axes.set_ylabel("pitch [deg]")
+        axes.set_ylabel("pitch [deg]\n(nose down +)")
     panels[-1].set_xlabel("time [s]    (green: a rotor is over the plate)")
     panels[0].set_xlim(float(traces[0].time_s[0]), float(traces[0].time_s[-1]))
-    panels[0].legend(loc="lower left")
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
     return figure
 
 
