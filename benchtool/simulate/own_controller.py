@@ -29,6 +29,12 @@ def raised(controller: Any, error: Exception, time_s: float) -> InputError:
     frames = traceback.extract_tb(error.__traceback__)
     file = _file_of(type(controller))
     own = [frame for frame in frames if frame.filename == file]
+    if not own and isinstance(error, TypeError):  # the call itself failed
+        return InputError(
+            f"controller {type(controller).__name__} could not be called: {_said(error)}"
+            f"{_place(type(controller), 'step')}; write it as step(self, measurement, reference, "
+            f"dt_s)"
+        )
     frame = own[-1] if own else frames[-1]
     return InputError(
         f"controller {type(controller).__name__} raised {type(error).__name__}: {_said(error)} at "

@@ -26,6 +26,11 @@ def controller_class(named: str, known: Iterable[str] = PITCH_CONTROLLERS) -> ty
     module_name, _, class_name = named.partition(":")
     if not module_name or not class_name:
         raise UnknownChoice("controller (and not of the form module:Class)", named, known)
+    if module_name.endswith(".py"):
+        raise InputError(
+            f"controller {named!r} names a file; name the module: "
+            f"{Path(module_name).stem}:{class_name}, from the folder where it stands"
+        )
     here = str(Path.cwd())
     if here not in sys.path:
         sys.path.insert(0, here)

@@ -92,3 +92,18 @@ def test_a_controller_that_raises_is_reported_with_its_own_line() -> None:
     assert "controller Breaks raised ZeroDivisionError" in message
     assert "test_pitch_own_controller.py line" in message
     assert "reference.theta_rad / (measurement.plate_z_m * 0.0)" in message
+
+
+class TakesOne:
+    """Take fewer arguments than a controller gets."""
+
+    def step(self, measurement: PitchMeasurement) -> float:
+        return 0.0
+
+
+def test_a_step_of_the_wrong_arguments_is_told_with_the_users_line() -> None:
+    controller: Any = TakesOne()
+    with pytest.raises(
+        InputError, match=r"could not be called: .*test_pitch_own.*write it as step"
+    ):
+        simulate_controller(controller, job(noisy_bench(), soft()), SCHEDULE)
