@@ -81,6 +81,11 @@ def warnings_of(flights: Sequence[Flown]) -> list[str]:
             out.append(f"{name}: a rotor touched the obstacle at {flown.flight.end_s:.2f} s")
         if flown.flight.ending == "lost":
             out.append(f"{name}: the numbers left the finite range at {flown.flight.end_s:.2f} s")
+        if flown.measures.max_roll_deg > 90.0:
+            out.append(
+                f"{name}: it turned over (roll {flown.measures.max_roll_deg:.0f} deg); its other "
+                f"numbers are those of a fall"
+            )
         if flown.measures.held_ticks:
             out.append(
                 f"{name}: a rotor came nearer than z/R = 0.5 in {flown.measures.held_ticks} steps; "

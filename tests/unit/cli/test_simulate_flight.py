@@ -125,3 +125,8 @@ def test_a_controller_of_ones_own(
         assert says in error
         assert error.count("\n") == 1
         assert ("flownlaw.py line" in error) is (name in ("flownlaw:Bad", "flownlaw:Breaks"))
+
+
+def test_a_vehicle_that_turns_over_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("--controllers", "pid", "--lag-s", "10") == 0
+    assert "PID: it turned over (roll " in capsys.readouterr().out
