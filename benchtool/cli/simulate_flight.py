@@ -20,7 +20,8 @@ def command(
     ] = "over",
     rig: Annotated[str, typer.Option(help="Rig that flies.")] = "pquad",
     model: Annotated[
-        str, typer.Option(help="Model whose ground effect acts, or its file; eq. (4) without.")
+        str,
+        typer.Option(help="Model whose ground effect acts, or its file; eq. (4) when left out."),
     ] = "",
     gains: options.Gains = None,
     controllers: Annotated[
@@ -36,7 +37,10 @@ def command(
         float, typer.Option("--z-over-r", help="Height over the obstacle in rotor radii.")
     ] = 2.0,
     speed_m_s: Annotated[
-        float, typer.Option("--speed-m-s", help="Speed limit; the case's own without.")
+        float,
+        typer.Option(
+            "--speed-m-s", help="Speed limit; the case's own when left out.", show_default=False
+        ),
     ] = 0.0,
     ramp: Annotated[
         bool, typer.Option("--ramp", help="Lead the reference along in place of a speed limit.")
@@ -45,7 +49,7 @@ def command(
         float | None,
         typer.Option(
             "--gyro-noise-rad-s",
-            help="Standard deviation; without, none, or the paper's 0.015 under several seeds.",
+            help="Standard deviation; left out: none, or the paper's 0.015 under several seeds.",
         ),
     ] = None,
     map_offset_m: Annotated[

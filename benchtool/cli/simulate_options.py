@@ -13,15 +13,22 @@ from benchtool.errors import InputError
 
 Gains = Annotated[
     list[str] | None,
-    typer.Option(help="Gain set (s3, s1a, stiff; s3 without), or its file; several in a campaign."),
+    typer.Option(
+        help="Gain set (s3, s1a, stiff), or its file; s3 when left out; several in a campaign."
+    ),
 ]
 Duration = Annotated[
-    float, typer.Option("--duration-s", help="Length in seconds; its own without.")
+    float,
+    typer.Option(
+        "--duration-s", help="Length in seconds; its own when left out.", show_default=False
+    ),
 ]
 Seed = Annotated[int, typer.Option(help="Seed of the noise.", min=0)]
 Settings = Annotated[
     list[str] | None,
-    typer.Option("--set", help="NAME=VALUE, as K_b=1.8 or gains.attitude.k_q_per_s=8."),
+    typer.Option(
+        "--set", help="NAME=VALUE, as gains.attitude=1.2 (a factor) or gains.attitude.k_q_per_s=8."
+    ),
 ]
 Varied = Annotated[
     list[str] | None,
@@ -30,9 +37,13 @@ Varied = Annotated[
 Seeds = Annotated[int, typer.Option(help="Seeds per point of a campaign.", min=1)]
 Samples = Annotated[int, typer.Option(help="Random points in place of the grid.", min=0)]
 MeasureName = Annotated[
-    str, typer.Option("--measure", help="What the map of a campaign shows; the main one without.")
+    str,
+    typer.Option("--measure", help="What the map of a campaign shows; the main one when left out."),
 ]
-Out = Annotated[Path | None, typer.Option(help="Folder for recordings or table, and figure.")]
+Out = Annotated[
+    Path | None,
+    typer.Option(help="Folder for recordings or table, and figure.", file_okay=False),
+]
 
 
 def say_if_slow() -> None:
@@ -104,5 +115,11 @@ def show_study(
     if out is None:
         print("add --out FOLDER for the recordings (CSV) and the figure")
         return
-    for path in write(out):
+    try:
+        written = list(write(out))
+    except OSError as error:
+        raise InputError(
+            f"{out} cannot be written: {error.strerror or error}; name another folder with --out"
+        ) from error
+    for path in written:
         print(f"written: {path}")

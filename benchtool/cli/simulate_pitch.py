@@ -12,7 +12,7 @@ from benchtool.cli import simulate_options as options
 def command(
     rig: Annotated[str, typer.Option(help="Rig on the hinge.")] = "pquad",
     model: Annotated[
-        str, typer.Option(help="Model or its file; the rig's pitch model without.")
+        str, typer.Option(help="Model or its file; the rig's pitch model when left out.")
     ] = "",
     gains: options.Gains = None,
     controllers: Annotated[

@@ -69,8 +69,9 @@ class Parameter:
     def __post_init__(self) -> None:
         unit_named(self.unit)
         if not self.lower <= self.value <= self.upper:
+            unit = "" if self.unit == "1" else f" {self.unit}"
             raise InputError(
-                f"parameter {self.name} is {self.value:g} {self.unit}, outside its bounds "
+                f"parameter {self.name} is {self.value:g}{unit}, outside its bounds "
                 f"[{self.lower:g}, {self.upper:g}]; move the value or the bounds"
             )
 

@@ -16,6 +16,9 @@ Array = NDArray[np.float64]
 NotNegative = Annotated[float, Ge(0.0)]
 Positive = Annotated[float, Gt(0.0)]
 
+LONGEST_S = 3600.0
+"""Longest run asked for by hand; its recording fills some hundred megabytes of memory (a guess)."""
+
 PARKED_M = 1.0
 """Plate distance that stands for a plate that is parked away, as pitch recordings write it."""
 
@@ -146,6 +149,8 @@ class Schedule(FiniteTable):
         """Return the schedule cut short or held on to another duration."""
         if not (np.isfinite(duration_s) and duration_s > 0.0):
             raise InputError(f"duration_s is {duration_s:g}; give a finite time above 0")
+        if duration_s > LONGEST_S:
+            raise InputError(f"duration_s is {duration_s:g}; give at most {LONGEST_S:g} s")
         return replace(self, duration_s=duration_s)
 
     def sampled(self, rate_Hz: float, radius_m: float) -> SampledSchedule:

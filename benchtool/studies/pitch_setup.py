@@ -17,6 +17,7 @@ from benchtool.simulate.pitch_run import PitchJob
 from benchtool.studies.gain_changes import changed_gains
 
 BENCH_NUMBERS = ("inertia_kgm2", "plant_rate_Hz", "stop_rad", "pwm_quantum_us")
+GAIN_TABLES = ("attitude", "observer")
 FEEDFORWARD_NUMBERS = ("strength", "height_error_m", "late_s")
 
 
@@ -151,4 +152,5 @@ def full_name(model: Model, name: str) -> str:
     alike = [each for each in known if each.rpartition(".")[2] == name]
     if len(alike) == 1:
         return alike[0]
-    raise UnknownChoice("number to set or vary", name, alike or known)
+    gains = [f"gains.{table}" for table in GAIN_TABLES]
+    raise UnknownChoice("number to set or vary", name, alike or [*known, *gains])

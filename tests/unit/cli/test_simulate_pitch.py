@@ -158,3 +158,29 @@ def test_a_switch_in_the_run_removes_what_the_pid_left() -> None:
     assert abs(torque[switch] - torque[switch - 1]) < 5.0 * np.std(
         np.diff(torque[switch - 500 : switch])
     )
+
+
+@pytest.mark.parametrize("out", ["taken", "taken/below"])
+def test_a_folder_that_cannot_be_made_is_told(
+    out: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("taken").write_text("a file", encoding="utf-8")
+    code, _, err = simulate(capsys, "--controllers", "pid", "--duration-s", "1", "--out", out)
+    assert code == 2
+    assert "taken" in err
+    assert "--out" in err
+    assert "fault in benchtool" not in err
+    assert Path("taken").read_text(encoding="utf-8") == "a file"
+
+
+def test_a_run_too_long_for_memory_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    code, _, err = simulate(capsys, "--duration-s", "1e9")
+    assert code == 2
+    assert "give at most 3600 s" in err
+
+
+def test_an_unknown_number_names_the_gains_too(capsys: pytest.CaptureFixture[str]) -> None:
+    code, _, err = simulate(capsys, "--set", "gain.attitude=2")
+    assert code == 2
+    assert "did you mean 'gains.attitude'" in err
