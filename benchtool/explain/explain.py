@@ -26,6 +26,9 @@ Array = NDArray[np.float64]
 CLASS_FROM = 0.05
 """A rival for the same place that is likelier than this makes a class with the best."""
 
+NEVER = 100.0
+"""An effect that would have to be this many tolerances large is said not to show at all."""
+
 MOST_MEMBERS = 3
 """More members than this say too little to be a class."""
 
@@ -107,8 +110,9 @@ def explain(
         nearest=nearest,
         tolerances={k.name: k.scale for k in subject.evidence.knobs if k.effect},
         not_judged={
-            name: f"would have to be {size:.0f} tolerances large to show"
+            name: _unseen(size)
             for name, size in hypotheses.unseen(null).items()
+            if name not in {effect.name for effect in effects}
         },
         remarks=subject.remarks,
         next=subject.next_experiment(rivals, rng) if rivals and propose else None,
@@ -122,6 +126,13 @@ def explain(
         overlays=subject.overlays(null.at, final),
         disagreements=disagreements(groups, rows[:, 0], rows[:, 1] if effects else rows[:, 0]),
     )
+
+
+def _unseen(size: float) -> str:
+    """Say how large an effect would have to be, in tolerances, to show in this data."""
+    if size > NEVER:
+        return "does not show in this data at all"
+    return f"would have to be {size:.0f} tolerances large to show"
 
 
 def _silent(what: str, share: float) -> None:
