@@ -96,7 +96,7 @@ def read_kept(path: Path) -> dict[str, Scored]:
 def sizes_needed(not_judged: Mapping[str, str]) -> dict[str, float]:
     """Return from which size each effect would show, in tolerances, as a verdict says it."""
     return {
-        name: float(next(word for word in text.split() if word.replace(".", "").isdigit()))
+        name: float(next((word for word in text.split() if word.replace(".", "").isdigit()), "inf"))
         for name, text in not_judged.items()
     }
 
