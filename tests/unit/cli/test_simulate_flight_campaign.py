@@ -107,7 +107,7 @@ def test_a_point_of_a_campaign_can_be_flown_alone(capsys: pytest.CaptureFixture[
         (["--gains", "s3", "--gains", "stiff"], "2 gain sets (s3, stiff) are for a campaign"),
         (["--controllers", "oge"], "unknown controller of a flight 'oge'"),
         (["--set", "K_b=nan"], "write NAME=NUMBER"),
-        (["--vary", "K_b=1:2:3", "--out", "taken"], "taken exists already"),
+        (["--vary", "K_b=1:2:3", "--out", "taken"], "dir 'taken' is a file"),
     ],
 )
 def test_bad_input_is_one_sentence_and_leaves_nothing(

@@ -150,7 +150,7 @@ def test_a_measured_rotor_pair_is_more_than_one_rotor(reference_data: Path) -> N
     path = reference_data / "ground_effect" / "rotor_pairs.csv"
     points = read_table(path, loaded.columns, ["series=Fz0"])
     verdict = explain(SweepSubject(loaded.model, [points], [points])).verdict
-    assert verdict.probabilities["none"] < 0.05
+    assert verdict.probabilities["none"] < 0.1
     assert verdict.probabilities["unknown"] > 0.02
     (gap,) = verdict.gaps
     assert gap.before > 4.0 * gap.floor
