@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Collection, Iterable
+from typing import Protocol
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cholesky
@@ -12,6 +15,30 @@ Array = NDArray[np.float64]
 CANNOT_TELL = 25.0
 """Twice the log-likelihood ratio that the truth has on average over a rival, by the true model's
 own information, below which a class of the two is an honest answer."""
+
+
+class Telling(Protocol):
+    """What data tell about a true model."""
+
+    def evidence(self, rivals: Iterable[str] = ()) -> float:
+        """Return how clearly they speak against a model with other effects than the true ones."""
+        ...
+
+
+def class_confirmed(
+    names: Collection[str], truth: Collection[str], told: Callable[[], Telling]
+) -> bool:
+    """Return whether nobody could tell the wrong members of a class from the right one.
+
+    Args:
+        names: members of the class.
+        truth: what is hidden.
+        told: works out the true model's information; asked only where the truth is a member.
+    """
+    if not set(names) & set(truth):
+        return False
+    information = told()
+    return all(information.evidence([name]) < CANNOT_TELL for name in names if name not in truth)
 
 
 def evidence(matrix: Array, sizes: Array, low: Array, high: Array) -> float:

@@ -18,7 +18,7 @@ from benchtool.explain.pitch_log import pitch_log
 from benchtool.explain.pitch_subject import PitchSubject
 from benchtool.explain.verdict import Verdict
 from benchtool.library import load_model
-from tests.blind.fisher import CANNOT_TELL
+from tests.blind.fisher import class_confirmed
 from tests.blind.pitch.gap import miss
 from tests.blind.pitch.information import information
 from tests.blind.pitch.library import NAMED
@@ -91,11 +91,6 @@ def scored(one: Asked) -> Scored:
             "theta_rad": missed["theta"] / floors["theta_rad"],
             "gyro_rad_s": missed["gyro"] / floors["gyro_rad_s"],
         }
-    confirmed = False
-    if verdict.kind == "class" and set(verdict.names) & set(truth.names):
-        told = information(record.parts[0], truth.plant)
-        rivals = [name for name in verdict.names if name not in truth.names]
-        confirmed = all(told.evidence([rival]) < CANNOT_TELL for rival in rivals)
     return Scored(
         kind=truth.kind,
         truth=truth.names,
@@ -106,7 +101,10 @@ def scored(one: Asked) -> Scored:
         probabilities=dict(verdict.probabilities),
         where=verdict.where.stage if verdict.where is not None else "",
         not_judged=sizes_needed(verdict.not_judged),
-        confirmed=confirmed,
+        confirmed=verdict.kind == "class"
+        and class_confirmed(
+            verdict.names, truth.names, lambda: information(record.parts[0], truth.plant)
+        ),
         gaps={gap.channel: gap.after / gap.floor for gap in verdict.gaps},
         true_gaps=true_gaps,
         parameters=tuple(

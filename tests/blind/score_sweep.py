@@ -19,7 +19,7 @@ from benchtool.explain.verdict import Verdict
 from benchtool.library import load_model
 from benchtool.store import read_points
 from benchtool.store.columns import KINDS
-from tests.blind.fisher import CANNOT_TELL
+from tests.blind.fisher import class_confirmed
 from tests.blind.scored import Scored, ScoredParameter
 from tests.blind.scoring import Asked, plan, run, sizes_needed
 from tests.blind.sweep.information import information
@@ -58,11 +58,6 @@ def scored(one: Asked) -> Scored:
         for effect in truth.effects
         for name, value in effect.parameters.items()
     }
-    confirmed = False
-    if verdict.kind == "class" and set(verdict.names) & set(truth.names):
-        told = information(record.parts[0], truth.bench)
-        rivals = [name for name in verdict.names if name not in truth.names]
-        confirmed = all(told.evidence([rival]) < CANNOT_TELL for rival in rivals)
     return Scored(
         kind=truth.kind,
         truth=truth.names,
@@ -73,7 +68,10 @@ def scored(one: Asked) -> Scored:
         probabilities=dict(verdict.probabilities),
         where=verdict.where.stage if verdict.where is not None else "",
         not_judged=sizes_needed(verdict.not_judged),
-        confirmed=confirmed,
+        confirmed=verdict.kind == "class"
+        and class_confirmed(
+            verdict.names, truth.names, lambda: information(record.parts[0], truth.bench)
+        ),
         gaps={gap.channel: gap.after / gap.floor for gap in verdict.gaps},
         true_gaps=_true_gaps(record, verdict),
         parameters=tuple(
