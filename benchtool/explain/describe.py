@@ -7,7 +7,6 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.effects.catalogue import EFFECTS
 from benchtool.effects.effect import Effect, Stage
 from benchtool.explain.explanation import Disagreement
 from benchtool.explain.hypotheses import Hypotheses, Hypothesis
@@ -22,10 +21,7 @@ SIGMA_95 = 1.959964
 
 def effect_of(subject: Subject, name: str) -> Effect:
     """Return an effect of the subject's model by name."""
-    return (
-        next((e for e in subject.model.effects if e.name == name), EFFECTS.get(name))
-        or (EFFECTS[name])
-    )
+    return next(effect for effect in subject.model.effects if effect.name == name)
 
 
 def found_parameters(

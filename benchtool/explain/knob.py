@@ -57,11 +57,6 @@ class Knob:
         """Return the value of a knob turned by so many scales."""
         return self.start + self.scale * turned
 
-    @property
-    def unit_label(self) -> str:
-        """The unit, empty for plain numbers."""
-        return "" if self.unit == "1" else self.unit
-
 
 def parameters_at(parameters: Parameters, knobs: Sequence[Knob], turned: Array) -> Parameters:
     """Return parameters with knobs turned (n_knobs,), each within its bounds.
