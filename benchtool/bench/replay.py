@@ -17,14 +17,12 @@ from numpy.typing import NDArray
 
 from benchtool.bench.bench import Identity, Readings
 from benchtool.bench.opened import Opened
-from benchtool.core.channel import Channel
-from benchtool.core.units import UNITS
+from benchtool.core.channel import Channel, unit_told_by
 from benchtool.errors import CommandRefused, FileFormatError, LinkLost
 
 Array = NDArray[np.float64]
 
 _NOT_STREAMED = ("time_s", "device_time_us", "point", "phase")
-_OWN_WORDS = {"Nm": "N m", "raw": "count"}
 
 
 class ReplayBench(Opened):
@@ -61,7 +59,7 @@ class ReplayBench(Opened):
             if name not in columns:
                 raise FileFormatError(str(path), f"it has no column {name}; name a run's samples")
         channels = tuple(
-            Channel(name, _unit_told_by(name)) for name in names if name not in _NOT_STREAMED
+            Channel(name, unit_told_by(name)) for name in names if name not in _NOT_STREAMED
         )
         time_s = columns["time_s"]
         identity = _identity(address, path, channels, time_s)
@@ -144,16 +142,6 @@ def _numbers(rows: Iterator[list[str]], names: list[str], where: str) -> Iterato
             yield [float(cell) if cell else np.nan for cell in row]
         except ValueError as error:
             raise FileFormatError(f"{where}, line {number}", f"{error}; mend the cell") from error
-
-
-def _unit_told_by(name: str) -> str:
-    """Return the unit that a column's name carries at its end; "1" when it carries none."""
-    if name.startswith("rpm"):
-        return "rpm"
-    if name.startswith("pwm") and name.endswith("_us"):
-        return "pwm_us"
-    suffix = name.rpartition("_")[2]
-    return _OWN_WORDS.get(suffix, suffix if suffix in UNITS else "1")
 
 
 def _identity(address: str, path: Path, channels: tuple[Channel, ...], time_s: Array) -> Identity:

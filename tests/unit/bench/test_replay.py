@@ -47,6 +47,13 @@ def test_it_says_who_was_recorded(run):
     assert identity.rate_Hz == pytest.approx(200.0)
 
 
+def test_rates_of_a_pitch_recording_keep_their_unit(tmp_path):
+    text = "time_s,device_time_us,theta_rad,gyro_rad_s\n0.1,100,0.01,0.2\n"
+    (tmp_path / "samples.csv").write_text(text, encoding="utf-8")
+    channels = open_bench(f"replay:{tmp_path}").identity.channels
+    assert [item.unit for item in channels] == ["rad", "rad/s"]
+
+
 def test_the_end_is_said(run):
     with open_bench(f"replay:{run}/samples.csv") as bench:
         assert len(bench.read(60.0)) == 400
