@@ -9,18 +9,17 @@ from typing import Any
 import numpy as np
 
 from benchtool.core.fit_result import FitResult
-from benchtool.errors import FileFormatError
 from benchtool.library import LoadedModel, model_to_toml
 from benchtool.recipes.run_recipe import FitOutput
-from benchtool.store.atomic import json_ready, read_json, replace_json, replace_text
-
-FORMAT = "benchtool-fit-1"
+from benchtool.store.atomic import json_ready, replace_json, replace_text
+from benchtool.store.entry import FIT_FILE, FIT_FORMAT
+from benchtool.store.entry import read_result as read_result
 
 
 def result_tables(output: FitOutput) -> dict[str, Any]:
     """Return the contents of result.json."""
     tables: dict[str, Any] = {
-        "format": FORMAT,
+        "format": FIT_FORMAT,
         "recipe": _paths_as_names(output),
         "model": output.loaded.model.name,
         "basis": output.recipe.basis,
@@ -43,7 +42,7 @@ def result_tables(output: FitOutput) -> dict[str, Any]:
 
 def write_result(folder: Path, output: FitOutput) -> None:
     """Write result.json, the fitted model and the posterior samples into a folder."""
-    replace_json(folder / "result.json", result_tables(output))
+    replace_json(folder / FIT_FILE, result_tables(output))
     fitted = LoadedModel(
         model=output.fitted, columns=output.loaded.columns, row_filter=output.loaded.row_filter
     )
@@ -53,17 +52,6 @@ def write_result(folder: Path, output: FitOutput) -> None:
             header = ",".join(estimate.name for estimate in result.estimates)
             path = folder / "samples.csv"
             np.savetxt(path, result.samples, delimiter=",", header=header, comments="", fmt="%.9g")
-
-
-def read_result(folder: Path) -> dict[str, Any]:
-    """Return the contents of a folder's result.json."""
-    path = folder / "result.json"
-    tables = read_json(path)
-    if tables.get("format") != FORMAT:
-        raise FileFormatError(
-            str(path), f"its format is {tables.get('format')!r}, this version reads {FORMAT!r}"
-        )
-    return tables
 
 
 def _result(result: FitResult) -> dict[str, Any]:

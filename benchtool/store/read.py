@@ -97,7 +97,7 @@ def _with_provenance(
     folder = path if path.is_dir() else path.parent
     facts: dict[str, Any] = read_json(folder / "metadata.json") if is_run(folder) else {}
     simulated = bool(facts.get("simulated", False))
-    calibration = facts.get("calibration") or {}
+    rig, calibration = (_told(facts, key, folder) for key in ("rig", "calibration"))
     provenance = {
         "file": str(file),
         "sha256": data_hash(folder) if is_run(folder) else file_hash(file),
@@ -105,12 +105,21 @@ def _with_provenance(
         "simulated": str(simulated).lower() if facts else "not stated",
         "address": str(facts.get("address", "")),
         "device_id": str(facts.get("device_id", "")),
-        "rig": str(facts.get("rig", {}).get("name", "")),
+        "rig": str(rig.get("name", "")),
         "state": str(facts.get("state", "")),
         "calibration": str(calibration.get("id", "")),
         "calibration_relative_sd": str(calibration.get("relative_sd", "")),
     }
     return replace(recording, provenance=provenance, simulated=simulated)
+
+
+def _told(facts: dict[str, Any], key: str, folder: Path) -> dict[str, Any]:
+    """Return one table of the metadata, empty where it is left out."""
+    found = facts.get(key) or {}
+    if not isinstance(found, dict):
+        where = str(folder / "metadata.json")
+        raise FileFormatError(where, f"{key} is {found!r}, not a table; restore the file")
+    return found
 
 
 def _mismatch(parquet: Path, csv: Path, stated: dict[str, Any]) -> str:

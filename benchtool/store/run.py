@@ -19,6 +19,8 @@ from benchtool.store.samples import SampleWriter
 from benchtool.store.settings import aggregate
 from benchtool.store.write import write_table
 
+RUN_FORMAT = "benchtool-run-1"
+
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*")
 
 
@@ -48,7 +50,7 @@ class Run:
             ) from error
         run = cls(path)
         replace_text(path / "plan.toml", plan_text)
-        replace_json(path / "metadata.json", {"format": "benchtool-run-1", **metadata})
+        replace_json(path / "metadata.json", {"format": RUN_FORMAT, **metadata})
         return run
 
     @classmethod
