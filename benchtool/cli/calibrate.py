@@ -96,9 +96,9 @@ def _from_bench(
     import numpy as np
 
     from benchtool.acquire.calibrate_bench import mean_counts, require_raw_counts
+    from benchtool.acquire.sweep_options import numbers, rig_for
     from benchtool.bench.address import open_bench
     from benchtool.cli.sweep_operator import LOOK_S, answer_to
-    from benchtool.cli.sweep_options import numbers, rig_for
     from benchtool.core.units import STANDARD_GRAVITY_M_S2
     from benchtool.errors import InputError
 

@@ -19,10 +19,10 @@ def check(
 
     from benchtool.acquire.arming import CONFIRMATION, remember_check
     from benchtool.acquire.bench_check import check_bench, low_throttle_us
+    from benchtool.acquire.sweep_options import rig_for
     from benchtool.bench.address import open_bench
     from benchtool.bench.guard import GuardedBench
     from benchtool.cli.sweep_operator import confirm_arming
-    from benchtool.cli.sweep_options import rig_for
     from benchtool.errors import BenchError, InputError
 
     stands = rig_for(address, rig)

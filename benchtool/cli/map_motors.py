@@ -26,10 +26,10 @@ def map_motors(
     from benchtool.acquire.arming import CONFIRMATION
     from benchtool.acquire.bench_check import low_throttle_us
     from benchtool.acquire.learn_motors import learn_motors
+    from benchtool.acquire.sweep_options import rig_for
     from benchtool.bench.address import open_bench, parse_address
     from benchtool.bench.guard import GuardedBench
     from benchtool.cli.sweep_operator import confirm_arming
-    from benchtool.cli.sweep_options import rig_for
     from benchtool.errors import InputError, WouldOverwrite
 
     stands = rig_for(address, rig)

@@ -19,8 +19,8 @@ def command(
 ) -> None:
     """Apply a calibration to a run, its raw data untouched."""
     from benchtool.acquire.calibration import calibration_from
+    from benchtool.acquire.calibration_file import read_calibration
     from benchtool.acquire.recalibrate import recalibrate
-    from benchtool.cli.calibration_file import read_calibration
     from benchtool.errors import CalibrationError
     from benchtool.store import Run
     from benchtool.store.state import recall

@@ -50,7 +50,7 @@ def command(
         hover_pulse_us,
     )
     from benchtool.acquire.pitch_record import summary_line
-    from benchtool.cli.sweep_options import rig_for
+    from benchtool.acquire.sweep_options import rig_for
     from benchtool.errors import WouldOverwrite
 
     stands = rig_for(address, rig)

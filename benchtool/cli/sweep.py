@@ -68,13 +68,13 @@ def command(
     resume: Annotated[Path | None, typer.Option(help="Go on with this run folder.")] = None,
 ) -> None:
     """Sweep plate distance and throttle into a run folder."""
+    from benchtool.acquire.calibration_file import read_calibration
     from benchtool.acquire.check_plan import check_plan
     from benchtool.acquire.plan import Plan, read_plan
     from benchtool.acquire.resume import unfinished
+    from benchtool.acquire.stage_choice import check_stage
+    from benchtool.acquire.sweep_options import air_of, rig_for, with_options
     from benchtool.bench.address import open_bench
-    from benchtool.cli.calibration_file import read_calibration
-    from benchtool.cli.sweep_options import air_of, rig_for, with_options
-    from benchtool.cli.sweep_stage import check_stage
     from benchtool.errors import InputError, WouldOverwrite
     from benchtool.store import Run
     from benchtool.store.run import check_run_name
@@ -170,15 +170,15 @@ def _sweep(
     yes: bool,
 ) -> None:
     """Open the bench, arm, sweep, and close the run whatever happened."""
+    from benchtool.acquire.calibration_file import calibration_for
     from benchtool.acquire.check_plan import check_plan
     from benchtool.acquire.resume import reopen
+    from benchtool.acquire.stage_choice import stage_for
     from benchtool.acquire.sweep import run_sweep
     from benchtool.bench.closing_signals import ClosingSignals
     from benchtool.bench.guard import GuardedBench
-    from benchtool.cli.calibration_file import calibration_for
     from benchtool.cli.sweep_display import display_for
     from benchtool.cli.sweep_operator import LOOK_S, answer_to
-    from benchtool.cli.sweep_stage import stage_for
 
     run: Run | None = None
     measured = False
