@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
+from scipy.signal import savgol_filter
 
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
@@ -21,6 +23,11 @@ Array = NDArray[np.float64]
 PLATE_SMOOTHING_S = 0.2
 """Width of the median over plate readings: a plate moves slowly and its sensor is noisy, and near
 the plate a millimetre is felt."""
+
+SPEED_SMOOTHING_S = 0.025
+"""Width of the quadratic through readings of speed that drive a plant: about a motor's lag, within
+which speeds cannot kink. Wider ones round off dither; narrower ones leave more of the readings'
+noise in the thrust."""
 
 LONGEST_STEP = 1.5
 """A step in time longer than this many usual ones is a gap."""
@@ -96,10 +103,13 @@ def pitch_log(recording: Recording, rig: Rig, name: str = "") -> PitchLog:
                 f"the plant cannot be driven; map pwm1_us... or rpm1... in the model's [columns]"
             )
         p = rig.propulsion
-        pulses = p.pwm_start_us + speeds / p.speed_per_us_rad_s
+        pulses = p.pwm_start_us + _turned(speeds, mode, rate_Hz) / p.speed_per_us_rad_s
         speeds = np.full_like(speeds, np.nan)
         driven_by = "rpm"
-        remarks.append("no pulses: driven by rpm, so pwm_to_rpm cannot be judged")
+        remarks.append(
+            "no pulses: driven by the speeds that were measured, so nothing between pulse and "
+            "speed (lag, delay, battery sag) can be judged; record pwm too"
+        )
     elif not np.isfinite(speeds).any():
         remarks.append("no rpm: lag, delay and sag are judged by the motion alone")
     gyro = optional("gyro_rad_s")
@@ -127,6 +137,7 @@ def pitch_log(recording: Recording, rig: Rig, name: str = "") -> PitchLog:
         gyro_rad_s=gyro,
         speed_rad_s=speeds,
         mode=mode,
+        turned=driven_by == "rpm",
     )
     reference = optional("theta_ref_rad")
     return PitchLog(
@@ -169,6 +180,21 @@ def _evenly(recording: Recording, name: str, remarks: list[str]) -> tuple[Record
         )
     whole = steps[~(backward | gaps)]
     return recording, mode, float(len(whole) / whole.sum())
+
+
+def _turned(speeds: Array, mode: Array, rate_Hz: float) -> Array:
+    """Return rotor speeds (n_discs, n) that can drive a plant: no gaps, less noise."""
+    width = 2 * round(0.5 * SPEED_SMOOTHING_S * rate_Hz) + 1
+    rows = np.arange(speeds.shape[1])
+    out = np.empty_like(speeds)
+    edges = [*np.flatnonzero(mode == t.RESTART), len(rows)]
+    for disc, read in enumerate(speeds):
+        known = np.isfinite(read)
+        out[disc] = np.interp(rows, rows[known], read[known])
+        for first, last in pairwise(edges):
+            if last - first >= width > 3:
+                out[disc, first:last] = savgol_filter(out[disc, first:last], width, 2)
+    return np.maximum(out, 0.0)
 
 
 def _held(values: Array) -> Array:

@@ -9,11 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.control.pitch import PitchControl
+from benchtool.core.parameter import Parameters
 from benchtool.core.schedule import SampledSchedule
+from benchtool.effects.model import Model
 from benchtool.errors import InputError
 from benchtool.simulate import pitch_rows as r
 from benchtool.simulate import pitch_track as t
-from benchtool.simulate.pitch_bench import PitchBench
+from benchtool.simulate.pitch_bench import STEPS_PER_LAG, PitchBench
 from benchtool.simulate.pitch_run import PitchJob, PitchLoop
 
 Array = NDArray[np.float64]
@@ -28,12 +30,15 @@ class LoggedPitch:
 
     Attributes:
         rate_Hz: of the log.
-        pwm_us: (n_discs, n) pulses, each held until the next.
+        pwm_us: (n_discs, n) pulses, each held until the next; where `turned`, the pulses at which
+            rotors would settle at the speed that was measured.
         plate_z_m: (n,) distance with the beam level.
         plate_share: (n,) how far the plate is in, 0 (parked) to 1.
         theta_rad, gyro_rad_s: (n,) readings; nan where there was none.
         speed_rad_s: (n_discs, n) readings; nan where there was none.
         mode: (n,) what a filter does with the readings, see `pitch_track`.
+        turned: whether rotors turn as they were measured, whatever a model says of the way from
+            pulse to speed.
     """
 
     rate_Hz: float
@@ -44,6 +49,7 @@ class LoggedPitch:
     gyro_rad_s: Array
     speed_rad_s: Array
     mode: Array
+    turned: bool = False
 
     def __len__(self) -> int:
         return len(self.plate_z_m)
@@ -148,6 +154,9 @@ def follow(
             for k in range(0, len(benches), lanes)
         ]  # fmt: skip
         return _joined(parts)
+    first_us = logged.pwm_us[:, 0]
+    if logged.turned:
+        benches, logged = _turning(benches, logged)
     control = PitchControl(name="logged", gains=None, rate_Hz=logged.rate_Hz)
     once = {id(bench): PitchJob(replace(bench, sensors={}), control) for bench in benches}
     jobs = [once[id(bench)] for bench in benches]
@@ -167,7 +176,7 @@ def follow(
     if seed is None:
         w[r.WAKE_KICK] = 0.0
     p = first.model.rig.propulsion
-    settled = p.speed_per_us_rad_s * np.maximum(logged.pwm_us[:, 0] - p.pwm_start_us, 0.0)
+    settled = p.speed_per_us_rad_s * np.maximum(first_us - p.pwm_start_us, 0.0)
     w[r.SPEED : r.SPEED + discs] = settled[:, None]
     mode = np.array(logged.mode, float)
     if states is None:
@@ -189,6 +198,39 @@ def follow(
         rate_rad_s=used[:, 3],
         wake_Nm=used[:, 4],
         turning_rad_s=used[:, 5 + discs :],
+    )
+
+
+def _turning(
+    benches: Sequence[PitchBench], logged: LoggedPitch
+) -> tuple[Sequence[PitchBench], LoggedPitch]:
+    """Return benches and pulses that take every rotor through its measured speeds.
+
+    Nothing of the stage pwm_to_rpm is left in the benches. Within a tick speeds go from one
+    reading to the next along the rig's own lag: a straighter way shifts the thrust by a fraction
+    of a millisecond, which dither turns into a tenth of a friction.
+    """
+    first = benches[0]
+    p = first.model.rig.propulsion
+    lag_s = max(p.lag_s, 1.001 * STEPS_PER_LAG / first.plant_rate_Hz)
+    kept = np.exp(-1.0 / (logged.rate_Hz * lag_s))
+    drive = logged.pwm_us.copy()
+    drive[:, :-1] += np.diff(logged.pwm_us, axis=1) / (1.0 - kept)
+    once = {id(bench): replace(bench, model=_as_turned(bench.model, lag_s)) for bench in benches}
+    return [once[id(bench)] for bench in benches], replace(logged, pwm_us=drive, turned=False)
+
+
+def _as_turned(model: Model, lag_s: float) -> Model:
+    """Return the model without anything between pulse and speed but a lag."""
+    values = {"motor_lag.tau_s": lag_s}
+    for effect in model.effects:
+        if effect.stage == "pwm_to_rpm":
+            for item in effect.parameters:
+                neutral = item.value if item.neutral is None else item.neutral
+                values.setdefault(f"{effect.name}.{item.name}", neutral)
+    items = model.parameters
+    return model.at(
+        Parameters((name, item.at(values.get(name, item.value))) for name, item in items.items())
     )
 
 

@@ -2,24 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from benchtool.control.pitch import PitchControl
 from benchtool.effects.model import Model
 from benchtool.explain.explain import explain
 from benchtool.explain.explanation import Explanation
 from benchtool.explain.pitch_log import PitchLog, pitch_log
 from benchtool.explain.pitch_subject import PitchSubject
-from benchtool.library import gains_named, load_model, schedule_named
-from benchtool.simulate.pitch_bench import PitchBench
-from benchtool.simulate.pitch_run import PitchJob
-from benchtool.simulate.pitch_simulate import simulate_pitch
-
-RATE_HZ = 250.0
-SECONDS = 30.0
+from benchtool.library import load_model
+from tests.unit.explain.pitch_made import recorded
 
 
 @pytest.fixture(scope="module")
@@ -27,13 +19,8 @@ def model() -> Model:
     return load_model("pitch_beam").model.fixed("coulomb_friction.torque_Nm", 0.0)
 
 
-def log_of(truth: Model, seed: int, *, inertia: float = 0.0305) -> PitchLog:
-    control = PitchControl(name="pid", gains=gains_named("s3"), rate_Hz=RATE_HZ)
-    bench = replace(PitchBench.of(truth), inertia_kgm2=inertia)
-    schedule = schedule_named("identify").lasting(SECONDS)
-    sampled = schedule.sampled(RATE_HZ, truth.rig.propulsion.radius_m)
-    run = simulate_pitch(PitchJob(bench, control), sampled, seed)
-    return pitch_log(run.recording(truth.rig), truth.rig, f"seed {seed}")
+def log_of(truth: Model, seed: int) -> PitchLog:
+    return pitch_log(recorded(truth, seed), truth.rig, f"seed {seed}")
 
 
 def explained(model: Model, truth: Model) -> Explanation:

@@ -60,7 +60,7 @@ def test_a_whole_recording_needs_no_words(rig: Rig) -> None:
         ({"rpm1": None, "rpm2": None}, "no rpm"),
         ({"gyro_rad_s": None}, "no gyro"),
         ({"plate_z_m": None}, "parked"),
-        ({"pwm1_us": None, "pwm2_us": None}, "driven by rpm"),
+        ({"pwm1_us": None, "pwm2_us": None}, "driven by the speeds that were measured"),
     ],
 )
 def test_what_it_lacks_is_said(rig: Rig, left_out: dict[str, None], words: str) -> None:

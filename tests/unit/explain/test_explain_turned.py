@@ -1,0 +1,64 @@
+"""Recordings without pulses: the plant turns as its rotors were measured."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from benchtool.effects.model import Model
+from benchtool.explain.explain import explain
+from benchtool.explain.pitch_log import PitchLog, pitch_log
+from benchtool.explain.pitch_subject import PitchSubject
+from benchtool.explain.verdict import Verdict
+from benchtool.library import load_model
+from benchtool.simulate.pitch_follow import follow
+from tests.unit.explain.pitch_made import recorded, without
+
+BEFORE_SPEED = ("motor_lag", "transport_delay", "battery_sag")
+"""Effects between pulse and speed."""
+
+
+@pytest.fixture(scope="module")
+def model() -> Model:
+    return load_model("pitch_beam").model.fixed("coulomb_friction.torque_Nm", 0.0)
+
+
+def turned(truth: Model, seed: int) -> PitchLog:
+    return pitch_log(without(recorded(truth, seed), r"pwm\d_us"), truth.rig, f"seed {seed}")
+
+
+def judged(model: Model, truth: Model) -> Verdict:
+    subject = PitchSubject(model, [turned(truth, 1)], [turned(truth, 2)])
+    return explain(subject, draws=32).verdict
+
+
+def test_friction_is_named_from_measured_speeds_with_its_size(model: Model) -> None:
+    """With the speeds shifted within a tick it came out a tenth too small."""
+    verdict = judged(model, model.fixed("coulomb_friction.torque_Nm", 0.011))
+    assert (verdict.kind, verdict.names) == ("effect", ("coulomb_friction",))
+    assert verdict.effects[0].probability > 0.9
+    found = verdict.effects[0].parameters[0]
+    assert found.low - found.std <= 0.011 <= found.high + found.std
+    gap = verdict.gaps[0]
+    assert gap.after < 1.25 * gap.floor_high
+    assert {gap.channel for gap in verdict.gaps} == {"theta_rad", "gyro_rad_s"}
+    assert set(BEFORE_SPEED) <= set(verdict.not_judged)
+    assert sum("nothing between pulse and speed" in line for line in verdict.remarks) == 2
+
+
+def test_what_lies_before_the_speeds_is_never_named(model: Model) -> None:
+    truth = model.with_effect("battery_sag", rate_per_s=0.004).fixed("motor_lag.tau_s", 0.04)
+    verdict = judged(model, truth)
+    assert verdict.kind == "none"
+    assert set(BEFORE_SPEED) <= set(verdict.not_judged)
+
+
+def test_rotors_pass_through_every_measured_speed(model: Model) -> None:
+    log = turned(model.fixed("motor_lag.tau_s", 0.035), 3).logged
+    assert log.turned
+    subject = PitchSubject(model, [turned(model, 1)], [turned(model, 2)])
+    bench = subject.evidence.bench(np.zeros(len(subject.evidence.knobs)), log.rate_Hz)
+    found = follow([bench], log, np.zeros(7)).speed_rad_s[:, :, 0].T
+    p = model.rig.propulsion
+    measured = (log.pwm_us - p.pwm_start_us) * p.speed_per_us_rad_s
+    np.testing.assert_allclose(found, measured, rtol=1e-6)
