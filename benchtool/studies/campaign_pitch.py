@@ -16,7 +16,7 @@ from benchtool.simulate.pitch_run import PitchJob, PitchLoop, shared_key
 from benchtool.simulate.pitch_simulate import taken
 from benchtool.studies.campaign import Measure, Row
 from benchtool.studies.design import Design
-from benchtool.studies.pitch_setup import PitchSetup, changed
+from benchtool.studies.pitch_setup import PLATE_DISTANCE, PitchSetup, changed
 
 MEASURES = {
     "rms_deg": Measure(text="RMS error of pitch [deg]"),
@@ -81,8 +81,13 @@ class PitchCampaign:
         """See `Campaign`."""
         for setup in self.setups.values():
             for point in design.probes():
-                if changed(setup, point).rate_Hz != setup.rate_Hz:
+                here = changed(setup, point)
+                if here.rate_Hz != setup.rate_Hz:
                     raise InputError("a campaign cannot vary control_rate_Hz; run one per rate")
+                if here.schedule != setup.schedule:
+                    raise InputError(
+                        f"a campaign cannot vary {PLATE_DISTANCE}; run one per distance, with --set"
+                    )
 
     def rows(self, design: Design, threads: int | None = None) -> Iterator[Row]:
         """See `Campaign`."""

@@ -19,6 +19,9 @@ from benchtool.studies.gain_changes import changed_gains
 BENCH_NUMBERS = ("inertia_kgm2", "plant_rate_Hz", "stop_rad", "pwm_quantum_us")
 GAIN_TABLES = ("attitude", "observer")
 FEEDFORWARD_NUMBERS = ("strength", "height_error_m", "late_s")
+PLATE_DISTANCE = "plate.z_over_R"
+FARTHEST_PLATE = 100.0
+"""In rotor radii; a plate farther away does nothing that anybody could see."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,7 +79,8 @@ def changed(setup: PitchSetup, values: Mapping[str, float]) -> PitchSetup:
 
     A name is a model parameter ("k", "body_lift.K_b", or "K_b" alone where only one effect has
     it), a gain ("gains.attitude.k_q_per_s"), a factor on all gains of a table ("gains.attitude"),
-    a number of the bench ("bench.inertia_kgm2") or of the feedforward ("feedforward.strength").
+    a number of the bench ("bench.inertia_kgm2") or of the feedforward ("feedforward.strength"), or
+    the distance of every visit of the plate ("plate.z_over_R").
     """
     for name, value in values.items():
         setup = _changed(setup, name, float(value))
@@ -106,6 +110,8 @@ def _changed(setup: PitchSetup, name: str, value: float) -> PitchSetup:
             raise UnknownChoice("number of the bench", rest, BENCH_NUMBERS)
         numbers: dict[str, Any] = {rest: value}
         return replace(setup, bench=replace(setup.bench, **numbers))
+    if name == PLATE_DISTANCE:
+        return replace(setup, schedule=_with_plate_at(setup.schedule, value))
     if head == "feedforward":
         if rest not in FEEDFORWARD_NUMBERS:
             raise UnknownChoice("number of the feedforward", rest, FEEDFORWARD_NUMBERS)
@@ -122,6 +128,21 @@ def _changed(setup: PitchSetup, name: str, value: float) -> PitchSetup:
     model = _with_parameter(setup.bench.model, name, value)
     inertia_kgm2 = model.parameters["inertia_kgm2"].value
     return replace(setup, bench=replace(setup.bench, model=model, inertia_kgm2=inertia_kgm2))
+
+
+def _with_plate_at(schedule: Schedule, z_over_R: float) -> Schedule:
+    if not schedule.plate:
+        raise InputError(
+            f"schedule {schedule.name!r} brings no plate, so it has no {PLATE_DISTANCE}; take one "
+            f"that does, as plate"
+        )
+    if not 0.0 < z_over_R <= FARTHEST_PLATE:
+        raise InputError(
+            f"{PLATE_DISTANCE} is {z_over_R:g}; give rotor radii above 0, {FARTHEST_PLATE:g} at "
+            f"most"
+        )
+    plate = tuple(replace(visit, z_over_R=z_over_R) for visit in schedule.plate)
+    return replace(schedule, plate=plate)
 
 
 def _with_gain(control: PitchControl, name: str, value: float) -> PitchControl:
@@ -153,4 +174,4 @@ def full_name(model: Model, name: str) -> str:
     if len(alike) == 1:
         return alike[0]
     gains = [f"gains.{table}" for table in GAIN_TABLES]
-    raise UnknownChoice("number to set or vary", name, alike or [*known, *gains])
+    raise UnknownChoice("number to set or vary", name, alike or [*known, *gains, PLATE_DISTANCE])

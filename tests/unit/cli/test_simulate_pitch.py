@@ -184,3 +184,27 @@ def test_an_unknown_number_names_the_gains_too(capsys: pytest.CaptureFixture[str
     code, _, err = simulate(capsys, "--set", "gain.attitude=2")
     assert code == 2
     assert "did you mean 'gains.attitude'" in err
+
+
+def test_the_plate_comes_as_near_as_it_is_told() -> None:
+    setup = pitch_setup(schedule="distances")
+    nearer = changed(setup, {"plate.z_over_R": 1.5}).schedule
+    assert [visit.z_over_R for visit in nearer.plate] == [1.5, 1.5, 1.5]
+    assert [visit.in_s for visit in nearer.plate] == [5.0, 18.0, 31.0]
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--schedule", "steps", "--set", "plate.z_over_R=2"), "schedule 'steps' brings no plate"),
+        (("--set", "plate.z_over_R=0"), "plate.z_over_R is 0; give rotor radii above 0"),
+        (("--set", "plate.z_over_R=101"), "above 0, 100 at most"),
+        (("--vary", "plate.z_over_R=1:2:3"), "a campaign cannot vary plate.z_over_R"),
+    ],
+)
+def test_a_plate_that_cannot_be_there_is_refused(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, words: tuple[str, ...], said: str
+) -> None:
+    code, _, err = simulate(capsys, *words, "--out", str(tmp_path / "out"))
+    assert code == 2
+    assert said in err
