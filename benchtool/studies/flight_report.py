@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from benchtool.report.flight import flight_figure
 from benchtool.simulate.flight import FlightCase, FlightControl
 from benchtool.simulate.flight_measures import measure
 from benchtool.simulate.flight_own import fly_own
+from benchtool.simulate.in_order import results_in_order
 from benchtool.simulate.own_controller import made
 from benchtool.store.write import write_table
 from benchtool.studies.flight import (
@@ -39,11 +41,12 @@ def fly_each(
         own: name and class of the user's own; a new one is made for every flight.
     """
     beside = replace(out_of_ground_effect(case), control="pid")
-    flights = [fly_and_measure(replace(case, control=control)) for control in controls]
+    cases = [beside, *(replace(case, control=control) for control in controls)]
+    flights = list(results_in_order(partial(fly_and_measure, each) for each in cases))
     for name, kind in own:
         flight = fly_own(case, made(kind, name), name)
         flights.append(Flown(flight, measure(flight)))
-    return [fly_and_measure(beside), *flights]
+    return flights
 
 
 def name_of(flown: Flown) -> str:

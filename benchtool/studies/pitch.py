@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +12,7 @@ import numpy as np
 
 from benchtool import __version__
 from benchtool.core.schedule import PlateVisit
+from benchtool.simulate.in_order import results_in_order
 from benchtool.simulate.own_controller import made
 from benchtool.simulate.pitch_result import PitchRun, PlateNumbers, plate_numbers
 from benchtool.simulate.pitch_run import PitchJob
@@ -55,11 +57,16 @@ def pitch_study(
     rate_Hz = setup.rate_Hz
     near = setup.schedule.sampled(rate_Hz, radius_m)
     far = replace(setup.schedule, plate=()).sampled(rate_Hz, radius_m)
-    runs, away = [], []
-    for control in () if only_own else setup.controls:
-        job = PitchJob(setup.bench, control, setup.believed)
-        runs.append(simulate_pitch(job, near, seed))
-        away.append(simulate_pitch(job, far, seed))
+    jobs = [
+        PitchJob(setup.bench, control, setup.believed)
+        for control in (() if only_own else setup.controls)
+    ]
+    both = list(
+        results_in_order(
+            partial(simulate_pitch, job, schedule, seed) for schedule in (near, far) for job in jobs
+        )
+    )
+    runs, away = both[: len(jobs)], both[len(jobs) :]
     for name, kind in own:
         job = PitchJob(setup.bench, setup.controls[0], setup.believed)
         runs.append(simulate_controller(made(kind, name), job, near, seed, name=name))
