@@ -11,14 +11,15 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from benchtool.core.fit_result import FitResult
-from benchtool.recipes.fit_page import comparison_table, sentence
+from benchtool.recipes.kept_fit import kept
 from benchtool.recipes.run_recipe import FitOutput
 from benchtool.report import page
-from benchtool.report.fit_tables import methods_table, short_table
 
 FILE_WIDTH = 110
 """Width of tables where no terminal gives one: room for the longest parameter names."""
+
+WIDEST = 5
+"""Columns of a table that a terminal has room for."""
 
 
 @contextmanager
@@ -44,34 +45,26 @@ def print_fit(output: FitOutput) -> None:
     console = Console(soft_wrap=True, highlight=False)
     if not console.is_terminal:
         console.width = FILE_WIDTH
-    if output.data.points.simulated:
-        console.print("SIMULATED DATA: no physical bench produced these points")
-    console.print(sentence(output), markup=False)
-    for result in output.results:
-        print_table(console, short_table(result))
-        console.print(f"{result.method}: {result.outcome.message}", markup=False)
-    if len(output.results) > 1:
-        print_table(console, methods_table(output.results))
-    if output.comparison is not None:
-        console.print(output.comparison.sentence, markup=False)
-        print_table(console, _narrow(comparison_table(output.comparison)))
-    for line in _warnings(output.results):
-        console.print(f"! {line}", markup=False)
+    for block in kept(output).told:
+        if isinstance(block, page.Table):
+            print_table(console, _narrow(block))
+        elif isinstance(block, page.Warnings):
+            for line in block.sentences:
+                console.print(f"! {line}", markup=False)
+        elif isinstance(block, page.Paragraph):
+            console.print(block.text, markup=False)
 
 
 def _narrow(table: page.Table) -> page.Table:
-    """Return the columns of a comparison that a terminal has room for."""
-    kept = [0, 1, 2, 3, 4]
+    """Return the columns of a table that a terminal has room for."""
+    if len(table.header) <= WIDEST:
+        return table
     return page.Table(
         table.caption,
-        [table.header[column] for column in kept],
-        [[row[column] for column in kept] for row in table.rows],
-        text_columns=2,
+        table.header[:WIDEST],
+        [row[:WIDEST] for row in table.rows],
+        text_columns=table.text_columns,
     )
-
-
-def _warnings(results: tuple[FitResult, ...]) -> list[str]:
-    return list(dict.fromkeys(line for result in results for line in result.warnings))
 
 
 def print_table(console: Console, shown: page.Table) -> None:

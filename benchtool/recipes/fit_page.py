@@ -103,31 +103,34 @@ def _telling(result: FitResult) -> list[Estimate]:
 
 def sentence(output: FitOutput) -> str:
     """Say in one or two sentences what the fit found."""
-    first = output.results[0]
+    return sentence_of(
+        output.results[0],
+        model=output.loaded.model.name,
+        basis=output.recipe.basis,
+        used=len(output.data.rows),
+        read=len(output.data.points),
+    )
+
+
+def sentence_of(first: FitResult, *, model: str, basis: str, used: int, read: int) -> str:
+    """Say in one or two sentences what a result found from so many points of so many read."""
     if first.outcome.status != "converged":
-        return (
-            f"No answer to use from {len(output.data.rows)} of {len(output.data.points)} points: "
-            f"{first.outcome.message}."
-        )
+        return f"No answer to use from {used} of {read} points: {first.outcome.message}."
     said = ", ".join(
         f"{item.name} = {value_with_sd(item.value, item.sd)}"
         + ("" if item.unit == "1" else f" {unit_for_people(item.unit)}")
         for item in first.estimates
         if not item.name.startswith("noise.")
     )
-    verdict = first.facts.get("verdict")
     judged = {
         "rejected": f" The model is rejected: chi2/dof = {first.chi2_per_dof:.3g}.",
         "scatter": f" Points scatter a little more than their errors within visits state: "
         f"chi2/dof = {first.chi2_per_dof:.3g}.",
         "consistent": f" The scatter explains what is left over: chi2/dof = "
         f"{first.chi2_per_dof:.3g}.",
-    }.get(str(verdict), "")
-    basis = "thrust itself (joint fit)" if output.recipe.basis == "joint" else output.recipe.basis
-    return (
-        f"{len(output.data.rows)} of {len(output.data.points)} points, model "
-        f"{output.loaded.model.name}, basis {basis}: {said}.{judged}"
-    )
+    }.get(str(first.facts.get("verdict")), "")
+    shown = "thrust itself (joint fit)" if basis == "joint" else basis
+    return f"{used} of {read} points, model {model}, basis {shown}: {said}.{judged}"
 
 
 def comparison_table(comparison: Comparison) -> Table:
@@ -147,8 +150,9 @@ def comparison_table(comparison: Comparison) -> Table:
                 f"{score.bic:.1f}",
             )
         )
+    held_out = f" in {comparison.folds} folds over {comparison.settings} settings"
     return Table(
-        f"Held-out points in {comparison.folds} folds over {comparison.settings} settings.",
+        f"Held-out points{held_out if comparison.folds else ''}.",
         (
             "model",
             "verdict",

@@ -34,6 +34,9 @@ def result_tables(output: FitOutput) -> dict[str, Any]:
     if output.comparison is not None:
         tables["comparison"] = {
             "sentence": output.comparison.sentence,
+            "folds": output.comparison.folds,
+            "settings": output.comparison.settings,
+            "seed": output.comparison.seed,
             "scores": [asdict(score) for score in output.comparison.scores],
         }
     cleaned: dict[str, Any] = json_ready(tables)
