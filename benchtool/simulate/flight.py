@@ -14,7 +14,7 @@ from benchtool.control.pid import AttitudePid
 from benchtool.errors import InputError, UnknownChoice
 from benchtool.library.gain_file import Gains
 from benchtool.simulate.environment import Environment
-from benchtool.simulate.flight_ground import FACTOR, look_down, new_ground
+from benchtool.simulate.flight_ground import FACTOR, NEAREST, look_down, new_ground
 from benchtool.simulate.flight_kernel import (
     ENDING,
     HELD_TICKS,
@@ -163,6 +163,7 @@ class Flight:
         ending: "flown" to the end, "struck" something, or "lost" (numbers no longer finite).
         end_s: when it ended.
         held_ticks: plant ticks at which a height was held at the formulae's limit of validity.
+        nearest_m: least height of a rotor over what it covered; infinite over nothing.
         own: name of the user's own controller; "" for that of the case.
     """
 
@@ -172,6 +173,7 @@ class Flight:
     ending: Ending
     end_s: float
     held_ticks: int
+    nearest_m: float
     own: str = ""
 
     def __getitem__(self, name: str) -> Array:
@@ -259,7 +261,8 @@ class FlightLoop:
         end_s = case.duration_s if word == "flown" else float(kept[-1, 0])
         rig = case.vehicle.rig
         names = column_names(rig.n_discs, rig.n_rotors)
-        return Flight(case, names, kept, word, end_s, int(self.plan[HELD_TICKS]), own)
+        held, nearest_m = int(self.plan[HELD_TICKS]), float(self.ground[NEAREST].min())
+        return Flight(case, names, kept, word, end_s, held, nearest_m, own)
 
 
 def column_names(n_discs: int, n_rotors: int) -> tuple[str, ...]:

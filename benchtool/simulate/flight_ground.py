@@ -45,6 +45,8 @@ class Discs(NamedTuple):
         neighbours: strength of the neighbours' images; 1 as in eq. (3).
         K_b: body lift coefficient; 0 without.
         rule: number of the wake rule in `RULES`.
+        depth_m: how far hub and undercarriage reach below the discs, everywhere under them; 0
+            leaves them out, so that only the discs touch.
     """
 
     table: Array
@@ -53,18 +55,24 @@ class Discs(NamedTuple):
     neighbours: float
     K_b: float
     rule: int
+    depth_m: float
 
 
-PLACE_X, PLACE_Y, PLACE_Z, FACTOR, COVERAGE, HEIGHT, SHARE, OVER, REST, TOUCHES, HELD = range(11)
-"""Rows of what is found below the discs (11, n), written by `look_down`: disc centres in the world
+(
+    PLACE_X, PLACE_Y, PLACE_Z, FACTOR, COVERAGE, HEIGHT, SHARE, OVER, REST, TOUCHES, HELD, NEAREST,
+) = range(12)  # fmt: skip
+"""Rows of what is found below the discs (12, n), written by `look_down`: disc centres in the world
 (m), T_IGE/T_OGE, fraction over blocks and grid together, height over what covers most of the disc
 (m, infinite over nothing); scratch: fraction and height on one surface, fraction that nothing
-covers yet; 1 where the disc touches something, 1 where a height was held."""
+covers yet; 1 where the disc touches something, 1 where a height was held; and, over all calls, the
+least height over anything (m)."""
 
 
 def new_ground(n_discs: int) -> Array:
-    """Return room for the findings below n discs (11, n)."""
-    return np.zeros((11, n_discs))
+    """Return room for the findings below n discs (12, n)."""
+    ground = np.zeros((12, n_discs))
+    ground[NEAREST] = np.inf
+    return ground
 
 
 @loop_part
@@ -203,7 +211,8 @@ def add_surface(discs: Discs, ground: Array) -> None:
     n = ground.shape[1]
     for i in range(n):
         if ground[SHARE, i] > 0.0:
-            if ground[OVER, i] <= 0.0:
+            ground[NEAREST, i] = min(ground[NEAREST, i], ground[OVER, i])
+            if ground[OVER, i] <= discs.depth_m:
                 ground[TOUCHES, i] = 1.0
             held = clamped_height(ground[OVER, i], discs.radius_m)
             if held > ground[OVER, i]:

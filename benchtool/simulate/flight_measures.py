@@ -1,4 +1,4 @@
-"""What is said of a flight: arrival, overshoot, push-backs, pitch, and the last 20 s."""
+"""What is said of a flight: arrival, overshoot, push-backs, pitch, height, the last 20 s."""
 
 from __future__ import annotations
 
@@ -33,7 +33,8 @@ class Measures:
         max_pitch_deg, rms_pitch_deg: of the pitch's magnitude, over the whole flight.
         range_m: least and greatest x over the last 20 s.
         max_roll_deg: of the roll's magnitude.
-        held_ticks: as in `Flight`.
+        range_z_m: least and greatest height above the one asked for, over the whole flight.
+        held_ticks, nearest_m: as in `Flight`.
     """
 
     ending: Ending
@@ -44,7 +45,9 @@ class Measures:
     rms_pitch_deg: float
     range_m: tuple[float, float]
     max_roll_deg: float
+    range_z_m: tuple[float, float]
     held_ticks: int
+    nearest_m: float
 
     @property
     def arrives(self) -> bool:
@@ -70,6 +73,7 @@ def measure(flight: Flight) -> Measures:
     time, x, y = flight["time_s"], flight["x_m"], flight["y_m"]
     away = np.hypot(x - flight["x_goal_m"], y - flight["y_goal_m"])
     pitch = np.degrees(flight["pitch_rad"])
+    above = flight["z_m"] - flight["z_goal_m"]
     last = time >= time[-1] - LAST_S
     return Measures(
         ending=flight.ending,
@@ -80,7 +84,9 @@ def measure(flight: Flight) -> Measures:
         rms_pitch_deg=float(np.sqrt(np.mean(pitch * pitch))),
         range_m=(float(x[last].min()), float(x[last].max())),
         max_roll_deg=float(np.degrees(np.abs(flight["roll_rad"]).max())),
+        range_z_m=(float(above.min()), float(above.max())),
         held_ticks=flight.held_ticks,
+        nearest_m=flight.nearest_m,
     )
 
 

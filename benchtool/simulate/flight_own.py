@@ -51,7 +51,7 @@ def own_period(block: Array, places: Plan, plan: Plan, period: int) -> None:
     period_s, ramp, whole = a[10], a[11], a[12] > 0.0
     frame = Airframe(rotors, a[0], a[1], a[2], a[3], a[4], a[5], a[6], a[7], a[8], a[9])
     taken = Airframe(known, b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7], b[8], b[9])
-    discs = Discs(plane(block, places, 17), d[0], d[1], d[2], d[3], int(d[4]))
+    discs = Discs(plane(block, places, 17), d[0], d[1], d[2], d[3], int(d[4]), d[5])
     below = Tables(
         plane(block, places, 18), solid(block, places, 19), e[0], e[1], e[2], e[3], e[4], int(e[5])
     )
@@ -100,7 +100,8 @@ def fly_own(case: FlightCase, controller: FlightController, name: str) -> Flight
     # What nobody asks for and nobody estimates stands in no log.
     loop.memory[ESTIMATE : ESTIMATE + 6] = loop.memory[COMMAND : COMMAND + 3] = np.nan
     block, places, views = gathered(_arrays(loop))
-    memory, seen, loop.log, guess = views[1], views[3], views[7], views[9]
+    memory, seen, loop.log = views[1], views[3], views[7]
+    loop.ground, guess = views[8], views[9]
     plan, n_discs = loop.plan, guess.shape[1]
     period_s, rate_Hz = loop.law.period_s, case.gains.control_rate_Hz
     speeds_m_s = loop.goals[:, 4].tolist()
@@ -118,7 +119,7 @@ def fly_own(case: FlightCase, controller: FlightController, name: str) -> Flight
         wanted = new(FlightReference, (*read[TARGET:], yaw_rad, limit_m_s, hover_N))
         try:
             command = step(measured, wanted, period_s)
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             raise raised(controller, error, time_s) from error
         factors[:] = 1.0
         try:

@@ -38,6 +38,8 @@ class FlightVehicle:
         drag_N_s_m: force per velocity against the air; 0 leaves wind without effect.
         turned_deg: layout turned to the left: 45 makes a plus layout a cross.
         inertia_scale: true over known inertia; the controller keeps the known one.
+        undercarriage_m: how far hub and legs reach below the rotors, taken as deep everywhere under
+            the discs; 0 leaves them out, as no rig file has them.
     """
 
     rig: Rig
@@ -49,6 +51,7 @@ class FlightVehicle:
     drag_N_s_m: float = 0.0
     turned_deg: float = 0.0
     inertia_scale: float = 1.0
+    undercarriage_m: float = 0.0
 
     def __post_init__(self) -> None:
         wake_rule(self.wake_rule)
@@ -59,6 +62,7 @@ class FlightVehicle:
             ("drag_N_s_m", self.drag_N_s_m, 0.0, 1e3),
             ("turned_deg", self.turned_deg, -360.0, 360.0),
             ("inertia_scale", self.inertia_scale, 0.01, 100.0),
+            ("undercarriage_m", self.undercarriage_m, 0.0, 10.0),
         ):
             if not low <= value <= high:
                 raise InputError(f"{name} is {value:g}; give {low:g} to {high:g}")
@@ -115,6 +119,7 @@ class FlightVehicle:
             float(self.neighbours),
             float(self.K_b),
             RULES.index(self.wake_rule),
+            float(self.undercarriage_m),
         )
 
     def airframe(self, *, as_known: bool = False) -> Airframe:
@@ -130,8 +135,8 @@ class FlightVehicle:
         largest = np.abs(matrix).max(axis=1, keepdims=True)
         if not largest.all() or np.linalg.matrix_rank(matrix / largest) < 4:
             raise InputError(
-                f"rig {self.rig.name!r} has {self.rig.n_rotors} rotors, which cannot make thrust "
-                f"and three torques independently; fly a rig with four rotors or more"
+                f"the rotors of rig {self.rig.name!r} ({self.rig.n_rotors}) cannot make thrust and "
+                f"three torques independently; fly a rig with four rotors or more"
             )
         scale = 1.0 if as_known else self.inertia_scale
         speed = propulsion.speed_per_us_rad_s * (propulsion.pwm_max_us - propulsion.pwm_start_us)

@@ -16,7 +16,7 @@ def made(controller: type[Any], name: str) -> Any:
     """
     try:
         return controller()
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise InputError(
             f"controller {name!r} could not be made without arguments: "
             f"{type(error).__name__}: {_said(error)}{_place(controller, '__init__')}; give its "
@@ -24,7 +24,7 @@ def made(controller: type[Any], name: str) -> Any:
         ) from error
 
 
-def raised(controller: Any, error: Exception, time_s: float) -> InputError:
+def raised(controller: Any, error: BaseException, time_s: float) -> InputError:
     """Return one sentence that names the line of the user's own file where it went wrong."""
     frames = traceback.extract_tb(error.__traceback__)
     file = _file_of(type(controller))
@@ -59,7 +59,7 @@ def unusable(controller: Any, what: str, value: Any, time_s: float, instead: str
     )
 
 
-def _said(error: Exception) -> str:
+def _said(error: BaseException) -> str:
     return " ".join(str(error).split()) or "no message"
 
 

@@ -52,7 +52,7 @@ def own_ticks(loop: PitchLoop) -> Callable[[PitchController, int, int, int], Non
             reference = new(PitchReference, (references[number], collectives[number]))
             try:
                 command = step(measured, reference, dt_s)
-            except Exception as error:
+            except (Exception, SystemExit) as error:
                 raise raised(controller, error, time_s) from error
             try:
                 torque, difference = command if isinstance(command, tuple) else (command, 0.0)

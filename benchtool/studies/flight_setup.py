@@ -15,7 +15,9 @@ from benchtool.simulate.flight_vehicle import FlightVehicle
 from benchtool.studies.gain_changes import changed_gains
 
 FLIGHT_NUMBERS = ("z_over_R", "speed_m_s", "gyro_noise_rad_s", "map_strength", "drag_N_s_m")
-VEHICLE_NUMBERS = ("K_b", "neighbours", "lag_s", "turned_deg", "inertia_scale")
+VEHICLE_NUMBERS = (
+    "K_b", "neighbours", "lag_s", "turned_deg", "inertia_scale", "undercarriage_m",
+)  # fmt: skip
 MAP_OFFSETS = ("map_offset_x_m", "map_offset_y_m", "map_offset_z_m")
 GAIN_TABLES = ("gains.position", "gains.attitude", "gains.altitude", "gains.yaw", "gains.observer")
 CHANGEABLE = (*FLIGHT_NUMBERS, *VEHICLE_NUMBERS, *MAP_OFFSETS, *GAIN_TABLES)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
 from math import inf
 
@@ -18,6 +19,7 @@ from benchtool.simulate.flight_ground import (
     FACTOR,
     HEIGHT,
     HELD,
+    NEAREST,
     TOUCHES,
     disc_on_rectangle,
     look_down,
@@ -92,6 +94,22 @@ def test_each_rotor_has_its_own_height() -> None:
     lower = PQUAD.rig.disc_positions_m[:, 0] * np.sin(0.1)
     raised = PQUAD.rig.disc_positions_m[:, 1] * np.cos(0.1) * np.sin(0.05)
     np.testing.assert_allclose(ground[HEIGHT], 0.24 - lower + raised, atol=1e-14)
+
+
+def test_an_undercarriage_touches_before_the_discs_do() -> None:
+    assert below(OBSTACLE, 4.0, z=0.1)[TOUCHES].tolist() == [0.0] * 4
+    legs = replace(PQUAD, undercarriage_m=0.11).discs()
+    for x, touching in ((4.0, 4), (2.8, 1), (2.6, 0)):
+        ground = new_ground(4)
+        look_down(0.0, at_rest((x, 0.0, 0.1)), legs, tables_of(OBSTACLE), ground, False)
+        assert ground[TOUCHES].sum() == touching
+
+
+def test_the_nearest_approach_is_kept_and_unheld() -> None:
+    ground = new_ground(4)
+    for z in (0.3, 0.03, 0.2):
+        look_down(0.0, at_rest((2.8, 0.0, z)), DISCS, tables_of(OBSTACLE), ground, False)
+    assert ground[NEAREST].tolist() == [0.03, inf, inf, inf]
 
 
 def test_a_ramp_is_met_at_right_angles() -> None:

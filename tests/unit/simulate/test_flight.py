@@ -121,6 +121,29 @@ def test_the_observer_finds_the_torque_that_is_there() -> None:
     assert flight["pitch_ground_Nm"][late].mean() < -0.008
 
 
+def test_the_observer_undoes_torques_and_leaves_the_lift_to_the_height_loop() -> None:
+    """As the paper's controller: with all rotors covered there is lift to see, and no torque."""
+    start = {"start_m": (4.0, 0.0, 0.18), "goals": (), "duration_s": 5.0}
+    alone, watched = (flown("over", "stiff", control=c, **start) for c in ("pid", "observer"))
+    assert watched["force_z_estimate_N"].max() > 1.0
+    np.testing.assert_allclose(watched["z_m"], alone["z_m"], rtol=0.0, atol=1e-12)
+
+
+def test_past_a_low_edge_the_height_integral_drops_the_vehicle_under_pid_and_observer() -> None:
+    """What the height loop has learned of the lift acts on where the lift ends (k_iz / k_z)."""
+    low = {"z_over_R": 1.5, "duration_s": 60.0}
+    for control in ("pid", "observer"):
+        found = measure(flown("over", "stiff", control=control, **low))
+        assert found.arrives
+        assert -0.18 < found.range_z_m[0] < -0.17
+        assert 0.14 < found.range_z_m[1] < 0.16
+        assert found.nearest_m < 0.06
+    known = measure(flown("over", "stiff", control="feedforward", **low))
+    assert max(np.abs(known.range_z_m)) < 0.001
+    assert known.nearest_m == pytest.approx(0.18, abs=0.01)
+    assert measure(flown(below=Environment(), duration_s=1.0)).nearest_m == np.inf
+
+
 def test_slower_motors_and_wrong_inertia_change_little() -> None:
     for vehicle in (replace(PQUAD, lag_s=0.02), replace(PQUAD, inertia_scale=1.3)):
         found = measure(fly(flight_case("over", vehicle, gains_named("s3"), control="observer")))

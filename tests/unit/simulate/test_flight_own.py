@@ -165,6 +165,15 @@ def test_one_that_raises_is_reported_with_its_own_line() -> None:
     assert "np.linalg.solve(np.zeros((2, 2))" in message
 
 
+def test_one_that_leaves_is_reported_with_its_own_line() -> None:
+    class Leaves(Hover):
+        def step(self, seen: FlightMeasurement, want: FlightReference, dt_s: float) -> Any:
+            raise SystemExit(3)
+
+    with pytest.raises(InputError, match=r"raised SystemExit: 3 at 0 s, in .*own\.py line \d+"):
+        fly_own(SHORT, Leaves(), "l")
+
+
 def test_a_class_that_needs_arguments_is_refused() -> None:
     with pytest.raises(InputError, match=r"without arguments.*test_flight_own\.py line"):
         made(Returns, "tests:Returns")

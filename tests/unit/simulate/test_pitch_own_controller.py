@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from benchtool.control.controller import PitchCommand, PitchMeasurement, PitchReference
 from benchtool.control.pitch import Feedforward
 from benchtool.errors import InputError
+from benchtool.simulate.own_controller import made
 from benchtool.simulate.pitch_simulate import simulate_controller, simulate_pitch
 from tests.unit.simulate.pitching import STEADY_PLATE, SWAY, job, noisy_bench, sampled, soft
 
@@ -107,3 +109,24 @@ def test_a_step_of_the_wrong_arguments_is_told_with_the_users_line() -> None:
         InputError, match=r"could not be called: .*test_pitch_own.*write it as step"
     ):
         simulate_controller(controller, job(noisy_bench(), soft()), SCHEDULE)
+
+
+class Leaves:
+    """Leave the program when it is made, or in the first step."""
+
+    def __init__(self, at_once: bool = True) -> None:
+        if at_once:
+            sys.exit("no sensor")
+
+    def step(
+        self, measurement: PitchMeasurement, reference: PitchReference, dt_s: float
+    ) -> PitchCommand:
+        """Leave."""
+        sys.exit()
+
+
+def test_one_that_leaves_the_program_is_told_like_one_that_raises() -> None:
+    with pytest.raises(InputError, match=r"SystemExit: no message at 0 s, in .*line \d+: sys.exit"):
+        simulate_controller(Leaves(at_once=False), job(noisy_bench(), soft()), SCHEDULE)
+    with pytest.raises(InputError, match=r"SystemExit: no sensor, in .*pitch_own_controller\.py"):
+        made(Leaves, "tests:Leaves")
