@@ -15,7 +15,7 @@ from benchtool.explain.answer import Answer
 from benchtool.explain.answer_file import next_file
 from benchtool.explain.answer_folder import ANSWER, MODEL, PAGE
 from benchtool.explain.answer_page import next_sentence, where_sentence
-from benchtool.explain.answer_tables import short_effects_table, short_gap_table
+from benchtool.explain.answer_tables import short_effects_table, short_gap_table, unjudged_sentence
 
 
 @contextmanager
@@ -52,8 +52,8 @@ def print_answer(answer: Answer) -> None:
     print_table(console, short_gap_table(answer))
     listed = ", ".join(f"{name} {value:.3g}" for name, value in verdict.tolerances.items())
     console.print(f"Tolerances used, in SI units: {listed}", markup=False)
-    for name, reason in verdict.not_judged.items():
-        console.print(f"Not judged: {name}: {reason}", markup=False)
+    for name in verdict.not_judged:
+        console.print(f"Not judged: {name} {unjudged_sentence(answer, name)}", markup=False)
     for line in answer.remarks:
         console.print(f"! {line}", markup=False)
     if verdict.next is not None:

@@ -28,11 +28,14 @@ def answer_figures(answer: Answer) -> dict[str, Figure]:
         figures["where"] = disagreement_figure(
             stages, title="Where the model disagrees", simulated=answer.simulated
         )
-    if verdict.probabilities:
-        figures["which"] = probability_figure(
-            verdict.probabilities,
-            verdict.names or (verdict.kind,),
-            title="How likely each explanation is",
+    for place in verdict.places:
+        several = verdict.kind == "several"
+        figures[f"which_{place.effect}" if several else "which"] = probability_figure(
+            place.probabilities,
+            (place.effect,) if several else verdict.names or (verdict.kind,),
+            title=f"What may stand in the place of {place.effect}"
+            if several
+            else "How likely each explanation is",
             simulated=answer.simulated,
         )
     sizes = [_size(effect, item) for effect in verdict.effects for item in effect.parameters]

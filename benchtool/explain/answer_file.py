@@ -7,11 +7,12 @@ from typing import Any
 
 from benchtool import __version__
 from benchtool.explain.answer import Answer
+from benchtool.explain.answer_tables import unjudged_sentence
 from benchtool.explain.verdict import FoundParameter, Gap, NamedEffect
 from benchtool.library import schedule_to_toml
 from benchtool.store.atomic import json_ready
 
-VERSION = 1
+VERSION = 2
 """Counts up when a key changes its meaning or goes; new keys may come without."""
 
 
@@ -39,6 +40,10 @@ def answer_tables(answer: Answer, written: Written) -> dict[str, Any]:
         "effects": [_effect(effect) for effect in verdict.effects],
         "class": list(verdict.names) if verdict.kind == "class" else [],
         "probabilities": dict(verdict.probabilities),
+        "places": [
+            {"effect": place.effect, "probabilities": dict(place.probabilities)}
+            for place in verdict.places
+        ],
         "where": {
             "stage": where.stage if where else None,
             "regime": where.regime if where else None,
@@ -51,7 +56,14 @@ def answer_tables(answer: Answer, written: Written) -> dict[str, Any]:
             "share_closed": nearest.share_closed if nearest else None,
         },
         "tolerances": dict(verdict.tolerances),
-        "not_judged": dict(verdict.not_judged),
+        "not_judged": {
+            name: {
+                "reason": one.reason,
+                "tolerances_needed": one.size,
+                "sentence": unjudged_sentence(answer, name),
+            }
+            for name, one in verdict.not_judged.items()
+        },
         "remarks": list(answer.remarks),
         "next_experiment": _next(answer, written.schedule),
         "model_out": written.model or None,

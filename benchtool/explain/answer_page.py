@@ -7,7 +7,13 @@ from collections.abc import Mapping
 from benchtool import __version__
 from benchtool.explain.answer import Answer, channel_words
 from benchtool.explain.answer_figures import gap_numbers, parameter_text
-from benchtool.explain.answer_tables import effects_table, gap_table, next_table, tolerances_table
+from benchtool.explain.answer_tables import (
+    effects_table,
+    gap_table,
+    next_table,
+    tolerances_table,
+    unjudged_sentence,
+)
 from benchtool.report.page import (
     Block,
     Commands,
@@ -37,6 +43,12 @@ CAPTIONS: dict[str, str] = {
     ),
 }
 """Captions of the figures but overlays."""
+
+PLACE = (
+    "Probability of each explanation for one of the named effects, the others taken for granted; "
+    "the answer is blue."
+)
+"""Caption of each effect's own probabilities where several are named."""
 
 OVERLAY = (
     "Measurement and predictions on the check recording; below, what is left over. The grey band "
@@ -106,7 +118,15 @@ def _which(answer: Answer, figures: Mapping[str, Figure]) -> list[Block]:
     blocks: list[Block] = [Paragraph(answer.verdict.sentence)]
     if answer.verdict.effects:
         blocks.append(effects_table(answer))
-    return [*blocks, *_figures(figures, "parameters", "which")]
+    blocks += _figures(figures, "parameters", "which")
+    return [
+        *blocks,
+        *(
+            FigureBlock(figure, PLACE)
+            for name, figure in figures.items()
+            if name.startswith("which_")
+        ),
+    ]
 
 
 def _gap(answer: Answer, figures: Mapping[str, Figure]) -> list[Block]:
@@ -134,7 +154,8 @@ def _not_judged(answer: Answer) -> list[Block]:
     if answer.remarks:
         blocks.append(Warnings(answer.remarks))
     if answer.verdict.not_judged:
-        blocks.append(Facts(dict(answer.verdict.not_judged)))
+        names = answer.verdict.not_judged
+        blocks.append(Facts({name: unjudged_sentence(answer, name) for name in names}))
     if not blocks:
         blocks.append(Paragraph("Every effect of this kind of bench was judged."))
     return blocks

@@ -138,6 +138,21 @@ def _share(gap: Gap) -> str:
     return f"{100.0 * min(1.0, max(0.0, gap.share_closed)):.0f} %"
 
 
+def unjudged_sentence(answer: Answer, name: str) -> str:
+    """Say of an effect why this data cannot show it."""
+    one = answer.verdict.not_judged[name]
+    if one.reason == "no_trace":
+        return "leaves no trace in this data, however large it is"
+    items, tolerances = answer.verdict.parameters, answer.verdict.tolerances
+    sizes = [
+        f"{full.partition('.')[2]} off by {_quantity(one.size * value, items[full].unit)}"
+        for full, value in tolerances.items()
+        if full.partition(".")[0] == name and full in items
+    ]
+    own = f" ({', '.join(sizes)})" if sizes else ""
+    return f"would have to be {one.size:.2g} tolerances large to show{own}"
+
+
 def tolerances_table(answer: Answer) -> Table:
     """List the tolerances of every effect that was tried."""
     items = answer.verdict.parameters

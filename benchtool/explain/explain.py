@@ -18,16 +18,13 @@ from benchtool.explain.hypotheses import Hypotheses
 from benchtool.explain.search import Progress, Search, searched
 from benchtool.explain.significance import p_value
 from benchtool.explain.subject import Subject
-from benchtool.explain.verdict import Kind, NamedEffect, Nearest, Verdict
+from benchtool.explain.verdict import Kind, NamedEffect, Nearest, NotJudged, Place, Verdict
 from benchtool.explain.weigh import Fit, Weighed, weighed
 
 Array = NDArray[np.float64]
 
 CLASS_FROM = 0.05
 """A rival for the same place that is likelier than this makes a class with the best."""
-
-NEVER = 100.0
-"""An effect that would have to be this many tolerances large is said not to show at all."""
 
 MOST_MEMBERS = 3
 """More members than this say too little to be a class."""
@@ -105,12 +102,13 @@ def explain(
         bench=subject.kind,
         effects=effects,
         probabilities=_probabilities(weights),
+        places=_places(search, weights),
         where=where,
         gaps=held.gaps(bool(effects), rng),
         nearest=nearest,
         tolerances={k.name: k.scale for k in subject.evidence.knobs if k.effect},
         not_judged={
-            name: _unseen(size)
+            name: NotJudged.below(size)
             for name, size in hypotheses.unseen(null).items()
             if name not in {effect.name for effect in effects}
         },
@@ -126,13 +124,6 @@ def explain(
         overlays=subject.overlays(null.at, final),
         disagreements=disagreements(groups, rows[:, 0], rows[:, 1] if effects else rows[:, 0]),
     )
-
-
-def _unseen(size: float) -> str:
-    """Say how large an effect would have to be, in tolerances, to show in this data."""
-    if size > NEVER:
-        return "does not show in this data at all"
-    return f"would have to be {size:.0f} tolerances large to show"
 
 
 def _silent(what: str, share: float) -> None:
@@ -165,6 +156,17 @@ def _probabilities(weights: list[Weighed]) -> dict[str, float]:
         for name, value in one.named.items():
             out[name] = max(out.get(name, 0.0), value)
     return {**out, "none": min(w.none for w in weights), "unknown": weights[0].unknown}
+
+
+def _places(search: Search, weights: list[Weighed]) -> tuple[Place, ...]:
+    """Return the probabilities of every explanation for each place."""
+    return tuple(
+        Place(
+            effect=slot.name,
+            probabilities={**one.named, "none": one.none, "unknown": one.unknown},
+        )
+        for slot, one in zip(search.slots, weights, strict=True)
+    )
 
 
 def _rivals(search: Search, kind: Kind, members: list[tuple[int, str]]) -> list[tuple[str, Array]]:

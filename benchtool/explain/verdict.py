@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from math import inf
 from typing import Literal
 
 from benchtool.core.parameter import Parameters
@@ -12,6 +13,11 @@ from benchtool.effects.effect import BenchKind, Stage
 
 Kind = Literal["effect", "several", "class", "none", "unknown"]
 KINDS: tuple[Kind, ...] = ("effect", "several", "class", "none", "unknown")
+Unjudged = Literal["too_weak", "no_trace"]
+"""Why an effect is not judged: it would have to be larger to show, or no size would do."""
+
+NEVER = 100.0
+"""An effect that would have to be this many tolerances large is said to leave no trace."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,6 +65,19 @@ class NamedEffect:
     parameters: tuple[FoundParameter, ...]
     log_likelihood_ratio: float
     p_value: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Place:
+    """Say what may stand in one place of a verdict, the other named effects taken for granted.
+
+    Attributes:
+        effect: the likeliest one.
+        probabilities: of every effect, "none" and "unknown"; they sum to 1.
+    """
+
+    effect: str
+    probabilities: Mapping[str, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -124,6 +143,26 @@ class Nearest:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class NotJudged:
+    """Say that data cannot show an effect.
+
+    Attributes:
+        reason: why.
+        size: how large it would have to be to show, in tolerances; inf where no size would do.
+    """
+
+    reason: Unjudged
+    size: float
+
+    @classmethod
+    def below(cls, size: float) -> NotJudged:
+        """Return it for an effect that shows from so many tolerances on."""
+        if size > NEVER:
+            return cls(reason="no_trace", size=inf)
+        return cls(reason="too_weak", size=size)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class NextExperiment:
     """Say what to record next.
 
@@ -153,12 +192,14 @@ class Verdict:
         kind: effect, several, class, none or unknown.
         bench: pitch or sweep.
         effects: named effects; of a class its members, most likely first.
-        probabilities: of every explanation that was weighed, "none" and "unknown" among them.
+        probabilities: of every explanation that was weighed, "none" and "unknown" among them; of
+            several effects the greatest over their places.
+        places: the same for each place, one for each named effect of several, else one.
         where: where the disagreement is; None where there is none.
         gaps: of the check recordings, one per channel.
         nearest: for an unknown, the named effect that comes nearest.
         tolerances: what does not matter, by parameter's full name.
-        not_judged: effects that this data cannot show, with the reason.
+        not_judged: effects that this data cannot show, by name.
         remarks: what was mended in the recordings, and what they lack.
         next: the next experiment, for a class or an unknown.
         parameters: of the model with the named effects in it.
@@ -170,11 +211,12 @@ class Verdict:
     bench: BenchKind
     effects: tuple[NamedEffect, ...]
     probabilities: Mapping[str, float]
+    places: tuple[Place, ...]
     where: Where | None
     gaps: tuple[Gap, ...]
     nearest: Nearest | None
     tolerances: Mapping[str, float]
-    not_judged: Mapping[str, str]
+    not_judged: Mapping[str, NotJudged]
     remarks: tuple[str, ...]
     next: NextExperiment | None
     parameters: Parameters
@@ -207,7 +249,8 @@ def _one(verdict: Verdict) -> str:
 
 
 def _several(verdict: Verdict) -> str:
-    return f"The model lacks {' and '.join(_effect(effect) for effect in verdict.effects)}."
+    each = (f"{_effect(one)}, probability {one.probability:.2f}" for one in verdict.effects)
+    return f"The model lacks {'; and '.join(each)}."
 
 
 def _class(verdict: Verdict) -> str:

@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchtool.explain.verdict import NotJudged
 from tests.blind.families import NONE, PAIR
 from tests.blind.pitch.seeds import DEVELOPMENT_SEEDS, SCORING_SEEDS, SCORING_SWITCH
 from tests.blind.scorecard import Scorecard
@@ -93,12 +94,9 @@ def read_kept(path: Path) -> dict[str, Scored]:
     return found
 
 
-def sizes_needed(not_judged: Mapping[str, str]) -> dict[str, float]:
-    """Return from which size each effect would show, in tolerances, as a verdict says it."""
-    return {
-        name: float(next((word for word in text.split() if word.replace(".", "").isdigit()), "inf"))
-        for name, text in not_judged.items()
-    }
+def sizes_needed(not_judged: Mapping[str, NotJudged]) -> dict[str, float]:
+    """Return from which size each effect would show, in tolerances."""
+    return {name: one.size for name, one in not_judged.items()}
 
 
 def run(

@@ -24,6 +24,8 @@ from benchtool.explain.verdict import (
     NamedEffect,
     Nearest,
     NextExperiment,
+    NotJudged,
+    Place,
     Verdict,
     Where,
 )
@@ -60,6 +62,13 @@ OFFSET = NamedEffect(
     log_likelihood_ratio=41.0,
     p_value=3e-11,
 )  # fmt: skip
+
+PROBABILITIES = {"coulomb_friction": 0.984, "cog_offset": 0.004, "none": 1e-40, "unknown": 0.012}
+
+SECOND = Place(
+    effect="cog_offset",
+    probabilities={"cog_offset": 0.6, "rotor_asymmetry": 0.387, "none": 1e-3, "unknown": 0.012},
+)
 
 NEXT = NextExperiment(
     candidates=("coulomb_friction", "cog_offset"),
@@ -102,8 +111,11 @@ def verdict(kind: Kind = "effect", **changes: Any) -> Verdict:
         kind=kind,
         bench="pitch",
         effects=effects,
-        probabilities={"coulomb_friction": 0.984, "cog_offset": 0.004, "none": 1e-40,
-                       "unknown": 0.012},
+        probabilities=PROBABILITIES,
+        places=(
+            Place(effect="coulomb_friction", probabilities=PROBABILITIES),
+            *((SECOND,) if kind == "several" else ()),
+        ),
         where=None if kind == "none" else Where(
             stage="hinge", regime="slow reversals", size=3.4, share=0.71
         ),
@@ -114,7 +126,7 @@ def verdict(kind: Kind = "effect", **changes: Any) -> Verdict:
         ),
         nearest=Nearest(name="coulomb_friction", share_closed=0.61) if kind == "unknown" else None,
         tolerances=tolerances(model, "pitch"),
-        not_judged={"partial_coverage": "the plate is never half under the rotor"},
+        not_judged={"partial_coverage": NotJudged(reason="too_weak", size=4.2)},
         remarks=("learn.csv: 2 gaps in time, the first at 3.100 s; judged in parts",),
         next=NEXT if kind in ("class", "unknown") else None,
         parameters=known,

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from benchtool.explain.answer_file import Written, answer_tables, next_file
-from benchtool.explain.verdict import KINDS, Kind
+from benchtool.explain.verdict import KINDS, Kind, NotJudged
 from benchtool.library import schedule_named
 from tests.unit.explain.hand_made import NEXT, answer, gap, verdict
 
@@ -31,7 +31,7 @@ def tables(kind: Kind, written: Written | None = None) -> dict[str, Any]:
 def test_every_promised_key_is_there_whatever_the_verdict(kind: Kind) -> None:
     found = tables(kind)
     assert set(PROMISED) <= set(found)
-    assert found["version"] == 1
+    assert found["version"] == 2
     assert found["verdict"] == kind
     assert set(found["where"]) >= {"stage", "regime"}
     assert set(found["nearest"]) == {"name", "share_closed"}
@@ -90,6 +90,30 @@ def test_a_plan_of_a_sweep_is_handed_on_as_it_is() -> None:
     )
     assert next_file(found) == ("next_plan.toml", "seed = 3\n")
     assert answer_tables(found, Written())["next_experiment"]["kind"] == "plan"
+
+
+def test_what_is_not_judged_is_numbers_with_a_sentence() -> None:
+    trace = {"motor_lag": NotJudged.below(5000.0), "plate_offset": NotJudged.below(4.2)}
+    told = replace(answer(), explanation=replace(
+        answer().explanation, verdict=verdict(not_judged=trace)
+    ))  # fmt: skip
+    found = json.loads(json.dumps(answer_tables(told, Written()), allow_nan=False))["not_judged"]
+    assert found["motor_lag"] == {
+        "reason": "no_trace", "tolerances_needed": None,
+        "sentence": "leaves no trace in this data, however large it is",
+    }  # fmt: skip
+    assert found["plate_offset"]["reason"] == "too_weak"
+    assert found["plate_offset"]["tolerances_needed"] == 4.2
+    assert found["plate_offset"]["sentence"].endswith("(dz_m off by 0.0126 m)")
+
+
+def test_several_effects_have_probabilities_of_their_own_places() -> None:
+    found = tables("several")
+    assert [place["effect"] for place in found["places"]] == [e["name"] for e in found["effects"]]
+    assert all(sum(one["probabilities"].values()) == pytest.approx(1.0) for one in found["places"])
+    assert "probability 0.98; and cog_offset" in found["sentence"]
+    assert found["sentence"].endswith("probability 0.60.")
+    assert len(tables("effect")["places"]) == 1
 
 
 def test_numbers_that_json_has_not_become_null() -> None:
