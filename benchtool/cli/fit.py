@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from benchtool.errors import FileFormatError, InputError
     from benchtool.recipes.recipe import Recipe
 
 
@@ -63,8 +62,9 @@ def command(
     ] = None,
 ) -> None:
     """Fit a ground-effect model to run folders or any CSV."""
-    from benchtool.errors import FileFormatError, InputError
-    from benchtool.recipes.recipe import Recipe, read_recipe
+    from benchtool.errors import InputError
+    from benchtool.recipes.fit_options import held_by, recipe_of_options
+    from benchtool.recipes.recipe import read_recipe
 
     if recipe is not None:
         if data or model:
@@ -80,9 +80,7 @@ def command(
             from benchtool.library import model_names
 
             raise InputError(f"which model? give --model with one of: {', '.join(model_names())}")
-        from benchtool.core.toml_text import build
-
-        held, numbers = _held(fix or [])
+        held, numbers = held_by(fix or [])
         given = {
             "name": Path(data[0]).stem,
             "data": data,
@@ -102,44 +100,8 @@ def command(
             "max_steps": max_steps,
             "seed": seed,
         }
-        try:
-            asked = build(Recipe, given, OPTIONS)
-        except FileFormatError as error:
-            raise _in_options(error) from error
+        asked = recipe_of_options(given)
     _run(asked, out, profile)
-
-
-OPTIONS = "the options"
-OPTION_OF = {"methods[0]": "--method", "methods[1]": "--method", "max_steps": "--max-steps"}
-"""Options whose names are not those of the recipe's keys."""
-
-
-def _in_options(error: FileFormatError) -> InputError:
-    """Return an error of a recipe's key in the words of the command line."""
-    from benchtool.errors import InputError
-
-    text = error.problem
-    key = text.split(" ", 1)[0]
-    return InputError(text.replace(key, OPTION_OF.get(key, f"--{key}"), 1))
-
-
-def _held(words: list[str]) -> tuple[list[str], dict[str, float]]:
-    """Return the names to hold as they are, and those with a value."""
-    from benchtool.errors import InputError
-
-    names, numbers = [], {}
-    for word in words:
-        name, sign, value = word.partition("=")
-        if not sign:
-            names.append(name)
-            continue
-        try:
-            numbers[name] = float(value)
-        except ValueError:
-            raise InputError(
-                f"--fix {word}: {value!r} is no number; write --fix {name}=NUMBER"
-            ) from None
-    return names, numbers
 
 
 def _run(recipe: Recipe, out: Path | None, profile: bool) -> None:
