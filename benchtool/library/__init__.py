@@ -3,6 +3,7 @@
 from benchtool.library.gain_file import Gains, gain_names, gains_named
 from benchtool.library.model_file import (
     LoadedModel,
+    columns_to_toml,
     load_model,
     model_names,
     model_to_toml,
@@ -14,6 +15,7 @@ from benchtool.library.schedule_file import schedule_named, schedule_names, sche
 __all__ = [
     "Gains",
     "LoadedModel",
+    "columns_to_toml",
     "gain_names",
     "gains_named",
     "load_model",

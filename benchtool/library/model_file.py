@@ -217,6 +217,11 @@ def model_to_toml(loaded: LoadedModel, rig: str | None = None) -> str:
     return tomli_w.dumps(data)
 
 
+def columns_to_toml(columns: Mapping[str, ColumnSource]) -> str:
+    """Return a mapping file's text, which `read_columns` reads back."""
+    return tomli_w.dumps({"columns": {name: _column_table(item) for name, item in columns.items()}})
+
+
 def _own(effects_file: str, where: str) -> tuple[Effect, ...]:
     """Return the effects of a Python file that stands beside a model file."""
     if not effects_file:
