@@ -207,6 +207,16 @@ def _mavlink(address: Address) -> Bench:
     return MavlinkBench(transport_of(address), address.text, settings, cell=cell)
 
 
+def _rcbudp(address: Address) -> Bench:
+    from benchtool.bench.rcb_bench import RcbBench
+    from benchtool.bench.rcb_settings import rcb_settings_of
+    from benchtool.bench.udp_socket import UdpSocket
+
+    settings = rcb_settings_of(address)
+    port = UdpSocket(settings.host, settings.port, listen=False, own_port=settings.listen)
+    return RcbBench(port, address.text, settings)
+
+
 SCHEMES: dict[str, Scheme] = {
     "sim": Scheme(
         _simulated, ("truth", "seed", "rate", "mode", *_PITCH_OPTIONS), "sim:pquad?seed=3"
@@ -214,6 +224,7 @@ SCHEMES: dict[str, Scheme] = {
     "serial": Scheme(_serial, ("baud",), "serial:/dev/ttyUSB0?baud=2000000"),
     "tcp": Scheme(_tcp, (), "tcp:127.0.0.1:5555"),
     "mavlink": Scheme(_mavlink, MAVLINK_OPTIONS, "mavlink:udpin:127.0.0.1:14550"),
+    "rcbudp": Scheme(_rcbudp, ("listen", "thrust_scale"), "rcbudp:127.0.0.1:55047"),
     "replay": Scheme(_replay, (), "replay:runs/2026-01-31-first"),
 }
 """Every kind of address; another driver costs one line here."""

@@ -1,4 +1,4 @@
-"""UDP as a transport: listening for whoever sends, or sending to one place."""
+"""UDP as a transport: listening for whoever sends, sending to one place, or both between ports."""
 
 from __future__ import annotations
 
@@ -24,17 +24,20 @@ class UdpSocket:
         host: to listen on, or to send to.
         port: UDP port.
         listen: True binds and answers whoever has sent; False sends to `host` first.
+        own_port: port of ours that `host` sends to, 0 for any; only that host is heard then.
     """
 
     baud: int | None = None
 
-    def __init__(self, host: str, port: int, listen: bool) -> None:
+    def __init__(self, host: str, port: int, listen: bool, own_port: int | None = None) -> None:
         self.host, self.port, self._listen = host, port, listen
+        self._own_port = own_port
         self._socket: socket.socket | None = None
         self._peers: list[tuple[str, int]] = []
 
     def open(self) -> None:
         where = f"{self.host}:{self.port}"
+        taken = where if self._own_port is None else f"port {self._own_port}"
         opened = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
             opened.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER_BYTES)
@@ -42,14 +45,18 @@ class UdpSocket:
                 opened.bind((self.host, self.port))
                 self._peers = []
             else:
-                self._peers = [(socket.gethostbyname(self.host), self.port)]
+                peer = socket.gethostbyname(self.host)
+                self._peers = [(peer, self.port)]
+                if self._own_port is not None:
+                    # Wider than this computer only where the other end is not on it.
+                    opened.bind(("127.0.0.1" if peer.startswith("127.") else "", self._own_port))
             opened.setblocking(False)
         except (OSError, OverflowError, UnicodeError) as error:
             opened.close()
             if getattr(error, "errno", None) == errno.EADDRINUSE:
                 raise PortBusy(
-                    f"another program listens on UDP {where} (a ground station?); end it, or let "
-                    f"the autopilot send to another port as well"
+                    f"another program listens on UDP {taken} (a ground station, another run?); end "
+                    f"it, or choose another port at both ends"
                 ) from error
             raise opening_error(error, f"UDP {where}") from error
         self._socket = opened
@@ -87,6 +94,8 @@ class UdpSocket:
                 return b"".join(parts)
             except OSError as error:
                 raise lost_error(error, f"UDP {self.host}:{self.port}") from error
+            if self._own_port is not None and peer[0] != self._peers[0][0]:
+                continue
             parts.append(data)
             if self._listen and peer not in self._peers:
                 self._peers = [*self._peers, peer][-MOST_PEERS:]

@@ -1,6 +1,6 @@
 """One contract for every bench: simulated, over a loop-back wire, TCP, a pseudo-terminal, behind an
-autopilot, staged, guarded; what of it a pitch bench keeps, whose loop commands the motors; and what
-a replay, which only listens, has in common with them."""
+autopilot, behind the RCbenchmark GUI, staged, guarded; what of it a pitch bench keeps, whose loop
+commands the motors; and what a replay, which only listens, has in common with them."""
 
 from __future__ import annotations
 
@@ -20,11 +20,13 @@ from benchtool.bench.guard import GuardedBench
 from benchtool.bench.mavlink_bench import MavlinkBench
 from benchtool.bench.mavlink_settings import MavlinkSettings
 from benchtool.bench.pitch_device import pitch_hello, pitch_plant
+from benchtool.bench.rcb_bench import RcbBench
 from benchtool.bench.serial_bench import SerialBench
 from benchtool.bench.server_links import PtyLink, ServerLink, TcpLink
 from benchtool.bench.stage import DeviceStage
 from benchtool.bench.staged_bench import StagedBench
 from benchtool.bench.virtual_autopilot import VirtualAutopilot
+from benchtool.bench.virtual_bridge import VirtualBridge
 from benchtool.bench.virtual_device import hello_of, virtual_plant
 from benchtool.bench.virtual_server import virtual_server
 from benchtool.core.units import unit_named
@@ -98,6 +100,14 @@ def px4() -> Bench:
     return flown("px4")
 
 
+def bridged() -> Bench:
+    plant = virtual_plant(RIG, TRUTH, 2)
+    link = LoopbackLink(
+        VirtualBridge(Firmware(plant, hello_of(plant, TRUTH, 2))), lambda: plant.rate_Hz
+    )
+    return RcbBench(link, "rcbudp:loop", clock=link.clock)
+
+
 def pitching_flown() -> Bench:
     plant = pitch_plant(rig_named("pquad"), seed=2)
     firmware = Firmware(plant, replace(pitch_hello(plant, 2), speed=20.0))
@@ -107,7 +117,7 @@ def pitching_flown() -> Bench:
 
 
 MAKERS = {"sim": simulated, "loop": looped, "staged": staged, "guarded": guarded}
-MAKERS |= {"ardupilot": ardupilot, "px4": px4}
+MAKERS |= {"ardupilot": ardupilot, "px4": px4, "rcbudp": bridged}
 PITCH_MAKERS = {"pitch": pitching, "pitch loop": pitching_looped, "pitch flown": pitching_flown}
 
 

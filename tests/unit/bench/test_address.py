@@ -44,7 +44,7 @@ def test_every_example_can_be_parsed():
 
 
 def test_an_unknown_scheme_lists_the_known_ones():
-    with pytest.raises(UnknownChoice, match="known: mavlink, replay, serial, sim, tcp"):
+    with pytest.raises(UnknownChoice, match="known: mavlink, rcbudp, replay, serial, sim, tcp"):
         open_bench("usb:1")
 
 

@@ -1,0 +1,201 @@
+"""What the bridge script of the RCbenchmark GUI says: lines of JSON to values, pure."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from math import isfinite, nan
+from typing import Any
+
+from benchtool.core.channel import Channel
+from benchtool.core.units import from_si, to_si, unit_named
+from benchtool.errors import ProtocolError
+from benchtool.library.bridge_file import FORCE_UNITS
+
+BRIDGE_VERSION = 1
+VIRTUAL_BOARD = "benchtool virtual stand"
+"""How the board version of a virtual stand begins."""
+
+LONGEST_LINE = 65536
+
+SPEED, PULSE = "rpm1", "pwm1_us"
+
+CHANNELS: dict[str, Channel] = {
+    "thrust": Channel("thrust_N", "N", "thrust of the load cell"),
+    "torque": Channel("torque_Nm", "N m", "torque of the load cells"),
+    "voltage": Channel("voltage_V", "V", "supply voltage"),
+    "current": Channel("current_A", "A", "supply current"),
+    "vibration": Channel("vibration_m_s2", "m/s2", "vibration of the stand"),
+    # Only a virtual stand has a plate.
+    "plateDistance": Channel("plate_z_m", "m", "distance of the plate"),
+}
+"""Channel of each reading by its name in the GUI, beside pulse and speed."""
+
+UNITS: dict[str, str] = {
+    **FORCE_UNITS,
+    "n·m": "N m",
+    "nm": "N m",
+    "rpm": "rpm",
+    "v": "V",
+    "a": "A",
+    "s": "s",
+    "m": "m",
+    "m/s2": "m/s2",
+    "": "1",
+}
+"""Our units for the GUI's, in small letters; the `g` of vibration is an acceleration."""
+
+STANDARD_GRAVITY_M_S2 = unit_named("kgf").factor
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Line:
+    """One line of the bridge.
+
+    Attributes:
+        entry: what the script itself says, empty for a line that is not from it.
+        values: readings by channel name, in the channel's unit; nan where there is none.
+        time_s: the stand's own time of the readings, nan where there is none.
+        plate_moves: whether the plate of a virtual stand is on its way.
+        speed: stand seconds per wall second; 1 on every physical stand.
+    """
+
+    entry: Mapping[str, Any] = field(default_factory=dict)
+    values: Mapping[str, float] = field(default_factory=dict)
+    time_s: float = nan
+    plate_moves: bool = False
+    speed: float = 1.0
+
+    @property
+    def is_virtual(self) -> bool:
+        """Whether this answer to a hello comes from a stand of benchtool's, not the maker's."""
+        return str(self.entry.get("version", "")).startswith(VIRTUAL_BOARD)
+
+    @property
+    def sequence(self) -> int | None:
+        """Number of these readings, None for an answer."""
+        number = self.entry.get("n")
+        return number if isinstance(number, int) else None
+
+    @property
+    def why(self) -> str:
+        """Why the script has stopped the motor, empty when it has not."""
+        return str(self.entry.get("why", ""))
+
+
+class RcbEar:
+    """Put bytes together to lines.
+
+    Attributes:
+        speed: reading that counts as the rotor's speed.
+        foreign: lines of readings that did not come from the bridge script.
+        corrupt: lines that were no JSON.
+    """
+
+    def __init__(self) -> None:
+        self.speed = "motorOpticalSpeed"
+        self.foreign = self.corrupt = 0
+        self._rest = b""
+
+    def feed(self, data: bytes) -> list[Line]:
+        """Return the lines of the bridge that `data` completes.
+
+        Raises:
+            ProtocolError: another version of the script, or a reading in an unknown unit.
+        """
+        *lines, self._rest = (self._rest + data).split(b"\n")
+        if self._rest.endswith(b"}"):
+            # The maker's own example sends an object without an end of line.
+            lines, self._rest = [*lines, self._rest], b""
+        self._rest = self._rest[-LONGEST_LINE:]
+        return [line for text in lines if (line := self._line(text)) is not None]
+
+    def _line(self, text: bytes) -> Line | None:
+        if not text.strip():
+            return None
+        try:
+            # The GUI's helper cuts every letter to a byte: the degree sign comes as Latin 1.
+            said = json.loads(text.decode("latin-1"))
+        except ValueError:
+            self.corrupt += 1
+            return None
+        entry = said.get("benchtool") if isinstance(said, dict) else None
+        if not isinstance(entry, dict):
+            self.foreign += isinstance(said, dict)
+            self.corrupt += not isinstance(said, dict)
+            return None
+        if entry.get("bridge") != BRIDGE_VERSION:
+            raise ProtocolError(
+                f"the bridge script in the GUI has version {entry.get('bridge')}, this program "
+                f"needs {BRIDGE_VERSION}; write it anew with benchtool bench bridge"
+            )
+        if "n" not in entry:
+            return Line(entry=entry)
+        values = {
+            channel.name: _reading(said, name, channel.unit) for name, channel in CHANNELS.items()
+        }
+        values[SPEED] = _reading(said, self.speed, "rpm")
+        values[PULSE] = float(entry.get("us", nan))
+        speed = _reading(said, "simulationSpeed", "1")
+        return Line(
+            entry=entry,
+            values=values,
+            time_s=_reading(said, "time", "s"),
+            plate_moves=_reading(said, "plateMoving", "1") == 1.0,
+            speed=speed if speed > 0.0 else 1.0,
+        )
+
+
+def _reading(said: Mapping[str, Any], name: str, unit: str) -> float:
+    """Return one reading in a channel's unit, nan where there is none.
+
+    Raises:
+        ProtocolError: in a unit that is none of that dimension.
+    """
+    entry = said.get(name)
+    value = entry.get("workingValue") if isinstance(entry, dict) else None
+    if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
+        return nan
+    spelled = str(entry.get("workingUnit", "")) if isinstance(entry, dict) else ""
+    if name == "vibration" and spelled.lower() == "g":
+        return value * STANDARD_GRAVITY_M_S2
+    ours = UNITS.get(spelled.lower())
+    if ours is None or unit_named(ours).dimension != unit_named(unit).dimension:
+        raise ProtocolError(
+            f"the stand tells {name} in {spelled!r}, which is no known unit of it; known: "
+            f"{', '.join(sorted(UNITS))}"
+        )
+    return from_si(to_si(float(value), ours), unit)
+
+
+def words_for(pulse_us: float) -> bytes:
+    """Return a pulse as the bridge takes it: ASCII, microseconds."""
+    return f"{pulse_us:.7g}".encode("ascii")
+
+
+class StandClock:
+    """Give each reading a device time that never runs backwards, us.
+
+    A stand's time begins anew with every log, and two readings can carry the same one; the
+    script's own clock says how much has passed then.
+    """
+
+    def __init__(self) -> None:
+        self._last_us = 0
+        self._stand_s = nan
+        self._script_ms = nan
+
+    def time_us(self, stand_s: float, script_ms: float) -> int:
+        """Return the device time of a reading.
+
+        Args:
+            stand_s: its time by the stand, nan where it has none.
+            script_ms: when the script had it, by its own clock.
+        """
+        step_us = 1e6 * (stand_s - self._stand_s)
+        if not step_us > 0.0:
+            step_us = 1e3 * (script_ms - self._script_ms)
+        self._stand_s, self._script_ms = stand_s, script_ms
+        self._last_us += max(round(step_us), 1) if isfinite(step_us) else 1
+        return self._last_us

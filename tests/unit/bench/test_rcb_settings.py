@@ -1,0 +1,117 @@
+"""Addresses of the RCbenchmark bridge, and what is told apart when one is opened."""
+
+from __future__ import annotations
+
+import socket
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import pytest
+
+from benchtool.bench import rcb_talk
+from benchtool.bench.address import open_bench, parse_address
+from benchtool.bench.rcb_settings import RcbSettings, rcb_settings_of
+from benchtool.errors import InputError, LinkError, NoDevice, PortBusy, ProtocolError
+
+
+def test_an_address_says_both_ports() -> None:
+    found = rcb_settings_of(parse_address("rcbudp:127.0.0.1:55047"))
+    assert found == RcbSettings(host="127.0.0.1", port=55047, listen=64126)
+    assert found.warning == ""
+    other = rcb_settings_of(parse_address("rcbudp:192.168.1.7:5000?listen=5001&thrust_scale=-1"))
+    assert (other.port, other.listen, other.thrust_scale) == (5000, 5001, -1.0)
+    assert "listening on UDP port 5001 of every network" in other.warning
+
+
+@pytest.mark.parametrize(
+    ("address", "said"),
+    [
+        ("rcbudp:127.0.0.1", "needs host and port of the GUI; write for example rcbudp:127"),
+        ("rcbudp:127.0.0.1:99999", "needs host and port of the GUI"),
+        ("rcbudp:127.0.0.1:55047?listen=70000", "outside 0 to 65535"),
+        ("rcbudp:127.0.0.1:55047?colour=red", "known: listen, thrust_scale"),
+    ],
+)
+def test_bad_addresses_are_refused_in_one_sentence(address: str, said: str) -> None:
+    with pytest.raises(InputError, match=said) as caught:
+        open_bench(address)
+    assert "\n" not in str(caught.value)
+
+
+@contextmanager
+def saying(data: bytes) -> Iterator[int]:
+    """Answer everything that comes to a UDP port with the same bytes."""
+    ended = threading.Event()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as own:
+        own.bind(("127.0.0.1", 0))
+        own.settimeout(0.02)
+
+        def answer() -> None:
+            while not ended.is_set():
+                try:
+                    _, peer = own.recvfrom(2048)
+                    own.sendto(data, peer)
+                except TimeoutError:
+                    continue
+
+        thread = threading.Thread(target=answer, daemon=True)
+        thread.start()
+        try:
+            yield own.getsockname()[1]
+        finally:
+            ended.set()
+            thread.join(2.0)
+
+
+@pytest.mark.parametrize(
+    ("data", "error", "said"),
+    [
+        (
+            b'{"thrust": {"workingValue": 1}}',
+            ProtocolError,
+            "not through benchtool's bridge script",
+        ),
+        (b"<Idle|MPos:0.000|FS:0,0>\r\n", ProtocolError, "which no bridge script says"),
+        (b'{"benchtool": {"bridge": 4}}\n', ProtocolError, "has version 4, this program needs 1"),
+    ],
+)
+def test_what_answers_instead_is_told_apart(
+    data: bytes, error: type[Exception], said: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(rcb_talk, "HELLO_S", 0.3)
+    with saying(data) as port, pytest.raises(error, match=said) as caught:
+        open_bench(f"rcbudp:127.0.0.1:{port}?listen=0").open()
+    assert "\n" not in str(caught.value)
+
+
+def test_a_flight_controller_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    from benchtool.bench.mavlink_dialect import dialect
+    from benchtool.bench.mavlink_frames import MavlinkFrames
+
+    monkeypatch.setattr(rcb_talk, "HELLO_S", 0.3)
+    beat = MavlinkFrames(1, 1).pack(dialect().MAVLink_heartbeat_message(2, 3, 81, 0, 3, 3))
+    with (
+        saying(beat) as port,
+        pytest.raises(ProtocolError, match="speaks MAVLink: it is a flight controller"),
+    ):
+        open_bench(f"rcbudp:127.0.0.1:{port}?listen=0").open()
+
+
+def test_silence_says_what_to_start(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(rcb_talk, "HELLO_S", 0.2)
+    with pytest.raises(NoDevice, match="start the bridge script in the GUI"):
+        open_bench("rcbudp:127.0.0.1:9?listen=0").open()
+
+
+def test_a_port_in_use_is_named() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as own:
+        own.bind(("127.0.0.1", 0))
+        taken = own.getsockname()[1]
+        with pytest.raises(PortBusy, match=f"another program listens on UDP port {taken}"):
+            open_bench(f"rcbudp:127.0.0.1:55047?listen={taken}").open()
+
+
+def test_a_host_that_does_not_exist_is_named() -> None:
+    with pytest.raises(LinkError, match=r"no-such-host\.invalid"):
+        open_bench("rcbudp:no-such-host.invalid:55047?listen=0").open()

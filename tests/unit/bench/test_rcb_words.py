@@ -1,0 +1,100 @@
+"""Lines of the RCbenchmark bridge: values in the channel's units, and what is no such line."""
+
+from __future__ import annotations
+
+import json
+from math import isnan
+
+import pytest
+
+from benchtool.bench.rcb_words import RcbEar, StandClock, words_for
+from benchtool.errors import ProtocolError
+
+ENTRY = {"bridge": 1, "n": 7, "t_ms": 1250.5, "us": 1400, "why": ""}
+
+
+def said(**readings: tuple[object, str]) -> bytes:
+    """Give a line as script and GUI make it: cut to bytes, so the dot of N·m is Latin 1."""
+    entries = {
+        name: {"workingValue": value, "workingUnit": unit, "displayValue": 0, "displayUnit": "?"}
+        for name, (value, unit) in readings.items()
+    }
+    return json.dumps({"benchtool": ENTRY, **entries}, ensure_ascii=False).encode("latin-1") + b"\n"
+
+
+def test_working_values_are_read_in_whatever_unit_they_come() -> None:
+    line = said(
+        time=(12.5, "s"), thrust=(1000.0, "g"), torque=(0.12, "N·m"), voltage=(11.1, "V"),
+        current=(4.0, "A"), motorOpticalSpeed=(5000, "RPM"), vibration=(2.0, "g"),
+    )  # fmt: skip
+    (told,) = RcbEar().feed(line)
+    assert told.sequence == 7
+    assert told.time_s == 12.5
+    assert told.values["thrust_N"] == pytest.approx(9.80665)
+    assert told.values["torque_Nm"] == 0.12
+    assert told.values["rpm1"] == pytest.approx(5000.0)
+    assert told.values["pwm1_us"] == 1400.0
+    assert told.values["vibration_m_s2"] == pytest.approx(19.6133)
+    assert isnan(told.values["plate_z_m"])
+
+
+@pytest.mark.parametrize(
+    ("given", "newtons"),
+    [
+        ((2.0, "kgf"), 19.6133),
+        ((3.0, "N"), 3.0),
+        ((1.0, "lbf"), 4.44822),
+        ((500.0, "gf"), 4.903325),
+    ],
+)
+def test_thrust_comes_in_several_units(given: tuple[float, str], newtons: float) -> None:
+    (told,) = RcbEar().feed(said(thrust=given))
+    assert told.values["thrust_N"] == pytest.approx(newtons, rel=1e-5)
+
+
+def test_a_reading_in_a_unit_of_something_else_is_refused() -> None:
+    with pytest.raises(ProtocolError, match="thrust in 'RPM', which is no known unit of it"):
+        RcbEar().feed(said(thrust=(1.0, "RPM")))
+
+
+def test_a_sensor_without_a_value_has_none() -> None:
+    (told,) = RcbEar().feed(said(thrust=(None, "g"), voltage=("", "V")))
+    assert isnan(told.values["thrust_N"])
+    assert isnan(told.values["voltage_V"])
+
+
+def test_lines_come_in_pieces_and_several_at_once() -> None:
+    ear, line = RcbEar(), said(thrust=(1.0, "g"))
+    assert ear.feed(line[:40]) == []
+    assert len(ear.feed(line[40:] + line)) == 2
+
+
+def test_the_makers_example_is_told_from_the_bridge() -> None:
+    ear = RcbEar()
+    assert ear.feed(b'{"thrust": {"workingValue": 1, "workingUnit": "g"}}') == []
+    assert (ear.foreign, ear.corrupt) == (1, 0)
+    assert ear.feed(b"Hi from RCbenchmark script!\n") == []
+    assert (ear.foreign, ear.corrupt) == (1, 1)
+
+
+def test_another_version_of_the_script_is_refused() -> None:
+    with pytest.raises(ProtocolError, match="version 9, this program needs 1; write it anew"):
+        RcbEar().feed(b'{"benchtool": {"bridge": 9}}\n')
+
+
+def test_pulses_go_out_as_ascii() -> None:
+    assert words_for(1500.0) == b"1500"
+    assert words_for(1500.25) == b"1500.25"
+
+
+def test_device_time_never_runs_backwards() -> None:
+    clock = StandClock()
+    given = [(10.0, 0.0), (10.02, 20.0), (10.02, 41.0), (0.5, 61.0), (0.52, 80.0)]
+    times_us = [clock.time_us(stand_s, script_ms) for stand_s, script_ms in given]
+    # The stand's own steps; the script's where the stand repeats itself or begins anew.
+    assert times_us == [1, 20_001, 41_001, 61_001, 81_001]
+
+
+def test_a_stand_without_time_goes_by_the_script() -> None:
+    clock = StandClock()
+    assert [clock.time_us(float("nan"), ms) for ms in (5.0, 30.0, 55.0)] == [1, 25_001, 50_001]
