@@ -26,6 +26,9 @@ from benchtool.report.page import (
     Warnings,
 )
 
+EVERYWHERE = "everywhere"
+"""The regime of a disagreement that no part of the recordings has more of than others."""
+
 CAPTIONS: dict[str, str] = {
     "where": (
         "Size of the residuals in each part of the recordings, over the noise that the model "
@@ -61,10 +64,13 @@ def where_sentence(answer: Answer) -> str:
     where = answer.verdict.where
     if where is None:
         return "The model agrees with the recordings within their noise and the tolerances."
+    said = f"The disagreement is in the stage {where.stage}"
+    size = f"{where.size:.2g} times the stated noise"
+    if where.regime == EVERYWHERE:
+        return f"{said}, spread over the whole of the recordings; residuals are {size}."
     return (
-        f"The disagreement is in the stage {where.stage}, most of it in: {where.regime}. There "
-        f"residuals are {where.size:.2g} times the stated noise, and {100.0 * where.share:.0f} % "
-        f"of the disagreement lies there."
+        f"{said}, most of it in: {where.regime}. There residuals are {size}, and "
+        f"{100.0 * where.share:.0f} % of the disagreement lies there."
     )
 
 

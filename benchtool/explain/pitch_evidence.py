@@ -166,9 +166,8 @@ class PitchEvidence:
         regimes: dict[str, list[NDArray[np.bool_]]] = {}
         for log in self.logs:
             found = pitch_regimes(log.logged, self.model.rig.propulsion.radius_m)
-            channels = self._channels(log)
-            for channel in range(channels):
-                speeds.append(np.full(int(log.counted.sum()), channel >= 2))
+            for of_speed in self._channels(log):
+                speeds.append(np.full(int(log.counted.sum()), of_speed))
                 for name, mask in found.items():
                     regimes.setdefault(name, []).append(mask[log.counted])
         turning = np.concatenate(speeds)
@@ -177,10 +176,10 @@ class PitchEvidence:
             regimes={name: np.concatenate(parts) for name, parts in regimes.items()},
         )
 
-    def _channels(self, log: Followable) -> int:
-        """Return how many channels a log's residuals have: pitch, gyro, speeds that were read."""
-        wait = log.counted
-        return 2 + sum(bool(np.isfinite(row[wait]).any()) for row in log.logged.speed_rad_s)
+    def _channels(self, log: Followable) -> list[bool]:
+        """Return whether each channel of a log's residuals is a rotor's speed."""
+        read = sum(bool(np.isfinite(row[log.counted]).any()) for row in log.logged.speed_rad_s)
+        return [False] * (1 + _has_gyro(log)) + [True] * read
 
     def _of_log(self, log: Followable, turned: Array) -> tuple[Array, ...]:
         benches = [self.bench(one, log.logged.rate_Hz) for one in turned]
@@ -188,15 +187,14 @@ class PitchEvidence:
         return self.whitened(log, found)
 
     def whitened(self, log: Followable, found: Followed) -> tuple[Array, ...]:
-        """Return residuals of pitch, gyro and each rotor's speed, (n_counted, n_sets) each."""
+        """Return residuals of pitch, gyro and speeds that were read, (n_counted, n_sets) each."""
         logged, counted = log.logged, log.counted
         pitch = (logged.theta_rad[:, None] - found.theta_rad)[counted]
         gyro = (logged.gyro_rad_s[:, None] - found.gyro_rad_s)[counted]
         w = log.filter.whitener
-        rows = [
-            np.nan_to_num(w[0, 0] * pitch),
-            np.nan_to_num(w[1, 0] * np.nan_to_num(pitch) + w[1, 1] * gyro),
-        ]
+        rows = [np.nan_to_num(w[0, 0] * pitch)]
+        if _has_gyro(log):
+            rows.append(np.nan_to_num(w[1, 0] * np.nan_to_num(pitch) + w[1, 1] * gyro))
         for i in range(self.n_discs):
             seen = logged.speed_rad_s[i][counted]
             if not np.isfinite(seen).any():
@@ -204,3 +202,8 @@ class PitchEvidence:
             error = seen[:, None] - found.speed_rad_s[:, i][counted]
             rows.append(np.nan_to_num(error / log.filter.speed_sd_rad_s))
         return tuple(rows)
+
+
+def _has_gyro(log: Followable) -> bool:
+    """Whether a log has rates; rows without any would make all others look like less than noise."""
+    return bool(np.isfinite(log.logged.gyro_rad_s[log.counted]).any())

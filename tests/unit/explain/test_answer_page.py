@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from benchtool.explain.answer_figures import answer_figures
-from benchtool.explain.answer_page import answer_page
-from benchtool.explain.verdict import KINDS, Kind
+from benchtool.explain.answer_page import EVERYWHERE, answer_page, where_sentence
+from benchtool.explain.verdict import KINDS, Kind, Where
 from benchtool.report.html import render_report
 from tests.unit.explain.hand_made import answer
 
@@ -29,3 +31,13 @@ def test_several_effects_have_a_figure_each() -> None:
     assert "which" not in figures
     text = render_report(answer_page(given, figures))
     assert "What may stand in the place of cog_offset" in text
+
+
+def test_a_disagreement_without_a_place_of_its_own_reads_so() -> None:
+    where = Where(stage="hinge", regime=EVERYWHERE, size=1.06, share=1.0)
+    given = answer("unknown")
+    spread = replace(given.explanation, verdict=replace(given.verdict, where=where))
+    assert where_sentence(replace(given, explanation=spread)) == (
+        "The disagreement is in the stage hinge, spread over the whole of the recordings; "
+        "residuals are 1.1 times the stated noise."
+    )
