@@ -75,7 +75,7 @@ def command(
     import sys
     import time
 
-    from benchtool.cli.show_explain import print_answer, print_files, working
+    from benchtool.cli.show_explain import for_a_reader, print_answer, print_files, working
     from benchtool.errors import InputError
     from benchtool.explain.answer import Answer
     from benchtool.explain.answer_file import Written
@@ -111,10 +111,11 @@ def command(
         commands=(shlex.join(["benchtool", *sys.argv[1:]]),),
         own_effects=question.own,
     )
-    print_answer(answer)
     written = Written()
     if out is not None:
         written = write_folder(out, answer, question.rig_file, question.effects_file)
     if json_file is not None:
         write_json(json_file, answer, written)
-    print_files(answer, out, json_file)
+    with for_a_reader():
+        print_answer(answer)
+        print_files(answer, out, json_file)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -37,9 +38,27 @@ def working() -> Iterator[Callable[[str, float], None]]:
         yield tell
 
 
+class Pipe(Console):
+    """A console that leaves it to its caller what a closed pipe means."""
+
+    def on_broken_pipe(self) -> None:
+        raise BrokenPipeError
+
+
+@contextmanager
+def for_a_reader() -> Iterator[None]:
+    """Print as long as somebody reads: `head` closing the pipe is no error."""
+    try:
+        yield
+        sys.stdout.flush()
+    except BrokenPipeError:
+        # What is still in the buffer must not be tried again when the process ends.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
 def print_answer(answer: Answer) -> None:
     """Print what was found: the sentence, where, which, the gap, tolerances, what to do next."""
-    console = Console(soft_wrap=True, highlight=False)
+    console = Pipe(soft_wrap=True, highlight=False)
     if not console.is_terminal:
         console.width = FILE_WIDTH
     verdict = answer.verdict

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from benchtool.cli.app import main
 from benchtool.cli.explain import spread
 from benchtool.library import load_model
 from benchtool.store import read_recording, write_recording
+from tests.system.mavlink_served import COMMAND
 from tests.unit.explain.hand_made import MODEL
 from tests.unit.library.test_own_effects import GOOD
 
@@ -176,3 +178,18 @@ def test_a_record_of_another_simulator_is_explained_as_it_stands(
     assert "body_lift" in said.splitlines()[0]  # named, or the nearest of something unknown
     assert "stage hinge" in said or "stage rpm_to_thrust" in said
     assert (tmp_path / "out" / "report.html").is_file()
+
+
+def test_a_reader_who_leaves_early_loses_no_file(tmp_path: Path) -> None:
+    """As `benchtool explain ... | head -1` does."""
+    words = [shortened(tmp_path, "a.csv", 8.0), "--model", str(MODEL), "--check", CHECK]
+    answer = tmp_path / "answer.json"
+    process = subprocess.Popen(
+        [*COMMAND, "explain", *words, "--draws", "20", "--json", str(answer)],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    assert process.stdout is not None
+    process.stdout.close()
+    _, complaint = process.communicate(timeout=300)
+    assert (process.returncode, complaint) == (0, "")
+    assert json.loads(answer.read_text("utf-8"))["version"] == 2
