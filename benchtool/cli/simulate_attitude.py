@@ -12,7 +12,10 @@ def command(
     rig: Annotated[str, typer.Option(help="Rig over the ground.")] = "pquad",
     out: Annotated[Path | None, typer.Option(help="Folder for the figure.")] = None,
 ) -> None:
-    """Work out the restoring moment of a tilted vehicle, with each reading of the body term."""
+    """Work out the restoring moment of a tilted vehicle.
+
+    Once with each reading of the body term.
+    """
     from benchtool.library import rig_named
     from benchtool.studies.attitude import attitude_moments, table_lines
 

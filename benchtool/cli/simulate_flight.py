@@ -70,7 +70,10 @@ def command(
     measure: options.MeasureName = "",
     out: options.Out = None,
 ) -> None:
-    """Simulate a flight over an obstacle: numbers, recordings, figure; or a campaign of flights."""
+    """Simulate flights over an obstacle under each controller.
+
+    Numbers, recordings, a figure; or a campaign of many flights.
+    """
     from typing import get_args
 
     from benchtool.cli.name_values import name_values
@@ -79,9 +82,10 @@ def command(
     from benchtool.simulate.flight import FlightControl
     from benchtool.studies.campaign_flight import OGE, FlightCampaign
     from benchtool.studies.flight_map import read_map
-    from benchtool.studies.flight_report import fly_each, table_lines, warnings_of, write_flights
+    from benchtool.studies.flight_report import fly_each, table_lines, write_flights
     from benchtool.studies.flight_setup import FlightSetup, changed, full_name
     from benchtool.studies.flight_table import GYRO_NOISE_RAD_S
+    from benchtool.studies.flight_warnings import warnings_of
     from benchtool.studies.own_controllers import controller_class
 
     options.say_if_slow()
@@ -138,7 +142,7 @@ def command(
         f"{flown.goals[-1].speed_m_s:g} m/s, gains {gain_set}"
     )
     lines = [header, *table_lines(flights), *warnings_of(flights)]
-    options.show_study(lines, lambda folder: write_flights(folder, flights), out)
+    options.show_study(lines, lambda folder: write_flights(folder, flights, lines), out)
 
 
 def _vehicle(rig: str, model: str, lag_s: float, layout: str) -> FlightVehicle:

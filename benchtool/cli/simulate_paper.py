@@ -16,7 +16,10 @@ def command(
         typer.Option("--sensitivity/--no-sensitivity", help="Also change S3, one thing at a time."),
     ] = True,
 ) -> None:
-    """Simulate sections 2.4, 3 and 4 of the paper; print what comes out of each claim."""
+    """Hold simulations against what the paper claims of control.
+
+    Simulates its sections 2.4, 3 and 4, and prints what comes out of each claim.
+    """
     from benchtool.aero.expression import can_compile
     from benchtool.studies.paper_claims import Flights, claim_csv, claim_lines
     from benchtool.studies.paper_claims_bench import bench_claims

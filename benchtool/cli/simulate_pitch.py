@@ -34,7 +34,10 @@ def command(
     measure: options.MeasureName = "",
     out: options.Out = None,
 ) -> None:
-    """Simulate the pitch bench under each controller: numbers, recordings, figure."""
+    """Simulate the pitch bench under each controller.
+
+    Numbers, recordings, a figure; or a campaign of many runs.
+    """
     from dataclasses import replace
 
     from benchtool.cli.name_values import name_values
@@ -86,4 +89,4 @@ def command(
         f"gains {gain_set}, schedule {setup.schedule.name}, seed {seed}"
     )
     lines = [header, *table_lines(study), *warnings_of(study)]
-    options.show_study(lines, lambda folder: write_study(study, folder), out)
+    options.show_study(lines, lambda folder: write_study(study, folder, lines), out)

@@ -42,10 +42,11 @@ def table_lines(rig: Rig, z_over_R: Array = HEIGHTS) -> list[str]:
             np.radians(TILTS_DEG),
             reading,  # type: ignore[arg-type]
         ).moment_Nm
-        lines += [words, "   z/R " + "".join(f"{tilt:>11g} deg     " for tilt in TILTS_DEG)]
+        heads = "".join(f"tilt {tilt:g} deg".rjust(17) + "  " for tilt in TILTS_DEG)
+        lines += [words, f"   z/R {heads}".rstrip()]
         for height, row in zip(z_over_R, moments, strict=True):
             cells = (f"{1e3 * m:>9.1f} ({100.0 * m / authority:>4.1f} %)  " for m in row)
-            lines.append(f"{height:>6g} " + "".join(cells))
+            lines.append(f"{height:>6g} {''.join(cells)}".rstrip())
         lines.append("")
     return lines
 

@@ -5,17 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import pairwise
-from math import ceil, dist
 
 from benchtool.errors import InputError, UnknownChoice
 from benchtool.simulate.environment import Environment
 from benchtool.simulate.flight import FlightCase, fly
-from benchtool.simulate.flight_measures import NEAR_M, measure
+from benchtool.simulate.flight_measures import measure
 from benchtool.simulate.in_order import results_in_order
 from benchtool.studies.campaign import Measure, Row, at_point
 from benchtool.studies.design import Design
 from benchtool.studies.flight_setup import FlightSetup, changed
+from benchtool.studies.flight_warnings import too_short
 
 OGE = "oge"
 """PID with nothing below: what a gain set does by itself, without ground effect."""
@@ -32,10 +31,6 @@ MEASURES = {
     "swing_m": Measure(text="swing of x over the last 20 s [m]"),
 }
 """What every flight is summed up in, as in its table; arrives_s is nan where it never does."""
-
-OF_THE_TIME = 0.8
-"""Share of a flight that its way may take at the asked speed, assumed: what is left is to come to
-rest. A campaign of flights too short to arrive would draw a map of that."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -97,7 +92,8 @@ class FlightCampaign:
             for point in design.probes():
                 try:
                     case = _case(changed(setup, point), self.controllers[0], 1)
-                    refuse_too_short(case)
+                    if why := too_short(case):
+                        raise InputError(why)
                     fly(replace(case, duration_s=2.0 / case.gains.control_rate_Hz))
                 except UnknownChoice:
                     raise
@@ -147,16 +143,3 @@ def _row(
         "swing_m": found.swing_m,
         "held_ticks": float(found.held_ticks),
     }
-
-
-def refuse_too_short(case: FlightCase) -> None:
-    """Refuse a flight that could not come to its goal in its time at the speed asked for."""
-    places = [case.start_m, *((goal.x_m, goal.y_m, goal.z_m) for goal in case.goals)]
-    ways = [dist(*pair) for pair in pairwise(places)]
-    needs_s = sum(way / goal.speed_m_s for way, goal in zip(ways, case.goals, strict=True))
-    if needs_s > OF_THE_TIME * case.duration_s and max(ways) > NEAR_M:
-        raise InputError(
-            f"a way of {sum(ways):.3g} m at {case.goals[-1].speed_m_s:.3g} m/s takes "
-            f"{needs_s:.0f} s of a flight of {case.duration_s:g} s, so that hardly any could "
-            f"arrive; give --duration-s {ceil(1.5 * needs_s / 10.0) * 10} or a higher speed"
-        )

@@ -1,20 +1,17 @@
-"""A flight as a study: flown, measured, drawn, written."""
+"""A flight as a study: flown, measured, as a trace and as a recording."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
 from benchtool.core.channel import Channel
 from benchtool.core.recording import Recording
-from benchtool.report.files import Figure, refuse_existing, save_figure
-from benchtool.report.flight import FlightTrace, flight_figure
+from benchtool.report.flight import FlightTrace
 from benchtool.simulate.environment import Environment
 from benchtool.simulate.flight import Flight, FlightCase, fly
 from benchtool.simulate.flight_measures import Measures, measure
-from benchtool.store.write import write_table
 
 CONTROL_NAMES = {
     "pid": "PID",
@@ -49,6 +46,11 @@ def out_of_ground_effect(case: FlightCase) -> FlightCase:
     return replace(case, below=Environment(), gyro_noise_rad_s=0.0)
 
 
+def name_of(flown: Flown) -> str:
+    """Return what tables and figures call a flight's controller."""
+    return flown.flight.own or CONTROL_NAMES[flown.case.control]
+
+
 def recording_of(flight: Flight) -> Recording:
     """Return a flight in the recording format, marked as simulated."""
     units = {"_s": "s", "_m": "m", "_m_s": "m/s", "_rad": "rad", "_rad_s": "rad/s"}
@@ -68,6 +70,12 @@ def recording_of(flight: Flight) -> Recording:
             "rig": case.vehicle.rig.name,
             "gains": case.gains.name,
             "control": flight.own or case.control,
+            "environment": case.below.name,
+            "z_over_R": f"{case.start_m[2] / case.vehicle.rig.propulsion.radius_m:g}",
+            "speed_m_s": f"{case.goals[-1].speed_m_s:g}",
+            "gyro_noise_rad_s": f"{case.gyro_noise_rad_s:g}",
+            "map_offset_m": ", ".join(f"{value:g}" for value in case.map_offset_m),
+            "seed": str(case.seed),
             "ending": flight.ending,
         },
         simulated=True,
@@ -103,24 +111,6 @@ def trace_of(flown: Flown, label: str) -> FlightTrace:
     )
 
 
-def label_of(case: FlightCase) -> str:
-    """Return a short heading: the controller and the height."""
-    z_over_R = case.start_m[2] / case.vehicle.rig.propulsion.radius_m
-    return f"{CONTROL_NAMES[case.control]}, z/R = {z_over_R:g}"
-
-
-def figure_of(flown: Flown, beside: Flown | None = None) -> Figure:
-    """Return the figure of one flight, with the same out of ground effect in grey."""
-    extent = obstacle_extent(flown.case)
-    grey = None if beside is None else trace_of(beside, "out of ground effect")
-    return flight_figure(
-        [trace_of(flown, label_of(flown.case))],
-        title=f"{flown.case.title or flown.case.name}, gains {flown.case.gains.name}",
-        beside=grey,
-        obstacle_m=extent,
-    )
-
-
 def obstacle_extent(case: FlightCase) -> tuple[float, float] | None:
     """Return where obstacles begin and end along x, when that is one finite stretch."""
     fixed = [block for block in case.below.blocks if not any(block.slide_m)]
@@ -128,12 +118,3 @@ def obstacle_extent(case: FlightCase) -> tuple[float, float] | None:
     if not ends or not np.all(np.isfinite(ends)):
         return None
     return min(ends), max(ends)
-
-
-def write_flight(out: Path, flown: Flown, beside: Flown | None = None) -> tuple[Path, ...]:
-    """Write flight.csv and the figure into a folder; refuses to write over what is there."""
-    table = out / "flight.csv"
-    refuse_existing([table, out / "flight.svg", out / "flight.png"])
-    out.mkdir(parents=True, exist_ok=True)
-    write_table(table, recording_of(flown.flight))
-    return (table, *save_figure(figure_of(flown, beside), out / "flight"))

@@ -57,7 +57,7 @@ class _GridTable(FileTable):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _MapFile(FileTable):
-    name: str = "map"
+    name: str = ""
     floor_m: float = -inf
     blocks: tuple[Mapping[str, Any], ...] = ()
     grid: Mapping[str, Any] = field(default_factory=dict)
@@ -93,8 +93,9 @@ def read_map(path: Path) -> Environment:
     if read.grid:
         said = build(_GridTable, read.grid, f"{where}: grid")
         grid = read_grid(path.parent / said.file, said.base_m)
+    name = read.name or path.stem
     try:
-        return Environment(blocks=tuple(blocks), grid=grid, floor_m=read.floor_m, name=read.name)
+        return Environment(blocks=tuple(blocks), grid=grid, floor_m=read.floor_m, name=name)
     except InputError as error:
         raise FileFormatError(where, str(error)) from error
 

@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from benchtool import __version__
 from benchtool.errors import InputError
 from benchtool.report.files import refuse_existing, save_figure
 from benchtool.report.flight import flight_figure
@@ -16,11 +17,11 @@ from benchtool.simulate.flight_measures import measure
 from benchtool.simulate.flight_own import fly_own
 from benchtool.simulate.in_order import results_in_order
 from benchtool.simulate.own_controller import made
-from benchtool.store.write import write_table
+from benchtool.store.recording_file import beside, write_recording
 from benchtool.studies.flight import (
-    CONTROL_NAMES,
     Flown,
     fly_and_measure,
+    name_of,
     obstacle_extent,
     out_of_ground_effect,
     recording_of,
@@ -40,8 +41,8 @@ def fly_each(
         controls: built-in controllers.
         own: name and class of the user's own; a new one is made for every flight.
     """
-    beside = replace(out_of_ground_effect(case), control="pid")
-    cases = [beside, *(replace(case, control=control) for control in controls)]
+    free = replace(out_of_ground_effect(case), control="pid")
+    cases = [free, *(replace(case, control=control) for control in controls)]
     flights = list(results_in_order(partial(fly_and_measure, each) for each in cases))
     for name, kind in own:
         flight = fly_own(case, made(kind, name), name)
@@ -49,74 +50,59 @@ def fly_each(
     return flights
 
 
-def name_of(flown: Flown) -> str:
-    """Return what tables and figures call a flight's controller."""
-    return flown.flight.own or CONTROL_NAMES[flown.case.control]
-
-
 def table_lines(flights: Sequence[Flown]) -> list[str]:
     """Return the table of numbers; the first flight is the one out of ground effect."""
     names = [name_of(flown) for flown in flights]
     names[0] += " OGE"
-    width = max(len(name) for name in names)
-    lines = [
-        f"{'controller':<{width}}  arrives s          max x m  push-backs  max pitch  RMS pitch  "
-        f"max roll  x in last 20 s",
-        f"{'':<{width}}                                           deg        deg       deg  m",
-    ]
+    heads = (
+        "controller", "arrives s", "max x m", "push-backs", "max pitch", "RMS pitch", "max roll",
+        "z from set", "x in last 20 s",
+    )  # fmt: skip
+    units = ("", "", "", "", "deg", "deg", "deg", "cm", "m")
+    rows = []
     for name, flown in zip(names, flights, strict=True):
         found = flown.measures
+        low_cm, high_cm = (round(100.0 * z_m, 1) + 0.0 for z_m in found.range_z_m)
         low, high = found.range_m
-        lines.append(
-            f"{name:<{width}}  {found.arrival_text():<17}  {found.max_x_m:>7.2f}  "
-            f"{found.push_backs:>10}  {found.max_pitch_deg:>9.1f}  {found.rms_pitch_deg:>9.2f}  "
-            f"{found.max_roll_deg:>8.1f}  {low:.3f}..{high:.3f}"
-        )
-    return lines
-
-
-def warnings_of(flights: Sequence[Flown]) -> list[str]:
-    """Return what a reader of the numbers must know."""
-    out = []
-    for flown in flights:
-        name = name_of(flown)
-        if flown.flight.ending == "struck":
-            out.append(f"{name}: a rotor touched the obstacle at {flown.flight.end_s:.2f} s")
-        if flown.flight.ending == "lost":
-            out.append(f"{name}: the numbers left the finite range at {flown.flight.end_s:.2f} s")
-        if flown.measures.max_roll_deg > 90.0:
-            out.append(
-                f"{name}: it turned over (roll {flown.measures.max_roll_deg:.0f} deg); its other "
-                f"numbers are those of a fall"
+        rows.append(
+            (
+                name, found.arrival_text(), f"{found.max_x_m:.2f}", f"{found.push_backs}",
+                f"{found.max_pitch_deg:.1f}", f"{found.rms_pitch_deg:.2f}",
+                f"{found.max_roll_deg:.1f}", f"{low_cm:.1f}..{high_cm:.1f}",
+                f"{low:.3f}..{high:.3f}",
             )
-        if flown.measures.held_ticks:
-            out.append(
-                f"{name}: a rotor came nearer than z/R = 0.5 in {flown.measures.held_ticks} steps; "
-                f"its height was held there, where the formulae end"
-            )
-    mapped = [flown for flown in flights if flown.case.control in ("feedforward", "both")]
-    if any(not flown.flight.own for flown in mapped) and not any(
-        any(flown.case.map_offset_m) for flown in flights
-    ):
-        out.append(
-            "feedforward: its map is the plant's own model, so that it is best by construction"
+        )  # fmt: skip
+    widths = [max(map(len, column)) for column in zip(heads, units, *rows, strict=True)]
+    left = (0, 1, len(heads) - 1)
+
+    def line(cells: Sequence[str]) -> str:
+        padded = (
+            cell.ljust(width) if at in left else cell.rjust(width)
+            for at, (cell, width) in enumerate(zip(cells, widths, strict=True))
         )
-    return out
+        return "  ".join(padded).rstrip()
+
+    return [line(cells) for cells in (heads, units, *rows)]
 
 
-def write_flights(out: Path, flights: Sequence[Flown]) -> list[Path]:
-    """Write one CSV for each flight, the table and the figure; refuses to write over anything."""
+def write_flights(out: Path, flights: Sequence[Flown], lines: Sequence[str]) -> list[Path]:
+    """Write a recording for each flight, the lines of the report and the figure.
+
+    Raises:
+        WouldOverwrite: one of the files is there already.
+    """
     names = [flown.flight.own.replace(":", "-") or flown.case.control for flown in flights]
     names[0] = "oge"
     if len(set(names)) < len(names):
         raise InputError(f"a controller is named twice: {', '.join(names[1:])}; name each once")
     tables = {out / f"{name}.csv": flown for name, flown in zip(names, flights, strict=True)}
     text = out / "numbers.txt"
-    refuse_existing([*tables, text, out / "flight.svg", out / "flight.png"])
+    figures = [out / "flight.svg", out / "flight.png"]
+    refuse_existing([*tables, *(beside(path) for path in tables), text, *figures])
     out.mkdir(parents=True, exist_ok=True)
     for path, flown in tables.items():
-        write_table(path, recording_of(flown.flight))
-    text.write_text("\n".join(table_lines(flights)) + "\n", encoding="utf-8")
+        write_recording(path, recording_of(flown.flight), {"software": f"benchtool {__version__}"})
+    text.write_text("\n".join(lines) + "\n", encoding="utf-8")
     first = flights[1].case
     height = first.start_m[2] / first.vehicle.rig.propulsion.radius_m
     figure = flight_figure(

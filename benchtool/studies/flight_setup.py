@@ -67,17 +67,21 @@ class FlightSetup:
         }
         if self.duration_s is not None:
             changes["duration_s"] = self.duration_s
+        titled = FLIGHTS[self.case].title if self.case in FLIGHTS else ""
         if self.below is not None:
             changes["below"] = self.below
+            titled = f"Flying over {self.below.name}"
         if self.goal_m is not None and self.case in FLIGHTS:
             x_m, y_m = self.goal_m
             z_m = self.z_over_R * self.vehicle.rig.propulsion.radius_m
             speed_m_s = FLIGHTS[self.case].speed_m_s if self.speed_m_s is None else self.speed_m_s
+            titled += f", to x {x_m:g} m, y {y_m:g} m"
             changes["goals"] = (Goal(x_m=x_m, y_m=y_m, z_m=z_m, speed_m_s=speed_m_s),)
         flown = flight_case(
             self.case, self.vehicle, self.gains,
             z_over_R=self.z_over_R, speed_m_s=self.speed_m_s, **changes,
         )  # fmt: skip
+        flown = replace(flown, title=titled)
         if self.drag_N_s_m is None:
             return flown
         return replace(flown, vehicle=replace(flown.vehicle, drag_N_s_m=self.drag_N_s_m))

@@ -29,7 +29,7 @@ class PitchStudy:
 
     Attributes:
         setup: what was simulated.
-        runs: one per controller; away: the same with the plate parked.
+        runs: one per controller; away: the same with the plate parked, empty where not asked for.
         seed: of the noise.
     """
 
@@ -44,6 +44,7 @@ def pitch_study(
     seed: int = 0,
     own: Sequence[tuple[str, type[Any]]] = (),
     only_own: bool = False,
+    with_away: bool = True,
 ) -> PitchStudy:
     """Run every controller of a setup, with the plate and without, under the same noise.
 
@@ -52,6 +53,7 @@ def pitch_study(
         seed: of the noise.
         own: name and class of the user's controllers; a new one is made for every run.
         only_own: leave the built-in controllers out.
+        with_away: run them without the plate too; a study without has no figure.
     """
     radius_m = setup.bench.model.rig.propulsion.radius_m
     rate_Hz = setup.rate_Hz
@@ -61,16 +63,18 @@ def pitch_study(
         PitchJob(setup.bench, control, setup.believed)
         for control in (() if only_own else setup.controls)
     ]
-    both = list(
+    schedules = (near, far) if with_away else (near,)
+    every = list(
         results_in_order(
-            partial(simulate_pitch, job, schedule, seed) for schedule in (near, far) for job in jobs
+            partial(simulate_pitch, job, schedule, seed) for schedule in schedules for job in jobs
         )
     )
-    runs, away = both[: len(jobs)], both[len(jobs) :]
+    runs, away = every[: len(jobs)], every[len(jobs) :]
     for name, kind in own:
         job = PitchJob(setup.bench, setup.controls[0], setup.believed)
-        runs.append(simulate_controller(made(kind, name), job, near, seed, name=name))
-        away.append(simulate_controller(made(kind, name), job, far, seed, name=name))
+        for schedule, kept in zip(schedules, (runs, away), strict=False):
+            run = simulate_controller(made(kind, name), job, schedule, seed, name=name)
+            kept.append(run)
     return PitchStudy(setup=setup, runs=tuple(runs), away=tuple(away), seed=seed)
 
 
@@ -141,8 +145,8 @@ def study_figure(study: PitchStudy) -> Figure:
     return pitch_figure(traces, title=f"{rig.name}: {schedule.title}", simulated=True)
 
 
-def write_study(study: PitchStudy, out: Path) -> list[Path]:
-    """Write a recording per controller, the table, and the figure; overwrite nothing.
+def write_study(study: PitchStudy, out: Path, lines: Sequence[str]) -> list[Path]:
+    """Write a recording per controller, the lines of the report, the figure; overwrite nothing.
 
     Returns:
         the files.
@@ -168,7 +172,7 @@ def write_study(study: PitchStudy, out: Path) -> list[Path]:
         write_recording(
             path, run.recording(rig, provenance), {"software": f"benchtool {__version__}"}
         )
-    table.write_text("\n".join(table_lines(study)) + "\n", encoding="utf-8")
+    table.write_text("\n".join(lines) + "\n", encoding="utf-8")
     return [*recordings, table, *save_figure(study_figure(study), out / "pitch")]
 
 

@@ -44,6 +44,8 @@ def test_it_writes_recordings_a_table_and_a_figure_and_overwrites_nothing(
         "pid.csv.json", "pitch.png", "pitch.svg",
     ]  # fmt: skip
     assert read_recording(out / "pid.csv").simulated
+    said = (out / "numbers.txt").read_text(encoding="utf-8")
+    assert said.startswith("SIMULATED pitch bench pquad, model pitch_pquad, gains s3")
     recording = read_samples(out / "pid.csv")
     assert recording.names[:5] == ("time_s", "theta_ref_rad", "theta_rad", "gyro_rad_s", "pwm1_us")
     assert {"pwm4_us", "rpm4", "plate_z_m", "disturbance_Nm"} <= set(recording.names)
