@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import socket
+from collections.abc import Callable
 
 from benchtool.errors import InputError, NoDevice, PortBusy
 
@@ -14,19 +15,33 @@ DATAGRAM_BYTES = 1400
 
 
 class UdpLink:
-    """Carry MAVLink frames in datagrams, whole ones only.
+    """Carry frames in datagrams, whole ones only.
 
     Args:
         host: to send to, or to listen on.
         port: UDP port.
         listen: True waits for a host; False sends to it from the start, as autopilots do.
+        fitting: how many bytes of data, from a place in it, go into one datagram; those of whole
+            MAVLink frames when left out.
     """
 
-    def __init__(self, host: str, port: int, listen: bool) -> None:
+    def __init__(
+        self,
+        host: str,
+        port: int,
+        listen: bool,
+        fitting: Callable[[bytes, int], int] | None = None,
+    ) -> None:
         self._host, self._port, self._listen = host, port, listen
+        self._fitting = fitting or _whole_frames
         self._socket: socket.socket | None = None
         self._peer: tuple[str, int] | None = None
         self.replug()
+
+    @property
+    def place(self) -> str:
+        """Host and port."""
+        return f"{self._host}:{self._port}"
 
     @property
     def address(self) -> str:
@@ -50,7 +65,7 @@ class UdpLink:
             return len(data)
         sent = 0
         while sent < len(data):
-            size = _whole_frames(data, sent)
+            size = self._fitting(data, sent)
             try:
                 self._socket.sendto(data[sent : sent + size], self._peer)
             except BlockingIOError:
@@ -105,3 +120,9 @@ def _whole_frames(data: bytes, start: int) -> int:
             break
         at += size
     return min(at, len(data)) - start
+
+
+def one_line(data: bytes, start: int) -> int:
+    """Return how many bytes from `start` make one line, whatever its length."""
+    end = data.find(b"\n", start)
+    return (len(data) if end < 0 else end + 1) - start

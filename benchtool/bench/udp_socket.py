@@ -30,7 +30,7 @@ class UdpSocket:
     baud: int | None = None
 
     def __init__(self, host: str, port: int, listen: bool, own_port: int | None = None) -> None:
-        self.host, self.port, self._listen = host, port, listen
+        self.host, self.port, self.listens = host, port, listen
         self._own_port = own_port
         self._socket: socket.socket | None = None
         self._peers: list[tuple[str, int]] = []
@@ -41,7 +41,7 @@ class UdpSocket:
         opened = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
             opened.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER_BYTES)
-            if self._listen:
+            if self.listens:
                 opened.bind((self.host, self.port))
                 self._peers = []
             else:
@@ -97,5 +97,5 @@ class UdpSocket:
             if self._own_port is not None and peer[0] != self._peers[0][0]:
                 continue
             parts.append(data)
-            if self._listen and peer not in self._peers:
+            if self.listens and peer not in self._peers:
                 self._peers = [*self._peers, peer][-MOST_PEERS:]

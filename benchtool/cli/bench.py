@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from benchtool.cli.bridge import bridge
 from benchtool.cli.check import check
 from benchtool.cli.map_motors import map_motors
 
@@ -33,6 +34,7 @@ def group() -> None:
 
 app.command()(check)
 app.command("map")(map_motors)
+app.command()(bridge)
 
 
 @app.command()
@@ -42,7 +44,8 @@ def serve(
         str | None, typer.Option(help="Model whose thrust the load cell shows; by name or file.")
     ] = None,
     link: Annotated[
-        str, typer.Option(help="pty, tcp:PORT, tcp:HOST:PORT, or mavlink (:pty, :tcp:PORT, ...).")
+        str,
+        typer.Option(help="pty, tcp:PORT, tcp:HOST:PORT, mavlink (:pty, :tcp:PORT, ...), rcbudp."),
     ] = "pty",
     symlink: Annotated[
         Path | None, typer.Option(help="A path that always leads to the pseudo-terminal.")
@@ -92,12 +95,13 @@ def serve(
     named = (schedule, controller, gains, settings or [])
     if settings and mode != "pitch":
         raise InputError("--set changes a pitch bench; add --mode pitch, or give --truth a file")
-    as_autopilot = link.partition(":")[0] == "mavlink"
-    speak, where, address = (
-        _mavlink(link, symlink, stands, mode, (autopilot, system, key))
-        if as_autopilot
-        else _own_protocol(link, symlink)
-    )
+    kind = link.partition(":")[0]
+    if kind == "mavlink":
+        speak, where, address = _mavlink(link, symlink, stands, mode, (autopilot, system, key))
+    elif kind == "rcbudp":
+        speak, where, address = _bridged(link, symlink, mode)
+    else:
+        speak, where, address = _own_protocol(link, symlink)
     # A service manager's end, and Ctrl-Break of a Windows console, close the link like Ctrl-C.
     for name in ("SIGTERM", "SIGBREAK"):
         if hasattr(signal, name):
@@ -120,6 +124,26 @@ def _own_protocol(link: str, symlink: Path | None) -> tuple[Speak, ServerLink, C
 
     where = link_named(link, symlink)
     return DeviceLink, where, lambda: where.address
+
+
+def _bridged(
+    link: str, symlink: Path | None, mode: str
+) -> tuple[Speak, ServerLink, Callable[[], str]]:
+    """Return protocol, link and address of a virtual stand behind the RCbenchmark GUI."""
+    from benchtool.bench.udp_link import UdpLink, one_line
+    from benchtool.bench.virtual_bridge import VirtualBridge
+    from benchtool.errors import InputError
+    from benchtool.library.bridge_file import GUI_PORT, LOOPBACK
+
+    port = link.partition(":")[2] or str(GUI_PORT)
+    if symlink is not None or mode != "plate" or not port.isdecimal():
+        raise InputError(
+            f"link {link!r} is rcbudp or rcbudp:PORT, with a load cell and without --symlink; "
+            f"leave --symlink and --mode out"
+        )
+    where = UdpLink(LOOPBACK, int(port), listen=True, fitting=one_line)
+    # This stand answers whoever speaks, so that a host may listen on any port.
+    return VirtualBridge, where, lambda: f"rcbudp:{where.place}?listen=0"
 
 
 def _mavlink(

@@ -9,7 +9,7 @@ import typer
 
 def command(
     port: Annotated[
-        str, typer.Argument(help="Port to look at, as /dev/ttyUSB0, COM12 or its address.")
+        str, typer.Argument(help="What to look at: /dev/ttyUSB0, COM12, or a bench's address.")
     ] = "",
     udev_rule: Annotated[
         bool, typer.Option("--udev-rule", help="Print the udev rule for Linux and exit.")
@@ -17,13 +17,14 @@ def command(
 ) -> None:
     """Explain what keeps a serial port from working."""
     from benchtool.bench import doctor
+    from benchtool.bench.network_doctor import network_findings, serial_port_of
     from benchtool.bench.surroundings import look_around
 
     if udev_rule:
         print(doctor.udev_rule(), end="")
         return
-    place = port.removeprefix("serial:").partition("?")[0]
-    found = doctor.findings(look_around(place))
+    place = serial_port_of(port)
+    found = network_findings(port) if place is None else doctor.findings(look_around(place))
     for finding in found:
         print(f"{finding.verdict:11}  {finding.name}: {finding.sentence}")
         if finding.fix:
