@@ -82,10 +82,9 @@ def command(
     from benchtool.simulate.flight import FlightControl
     from benchtool.studies.campaign_flight import OGE, FlightCampaign
     from benchtool.studies.flight_map import read_map
-    from benchtool.studies.flight_report import fly_each, table_lines, write_flights
+    from benchtool.studies.flight_report import fly_each, report_lines, write_flights
     from benchtool.studies.flight_setup import FlightSetup, changed, full_name
     from benchtool.studies.flight_table import GYRO_NOISE_RAD_S
-    from benchtool.studies.flight_warnings import warnings_of
     from benchtool.studies.own_controllers import controller_class
 
     options.say_if_slow()
@@ -131,18 +130,13 @@ def command(
         run_with_progress(campaign, design, settings or [], measure, out)
         return
     options.refuse_without_vary(seeds=seeds > 1, samples=samples, measure=measure)
-    gain_set = options.one_gain_set(sets)
+    options.one_gain_set(sets)
     setup = changed(setup, given)
     flown = setup.flown("pid", seed)
     own = [(name, controller_class(name, known)) for name in names if name not in known]
     built_in = [each for name in names for each in known if each == name]
     flights = fly_each(flown, built_in, own)
-    header = (
-        f"SIMULATED flight {flown.name}: {flown.title}; rig {rig}, z/R {setup.z_over_R:g}, "
-        f"{flown.goals[-1].speed_m_s:g} m/s, gains {gain_set}"
-    )
-    lines = [header, *table_lines(flights), *warnings_of(flights)]
-    options.show_study(lines, lambda folder: write_flights(folder, flights, lines), out)
+    options.show_study(report_lines(flights), lambda folder: write_flights(folder, flights), out)
 
 
 def _vehicle(rig: str, model: str, lag_s: float, layout: str) -> FlightVehicle:

@@ -44,7 +44,7 @@ def command(
     from benchtool.control.pitch import PITCH_CONTROLLERS, Feedforward
     from benchtool.errors import InputError
     from benchtool.studies.own_controllers import controller_class
-    from benchtool.studies.pitch import pitch_study, table_lines, warnings_of, write_study
+    from benchtool.studies.pitch import pitch_study, report_lines, write_study
     from benchtool.studies.pitch_setup import PitchSetup, changed, pitch_setup
 
     options.say_if_slow()
@@ -80,13 +80,6 @@ def command(
         run_with_progress(campaign, design, settings or [], measure, out)
         return
     options.refuse_without_vary(seeds=seeds > 1, samples=samples, measure=measure)
-    gain_set = options.one_gain_set(sets)
-    setup = setup_with(gain_set)
+    setup = setup_with(options.one_gain_set(sets))
     study = pitch_study(setup, seed, own, only_own=not built_in)
-    bench = setup.bench
-    header = (
-        f"SIMULATED pitch bench {bench.model.rig.name}, model {bench.model.name}, "
-        f"gains {gain_set}, schedule {setup.schedule.name}, seed {seed}"
-    )
-    lines = [header, *table_lines(study), *warnings_of(study)]
-    options.show_study(lines, lambda folder: write_study(study, folder, lines), out)
+    options.show_study(report_lines(study), lambda folder: write_study(study, folder), out)

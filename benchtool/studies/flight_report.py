@@ -27,6 +27,7 @@ from benchtool.studies.flight import (
     recording_of,
     trace_of,
 )
+from benchtool.studies.flight_warnings import warnings_of
 
 
 def fly_each(
@@ -85,7 +86,18 @@ def table_lines(flights: Sequence[Flown]) -> list[str]:
     return [line(cells) for cells in (heads, units, *rows)]
 
 
-def write_flights(out: Path, flights: Sequence[Flown], lines: Sequence[str]) -> list[Path]:
+def report_lines(flights: Sequence[Flown]) -> list[str]:
+    """Return all that is said of the flights: what was flown, the table, the warnings."""
+    case = flights[0].case
+    z_over_R = case.start_m[2] / case.vehicle.rig.propulsion.radius_m
+    head = (
+        f"SIMULATED flight {case.name}: {case.title}; rig {case.vehicle.rig.name}, "
+        f"z/R {z_over_R:.4g}, {case.goals[-1].speed_m_s:g} m/s, gains {case.gains.name}"
+    )
+    return [head, *table_lines(flights), *warnings_of(flights)]
+
+
+def write_flights(out: Path, flights: Sequence[Flown]) -> list[Path]:
     """Write a recording for each flight, the lines of the report and the figure.
 
     Raises:
@@ -102,7 +114,7 @@ def write_flights(out: Path, flights: Sequence[Flown], lines: Sequence[str]) -> 
     out.mkdir(parents=True, exist_ok=True)
     for path, flown in tables.items():
         write_recording(path, recording_of(flown.flight), {"software": f"benchtool {__version__}"})
-    text.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    text.write_text("\n".join(report_lines(flights)) + "\n", encoding="utf-8")
     first = flights[1].case
     height = first.start_m[2] / first.vehicle.rig.propulsion.radius_m
     figure = flight_figure(

@@ -145,7 +145,18 @@ def study_figure(study: PitchStudy) -> Figure:
     return pitch_figure(traces, title=f"{rig.name}: {schedule.title}", simulated=True)
 
 
-def write_study(study: PitchStudy, out: Path, lines: Sequence[str]) -> list[Path]:
+def report_lines(study: PitchStudy) -> list[str]:
+    """Return all that is said of a study: what it is, the table, the warnings."""
+    setup, gains = study.setup, study.setup.controls[0].gains
+    head = (
+        f"SIMULATED pitch bench {setup.bench.model.rig.name}, model {setup.bench.model.name}, "
+        f"gains {gains.name if gains else 'none'}, schedule {setup.schedule.name}, "
+        f"seed {study.seed}"
+    )
+    return [head, *table_lines(study), *warnings_of(study)]
+
+
+def write_study(study: PitchStudy, out: Path) -> list[Path]:
     """Write a recording per controller, the lines of the report, the figure; overwrite nothing.
 
     Returns:
@@ -172,7 +183,7 @@ def write_study(study: PitchStudy, out: Path, lines: Sequence[str]) -> list[Path
         write_recording(
             path, run.recording(rig, provenance), {"software": f"benchtool {__version__}"}
         )
-    table.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    table.write_text("\n".join(report_lines(study)) + "\n", encoding="utf-8")
     return [*recordings, table, *save_figure(study_figure(study), out / "pitch")]
 
 
