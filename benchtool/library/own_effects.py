@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import importlib
-import importlib.util
-import sys
-import traceback
 from collections.abc import Iterable
-from pathlib import Path
 from types import ModuleType
 
 from benchtool.effects.catalogue import EFFECTS
 from benchtool.effects.effect import Effect
 from benchtool.errors import InputError
+from benchtool.library.own_code import own_module
 
 
 def own_effects(file_or_module: str) -> tuple[Effect, ...]:
@@ -22,7 +18,11 @@ def own_effects(file_or_module: str) -> tuple[Effect, ...]:
         InputError: it cannot be imported, holds no effect, or one whose name is taken or whose
             parameters cannot be judged.
     """
-    module = _imported(file_or_module)
+    module = own_module(
+        file_or_module,
+        f"effects of {file_or_module}",
+        "give a Python file, or run where the module is",
+    )
     found = list(_listed(module, file_or_module))
     if not found:
         raise InputError(
@@ -79,46 +79,3 @@ def _check(effect: Effect, where: str) -> None:
                 f"parameter {item.name} of effect {effect.name!r} in {where} has no tolerance, so "
                 f"nothing tells when it matters; add tolerance=... in {item.unit}"
             )
-
-
-def _imported(file_or_module: str) -> ModuleType:
-    path = Path(file_or_module)
-    is_file = path.suffix == ".py"
-    if is_file and not path.is_file():
-        raise InputError(f"effects of {file_or_module}: there is no such file; check the path")
-    try:
-        return _file(path) if is_file else _module(file_or_module)
-    except ImportError as error:
-        raise InputError(
-            f"effects of {file_or_module}: {error}; give a Python file, or run where the module is"
-        ) from error
-    except Exception as error:
-        raise InputError(
-            f"effects of {file_or_module}: it raised {type(error).__name__}: "
-            f"{' '.join(str(error).split())}{_where(error)}; mend that line"
-        ) from error
-
-
-def _file(path: Path) -> ModuleType:
-    name = f"benchtool_own_{path.stem}"
-    spec = importlib.util.spec_from_file_location(name, path)
-    if spec is None or spec.loader is None:
-        raise ImportError(f"{path} is no Python file")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module  # hooks are looked up there when they are compiled
-    spec.loader.exec_module(module)
-    return module
-
-
-def _module(name: str) -> ModuleType:
-    here = str(Path.cwd())
-    if here not in sys.path:
-        sys.path.insert(0, here)
-    return importlib.import_module(name)
-
-
-def _where(error: Exception) -> str:
-    if isinstance(error, SyntaxError):  # tells file and line itself
-        return ""
-    frame = traceback.extract_tb(error.__traceback__)[-1]
-    return f", in {frame.filename} line {frame.lineno}"

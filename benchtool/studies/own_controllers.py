@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import importlib
-import sys
-import traceback
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 from benchtool.control.pitch import PITCH_CONTROLLERS
 from benchtool.errors import InputError, UnknownChoice
+from benchtool.library.own_code import own_module
 
 
 def controller_class(named: str, known: Iterable[str] = PITCH_CONTROLLERS) -> type[Any]:
@@ -31,30 +29,12 @@ def controller_class(named: str, known: Iterable[str] = PITCH_CONTROLLERS) -> ty
             f"controller {named!r} names a file; name the module: "
             f"{Path(module_name).stem}:{class_name}, from the folder where it stands"
         )
-    here = str(Path.cwd())
-    if here not in sys.path:
-        sys.path.insert(0, here)
-    try:
-        module = importlib.import_module(module_name)
-    except ImportError as error:
-        raise InputError(
-            f"controller {named!r}: {error}; run where {module_name}.py is, or install it"
-        ) from error
-    except Exception as error:
-        raise InputError(
-            f"controller {named!r}: {module_name} raised {type(error).__name__}: "
-            f"{' '.join(str(error).split())} while it was imported{_where(error)}; mend that line"
-        ) from error
+    module = own_module(
+        module_name, f"controller {named!r}", f"run where {module_name}.py is, or install it"
+    )
     found = getattr(module, class_name, None)
     if not isinstance(found, type) or not callable(getattr(found, "step", None)):
         raise InputError(
             f"controller {named!r}: {module_name} has no class {class_name} with a method step"
         )
     return found
-
-
-def _where(error: Exception) -> str:
-    if isinstance(error, SyntaxError):  # tells file and line itself
-        return ""
-    frame = traceback.extract_tb(error.__traceback__)[-1]
-    return f", in {frame.filename} line {frame.lineno}"

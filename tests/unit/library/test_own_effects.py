@@ -71,6 +71,7 @@ def test_a_module_is_found_from_the_present_folder(
         ("import nothing_of_that_name\n", "nothing_of_that_name"),
         ("def broken(:\n", "SyntaxError"),
         ("1 / 0\n", "ZeroDivisionError"),
+        ("\nexit(1)\n", r"SystemExit: 1 while it was imported, in .*mine\.py line 2; mend"),
         (GOOD.replace('"cubic_damping"', '"coulomb_friction"'), "name of a shipped one"),
         (GOOD + "EFFECTS = [EFFECT]\n", "two effects named"),
         (GOOD.replace('frozenset({"pitch"})', "frozenset()"), "candidate on any bench"),
