@@ -51,6 +51,7 @@ def command(
     )
     from benchtool.acquire.pitch_record import summary_line
     from benchtool.acquire.sweep_options import rig_for
+    from benchtool.bench.address import open_bench
     from benchtool.errors import WouldOverwrite
 
     stands = rig_for(address, rig)
@@ -65,6 +66,7 @@ def command(
     if out is not None and out.exists():
         raise WouldOverwrite(str(out))
     if dry_run:
+        open_bench(address)  # refuses what it names wrongly; opens nothing yet
         print(arming_text(experiment, stands, expected))
         print("dry run: nothing was opened, nothing spins")
         return
