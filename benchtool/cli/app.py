@@ -31,6 +31,7 @@ COMMANDS: dict[str, str] = {
     "explain": "Name the effect that a model lacks, and show the gap shrink",
     "figures": "Draw runs in the layout of the paper's figures 3, 4, 6, 8",
     "simulate": "Simulate benches and flights near surfaces in closed loop",
+    "web": "Serve the page: see the bench live, sweep, fit and explain from a browser",
     "bench": "Serve a virtual bench; check a bench before motors spin",
     "firmware": "Write the firmware that makes an Arduino a rotor bench",
     "ports": "List serial ports and, with --probe, what answers on them",

@@ -1,1 +1,4 @@
-"""The page: every tool of the command line in a browser, and live values of a bench."""
+"""The page: see the bench live, run a sweep, fit and explain from a browser; the only async code.
+
+The server here asks and watches. Whatever turns motors lives in a process of its own (`desk`).
+"""

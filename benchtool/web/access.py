@@ -1,0 +1,108 @@
+"""Who may ask the server: host names, origins and the token. Pure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from ipaddress import ip_address
+from secrets import compare_digest
+from urllib.parse import urlsplit
+
+LOOPBACK = frozenset({"127.0.0.1", "localhost", "::1"})
+"""Names under which a server on the loopback address is asked."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Asked:
+    """Hold what a browser says of a request; an empty string where it says nothing.
+
+    Attributes:
+        host: header Host.
+        origin: header Origin.
+        site: header Sec-Fetch-Site.
+        mode: header Sec-Fetch-Mode.
+        token: from the cookie.
+        reads_only: GET or HEAD, and no websocket.
+        is_socket: a websocket.
+    """
+
+    host: str
+    origin: str = ""
+    site: str = ""
+    mode: str = ""
+    token: str = ""
+    reads_only: bool = True
+    is_socket: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Access:
+    """Judge requests.
+
+    Attributes:
+        names: host names that are ours; another name may be a page elsewhere whose name was bent
+            to our address (DNS rebinding).
+        any_address: take every numeric address for ours, for a server on all interfaces. An
+            address cannot be bent.
+        token: that a browser must have shown; None where only this machine can ask.
+    """
+
+    names: frozenset[str] = LOOPBACK
+    any_address: bool = False
+    token: str | None = None
+
+    def refusal(self, asked: Asked) -> str | None:
+        """Return why a request is refused, in one sentence, or None when it is not."""
+        host = host_name(asked.host)
+        if not self._is_ours(host):
+            return (
+                f"this page was asked for as {asked.host!r}, which is none of its names; open the "
+                f"address that benchtool web has printed"
+            )
+        if asked.origin:
+            origin = urlsplit(asked.origin)
+            if origin.scheme not in ("http", "https") or origin.netloc != asked.host:
+                return f"a page of {asked.origin!r} may not use this one; open this one by itself"
+        elif asked.is_socket or (not asked.reads_only and asked.site != "same-origin"):
+            return "a request that does not say from which page it comes is refused; use a browser"
+        if asked.site in ("cross-site", "same-site") and asked.mode != "navigate":
+            return "another site's page may not use this one; open this one by itself"
+        if self.token is not None and not self.is_token(asked.token):
+            return (
+                "the token is missing or wrong; open the whole address that benchtool web has "
+                "printed, with its token"
+            )
+        return None
+
+    def is_token(self, given: str) -> bool:
+        """Tell whether this is the token, in a time that says nothing about it."""
+        return self.token is not None and compare_digest(given.encode(), self.token.encode())
+
+    def _is_ours(self, host: str) -> bool:
+        if host in self.names:
+            return True
+        if not self.any_address:
+            return False
+        try:
+            ip_address(host)
+        except ValueError:
+            return False
+        return True
+
+
+def host_name(host: str) -> str:
+    """Return the name in a Host header, lower case, without port and brackets."""
+    return (urlsplit(f"//{host}").hostname or "") if _plain(host) else ""
+
+
+def _plain(host: str) -> bool:
+    return bool(host) and not set(host) & set("/?#@\\ \t")
+
+
+def is_loopback(host: str) -> bool:
+    """Tell whether a server bound to this host can only be asked from the same machine."""
+    if host == "localhost":
+        return True
+    try:
+        return ip_address(host).is_loopback
+    except ValueError:
+        return False

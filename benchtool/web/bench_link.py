@@ -1,0 +1,80 @@
+"""The server's end of the bench process: ask, and remember what it tells."""
+
+from __future__ import annotations
+
+import asyncio
+import pickle
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+from multiprocessing import get_context
+from multiprocessing.connection import Connection as Pipe
+from typing import Any
+
+from benchtool.web.desk.asks import Ask, Leave, Stop
+from benchtool.web.desk.desk import run_desk
+from benchtool.web.desk.news import Connection, News, Said
+from benchtool.web.desk.outbox import FRAME
+
+PATIENCE_S = 5.0
+"""The bench process has so long to stop motors and close a run when the server ends."""
+
+
+class BenchLink:
+    """Start the bench process, ask it, and hold its latest snapshots for every page.
+
+    Everything here runs in the page's loop; `start` is called there.
+    """
+
+    def __init__(self) -> None:
+        self.connection = Connection()
+        self.said: Callable[[Said], None] = lambda said: None
+        self.framed: Callable[[bytes], None] = lambda frame: None
+        self._process: Any = None
+        self._pipe: Pipe | None = None
+
+    def start(self) -> None:
+        """Start the process and listen to it."""
+        spawn = get_context("spawn")
+        self._pipe, theirs = spawn.Pipe()
+        self._process = spawn.Process(target=run_desk, args=(theirs,), name="benchtool bench")
+        self._process.start()
+        theirs.close()
+        loop = asyncio.get_running_loop()
+        threading.Thread(target=self._listen, args=(loop,), name="bench news", daemon=True).start()
+
+    def ask(self, ask: Ask) -> None:
+        """Send something to the bench process; it answers with news."""
+        if self._pipe is not None:
+            self._pipe.send_bytes(pickle.dumps(ask))
+
+    def stop(self, who: str) -> None:
+        """Stop the motors and whatever runs."""
+        self.ask(Stop(who))
+
+    def close(self) -> None:
+        """End the process: it stops the motors and closes its run first."""
+        if self._pipe is not None:
+            with suppress(OSError):
+                self.ask(Leave())
+            self._process.join(PATIENCE_S)
+            self._pipe = None
+
+    def _listen(self, loop: asyncio.AbstractEventLoop) -> None:
+        assert self._pipe is not None
+        while True:
+            try:
+                told = self._pipe.recv_bytes()
+            except (EOFError, OSError):
+                return
+            loop.call_soon_threadsafe(self._take, told)
+
+    def _take(self, told: bytes) -> None:
+        if told[:1] == FRAME:
+            self.framed(told[1:])
+            return
+        news: News = pickle.loads(told[1:])
+        if isinstance(news, Connection):
+            self.connection = news
+        else:
+            self.said(news)

@@ -1,0 +1,73 @@
+"""What is always on the screen: Stop, the state of the bench, who is at the controls."""
+
+from __future__ import annotations
+
+from time import monotonic
+
+from nicegui import ui
+
+from benchtool.web.context import Context
+from benchtool.web.control_line import ControlLine
+from benchtool.web.tell import say
+
+STOP = (
+    '<button class="stop-button" type="button" aria-keyshortcuts="Space Escape">STOP'
+    "<small>space bar or Esc</small></button>"
+)
+
+LOOK_S = 0.5
+
+_THEMES = {"": ("brightness_auto", "light"), "light": ("light_mode", "dark"),
+           "dark": ("dark_mode", "")}  # fmt: skip
+
+
+class Header:
+    """Show the top of the page.
+
+    Args:
+        context: of this page.
+        dark: its dark mode.
+    """
+
+    def __init__(self, context: Context, dark: ui.dark_mode) -> None:
+        self._context, self._dark = context, dark
+        with ui.header().classes("q-py-xs q-px-md"):
+            with ui.row(wrap=False).classes("items-center w-full gap-4"):
+                ui.label("benchtool").classes("text-h6 gt-xs")
+                self._state = ui.label().classes("grow ellipsis").props("role=status")
+                self._seat = ui.label().classes("soft gt-sm")
+                self._take = ui.button("Take over", on_click=self._take_over).props("outline")
+                self._theme = ui.button(on_click=self._next_theme).props("flat round dense")
+                self._theme.props('aria-label="Light, dark, or as the system has it"')
+                ui.html(STOP, sanitize=False)
+            self.tabs_place = ui.row().classes("w-full")
+        ControlLine(context)
+        self._show_theme()
+        self.refresh()
+        ui.timer(LOOK_S, self.refresh)
+
+    def refresh(self) -> None:
+        """Show what is so now."""
+        connection = self._context.bench.connection
+        words = {"off": "no bench", "opening": f"opening {connection.address}"}
+        self._state.set_text(words.get(connection.status, connection.address))
+        in_control = self._context.in_control()
+        self._seat.set_text("at the controls" if in_control else "watching")
+        free = self._context.shared.seat.is_free(monotonic())
+        self._take.set_visibility(free and not in_control and bool(self._context.tab))
+
+    def _take_over(self) -> None:
+        taken = self._context.shared.seat.take(self._context.tab, monotonic())
+        say("this page is at the controls now" if taken else "another page was faster")
+        self.refresh()
+
+    def _next_theme(self) -> None:
+        theme = _THEMES[self._context.theme][1]
+        self._context.theme = theme
+        self._dark.value = {"light": False, "dark": True}.get(theme)
+        kept = f"benchtool-theme={theme}; path=/; max-age=31536000; samesite=strict"
+        ui.run_javascript(f'document.cookie = "{kept}"')
+        self._show_theme()
+
+    def _show_theme(self) -> None:
+        self._theme.props(f"icon={_THEMES[self._context.theme][0]}")

@@ -1,0 +1,101 @@
+"""Serve the page: on the loopback address, or elsewhere behind a token."""
+
+from __future__ import annotations
+
+import os
+import secrets
+import socket
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+
+from nicegui import app, ui
+
+from benchtool.errors import InputError
+from benchtool.web.access import LOOPBACK, Access, is_loopback
+from benchtool.web.context import Shared
+from benchtool.web.control_line import serve_control_line
+from benchtool.web.doorman import Doorman
+from benchtool.web.page import serve_page
+from benchtool.web.tell import say_error
+from benchtool.web.theme import serve_static
+
+PORT = 8460
+"""Where the page is when nobody names a port and this one is free; a choice."""
+
+EVERYWHERE = frozenset({"0.0.0.0", "::"})  # noqa: S104 -- compared with, not bound to
+
+RECONNECT_S = 3.0
+
+
+def serve(runs: Path, host: str, port: int | None, announce: Callable[[str], None]) -> None:
+    """Serve the page until Ctrl-C.
+
+    Args:
+        runs: folder of runs, the only one that the page reads and writes.
+        host: address to bind to.
+        port: to bind to; PORT or else a free one when None, a free one when 0.
+        announce: is given the address of the page once it can be opened.
+
+    Raises:
+        InputError: the address cannot be bound to.
+    """
+    port = free_port(host, port)
+    access = access_for(host)
+    shown = "127.0.0.1" if host in EVERYWHERE else host
+    url = f"http://{f'[{shown}]' if ':' in shown else shown}:{port}/"
+    opened = f"{url}?token={access.token}" if access.token else url
+    shared = Shared(runs=runs)
+    app.add_middleware(Doorman, access=access, cookie=f"benchtool-{port}")
+    app.on_startup(shared.bench.start)
+    app.on_startup(lambda: announce(opened))
+    app.on_shutdown(shared.close)
+    app.on_exception(say_error)
+    serve_static()
+    serve_control_line(shared)
+    serve_page(shared)
+    # A name that a browser may ask for is settled by us, not by the environment of a test.
+    os.environ.pop("PYTEST_CURRENT_TEST", None)
+    ui.run(
+        host=host, port=port, title="benchtool", reload=False, show=False,
+        show_welcome_message=False, reconnect_timeout=RECONNECT_S, language=None,
+    )  # fmt: skip
+
+
+def access_for(host: str) -> Access:
+    """Return who may ask a server bound to a host; a token is made unless only this machine can."""
+    if is_loopback(host):
+        return Access(names=LOOPBACK | {host})
+    own = {socket.gethostname().lower(), socket.getfqdn().lower(), host.lower()}
+    return Access(
+        names=LOOPBACK | own - EVERYWHERE,
+        any_address=True,
+        token=secrets.token_urlsafe(24),
+    )
+
+
+def free_port(host: str, port: int | None) -> int:
+    """Return a port that can be bound to.
+
+    Raises:
+        InputError: the port is taken, or the host is not ours.
+    """
+    with suppress(OSError):
+        return _bound(host, PORT if port is None else port)
+    try:
+        return _bound(host, 0 if port is None else port)
+    except OSError as error:
+        raise InputError(
+            f"nothing can be served on {host} port {port}: {error.strerror or error}; name another "
+            f"with --host and --port"
+        ) from error
+
+
+def _bound(host: str, port: int) -> int:
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    with socket.socket(family, socket.SOCK_STREAM) as trial:
+        if sys.platform != "win32":
+            trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        trial.bind((host, port))
+        return int(trial.getsockname()[1])

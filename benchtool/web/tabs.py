@@ -1,0 +1,8 @@
+"""The page's tabs, in order. A new one costs its module and one line here."""
+
+from __future__ import annotations
+
+from benchtool.web import bench_tab
+from benchtool.web.tab import Tab
+
+TABS: tuple[Tab, ...] = (bench_tab.TAB,)

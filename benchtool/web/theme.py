@@ -1,0 +1,40 @@
+"""Colours of the page: the reports' and figures' own, light and dark."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from nicegui import app, ui
+
+from benchtool.report.palette import BLACK, CYCLE
+
+STATIC = Path(__file__).parent / "static"
+
+ACCENT = "#0072b2"
+STOP = "#b00020"
+"""A red of its own, kept for Stop alone; white on it has a contrast of 7.3 to 1."""
+
+LIGHT_INK = "#e8eaed"
+"""Stands for black on a dark ground."""
+
+
+def cycle(dark: bool) -> tuple[str, ...]:
+    """Return the colours of numbered things, as in the figures; black turns light on dark."""
+    return tuple(LIGHT_INK if dark and color == BLACK else color for color in CYCLE)
+
+
+def dress_page(theme: str) -> ui.dark_mode:
+    """Give the present page its colours, and return its dark mode.
+
+    Args:
+        theme: "light", "dark", or anything else to follow the system.
+    """
+    ui.colors(primary=ACCENT, negative=STOP, positive="#00704f", warning="#b34700", info=ACCENT)
+    ui.add_head_html('<meta name="color-scheme" content="light dark">')
+    ui.add_head_html('<link rel="stylesheet" href="/static/page.css">')
+    return ui.dark_mode({"light": False, "dark": True}.get(theme))
+
+
+def serve_static() -> None:
+    """Offer the style sheet under /static."""
+    app.add_static_files("/static", STATIC)
