@@ -1,0 +1,111 @@
+"""A bench that another thread can stop at once, whatever its owner waits for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.bench.bench import Bench, Identity, Readings
+from benchtool.bench.opened import Opened
+from benchtool.errors import BenchtoolError, RunStopped
+
+Array = NDArray[np.float64]
+
+SLICE_S = 0.05
+"""Longest wait of one read; a request to stop is raised to the owner at least as often."""
+
+
+@runtime_checkable
+class Halts(Protocol):
+    """Be able to send zero from any thread."""
+
+    def halt(self) -> None:
+        """Send zero to every motor without waiting for the answer, from any thread.
+
+        The owner of the bench may be in the middle of a command of its own.
+        """
+        ...
+
+
+class AskedToStop(RunStopped):
+    """Somebody asked to stop: the bench may go on when its owner wants it to."""
+
+
+class StoppableBench(Opened):
+    """Be another bench until somebody asks to stop.
+
+    `ask_to_stop` sends zero from the thread that asks, where the bench can do that, and lets the
+    owner's next call raise AskedToStop once. A pulse that the owner sends in the same moment is
+    taken back.
+
+    Args:
+        bench: the one to stop.
+        heard: is given what every read brings.
+    """
+
+    def __init__(self, bench: Bench, heard: Callable[[Readings], None] | None = None) -> None:
+        self._bench = bench
+        self._heard = heard
+        self._asked: str | None = None
+
+    def ask_to_stop(self, reason: str) -> None:
+        """Stop from any thread; the owner hears the reason."""
+        self._asked = reason
+        if isinstance(self._bench, Halts):
+            with suppress(BenchtoolError, OSError):
+                self._bench.halt()
+
+    def forget(self) -> None:
+        """Forget a request that came when there was nothing to stop."""
+        self._asked = None
+
+    @property
+    def identity(self) -> Identity:
+        return self._bench.identity
+
+    def now_s(self) -> float:
+        return self._bench.now_s()
+
+    def open(self) -> None:
+        self._bench.open()
+
+    def close(self) -> None:
+        self._bench.close()
+
+    def set_pwm(self, pwm_us: Array) -> None:
+        self._raise_if_asked()
+        self._bench.set_pwm(pwm_us)
+        if self._asked is not None:
+            self._bench.stop()
+            self._raise_if_asked()
+
+    def stop(self) -> None:
+        self._bench.stop()
+
+    def move_plate(self, z_m: float, x_m: float = 0.0, tilt_rad: float = 0.0) -> None:
+        self._raise_if_asked()
+        self._bench.move_plate(z_m, x_m, tilt_rad)
+
+    def tare(self) -> None:
+        self._raise_if_asked()
+        self._bench.tare()
+
+    def set_rate(self, rate_Hz: float) -> None:
+        self._bench.set_rate(rate_Hz)
+
+    def read(self, timeout_s: float) -> Readings:
+        self._raise_if_asked()
+        # Not raised behind the read: no sample is lost to a request.
+        readings = self._bench.read(min(timeout_s, SLICE_S))
+        if self._heard is not None:
+            self._heard(readings)
+        return readings
+
+    def _raise_if_asked(self) -> None:
+        reason, self._asked = self._asked, None
+        if reason is not None:
+            raise AskedToStop(f"{reason}; zero was commanded to the motors")

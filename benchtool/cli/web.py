@@ -1,0 +1,33 @@
+"""`benchtool web`: the page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def command(
+    runs: Annotated[
+        Path, typer.Option(help="Folder of runs; the page reads and writes no other.")
+    ] = Path("runs"),
+    host: Annotated[
+        str, typer.Option(help="Address to serve on; others than this machine need the token.")
+    ] = "127.0.0.1",
+    port: Annotated[
+        int | None, typer.Option(min=0, max=65535, help="Port; 8460 or a free one without.")
+    ] = None,
+    browser: Annotated[bool, typer.Option(help="Open the page in a browser.")] = True,
+) -> None:
+    """Serve the page: see the bench live, sweep, fit and explain from a browser."""
+    from benchtool.web.serve import serve
+
+    def announce(address: str) -> None:
+        print(address, flush=True)
+        if browser:
+            import webbrowser
+
+            webbrowser.open(address)
+
+    serve(runs, host, port, announce)
