@@ -64,6 +64,7 @@ def campaign_figure(
     title: str,
     share: bool = False,
     note: str = "",
+    values: Sequence[Sequence[float]] = (),
 ) -> Figure:
     """Draw the mean of a measure in each cell: a line over one number, a map over two.
 
@@ -74,6 +75,7 @@ def campaign_figure(
         title: one line that says what is to be seen.
         share: the measure is a share: from none to all, and written into cells in between.
         note: what a cell is the mean of.
+        values: of each number on a grid, where ticks stand; even ticks when left out.
     """
     if not panels or len(names) not in (1, 2):
         raise InputError(
@@ -97,6 +99,9 @@ def campaign_figure(
         own = axes[at]
         own.set_visible(True)
         own.locator_params(nbins=6)
+        for axis, grid in zip((own.xaxis, own.yaxis), values, strict=False):
+            ticks = ticks_at(grid, 6 if axis is own.xaxis else 9)
+            axis.set_ticks(ticks, [f"{value:.4g}" for value in ticks])
         if at[0] == 0:
             own.set_title(panel.column)
         if at[0] == len(rows) - 1:
@@ -123,6 +128,13 @@ def campaign_figure(
         for own, panel in drawn:
             _write_shares(own, panel)
     return figure
+
+
+def ticks_at(grid: Sequence[float], most: int) -> list[float]:
+    """Return the values of a grid, or every second, third ... from the first, so that few stay."""
+    step = -(-len(grid) // most)
+    even = [each for each in range(step, 2 * step) if (len(grid) - 1) % each == 0]
+    return list(grid[:: even[0] if even else step])
 
 
 def _limits(panels: Sequence[CampaignPanel]) -> tuple[float, float]:

@@ -93,6 +93,7 @@ def campaign_map(
     return campaign_figure(
         panels, design.names[:2], shown.text, share=shown.share, title=campaign.title,
         note=_note(campaign, design),
+        values=[] if design.samples else [each.values() for each in design.varied[:2]],
     )  # fmt: skip
 
 
@@ -104,7 +105,9 @@ def _note(campaign: Campaign, design: Design) -> str:
         over.insert(0, f"the random points in it ({design.samples} in all)")
     over += [f"{design.seeds} seeds"] if design.seeds > 1 else []
     mean = f"mean over {' and '.join(over)}" if over else "one run"
-    cell = "cell" if len(design.varied) > 1 else "point"
+    cell = "point" if len(design.varied) == 1 else "cell"
+    if cell == "cell" and not design.samples:
+        cell = "cell, drawn around its values"
     fixed = [f"{name} {n}" for name, n in campaign.fixed.items() if name not in design.names]
     return f"Each {cell}: {mean}; {', '.join(fixed)}"
 

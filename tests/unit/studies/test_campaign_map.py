@@ -11,6 +11,7 @@ import pandas as pd
 import pytest
 
 from benchtool.errors import InputError, UnknownChoice
+from benchtool.report.campaign import ticks_at
 from benchtool.store import campaign as store
 from benchtool.studies.campaign import Measure, Row, measure_named, write_campaign
 from benchtool.studies.campaign_map import campaign_map, campaign_panels
@@ -107,8 +108,8 @@ def test_a_third_number_has_its_own_panels_while_they_stay_few(tmp_path: Path) -
     ("words", "samples", "note"),
     [
         ([SPEED], 0, "Each point: one run; height 2, noise 0.1"),
-        ([SPEED, GAIN], 0, "Each cell: one run; height 2, noise 0.1"),
-        ([SPEED, GAIN, HEIGHT], 0, "Each cell: one run; noise 0.1"),
+        ([SPEED, GAIN], 0, "Each cell, drawn around its values: one run; height 2, noise 0.1"),
+        ([SPEED, GAIN, HEIGHT], 0, "Each cell, drawn around its values: one run; noise 0.1"),
         (
             [SPEED, GAIN, HEIGHT],
             60,
@@ -149,3 +150,27 @@ def test_a_measure_that_is_not_there_is_refused(tmp_path: Path) -> None:
     path = table_of(tmp_path, dice, design)
     with pytest.raises(InputError, match="late_s has no value in any run"):
         campaign_panels(path, dice, design, "late_s")
+
+
+def test_ticks_stand_at_the_values_of_a_grid(tmp_path: Path) -> None:
+    dice, design = Dice(controllers=("oge", "pid")), Design.read([SPEED, GAIN])
+    panels = campaign_panels(table_of(tmp_path, dice, design), dice, design, "arrives")
+    (axes, *_) = campaign_map(panels, dice, design, "arrives").axes
+    np.testing.assert_allclose(axes.get_xticks(), [0.2, 0.4, 0.6, 0.8, 1.0])
+    np.testing.assert_allclose(axes.get_yticks(), [0.8, 1.0, 1.2])
+    assert [text.get_text() for text in axes.get_yticklabels()] == ["0.8", "1", "1.2"]
+    assert axes.get_title(loc="left") == "oge"
+
+
+@pytest.mark.parametrize(
+    ("count", "shown"),
+    [
+        (2, [0, 1]),
+        (6, [0, 1, 2, 3, 4, 5]),
+        (9, [0, 2, 4, 6, 8]),
+        (13, [0, 3, 6, 9, 12]),
+        (12, [0, 2, 4, 6, 8, 10]),
+    ],
+)
+def test_few_ticks_of_many_values_are_labelled(count: int, shown: list[int]) -> None:
+    assert ticks_at([float(k) for k in range(count)], 6) == shown
