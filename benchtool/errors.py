@@ -184,12 +184,18 @@ class NotConverged(EstimationError):
 
 
 class MissingLibrary(BenchtoolError):
-    """An optional package is not installed."""
+    """An optional package or system library is not installed.
+
+    Args:
+        package: what is missing.
+        purpose: what needs it.
+        extra: of benchtool's own that brings it.
+        install: how to install it where no extra does.
+    """
 
     exit_code = 7
 
-    def __init__(self, package: str, purpose: str, extra: str) -> None:
+    def __init__(self, package: str, purpose: str, extra: str = "", install: str = "") -> None:
         self.package = package
-        super().__init__(
-            f"{purpose} needs {package}; install it with: pip install benchtool[{extra}]"
-        )
+        how = install or f"install it with: pip install benchtool[{extra}]"
+        super().__init__(f"{purpose} needs {package}; {how}")

@@ -29,6 +29,7 @@ COMMANDS: dict[str, str] = {
     "import": "Import flight logs and other makers' files, every repair told",
     "fit": "Fit a ground-effect model to run folders or any CSV",
     "explain": "Name the effect that a model lacks, and show the gap shrink",
+    "report": "Write a report page, and PDF, of a run, fit or recording",
     "figures": "Draw runs in the layout of the paper's figures 3, 4, 6, 8",
     "simulate": "Simulate benches and flights near surfaces in closed loop",
     "web": "Serve the page: see the bench live, sweep, fit and explain from a browser",

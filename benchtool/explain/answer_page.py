@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 
 from benchtool import __version__
 from benchtool.explain.answer import Answer, channel_words
@@ -25,6 +26,8 @@ from benchtool.report.page import (
     Section,
     Warnings,
 )
+from benchtool.report.run_facts import simple_facts
+from benchtool.store import Run, is_run
 
 EVERYWHERE = "everywhere"
 """The regime of a disagreement that no part of the recordings has more of than others."""
@@ -104,6 +107,7 @@ def answer_page(answer: Answer, figures: Mapping[str, Figure], next_name: str = 
         Section("Tolerances", [tolerances_table(answer)]),
         Section("What was not judged", _not_judged(answer)),
         Section("What stands behind it", [Facts(_facts(answer))]),
+        *_runs(answer),
         Section("Made with", [Commands(answer.commands)]),
     ]
     return Report(
@@ -114,6 +118,17 @@ def answer_page(answer: Answer, figures: Mapping[str, Figure], next_name: str = 
         made=f"benchtool {__version__}",
         highlights=_highlights(answer),
     )
+
+
+def _runs(answer: Answer) -> list[Section]:
+    """Say of every run on what it was made, in which air and with which calibration."""
+    return [
+        Section(
+            f"The run {source.name}", [Facts(simple_facts(Run.open(Path(source.path)).metadata))]
+        )
+        for source in (*answer.learn, *answer.check)
+        if is_run(source.path)
+    ]
 
 
 def _figures(figures: Mapping[str, Figure], *names: str) -> list[Block]:

@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, Literal
-
 import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.fit_result import FitResult
 from benchtool.effects.conditions import FAR_AWAY_M, Conditions
-from benchtool.effects.model import Model
 from benchtool.effects.partial_coverage import factors
 from benchtool.estimate.convergence import convergence_of
+from benchtool.recipes.curves import bands_over, factor_over, formula_curves
 from benchtool.recipes.fit_data import FAR_Z_OVER_R
 from benchtool.recipes.run_recipe import FitOutput
 from benchtool.report.area import AreaPoints, area_figure
 from benchtool.report.chains import Chains, chain_figure
 from benchtool.report.corner import corner_figure
-from benchtool.report.ground_effect import Band, Curve, RatioPoints, ratio_figure
+from benchtool.report.ground_effect import Curve, RatioPoints, ratio_figure
 from benchtool.report.numbers import unit_for_people
 from benchtool.report.page import Figure
 from benchtool.report.palette import Role
@@ -55,14 +52,8 @@ def ratio(output: FitOutput) -> Figure:
     series = ratio_points(output, _name_of_data(output))
     farthest = float(np.nanmax(series.z_over_R))
     z = np.linspace(0.5, max(1.1 * farthest, 2.0), 240)
-    curves = [fitted_curve(output, z)]
-    turning = int(np.asarray(_typical(output).speed_rad_s > 0.0).sum())
-    single = Model.single(model.rig)
-    curves.append(Curve(z, _curve(single, output, z), "eq. (2), one rotor", "formula"))
-    if turning > 1:
-        images = single.with_effect("neighbour_images")
-        label = f"eq. (3), {turning} rotors" if turning != 4 else "eq. (3), quadrotor"
-        curves.append(Curve(z, _curve(images, output, z), label, "quad"))
+    speeds = _typical(output).speed_rad_s
+    curves = [fitted_curve(output, z), *formula_curves(model.rig, speeds, z)]
     return ratio_figure(
         (series,),
         curves,
@@ -110,7 +101,8 @@ def fitted_curve(
     """Return the fitted model's curve with its 68 and 95 % bands."""
     result = output.results[-1]
     known = bool(len(result.samples)) or bool(np.isfinite(result.covariance).all())
-    middle = _curve(output.fitted, output, z_over_R)
+    speeds = _typical(output).speed_rad_s
+    middle = factor_over(output.fitted, speeds, z_over_R)
     if not known:  # data that do not determine the curve have no band
         return Curve(z_over_R, middle, label or f"fit: {output.fitted.name}", role, "fit")
     rng = np.random.default_rng(output.recipe.seed)
@@ -122,30 +114,8 @@ def fitted_curve(
         )
     names = [estimate.name for estimate in result.estimates]
     free = {name: draws[:, [column]] for column, name in enumerate(names)}
-    spread = np.asarray(_curve(output.fitted, output, z_over_R, free), float)
-    spread = np.broadcast_to(spread, (len(draws), len(z_over_R)))
-    bands = (_band(spread, 68), _band(spread, 95))
+    bands = bands_over(output.fitted, speeds, z_over_R, free)
     return Curve(z_over_R, middle, label or f"fit: {output.fitted.name}", role, "fit", bands)
-
-
-def _band(spread: Array, level: Literal[68, 95]) -> Band:
-    lower, upper = np.percentile(spread, [50.0 - level / 2.0, 50.0 + level / 2.0], axis=0)
-    return Band(lower, upper, level)
-
-
-def _curve(
-    model: Model, output: FitOutput, z_over_R: Array, free: Mapping[str, Array] | None = None
-) -> Any:
-    like = _typical(output)
-    conditions = Conditions.of(
-        model.rig,
-        speed_rad_s=like.speed_rad_s,
-        plate_z_m=z_over_R * model.rig.propulsion.radius_m,
-        coverage=np.ones((model.rig.n_discs, 1)),
-    )
-    known = free or {}
-    values = [known.get(name, item.value) for name, item in model.parameters.items()]
-    return model.factor(conditions, values)
 
 
 def _typical(output: FitOutput) -> Conditions:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 from benchtool import __version__
 from benchtool.core.fit_result import Estimate, FitResult
@@ -22,6 +23,8 @@ from benchtool.report.page import (
     Table,
     Warnings,
 )
+from benchtool.report.run_facts import simple_facts
+from benchtool.store import Run, is_run
 
 CAPTIONS: dict[str, str] = {
     "ratio": (
@@ -66,7 +69,19 @@ def fit_sections(
             )
         )
     sections.append(Section(f"{name}: what stands behind it", [Facts(_facts(output))]))
-    return tuple(sections)
+    return (*sections, *_runs(output))
+
+
+def _runs(output: FitOutput) -> list[Section]:
+    """Say of every run that was fitted on what, in which air and with which calibration."""
+    return [
+        Section(
+            f"The run {Path(path).resolve().name}",
+            [Facts(simple_facts(Run.open(Path(path)).metadata))],
+        )
+        for path in output.data.hashes
+        if is_run(path)
+    ]
 
 
 def fit_page(output: FitOutput, figures: Mapping[str, Figure], commands: Sequence[str]) -> Report:

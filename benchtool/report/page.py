@@ -40,6 +40,14 @@ class Commands:
 
 
 @dataclass(frozen=True, slots=True)
+class Listing:
+    """Quote a small text file as it stands (a plan)."""
+
+    caption: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
 class Table:
     """Show rows of cells, already formatted.
 
@@ -79,7 +87,7 @@ class FigureBlock:
     alt: str = ""
 
 
-Block = Paragraph | Facts | Warnings | Commands | Table | FigureBlock
+Block = Paragraph | Facts | Warnings | Commands | Listing | Table | FigureBlock
 
 
 @dataclass(frozen=True, slots=True, eq=False)

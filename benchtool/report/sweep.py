@@ -160,9 +160,14 @@ def sweep_figure(
             for kind in kinds
         ],
     )
-    rotors = max(len(traces.speed_rad_s), len(traces.pwm_us))
+    rotor_legend(speed, max(len(traces.speed_rad_s), len(traces.pwm_us)))
+    return figure
+
+
+def rotor_legend(axes: Axes, rotors: int) -> None:
+    """Name the colours of numbered rotors over a panel; one rotor needs no name."""
     _legend_over(
-        speed,
+        axes,
         [
             Line2D(
                 [],
@@ -173,7 +178,6 @@ def sweep_figure(
             for index in range(rotors if rotors > 1 else 0)
         ],
     )
-    return figure
 
 
 def _trace(axes: Axes, time: Array, values: Array, color: str) -> None:

@@ -42,3 +42,12 @@ def read_pitch(path: str | Path) -> Recording:
     pairs = [(Channel("time_s", "s"), 1e-6 * (device_us - device_us[0]))]
     pairs += [(kept.channels[kept.index(name)], kept.column(name)) for name in names]
     return Recording.from_columns(pairs, kept.provenance, kept.simulated)
+
+
+def is_pitch_run(path: str | Path) -> bool:
+    """Tell whether a run folder holds a pitch experiment, by the channels of its samples."""
+    file = Path(path) / "samples.csv"
+    if not file.is_file():
+        return False
+    with open(file, encoding="utf-8", errors="replace") as lines:
+        return "theta_rad" in lines.readline().strip().split(",")
