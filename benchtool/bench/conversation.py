@@ -15,7 +15,7 @@ from benchtool.bench.link import (
     Message,
     frame_command,
 )
-from benchtool.bench.mavlink_strangers import is_mavlink
+from benchtool.bench.strangers import not_a_bench
 from benchtool.bench.transport import Transport
 from benchtool.errors import LinkLost, NoDevice, PortBusy, ProtocolError
 
@@ -31,7 +31,7 @@ HEARTBEAT_S = 0.08
 """A third of the 250 ms watchdog: two heartbeats may get lost."""
 
 LONGEST_WAIT_S = 0.02
-_SHOWN_BYTES = 40
+_SHOWN_BYTES = 200
 
 
 class Conversation:
@@ -165,16 +165,7 @@ class Conversation:
                 f"{self._address} is open, but nothing answered for {HELLO_S:g} s; check power, "
                 f"firmware and baud rate (`benchtool doctor` tries each cause)"
             )
-        if is_mavlink(self._heard):
-            place = self._address.partition("?")[0]
-            raise ProtocolError(
-                f"{self._address} speaks MAVLink: it is a flight controller; use mavlink:{place} "
-                f"for it"
-            )
-        raise ProtocolError(
-            f"{self._address} sends {self._heard!r}, which is not the bench protocol; check that "
-            f"this is the bench and that the baud rate is right"
-        )
+        raise ProtocolError(f"{self._address} {not_a_bench(self._heard, self._address)}")
 
     def _send(self, data: bytes) -> None:
         self.transport.write(data)

@@ -17,8 +17,9 @@ from benchtool.bench.grbl_words import (
     Word,
 )
 from benchtool.bench.stage import Pause
+from benchtool.bench.strangers import not_a_stage
 from benchtool.bench.transport import Transport
-from benchtool.errors import NoDevice, StageError
+from benchtool.errors import NoDevice, ProtocolError, StageError
 
 WAKE_S = 5.0
 """Boards that reset when their port is opened take 1 to 2 s to boot; a margin on that."""
@@ -34,6 +35,8 @@ AFTER_BANNER_S = 0.1
 ASK_S = 0.2
 MOST_REPORTS = 40
 """The work offset comes in every 10th to 30th report (Grbl 1.1 configuration)."""
+
+_SHOWN_BYTES = 200
 
 
 class GrblLink:
@@ -52,6 +55,7 @@ class GrblLink:
         self._transport = transport
         self._clock = clock
         self._ear = Ear()
+        self._heard = b""
 
     def open(self) -> None:
         """Open the port; nothing is said yet."""
@@ -70,8 +74,10 @@ class GrblLink:
         """Reset the stage until it says its name.
 
         Raises:
-            NoDevice: it never does.
+            NoDevice: it says nothing.
+            ProtocolError: it says something else.
         """
+        self._heard = b""
         deadline_s = self._clock() + WAKE_S
         while self._clock() < deadline_s:
             self._transport.write(RESET)
@@ -79,6 +85,8 @@ class GrblLink:
             while self._clock() < try_s:
                 if any(isinstance(word, Banner) for word in self._hear()):
                     return
+        if self._heard:
+            raise ProtocolError(f"{self.name} {not_a_stage(self._heard)}")
         raise NoDevice(
             f"{self.name} did not answer a reset within {WAKE_S:g} s; check its power, port and "
             f"baud rate (GRBL: 115200)"
@@ -150,7 +158,10 @@ class GrblLink:
         )
 
     def _hear(self) -> list[Word]:
-        words = self._ear.feed(self._transport.read(LISTEN_S))
+        data = self._transport.read(LISTEN_S)
+        if len(self._heard) < _SHOWN_BYTES:
+            self._heard = (self._heard + data)[:_SHOWN_BYTES]
+        words = self._ear.feed(data)
         for word in words:
             if isinstance(word, Banner):
                 words += self._after_banner()

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from benchtool.bench.mavlink_dialect import Message, dialect
 from benchtool.bench.mavlink_frames import AUTOPILOT_COMPONENT, GROUND_SYSTEM, MavlinkFrames
 from benchtool.bench.mavlink_pilots import AUTOPILOT_INVALID, Order
-from benchtool.bench.mavlink_strangers import what_it_is
+from benchtool.bench.strangers import not_mavlink
 from benchtool.bench.transport import Transport
 from benchtool.errors import InputError, LinkLost, NoDevice, ProtocolError
 
@@ -214,7 +214,7 @@ class MavlinkTalk:
                 f"that the autopilot sends MAVLink to this port (`benchtool doctor` tries each "
                 f"cause)"
             )
-        return ProtocolError(f"{self._address} {what_it_is(self._heard)}")
+        return ProtocolError(f"{self._address} {not_mavlink(self._heard)}")
 
 
 def _ignore(message: Message, arrived_s: float) -> None:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from benchtool.bench.mavlink_strangers import is_mavlink
 from benchtool.bench.rcb_words import Line, RcbEar, words_for
+from benchtool.bench.strangers import not_the_bridge
 from benchtool.bench.transport import Transport
 from benchtool.errors import CommandRefused, LinkLost, NoDevice, ProtocolError
 
@@ -158,12 +158,4 @@ class RcbTalk:
                 f"the GUI ({WRITE_IT}), and check that the ports at its head are those of this "
                 f"address"
             )
-        if is_mavlink(self._heard):
-            return ProtocolError(
-                f"{self._address} speaks MAVLink: it is a flight controller; use a mavlink: "
-                f"address for it"
-            )
-        return ProtocolError(
-            f"{self._address} sends {self._heard[:40]!r}, which no bridge script says; check host "
-            f"and port"
-        )
+        return ProtocolError(f"{self._address} {not_the_bridge(self._heard)}")

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.bench.device_clock import DeviceClock
+from benchtool.bench.strangers import kind_of
 from benchtool.bench.transport import Transport
-from benchtool.errors import NoDevice
+from benchtool.errors import NoDevice, ProtocolError
 
 Array = NDArray[np.float64]
 
@@ -67,6 +68,7 @@ class SideCell:
         self._lines = CellLines()
         self._waiting: list[tuple[float, float]] = []
         self._last_us = 0
+        self._heard = b""
 
     def open(self) -> None:
         """Open the port and wait for the first reading; whoever owns the port closes it.
@@ -77,19 +79,37 @@ class SideCell:
         self._lines, self._waiting, self._last_us = CellLines(), [], 0
         self._transport.open()
         until_s = self._clock() + FIRST_S
+        self._heard = b""
         while not self._waiting:
             if self._clock() >= until_s:
-                raise NoDevice(
-                    f"the load cell on {self._name} sent no number for {FIRST_S:g} s; check its "
-                    f"power, its program and the baud rate behind the port's name"
-                )
+                raise self._silence()
             self.poll(0.02)
 
     def poll(self, timeout_s: float = 0.0) -> None:
         """Take what has arrived."""
         data = self._transport.read(timeout_s)
         arrived_s = self._clock()
+        if not self._waiting and len(self._heard) < LONGEST_LINE:
+            self._heard += data
         self._waiting += [(arrived_s, value) for value in self._lines.feed(data)]
+
+    def _silence(self) -> NoDevice | ProtocolError:
+        """Say what is there instead of a load cell that sends numbers."""
+        if not self._heard:
+            return NoDevice(
+                f"the load cell on {self._name} sent nothing for {FIRST_S:g} s; check its power, "
+                f"its program and the port's name"
+            )
+        if kind_of(self._heard) in ("noise", "frames"):
+            return ProtocolError(
+                f"the load cell on {self._name} sends bytes that are no text "
+                f"({bytes(self._heard[:40])!r}); the baud rate is wrong: write it behind the "
+                f"port's name, as cell=/dev/ttyUSB1:57600"
+            )
+        return ProtocolError(
+            f"what hangs on {self._name} sends text without a number "
+            f"({bytes(self._heard[:40])!r}); it is no load cell, or another program runs on it"
+        )
 
     def rows(
         self, host_s: Callable[[float], float], clock: DeviceClock, width: int, columns: list[int]

@@ -46,7 +46,7 @@ def test_readings_stand_on_the_autopilots_clock() -> None:
 
 def test_a_silent_cell_is_named() -> None:
     link = ScriptedLink()
-    with pytest.raises(NoDevice, match="the load cell on /dev/cell sent no number for 5 s"):
+    with pytest.raises(NoDevice, match="the load cell on /dev/cell sent nothing for 5 s"):
         SideCell(link, "/dev/cell", link.clock).open()
     assert link.opened == 1
 

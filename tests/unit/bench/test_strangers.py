@@ -1,0 +1,124 @@
+"""Every kind of sender, judged by every kind of listener in one sentence."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from benchtool.bench.grbl_stage import GrblAxis, GrblStage
+from benchtool.bench.link import frame
+from benchtool.bench.mavlink_dialect import dialect
+from benchtool.bench.mavlink_frames import MavlinkFrames
+from benchtool.bench.side_cell import SideCell
+from benchtool.bench.strangers import (
+    Kind,
+    kind_of,
+    not_a_bench,
+    not_a_stage,
+    not_mavlink,
+    not_the_bridge,
+)
+from benchtool.errors import ProtocolError
+from benchtool.testing.scripted_link import ScriptedLink
+
+BEAT = MavlinkFrames(1, 1).pack(dialect().MAVLink_heartbeat_message(2, 3, 81, 0, 3, 3))
+NOISE = np.random.default_rng(5).integers(128, 250, 200).astype(np.uint8).tobytes()
+HEARD: dict[Kind, bytes] = {
+    "bench": frame(b"E,boot,ready"),
+    "mavlink": b"\x12\x00" + BEAT + BEAT[:5],
+    "grbl": b"k\r\nok\r\nerror:20\r\n<Idle|MPos:0.000,0.000,0.000|FS:0,0>\r\no",
+    "stand": b'{"thrust": {"workingValue": 1.0, "workingUnit": "g"}}',
+    "text": b"HX711 reading: 124006\r\nHX711 reading: 124011\r\n",
+    "frames": NOISE + b"\xfd\x80\x01",
+    "noise": NOISE,
+}
+
+
+@pytest.mark.parametrize("kind", HEARD)
+def test_what_speaks_is_known(kind: Kind) -> None:
+    assert kind_of(HEARD[kind]) == kind
+
+
+def on_serial(heard: bytes) -> str:
+    return not_a_bench(heard, "serial:/dev/x?baud=9600")
+
+
+@pytest.mark.parametrize(
+    ("listener", "own", "sentences"),
+    [
+        (on_serial, None, 6),  # both kinds of garbage are a wrong baud rate
+        (not_mavlink, "mavlink", 6),
+        (not_a_stage, "grbl", 4),  # and a script of the GUI is text as any other
+        (not_the_bridge, "stand", 3),  # a socket has no baud rate
+    ],
+)
+def test_each_listener_tells_them_apart_in_one_sentence(
+    listener: Callable[[bytes], str], own: Kind | None, sentences: int
+) -> None:
+    said = [listener(heard) for kind, heard in HEARD.items() if kind != own]
+    assert not any("\n" in text for text in said)
+    assert len({re.sub(r"b['\"].*['\"]", "", text) for text in said}) == sentences
+
+
+@pytest.mark.parametrize(
+    ("kind", "said"),
+    [
+        ("mavlink", "use mavlink:serial:/dev/x for it"),
+        ("grbl", "it is a G-code stage; give it as --stage grbl:/dev/x"),
+        ("stand", "use rcbudp: for it"),
+        ("text", "`benchtool firmware` writes one for an Arduino"),
+        ("noise", "the baud rate is wrong: write the device's own as ?baud="),
+        ("frames", "the baud rate is wrong: write the device's own as ?baud="),
+        ("bench", "gave no hello that can be read"),
+    ],
+)
+def test_a_bench_that_is_none_is_named(kind: Kind, said: str) -> None:
+    assert said in not_a_bench(HEARD[kind], "serial:/dev/x?baud=9600")
+
+
+class Talker(ScriptedLink):
+    """A port on which somebody talks and listens to nobody."""
+
+    def __init__(self, says: bytes) -> None:
+        super().__init__()
+        self._says = says
+
+    def read(self, timeout_s: float) -> bytes:
+        self.now_s += max(timeout_s, 1e-3)
+        return self._says
+
+    def write(self, data: bytes) -> None:
+        pass
+
+
+@pytest.mark.parametrize(
+    ("kind", "said"),
+    [
+        ("bench", "it is the bench, not a G-code stage; swap the ports"),
+        ("mavlink", "it is a flight controller, not a G-code stage"),
+        ("noise", "the baud rate is wrong: GRBL has 115200"),
+        ("text", "it is another device, or no GRBL 1.1"),
+    ],
+)
+def test_a_stage_that_is_none_is_named(kind: Kind, said: str) -> None:
+    link = Talker(HEARD[kind])
+    stage = GrblStage(link, GrblAxis("Z", 1.5), 0.1, clock=link.clock, name="the stage on /dev/y")
+    with pytest.raises(ProtocolError, match=re.escape(said)):
+        stage.open()
+    assert link.closed == 1
+
+
+@pytest.mark.parametrize(
+    ("heard", "said"),
+    [
+        (NOISE, "sends bytes that are no text"),
+        (b"ready\r\nno amplifier\r\n", "sends text without a number"),
+    ],
+)
+def test_a_load_cell_that_is_none_is_named(heard: bytes, said: str) -> None:
+    link = Talker(heard)
+    with pytest.raises(ProtocolError, match=said):
+        SideCell(link, "/dev/cell", link.clock).open()
