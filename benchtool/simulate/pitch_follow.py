@@ -143,7 +143,7 @@ def follow(
             first row's readings when None.
         seed: of the wake's torque; the wake's torque only decays when None.
     """
-    lanes = next((count for count in LANES if count >= len(benches)), LANES[-1])
+    lanes = _lanes(len(benches))
     if len(benches) > lanes:
         parts = [
             follow(
@@ -154,6 +154,71 @@ def follow(
             for k in range(0, len(benches), lanes)
         ]  # fmt: skip
         return _joined(parts)
+    loop = _loop(benches, logged, lanes, seed)
+    mode = np.array(logged.mode, float)
+    if states is None:
+        mode[0] = t.RESTART
+    else:
+        _begin(loop, states)
+    log = loop.follow(_seen(logged, mode), gains, round(start_s * logged.rate_Hz))
+    return _followed(log, len(benches), logged.n_discs)
+
+
+def follow_windows(
+    benches: Sequence[PitchBench],
+    logged: LoggedPitch,
+    starts: Sequence[int] | NDArray[np.intp],
+    rows: int,
+    lead: int,
+    states: Sequence[Array],
+    seed: int | None = None,
+) -> list[Followed]:
+    """Return what each bench predicts in each of many windows of a log, without its readings.
+
+    Args:
+        benches: one per lane, as for `follow`.
+        logged: the experiment.
+        starts: first row of each window.
+        rows: of a window.
+        lead: rows before a window whose pulses a delay may still hold.
+        states: (3 + n_discs, lanes) for each window, pitch, rate, wake torque and speeds to begin
+            with.
+        seed: of the wake's torque; the wake's torque only decays when None.
+    """
+    lanes = _lanes(len(benches))
+    if len(benches) > lanes:
+        parts = [
+            follow_windows(
+                benches[k : k + lanes], logged, starts, rows, lead,
+                [state[:, k : k + lanes] for state in states],
+                None if seed is None else seed + k,
+            )
+            for k in range(0, len(benches), lanes)
+        ]  # fmt: skip
+        return [_joined(window) for window in zip(*parts, strict=True)]
+    loop = _loop(benches, logged, lanes, seed)
+    seen = _seen(logged, np.full(len(logged), float(t.FREE)))
+    nothing = np.zeros(t.SPEED_GAIN + 1)
+    found = []
+    for start, state in zip(starts, states, strict=True):
+        first = max(int(start) - lead, 0)
+        _begin(loop, state)
+        seen[t.SEEN_MODE, first:start] = t.WAIT
+        log = loop.follow(seen, nothing, span=(first, int(start) + rows))
+        seen[t.SEEN_MODE, first:start] = t.FREE
+        found.append(_followed(log[start - first :], len(benches), logged.n_discs))
+    return found
+
+
+def _lanes(benches: int) -> int:
+    """Return how many lanes a loop for so many benches has, at most."""
+    return next((count for count in LANES if count >= benches), LANES[-1])
+
+
+def _loop(
+    benches: Sequence[PitchBench], logged: LoggedPitch, lanes: int, seed: int | None
+) -> PitchLoop:
+    """Return a loop that the log's pulses drive; lanes to spare repeat the last bench."""
     first_us = logged.pwm_us[:, 0]
     if logged.turned:
         benches, logged = _turning(benches, logged)
@@ -178,18 +243,37 @@ def follow(
     p = first.model.rig.propulsion
     settled = p.speed_per_us_rad_s * np.maximum(first_us - p.pwm_start_us, 0.0)
     w[r.SPEED : r.SPEED + discs] = settled[:, None]
-    mode = np.array(logged.mode, float)
-    if states is None:
-        mode[0] = t.RESTART
-    else:
-        wide = np.pad(states, ((0, 0), (0, lanes - states.shape[1])), mode="edge")
-        w[r.THETA], w[r.RATE], w[r.WAKE] = wide[0], wide[1], wide[2]
-        w[r.SPEED : r.SPEED + discs] = wide[3:]
-    start = loop.sent.reshape(discs, loop.ring, lanes)
-    start[:] = w[r.SPEED : r.SPEED + discs][:, None, :]
-    log = loop.follow(np.vstack([mode, logged.theta_rad, logged.gyro_rad_s, logged.speed_rad_s]),
-                      gains, round(start_s * logged.rate_Hz))  # fmt: skip
-    used = log[:, :, : len(benches)]
+    _send(loop)
+    return loop
+
+
+def _begin(loop: PitchLoop, states: Array) -> None:
+    """Put every lane into a state (3 + n_discs, lanes)."""
+    lanes, discs = loop.lanes, loop.n_discs
+    w = loop.w.reshape(-1, lanes)
+    wide = np.pad(states, ((0, 0), (0, lanes - states.shape[1])), mode="edge")
+    w[r.THETA], w[r.RATE], w[r.WAKE] = wide[0], wide[1], wide[2]
+    w[r.SPEED : r.SPEED + discs] = wide[3:]
+    _send(loop)
+
+
+def _send(loop: PitchLoop) -> None:
+    """Let the pulses on their way be those of the present speeds."""
+    w = loop.w.reshape(-1, loop.lanes)
+    sent = loop.sent.reshape(loop.n_discs, loop.ring, loop.lanes)
+    sent[:] = w[r.SPEED : r.SPEED + loop.n_discs][:, None, :]
+
+
+def _seen(logged: LoggedPitch, mode: Array) -> Array:
+    """Return what the filter sees (3 + n_discs, n)."""
+    return np.ascontiguousarray(
+        np.vstack([mode, logged.theta_rad, logged.gyro_rad_s, logged.speed_rad_s])
+    )
+
+
+def _followed(log: Array, benches: int, discs: int) -> Followed:
+    """Return the logged rows (n, n_rows, lanes) of the lanes in use, by name."""
+    used = log[:, :, :benches]
     return Followed(
         theta_rad=used[:, 0],
         gyro_rad_s=used[:, 1],

@@ -175,21 +175,26 @@ class PitchLoop:
         self.table = np.vstack([self.table, pwm_us])
         self.plan[3] = 2
 
-    def follow(self, seen: Array, gains: Array, first_tick: int = 0) -> Array:
+    def follow(
+        self, seen: Array, gains: Array, first_tick: int = 0, span: tuple[int, int] | None = None
+    ) -> Array:
         """Follow a log and return its rows (n_ticks, n_rows, n_lanes), see `track_rows`.
 
         Args:
             seen: (3 + n_discs, n_ticks) what was read, see `pitch_track`.
             gains: (7,) of the filter.
             first_tick: how many ticks of the experiment lie before the log's first row.
+            span: the first row to follow, and the one to stop before; the whole log when None.
         """
+        first, last = span if span is not None else (0, len(self.schedule))
+        self.plan[0], self.plan[1] = first, last
         rows = track_rows(self.n_discs)
         log = np.empty((len(self.schedule), len(rows), self.lanes))
         self._module.track(
-            self.w, self.states, self.sent, log, rows, self.table, np.ascontiguousarray(seen),
-            gains, *self.geometry, self.plan, self.dt_s, first_tick,
+            self.w, self.states, self.sent, log, rows, self.table, seen, gains, *self.geometry,
+            self.plan, self.dt_s, first_tick,
         )  # fmt: skip
-        return log
+        return log[first:last] if span is None else np.array(log[first:last])
 
     def stepper(self) -> Callable[[int], None]:
         """Return a function that runs one control tick, as quickly as it can be called.

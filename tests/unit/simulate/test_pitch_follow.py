@@ -14,9 +14,10 @@ from benchtool.explain.pitch_filter import pitch_filter
 from benchtool.library import load_model, rig_named, schedule_named
 from benchtool.library.gain_file import gains_named
 from benchtool.simulate.pitch_bench import PitchBench
-from benchtool.simulate.pitch_follow import LoggedPitch, follow
+from benchtool.simulate.pitch_follow import LoggedPitch, follow, follow_windows
 from benchtool.simulate.pitch_run import PitchJob
 from benchtool.simulate.pitch_simulate import simulate_pitch
+from benchtool.simulate.pitch_track import FREE, WAIT
 
 RATE_HZ = 250.0
 
@@ -112,3 +113,24 @@ def test_a_log_of_other_rotors_is_refused(true_model: Model) -> None:
         follow([PitchBench.of(Model.single(rig_named("pquad")))], logged, gains)
     with pytest.raises(InputError, match="theta_rad has the shape"):
         replace(logged, theta_rad=np.zeros(5))
+
+
+def test_windows_of_a_log_are_what_its_parts_are_alone(true_model: Model) -> None:
+    model = true_model.with_effect("transport_delay", delay_s=0.006)
+    logged = logged_from(model, 3)
+    benches = [PitchBench.of(model.fixed("k", k), plant_rate_Hz=500.0) for k in (1e-5, 1.1e-5)]
+    states = [np.full((5, 2), 0.01 * k) for k in (1, 2)]
+    for state in states:
+        state[3:] = 600.0
+    starts, rows, lead = (400, 900), 60, 25
+    found = follow_windows(benches, logged, starts, rows, lead, states)
+    for start, state, run in zip(starts, states, found, strict=True):
+        part = logged.between(start - lead, start + rows)
+        mode = np.full(lead + rows, float(FREE))
+        mode[:lead] = WAIT
+        alone = follow(
+            benches, replace(part, mode=mode), np.zeros(7),
+            start_s=(start - lead) / RATE_HZ, states=state,
+        )  # fmt: skip
+        np.testing.assert_array_equal(run.theta_rad, alone.theta_rad[lead:])
+        np.testing.assert_array_equal(run.turning_rad_s, alone.turning_rad_s[lead:])
