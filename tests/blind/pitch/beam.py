@@ -17,8 +17,10 @@ STEP_S = 0.001
 SPECK_KGM2 = 1e-9
 """Own inertia of a point mass: MuJoCo wants one above zero."""
 
-# An impedance near one: dry friction then creeps at less than 1e-4 rad/s below its limit.
-HOLD = 'solimpfriction="0.99 0.99 0.001"'
+# An impedance near one: dry friction then creeps at less than 1e-4 rad/s below its limit. MuJoCo's
+# own time constant of 20 ms would have it answer to the rate some 10 ms ahead, and so push a beam
+# that slows down quickly; two steps are the least that it allows.
+HOLD = 'solreffriction="0.002 1" solimpfriction="0.99 0.99 0.001"'
 
 FLEX = """<joint name="flex" type="hinge" axis="0 -1 0" stiffness="{flex}"
                damping="{flex_damping}"/>"""

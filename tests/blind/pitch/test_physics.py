@@ -127,6 +127,23 @@ def test_coulomb_friction_holds_a_smaller_torque(law: FrictionLaw) -> None:
     assert np.abs(rates[50:]).max() <= creep * 1.05
 
 
+@pytest.mark.parametrize("law", ["constraint", "smooth"])
+def test_coulomb_friction_turns_with_the_rate_and_not_before(law: FrictionLaw) -> None:
+    """Each half of a swing on a stiff spring loses 2 T / k; friction that led would take less."""
+    stiffness = 75.0
+    plant = Plant(
+        friction_Nm=0.01, friction_law=law, friction_width_rad_s=0.003,
+        stiffness_Nm_per_rad=stiffness,
+    )  # fmt: skip
+    _, rates = thrown(plant, rate_rad_s=0.3, seconds=1.0)
+    turning = math.sqrt(stiffness / SHEET.J)
+    t = np.arange(len(rates)) * SHEET.dt
+    late = t > 1.0 - math.pi / turning
+    halves = (t[late][np.argmax(np.abs(rates[late]))]) * turning / math.pi
+    expected = 0.3 - halves * 2.0 * 0.01 * turning / stiffness
+    assert np.abs(rates[late]).max() == pytest.approx(expected, rel=0.07)
+
+
 def test_rotors_in_motion_damp_the_beam() -> None:
     plant = Plant(aero_damping=3.0)
     _, rates = thrown(plant, rate_rad_s=0.5, pulses_us=HOVER, seconds=0.5)
