@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from benchtool.web import bench_tab
+from benchtool.web.simulate import tab as simulate_tab
 from benchtool.web.tab import Tab
 
-TABS: tuple[Tab, ...] = (bench_tab.TAB,)
+TABS: tuple[Tab, ...] = (bench_tab.TAB, simulate_tab.TAB)

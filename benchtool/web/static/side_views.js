@@ -69,7 +69,7 @@ export default {
       this.charts.forEach((chart) => chart.dispose());
       this.panelCount = this.sent.panels.length;
       this.charts = [...this.$el.querySelectorAll(".lane-chart")].map((place) => {
-        place.style.height = `${40 + 125 * this.panelCount}px`;
+        place.style.height = `${10 + 125 * this.panelCount}px`;
         const chart = echarts.init(place);
         chart.getZr().on("click", (event) => {
           const time = chart.convertFromPixel({ xAxisIndex: 0 }, event.offsetX);
@@ -170,14 +170,14 @@ function chartOption(sent, lane, look) {
   option.axisPointer = { link: [{ xAxisIndex: "all" }] };
   sent.panels.forEach((panel, row) => {
     const top = 22 + 125 * row;
-    option.grid.push({ left: 44, right: 10, top, height: 88 });
+    option.grid.push({ left: 44, right: 14, top, height: 88, outerBoundsMode: "none" });
     option.title.push({ text: panel.label, left: 40, top: top - 22, textStyle: { fontSize: 12, fontWeight: "normal", color: look.soft } });
     const axis = { gridIndex: row, axisLabel: { color: look.soft }, axisLine: { lineStyle: { color: look.soft } } };
     const lines = { splitLine: { lineStyle: { color: look.line } } };
     const bottom = row === rows - 1;
-    option.xAxis.push({ ...axis, type: "value", min: 0, max: sent.end_s, splitLine: { show: false },
+    option.xAxis.push({ ...axis, axisLine: { onZero: false, lineStyle: { color: look.soft } }, type: "value", min: 0, max: sent.end_s, splitLine: { show: false },
       axisLabel: { color: look.soft, show: bottom, formatter: "{value} s" } });
-    option.yAxis.push({ ...axis, ...lines, type: "value", min: panel.range[0], max: panel.range[1], splitNumber: 3 });
+    option.yAxis.push({ ...axis, ...lines, type: "value", min: panel.range[0], max: panel.range[1], interval: panel.range[2] });
     lane.panels[row].forEach((curve, index) => {
       const { name, color, width, dash } = sent.looks[curve.role];
       option.series.push({

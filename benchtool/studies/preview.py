@@ -1,0 +1,102 @@
+"""A simulation as a page shows it at once: side views that move, curves, the numbers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.report.side_view import Scene
+
+Array = NDArray[np.float64]
+
+Role = Literal["shown", "away", "wanted", "goal"]
+"""What a curve is: the run, the same out of ground effect, what was asked for, where it should
+end."""
+
+FRAMES = 800
+"""Most frames of a run that are kept: 20 per second for 40 s. A choice."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Motion:
+    """Hold how a side view moves.
+
+    Attributes:
+        time_s: (m,).
+        along_m, up_m: (m,) place of the vehicle's centre, along its way and up.
+        pitch_deg: (m,) nose down.
+        own: (n_rotors, m) thrust of each rotor without anything below, over that of hover.
+        added: (n_rotors, m) what the surface adds.
+        shift_m: (n_moving, m) how far each moving surface is out of its place.
+    """
+
+    time_s: Array
+    along_m: Array
+    up_m: Array
+    pitch_deg: Array
+    own: Array
+    added: Array
+    shift_m: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Curve:
+    """Hold one line of a chart: values (m,) at times (m,)."""
+
+    role: Role
+    time_s: Array
+    values: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Panel:
+    """Hold one chart: what its axis counts, and its lines."""
+
+    label: str
+    curves: tuple[Curve, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Lane:
+    """Hold the run of one controller.
+
+    Attributes:
+        label: the controller.
+        said: what came of it, in a few words.
+        scene: what stands in its side view.
+        motion: how that moves.
+        panels: charts below it.
+        over: begin and end of each stretch in which a rotor is over a surface, in s.
+    """
+
+    label: str
+    said: str
+    scene: Scene
+    motion: Motion
+    panels: tuple[Panel, ...]
+    over: tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Preview:
+    """Hold what a page shows of a simulation.
+
+    Attributes:
+        lanes: one for each controller.
+        lines: the table of numbers, as the command prints it; empty in a quick preview.
+        warnings: what a reader of the numbers must know; empty in a quick preview.
+        seconds: what it took to work out.
+    """
+
+    lanes: tuple[Lane, ...]
+    lines: tuple[str, ...]
+    warnings: tuple[str, ...]
+    seconds: float
+
+
+def frames(rows: int) -> slice:
+    """Return which rows of a log are shown."""
+    return slice(0, rows, max(1, -(-rows // FRAMES)))
