@@ -11,7 +11,7 @@ from benchtool.errors import InputError, UnknownChoice
 
 if TYPE_CHECKING:
     from benchtool.bench.guard import GuardedBench
-    from benchtool.bench.stage import Stage
+    from benchtool.bench.stage import Pause, Stage
     from benchtool.core.rig import Rig
 
 _GRBL_OPTIONS = ("baud", "axis", "zero_mm", "direction", "lateral", "lateral_zero_mm")
@@ -34,7 +34,7 @@ def stage_for(
     """Return what moves the plate, not opened yet.
 
     Args:
-        option: `device`, `hand`, or `grbl:PORT?axis=Z&zero_mm=1500&direction=-1`; what the device
+        option: `device`, `hand`, or `grbl:PORT?axis=Z&zero_mm=1500&direction=1`; what the device
             and the rig say when left out.
         bench: open.
         rig: travel and feed.
@@ -55,10 +55,15 @@ def stage_for(
         return IdleStage(HandStage(ask, rig.plate), bench.ready_for_move)
     check_stage(chosen, rig)
     place = chosen.partition(":")[2]
-    return OneSidedStage(IdleStage(_grbl(place, rig), bench.ready_for_move), rig.plate)
+
+    def listen(duration_s: float) -> None:
+        """Throw away what is measured before the run has begun."""
+        bench.read(duration_s)
+
+    return OneSidedStage(IdleStage(_grbl(place, rig, listen), bench.ready_for_move), rig.plate)
 
 
-def _grbl(place: str, rig: Rig) -> Stage:
+def _grbl(place: str, rig: Rig, opening: Pause = lambda duration_s: None) -> Stage:
     from benchtool.bench.grbl_stage import GrblAxis, GrblStage
     from benchtool.bench.serial_port import SerialPort
 
@@ -93,4 +98,5 @@ def _grbl(place: str, rig: Rig) -> Stage:
         rig.plate.speed_m_s,
         lateral,
         name=f"the stage on {port}",
+        opening=opening,
     )

@@ -70,6 +70,8 @@ class GrblStage:
         lateral: axis of the lateral position, None where there is none.
         clock: monotonic seconds.
         name: of the stage, for messages.
+        opening: called while the stage homes on opening, which takes long; a bench beside it would
+            run over if nobody listened to it.
     """
 
     def __init__(
@@ -80,9 +82,11 @@ class GrblStage:
         lateral: GrblAxis | None = None,
         clock: Callable[[], float] = time.monotonic,
         name: str = "the stage",
+        opening: Pause = _no_pause,
     ) -> None:
         self._link = GrblLink(transport, clock, name)
         self._clock = clock
+        self._opening = opening
         self._distance = distance
         self._lateral = lateral
         self._feed_mm_min = 60e3 * feed_m_s
@@ -100,7 +104,7 @@ class GrblStage:
     def _home_or_reset(self) -> None:
         """Home; a homing that nobody waits for any more goes on until a reset ends it."""
         try:
-            self.home()
+            self.home(self._opening)
         except StageError:  # the stage has answered, or cannot
             raise
         except BaseException:

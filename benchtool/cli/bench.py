@@ -50,6 +50,10 @@ def serve(
     symlink: Annotated[
         Path | None, typer.Option(help="A path that always leads to the pseudo-terminal.")
     ] = None,
+    grbl: Annotated[
+        Path | None,
+        typer.Option(help="Serve a G-code stage at this path as well; it alone moves the plate."),
+    ] = None,
     speed: Annotated[float, typer.Option(help="Device seconds per wall second.")] = 1.0,
     rate: Annotated[
         float | None, typer.Option(help="Samples per device second, Hz; 200, or the controller's.")
@@ -83,6 +87,7 @@ def serve(
     import sys
 
     from benchtool.bench.address import MODES
+    from benchtool.bench.carried_plate import stage_option
     from benchtool.bench.faults import fault_from
     from benchtool.errors import InputError, UnknownChoice
     from benchtool.library import rig_named
@@ -102,6 +107,9 @@ def serve(
         speak, where, address = _bridged(link, symlink, mode)
     else:
         speak, where, address = _own_protocol(link, symlink)
+    stage = None if grbl is None else _carried(grbl, mode)
+    if stage is not None:
+        speak = _carrying(speak, stage, stands)
     # A service manager's end, and Ctrl-Break of a Windows console, close the link like Ctrl-C.
     for name in ("SIGTERM", "SIGBREAK"):
         if hasattr(signal, name):
@@ -109,12 +117,33 @@ def serve(
     try:
         server, told = device(stands, truth, where, seed, speed, rate, faults, named, speak)
         print(address(), flush=True)
+        if stage is not None:
+            print(stage_option(str(grbl), stands.plate), flush=True)
         print(f"virtual {told}, speed {speed:g}; no motor turns; Ctrl-C ends it", file=sys.stderr)
         server.run()
     except KeyboardInterrupt:
         pass
     finally:
         where.close()
+        if stage is not None:
+            stage.close()
+
+
+def _carried(path: Path, mode: str) -> ServerLink:
+    """Return the link of a stage that carries the plate."""
+    from benchtool.bench.server_links import PtyLink
+    from benchtool.errors import InputError
+
+    if mode != "plate":
+        raise InputError("--grbl moves the plate under a load cell; leave --mode pitch out")
+    return PtyLink(path)
+
+
+def _carrying(speak: Speak, link: ServerLink, rig: Rig) -> Speak:
+    """Return a protocol whose device has its plate on a stage."""
+    from benchtool.bench.carried_plate import CarriedPlate
+
+    return lambda firmware: CarriedPlate(speak(firmware), firmware, link, rig.plate)
 
 
 def _own_protocol(link: str, symlink: Path | None) -> tuple[Speak, ServerLink, Callable[[], str]]:
