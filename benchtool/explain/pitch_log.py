@@ -14,6 +14,8 @@ from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
 from benchtool.core.schedule import PARKED_M
 from benchtool.errors import InputError
+from benchtool.explain.pitch_clock import HELD_S, UNSEEN_S, EvenRows, blank_for, even_rows
+from benchtool.explain.pitch_doubts import refuse_doubtful, standing_still
 from benchtool.simulate import pitch_track as t
 from benchtool.simulate.pitch_follow import LoggedPitch
 from benchtool.simulate.pitch_replay import PARKED_FROM_M
@@ -29,8 +31,11 @@ SPEED_SMOOTHING_S = 0.025
 which speeds cannot kink. Wider ones round off dither; narrower ones leave more of the readings'
 noise in the thrust."""
 
-LONGEST_STEP = 1.5
-"""A step in time longer than this many usual ones is a gap."""
+QUICK_S = 0.012
+"""A drive that comes at longer steps leaves out what a motor follows; half a usual lag."""
+
+LONGEST_PIECE_S = 1.5
+"""A filter settles in 0.3 s and a prediction lasts 1 s; some of each is needed in one piece."""
 
 SHORTEST_S = 4.0
 """Below this length a recording says next to nothing about any effect; a choice."""
@@ -74,44 +79,44 @@ def pitch_log(recording: Recording, rig: Rig, name: str = "") -> PitchLog:
                 f"{name} has no {needed}, so nothing tells {why}; map a column to it in the "
                 f"model's [columns], or record with benchtool record"
             )
-    remarks: list[str] = []
-    recording, mode, rate_Hz = _evenly(recording, name, remarks)
-    n = len(recording)
-    if n / rate_Hz < SHORTEST_S:
+    known = recording.si("theta_rad")[np.isfinite(recording.si("theta_rad"))]
+    if len(known) > 1 and np.ptp(known) == 0.0:
         raise InputError(
-            f"{name} is {n / rate_Hz:.1f} s long; an explanation needs {SHORTEST_S:g} s at least, "
-            f"and 30 s with several collectives and plate distances to tell effects apart"
+            f"theta_rad of {name} is {known[0]:g} in every row: a dead channel, or a beam that "
+            f"is held; mend the sensor or let the beam turn, and record again"
         )
+    rows = even_rows(recording, name)
+    pulsed = _drive(recording, rig, "pwm{}_us")
+    turned = _drive(recording, rig, "rpm{}")
+    if not pulsed and not turned:
+        raise InputError(
+            f"{name} tells neither the pulses nor the speeds of all {rig.n_discs} rotors, so "
+            f"the plant cannot be driven; map pwm1_us... or rpm1... in the model's [columns]"
+        )
+    drive = pulsed or turned
+    remarks = [*rows.remarks, *_sparse(recording, drive, name)]
+    rows = _followed(rows, drive, name, remarks)
+    recording, mode, rate_Hz = rows.recording, rows.mode, rows.rate_Hz
+    n = len(recording)
     nothing = np.full(n, np.nan)
 
     def optional(channel: str) -> Array:
         return recording.si(channel) if channel in recording else nothing
 
-    discs = [int(np.argmax(rig.disc_of_rotor == disc)) + 1 for disc in range(rig.n_discs)]
+    discs = _first_rotors(rig)
     speeds = np.array([optional(f"rpm{rotor}") for rotor in discs])
-    pulses = np.array(
-        [
-            recording.column(name) if name in recording else nothing
-            for name in (f"pwm{rotor}_us" for rotor in discs)
-        ]
-    )
-    driven_by = "pwm"
-    if not np.isfinite(pulses).any(axis=1).all():
-        if not np.isfinite(speeds).any(axis=1).all():
-            raise InputError(
-                f"{name} tells neither the pulses nor the speeds of all {rig.n_discs} rotors, so "
-                f"the plant cannot be driven; map pwm1_us... or rpm1... in the model's [columns]"
-            )
+    if pulsed:
+        pulses = np.array([recording.column(name) for name in pulsed])
+        if not np.isfinite(speeds).any():
+            remarks.append("no rpm: lag, delay and sag are judged by the motion alone")
+    else:
         p = rig.propulsion
         pulses = p.pwm_start_us + _turned(speeds, mode, rate_Hz) / p.speed_per_us_rad_s
         speeds = np.full_like(speeds, np.nan)
-        driven_by = "rpm"
         remarks.append(
             "no pulses: driven by the speeds that were measured, so nothing between pulse and "
             "speed (lag, delay, battery sag) can be judged; record pwm too"
         )
-    elif not np.isfinite(speeds).any():
-        remarks.append("no rpm: lag, delay and sag are judged by the motion alone")
     gyro = optional("gyro_rad_s")
     if not np.isfinite(gyro).any():
         remarks.append("no gyro: its bias and scale cannot be judged")
@@ -119,13 +124,6 @@ def pitch_log(recording: Recording, rig: Rig, name: str = "") -> PitchLog:
     if not np.isfinite(plate).any():
         remarks.append("no plate_z_m: the plate is taken to be parked")
         plate = np.full(n, PARKED_M)
-    for channel, values in (("theta_rad", recording.si("theta_rad")), ("gyro_rad_s", gyro)):
-        known = values[np.isfinite(values)]
-        if len(known) > 1 and np.ptp(known) == 0.0:
-            raise InputError(
-                f"{channel} of {name} is {known[0]:g} in every row: a dead channel; mend the "
-                f"sensor or leave the column out"
-            )
     plate = _smooth(_held(plate), rate_Hz)
     share = optional("coverage1")
     logged = LoggedPitch(
@@ -137,49 +135,92 @@ def pitch_log(recording: Recording, rig: Rig, name: str = "") -> PitchLog:
         gyro_rad_s=gyro,
         speed_rad_s=speeds,
         mode=mode,
-        turned=driven_by == "rpm",
+        turned=not pulsed,
     )
+    refuse_doubtful(logged, rig, name)
+    remarks += filter(None, [standing_still(logged, rig)])
     reference = optional("theta_ref_rad")
     return PitchLog(
         logged=logged,
         reference_rad=reference if np.isfinite(reference).any() else None,
         name=name,
         remarks=tuple(remarks),
-        driven_by=driven_by,
+        driven_by="pwm" if pulsed else "rpm",
     )
 
 
-def _evenly(recording: Recording, name: str, remarks: list[str]) -> tuple[Recording, Array, float]:
-    """Return rows in order, what a filter does at each, and their rate."""
+def _first_rotors(rig: Rig) -> list[int]:
+    """Return the number (from 1) of the first rotor of each disc."""
+    return [int(np.argmax(rig.disc_of_rotor == disc)) + 1 for disc in range(rig.n_discs)]
+
+
+def _drive(recording: Recording, rig: Rig, pattern: str) -> tuple[str, ...]:
+    """Return the channels that tell of every disc what turns it; none where one is missing."""
+    names = tuple(pattern.format(rotor) for rotor in _first_rotors(rig))
+    whole = all(name in recording and np.isfinite(recording.column(name)).any() for name in names)
+    return names if whole else ()
+
+
+def _sparse(recording: Recording, drive: tuple[str, ...], name: str) -> list[str]:
+    """Return what to say of a drive that comes seldom.
+
+    Raises:
+        InputError: too seldom to follow a plant.
+    """
+    out = []
     time_s = recording.si("time_s")
-    good = np.isfinite(time_s)
-    if not good.all():
-        remarks.append(f"{int((~good).sum())} rows without a time were left out")
-        recording, time_s = recording.select(good), time_s[good]
-    if len(time_s) < 3:
-        raise InputError(f"{name} has {len(time_s)} rows with a time; record it again")
-    steps = np.diff(time_s)
-    usual = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
-    if usual <= 0.0:
-        raise InputError(f"time_s of {name} never goes forward; map the right column to it")
-    mode = np.full(len(time_s), float(t.CORRECT))
-    mode[0] = t.RESTART
-    backward, gaps = steps <= 0.0, steps > LONGEST_STEP * usual
-    mode[1:][backward | gaps] = t.RESTART
-    if backward.any():
-        at = float(time_s[1:][backward][0])
+    for channel in drive[:1]:
+        steps = np.diff(time_s[np.isfinite(recording.column(channel)) & np.isfinite(time_s)])
+        step_s = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
+        if step_s > 1.05 * HELD_S:
+            raise InputError(
+                f"{channel} of {name} comes {1.0 / step_s:.3g} times a second, which says too "
+                f"little of what drove the plant; record it {1.0 / HELD_S:g} times a second at "
+                f"least, 100 times to tell effects apart"
+            )
+        if step_s > QUICK_S:
+            out.append(
+                f"{channel} comes {1.0 / step_s:.3g} times a second: what changes within "
+                f"{1000.0 * step_s:.0f} ms goes unseen; record it 100 times a second"
+            )
+    return out
+
+
+def _followed(rows: EvenRows, drive: tuple[str, ...], name: str, remarks: list[str]) -> EvenRows:
+    """Return the rows along which a plant can be followed: drive and angle known.
+
+    Raises:
+        InputError: too few of them, all in all or in one piece.
+    """
+    blank = blank_for(rows.recording.column("theta_rad"), rows.rate_Hz, UNSEEN_S)
+    for channel in drive:
+        blank |= blank_for(rows.recording.column(channel), rows.rate_Hz, HELD_S)
+    if blank.any():
         remarks.append(
-            f"the clock jumps back {int(backward.sum())} times, first to {at:.3f} s; "
-            f"judged in parts"
+            f"{blank.sum() / rows.rate_Hz:.2f} s without an angle, or without what drives the "
+            f"plant, left out; judged in parts"
         )
-    if gaps.any():
-        at, wide = float(time_s[:-1][gaps][0]), float(steps[gaps].max())
-        remarks.append(
-            f"{int(gaps.sum())} gaps in time, the first at {at:.3f} s, the longest {wide:.3f} s; "
-            f"judged in parts"
+    rows = rows.kept(~blank)
+    early = np.zeros(len(rows.mode), bool)
+    edges = [*np.flatnonzero(rows.mode == t.RESTART), len(rows.mode)]
+    seen = np.isfinite(rows.recording.column("theta_rad"))
+    for first, last in pairwise(edges):
+        early[first : first + int(np.argmax(seen[first:last]))] = True
+    rows = rows.kept(~early)
+    length_s = len(rows.mode) / rows.rate_Hz
+    if length_s < SHORTEST_S:
+        raise InputError(
+            f"{name} is {length_s:.1f} s long; an explanation needs {SHORTEST_S:g} s at least, "
+            f"and 30 s with several collectives and plate distances to tell effects apart"
         )
-    whole = steps[~(backward | gaps)]
-    return recording, mode, float(len(whole) / whole.sum())
+    edges = [*np.flatnonzero(rows.mode == t.RESTART), len(rows.mode)]
+    longest_s = max(last - first for first, last in pairwise(edges)) / rows.rate_Hz
+    if longest_s < LONGEST_PIECE_S:
+        raise InputError(
+            f"the longest piece of {name} without a gap lasts {longest_s:.2f} s, and predictions "
+            f"need {LONGEST_PIECE_S:g} s; record without gaps"
+        )
+    return rows
 
 
 def _turned(speeds: Array, mode: Array, rate_Hz: float) -> Array:

@@ -84,19 +84,44 @@ def test_gaps_and_a_clock_that_jumps_back_part_it(rig: Rig) -> None:
     log = pitch_log(recording(time_s=time_s), rig)
     assert [float(mode) for mode in log.logged.mode[[0, 400, 700]]] == [2.0, 2.0, 2.0]
     assert log.logged.mode.sum() == 1000 + 3
-    assert "1 gaps in time, the first at 3.990 s, the longest 0.510 s" in log.remarks[1]
-    assert "jumps back 1 times" in log.remarks[0]
+    assert "1 gap in time, the first at 3.990 s, the longest 0.510 s" in log.remarks[1]
+    assert "jumps back once" in log.remarks[0]
     assert log.logged.rate_Hz == pytest.approx(100.0)
 
 
 def test_blank_cells_are_held_or_stay_blank(rig: Rig) -> None:
     pwm = np.full(1000, 1450.0)
-    pwm[10:20] = np.nan
+    pwm[10:14] = np.nan
     theta = 0.01 * np.random.default_rng(1).standard_normal(1000)
     theta[30:40] = np.nan
     log = pitch_log(recording(pwm1_us=pwm, theta_rad=theta), rig)
     assert np.all(log.logged.pwm_us[0] == 1450.0)
     assert np.isnan(log.logged.theta_rad[30:40]).all()
+
+
+def test_what_drives_a_plant_is_not_made_up(rig: Rig) -> None:
+    pwm = np.full(1000, 1450.0)
+    pwm[300:420] = np.nan
+    log = pitch_log(recording(pwm1_us=pwm), rig)
+    assert len(log.logged) == 1000 - 115  # five rows are within what may be held
+    assert np.flatnonzero(log.logged.mode == 2.0).tolist() == [0, 305]
+    assert any("1.15 s without an angle, or without what drives" in one for one in log.remarks)
+
+
+def test_a_plant_that_is_driven_seldom_is_said_or_refused(rig: Rig) -> None:
+    seldom = np.full(1000, np.nan)
+    seldom[::4] = 1450.0
+    log = pitch_log(recording(pwm1_us=seldom), rig)
+    assert any("pwm1_us comes 25 times a second" in one for one in log.remarks)
+    seldom[::8] = np.nan
+    with pytest.raises(InputError, match=r"comes 12\.5 times a second, which says too little"):
+        pitch_log(recording(pwm1_us=seldom), rig)
+
+
+def test_only_gaps_is_refused(rig: Rig) -> None:
+    time_s = np.arange(1000) / 100.0 + 0.3 * (np.arange(1000) // 120)
+    with pytest.raises(InputError, match=r"longest piece of made.csv .* lasts 1\.20 s"):
+        pitch_log(recording(time_s=time_s), rig)
 
 
 def test_a_noisy_plate_is_smoothed_where_it_stands(rig: Rig) -> None:
@@ -116,6 +141,7 @@ def test_a_noisy_plate_is_smoothed_where_it_stands(rig: Rig) -> None:
         ({"theta_rad": None}, "has no theta_rad"),
         ({"theta_rad": np.zeros(1000)}, "theta_rad of made.csv is 0 in every row: a dead channel"),
         ({"time_s": np.zeros(1000)}, "never goes forward"),
+        ({"time_s": np.arange(1000) * 10.0}, "comes 0.1 times a second .* unit of time_s"),
         ({"pwm1_us": None, "rpm1": None}, "neither the pulses nor the speeds of all 2 rotors"),
         ({"time_s": np.arange(1000) / 1000.0}, r"is 1\.0 s long; an explanation needs 4 s"),
     ],

@@ -1,0 +1,69 @@
+"""Units and signs that contradict each other are refused before anything is named."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from benchtool.core.recording import Recording
+from benchtool.effects.model import Model
+from benchtool.errors import InputError
+from benchtool.explain.pitch_log import pitch_log
+from benchtool.library import load_model
+from tests.unit.explain.pitch_made import changed, recorded, without
+
+
+@pytest.fixture(scope="module")
+def model() -> Model:
+    return load_model("pitch_beam").model
+
+
+@pytest.fixture(scope="module")
+def good(model: Model) -> Recording:
+    return recorded(model, 5, seconds=12.0)
+
+
+def test_a_good_recording_is_taken_with_and_without_its_gyro(model: Model, good: Recording) -> None:
+    assert pitch_log(good, model.rig).remarks == ()
+    assert len(pitch_log(without(good, "gyro_rad_s"), model.rig).logged) == 3000
+
+
+def test_degrees_are_told_from_radians(model: Model, good: Recording) -> None:
+    wrong = changed(good, theta_rad=np.degrees(good.column("theta_rad")))
+    with pytest.raises(InputError, match="state the column's unit"):
+        pitch_log(wrong, model.rig)
+
+
+@pytest.mark.parametrize("factor", [-1.0, 57.3])
+def test_rates_that_are_not_those_of_the_angle_are_refused(
+    model: Model, good: Recording, factor: float
+) -> None:
+    wrong = changed(good, gyro_rad_s=factor * good.column("gyro_rad_s"))
+    with pytest.raises(InputError, match="times the change of theta_rad"):
+        pitch_log(wrong, model.rig)
+
+
+def test_a_beam_that_turns_against_its_thrust_is_refused(model: Model, good: Recording) -> None:
+    turned = changed(
+        good, theta_rad=-good.column("theta_rad"), gyro_rad_s=-good.column("gyro_rad_s")
+    )
+    with pytest.raises(InputError, match="turns against its thrust"):
+        pitch_log(turned, model.rig)
+    swapped = changed(
+        good,
+        **{f"pwm{a}_us": good.column(f"pwm{b}_us") for a, b in ((1, 2), (2, 1))},
+        **{f"rpm{a}": good.column(f"rpm{b}") for a, b in ((1, 2), (2, 1))},
+    )
+    with pytest.raises(InputError, match="exchange the columns of the rotors"):
+        pitch_log(swapped, model.rig)
+
+
+def test_a_beam_that_stands_still_is_said(model: Model, good: Recording) -> None:
+    rng = np.random.default_rng(1)
+    still = changed(
+        good,
+        theta_rad=3e-4 * rng.standard_normal(len(good)),
+        gyro_rad_s=2e-3 * rng.standard_normal(len(good)),
+    )
+    remarks = pitch_log(still, model.rig).remarks
+    assert any("the beam hardly moves" in remark for remark in remarks)
