@@ -62,3 +62,11 @@ def expected_duration_s(
     if plan.tare.every_minutes:
         tares += int(total_s // (60.0 * plan.tare.every_minutes))
     return total_s + tares * tare_s
+
+
+def minutes(seconds: float) -> str:
+    """Return a duration as people read it."""
+    whole = max(0, round(seconds))
+    if whole >= 3600:
+        return f"{whole // 3600} h {whole % 3600 // 60:02d} min"
+    return f"{whole // 60} min {whole % 60:02d} s"

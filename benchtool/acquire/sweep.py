@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from math import nan, radians
@@ -81,6 +81,7 @@ def run_sweep(
     *,
     calibration: Calibration | None = None,
     start: Start | None = None,
+    waits: Callable[[], bool] = lambda: False,
 ) -> Summary:
     """Run a resolved and checked plan on an open bench.
 
@@ -96,6 +97,8 @@ def run_sweep(
         progress: who watches.
         calibration: applied to raw counts in points.csv; samples.csv keeps what the device said.
         start: where a resumed run goes on.
+        waits: asked before every visit; while it says yes, motors stand still and the bench is
+            read on.
 
     Raises:
         BenchError, RunStopped: why it ended early.
@@ -117,6 +120,7 @@ def run_sweep(
         Unwatched(progress or Silent()),
         calibration,
         start or Start(),
+        waits,
     )
     return sweep.run_through()
 
@@ -134,10 +138,11 @@ class _Sweep:
         progress: Progress,
         calibration: Calibration | None,
         start: Start,
+        waits: Callable[[], bool],
     ) -> None:
         self._bench, self._stage, self._plan, self._rig = bench, stage, plan, rig
         self._run, self._progress, self._start = run, progress, start
-        self._calibration = calibration
+        self._calibration, self._waits = calibration, waits
         if isinstance(bench, GuardedBench):
             bench.spare(Recorder.read, _Sweep._stop_at_once)
         self._recorder = Recorder(bench, run, progress, start.time_s, start.link)
@@ -180,6 +185,7 @@ class _Sweep:
         left_s = expected_duration_s(self._plan, self._rig, left)
         self._progress.started(len(visits), len(visits) - len(left), left_s)
         for index, visit in enumerate(left):
+            self._wait()
             self._progress.visiting(visit)
             point = self._visit(visit)
             self._recorder.append_point(point)
@@ -191,6 +197,16 @@ class _Sweep:
             if visit.kind == "anchor" and (why := self._drift.asks_for_tare(point)):
                 self._recorder.note("drift", why, visit.point)
                 self._tared = None
+
+    def _wait(self) -> None:
+        if not self._waits():
+            return
+        self._motors.stand_still(self._plan.tare.stop_timeout_s, "rest")
+        self._recorder.note("paused", "paused; motors at zero")
+        begun_s = self._recorder.now_s
+        while self._waits():
+            self._recorder.read("rest")
+        self._recorder.note("went_on", f"went on after {self._recorder.now_s - begun_s:.0f} s")
 
     def _visit(self, visit: Visit) -> Point:
         self._tare_if_due()

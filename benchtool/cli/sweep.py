@@ -128,9 +128,8 @@ def command(
 
 
 def _show_plan(plan: Plan, rig: Rig, expected: Expected, rest: Unfinished | None) -> None:
-    from benchtool.acquire.duration import expected_duration_s
+    from benchtool.acquire.duration import expected_duration_s, minutes
     from benchtool.acquire.order import settings_of, visits_of
-    from benchtool.cli.sweep_display import minutes
 
     visits = visits_of(plan, rig)
     left = [visit for visit in visits if rest is None or visit.point not in rest.done]
@@ -172,6 +171,7 @@ def _sweep(
     """Open the bench, arm, sweep, and close the run whatever happened."""
     from benchtool.acquire.calibration_file import calibration_for
     from benchtool.acquire.check_plan import check_plan
+    from benchtool.acquire.new_run import new_run
     from benchtool.acquire.resume import reopen
     from benchtool.acquire.stage_choice import stage_for
     from benchtool.acquire.sweep import run_sweep
@@ -199,7 +199,15 @@ def _sweep(
                     if rest:
                         run, start = rest.run, reopen(rest, identity)
                     else:
-                        run = _new_run(folder, plan, rig, identity, operator, air, scale)
+                        run = new_run(
+                            folder,
+                            plan,
+                            rig,
+                            identity,
+                            operator=operator,
+                            air=air,
+                            calibration=scale,
+                        )
                     print(f"run {run.path}", flush=True)
                     measured = True
                     closing.begin()
@@ -219,29 +227,6 @@ def _sweep(
         f"{summary.measured} points{simulated}, {summary.unsettled} not settled, "
         f"{summary.tares} tares, {summary.samples} samples, {summary.lost} lost; in {run.path}"
     )
-
-
-def _new_run(
-    folder: tuple[Path, Path | None],
-    plan: Plan,
-    rig: Rig,
-    identity: Identity,
-    operator: str,
-    air: Air,
-    calibration: Calibration | None,
-) -> Run:
-    from datetime import datetime
-
-    from benchtool.acquire.metadata import run_metadata
-    from benchtool.acquire.plan import plan_to_toml
-    from benchtool.store import Run, free_run_path
-
-    now = datetime.now().astimezone()
-    path = folder[1] or free_run_path(folder[0], f"{now:%Y-%m-%d}", plan.name)
-    facts = run_metadata(
-        plan, rig, identity, operator=operator, air=air, calibration=calibration, started=now
-    )
-    return Run.create(path, plan_to_toml(plan), facts)
 
 
 def _say_speed(identity: Identity) -> None:

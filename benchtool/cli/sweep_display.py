@@ -11,6 +11,7 @@ from rich.live import Live
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 from rich.table import Table
 
+from benchtool.acquire.duration import minutes
 from benchtool.acquire.order import Visit
 from benchtool.store import Event, Point
 
@@ -19,14 +20,6 @@ LATEST = 8
 
 _QUIET = frozenset({"device"})
 """Events that are kept in events.jsonl but not shown."""
-
-
-def minutes(seconds: float) -> str:
-    """Return a duration as people read it."""
-    whole = max(0, round(seconds))
-    if whole >= 3600:
-        return f"{whole // 3600} h {whole % 3600 // 60:02d} min"
-    return f"{whole // 60} min {whole % 60:02d} s"
 
 
 class PlainDisplay:

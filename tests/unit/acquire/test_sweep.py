@@ -31,6 +31,7 @@ from benchtool.store import (
     read_points,
     read_samples,
 )
+from benchtool.store.columns import PHASES
 from tests.unit.acquire.fake_bench import FakeBench
 
 RIG = rig_named("pquad_single")
@@ -307,3 +308,25 @@ def test_a_run_without_raw_counts_cannot_be_recalibrated(tmp_path: Path) -> None
     path.write_text(path.read_text().replace("thrust_raw", "thrust_other"))
     with pytest.raises(CalibrationError, match="no raw counts"):
         recalibrate(run, COUNTS)
+
+
+def test_a_pause_stands_between_two_visits_with_motors_at_zero(tmp_path: Path) -> None:
+    bench, watcher = FakeBench(), Watcher()
+    asked: list[float] = []
+
+    def waits() -> bool:
+        asked.append(bench.now_s())
+        return len(watcher.points) == 2 and len(asked) < 30
+
+    summary, run = sweep(bench, tmp_path / "run", watcher=watcher, waits=waits)
+    assert summary.measured == len(watcher.points) > 3
+    between = watcher.words[watcher.words.index("paused") : watcher.words.index("went_on")]
+    assert between == ["paused"]
+    events = {event.event: event for event in read_events(run.path)}
+    paused_s, on_s = events["paused"].time_s, events["went_on"].time_s
+    assert on_s - paused_s > 1.0
+    samples = read_samples(run.path)
+    rows = (samples.column("time_s") > paused_s) & (samples.column("time_s") <= on_s)
+    assert rows.sum() > 50
+    assert set(samples.column("phase")[rows]) == {float(PHASES.index("rest"))}
+    np.testing.assert_array_equal(samples.column("rpm1")[rows], 0.0)
