@@ -322,7 +322,7 @@ def test_a_pause_stands_between_two_visits_with_motors_at_zero(tmp_path: Path) -
     assert summary.measured == len(watcher.points) > 3
     between = watcher.words[watcher.words.index("paused") : watcher.words.index("went_on")]
     assert between == ["paused"]
-    events = {event.event: event for event in read_events(run.path)}
+    events = {event.event: event for event in read_events(run.path / "events.jsonl")}
     paused_s, on_s = events["paused"].time_s, events["went_on"].time_s
     assert on_s - paused_s > 1.0
     samples = read_samples(run.path)
