@@ -27,7 +27,11 @@ def effect_of(subject: Subject, name: str) -> Effect:
 def found_parameters(
     subject: Subject, hypotheses: Hypotheses, one: Hypothesis, name: str
 ) -> tuple[FoundParameter, ...]:
-    """Return an effect's numbers under a hypothesis that opens it."""
+    """Return an effect's numbers under a hypothesis that opens it.
+
+    Their errors are what the data leave open, everything else free within its tolerance, and what
+    a bench departs from the effect's law.
+    """
     spread = np.sqrt(np.diag(hypotheses.spread(one)))
     neutral = {item.name: item.neutral for item in effect_of(subject, name).parameters}
     out = []
@@ -36,7 +40,9 @@ def found_parameters(
             continue
         value, std = knob.value(float(turned)), float(sd) * knob.scale
         own = knob.name.partition(".")[2]
-        rest = neutral[own]
+        stated = neutral[own]
+        rest = knob.start if stated is None else stated
+        std = float(np.hypot(std, subject.law_error(name) * (value - rest)))
         out.append(
             FoundParameter(
                 name=own,
@@ -46,7 +52,7 @@ def found_parameters(
                 low=max(value - SIGMA_95 * std, knob.lower),
                 high=min(value + SIGMA_95 * std, knob.upper),
                 tolerance=knob.scale,
-                neutral=knob.start if rest is None else rest,
+                neutral=rest,
             )
         )
     return tuple(out)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from benchtool.explain.pitch_filter import PitchFilter, reading_sd
 from benchtool.simulate import pitch_track as t
 from benchtool.simulate.pitch_bench import PitchBench, PitchSensor, rig_sensors
-from benchtool.simulate.pitch_follow import Followed, LoggedPitch, follow
+from benchtool.simulate.pitch_follow import Followed, LoggedPitch, follow, follow_windows
 
 Array = NDArray[np.float64]
 
@@ -28,6 +28,17 @@ LEAD_S = 0.1
 """How much of the pulses before a window a delay may still hold."""
 
 
+AT_ONCE = 32
+"""How many truths are simulated together."""
+
+OVERLAP = 2
+"""A window begins in the middle of the one before: what it misses is then counted twice, which
+steadies the mean nearly as much as half as many windows more would."""
+
+BLOCK_S = 1.0
+"""Length of the blocks that errors are told for, longer than what windows and wake share."""
+
+
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Windows:
     """Cut a log into windows.
@@ -35,23 +46,36 @@ class Windows:
     Attributes:
         starts: (w,) first rows.
         rows: rows of a window.
+        block: how many windows one after the other make a block.
     """
 
     starts: NDArray[np.intp]
     rows: int
+    block: int = 1
 
 
-def windows_of(logged: LoggedPitch, window_s: float, settling_s: float) -> Windows:
-    """Return windows that follow each other: none across a gap, none before a filter settled."""
+def windows_of(
+    logged: LoggedPitch, window_s: float, settling_s: float, overlap: int = 1
+) -> Windows:
+    """Return windows that follow each other: none across a gap, none before a filter settled.
+
+    Args:
+        logged: the recording.
+        window_s: their length.
+        settling_s: what a filter needs after it began anew.
+        overlap: a window begins after so great a part of the one before.
+    """
     rows = max(2, round(window_s * logged.rate_Hz))
+    hop = max(1, rows // overlap)
     wait = round(settling_s * logged.rate_Hz)
     edges = [0, *np.flatnonzero(logged.mode == t.RESTART), len(logged)]
     starts = [
         start
         for first, last in pairwise(edges)
-        for start in range(first + wait, last - rows + 1, rows)
+        for start in range(first + wait, last - rows + 1, hop)
     ]
-    return Windows(starts=np.array(sorted(set(starts)), np.intp), rows=rows)
+    block = max(1, round(BLOCK_S * logged.rate_Hz / hop))
+    return Windows(starts=np.array(sorted(set(starts)), np.intp), rows=rows, block=block)
 
 
 def predicted(
@@ -59,14 +83,12 @@ def predicted(
 ) -> list[Followed]:
     """Return what each bench (a lane) predicts in each window, from its own estimate on."""
     whole = follow(benches, logged, filter_.gains)
-    return [
-        _free(benches, logged, filter_, start, windows.rows, _state(whole, start))
-        for start in windows.starts
-    ]
+    states = [_state(whole, start) for start in windows.starts]
+    return _free(benches, logged, windows, states)
 
 
 def errors(logged: LoggedPitch, windows: Windows, found: Sequence[Followed]) -> dict[str, Array]:
-    """Return mean squared errors of each window (w, lanes) by channel, in the channel's unit."""
+    """Return mean squared errors of each block (b, lanes) by channel, in the channel's unit."""
     out: dict[str, list[Array]] = {name: [] for name in CHANNELS}
     for start, run in zip(windows.starts, found, strict=True):
         rows = slice(start, start + windows.rows)
@@ -79,7 +101,16 @@ def errors(logged: LoggedPitch, windows: Windows, found: Sequence[Followed]) -> 
             axes = tuple(range(error.ndim - 1))
             if np.isfinite(error).any():
                 out[name].append(np.nanmean(error**2, axis=axes))
-    return {name: np.array(squares) for name, squares in out.items() if squares}
+    return {name: _in_blocks(np.array(s), windows.block) for name, s in out.items() if s}
+
+
+def _in_blocks(squares: Array, block: int) -> Array:
+    """Return means of blocks of windows; what is too short for one more joins the last."""
+    count = max(1, len(squares) // block)
+    firsts = block * np.arange(count)
+    sizes = np.diff([*firsts, len(squares)])
+    means: Array = np.add.reduceat(squares, firsts) / sizes[:, None]
+    return means
 
 
 def floor(
@@ -101,29 +132,30 @@ def floor(
         windows: as for the gap.
         rng: of the noise.
     """
-    draws = len(truths)
     sensors = rig_sensors(bench.model.rig)
     whole = follow([bench], logged, filter_.gains)
+    states = [_state(whole, start) for start in windows.starts]
+    quiet = _free([bench], logged, windows, states)
     sd = {name: reading_sd(sensors.get(name, PitchSensor())) for name in CHANNELS}
-    total: dict[str, Array] = {}
-    for start in windows.starts:
-        state = _state(whole, start)
-        spread = np.repeat(state, draws + 1, axis=1)
-        spread[:3, 1:] += filter_.state_root @ rng.standard_normal((3, draws))
-        run = _free(
-            [bench, *truths], logged, filter_, start, windows.rows, spread,
-            seed=int(rng.integers(2**31)),
-        )  # fmt: skip
-        quiet = _free([bench], logged, filter_, start, windows.rows, state)
-        for name, error, scale in (
-            ("theta_rad", run.theta_rad[:, 1:] - quiet.theta_rad, 1.0),
-            ("gyro_rad_s", run.gyro_rad_s[:, 1:] - quiet.gyro_rad_s, 1.0),
-            ("rpm", run.speed_rad_s[:, :, 1:] - quiet.speed_rad_s, 30.0 / np.pi),
-        ):
-            noisy = error + sd[name] * rng.standard_normal(error.shape)
-            squares = np.mean((scale * noisy) ** 2, axis=tuple(range(error.ndim - 1)))
-            total[name] = total.get(name, 0.0) + squares
-    return {name: np.sqrt(squares / len(windows.starts)) for name, squares in total.items()}
+    parts: dict[str, list[Array]] = {name: [] for name in CHANNELS}
+    for first in range(0, len(truths), AT_ONCE):
+        some = truths[first : first + AT_ONCE]
+        spread = [np.repeat(state, len(some), axis=1) for state in states]
+        for state in spread:
+            state[:3] += filter_.state_root @ rng.standard_normal((3, len(some)))
+        runs = _free(some, logged, windows, spread, seed=int(rng.integers(2**31)))
+        total = dict.fromkeys(CHANNELS, np.zeros(len(some)))
+        for run, still in zip(runs, quiet, strict=True):
+            for name, error, scale in (
+                ("theta_rad", run.theta_rad - still.theta_rad, 1.0),
+                ("gyro_rad_s", run.gyro_rad_s - still.gyro_rad_s, 1.0),
+                ("rpm", run.speed_rad_s - still.speed_rad_s, 30.0 / np.pi),
+            ):
+                noisy = scale * (error + sd[name] * rng.standard_normal(error.shape, np.float32))
+                total[name] = total[name] + np.mean(noisy**2, axis=tuple(range(error.ndim - 1)))
+        for name, squares in total.items():
+            parts[name].append(np.sqrt(squares / len(windows.starts)))
+    return {name: np.concatenate(roots) for name, roots in parts.items()}
 
 
 def expected_leftover(
@@ -140,14 +172,13 @@ def expected_leftover(
     """
     whole = follow([bench], logged, filter_.gains)
     sensors = rig_sensors(bench.model.rig)
+    states = [_state(whole, start) for start in windows.starts]
+    true = [state + 0.0 for state in states]
+    for one in true:
+        one[:3] += filter_.state_root @ rng.standard_normal((3, 1))
+    runs = _free([bench], logged, windows, true, seed=int(rng.integers(2**31)))
     total, count = 0.0, 0
-    for start in windows.starts:
-        state = _state(whole, start)
-        true = np.array(state)
-        true[:3] += filter_.state_root @ rng.standard_normal((3, 1))
-        run = _free(
-            [bench], logged, filter_, start, windows.rows, true, seed=int(rng.integers(2**31))
-        )
+    for start, state, run in zip(windows.starts, states, runs, strict=True):
         part = logged.between(start, start + windows.rows)
         seen = [
             run_channel[:, 0]
@@ -187,18 +218,9 @@ def _state(whole: Followed, row: int) -> Array:
 def _free(
     benches: Sequence[PitchBench],
     logged: LoggedPitch,
-    filter_: PitchFilter,
-    start: int,
-    rows: int,
-    states: Array,
+    windows: Windows,
+    states: Sequence[Array],
     seed: int | None = None,
-) -> Followed:
-    lead = min(start, round(LEAD_S * logged.rate_Hz))
-    part = logged.between(start - lead, start + rows)
-    mode = np.full(lead + rows, float(t.FREE))
-    mode[:lead] = t.WAIT
-    run = follow(
-        benches, replace(part, mode=mode), filter_.gains,
-        start_s=(start - lead) / logged.rate_Hz, states=states, seed=seed,
-    )  # fmt: skip
-    return Followed(*(getattr(run, name)[lead:] for name in Followed.__slots__))
+) -> list[Followed]:
+    lead = round(LEAD_S * logged.rate_Hz)
+    return follow_windows(benches, logged, windows.starts, windows.rows, lead, states, seed)

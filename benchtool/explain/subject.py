@@ -90,6 +90,13 @@ class Subject(Protocol):
         """Length of a prediction; 0 where predictions are settled."""
         ...
 
+    def law_error(self, name: str) -> float:
+        """Return the standard error of an effect's law, over the effect's departure from neutral.
+
+        It joins what the data leave open in the intervals of the effect's parameters.
+        """
+        ...
+
     def groups(self) -> RowGroups:
         """Return labels of the evidence's rows."""
         ...

@@ -65,7 +65,7 @@ def test_curves_break_between_windows(friction: Explanation) -> None:
     overlay = friction.overlays[0]
     assert overlay.axis == "time_s"
     breaks = np.isnan(overlay.at)
-    assert 20 < breaks.sum() < 40
+    assert breaks.sum() == pytest.approx(30.0 / friction.verdict.window_s, rel=0.05)
     np.testing.assert_array_equal(breaks, np.isnan(overlay.measured))
     inside = ~breaks
     worse = np.mean((overlay.before - overlay.measured)[inside] ** 2)
