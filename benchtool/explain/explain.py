@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.estimate.telling import CANNOT_TELL
+from benchtool.explain.closing import closing
 from benchtool.explain.describe import (
     disagreements,
     effect_of,
@@ -24,10 +26,8 @@ from benchtool.explain.weigh import Fit, Weighed, weighed
 Array = NDArray[np.float64]
 
 CLASS_FROM = 0.05
-"""A rival for the same place that is likelier than this makes a class with the best."""
-
-MOST_MEMBERS = 3
-"""More members than this say too little to be a class."""
+"""A rival for the same place that is likelier than this makes a class with the best, if the best
+model's own information says that such data cannot tell the two apart."""
 
 
 def explain(
@@ -53,26 +53,30 @@ def explain(
     rng = np.random.default_rng(seed)
     hypotheses = Hypotheses(subject.evidence)
     search = searched(hypotheses, tell)
-    null, best = search.null, search.best
     tell("predicting the check recordings", 0.7)
+    search = closing(subject, hypotheses, search)
+    null, best = search.null, search.best
     before = Known(at=null.at, spread=hypotheses.spread(null))
     after = before if best is null else Known(at=best.at, spread=hypotheses.spread(best))
     held = HeldOut.of(subject, before, after, rng, draws)
     rows = subject.evidence.residuals(np.vstack([null.at, best.at]))
     groups = subject.groups()
-    without, fit = (
-        Fit(
-            ratio=held.ratio(column),
-            leftover=leftover(groups, rows[:, column]) / subject.allowed_leftover(one.at, rng),
-            closed=held.closed(1 + column) / subject.closed_enough if column else 0.0,
-        )
-        for column, one in ((0, null), (1, best))
+    without = Fit(
+        ratio=held.ratio(0),
+        leftover=leftover(groups, rows[:, 0]) / subject.allowed_leftover(null.at, rng),
     )
+    fit = without
+    if best is not null:
+        fit = Fit(
+            ratio=held.ratio(1),
+            leftover=leftover(groups, rows[:, 1]) / subject.allowed_leftover(best.at, rng),
+            closed=held.closed(2) / subject.closed_enough,
+        )
     weights = [
         weighed(slot.gains, hypotheses.dispersion(slot.tried[0]), fit, without, subject.temperature)
         for slot in search.slots
     ]
-    kind, members = _decided(search, weights)
+    kind, members = _decided(hypotheses, search, weights)
     tell("drawing the answer", 0.9)
     effects = tuple(
         NamedEffect(
@@ -130,8 +134,13 @@ def _silent(what: str, share: float) -> None:
     """Say nothing."""
 
 
-def _decided(search: Search, weights: list[Weighed]) -> tuple[Kind, list[tuple[int, str]]]:
-    """Return the kind of verdict and its members: (place, effect) each."""
+def _decided(
+    hypotheses: Hypotheses, search: Search, weights: list[Weighed]
+) -> tuple[Kind, list[tuple[int, str]]]:
+    """Return the kind of verdict and its members: (place, effect) each.
+
+    A class is what this data did not tell apart, and such data could not be expected to.
+    """
     first = weights[0]
     if first.unknown > max(first.none, sum(first.named.values())):
         return "unknown", []
@@ -140,13 +149,13 @@ def _decided(search: Search, weights: list[Weighed]) -> tuple[Kind, list[tuple[i
     if len(search.best.opened) > 1:
         return "several", [(place, slot.name) for place, slot in enumerate(search.slots)]
     total = sum(first.named.values())
-    likely = sorted(first.named, key=lambda name: -first.named[name])
-    members = [name for name in likely if first.named[name] > CLASS_FROM * total]
-    if len(members) == 1:
-        return "effect", [(0, members[0])]
-    if len(members) > MOST_MEMBERS:
-        return "unknown", []
-    return "class", [(0, name) for name in members]
+    best, *others = sorted(first.named, key=lambda name: -first.named[name])
+    likely = [name for name in others if first.named[name] > CLASS_FROM * total]
+    truth = next(one for one in search.slots[0].tried if one.opened[-1] == best)
+    members = [best] + [
+        name for name in likely if hypotheses.evidence_against(truth, name) < CANNOT_TELL
+    ]
+    return "effect" if len(members) == 1 else "class", [(0, name) for name in members]
 
 
 def _probabilities(weights: list[Weighed]) -> dict[str, float]:

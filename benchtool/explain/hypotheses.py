@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.estimate.bounded import BoundedSearch, Linearised, Minimum, Region
+from benchtool.estimate.telling import evidence
 from benchtool.explain.evidence import Evidence
 
 Array = NDArray[np.float64]
@@ -132,6 +133,16 @@ class Hypotheses:
             if needed > UNSEEN:
                 out[name] = float(needed)
         return out
+
+    def evidence_against(self, one: Hypothesis, rival: str) -> float:
+        """Return how clearly such data speak against a rival in the last place, were `one` true.
+
+        Twice the log-likelihood ratio on average, from the hypothesis' own Fisher information; the
+        effect whose place it is lies within its tolerance, as all others do.
+        """
+        region = self.region((*one.opened[:-1], rival))
+        matrix = self.near(one.at).curvature / self.dispersion(one)
+        return evidence(matrix, one.at, region.lower, region.upper)
 
     def near(self, at: Array) -> Linearised:
         """Return the neighbourhood of a point; the same one is worked out once."""

@@ -55,11 +55,13 @@ class Search:
         null: nothing beyond tolerance.
         best: the hypothesis whose effects are all worth having; the null when none is.
         slots: one for each of its effects; one in all where there is none.
+        first: the place that is filled first, from the null.
     """
 
     null: Hypothesis
     best: Hypothesis
     slots: tuple[Slot, ...]
+    first: Slot
 
 
 def searched(hypotheses: Hypotheses, tell: Progress) -> Search:
@@ -82,14 +84,31 @@ def searched(hypotheses: Hypotheses, tell: Progress) -> Search:
     null = first.base
     if len(base.opened) < 2:
         best = first.tried[0] if base.opened else null
-        return Search(null=null, best=best, slots=(first,))
+        return Search(null=null, best=best, slots=(first,), first=first)
     tell("trying others in the place of each", 0.55)
+    return _several(hypotheses, null, base, first)
+
+
+def without(hypotheses: Hypotheses, search: Search, name: str) -> Search:
+    """Return what a search would have found had one of its several effects not been worth it.
+
+    Where one is left it is the likeliest one, and the gap says whether it will do.
+    """
+    rest = tuple(other for other in search.best.opened if other != name)
+    null, first = search.null, search.first
+    if len(rest) < 2:
+        return Search(null=null, best=first.tried[0], slots=(first,), first=first)
+    return _several(hypotheses, null, hypotheses.refitted(rest, search.best), first)
+
+
+def _several(hypotheses: Hypotheses, null: Hypothesis, base: Hypothesis, first: Slot) -> Search:
+    """Return the search that ends in several effects, each tried against others in its place."""
     slots = []
     for name in base.opened:
         rest = tuple(other for other in base.opened if other != name)
         slots.append(_slot(hypotheses, hypotheses.refitted(rest, base)))
     best = min((slot.tried[0] for slot in slots), key=lambda one: one.cost)
-    return Search(null=null, best=best, slots=tuple(slots))
+    return Search(null=null, best=best, slots=tuple(slots), first=first)
 
 
 def _slot(hypotheses: Hypotheses, base: Hypothesis) -> Slot:

@@ -2,52 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import pytest
 
 from benchtool.explain.hypotheses import Hypotheses
-from benchtool.explain.knob import Knob
 from benchtool.explain.search import searched
 from benchtool.explain.significance import p_value
-
-Array = np.ndarray
-
-
-def knob(name: str, effect: str, *, held: bool = False) -> Knob:
-    return Knob(
-        name=name, unit="1", effect=effect, start=0.0, scale=1.0, lower=-50.0, upper=50.0, held=held
-    )
-
-
-KNOBS = (knob("a.x", "a"), knob("b.x", "b"), knob("c.x", "c"), knob("inertia", "", held=True))
-
-
-@dataclass
-class Linear:
-    """Residuals that are linear in four knobs; c looks nearly like b."""
-
-    truth: Array
-    seed: int
-    knobs: tuple[Knob, ...] = KNOBS
-
-    def __post_init__(self) -> None:
-        rng = np.random.default_rng(self.seed)
-        self.design = rng.standard_normal((400, 4))
-        self.design[:, 2] = 0.995 * self.design[:, 1] + 0.1 * self.design[:, 2]
-        self.noise = rng.standard_normal(400)
-
-    def residuals(self, turned: Array) -> Array:
-        """Return data minus prediction."""
-        data = self.design @ self.truth + self.noise
-        rows: Array = data[:, None] - self.design @ turned.T
-        return rows
-
-
-def quiet(what: str, share: float) -> None:
-    assert 0.0 <= share <= 1.0
-    assert what
+from tests.unit.explain.linear_made import Linear, quiet
 
 
 def names_of(truth: list[float], seed: int = 1) -> tuple[str, ...]:
@@ -89,6 +50,18 @@ def test_the_spread_is_that_of_linear_regression() -> None:
     alone = 1.0 / np.sqrt(np.sum(evidence.design[:, 0] ** 2))
     assert sd == pytest.approx(alone, rel=0.15)
     assert abs(best.at[0] - 5.0) < 4.0 * sd
+
+
+def test_what_such_data_say_against_a_rival_is_what_they_say_on_average() -> None:
+    truth = np.array([0.0, 5.0, 0.0, 0.0])
+    expected, found = [], []
+    for seed in range(20):
+        hypotheses = Hypotheses(Linear(truth, seed))
+        slot = searched(hypotheses, quiet).slots[0]
+        right = next(one for one in slot.tried if one.opened == ("b",))
+        expected.append(hypotheses.evidence_against(right, "c"))
+        found.append(slot.gains["b"] - slot.gains["c"])
+    assert np.mean(found) == pytest.approx(np.mean(expected), rel=0.25)
 
 
 def test_what_the_data_cannot_show_is_told() -> None:
