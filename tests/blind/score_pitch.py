@@ -19,7 +19,7 @@ from benchtool.explain.pitch_subject import PitchSubject
 from benchtool.explain.verdict import Verdict
 from benchtool.library import load_model
 from tests.blind.fisher import class_confirmed
-from tests.blind.pitch.gap import miss
+from tests.blind.pitch.gap import floor_of
 from tests.blind.pitch.information import information
 from tests.blind.pitch.library import NAMED
 from tests.blind.pitch.outside import OUTSIDE
@@ -39,6 +39,9 @@ OUTSIDE_STAGE = {
     "esc_steps": "pwm_to_rpm", "stribeck_hysteresis": "hinge", "shifting_load": "hinge",
     "arm_flexure": "hinge", "encoder_backlash": "", "thrust_lean": "",
 }  # fmt: skip
+
+SIGN = {"cog_offset": -1.0}
+"""The generator counts towards rotor 1, which stands behind the hinge of benchtool's beam."""
 
 
 def asked(first_seed: int, scale: float) -> Iterator[Asked]:
@@ -86,7 +89,7 @@ def scored(one: Asked) -> Scored:
     floors = {gap.channel: gap.floor for gap in verdict.gaps}
     true_gaps: dict[str, float] = {}
     if truth.kind == "named" and one.strength == "full" and one.excitation == "rich":
-        missed = miss(record.parts[1], truth.plant, truth.plant)
+        missed = floor_of(record.parts[1], truth.plant, verdict.window_s)
         true_gaps = {
             "theta_rad": missed["theta"] / floors["theta_rad"],
             "gyro_rad_s": missed["gyro"] / floors["gyro_rad_s"],
@@ -110,7 +113,7 @@ def scored(one: Asked) -> Scored:
         parameters=tuple(
             ScoredParameter(
                 name=f"{effect.name}.{item.name}", value=item.value, low=item.low, high=item.high,
-                truth=hidden[effect.name].value,
+                truth=SIGN.get(effect.name, 1.0) * hidden[effect.name].value,
             )
             for effect in verdict.effects
             if effect.name in hidden

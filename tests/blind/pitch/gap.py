@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from tests.blind.pitch.beam import STEP_S
 from tests.blind.pitch.library import NAMED
 from tests.blind.pitch.loop import Part
 from tests.blind.pitch.moving import STEPS, Moving, State
@@ -25,7 +26,6 @@ Array = NDArray[np.float64]
 
 WINDOW_S = 1.0
 CHANNELS = ("theta", "gyro", "rpm1", "rpm2")
-_STILL = [0.0] * STEPS
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,11 +41,21 @@ class Gap:
         return {name: self.without[name] / self.floor[name] for name in CHANNELS}
 
 
-def shown(part: Part, truth: Plant, model: Plant, window_s: float = WINDOW_S) -> Array:
+def shown(
+    part: Part,
+    truth: Plant,
+    model: Plant,
+    window_s: float = WINDOW_S,
+    *,
+    first: int = 0,
+    wake: bool = False,
+) -> Array:
     """Return what the instruments of a model would show (4, n), one window after the other.
 
     The rows are those of CHANNELS. Each window starts from the true state; arms that the model
-    does not let flex start at what hub and arms have on average.
+    does not let flex start at what hub and arms have on average. Rows before `first`, where the
+    first window starts, are nan. With `wake` the wake's torque at a window's start is known too,
+    and dies away as it does on average.
     """
     span = round(window_s / SHEET.dt)
     n = len(part.states)
@@ -57,8 +67,11 @@ def shown(part: Part, truth: Plant, model: Plant, window_s: float = WINDOW_S) ->
         true_instruments.angle(state.positions[0])
         shafts.append(true_instruments.shaft_rad)
     bench = Moving(model)
-    out = np.empty((len(CHANNELS), n))
-    for start in range(0, n, span):
+    out = np.full((len(CHANNELS), n), np.nan)
+    kept = np.exp(-STEP_S / truth.wake_tau_s * np.arange(span * STEPS)).reshape(span, STEPS)
+    still = np.zeros(STEPS)
+    for start in range(first, n, span):
+        dying = kept * part.wake_Nm[start]
         before = pulses[max(start - 20, 0) : start] or [(SHEET.base_pwm, SHEET.base_pwm)]
         state = part.states[start]
         if truth.flexible and not model.flexible:
@@ -69,7 +82,8 @@ def shown(part: Part, truth: Plant, model: Plant, window_s: float = WINDOW_S) ->
             rpm1, rpm2 = bench.speed_rpm
             angle, rate = instruments.angle(bench.theta_rad), instruments.rate(bench.rate_rad_s)
             out[:, k] = angle, rate, rpm1, rpm2
-            bench.advance(pulses[k], plates[k], _STILL, k * SHEET.dt)
+            blown = dying[k - start] if wake else still
+            bench.advance(pulses[k], plates[k], blown, k * SHEET.dt)
     return out
 
 
@@ -86,6 +100,20 @@ def miss(part: Part, truth: Plant, model: Plant, window_s: float = WINDOW_S) -> 
     """Return a model's root mean square miss of each channel."""
     errors = shown(part, truth, model, window_s) - part.table[list(CHANNELS)].to_numpy().T
     return dict(zip(CHANNELS, np.sqrt(np.mean(errors**2, axis=1)).tolist(), strict=True))
+
+
+def floor_of(part: Part, truth: Plant, window_s: float) -> dict[str, float]:
+    """Return the true model's miss where each window's start is known as well as it can be.
+
+    Wake and all; windows begin in the middle of the ones before, too.
+    """
+    seen = part.table[list(CHANNELS)].to_numpy().T
+    half = round(0.5 * window_s / SHEET.dt)
+    errors = np.hstack(
+        [shown(part, truth, truth, window_s, first=k, wake=True) - seen for k in (0, half)]
+    )
+    roots = np.sqrt(np.nanmean(errors**2, axis=1))
+    return dict(zip(CHANNELS, roots.tolist(), strict=True))
 
 
 def without_hidden(truth: Truth) -> Plant:

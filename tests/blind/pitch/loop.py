@@ -35,12 +35,14 @@ class Part:
         table: the columns of the CSV.
         states: where everything was at each row.
         plate_m: (n,) plate distance without the gauge's noise.
+        wake_Nm: (n,) torque of the wake.
         capped: physics steps in which the ground effect was capped.
     """
 
     table: pd.DataFrame
     states: list[State]
     plate_m: Array
+    wake_Nm: Array
     capped: int
 
 
@@ -111,4 +113,4 @@ def closed_loop(
             "plate_z": plate_readings(programme.plate_m, gauge, sheet),
         }
     )
-    return Part(table, states, programme.plate_m, bench.capped)
+    return Part(table, states, programme.plate_m, wake[::STEPS], bench.capped)
