@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from benchtool.bench.commands import AskHello, Command, Reply, fields_of
+from benchtool.bench.commands import AskHello, Command, Reply, Stop, fields_of
 from benchtool.bench.firmware import Event
 from benchtool.bench.hello import Hello, hello_from
 from benchtool.bench.link import (
@@ -95,6 +95,16 @@ class Conversation:
             f"{1000.0 * ANSWER_S:.0f} ms; the device stops its motors by itself; check cable and "
             f"power, then start again"
         )
+
+    def halt(self) -> None:
+        """Send a stop without waiting for its answer; another thread may be in an exchange.
+
+        Its number, 0, is one that `exchange` never takes.
+
+        Raises:
+            LinkLost: the other end went away or takes nothing.
+        """
+        self.transport.write(frame_command(0, Stop()))
 
     def pump(self, timeout_s: float) -> bool:
         """Send a heartbeat when one is due and take what arrives within a short wait.

@@ -158,6 +158,10 @@ class SerialBench(Opened):
     def stop(self) -> None:
         self._order(Stop())
 
+    def halt(self) -> None:
+        """Send zero at once, from any thread (`Halts`)."""
+        self._talk.halt()
+
     def move_plate(self, z_m: float, x_m: float = 0.0, tilt_rad: float = 0.0) -> None:
         self._raise_if_stopped()
         self._arrived, self._stage_fault = False, None

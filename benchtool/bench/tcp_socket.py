@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+from contextlib import suppress
 
 from benchtool.bench.link_errors import lost_error, opening_error
 from benchtool.bench.transport import first_bytes
@@ -47,6 +48,12 @@ class TcpSocket:
     def write(self, data: bytes) -> None:
         opened = self._opened()
         try:
+            # As a rule the system takes it all at once, and nothing about the socket changes that
+            # another thread would see in the middle of a read.
+            with suppress(BlockingIOError):
+                data = data[opened.send(data) :]
+            if not data:
+                return
             opened.settimeout(WRITE_TIMEOUT_S)
             try:
                 opened.sendall(data)

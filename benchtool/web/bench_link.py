@@ -11,10 +11,14 @@ from multiprocessing import get_context
 from multiprocessing.connection import Connection as Pipe
 from typing import Any
 
+from benchtool.store import Event
 from benchtool.web.desk.asks import Ask, Leave, Stop
 from benchtool.web.desk.desk import run_desk
-from benchtool.web.desk.news import Connection, News, Said
+from benchtool.web.desk.news import Connection, Happened, Live, News, Said, Swept
 from benchtool.web.desk.outbox import FRAME
+
+KEPT_EVENTS = 200
+"""Events of a run that pages show; the run folder has them all."""
 
 PATIENCE_S = 5.0
 """The bench process has so long to stop motors and close a run when the server ends."""
@@ -28,6 +32,9 @@ class BenchLink:
 
     def __init__(self) -> None:
         self.connection = Connection()
+        self.live = Live()
+        self.swept = Swept()
+        self.events: list[Event] = []
         self.said: Callable[[Said], None] = lambda said: None
         self.framed: Callable[[bytes], None] = lambda frame: None
         self._process: Any = None
@@ -76,5 +83,16 @@ class BenchLink:
         news: News = pickle.loads(told[1:])
         if isinstance(news, Connection):
             self.connection = news
+            if news.status != "on":
+                self.live = Live()
+        elif isinstance(news, Live):
+            self.live = news
+        elif isinstance(news, Swept):
+            if news.run != self.swept.run:
+                self.events.clear()
+            self.swept = news
+        elif isinstance(news, Happened):
+            self.events.append(news.event)
+            del self.events[:-KEPT_EVENTS]
         else:
             self.said(news)

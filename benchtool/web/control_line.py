@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from time import monotonic
 from typing import ClassVar
 
@@ -10,9 +11,12 @@ from nicegui import app
 from nicegui.element import Element
 
 from benchtool.web.context import Context, Shared
+from benchtool.web.desk.asks import Hold, Release
 from benchtool.web.theme import STATIC
 
 LONGEST_NAME = 64
+
+_HOLD = re.compile(r"hold (\d{1,9}) (\d{1,5}(?:\.\d{1,3})?) (\d{1,2}(?:,\d{1,2}){0,15})")
 
 
 class ControlLine(Element, component=STATIC / "control_line.js"):
@@ -33,6 +37,20 @@ class ControlLine(Element, component=STATIC / "control_line.js"):
         self.client.on_delete(lambda: self.pages.pop(page, None))
 
 
+def hear(shared: Shared, tab: str, word: str) -> None:
+    """Hand on what the hand on the throttle says: `hold PRESS PULSE ROTORS` or `release`.
+
+    Anything else is left unheard, and a hand that is not heard has let go.
+    """
+    if word == "release":
+        shared.bench.ask(Release())
+        return
+    match = _HOLD.fullmatch(word)
+    if match is not None:
+        rotors = tuple(int(number) for number in match[3].split(","))
+        shared.bench.ask(Hold(f"{tab} {match[1]}", float(match[2]), rotors))
+
+
 def serve_control_line(shared: Shared) -> None:
     """Take control lines under /control."""
 
@@ -49,9 +67,13 @@ def serve_control_line(shared: Shared) -> None:
                 if word == "stop":
                     shared.bench.stop("the page")
                     await socket.send_text("stopped")
+                elif shared.seat.controls(tab):
+                    hear(shared, tab, word)
         except WebSocketDisconnect:
             pass
         finally:
+            if shared.seat.controls(tab):
+                shared.bench.ask(Release())
             shared.seat.leave(tab, monotonic())
 
     @app.post("/stop")

@@ -18,7 +18,8 @@ from benchtool.web.context import Shared
 from benchtool.web.control_line import serve_control_line
 from benchtool.web.doorman import Doorman
 from benchtool.web.page import serve_page
-from benchtool.web.tell import say_error
+from benchtool.web.stream import Stream
+from benchtool.web.tell import say_error, say_everywhere
 from benchtool.web.theme import serve_static
 
 PORT = 8460
@@ -48,12 +49,16 @@ def serve(runs: Path, host: str, port: int | None, announce: Callable[[str], Non
     opened = f"{url}?token={access.token}" if access.token else url
     shared = Shared(runs=runs)
     app.add_middleware(Doorman, access=access, cookie=f"benchtool-{port}")
+    stream = Stream()
+    shared.bench.framed = stream.show
+    shared.bench.said = say_everywhere
     app.on_startup(shared.bench.start)
     app.on_startup(lambda: announce(opened))
     app.on_shutdown(shared.close)
     app.on_exception(say_error)
     serve_static()
     serve_control_line(shared)
+    stream.serve()
     serve_page(shared)
     # A name that a browser may ask for is settled by us, not by the environment of a test.
     os.environ.pop("PYTEST_CURRENT_TEST", None)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from benchtool.web import bench_tab
+from benchtool.web.bench import tab as bench_tab
 from benchtool.web.simulate import tab as simulate_tab
 from benchtool.web.tab import Tab
 

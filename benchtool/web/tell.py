@@ -7,9 +7,10 @@ from functools import wraps
 from inspect import iscoroutinefunction
 from typing import Any
 
-from nicegui import ui
+from nicegui import Client, ui
 
 from benchtool.errors import BenchtoolError
+from benchtool.web.desk.news import Said
 
 
 def say(text: str) -> None:
@@ -27,6 +28,17 @@ def say_error(error: Exception) -> None:
         text, type="negative", position="bottom-left", multi_line=True, timeout=0,
         close_button="Close",
     )  # fmt: skip
+
+
+def say_everywhere(said: Said) -> None:
+    """Show on every page what the bench process says."""
+    for client in list(Client.instances.values()):
+        if client.has_socket_connection:
+            with client:
+                if said.is_error:
+                    say_error(BenchtoolError(said.text))
+                else:
+                    say(said.text)
 
 
 def tells_errors(handler: Callable[..., Any]) -> Callable[..., Any]:

@@ -30,6 +30,7 @@ def dress_page(theme: str) -> ui.dark_mode:
         theme: "light", "dark", or anything else to follow the system.
     """
     ui.colors(primary=ACCENT, negative=STOP, positive="#00704f", warning="#b34700", info=ACCENT)
+    ui.button.default_props("no-caps")
     ui.add_head_html('<meta name="color-scheme" content="light dark">')
     ui.add_head_html('<link rel="stylesheet" href="/static/page.css">')
     return ui.dark_mode({"light": False, "dark": True}.get(theme))

@@ -8,6 +8,7 @@ from __future__ import annotations
 import pickle
 import queue
 import threading
+import time
 from multiprocessing.connection import Connection as Pipe
 
 from benchtool.acquire.sweep_options import rig_for
@@ -16,10 +17,30 @@ from benchtool.bench.guard import GuardedBench
 from benchtool.bench.paced import PacedBench
 from benchtool.bench.stoppable import StoppableBench
 from benchtool.errors import BenchtoolError
-from benchtool.web.desk.asks import Ask, Connect, Leave, Stop
+from benchtool.web.desk.asks import (
+    Answer,
+    Ask,
+    Connect,
+    Disconnect,
+    Hold,
+    Leave,
+    Pace,
+    Pause,
+    Release,
+    Stop,
+)
+from benchtool.web.desk.hand import Hand
 from benchtool.web.desk.news import Connection, Said
 from benchtool.web.desk.outbox import Outbox
 from benchtool.web.desk.session import Session
+from benchtool.web.desk.sweeping import Sweeping
+from benchtool.web.desk.watch import Watch
+
+VIRTUAL = ("sim:", "replay:")
+"""Addresses of benches on a virtual clock."""
+
+FASTEST = 100.0
+"""Most that a virtual clock may run faster than life; a choice."""
 
 
 def run_desk(pipe: Pipe) -> None:
@@ -38,7 +59,10 @@ class Desk:
         self._pipe = pipe
         self._outbox = Outbox(pipe)
         self._asks: queue.SimpleQueue[Ask] = queue.SimpleQueue()
+        self._hand = Hand()
+        self._sweeping = Sweeping(self._outbox)
         self._bench: StoppableBench | None = None
+        self._pace: PacedBench | None = None
         self._sessions = 0
 
     def run(self) -> None:
@@ -48,50 +72,71 @@ class Desk:
             while not isinstance(ask := self._asks.get(), Leave):
                 if isinstance(ask, Connect):
                     self._hold(ask)
+                elif not isinstance(ask, Disconnect):
+                    text = "no bench is connected; connect one first"
+                    self._outbox.tell(Said(text=text, is_error=True))
         except KeyboardInterrupt:
             pass
         finally:
+            self._sweeping.finish()
             self._outbox.close()
 
     def _listen(self) -> None:
-        """Take what the page asks; a stop is carried out right here."""
+        """Take what the page asks; what cannot wait for the owner of the bench is done here."""
         while True:
             try:
                 ask: Ask = pickle.loads(self._pipe.recv_bytes())
             except (EOFError, OSError):
                 ask = Leave()
-            if isinstance(ask, Leave):
+            if isinstance(ask, Stop):
+                self._stop(f"stopped from {ask.who}")
+            elif isinstance(ask, Hold):
+                self._hand.hold(ask, time.monotonic())
+            elif isinstance(ask, Release):
+                self._hand.release()
+            elif isinstance(ask, Pause):
+                self._sweeping.pause(ask.on)
+            elif isinstance(ask, Answer):
+                self._sweeping.answer(ask.text)
+            elif isinstance(ask, Pace):
+                if (pace := self._pace) is not None:
+                    pace.speed = min(max(ask.speed, 0.1), FASTEST)
+            elif isinstance(ask, Leave):
                 self._stop("the page's server is gone")
                 self._asks.put(ask)
                 return
-            if isinstance(ask, Stop):
-                self._stop(f"stopped from {ask.who}")
+            elif self._sweeping.active:
+                text = "a sweep is under way; stop it first"
+                self._outbox.tell(Said(text=text, is_error=True))
             else:
                 self._asks.put(ask)
 
     def _stop(self, reason: str) -> None:
+        self._hand.release()
         if (bench := self._bench) is not None:
             bench.ask_to_stop(reason)
 
     def _hold(self, ask: Connect) -> None:
         """Open a bench and hold it until it is let go or something ends it."""
         self._sessions += 1
-        told = Connection(status="opening", address=ask.address, session=self._sessions)
-        self._outbox.tell(told)
+        number = self._sessions
+        self._outbox.tell(Connection(status="opening", address=ask.address, session=number))
         reason = ""
         try:
             rig = rig_for(ask.address, ask.rig or None)
             device = open_bench(ask.address)
-            pace = PacedBench(device) if ask.address.startswith(("sim:", "replay:")) else None
-            session = Session(self._outbox, self._asks, self._sessions)
-            self._bench = StoppableBench(pace or device, session.heard)
-            with GuardedBench(self._bench, rig) as bench:
-                session.run(bench, ask.address, rig)
+            pace = PacedBench(device) if ask.address.startswith(VIRTUAL) else None
+            watch = Watch(number, rig, self._outbox, lambda: pace.speed if pace else 0.0)
+            stoppable = StoppableBench(pace or device, watch.heard)
+            self._bench, self._pace = stoppable, pace
+            session = Session(
+                ask, number, rig, self._outbox, self._asks, self._hand, self._sweeping, watch
+            )
+            with stoppable if ask.weighs else GuardedBench(stoppable, rig) as bench:
+                session.run(bench)
         except BenchtoolError as error:
             reason = str(error)
             self._outbox.tell(Said(text=reason, is_error=True))
         finally:
-            self._bench = None
-            self._outbox.tell(
-                Connection(address=ask.address, session=self._sessions, reason=reason)
-            )
+            self._bench = self._pace = None
+            self._outbox.tell(Connection(address=ask.address, session=number, reason=reason))

@@ -59,3 +59,9 @@ def merged(older: bytes, newer: bytes) -> bytes:
     both[HEAD::2] = np.fmin(a[HEAD::2], b[HEAD::2])
     both[HEAD + 1 :: 2] = np.fmax(a[HEAD + 1 :: 2], b[HEAD + 1 :: 2])
     return both.tobytes()
+
+
+def split(frame: bytes) -> tuple[Array, Array]:
+    """Return the least and the greatest value of each channel (c,), (c,)."""
+    numbers = np.frombuffer(frame, "<f4").astype(float)
+    return numbers[HEAD::2], numbers[HEAD + 1 :: 2]

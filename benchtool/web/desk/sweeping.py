@@ -1,0 +1,171 @@
+"""Run a sweep for the page: the command line's own functions, watched and paused from afar."""
+
+from __future__ import annotations
+
+import queue
+import threading
+from contextlib import suppress
+from dataclasses import replace
+from datetime import datetime
+
+from benchtool.acquire.arming import CONFIRMATION, require_unattended
+from benchtool.acquire.calibration_file import calibration_for
+from benchtool.acquire.check_plan import check_plan
+from benchtool.acquire.new_run import new_run
+from benchtool.acquire.order import Visit
+from benchtool.acquire.resume import reopen, unfinished
+from benchtool.acquire.stage_choice import stage_for
+from benchtool.acquire.sweep import run_sweep
+from benchtool.bench.guard import GuardedBench
+from benchtool.core.rig import Rig
+from benchtool.errors import BenchError, BenchtoolError, InputError, RunStopped
+from benchtool.store import Event, Point, Run
+from benchtool.web.desk.asks import Sweep
+from benchtool.web.desk.news import Happened, Swept
+from benchtool.web.desk.outbox import Outbox
+
+LOOK_S = 0.05
+
+
+class Sweeping:
+    """Hold what page and sweep say to each other; it is the sweep's Progress.
+
+    Args:
+        outbox: to the page.
+    """
+
+    def __init__(self, outbox: Outbox) -> None:
+        self._outbox = outbox
+        self._state = Swept()
+        self._radius_m = 1.0
+        self._paused = threading.Event()
+        self._answers: queue.SimpleQueue[str] = queue.SimpleQueue()
+        self._closing: threading.Thread | None = None
+
+    @property
+    def active(self) -> bool:
+        """Whether a sweep has the bench."""
+        return self._state.active and self._state.status != "closing"
+
+    def pause(self, on: bool) -> None:
+        """Let the sweep wait or go on, from any thread."""
+        if on:
+            self._paused.set()
+            if self._state.status == "running":
+                self._tell(status="pausing")
+        else:
+            self._paused.clear()
+
+    def answer(self, text: str) -> None:
+        """Answer the sweep's question, from any thread."""
+        self._answers.put(text)
+
+    def run(self, bench: GuardedBench, rig: Rig, ask: Sweep) -> None:
+        """Sweep; motors are at zero when this returns or raises.
+
+        Raises:
+            BenchtoolError: why it could not begin.
+            BenchError: the bench is not to be used any more.
+        """
+        self.finish()
+        self._paused.clear()
+        identity = bench.identity
+        rest = unfinished(Run.open(ask.resume)) if ask.resume else None
+        if rest is not None:
+            plan, rig = rest.plan, rest.rig
+        elif ask.plan is not None:
+            plan = ask.plan.resolved(rig)
+        else:
+            raise InputError("neither a plan nor a run to go on with was given")
+        self._radius_m = rig.propulsion.radius_m
+        check_plan(plan, rig, identity.limits)
+        scale = rest.calibration if rest else calibration_for(ask.calibration, identity)
+        stage = stage_for(ask.stage, bench, rig, lambda text: self._ask(bench, text))
+        if not ask.typed:
+            require_unattended(identity, rig, datetime.now().astimezone().date())
+        elif ask.typed.strip() != CONFIRMATION:
+            raise RunStopped(f"not armed: {CONFIRMATION} was not typed; nothing was spun")
+        stage.open()
+        run: Run | None = None
+        try:
+            start = reopen(rest, identity) if rest else None
+            run = rest.run if rest else new_run(
+                (ask.runs, None), plan, rig, identity,
+                operator=ask.operator, air=ask.air, calibration=scale,
+            )  # fmt: skip
+            self._state = Swept(status="running", run=str(run.path))
+            self._tell()
+            summary = run_sweep(
+                bench, stage, plan, rig, run, self,
+                calibration=scale, start=start, waits=self._waits,
+            )  # fmt: skip
+            reason = (
+                f"{summary.measured} points, {summary.unsettled} not settled, {summary.tares} "
+                f"tares, {summary.samples} samples, {summary.lost} lost"
+            )
+            self._close(run, "ended", reason)
+        except BenchtoolError as error:
+            if run is not None:
+                self._close(run, "stopped", str(error))
+            if run is None or isinstance(error, BenchError):
+                raise
+        finally:
+            stage.close()
+
+    def finish(self) -> None:
+        """Wait until the files of the last run are closed."""
+        if self._closing is not None:
+            self._closing.join()
+
+    def started(self, visits: int, done: int, expected_s: float) -> None:
+        self._tell(visits=visits, done=done, left_s=expected_s)
+
+    def visiting(self, visit: Visit) -> None:
+        place = visit.setting.place
+        where = "parked" if place.parked else f"z/R {place.z_m / self._radius_m:.2f}"
+        self._tell(status="running", now=f"{visit.kind} {where}, {visit.setting.level_us:.0f} us")
+
+    def measured(self, point: Point, remaining_s: float) -> None:
+        self._tell(done=self._state.done + 1, left_s=remaining_s)
+
+    def happened(self, event: Event) -> None:
+        self._outbox.tell(Happened(event))
+        if event.event == "paused":
+            self._tell(status="paused")
+        elif event.event == "went_on":
+            self._tell(status="running")
+
+    def _waits(self) -> bool:
+        return self._paused.is_set()
+
+    def _ask(self, bench: GuardedBench, question: str) -> str:
+        """Put a question to the page and listen to the bench until it is answered."""
+        with suppress(queue.Empty):
+            while True:
+                self._answers.get_nowait()
+        self._tell(status="asking", question=question)
+        while True:
+            bench.listen(LOOK_S)
+            with suppress(queue.Empty):
+                text = self._answers.get_nowait()
+                self._tell(status="running", question="")
+                return text
+
+    def _close(self, run: Run, status: str, reason: str) -> None:
+        """Finish the files beside the bench, which goes on being read."""
+        self._tell(status="closing", question="", reason=reason)
+
+        def close() -> None:
+            said = reason
+            try:
+                run.close()
+            except (BenchtoolError, OSError) as error:
+                said = f"{reason}; closing the run failed: {error}"
+            self._tell(status=status, now="", left_s=0.0, reason=said)
+
+        self._closing = threading.Thread(target=close, name="closing")
+        self._closing.start()
+
+    def _tell(self, **changes: object) -> None:
+        self._state = replace(self._state, **changes)  # type: ignore[arg-type]
+        self._outbox.tell(self._state)
