@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 from benchtool.errors import FileFormatError
-from benchtool.store.atomic import replace_text, sync_folder
+from benchtool.store.atomic import sync_folder
 from benchtool.store.csv_text import CsvTable, parse_csv
 from benchtool.store.runs_folder import RunsFolder
 
@@ -14,9 +14,6 @@ MOST_BYTES = 20_000_000
 """A table of points is a few kilobytes; this is room for a log. A choice."""
 
 MOST_COLUMNS = 500
-
-COLUMNS_FILE = "columns.toml"
-"""What says which column is which, beside a table that was handed over."""
 
 
 def checked_table(data: bytes, name: str) -> CsvTable:
@@ -66,8 +63,6 @@ def keep_table(folder: RunsFolder, name: str, data: bytes, date: str) -> Path:
     return path
 
 
-def write_columns(table: Path, text: str) -> Path:
-    """Write the mapping file beside a table that was handed over, in place of an older one."""
-    path = table.with_name(COLUMNS_FILE)
-    replace_text(path, text)
-    return path
+def columns_file(table: Path) -> Path:
+    """Return where the mapping file of a table stands, which says which column is which."""
+    return table.with_name(f"{table.stem}.columns.toml")

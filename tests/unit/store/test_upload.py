@@ -9,7 +9,7 @@ from benchtool.errors import FileFormatError
 from benchtool.library import columns_to_toml, read_columns
 from benchtool.store import upload
 from benchtool.store.runs_folder import RunsFolder
-from benchtool.store.upload import checked_table, keep_table, write_columns
+from benchtool.store.upload import checked_table, columns_file, keep_table
 
 GOOD = b"gap_mm;F_gf\n60;424,1\n"
 
@@ -75,6 +75,8 @@ def test_the_map_beside_a_table_reads_back(tmp_path: Path) -> None:
         "rpm1": ColumnSource(constant=6300.0),
         "plate_z_m": ColumnSource(column="gap_mm", unit="mm", factor=2.0),
     }
-    path = write_columns(table, columns_to_toml(columns))
+    path = columns_file(table)
+    path.write_text(columns_to_toml(columns), "utf-8")
+    assert path.name == "t.columns.toml"
     assert dict(read_columns(path)) == columns
     assert checked_table(GOOD, "t.csv").header == ("gap_mm", "F_gf")

@@ -1,0 +1,97 @@
+"""Blocks of a report as HTML for the page: the same words and tables, figures as SVG.
+
+This draws: it belongs into a process of its own, never into the server's loop. A figure is shown
+as an image, so that no script in a file that somebody put into the runs folder can run.
+"""
+
+from __future__ import annotations
+
+from base64 import b64encode
+from collections.abc import Iterable
+from dataclasses import dataclass
+from html import escape
+from pathlib import Path
+
+from benchtool.report.files import figure_bytes
+from benchtool.report.page import (
+    Block,
+    Commands,
+    Facts,
+    FigureBlock,
+    Listing,
+    Paragraph,
+    Table,
+    Warnings,
+)
+from benchtool.web.shown import Piece
+
+
+@dataclass(frozen=True, slots=True)
+class Drawing:
+    """Hold a figure as SVG with its caption."""
+
+    svg: bytes
+    caption: str
+    alt: str = ""
+
+
+def pieces(blocks: Iterable[Block | Drawing]) -> tuple[Piece, ...]:
+    """Return blocks as HTML, their figures drawn."""
+    return tuple(
+        Piece(as_html(block), isinstance(block, FigureBlock | Drawing | Table)) for block in blocks
+    )
+
+
+def read_drawing(path: Path, caption: str) -> Drawing:
+    """Return a figure that stands in a folder."""
+    return Drawing(path.read_bytes(), caption)
+
+
+def as_html(block: Block | Drawing) -> str:
+    """Return a block as HTML, everything in it escaped."""
+    if isinstance(block, FigureBlock):
+        block = Drawing(figure_bytes(block.figure, "svg"), block.caption, block.alt)
+    if isinstance(block, Drawing):
+        address = f"data:image/svg+xml;base64,{b64encode(block.svg).decode()}"
+        alt = escape(block.alt or block.caption)
+        return (
+            f'<figure class="shown"><img src="{address}" alt="{alt}">'
+            f"<figcaption>{escape(block.caption)}</figcaption></figure>"
+        )
+    if isinstance(block, Paragraph):
+        return f"<p>{escape(block.text)}</p>"
+    if isinstance(block, Facts):
+        rows = "".join(
+            f"<dt>{escape(name)}</dt><dd>{escape(value)}</dd>"
+            for name, value in block.items.items()
+        )
+        return f'<dl class="facts">{rows}</dl>'
+    if isinstance(block, Warnings):
+        lines = "".join(f"<li>{escape(line)}</li>" for line in block.sentences)
+        return f'<ul class="warn-box" aria-label="Warnings">{lines}</ul>' if lines else ""
+    if isinstance(block, Commands):
+        return f"<pre><code>{escape(chr(10).join(block.lines))}</code></pre>"
+    if isinstance(block, Table):
+        return _table(block)
+    if isinstance(block, Listing):
+        return f"<p>{escape(block.caption)}</p><pre><code>{escape(block.text)}</code></pre>"
+    raise TypeError(f"nothing shows a block of kind {type(block).__name__}")
+
+
+def _table(table: Table) -> str:
+    def cell(tag: str, text: str, column: int, scope: str = "") -> str:
+        number = ' class="number"' if column >= table.text_columns else ""
+        return f"<{tag}{scope}{number}>{escape(text)}</{tag}>"
+
+    head = "".join(cell("th", text, at, ' scope="col"') for at, text in enumerate(table.header))
+    body = "".join(
+        "<tr>"
+        + cell("th", row[0], 0, ' scope="row"')
+        + "".join(cell("td", text, at) for at, text in enumerate(row[1:], 1))
+        + "</tr>"
+        for row in table.rows
+    )
+    return (
+        f'<div class="wide" tabindex="0"><table class="shown"><caption>{escape(table.caption)}'
+        f"</caption><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>"
+    )

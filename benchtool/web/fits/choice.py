@@ -1,0 +1,148 @@
+"""Which models the page may fit, and the numbers of one to free, fix or leave. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path, PurePosixPath
+
+from benchtool.core.toml_text import parse_toml
+from benchtool.errors import FileFormatError, InputError
+from benchtool.library import LoadedModel, load_model, model_names
+from benchtool.library.rig_file import rig_names
+from benchtool.store.entry import Entry
+from benchtool.store.runs_folder import RunsFolder
+
+MODEL_FILE = "model.toml"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Adjustable:
+    """Hold one number of a model as a form shows it.
+
+    Attributes:
+        name: its full name.
+        unit: of its value.
+        value: that the model has.
+        free: whether the model frees it.
+        lower, upper: its bounds.
+        source: where the value comes from.
+    """
+
+    name: str
+    unit: str
+    value: float
+    free: bool
+    lower: float
+    upper: float
+    source: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Wish:
+    """Say what a form asks of one number: to be free, or held at a value."""
+
+    free: bool
+    value: float
+
+
+def model_choices(folder: RunsFolder, entries: Iterable[Entry]) -> dict[str, str]:
+    """Return models by what a recipe calls them, with words for people.
+
+    Those that benchtool ships, and those that fits and explanations here have written.
+    """
+    found = {name: name for name in model_names()}
+    for entry in entries:
+        if entry.kind in ("fit", "explanation") and not entry.problem:
+            name = f"{entry.name}/{MODEL_FILE}"
+            if (folder.root / name).is_file():
+                found[name] = f"{entry.name} ({entry.rig}, as written by that {entry.kind})"
+    return found
+
+
+def model_path(folder: RunsFolder, chosen: str) -> str:
+    """Return what a recipe calls a chosen model: its name, or its path in the runs folder.
+
+    Raises:
+        InputError: a name that leads out of the folder, or a model file that names a rig or
+            effects outside of it.
+    """
+    if chosen in model_names():
+        return chosen
+    path = folder.file_of(chosen)
+    _refuse_outside(folder, chosen, path)
+    return str(path)
+
+
+def _refuse_outside(folder: RunsFolder, chosen: str, path: Path) -> None:
+    try:
+        text = path.read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        raise FileFormatError(chosen, "this is not a TOML text file") from error
+    head = parse_toml(text, chosen).get("model", {})
+    for key in ("rig", "effects_file"):
+        named = str(head.get(key, "")) if isinstance(head, dict) else ""
+        if not named or (key == "rig" and named in rig_names()):
+            continue
+        if PurePosixPath(named).name != named:
+            raise InputError(
+                f"{chosen} takes its {key} from {named!r}, outside its own folder, and the page "
+                f"reads the runs folder only; fit it with benchtool fit --model"
+            )
+        folder.file_of(f"{PurePosixPath(chosen).parent}/{named}")
+
+
+def adjustables(model: str) -> tuple[Adjustable, ...]:
+    """Return the numbers of a model; those of the noise follow from the option for it.
+
+    Args:
+        model: as `model_path` gives it.
+    """
+    return tuple(
+        Adjustable(
+            name=name,
+            unit=item.unit,
+            value=item.value,
+            free=item.free,
+            lower=item.lower,
+            upper=item.upper,
+            source=item.source,
+        )
+        for name, item in loaded(model).model.parameters.items()
+        if not name.startswith("noise.")
+    )
+
+
+def loaded(model: str) -> LoadedModel:
+    """Return a model, read anew only where its file has changed."""
+    path = Path(model)
+    return _read(model, path.stat().st_mtime_ns if path.is_file() else 0)
+
+
+@lru_cache(maxsize=8)
+def _read(model: str, stamp: int) -> LoadedModel:
+    del stamp  # another one after every change on the disk
+    return load_model(model)
+
+
+def wished(numbers: Sequence[Adjustable], wishes: Mapping[str, Wish]) -> dict[str, object]:
+    """Return the options that make a model's numbers as a form asks: free, hold and fix.
+
+    What is as the model has it needs no option.
+    """
+    free: list[str] = []
+    hold: list[str] = []
+    fix: dict[str, float] = {}
+    for number in numbers:
+        wish = wishes.get(number.name)
+        if wish is None:
+            continue
+        if wish.free:
+            if not number.free:
+                free.append(number.name)
+        elif wish.value != number.value:
+            fix[number.name] = wish.value
+        elif number.free:
+            hold.append(number.name)
+    return {"free": free, "hold": hold, "fix": fix}

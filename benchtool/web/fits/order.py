@@ -1,0 +1,93 @@
+"""What the Fit form asks for, as a recipe and as the words of the command. Pure."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from benchtool.errors import InputError
+from benchtool.recipes.fit_options import recipe_of_options, words_of_recipe
+from benchtool.recipes.recipe import Recipe
+from benchtool.store.csv_text import read_csv_text
+from benchtool.store.entry import Entry
+from benchtool.store.runs_folder import RunsFolder
+from benchtool.store.upload import columns_file
+from benchtool.web.fits.choice import Wish, adjustables, loaded, model_path, wished
+
+
+@dataclass(slots=True, kw_only=True)
+class Order:
+    """Hold what the form says.
+
+    Attributes:
+        data: names of runs and tables.
+        model: as `choice.model_choices` calls it.
+        wishes: by parameter, where the form differs from the model.
+        name: of the folder that is made.
+        profile: intervals from the profile likelihood as well.
+        options: the recipe's other keys.
+    """
+
+    data: list[str] = field(default_factory=list)
+    model: str = "quad_bench"
+    wishes: dict[str, Wish] = field(default_factory=dict)
+    name: str = ""
+    profile: bool = False
+    options: dict[str, Any] = field(default_factory=dict)
+
+
+def recipe_for(order: Order, folder: RunsFolder, entries: Mapping[str, Entry]) -> Recipe:
+    """Return the recipe that the form asks for.
+
+    Raises:
+        InputError: nothing to fit, a name that leads elsewhere, or a value that is not taken.
+    """
+    if not order.data:
+        raise InputError("nothing to fit: choose a run or a table")
+    paths = [folder.path_of(name) for name in order.data]
+    tables = [name for name in order.data if entries[name].kind == "table"]
+    maps = [columns_file(folder.file_of(name)) for name in tables]
+    kept = [path for path in maps if path.is_file()]
+    if len(tables) > 1 and kept:
+        raise InputError(
+            f"{' and '.join(tables)} are tables with maps of their own, and a fit takes one map; "
+            f"fit them one at a time"
+        )
+    model = model_path(folder, order.model)
+    if tables and not kept and not loaded(model).columns:
+        for name in tables:
+            header = read_csv_text(folder.file_of(name)).header
+            if "thrust_N" not in header:
+                raise InputError(
+                    f"{name} has no column thrust_N; say which column is which, and use these "
+                    f"columns"
+                )
+    return recipe_of_options(
+        {
+            "name": order.name,
+            "data": [str(path) for path in paths],
+            "model": model,
+            "columns": str(kept[0]) if kept else None,
+            **wished(adjustables(model), order.wishes),
+            **order.options,
+        }
+    )
+
+
+def words_for(recipe: Recipe, order: Order, folder: RunsFolder) -> list[str]:
+    """Return the words behind `benchtool` that do the same."""
+    return words_of_recipe(
+        recipe, out=str(folder.root / order.name) if order.name else "", profile=order.profile
+    )
+
+
+def suggested_name(folder: RunsFolder, data: Sequence[str]) -> str:
+    """Return a free name for the fit of some data."""
+    first = re.sub(r"\.csv$", "", data[0].rsplit("/", 1)[-1]) if data else "data"
+    name = f"fit-{re.sub(r'[^A-Za-z0-9._-]+', '-', first)}"
+    count = 1
+    while (folder.root / (name if count == 1 else f"{name}-{count}")).exists():
+        count += 1
+    return name if count == 1 else f"{name}-{count}"
