@@ -17,7 +17,7 @@ from benchtool.bench.grbl_words import (
     Word,
 )
 from benchtool.bench.stage import Pause
-from benchtool.bench.strangers import not_a_stage
+from benchtool.bench.strangers import knocked, not_a_stage
 from benchtool.bench.transport import Transport
 from benchtool.errors import NoDevice, ProtocolError, StageError
 
@@ -85,6 +85,7 @@ class GrblLink:
             while self._clock() < try_s:
                 if any(isinstance(word, Banner) for word in self._hear()):
                     return
+        self._heard = self._heard or knocked(self._transport, self._clock)
         if self._heard:
             raise ProtocolError(f"{self.name} {not_a_stage(self._heard)}")
         raise NoDevice(

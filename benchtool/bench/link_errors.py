@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import re
+import socket
 
 from benchtool.bench.port_holders import holders_text
 from benchtool.errors import LinkError, LinkLost, NoDevice, PortBusy, PortDenied
@@ -31,6 +32,10 @@ def opening_error(error: Exception, where: str, windows: bool = False) -> LinkEr
             f"{where} may not be opened by this user; `benchtool doctor` says which group or rule "
             f"is missing"
         )
+    if isinstance(error, socket.gaierror | UnicodeError):
+        return NoDevice(f"the host of {where} is not known; correct its name in the address")
+    if isinstance(error, OverflowError):
+        return NoDevice(f"{where} is no port; choose one from 1 to 65535")
     if isinstance(error, ConnectionRefusedError) or number == errno.ECONNREFUSED:
         return NoDevice(f"nobody listens at {where}; start the bench there or correct the address")
     if number == errno.ENOTTY or "Inappropriate ioctl" in text:

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from benchtool.bench.mavlink_dialect import Message, dialect
 from benchtool.bench.mavlink_frames import AUTOPILOT_COMPONENT, GROUND_SYSTEM, MavlinkFrames
 from benchtool.bench.mavlink_pilots import AUTOPILOT_INVALID, Order
-from benchtool.bench.strangers import not_mavlink
+from benchtool.bench.strangers import knocked, not_mavlink
 from benchtool.bench.transport import Transport
 from benchtool.errors import InputError, LinkLost, NoDevice, ProtocolError
 
@@ -208,6 +208,8 @@ class MavlinkTalk:
                 f"{self._address} carries MAVLink, but none of it bears a signature of this key; "
                 f"check key= and the key that the autopilot was given"
             )
+        if not self._heard:
+            self._heard = knocked(self.transport, self._clock)
         if not self._heard:
             return NoDevice(
                 f"{self._address} is open, but nothing came for {FIND_S:g} s; check power, and "

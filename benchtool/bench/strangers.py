@@ -1,13 +1,23 @@
-"""What answers where another device was expected, judged from its first bytes. Pure."""
+"""What answers where another device was expected, judged from its first bytes."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Literal
 
+from benchtool.bench.commands import AskHello
 from benchtool.bench.grbl_words import Other, word_of
-from benchtool.bench.link import Decoder
+from benchtool.bench.link import Decoder, frame_command
+from benchtool.bench.transport import Transport
 
 Kind = Literal["bench", "mavlink", "grbl", "stand", "text", "frames", "noise"]
+
+KNOCK = frame_command(1, AskHello()) + b"?"
+"""What makes those speak that are quiet until asked, and turns no motor: a bench answers the
+hello, a G-code stage the question for its state."""
+
+KNOCK_S = 0.5
+"""How long an answer to it is waited for; both answer within milliseconds. A choice."""
 
 PRINTABLE_SHARE = 0.9
 """Share of letters above which bytes count as text; a choice: at a wrong baud rate half are not."""
@@ -33,6 +43,15 @@ def kind_of(heard: bytes) -> Kind:
     if letters >= PRINTABLE_SHARE * len(heard):
         return "text"
     return "frames" if 0xFD in heard or 0xFE in heard else "noise"
+
+
+def knocked(transport: Transport, clock: Callable[[], float]) -> bytes:
+    """Knock on an open transport and return what answers, perhaps nothing."""
+    transport.write(KNOCK)
+    heard, until_s = b"", clock() + KNOCK_S
+    while (left_s := until_s - clock()) > 0.0:
+        heard += transport.read(left_s)
+    return heard
 
 
 def not_mavlink(heard: bytes) -> str:
@@ -133,4 +152,6 @@ def _is_grbl(heard: bytes) -> bool:
 
 
 def _shown(heard: bytes) -> str:
-    return repr(bytes(heard[:40]))
+    """Return the first bytes, as many as are of use to somebody who reads them."""
+    start = bytes(heard[:40])
+    return repr(start if start.isascii() else start[:12])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from benchtool.bench.grbl_stage import GrblAxis, GrblStage
+from benchtool.bench.strangers import KNOCK
 from benchtool.errors import LinkLost, NoDevice, StageError
 from benchtool.testing.scripted_link import ScriptedLink, Turn
 
@@ -94,7 +95,7 @@ def test_a_board_that_boots_misses_the_first_reset():
 
 
 def test_nothing_that_answers_is_said_and_the_port_given_back():
-    link = ScriptedLink(*[Turn(b"\x18")] * 5)
+    link = ScriptedLink(*[Turn(b"\x18")] * 5, Turn(KNOCK))
     with pytest.raises(NoDevice, match="did not answer a reset within 5 s"):
         stage_on(link).open()
     link.check_finished()

@@ -11,6 +11,7 @@ from benchtool.bench.mavlink_frames import MavlinkFrames
 from benchtool.bench.mavlink_pilots import ArduPilot, Order, Px4
 from benchtool.bench.mavlink_streams import Wish, ask_for, interval
 from benchtool.bench.mavlink_talk import MavlinkTalk
+from benchtool.bench.strangers import KNOCK
 from benchtool.errors import InputError, LinkLost, NoDevice, ProtocolError
 from benchtool.testing.scripted_link import ScriptedLink, Turn
 
@@ -195,7 +196,8 @@ def test_strangers_are_told_apart(heard: bytes, words: str) -> None:
 
 
 def test_silence_names_power_and_port() -> None:
-    link = ScriptedLink(Turn(Side(255, 190).says(ours())), *_beats_of_ours(6))
+    beats = _beats_of_ours(4)
+    link = ScriptedLink(Turn(Side(255, 190).says(ours())), *beats, Turn(KNOCK))
     with pytest.raises(NoDevice, match="is open, but nothing came for 5 s; check power"):
         talk_on(link).find(None)
 

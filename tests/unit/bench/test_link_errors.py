@@ -186,13 +186,20 @@ def test_tcp_hosts_that_cannot_be_reached(error: OSError, monkeypatch: pytest.Mo
         TcpSocket("bench.example", 5555).open()
 
 
+def test_a_host_that_nobody_knows_and_a_port_that_is_none_are_named() -> None:
+    unknown = opening_error(socket.gaierror(-2, "Name or service not known"), "lab-pc:5555")
+    assert str(unknown) == "the host of lab-pc:5555 is not known; correct its name in the address"
+    with pytest.raises(NoDevice, match="99999 is no port; choose one from 1 to 65535"):
+        TcpSocket("127.0.0.1", 99999).open()
+
+
 @pytest.mark.parametrize("error", [ConnectionResetError(104, "reset"), BrokenPipeError(32, "pipe")])
 def test_tcp_links_that_break(error: OSError) -> None:
     class Broken:
         def recv(self, _: int) -> bytes:
             raise error
 
-        def sendall(self, _: bytes) -> None:
+        def send(self, _: bytes) -> int:
             raise error
 
         def settimeout(self, _: float) -> None: ...

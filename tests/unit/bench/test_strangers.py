@@ -12,6 +12,7 @@ from benchtool.bench.grbl_stage import GrblAxis, GrblStage
 from benchtool.bench.link import frame
 from benchtool.bench.mavlink_dialect import dialect
 from benchtool.bench.mavlink_frames import MavlinkFrames
+from benchtool.bench.mavlink_talk import MavlinkTalk
 from benchtool.bench.side_cell import SideCell
 from benchtool.bench.strangers import (
     Kind,
@@ -122,3 +123,29 @@ def test_a_load_cell_that_is_none_is_named(heard: bytes, said: str) -> None:
     link = Talker(heard)
     with pytest.raises(ProtocolError, match=said):
         SideCell(link, "/dev/cell", link.clock).open()
+
+
+class Asked(ScriptedLink):
+    """A port on which somebody is quiet until the right question comes."""
+
+    def __init__(self, question: bytes, answer: bytes) -> None:
+        super().__init__()
+        self._question, self._reply = question, answer
+
+    def write(self, data: bytes) -> None:
+        if self._question in data:
+            self._answer = self._reply
+
+
+def test_a_quiet_bench_or_stage_is_made_to_speak_before_it_is_called_silent() -> None:
+    bench = Asked(b",hello", frame(b"H,protocol,1"))
+    with pytest.raises(ProtocolError, match="it is the bench, not a G-code stage"):
+        GrblStage(bench, GrblAxis("Z", 1.5), 0.1, clock=bench.clock).open()
+    for question, answer, said in (
+        (b",hello", frame(b"H,protocol,1"), "speaks the bench protocol, not MAVLink"),
+        (b"?", b"<Idle|MPos:0.000,0.000,0.000|FS:0,0>\r\n", "is a G-code stage, not an autopilot"),
+    ):
+        link = Asked(question, answer)
+        talk = MavlinkTalk(link, "mavlink:serial:/dev/x", link.clock, MavlinkFrames())
+        with pytest.raises(ProtocolError, match=said):
+            talk.find(None)
