@@ -15,6 +15,7 @@ from benchtool.bench.link_errors import opening_error
 from benchtool.bench.port_holders import holders, holders_text
 from benchtool.bench.serial_port import SerialPort
 from benchtool.bench.tcp_socket import TcpSocket
+from benchtool.bench.udp_socket import UdpSocket
 from benchtool.errors import InputError, LinkError, LinkLost, NoDevice, PortBusy, PortDenied
 
 posix = pytest.mark.skipif(os.name != "posix", reason="pseudo-terminals are POSIX")
@@ -190,7 +191,7 @@ def test_a_host_that_nobody_knows_and_a_port_that_is_none_are_named() -> None:
     unknown = opening_error(socket.gaierror(-2, "Name or service not known"), "lab-pc:5555")
     assert str(unknown) == "the host of lab-pc:5555 is not known; correct its name in the address"
     with pytest.raises(NoDevice, match="99999 is no port; choose one from 1 to 65535"):
-        TcpSocket("127.0.0.1", 99999).open()
+        UdpSocket("127.0.0.1", 99999, listen=True).open()
 
 
 @pytest.mark.parametrize("error", [ConnectionResetError(104, "reset"), BrokenPipeError(32, "pipe")])
