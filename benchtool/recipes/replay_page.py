@@ -302,7 +302,9 @@ def _highlights(track: PitchTrack, replay: Replay | None) -> dict[str, str]:
         }
     if replay is not None:
         part = inside if inside.any() else np.ones(len(track), bool)
-        shown["simulated" + (", over it" if inside.any() else "")] = f"{_rms(simulated[part]):.2f}°"
+        shown["simulated RMS error" + (", over it" if inside.any() else "")] = (
+            f"{_rms(simulated[part]):.2f}°"
+        )
         if replay.by == "pulses":
             shown["recorded − simulated, RMS"] = f"{_rms(recorded - simulated):.2f}°"
     return shown
@@ -328,6 +330,8 @@ def _behind(recorded: Recorded) -> list[Section]:
         sections.append(Section("Repairs and doubts", _findings(findings, facts)))
     stated = {key: value for key, value in recording.provenance.items() if value}
     ordered = {key: stated[key] for key in MODELLED if key in stated}
+    if "file" in stated:
+        stated["file"] = Path(stated["file"]).name
     told = ordered | {key: value for key, value in stated.items() if key not in ordered}
     channels = ", ".join(f"{item.name} [{item.unit}]" for item in recording.channels)
     sections.append(

@@ -7,8 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
 
 from benchtool.control.pitch import PitchControl, pitch_controller
+from benchtool.core.rig import Rig
 from benchtool.core.schedule import PARKED_M, SampledSchedule
 from benchtool.effects.model import Model
 from benchtool.errors import InputError
@@ -16,7 +18,7 @@ from benchtool.library import gains_named, load_model
 from benchtool.recipes.model_band import model_file
 from benchtool.recipes.pitch_track import PitchTrack
 from benchtool.simulate.pitch_bench import PitchBench
-from benchtool.simulate.pitch_replay import replay_pulses
+from benchtool.simulate.pitch_follow import LoggedPitch, follow_windows
 from benchtool.simulate.pitch_run import PitchJob
 from benchtool.simulate.pitch_simulate import simulate_pitch
 
@@ -26,8 +28,21 @@ WINDOW_S = 1.0
 """How long the plant runs free under logged pulses before it starts anew from the readings. Over a
 near plate a beam falls away from any prediction within one to two seconds, as in an explanation."""
 
+RATE_SMOOTHING_S = 0.05
+"""Width of the mean over readings of the rate where a window begins. A gyro's noise of 0.015 rad/s
+would turn a single reading into a drift of most of a degree within a window; wider means lag behind
+what the rate does."""
+
+LEAD_S = 0.1
+"""How much of the pulses before a window a delay may still hold."""
+
 PLANT_HZ = 500.0
 """Least plant steps per second."""
+
+STRAYED = 5.0
+LEAST_RANGE_RAD = 0.035
+"""A simulated run that covers so many times the recorded range, two degrees at least, is not of the
+same vehicle; choices."""
 
 LONGEST_S = 1200.0
 """A longer recording is drawn without a simulated run; flights last less. A choice."""
@@ -132,9 +147,31 @@ def replayed(
                       "controller is known, so nothing drives a simulated run."]  # fmt: skip
     bench, remarks = _bench(track, model)
     if control is not None:
-        return _by_controller(track, bench, control, plate, pulses), remarks
-    assert pulses is not None
-    return _by_pulses(track, bench, plate, pulses), remarks
+        run = _by_controller(track, bench, control, plate, pulses)
+    else:
+        assert pulses is not None
+        run = _by_pulses(track, bench, plate, pulses)
+    if beside.motors:
+        order = ", ".join(map(str, beside.motors))
+        remarks.append(f"Rotors are numbered in the rig's order: these are the log's {order}.")
+    return run, [*remarks, *_strayed(track, run)]
+
+
+def _strayed(track: PitchTrack, run: Replay) -> list[str]:
+    """Say when the simulated run goes where the recorded vehicle never was."""
+    known = run.theta_rad[np.isfinite(run.theta_rad)]
+    seen = np.concatenate([track.theta_rad, track.reference_rad])
+    seen = seen[np.isfinite(seen)]
+    if not known.size:
+        return ["No stretch of the recording is whole enough for a simulated run."]
+    most, recorded = float(np.ptp(known)), max(float(np.ptp(seen)), LEAST_RANGE_RAD)
+    if most < STRAYED * recorded:
+        return []
+    return [
+        f"The simulated run goes over {np.degrees(most):.0f}°, the recorded one over "
+        f"{np.degrees(np.ptp(seen)):.1f}°: check that the model is of this vehicle and the order "
+        f"of its motors (--motors), and that it was in the air."
+    ]
 
 
 def _plate(track: PitchTrack, beside: Beside) -> tuple[Array, str]:
@@ -267,26 +304,35 @@ def _by_pulses(track: PitchTrack, bench: PitchBench, plate_z_m: Array, pulses: A
     substeps = max(1, int(np.ceil(PLANT_HZ / track.rate_Hz)))
     bench = replace(bench, sensors={}, pwm_quantum_us=0.0, plant_rate_Hz=substeps * track.rate_Hz)
     first_rotor = [int(np.argmax(rig.disc_of_rotor == disc)) for disc in range(rig.n_discs)]
-    drive = pulses[first_rotor]
-    rate = track.gyro_rad_s
-    if not _any(rate):
-        rate = np.gradient(track.theta_rad, 1.0 / track.rate_Hz)
+    nothing = np.full(len(track), np.nan)
+    logged = LoggedPitch(
+        rate_Hz=track.rate_Hz,
+        pwm_us=pulses[first_rotor],
+        plate_z_m=plate_z_m,
+        plate_share=track.any_over,
+        theta_rad=track.theta_rad,
+        gyro_rad_s=track.gyro_rad_s,
+        speed_rad_s=np.tile(nothing, (rig.n_discs, 1)),
+        mode=np.zeros(len(track)),
+        turned=not len(track.pwm_us),
+    )
     rows = max(2, round(WINDOW_S * track.rate_Hz))
-    theta = np.full(len(track), np.nan)
-    for start in range(0, len(track) - rows + 1, rows):
-        part = slice(start, start + rows)
-        if not np.isfinite(track.theta_rad[part]).all() or not np.isfinite(rate[start]):
-            continue
-        theta[part] = replay_pulses(
-            bench,
-            drive[:, part],
-            plate_z_m=plate_z_m[part],
-            rate_Hz=track.rate_Hz,
-            theta_rad=float(track.theta_rad[start]),
-            rate_rad_s=float(rate[start]),
-            speed_rad_s=_speeds(track, first_rotor, start),
-        )
-        theta[start + rows - 1] = np.nan  # lines break between windows
+    rates = _start_rates(track)
+    starts = [
+        start
+        for start in range(0, len(track) - rows + 1, rows)
+        if np.isfinite(track.theta_rad[start : start + rows]).all() and np.isfinite(rates[start])
+    ]
+    states = [
+        np.array([[track.theta_rad[row]], [rates[row]], [0.0], *_speeds(track, logged, rig, row)])
+        for row in starts
+    ]
+    theta = nothing.copy()
+    lead = round(LEAD_S * track.rate_Hz)
+    found = follow_windows([bench], logged, starts, rows, lead, states)
+    for start, run in zip(starts, found, strict=True):
+        # The last row of a window stays blank: lines break there.
+        theta[start : start + rows - 1] = run.theta_rad[:-1, 0]
     none = np.empty((0, len(track)))
     return Replay(
         model=bench.model.name,
@@ -303,11 +349,26 @@ def _by_pulses(track: PitchTrack, bench: PitchBench, plate_z_m: Array, pulses: A
     )
 
 
-def _speeds(track: PitchTrack, rotors: list[int], row: int) -> Array | None:
-    if not len(track.rpm):
-        return None
-    speed: Array = track.rpm[rotors, row] * np.pi / 30.0
-    return speed if np.isfinite(speed).all() else None
+def _start_rates(track: PitchTrack) -> Array:
+    """Return rates to begin with (n,): readings averaged about each row, their noise taken down."""
+    rate = track.gyro_rad_s
+    if not _any(rate):
+        rate = np.gradient(track.theta_rad, 1.0 / track.rate_Hz)
+    width = 2 * round(0.5 * RATE_SMOOTHING_S * track.rate_Hz) + 1
+    smooth: Array = uniform_filter1d(rate, width, mode="nearest")
+    return np.where(np.isfinite(smooth), smooth, rate)
+
+
+def _speeds(track: PitchTrack, logged: LoggedPitch, rig: Rig, row: int) -> list[list[float]]:
+    """Return the discs' speeds to begin with: as read, else settled at their pulses: rad/s."""
+    p = rig.propulsion
+    out = []
+    for disc in range(rig.n_discs):
+        rotor = int(np.argmax(rig.disc_of_rotor == disc))
+        read = track.rpm[rotor, row] * np.pi / 30.0 if len(track.rpm) else float("nan")
+        settled = p.speed_per_us_rad_s * max(logged.pwm_us[disc, row] - p.pwm_start_us, 0.0)
+        out.append([float(read) if np.isfinite(read) else float(settled)])
+    return out
 
 
 def _any(values: Array) -> bool:

@@ -17,6 +17,7 @@ from benchtool.report import html
 from benchtool.report.files import write_whole
 from benchtool.report.page import Report
 from benchtool.store import is_run
+from benchtool.store.entry import ANSWER_FILE, FIT_FILE
 from benchtool.store.pitch import is_pitch_run
 from benchtool.store.recording_file import beside as facts_beside
 
@@ -28,7 +29,7 @@ TAKES = (
 )
 """What a report can be made of, for the one sentence that refuses anything else."""
 
-MARKS: dict[str, Kind] = {"result.json": "fit", "answer.json": "explanation"}
+MARKS: dict[str, Kind] = {FIT_FILE: "fit", ANSWER_FILE: "explanation"}
 """Files that tell a folder, whose report.html is its report already."""
 
 PAGE = "report.html"

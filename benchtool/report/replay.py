@@ -31,6 +31,11 @@ Span = tuple[float, float]
 CLOSER_S = 5.0
 """How much before and after a green stretch a closer look shows."""
 
+ROOM = 0.75
+LEAST_ROOM_DEG = 1.0
+"""Room above and below what was recorded, as a share of its range and at least so much: a simulated
+run that leaves it must not squeeze the recording flat."""
+
 MOST_CLOSER = 6
 """Green stretches that are looked at closer; the first ones."""
 
@@ -119,14 +124,14 @@ def replay_figure(trace: ReplayTrace, *, title: str, simulated: bool) -> Figure:
 
 @styled
 def closer_figure(trace: ReplayTrace, *, title: str, simulated: bool) -> Figure:
-    """Draw the attitude around each green stretch, all with the same height of axes."""
+    """Draw the attitude around each green stretch."""
     shown = [span for span, _ in trace.over][:MOST_CLOSER]
     if not shown:
         raise InputError("no rotor is over a surface, so there is no stretch to look at closer")
     figure = new_figure(title, simulated=simulated, height_in=1.2 + 1.75 * len(shown))
-    panels = figure.subplots(len(shown), 1, sharey=True, squeeze=False)[:, 0]
+    panels = figure.subplots(len(shown), 1, squeeze=False)[:, 0]
     for axes, (begin, end) in zip(panels, shown, strict=True):
-        room = min(CLOSER_S, max(1.0, end - begin))
+        room = min(CLOSER_S, max(1.0, 0.5 * (end - begin)))
         first, last = begin - room, end + room
         _shade(axes, trace)
         _pitch(axes, trace, (first, last))
@@ -165,6 +170,12 @@ def _pitch(axes: Axes, trace: ReplayTrace, between: Span | None = None) -> None:
     if _known(trace.sim_pitch_deg):
         _line(axes, trace.sim_time_s[own], trace.sim_pitch_deg[own], color=BLUE, lw=1.0, zorder=2.4)
     axes.set_ylabel("pitch [deg]\n(nose down +)")
+    seen = np.concatenate([trace.pitch_deg[rows], trace.reference_deg[rows]])
+    if np.isfinite(seen).any():
+        low, high = float(np.nanmin(seen)), float(np.nanmax(seen))
+        room = max(ROOM * (high - low), LEAST_ROOM_DEG)
+        drawn = axes.get_ylim()
+        axes.set_ylim(max(drawn[0], low - room), min(drawn[1], high + room))
 
 
 def _pulses(axes: Axes, trace: ReplayTrace) -> None:

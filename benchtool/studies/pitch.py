@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from benchtool import __version__
+from benchtool.control.pitch import PitchControl
 from benchtool.core.schedule import PlateVisit
+from benchtool.library import gain_names, gains_named
 from benchtool.simulate.in_order import results_in_order
 from benchtool.simulate.own_controller import made
 from benchtool.simulate.pitch_result import PitchRun, PlateNumbers, plate_numbers
@@ -172,11 +174,13 @@ def write_study(study: PitchStudy, out: Path) -> list[Path]:
     sidecars = [beside(path) for path in recordings]
     refuse_existing([*recordings, *sidecars, table, out / "pitch.svg", out / "pitch.png"])
     out.mkdir(parents=True, exist_ok=True)
+    gains = {control.name: _gains_told(control) for control in setup.controls}
     for path, run in recordings.items():
         provenance = {
             "device": f"simulated pitch bench {rig.name}",
             "model": setup.bench.model.name,
             "controller": run.controller,
+            "gains": gains.get(run.controller, ""),
             "schedule": setup.schedule.name,
             "seed": str(study.seed),
         }
@@ -185,6 +189,13 @@ def write_study(study: PitchStudy, out: Path) -> list[Path]:
         )
     table.write_text("\n".join(report_lines(study)) + "\n", encoding="utf-8")
     return [*recordings, table, *save_figure(study_figure(study), out / "pitch")]
+
+
+def _gains_told(control: PitchControl) -> str:
+    """Return the name of a controller's gain set; empty where its numbers were changed."""
+    gains = control.gains
+    known = gains is not None and gains.name in gain_names() and gains == gains_named(gains.name)
+    return gains.name if gains is not None and known else ""
 
 
 def _file_name(controller: str) -> str:
