@@ -1,0 +1,152 @@
+"""One thing of the runs folder on the page: what it says, its figures, what to take home."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+from urllib.parse import urlencode
+
+from nicegui import ui
+
+from benchtool.store.entry import Entry, entry_of
+from benchtool.store.runs_folder import RunsFolder
+from benchtool.web.command_row import CommandRow
+from benchtool.web.context import Context
+from benchtool.web.runs.jobs import (
+    report_bytes,
+    table_bytes,
+    view_comparison,
+    view_entry,
+    view_part,
+)
+from benchtool.web.runs.offer import Offer, offers
+from benchtool.web.show import show, waiting
+from benchtool.web.shown import Shown
+from benchtool.web.tell import tells_errors
+
+DRAWER = "figures"
+"""The process that reads runs and draws."""
+
+
+class RunDetail:
+    """Show an entry, or several compared, below the list."""
+
+    def __init__(self, context: Context) -> None:
+        self._context = context
+        self._folder = RunsFolder(context.runs)
+        self._asked = 0
+        self._place = ui.column().classes("w-full gap-3 scroll-place")
+
+    async def open(self, name: str) -> None:
+        """Show one entry.
+
+        Raises:
+            BenchtoolError: no such name, or it cannot be read.
+        """
+        entry = entry_of(self._folder, name)
+        turn = self._begin(f"reading {name}")
+        try:
+            shown, parts = await self._work(view_entry, name)
+        except Exception:
+            self._clear(turn)
+            raise
+        if self._clear(turn):
+            with self._place, ui.card().classes("w-full"):
+                self._head(shown, entry)
+                show(shown, headed=False)
+                for part in parts:
+                    self._expansion(name, part)
+
+    async def compare(self, names: Sequence[str]) -> None:
+        """Show several sweeps in one plot."""
+        turn = self._begin(f"comparing {len(names)} sweeps")
+        try:
+            shown = await self._work(view_comparison, tuple(names))
+        except Exception:
+            self._clear(turn)
+            raise
+        if self._clear(turn):
+            with self._place, ui.card().classes("w-full"):
+                with ui.row().classes("w-full gap-2"):
+                    for kind in ("html", "pdf"):
+                        offer = Offer(
+                            label=f"Report, {kind.upper()}", file=f"compared.{kind}", report=True
+                        )
+                        self._button(offer, tuple(names))
+                show(shown)
+
+    def _head(self, shown: Shown, entry: Entry) -> None:
+        with ui.row().classes("items-center w-full gap-3"):
+            ui.label(shown.title).classes("card-title").mark("opened")
+            ui.label(f"{entry.kind} {entry.state}".strip()).classes("soft")
+            if shown.simulated:
+                ui.label("SIMULATED").classes("stamp")
+        with ui.row().classes("w-full gap-2"):
+            if entry.can_fit:
+                address = f"/?{urlencode({'tab': 'fit', 'data': entry.name})}"
+                ui.button("Fit", icon="functions", on_click=lambda: ui.navigate.to(address))
+            for offer in offers(entry):
+                self._button(offer, (entry.name,))
+        if shown.command:
+            CommandRow(shown.command)
+
+    def _button(self, offer: Offer, names: tuple[str, ...]) -> None:
+        button = ui.button(offer.label, icon="download").props("outline dense no-caps")
+
+        @tells_errors
+        async def take() -> None:
+            button.props("loading")
+            try:
+                await self._send(offer, names)
+            finally:
+                button.props(remove="loading")
+
+        button.on_click(take)
+
+    async def _send(self, offer: Offer, names: tuple[str, ...]) -> None:
+        if offer.path:
+            ui.download.file(self._folder.file_of(offer.path), offer.file)
+        elif offer.report:
+            ui.download.content(await self._work(report_bytes, names, offer.suffix), offer.file)
+        else:
+            ui.download.content(
+                await self._work(table_bytes, names[0], offer.table, offer.suffix), offer.file
+            )
+
+    def _expansion(self, name: str, part: str) -> None:
+        with ui.expansion(part).classes("w-full") as more:
+            place = ui.column().classes("w-full")
+        filled: list[str] = []
+
+        @tells_errors
+        async def fill() -> None:
+            if filled or not more.value:
+                return
+            filled.append(part)
+            with place:
+                waiting(f"drawing {part.lower()}")
+            try:
+                shown = await self._work(view_part, name, part)
+            finally:
+                place.clear()
+            with place:
+                show(shown, headed=False)
+
+        more.on_value_change(fill)
+
+    async def _work(self, job: Callable[..., Any], *rest: Any) -> Any:
+        return await self._context.worker(DRAWER).run(job, self._folder.root, *rest)
+
+    def _begin(self, what: str) -> int:
+        self._asked += 1
+        self._place.clear()
+        with self._place:
+            waiting(what)
+        self._place.run_method("scrollIntoView", {"behavior": "smooth", "block": "start"})
+        return self._asked
+
+    def _clear(self, turn: int) -> bool:
+        """Take away what says that one waits; tell whether nothing newer was asked for."""
+        if turn == self._asked:
+            self._place.clear()
+        return turn == self._asked

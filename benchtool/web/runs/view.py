@@ -1,0 +1,161 @@
+"""What the page shows of one thing in the runs folder; works in a process of its own.
+
+Everything comes from the functions that the reports and the command line are made with. Every
+path comes from a name through `RunsFolder`, here as well as in the page.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+from pathlib import Path
+
+from benchtool.errors import FileFormatError, InputError
+from benchtool.report.page import Block, Facts, Paragraph, Report, Table
+from benchtool.store.atomic import read_json
+from benchtool.store.csv_text import read_csv_text
+from benchtool.store.entry import ANSWER_FILE, Entry, entry_of
+from benchtool.store.export import exported
+from benchtool.store.runs_folder import RunsFolder
+from benchtool.web.drawing import pieces, read_drawing
+from benchtool.web.fits.view import view_fit
+from benchtool.web.shown import Shown
+
+HEAD_ROWS = 12
+"""Rows of a table that are shown; a choice."""
+
+Parts = tuple[str, ...]
+
+
+def view_entry(root: Path, name: str) -> tuple[Shown, Parts]:
+    """Return what is shown of an entry at first, and the names of what `view_part` adds.
+
+    Raises:
+        BenchtoolError: it cannot be read, for the reason that the list tells.
+    """
+    folder = RunsFolder(root)
+    entry = entry_of(folder, name)
+    path = folder.path_of(name)
+    if entry.problem:
+        raise FileFormatError(name, entry.problem.removeprefix(f"{name}: "))
+    if entry.kind == "fit":
+        return view_fit(root, name), ()
+    if entry.kind == "explanation":
+        return _answer(path, name), ()
+    if entry.kind == "table":
+        return _table(path, name), ()
+    if entry.said == "no point yet":
+        raise FileFormatError(name, "the sweep has measured no point yet; look again later")
+    report = _report(path, entry)
+    blocks: list[Block] = [Paragraph(report.summary)]
+    if entry.kind == "sweep":
+        from benchtool.report.run_facts import simple_facts
+
+        blocks.append(Facts(simple_facts(read_json(path / "metadata.json"))))
+    shown = Shown(
+        title=name,
+        pieces=pieces([*blocks, *report.sections[0].blocks]),
+        simulated=report.simulated,
+        command=("report", str(path)),
+    )
+    return shown, tuple(section.title for section in report.sections[1:-1])
+
+
+def view_part(root: Path, name: str, part: str) -> Shown:
+    """Return one more section of an entry, by its title."""
+    folder = RunsFolder(root)
+    report = _report(folder.path_of(name), entry_of(folder, name))
+    for section in report.sections:
+        if section.title == part:
+            return Shown(title=part, pieces=pieces(section.blocks), simulated=report.simulated)
+    raise InputError(f"{name} has no part {part!r}; open it again")
+
+
+def view_comparison(root: Path, names: Sequence[str]) -> Shown:
+    """Return several sweeps in one plot, with the settings that they share."""
+    from benchtool.recipes.swept import read_swept
+    from benchtool.recipes.swept_compared import compared_page
+
+    paths = [RunsFolder(root).path_of(name) for name in names]
+    if len(paths) < 2:
+        raise InputError("choose two sweeps or more to compare")
+    report = compared_page([read_swept(path) for path in paths], None, ())
+    return Shown(
+        title=f"{len(names)} sweeps compared",
+        pieces=pieces(report.sections[0].blocks),
+        simulated=report.simulated,
+        command=("report", *map(str, paths)),
+    )
+
+
+def report_bytes(root: Path, names: Sequence[str], suffix: str) -> bytes:
+    """Return the report of an entry, or of several sweeps, as an HTML or PDF file."""
+    from benchtool.recipes.report_file import page_text
+    from benchtool.report.pdf import pdf_bytes
+
+    folder = RunsFolder(root)
+    page = page_text([folder.path_of(name) for name in names])
+    return pdf_bytes(page) if suffix == ".pdf" else page.encode("utf-8")
+
+
+def table_bytes(root: Path, name: str, table: str, suffix: str) -> bytes:
+    """Return one table of a run as a CSV or Parquet file."""
+    return exported(RunsFolder(root).path_of(name), table, suffix)
+
+
+def _report(path: Path, entry: Entry) -> Report:
+    stamp = max(item.stat().st_mtime_ns for item in (path, *path.glob("*")) if item.exists())
+    return _made(path, entry.kind, stamp)
+
+
+@lru_cache(maxsize=2)
+def _made(path: Path, kind: str, stamp: int) -> Report:
+    """Return the report of a run; its figures are drawn when they are asked for."""
+    del stamp  # another one after every change on the disk
+    if kind == "sweep":
+        from benchtool.recipes.swept import read_swept
+        from benchtool.recipes.swept_page import swept_page
+
+        return swept_page(read_swept(path), None, ())
+    from benchtool.recipes.replay_page import recording_page
+    from benchtool.recipes.replayed import Beside
+
+    return recording_page(path, Beside(), ())
+
+
+def _answer(path: Path, name: str) -> Shown:
+    from benchtool.explain.answer_page import CAPTIONS, OVERLAY, PLACE
+
+    facts = read_json(path / ANSWER_FILE)
+    captions = {key: path / f"{key}.svg" for key in ("gap", "where", "parameters", "which")}
+    figures = [
+        *(read_drawing(file, CAPTIONS[key]) for key, file in captions.items() if file.is_file()),
+        *(read_drawing(file, PLACE) for file in sorted(path.glob("which_*.svg"))),
+        *(read_drawing(file, OVERLAY) for file in sorted(path.glob("overlay_*.svg"))),
+    ]
+    told = {"verdict": str(facts["verdict"]), "model": str(facts["model"])}
+    for which, sources in facts.get("data", {}).items():
+        told[f"recordings to {which}"] = ", ".join(sources)
+    if following := facts.get("next_experiment", {}).get("title"):
+        told["next experiment"] = str(following)
+    sentence = Paragraph(str(facts["sentence"]))
+    return Shown(
+        title=name,
+        pieces=pieces([sentence, Facts(told), *figures]),
+        simulated=bool(facts["simulated"]),
+        command=("report", str(path)),
+    )
+
+
+def _table(path: Path, name: str) -> Shown:
+    table = read_csv_text(path)
+    said = f"{len(table.rows)} rows, {len(table.header)} columns."
+    if table.repairs:
+        said += f" Mended while reading: {'; '.join(table.repairs)}."
+    rows = Table(
+        f"The first {min(HEAD_ROWS, len(table.rows))} rows.",
+        table.header,
+        table.rows[:HEAD_ROWS],
+        text_columns=0,
+    )
+    return Shown(title=name, pieces=pieces([Paragraph(said), rows]))

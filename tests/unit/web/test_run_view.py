@@ -1,0 +1,127 @@
+"""What the Runs tab shows, compares and hands out, from a runs folder and from nowhere else."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from benchtool.errors import BenchtoolError, FileFormatError, InputError
+from benchtool.store.entry import entry_of
+from benchtool.store.runs_folder import RunsFolder
+from benchtool.web.runs.jobs import (
+    report_bytes,
+    table_bytes,
+    view_comparison,
+    view_entry,
+    view_part,
+)
+from benchtool.web.runs.offer import offers
+from benchtool.web.shown import Shown
+
+TOP = Path(__file__).parents[3]
+
+
+@pytest.fixture(scope="module")
+def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    root = tmp_path_factory.mktemp("any") / "runs"
+    for name in ("quad", "single_rotor"):
+        shutil.copytree(TOP / "datasets" / name / "run", root / name)
+    shutil.copytree(TOP / "fits" / "quad", root / "fit")
+    (root / "fit" / "report.html").write_text("<!doctype html><p>as written</p>", "utf-8")
+    for name in ("check.parquet", "check.parquet.json"):
+        shutil.copy(TOP / "datasets/pitch_friction" / name, root / name)
+    (root / "answer").mkdir()
+    answer = {
+        "verdict": "named",
+        "sentence": "A <b>cable</b> pulls.",
+        "model": "pitch_beam",
+        "simulated": False,
+        "data": {"learn": {"a.csv": "0"}, "check": {"b.csv": "1"}},
+        "next_experiment": {"title": None},
+    }
+    (root / "answer" / "answer.json").write_text(json.dumps(answer), "utf-8")
+    (root / "answer" / "gap.svg").write_text("<svg><script>alert(1)</script></svg>", "utf-8")
+    (root / "lab.csv").write_text("F,rpm1\n1,<script>\n", "utf-8")
+    shutil.copytree(root / "quad", root / "broken")
+    (root / "broken" / "metadata.json").write_text("{", "utf-8")
+    (root.parent / "secret.csv").write_text("F\n1\n", "utf-8")
+    return root
+
+
+def words(shown: Shown) -> str:
+    return "".join(piece.html for piece in shown.pieces)
+
+
+def test_a_sweep_shows_its_numbers_and_offers_its_tables(root: Path) -> None:
+    shown, parts = view_entry(root, "quad")
+    html = words(shown)
+    assert shown.simulated
+    assert shown.command == ("report", str(root / "quad"))
+    for said in ("pquad: PQUAD quadrotor", "T_IGE/T_OGE", "80 visits of 16 settings", "1.8089"):
+        assert said in html
+    assert html.count("data:image/svg+xml") == 2
+    assert "Plan" in parts
+    assert "distances" in words(view_part(root, "quad", "Plan"))
+    with pytest.raises(InputError, match="has no part 'Nonsense'"):
+        view_part(root, "quad", "Nonsense")
+    found = offers(entry_of(RunsFolder(root), "quad"))
+    assert [offer.file for offer in found] == [
+        *("quad-report.html", "quad-report.pdf", "quad-points.csv", "quad-settings.csv"),
+        *("quad-samples.csv", "quad-samples.parquet"),
+    ]
+    assert table_bytes(root, "quad", "points", ".csv") == (root / "quad/points.csv").read_bytes()
+
+
+def test_a_fit_shows_what_the_command_prints(root: Path) -> None:
+    shown, parts = view_entry(root, "fit")
+    html = words(shown)
+    assert parts == ()
+    for said in ("1.891 ± 0.012", "1.867 … 1.916", "95 % interval", "quad is clearly behind"):
+        assert said in html
+    assert html.count("data:image/svg+xml") == 2
+    assert report_bytes(root, ("fit",), ".html") == b"<!doctype html><p>as written</p>"
+
+
+def test_two_sweeps_stand_in_one_plot(root: Path) -> None:
+    shown = view_comparison(root, ("quad", "single_rotor"))
+    assert "single_rotor" in words(shown)
+    assert "data:image/svg+xml" in shown.pieces[0].html
+    assert shown.command == ("report", str(root / "quad"), str(root / "single_rotor"))
+    with pytest.raises(InputError, match="choose two sweeps or more"):
+        view_comparison(root, ("quad",))
+
+
+def test_what_is_in_a_file_is_never_markup(root: Path) -> None:
+    for name in ("answer", "lab.csv"):
+        html = words(view_entry(root, name)[0])
+        assert "<script" not in html
+        assert "<b>cable" not in html
+
+
+def test_a_recording_is_shown_and_handed_out(root: Path) -> None:
+    shown, _ = view_entry(root, "check.parquet")
+    assert "5000" in words(shown) or "pitch" in words(shown).lower()
+    found = offers(entry_of(RunsFolder(root), "check.parquet"))
+    assert found[-1].path == "check.parquet"
+
+
+def test_what_is_broken_says_why_and_offers_nothing(root: Path) -> None:
+    with pytest.raises(FileFormatError, match=r"metadata\.json: this is not valid JSON"):
+        view_entry(root, "broken")
+    assert offers(entry_of(RunsFolder(root), "broken")) == ()
+
+
+@pytest.mark.parametrize("name", ["../secret.csv", "quad/../../secret.csv", "/etc/passwd", "none"])
+def test_nothing_outside_is_shown_compared_or_handed_out(root: Path, name: str) -> None:
+    for take in (
+        lambda: view_entry(root, name),
+        lambda: view_part(root, name, "Plan"),
+        lambda: view_comparison(root, ("quad", name)),
+        lambda: report_bytes(root, (name,), ".html"),
+        lambda: table_bytes(root, name, "points", ".csv"),
+    ):
+        with pytest.raises(BenchtoolError):
+            take()
