@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterable, Sequence
+from math import isfinite
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -92,7 +93,7 @@ def numbers_between_commas(option: str, text: str, count: int) -> tuple[float, .
         numbers = tuple(float(word) for word in text.split(","))
     except ValueError:
         numbers = ()
-    if len(numbers) != count:
+    if len(numbers) != count or not all(map(isfinite, numbers)):
         raise InputError(f"{option} is {text!r}; give {count} numbers with commas between")
     return numbers
 

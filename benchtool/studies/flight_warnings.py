@@ -90,7 +90,7 @@ def _warnings_of_one(flown: Flown) -> list[str]:
 
 def _nothing_acts(flights: Sequence[Flown]) -> str:
     """Say that nothing below ever acted, and how far away it is; "" where something did."""
-    if not flights or any(_strongest(flown) > NO_EFFECT for flown in flights):
+    if any(flown.flight.ending != "flown" or _strongest(flown) > NO_EFFECT for flown in flights):
         return ""
     nearest_m = min(flown.measures.nearest_m for flown in flights)
     case = flights[0].case

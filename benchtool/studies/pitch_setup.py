@@ -18,6 +18,9 @@ from benchtool.studies.gain_changes import changed_gains
 
 BENCH_NUMBERS = ("inertia_kgm2", "plant_rate_Hz", "stop_rad", "pwm_quantum_us")
 GAIN_TABLES = ("attitude", "observer")
+FASTEST_PLANT_HZ = 1e5
+"""A hundred times the usual rate, so that a slip of the keys does not run for hours. A choice."""
+
 FEEDFORWARD_NUMBERS = ("strength", "height_error_m", "late_s")
 PLATE_DISTANCE = "plate.z_over_R"
 FARTHEST_PLATE = 100.0
@@ -108,6 +111,10 @@ def _changed(setup: PitchSetup, name: str, value: float) -> PitchSetup:
     elif head == "bench":
         if rest not in BENCH_NUMBERS:
             raise UnknownChoice("number of the bench", rest, BENCH_NUMBERS)
+        if rest == "plant_rate_Hz" and value > FASTEST_PLANT_HZ:
+            raise InputError(
+                f"bench.plant_rate_Hz is {value:g}; give at most {FASTEST_PLANT_HZ:g} Hz"
+            )
         numbers: dict[str, Any] = {rest: value}
         return replace(setup, bench=replace(setup.bench, **numbers))
     if name == PLATE_DISTANCE:

@@ -75,6 +75,8 @@ def test_a_map_from_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
         (["--controllers", ","], "no controller was named"),
         (["--layout", "x"], "known: cross, plus"),
         (["--map-offset-m", "1,2"], "give 3 numbers"),
+        (["--map-offset-m", "nan,0,0"], "--map-offset-m is 'nan,0,0'"),
+        (["--goal-m", "inf,0"], "--goal-m is 'inf,0'"),
         (["--z-over-r", "nan"], "z/R is nan"),
         (["--speed-m-s", "-1"], "goal speed_m_s is -1"),
         (["--gyro-noise-rad-s", "inf"], "gyro_noise_rad_s is inf"),

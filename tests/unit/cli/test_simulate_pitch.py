@@ -210,3 +210,11 @@ def test_a_plate_that_cannot_be_there_is_refused(
     code, _, err = simulate(capsys, *words, "--out", str(tmp_path / "out"))
     assert code == 2
     assert said in err
+
+
+def test_a_plant_rate_that_would_run_for_hours_is_refused(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    code, _, err = simulate(capsys, *SHORT, "--set", "bench.plant_rate_Hz=1e9")
+    assert code == 2
+    assert "bench.plant_rate_Hz is 1e+09; give at most 100000 Hz" in err
