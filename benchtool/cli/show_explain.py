@@ -75,8 +75,8 @@ def print_answer(answer: Answer) -> None:
         console.print(f"Not judged: {name} {unjudged_sentence(answer, name)}", markup=False)
     for line in answer.remarks:
         console.print(f"! {line}", markup=False)
-    if verdict.next is not None:
-        console.print(next_sentence(answer), markup=False)
+    if to_do := next_sentence(answer):
+        console.print(to_do, markup=False)
     console.print(f"It took {answer.seconds:.1f} s.", markup=False)
 
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from benchtool import __version__
+from benchtool.effects.effect import BenchKind
 from benchtool.explain.answer import Answer, channel_words
 from benchtool.explain.answer_figures import gap_numbers, parameter_text
 from benchtool.explain.answer_tables import (
@@ -15,6 +16,7 @@ from benchtool.explain.answer_tables import (
     tolerances_table,
     unjudged_sentence,
 )
+from benchtool.explain.verdict import EVERYWHERE
 from benchtool.report.page import (
     Block,
     Commands,
@@ -29,8 +31,18 @@ from benchtool.report.page import (
 from benchtool.report.run_facts import simple_facts
 from benchtool.store import Run, is_run
 
-EVERYWHERE = "everywhere"
-"""The regime of a disagreement that no part of the recordings has more of than others."""
+RICHER: dict[BenchKind, str] = {
+    "pitch": (
+        "Record next: steps and slow reversals of the attitude at two collectives or more, the "
+        "plate at three distances and away, some dither on the pulses; the schedule identify does "
+        "all that."
+    ),
+    "sweep": (
+        "Record next: near distances (z/R of 0.6 to 1) and far ones, two or three levels up and "
+        "down, and tares."
+    ),
+}
+"""What to record where most effects could not be judged."""
 
 CAPTIONS: dict[str, str] = {
     "where": (
@@ -81,7 +93,7 @@ def next_sentence(answer: Answer) -> str:
     """Say what to record next, and why; empty where nothing is asked for."""
     experiment = answer.verdict.next
     if experiment is None:
-        return ""
+        return RICHER[answer.verdict.bench] if answer.verdict.mostly_blind else ""
     return (
         f"Record next: {experiment.title}. {experiment.reason[:1].upper()}{experiment.reason[1:]}."
     )
@@ -177,6 +189,8 @@ def _not_judged(answer: Answer) -> list[Block]:
     if answer.verdict.not_judged:
         names = answer.verdict.not_judged
         blocks.append(Facts({name: unjudged_sentence(answer, name) for name in names}))
+    if answer.verdict.next is None and next_sentence(answer):
+        blocks.append(Paragraph(next_sentence(answer)))
     if not blocks:
         blocks.append(Paragraph("Every effect of this kind of bench was judged."))
     return blocks

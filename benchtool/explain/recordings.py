@@ -146,26 +146,52 @@ def _alive(source: Source) -> Source:
     """Return a source without speeds, pulses and a gyro that never change, and say so.
 
     A rotor speed of exactly the same value in every row was never measured; a model held against
-    it would be found wanting.
+    it would be found wanting. A pulse may stand still, where its rotor does not change either.
+
+    Raises:
+        InputError: no pulse ever changes and no speed tells what drove the beam.
     """
     recording, remarks = source.recording, list(source.remarks)
     if TELLS["pitch"] not in recording or len(recording) < 2:
         return source
-    dead = [name for name in recording.names if _DIES.fullmatch(name) and _still(recording, name)]
-    for name in dead:
+    still = [name for name in recording.names if _DIES.fullmatch(name) and _still(recording, name)]
+    alive = [name for name in recording.names if name not in still]
+    speeds = [name for name in alive if name.startswith("rpm")]
+    pulses = [name for name in recording.names if name.startswith("pwm")]
+    if pulses and not speeds and set(pulses) <= set(still):
+        value = recording.column(pulses[0])[0]
+        raise InputError(
+            f"{pulses[0]} of {source.name} is {value:g} in every row, as are all pulses, and no "
+            f"rotor's speed changes: nothing drove the beam that could be followed; record rpm as "
+            f"well, with steps of attitude and collective, as the schedule identify has them"
+        )
+    dead = [name for name in still if not name.startswith("pwm") or _turned(recording, name)]
+    for name in still:
         value = recording.column(name)[0]
         remarks.append(
             f"{source.name}: {name} is {value:g} in every row: a dead channel, left out; mend it"
+            if name in dead
+            else f"{source.name}: {name} is {value:g} in every row, which is taken for true"
         )
     kept = [name for name in recording.names if name not in dead]
-    if len(kept) == len(recording.names):
-        return source
     columns = [(recording.channels[recording.index(name)], recording.column(name)) for name in kept]
     living = Recording.from_columns(columns, recording.provenance, recording.simulated)
     return replace(source, recording=living, remarks=tuple(remarks))
 
 
 _DIES = re.compile(r"rpm\d+|pwm\d+_us|gyro_rad_s")
+
+STEADY = 0.05
+"""A rotor whose speed changes by more than this share of it had other pulses than one; a choice."""
+
+
+def _turned(recording: Recording, pulse: str) -> bool:
+    """Whether a rotor changed its speed while its pulse stands still in the recording."""
+    name = pulse.replace("pwm", "rpm").removesuffix("_us")
+    if name not in recording:
+        return False
+    known = recording.column(name)[np.isfinite(recording.column(name))]
+    return len(known) > 1 and bool(np.ptp(known) > STEADY * np.abs(np.mean(known)))
 
 
 def _still(recording: Recording, name: str) -> bool:

@@ -16,6 +16,9 @@ KINDS: tuple[Kind, ...] = ("effect", "several", "class", "none", "unknown")
 Unjudged = Literal["too_weak", "no_trace"]
 """Why an effect is not judged: it would have to be larger to show, or no size would do."""
 
+EVERYWHERE = "everywhere"
+"""The regime of a disagreement that no part of the recordings has more of than others."""
+
 NEVER = 100.0
 """An effect that would have to be this many tolerances large is said to leave no trace."""
 
@@ -224,6 +227,12 @@ class Verdict:
     draws: int = field(default=0)
 
     @property
+    def mostly_blind(self) -> bool:
+        """Whether most of the effects could not be judged."""
+        tried = {name.partition(".")[0] for name in self.tolerances}
+        return 2 * len(tried & set(self.not_judged)) > len(tried)
+
+    @property
     def names(self) -> tuple[str, ...]:
         """Names of the effects in the verdict."""
         return tuple(effect.name for effect in self.effects)
@@ -261,13 +270,24 @@ def _class(verdict: Verdict) -> str:
 
 
 def _none(verdict: Verdict) -> str:
-    return "Nothing beyond the stated tolerances is missing from the model."
+    tried = {name.partition(".")[0] for name in verdict.tolerances}
+    blind = len(tried & set(verdict.not_judged))
+    if verdict.mostly_blind:
+        return (
+            f"This data can show only {len(tried) - blind} of {len(tried)} effects, and none of "
+            f"those is missing from the model beyond its tolerance."
+        )
+    limits = f"; {blind} of {len(tried)} effects were not judged" if blind else ""
+    return f"Nothing beyond the stated tolerances is missing from the model{limits}."
 
 
 def _unknown(verdict: Verdict) -> str:
     near = verdict.nearest
     where = verdict.where
-    place = f" in {where.stage}, {where.regime}" if where is not None else ""
+    place = ""
+    if where is not None:
+        spread = where.regime == EVERYWHERE
+        place = f" in the stage {where.stage}" + ("" if spread else f" ({where.regime})")
     nearest = (
         f"; the nearest is {near.name}, which closes {100.0 * near.share_closed:.0f} % of the gap"
         if near is not None

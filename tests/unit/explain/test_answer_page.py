@@ -7,8 +7,8 @@ from dataclasses import replace
 import pytest
 
 from benchtool.explain.answer_figures import answer_figures
-from benchtool.explain.answer_page import EVERYWHERE, answer_page, where_sentence
-from benchtool.explain.verdict import KINDS, Kind, Where
+from benchtool.explain.answer_page import answer_page, next_sentence, where_sentence
+from benchtool.explain.verdict import EVERYWHERE, KINDS, Kind, NotJudged, Where
 from benchtool.report.html import render_report
 from tests.unit.explain.hand_made import answer
 
@@ -41,3 +41,18 @@ def test_a_disagreement_without_a_place_of_its_own_reads_so() -> None:
         "The disagreement is in the stage hinge, spread over the whole of the recordings; "
         "residuals are 1.1 times the stated noise."
     )
+
+
+def test_silence_of_poor_data_says_how_little_it_means() -> None:
+    given = answer("none")
+    tried = dict.fromkeys({name.partition(".")[0] for name in given.verdict.tolerances})
+    assert given.verdict.sentence.endswith(f"; 1 of {len(tried)} effects were not judged.")
+    blind = {name: NotJudged.below(500.0) for name in list(tried)[:-2]}
+    poor = replace(
+        given,
+        explanation=replace(given.explanation, verdict=replace(given.verdict, not_judged=blind)),
+    )
+    assert poor.verdict.sentence.startswith(f"This data can show only 2 of {len(tried)} effects")
+    assert "the schedule identify" in next_sentence(poor)
+    assert next_sentence(given) == ""
+    assert "the schedule identify" in render_report(answer_page(poor, answer_figures(poor)))

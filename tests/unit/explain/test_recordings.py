@@ -93,14 +93,27 @@ def test_a_run_of_a_sweep_is_read_as_its_points() -> None:
 def test_a_dead_channel_is_left_out_and_told(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     path.write_text(
-        "time_s,theta_rad,rpm1,rpm2,pwm1_us\n0,0.1,0,5000,1500\n1,0.2,0,5100,1500\n",
+        "time_s,theta_rad,rpm1,rpm2,pwm1_us,pwm2_us\n"
+        "0,0.1,0,5000,1500,1500\n1,0.2,0,6100,1500,1500\n",
         encoding="utf-8",
     )
     (source,), _ = read_sources([str(path)], [csv(tmp_path, "b.csv")], loaded())
-    assert source.recording.names == ("time_s", "theta_rad", "rpm2")
-    assert [line.split(":")[1].strip() for line in source.remarks] == [
-        "rpm1 is 0 in every row", "pwm1_us is 1500 in every row",
-    ]  # fmt: skip
+    assert source.recording.names == ("time_s", "theta_rad", "rpm2", "pwm1_us")
+    assert [line.split(": ", 1)[1] for line in source.remarks] == [
+        "rpm1 is 0 in every row: a dead channel, left out; mend it",
+        "pwm1_us is 1500 in every row, which is taken for true",
+        "pwm2_us is 1500 in every row: a dead channel, left out; mend it",
+    ]
+
+
+def test_a_recording_that_nothing_drove_is_refused_at_once(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text(
+        "time_s,theta_rad,rpm1,pwm1_us,pwm2_us\n0,0.1,0,1500,1500\n1,0.2,0,1500,1500\n",
+        encoding="utf-8",
+    )
+    with pytest.raises(BenchtoolError, match="pwm1_us of a.csv is 1500 in every row, as are all"):
+        read_sources([str(path)], [csv(tmp_path, "b.csv")], loaded())
 
 
 @pytest.mark.parametrize(
