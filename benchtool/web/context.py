@@ -44,11 +44,13 @@ class Context:
         shared: what all pages share.
         tab: name of the browser's tab, told by the page once it has connected.
         theme: "light", "dark", or empty to follow the system.
+        dark: whether the page is dark now, told by the page.
     """
 
     shared: Shared
     tab: str = ""
     theme: str = ""
+    dark: bool = False
 
     @property
     def bench(self) -> BenchLink:

@@ -20,10 +20,10 @@ _HOLD = re.compile(r"hold (\d{1,9}) (\d{1,5}(?:\.\d{1,3})?) (\d{1,2}(?:,\d{1,2})
 
 
 class ControlLine(Element, component=STATIC / "control_line.js"):
-    """Hold the page's end: Stop buttons, space bar and Escape.
+    """Hold the page's end: Stop buttons, space bar and Escape, the button that is held.
 
     Args:
-        context: learns the name of the browser's tab.
+        context: learns the name of the browser's tab, and whether the page is dark.
     """
 
     pages: ClassVar[dict[str, Context]] = {}
@@ -34,6 +34,7 @@ class ControlLine(Element, component=STATIC / "control_line.js"):
         page = self.client.id
         self._props["page"] = page
         self.pages[page] = context
+        self.on("dark", lambda told: setattr(context, "dark", bool(told.args)))
         self.client.on_delete(lambda: self.pages.pop(page, None))
 
 

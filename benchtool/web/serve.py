@@ -27,7 +27,9 @@ PORT = 8460
 
 EVERYWHERE = frozenset({"0.0.0.0", "::"})  # noqa: S104 -- compared with, not bound to
 
-RECONNECT_S = 3.0
+RECONNECT_S = 15.0
+"""A page that was silent for so long is forgotten by the server; reloaded, it starts anew. A choice:
+busy machines make browsers wait for seconds."""
 
 
 def serve(runs: Path, host: str, port: int | None, announce: Callable[[str], None]) -> None:

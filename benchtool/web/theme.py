@@ -6,7 +6,7 @@ from pathlib import Path
 
 from nicegui import app, ui
 
-from benchtool.report.palette import BLACK, CYCLE
+from benchtool.report.palette import BLACK, BLUE, CYCLE, SKY
 
 STATIC = Path(__file__).parent / "static"
 
@@ -19,8 +19,11 @@ LIGHT_INK = "#e8eaed"
 
 
 def cycle(dark: bool) -> tuple[str, ...]:
-    """Return the colours of numbered things, as in the figures; black turns light on dark."""
-    return tuple(LIGHT_INK if dark and color == BLACK else color for color in CYCLE)
+    """Return the colours of numbered things, as in the figures; on a dark ground black turns light,
+    and the two blues change places.
+    """
+    on_dark = {BLACK: LIGHT_INK, BLUE: SKY, SKY: BLUE} if dark else {}
+    return tuple(on_dark.get(color, color) for color in CYCLE)
 
 
 def dress_page(theme: str) -> ui.dark_mode:

@@ -6,9 +6,18 @@ export default {
   props: { page: String },
   mounted() {
     this.closed = false;
+    const tellDark = () => {
+      const dark = document.body.classList.contains("body--dark");
+      if (dark !== this.dark) this.$emit("dark", (this.dark = dark));
+    };
+    this.looks = new MutationObserver(tellDark);
+    this.looks.observe(document.body, { attributeFilter: ["class"] });
+    tellDark();
     this.connect();
     this.pointer = (event) => {
-      if (event.target.closest?.(".stop-button")) this.stop(event);
+      // By place, not by target: a dialog's backdrop over the button does not keep a hand from it.
+      const under = document.elementsFromPoint(event.clientX, event.clientY);
+      if (under.some((element) => element.closest(".stop-button"))) this.stop(event);
       const button = event.target.closest?.(".hold-button");
       if (button) this.hold(button, event);
     };
@@ -34,6 +43,7 @@ export default {
   },
   unmounted() {
     this.closed = true;
+    this.looks.disconnect();
     this.socket?.close();
     window.removeEventListener("pointerdown", this.pointer, true);
     window.removeEventListener("keydown", this.key, true);

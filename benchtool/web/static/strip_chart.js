@@ -1,6 +1,6 @@
 // Strip charts on one canvas. A frame holds the least and the greatest value of every channel since
 // the last one; frames wait in a ring buffer here, and are drawn once per screen refresh at most.
-const HEAD = 3, PER_SECOND = 20, HEIGHT = 104, TOP = 24, LEFT = 58, RIGHT = 12;
+const HEAD = 3, PER_SECOND = 20, TOP = 24, LEFT = 58, RIGHT = 12;
 
 export default {
   template: '<div class="strips"><canvas role="img" aria-label="Live strip charts"></canvas></div>',
@@ -45,7 +45,8 @@ export default {
     fit() {
       const width = this.$el.clientWidth;
       this.columns = width > 1000 ? 2 : 1;
-      const height = HEIGHT * Math.ceil(this.panels.length / this.columns) + 18;
+      this.height = this.columns === 2 ? 150 : 108;
+      const height = this.height * Math.ceil(this.panels.length / this.columns) + 18;
       const scale = window.devicePixelRatio || 1;
       this.canvas.width = width * scale;
       this.canvas.height = height * scale;
@@ -64,14 +65,14 @@ export default {
       const width = this.$el.clientWidth / this.columns;
       this.pen.clearRect(0, 0, this.$el.clientWidth, this.canvas.height);
       this.panels.forEach((panel, place) => {
-        const x = (place % this.columns) * width, y = Math.floor(place / this.columns) * HEIGHT;
+        const x = (place % this.columns) * width, y = Math.floor(place / this.columns) * this.height;
         this.strip(panel, x, y, width, look, dark);
       });
     },
     strip(panel, x0, y0, width, look, dark) {
       const pen = this.pen, first = Math.max(0, this.count - this.room);
       const last = (this.count - 1 + this.room) % this.room, now = this.count ? this.times[last] : 0;
-      const left = x0 + LEFT, right = x0 + width - RIGHT, top = y0 + TOP, bottom = y0 + HEIGHT - 8;
+      const left = x0 + LEFT, right = x0 + width - RIGHT, top = y0 + TOP, bottom = y0 + this.height - 8;
       let low = Infinity, high = -Infinity;
       for (const line of panel.lines) {
         const [lows, highs] = this.ring.get(line.column);

@@ -1,0 +1,89 @@
+"""T_IGE/T_OGE over plate distance, points as they are measured, and the model's band."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from nicegui import ui
+
+from benchtool.report.palette import BLUE, GREY, LOOKS, VERMILION
+from benchtool.web.sweep.work import Curve, Points
+from benchtool.web.theme import LIGHT_INK
+
+_ROLES = {"eq. (2)": "formula", "eq. (3)": "quad"}
+
+
+class RatioPlot:
+    """Show the ratios of one run over a model."""
+
+    def __init__(self) -> None:
+        self._points = Points()
+        self._curves: tuple[Curve, ...] = ()
+        self._plot = ui.plotly(self._figure(dark=False)).classes("w-full ratio-plot")
+        self._why = ui.label().classes("soft")
+
+    def show(self, points: Points, curves: Sequence[Curve], *, dark: bool) -> None:
+        """Draw what is known now."""
+        self._points, self._curves = points, tuple(curves)
+        self._plot.update_figure(self._figure(dark=dark))
+        self._why.set_text(points.why)
+        self._why.set_visibility(bool(points.why))
+
+    def _figure(self, *, dark: bool) -> dict[str, Any]:
+        ink = LIGHT_INK if dark else LOOKS["measurement"].color
+        traces: list[dict[str, Any]] = []
+        for curve in self._curves:
+            traces += _curve_traces(curve, ink)
+        x, y, error = (
+            (list(column) for column in zip(*self._points.rows, strict=True))
+            if (self._points.rows)
+            else ([], [], [])
+        )
+        traces.append(
+            {
+                "type": "scatter", "mode": "markers", "name": "measured", "x": x, "y": y,
+                "error_y": {"type": "data", "array": error, "color": ink, "thickness": 1.2},
+                "marker": {"color": ink, "size": 7, "symbol": "circle-open"},
+            }
+        )  # fmt: skip
+        axis = {"gridcolor": GREY + "44", "zeroline": False, "linecolor": GREY}
+        return {
+            "data": traces,
+            "layout": {
+                "height": 420,
+                "margin": {"l": 60, "r": 16, "t": 12, "b": 46},
+                "paper_bgcolor": "rgba(0,0,0,0)",
+                "plot_bgcolor": "rgba(0,0,0,0)",
+                "font": {"color": ink, "family": "inherit", "size": 13},
+                "xaxis": {**axis, "title": {"text": "z / R"}},
+                "yaxis": {**axis, "title": {"text": "T<sub>IGE</sub> / T<sub>OGE</sub>"}},
+                "legend": {"x": 0.98, "xanchor": "right", "y": 0.98},
+                "uirevision": "same",
+            },
+            "config": {"displaylogo": False, "responsive": True},
+        }
+
+
+def _curve_traces(curve: Curve, ink: str) -> list[dict[str, Any]]:
+    columns = [list(column) for column in zip(*curve.rows, strict=True)]
+    role = next((role for start, role in _ROLES.items() if curve.label.startswith(start)), None)
+    if role is not None:
+        color = {"formula": ink, "quad": LOOKS["quad"].color}[role]
+        line = {"color": color, "dash": "dash", "width": 1.5}
+        return [_line(curve.label, columns[0], columns[1], line)]
+    traces = []
+    if len(columns) == 4:
+        edge = {"width": 0, "color": VERMILION}
+        low = _line("lower", columns[0], columns[2], edge)
+        high = _line(f"{curve.label}, 95 %", columns[0], columns[3], edge)
+        traces = [
+            {**low, "showlegend": False, "hoverinfo": "skip"},
+            {**high, "fill": "tonexty", "fillcolor": VERMILION + "33"},
+        ]
+    line = {"color": VERMILION if traces else BLUE, "width": 2}
+    return [*traces, _line(curve.label, columns[0], columns[1], line)]
+
+
+def _line(name: str, x: list[float], y: list[float], line: dict[str, Any]) -> dict[str, Any]:
+    return {"type": "scatter", "mode": "lines", "name": name, "x": x, "y": y, "line": line}

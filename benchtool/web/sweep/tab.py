@@ -1,0 +1,35 @@
+"""The Sweep tab: a plan with its preview, start to end, points on the plot as they come."""
+
+from __future__ import annotations
+
+from nicegui import ui
+
+from benchtool.web.context import Context
+from benchtool.web.tab import Tab
+
+LOOK_S = 0.5
+"""How often points are looked for: the plot changes at most twice a second."""
+
+
+def build(context: Context) -> None:
+    """Make the tab."""
+    from benchtool.web.sweep.plan_card import PlanCard
+    from benchtool.web.sweep.ratio_card import RatioCard
+    from benchtool.web.sweep.run_card import RunCard
+
+    with ui.element("div").classes("grid-main plan-left"):
+        with ui.element("div"):
+            run = RunCard(context)
+            plot = RatioCard(context)
+        with ui.element("div"):
+            plan = PlanCard(context)
+
+    async def refresh() -> None:
+        run.refresh()
+        plan.refresh()
+        await plot.refresh()
+
+    ui.timer(LOOK_S, refresh)
+
+
+TAB = Tab(name="Sweep", icon="stacked_line_chart", build=build)

@@ -1,0 +1,81 @@
+"""What the plot shows, worked out in a process of its own: points from the disk, the model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from benchtool.core.rig import Rig
+from benchtool.errors import BenchtoolError
+
+CURVE_POINTS = 80
+
+
+@dataclass(frozen=True, slots=True)
+class Points:
+    """Hold measured ratios: rows of z/R, T_IGE/T_OGE, standard error; and why there are none."""
+
+    rows: tuple[tuple[float, float, float], ...] = ()
+    why: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """Hold a curve: rows of z/R and value; with a band also lower and upper of 95 %."""
+
+    label: str
+    rows: tuple[tuple[float, ...], ...]
+
+
+def measured_points(run: Path, basis: str) -> Points:
+    """Return the ratios of a run as far as it is."""
+    from benchtool.store import code_of, read_points
+    from benchtool.store.ratios import ratios
+
+    try:
+        points = read_points(run)
+        ratio, error = ratios(points, basis)
+    except BenchtoolError as told:
+        return Points(why=str(told))
+    from benchtool.core.toml_text import build
+    from benchtool.store import Run
+
+    rig = build(Rig, Run.open(run).metadata["rig"], str(run))
+    near = points.column("kind") == code_of("kind", "measure")
+    near &= np.isfinite(ratio)
+    z_over_R = points.column("plate_z_m") / rig.propulsion.radius_m
+    rows = zip(z_over_R[near], ratio[near], np.nan_to_num(error[near]), strict=True)
+    return Points(tuple((float(a), float(b), float(c)) for a, b, c in rows))
+
+
+def model_curves(model: str, rig: Rig, z_over_R: tuple[float, float]) -> tuple[Curve, ...]:
+    """Return a model's curve with its band, and the closed formulae, all rotors turning.
+
+    Raises:
+        BenchtoolError: the model cannot be read, or is of another rig.
+    """
+    from benchtool.recipes.curves import bands_over, factor_over, formula_curves
+    from benchtool.recipes.model_band import believed
+
+    low, high = z_over_R
+    x = np.geomspace(max(low, 0.5), max(high, low + 0.5), CURVE_POINTS)
+    speeds = np.full((rig.n_rotors, 1), 500.0)
+    found = [
+        Curve(curve.label, _rows(curve.z_over_R, curve.ratio))
+        for curve in formula_curves(rig, speeds, x)
+    ]
+    if model:
+        belief = believed(model, rig)
+        middle = np.broadcast_to(np.asarray(factor_over(belief.model, speeds, x), float), x.shape)
+        bands = bands_over(belief.model, speeds, x, belief.draws)
+        wide = bands[-1] if bands else None
+        rows = _rows(x, middle, *((wide.lower, wide.upper) if wide else ()))
+        found.append(Curve(belief.model.name, rows))
+    return tuple(found)
+
+
+def _rows(*columns: object) -> tuple[tuple[float, ...], ...]:
+    table = np.column_stack([np.asarray(column, float) for column in columns])
+    return tuple(tuple(row) for row in table.round(6).tolist())
