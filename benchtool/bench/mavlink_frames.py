@@ -13,6 +13,9 @@ AUTOPILOT_COMPONENT = 1
 
 SEQUENCE_MODULUS = 256
 
+MAVLINK_2, SIGNED = 0xFD, 1
+"""First byte of a frame of MAVLink 2, and the bit of its third that says that it is signed."""
+
 SIGNING_EPOCH_S = 1_420_070_400.0
 """Signing counts tens of microseconds since 2015-01-01 UTC (MAVLink 2 message signing)."""
 
@@ -24,6 +27,7 @@ class MavlinkFrames:
         corrupt: frames thrown away since the last `take_losses`, for checksum or signature.
         unsigned: how many of all corrupt frames so far were refused for their signature.
         heard: whether any whole frame was understood yet.
+        signs: whether what is sent bears a signature, and what comes must.
 
     Args:
         system: our own number.
@@ -48,6 +52,7 @@ class MavlinkFrames:
         self._bad = words.MAVLink_bad_data
         self._mav = words.MAVLink(None, system, component)
         self._mav.robust_parsing = True
+        self.signs = key is not None
         if key is not None:
             signing = self._mav.signing
             signing.secret_key, signing.sign_outgoing = key, True
@@ -100,3 +105,9 @@ class MavlinkFrames:
             self.unsigned += 1
         if self.heard or "signature" in str(message.reason):
             self.corrupt += 1
+
+
+def is_signed(message: Message) -> bool:
+    """Tell whether a message came in a frame with a signature, whether or not it was checked."""
+    frame = bytes(message.get_msgbuf())
+    return frame[0] == MAVLINK_2 and bool(frame[2] & SIGNED)

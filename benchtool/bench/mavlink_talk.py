@@ -6,7 +6,12 @@ import struct
 from collections.abc import Callable
 
 from benchtool.bench.mavlink_dialect import Message, dialect
-from benchtool.bench.mavlink_frames import AUTOPILOT_COMPONENT, GROUND_SYSTEM, MavlinkFrames
+from benchtool.bench.mavlink_frames import (
+    AUTOPILOT_COMPONENT,
+    GROUND_SYSTEM,
+    MavlinkFrames,
+    is_signed,
+)
 from benchtool.bench.mavlink_pilots import AUTOPILOT_INVALID, Order
 from benchtool.bench.strangers import knocked, not_mavlink
 from benchtool.bench.transport import Transport
@@ -120,6 +125,7 @@ class MavlinkTalk:
 
         Raises:
             LinkLost: no answer to any try.
+            ProtocolError: it signs its frames, we do not.
         """
         self._acks.pop(order.command, None)
         for _ in range(TRIES):
@@ -129,6 +135,12 @@ class MavlinkTalk:
                 self.pump(left_s)
                 if (result := self.take_ack(order.command)) is not None:
                     return result
+        beat = self._beats.get(self.system)
+        if not self.frames.signs and beat is not None and is_signed(beat):
+            raise ProtocolError(
+                f"{self._address} signs its frames and takes no order without a signature; give "
+                f"its key as key=FILE"
+            )
         raise LinkLost(
             f"{self._address} did not acknowledge command {order.command} in {TRIES} tries of "
             f"{1000.0 * ANSWER_S:.0f} ms; motors stop by themselves; check the link, then start "

@@ -241,7 +241,10 @@ class RcbBench(Opened):
         self._base_Hz = round((len(times_us) - 1) / span_s, 4) if span_s > 0.0 else LEAST_HZ
         self._names = names
         self._rows.clear()
-        return _identity(self.address, hello, names, self._base_Hz, self._settings)
+        identity = _identity(self.address, hello, names, self._base_Hz, self._settings)
+        if self._speed != 1.0:
+            identity = replace(identity, facts={**identity.facts, "speed": f"{self._speed:g}"})
+        return identity
 
     def _note(self) -> None:
         """Sort what has come: readings, losses, why the script stopped the motor."""

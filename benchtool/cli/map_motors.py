@@ -44,6 +44,8 @@ def map_motors(
     if target.exists():
         raise WouldOverwrite(str(target))
     with GuardedBench(open_bench(address), stands) as bench:
+        if warning := bench.identity.facts.get("warning"):
+            print(f"warning: {warning}")
         text = (
             f"motors 1 to {stands.n_rotors} will turn one after another at "
             f"{low_throttle_us(stands):g} us; see which rotor each one is"

@@ -43,6 +43,23 @@ def test_a_map_is_learnt_and_the_checked_bench_uses_it(
         assert "motor test turns 1 at a time; name one with --rotors 1" in refused.stderr
 
 
+def test_orders_are_signed_with_the_key_of_a_file(
+    tmp_path: Path, environment: dict[str, str]
+) -> None:
+    key = tmp_path / "key.txt"
+    key.write_text("a pass phrase")
+    link = f"mavlink:udpout:127.0.0.1:{free_port()}"
+    served = ["--rig", "pquad_single", "--speed", "10", "--key", str(key)]
+    check = ["--rig", "pquad_single", "--yes"]
+    with serving(link, environment, *served) as address:
+        assert address.endswith(f"?rotors=1&key={key}")
+        signed = run(["bench", "check", address, *check], environment)
+        assert signed.returncode == 0, signed.stderr
+        unsigned = run(["bench", "check", address.partition("&key")[0], *check], environment)
+        assert unsigned.returncode == 3
+        assert "signs its frames and takes no order without a signature" in unsigned.stderr
+
+
 def test_a_pitch_experiment_is_recorded(tmp_path: Path, environment: dict[str, str]) -> None:
     link = f"mavlink:udpout:127.0.0.1:{free_port()}"
     pitch = ["--rig", "pquad", "--speed", "5", "--mode", "pitch"]
