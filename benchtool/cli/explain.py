@@ -74,14 +74,14 @@ def command(
     import shlex
     import sys
     import time
+    from dataclasses import replace
 
     from benchtool.cli.show_explain import for_a_reader, print_answer, print_files, working
     from benchtool.errors import InputError
-    from benchtool.explain.answer import Answer
     from benchtool.explain.answer_file import Written
     from benchtool.explain.answer_folder import refuse_taken, write_folder, write_json
+    from benchtool.explain.answered import answered
     from benchtool.explain.asked import asked
-    from benchtool.explain.explain import explain
     from benchtool.explain.recordings import require_both
 
     require_both(recordings or [], check or [])
@@ -97,20 +97,15 @@ def command(
     began = time.monotonic()
     question = asked(recordings or [], check or [], model, effects)
     with working() as tell:
-        subject = question.subject()
-        found = explain(subject, seed=seed, draws=draws, bootstrap=bootstrap, progress=tell)
-    answer = Answer(
-        explanation=found,
-        loaded=question.loaded,
-        model_file=question.model_file,
-        model_sha256=question.model_sha256,
-        learn=question.learn,
-        check=question.check,
-        seed=seed,
-        seconds=time.monotonic() - began,
-        commands=(shlex.join(["benchtool", *sys.argv[1:]]),),
-        own_effects=question.own,
-    )
+        answer = answered(
+            question,
+            commands=[shlex.join(["benchtool", *sys.argv[1:]])],
+            seed=seed,
+            draws=draws,
+            bootstrap=bootstrap,
+            progress=tell,
+        )
+    answer = replace(answer, seconds=time.monotonic() - began)
     written = Written()
     if out is not None:
         written = write_folder(out, answer, question.rig_file, question.effects_file)

@@ -26,7 +26,7 @@ def added_model(answer: Answer, rig: str = "", effects_file: str = "") -> str:
         effects_file: file of the user's own effects, beside the new file.
     """
     loaded = answer.loaded
-    named = _added(answer)
+    named = added_effects(answer)
     model = _calibrated(answer, loaded.model)
     for effect in named:
         model = _with(answer, model, effect)
@@ -49,10 +49,11 @@ def added_model(answer: Answer, rig: str = "", effects_file: str = "") -> str:
 
 def own_names(answer: Answer) -> tuple[str, ...]:
     """Return the names of added effects that benchtool does not ship."""
-    return tuple(effect.name for effect in _added(answer) if effect.name not in EFFECTS)
+    return tuple(effect.name for effect in added_effects(answer) if effect.name not in EFFECTS)
 
 
-def _added(answer: Answer) -> tuple[NamedEffect, ...]:
+def added_effects(answer: Answer) -> tuple[NamedEffect, ...]:
+    """Return the effects that the new model gets: of a class the likeliest member."""
     effects = answer.verdict.effects
     return effects[:1] if answer.verdict.kind == "class" else effects
 
