@@ -1,0 +1,116 @@
+"""Where the page finds recordings and models: the runs folder, and the examples of a checkout."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from benchtool.core.toml_text import parse_toml
+from benchtool.errors import BenchtoolError
+from benchtool.store.entry import Entry
+from benchtool.store.run_list import list_entries
+from benchtool.store.runs_folder import RunsFolder
+from benchtool.web.fits.choice import model_choices, model_path
+
+EXAMPLE = "example: "
+"""Begins what comes with a checkout of benchtool; no name in a runs folder has a colon."""
+
+RECORDED = ("sweep", "pitch recording", "recording", "table")
+"""Kinds of entries that can be explained."""
+
+
+def examples_folder() -> Path | None:
+    """Return the example recordings that stand beside the package, where there are any.
+
+    As short as a command may name it from where the server was started.
+    """
+    folder = Path(__file__).parents[3] / "datasets"
+    if not (folder / "pitch_friction").is_dir():
+        return None
+    here = Path.cwd()
+    return folder.relative_to(here) if folder.is_relative_to(here) else folder
+
+
+@dataclass(frozen=True, slots=True)
+class Places:
+    """List what can be chosen, and lead from a choice to its path; nothing else has one.
+
+    Attributes:
+        runs: the runs folder.
+        examples: read only; None where there are none.
+    """
+
+    runs: RunsFolder
+    examples: RunsFolder | None = None
+
+    @classmethod
+    def of(cls, root: Path) -> Places:
+        """Return the places of a server."""
+        examples = examples_folder()
+        return cls(RunsFolder(root), RunsFolder(examples) if examples else None)
+
+    def recordings(self) -> dict[str, str]:
+        """Return recordings by their choice, with words for people; the newest run first."""
+        found = {entry.name: _words(entry) for entry in list_entries(self.runs) if _is_data(entry)}
+        if self.examples is not None:
+            for entry in sorted(list_entries(self.examples), key=lambda entry: entry.name):
+                if _is_data(entry):
+                    found[EXAMPLE + entry.name] = EXAMPLE + _words(entry)
+        return found
+
+    def models(self) -> dict[str, str]:
+        """Return models by their choice: shipped ones, what was written here, the examples'."""
+        found = dict(model_choices(self.runs, list_entries(self.runs)))
+        found |= {name: name for name in _model_files(self.runs) if name not in found}
+        if self.examples is not None:
+            found |= {EXAMPLE + name: EXAMPLE + name for name in _model_files(self.examples)}
+        return found
+
+    def path_of(self, choice: str) -> Path:
+        """Return the path of a recording.
+
+        Raises:
+            InputError: a name that leads out of the runs folder and the examples.
+            FileFormatError: nothing of that name is there.
+        """
+        folder, name = self._folder(choice)
+        return folder.path_of(name)
+
+    def model_of(self, choice: str) -> str:
+        """Return a model as the command takes it: a shipped name, or a path; checked as above."""
+        folder, name = self._folder(choice)
+        return model_path(folder, name)
+
+    def _folder(self, choice: str) -> tuple[RunsFolder, str]:
+        if self.examples is not None and choice.startswith(EXAMPLE):
+            return self.examples, choice.removeprefix(EXAMPLE)
+        return self.runs, choice
+
+
+def _is_data(entry: Entry) -> bool:
+    return entry.kind in RECORDED and not entry.problem
+
+
+def _words(entry: Entry) -> str:
+    about = ", ".join(filter(None, (entry.kind, entry.rig, entry.said)))
+    return f"{entry.name} ({about})"
+
+
+def _model_files(folder: RunsFolder) -> list[str]:
+    """Return the names of model files in a folder and the folders in it."""
+    files = sorted((*folder.root.glob("*.toml"), *folder.root.glob("*/*.toml")))
+    return [folder.name_of(file) for file in files if _is_model(file)]
+
+
+def _is_model(file: Path) -> bool:
+    if file.name.startswith(".") or file.stat().st_size > MOST_BYTES:
+        return False
+    try:
+        head = parse_toml(file.read_text("utf-8"), file.name).get("model")
+    except (OSError, UnicodeDecodeError, BenchtoolError):
+        return False
+    return isinstance(head, dict) and "rig" in head
+
+
+MOST_BYTES = 1_000_000
+"""No model file is larger; a choice."""

@@ -1,0 +1,128 @@
+"""The Explain tab: choose recordings and a model, watch the stages, read the answer, accept it."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from pathlib import Path
+
+from nicegui import app, ui
+
+from benchtool.errors import BenchtoolError
+from benchtool.web.command_row import CommandRow
+from benchtool.web.context import Context
+from benchtool.web.explains.answer import AnswerView
+from benchtool.web.explains.places import Places
+from benchtool.web.explains.progress import Stages
+from benchtool.web.explains.question import question_of, suggested_folder
+from benchtool.web.explains.running import Explaining, clear, latest, start
+from benchtool.web.hand_over import HandOver
+from benchtool.web.show import STYLE
+from benchtool.web.tab import Tab
+from benchtool.web.tell import say, tells_errors
+
+_STYLE = "<style>.stages { list-style: none; padding: 0; margin: 0; columns: 18rem auto; }</style>"
+
+
+class ExplainTab:
+    """Hold the form and the answer, for one page."""
+
+    def __init__(self, context: Context) -> None:
+        self._context = context
+        self._places = Places.of(context.runs)
+        self._ready = False
+        ui.add_head_html(STYLE + _STYLE)
+        with ui.card().classes("w-full gap-2"):
+            ui.label("Recordings and model").classes("card-title")
+            with ui.element("div").classes("fit-form w-full"):
+                with ui.column().classes("w-full gap-2"):
+                    self._learn = self._recordings("Recordings to learn from", "learn")
+                    self._check = self._recordings("Others to check on", "check")
+                with ui.column().classes("w-full gap-2"):
+                    self._model = ui.select({}, label="Model", on_change=self._changed)
+                    self._model.props("use-input input-debounce=0").classes("w-full").mark("model")
+                    self._model.on("popup-show", self._look)
+                    HandOver(context, self._handed_over)
+            with ui.row().classes("items-center w-full gap-4"):
+                self._explain = ui.button("Explain", icon="troubleshoot", on_click=self._start)
+                self._explain.props("no-caps").mark("explain")
+                self._hint = ui.label().classes("soft").props("role=status").mark("hint")
+            self._command = CommandRow()
+            self._stages = Stages(context, self._done, self._changed)
+        self._answer = AnswerView(context, self._places, self._look)
+        self._look()
+        self._ready = True
+        self._changed()
+        present = latest(context.runs)
+        if present is not None and present.state.running:
+            self._stages.watch(present)
+        elif present is not None:
+            self._answer.show(present)
+
+    def _recordings(self, label: str, mark: str) -> ui.select:
+        choice = ui.select({}, multiple=True, label=label, on_change=self._changed)
+        choice.props("use-chips use-input input-debounce=0").classes("w-full").mark(mark)
+        choice.on("popup-show", self._look)
+        return choice
+
+    def _look(self) -> None:
+        """Offer what is there now."""
+        recordings = self._places.recordings()
+        for choice in (self._learn, self._check):
+            if choice.options != recordings:
+                choice.set_options(
+                    recordings, value=[n for n in choice.value or [] if n in recordings]
+                )
+        models = self._places.models()
+        if self._model.options != models:
+            value = self._model.value if self._model.value in models else None
+            self._model.set_options(models, value=value)
+
+    def _handed_over(self, name: str) -> None:
+        """Choose what was handed over: first to learn from, then to check on."""
+        self._look()
+        choice = self._check if self._learn.value else self._learn
+        choice.set_value([*(choice.value or []), name])
+        where = "to check on" if choice is self._check else "to learn from"
+        say(f"kept as {name} and chosen {where}")
+
+    def _changed(self) -> None:
+        """Show the command that the form stands for, or what it lacks."""
+        if not self._ready:
+            return
+        try:
+            question = question_of(self._places, *self._chosen())
+        except BenchtoolError as error:
+            self._hint.set_text(str(error))
+            self._explain.disable()
+            return
+        self._hint.set_text("")
+        self._explain.set_enabled(not self._stages.watching)
+        self._command.show(question.words(self._folder()))
+
+    def _chosen(self) -> tuple[list[str], list[str], str]:
+        return list(self._learn.value or []), list(self._check.value or []), self._model.value or ""
+
+    def _folder(self) -> Path:
+        today = f"{datetime.now().astimezone():%Y-%m-%d}"
+        return suggested_folder(self._places, self._learn.value or [], today)
+
+    @tells_errors
+    def _start(self) -> None:
+        self._context.need_control()
+        question, out = question_of(self._places, *self._chosen()), self._folder()
+        self._answer.clear()
+        self._stages.watch(start(self._context.runs, question, out, question.words(out)))
+        self._changed()
+
+    @tells_errors
+    def _done(self, explaining: Explaining) -> None:
+        self._answer.show(explaining)
+
+
+def build(context: Context) -> None:
+    """Make the tab."""
+    ExplainTab(context)
+    app.on_shutdown(lambda: clear(context.runs))
+
+
+TAB = Tab(name="Explain", icon="troubleshoot", build=build)

@@ -1,0 +1,101 @@
+"""What can be chosen, what leads elsewhere, and the command of a choice."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from pathlib import Path
+
+import pytest
+
+from benchtool.errors import FileFormatError, InputError
+from benchtool.store.runs_folder import RunsFolder
+from benchtool.web.explains.places import EXAMPLE, Places, examples_folder
+from benchtool.web.explains.question import question_of, suggested_folder
+
+EXAMPLES = Path(__file__).parents[4] / "datasets"
+
+
+@pytest.fixture
+def places(tmp_path: Path) -> Places:
+    runs = tmp_path / "runs"
+    mine = runs / "mine"
+    mine.mkdir(parents=True)
+    for name in ("learn.parquet", "learn.parquet.json"):
+        shutil.copy(EXAMPLES / "pitch_friction" / name, mine / name)
+    shutil.copy(EXAMPLES / "pitch_bench" / "model.toml", mine / "bench.toml")
+    (runs / "plan.toml").write_text("[grid]\nz_over_R = [1.0]\n")
+    (runs / "broken.toml").write_text("[model\n")
+    (runs / "table.csv").write_text("time_s,theta_rad\n0,0\n1,0.1\n")
+    return Places(RunsFolder(runs), RunsFolder(EXAMPLES))
+
+
+def test_recordings_of_the_runs_folder_come_before_the_examples(places: Places) -> None:
+    found = list(places.recordings())
+    assert set(found[:2]) == {"mine/learn.parquet", "table.csv"}
+    assert f"{EXAMPLE}pitch_friction/check.parquet" in found
+    assert f"{EXAMPLE}quad/run" in found
+    assert "7500 rows" in places.recordings()["mine/learn.parquet"]
+
+
+def test_models_are_what_ships_and_model_files_and_nothing_else(places: Places) -> None:
+    found = places.models()
+    assert {"pitch_pquad", "mine/bench.toml", f"{EXAMPLE}pitch_bench/model.toml"} <= set(found)
+    assert not {"plan.toml", "broken.toml"} & set(found)
+
+
+@pytest.mark.parametrize(
+    "choice", ["../secret.csv", "/etc/passwd", f"{EXAMPLE}../pyproject.toml", "a\\b", ".hidden"]
+)
+def test_a_choice_that_leads_elsewhere_is_refused(places: Places, choice: str) -> None:
+    with pytest.raises(InputError, match="leads out of"):
+        places.path_of(choice)
+    with pytest.raises(InputError, match="leads out of"):
+        places.model_of(choice)
+
+
+def test_a_link_out_of_the_folder_is_refused(places: Places, tmp_path: Path) -> None:
+    secret = tmp_path / "secret.csv"
+    secret.write_text("time_s,theta_rad\n0,0\n")
+    os.symlink(secret, places.runs.root / "link.csv")
+    with pytest.raises(InputError, match="link"):
+        places.path_of("link.csv")
+
+
+def test_what_is_gone_is_told(places: Places) -> None:
+    with pytest.raises(FileFormatError, match="not in the runs folder"):
+        places.path_of("gone.csv")
+
+
+def test_the_command_names_everything(places: Places) -> None:
+    question = question_of(
+        places, ["mine/learn.parquet"], [f"{EXAMPLE}pitch_friction/check.parquet"], "pitch_pquad"
+    )
+    out = suggested_folder(places, ["mine/learn.parquet"], "2024-05-06")
+    assert out == places.runs.root / "2024-05-06-explain-learn"
+    assert question.words(out) == [
+        "explain", str(places.runs.root / "mine/learn.parquet"), "--model", "pitch_pquad",
+        "--check", str(EXAMPLES / "pitch_friction/check.parquet"), "--out", str(out),
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("learn", "check", "model", "said"),
+    [
+        ([], ["table.csv"], "pitch_pquad", "nothing to explain"),
+        (["table.csv"], [], "pitch_pquad", "there is no check recording"),
+        (["table.csv"], ["table.csv"], "pitch_pquad", "is to learn from and to check on"),
+        (["table.csv"], ["mine/learn.parquet"], "", "no model is chosen"),
+    ],
+)
+def test_what_is_missing_is_said(
+    places: Places, learn: list[str], check: list[str], model: str, said: str
+) -> None:
+    with pytest.raises(InputError, match=said):
+        question_of(places, learn, check, model)
+
+
+def test_the_examples_are_those_of_this_checkout() -> None:
+    found = examples_folder()
+    assert found is not None
+    assert found.resolve() == EXAMPLES.resolve()
