@@ -16,7 +16,7 @@ from benchtool.explain.describe import (
 )
 from benchtool.explain.explanation import Explanation
 from benchtool.explain.held_out import HeldOut, Known
-from benchtool.explain.hypotheses import Hypotheses
+from benchtool.explain.hypotheses import Hypotheses, Hypothesis
 from benchtool.explain.search import Progress, Search, searched
 from benchtool.explain.significance import p_value
 from benchtool.explain.subject import Subject
@@ -24,6 +24,9 @@ from benchtool.explain.verdict import Kind, NamedEffect, Nearest, NotJudged, Pla
 from benchtool.explain.weigh import Fit, Weighed, weighed
 
 Array = NDArray[np.float64]
+
+HOPELESS = 2.0
+"""Variance left, over what the bench allows, from which a hypothesis is refused with certainty."""
 
 CLASS_FROM = 0.05
 """A rival for the same place that is likelier than this makes a class with the best, if the best
@@ -52,26 +55,27 @@ def explain(
     tell = progress if progress is not None else _silent
     rng = np.random.default_rng(seed)
     hypotheses = Hypotheses(subject.evidence)
-    search = searched(hypotheses, tell)
+    groups = subject.groups()
+
+    def left(one: Hypothesis) -> float:
+        """Return the variance of what a hypothesis leaves, over what the bench allows."""
+        rows = subject.evidence.residuals(one.at[None])[:, 0]
+        return leftover(groups, rows) / subject.allowed_leftover(one.at, rng)
+
+    search = searched(hypotheses, tell, lambda one: left(one) > HOPELESS)
     tell("predicting the check recordings", 0.7)
-    search = closing(subject, hypotheses, search)
+    if len(search.slots) > 1:
+        search = closing(subject, hypotheses, search)
     null, best = search.null, search.best
     before = Known(at=null.at, spread=hypotheses.spread(null))
     after = before if best is null else Known(at=best.at, spread=hypotheses.spread(best))
     held = HeldOut.of(subject, before, after, rng, draws)
     rows = subject.evidence.residuals(np.vstack([null.at, best.at]))
-    groups = subject.groups()
-    without = Fit(
-        ratio=held.ratio(0),
-        leftover=leftover(groups, rows[:, 0]) / subject.allowed_leftover(null.at, rng),
-    )
+    without = Fit(ratio=held.ratio(0), leftover=left(null))
     fit = without
     if best is not null:
-        fit = Fit(
-            ratio=held.ratio(1),
-            leftover=leftover(groups, rows[:, 1]) / subject.allowed_leftover(best.at, rng),
-            closed=held.closed(2) / subject.closed_enough,
-        )
+        closed = held.closed(2) / subject.closed_enough
+        fit = Fit(ratio=held.ratio(1), leftover=left(best), closed=closed)
     weights = [
         weighed(slot.gains, hypotheses.dispersion(slot.tried[0]), fit, without, subject.temperature)
         for slot in search.slots

@@ -64,8 +64,17 @@ class Search:
     first: Slot
 
 
-def searched(hypotheses: Hypotheses, tell: Progress) -> Search:
-    """Return the effects that must break their tolerance."""
+def searched(
+    hypotheses: Hypotheses, tell: Progress, hopeless: Callable[[Hypothesis], bool] | None = None
+) -> Search:
+    """Return the effects that must break their tolerance.
+
+    Args:
+        hypotheses: about the evidence.
+        tell: told what is being done.
+        hopeless: whether a hypothesis leaves so much that it will be refused; others in the place
+            of each of several effects are then not tried, and only the first place is told.
+    """
     tell("fitting within tolerances", 0.05)
     base = hypotheses.null()
     first: Slot | None = None
@@ -85,6 +94,8 @@ def searched(hypotheses: Hypotheses, tell: Progress) -> Search:
     if len(base.opened) < 2:
         best = first.tried[0] if base.opened else null
         return Search(null=null, best=best, slots=(first,), first=first)
+    if hopeless is not None and hopeless(base):
+        return Search(null=null, best=base, slots=(first,), first=first)
     tell("trying others in the place of each", 0.55)
     return _several(hypotheses, null, base, first)
 
