@@ -8,7 +8,7 @@ from urllib.parse import urlencode
 
 from nicegui import ui
 
-from benchtool.store.entry import Entry, entry_of
+from benchtool.store.entry import entry_of
 from benchtool.store.runs_folder import RunsFolder
 from benchtool.web.command_row import CommandRow
 from benchtool.web.context import Context
@@ -19,13 +19,16 @@ from benchtool.web.runs.jobs import (
     view_entry,
     view_part,
 )
-from benchtool.web.runs.offer import Offer, offers
+from benchtool.web.runs.offer import Offer, offers, reports
 from benchtool.web.show import show, waiting
 from benchtool.web.shown import Shown
 from benchtool.web.tell import tells_errors
 
 DRAWER = "figures"
 """The process that reads runs and draws."""
+
+WRITER = "reports"
+"""The process that makes what is taken home; a PDF takes long, and nothing waits behind it."""
 
 
 class RunDetail:
@@ -46,14 +49,20 @@ class RunDetail:
         entry = entry_of(self._folder, name)
         turn = self._begin(f"reading {name}")
         try:
-            shown, parts = await self._work(view_entry, name)
+            shown, parts = await self._work(DRAWER, view_entry, name)
         except Exception:
             self._clear(turn)
             raise
         if self._clear(turn):
             with self._place, ui.card().classes("w-full"):
-                self._head(shown, entry)
-                show(shown, headed=False)
+                with self._head(shown, f"{entry.kind} {entry.state}".strip()):
+                    if entry.can_fit:
+                        address = f"/?{urlencode({'tab': 'fit', 'data': name})}"
+                        fit = ui.button("Fit", icon="functions").props("dense no-caps")
+                        fit.on_click(lambda: ui.navigate.to(address))
+                    for offer in offers(entry):
+                        self._button(offer, (name,))
+                self._body(shown)
                 for part in parts:
                     self._expansion(name, part)
 
@@ -61,34 +70,30 @@ class RunDetail:
         """Show several sweeps in one plot."""
         turn = self._begin(f"comparing {len(names)} sweeps")
         try:
-            shown = await self._work(view_comparison, tuple(names))
+            shown = await self._work(DRAWER, view_comparison, tuple(names))
         except Exception:
             self._clear(turn)
             raise
         if self._clear(turn):
             with self._place, ui.card().classes("w-full"):
-                with ui.row().classes("w-full gap-2"):
-                    for kind in ("html", "pdf"):
-                        offer = Offer(
-                            label=f"Report, {kind.upper()}", file=f"compared.{kind}", report=True
-                        )
+                with self._head(shown, ""):
+                    for offer in reports("compared"):
                         self._button(offer, tuple(names))
-                show(shown)
+                self._body(shown)
 
-    def _head(self, shown: Shown, entry: Entry) -> None:
+    def _head(self, shown: Shown, said: str) -> ui.row:
+        """Make title and stamp, and return the row of buttons below them."""
         with ui.row().classes("items-center w-full gap-3"):
             ui.label(shown.title).classes("card-title").mark("opened")
-            ui.label(f"{entry.kind} {entry.state}".strip()).classes("soft")
+            ui.label(said).classes("soft")
             if shown.simulated:
                 ui.label("SIMULATED").classes("stamp")
-        with ui.row().classes("w-full gap-2"):
-            if entry.can_fit:
-                address = f"/?{urlencode({'tab': 'fit', 'data': entry.name})}"
-                ui.button("Fit", icon="functions", on_click=lambda: ui.navigate.to(address))
-            for offer in offers(entry):
-                self._button(offer, (entry.name,))
+        return ui.row().classes("w-full gap-2")
+
+    def _body(self, shown: Shown) -> None:
         if shown.command:
             CommandRow(shown.command)
+        show(shown, headed=False)
 
     def _button(self, offer: Offer, names: tuple[str, ...]) -> None:
         button = ui.button(offer.label, icon="download").props("outline dense no-caps")
@@ -107,11 +112,11 @@ class RunDetail:
         if offer.path:
             ui.download.file(self._folder.file_of(offer.path), offer.file)
         elif offer.report:
-            ui.download.content(await self._work(report_bytes, names, offer.suffix), offer.file)
+            made = await self._work(WRITER, report_bytes, names, offer.suffix)
+            ui.download.content(made, offer.file)
         else:
-            ui.download.content(
-                await self._work(table_bytes, names[0], offer.table, offer.suffix), offer.file
-            )
+            made = await self._work(WRITER, table_bytes, names[0], offer.table, offer.suffix)
+            ui.download.content(made, offer.file)
 
     def _expansion(self, name: str, part: str) -> None:
         with ui.expansion(part).classes("w-full") as more:
@@ -126,7 +131,7 @@ class RunDetail:
             with place:
                 waiting(f"drawing {part.lower()}")
             try:
-                shown = await self._work(view_part, name, part)
+                shown = await self._work(DRAWER, view_part, name, part)
             finally:
                 place.clear()
             with place:
@@ -134,8 +139,8 @@ class RunDetail:
 
         more.on_value_change(fill)
 
-    async def _work(self, job: Callable[..., Any], *rest: Any) -> Any:
-        return await self._context.worker(DRAWER).run(job, self._folder.root, *rest)
+    async def _work(self, who: str, job: Callable[..., Any], *rest: Any) -> Any:
+        return await self._context.worker(who).run(job, self._folder.root, *rest)
 
     def _begin(self, what: str) -> int:
         self._asked += 1

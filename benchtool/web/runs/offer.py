@@ -39,16 +39,12 @@ def offers(entry: Entry) -> tuple[Offer, ...]:
     flat = entry.name.replace("/", "-")
     if entry.kind == "table":
         return (Offer(label="CSV", file=flat, path=entry.name),)
-    reports = tuple(
-        Offer(label=f"Report, {kind.upper()}", file=f"{flat}-report.{kind}", report=True)
-        for kind in ("html", "pdf")
-    )
     if entry.kind == "recording":
-        return (*reports, Offer(label="Recording", file=flat, path=entry.name))
+        return (*reports(flat), Offer(label="Recording", file=flat, path=entry.name))
     if entry.kind in ("fit", "explanation"):
         kept = (FIT_FILE if entry.kind == "fit" else ANSWER_FILE, "model.toml")
         return (
-            *reports,
+            *reports(flat),
             *(
                 Offer(label=file, file=f"{flat}-{file}", path=f"{entry.name}/{file}")
                 for file in kept
@@ -56,10 +52,18 @@ def offers(entry: Entry) -> tuple[Offer, ...]:
         )
     tables = TABLES if entry.kind == "sweep" else ("samples",)
     return (
-        *reports,
+        *reports(flat),
         *(
             Offer(label=f"{table}, CSV", file=f"{flat}-{table}.csv", table=table)
             for table in tables
         ),
         Offer(label="samples, Parquet", file=f"{flat}-samples.parquet", table="samples"),
+    )
+
+
+def reports(name: str) -> tuple[Offer, ...]:
+    """Return the report of something in each format."""
+    return tuple(
+        Offer(label=f"Report, {kind.upper()}", file=f"{name}-report.{kind}", report=True)
+        for kind in ("html", "pdf")
     )
