@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from benchtool.core.recording import Recording
+from benchtool.report.numbers import unit_for_people
 from benchtool.report.page import Block, FigureBlock, Paragraph, Section, Table
 from benchtool.report.sweep import SweepTraces, sweep_figure
 from benchtool.report.thrust import ThrustSeries, thrust_figure
@@ -48,6 +49,9 @@ def stand_sections(recording: Recording, name: str) -> tuple[list[Section], str]
     if "time_s" in recording and np.isfinite(recording.si("time_s")).any():
         duration = f" over {np.nanmax(recording.si('time_s')):.4g} s"
     summary = f"{name}: {len(recording)} rows of {len(recording.names)} channels{duration}."
+    if "thrust_N" in recording and np.isfinite(thrust := recording.si("thrust_N")).any():
+        summary += f" Thrust from {np.nanmin(thrust):.4g} to {np.nanmax(thrust):.4g} N."
+        summary = summary.replace("-", "−")
     return [Section("What was recorded", blocks)], summary
 
 
@@ -61,7 +65,8 @@ def _ranges(recording: Recording) -> Table:
             if known.size
             else ["–"] * 3
         )
-        rows.append((channel.name, channel.unit, str(known.size), *numbers))
+        unit = "µs" if channel.unit == "pwm_us" else unit_for_people(channel.unit)
+        rows.append((channel.name, unit, str(known.size), *numbers))
     return Table(
         "What each channel holds.",
         ("channel", "unit", "values", "least", "median", "greatest"),

@@ -14,8 +14,17 @@ from benchtool.recipes.swept_figures import plain, runs_ratio
 from benchtool.recipes.swept_page import run_sentence, swept_sections
 from benchtool.recipes.swept_tables import BASES, ERRORS
 from benchtool.report.numbers import value_with_sd
-from benchtool.report.page import Block, Commands, FigureBlock, Paragraph, Report, Section, Table
-from benchtool.report.run_facts import air_facts, calibration_facts, device_facts, state_facts
+from benchtool.report.page import (
+    Block,
+    Commands,
+    FigureBlock,
+    Heading,
+    Paragraph,
+    Report,
+    Section,
+    Table,
+)
+from benchtool.report.run_facts import MISSING, air_facts, calibration_facts, state_facts
 
 Place = tuple[float, float]
 
@@ -36,13 +45,16 @@ def compared_page(runs: Sequence[Swept], model: Believed | None, commands: Seque
                 f"radius of the first run's rig.",
             )
         )
-    blocks += [Paragraph(sentence), *([table] if table.rows else []), facts_table(runs)]
+    blocks += [*([table] if table.rows else []), facts_table(runs)]
     sections = [Section("Runs compared", blocks)]
     for run in runs:
-        sections += swept_sections(run, model, run.name)
+        parts: list[Block] = [Paragraph(run_sentence(run))]
+        for section in swept_sections(run, model):
+            parts += [Heading(section.title), *section.blocks]
+        sections.append(Section(f"The run {run.name}", parts))
     return Report(
         title=f"Sweeps compared: {', '.join(run.name for run in runs)}",
-        summary=f"{sentence} {' '.join(f'{run.name}: {run_sentence(run)}' for run in runs)}",
+        summary=sentence,
         sections=(*sections, Section("Made with", [Commands(commands)])),
         simulated=any(run.simulated for run in runs),
         made=f"benchtool {__version__}",
@@ -103,13 +115,13 @@ def facts_table(runs: Sequence[Swept]) -> Table:
         told.append(
             {
                 "rig": run.rig.name,
-                "device": device_facts(run.metadata)["device"],
+                "device": str(run.metadata.get("device_id", MISSING)),
                 "started": state["started"],
                 "state": state["state"],
                 "air density": air.get("density", air["air"]),
                 "calibration": calibration_facts(run.metadata)["calibration"],
                 "visits": str(len(run.points)),
-                "sha256": run.sha256,
+                "sha256 of the data": f"{run.sha256[:16]}…",
             }
         )
     return Table(

@@ -27,12 +27,10 @@ from benchtool.store import code_of
 Array = NDArray[np.float64]
 
 RUN_ROLES: tuple[Role, ...] = (
-    "measurement",
     "single_rotor",
     "second_rig",
-    "quad",
     "three_rotors",
-    "body_lift",
+    "measurement",
     "muted",
 )
 """Colours and markers of several runs in one figure, in their order."""
@@ -74,7 +72,7 @@ def run_points(run: Swept, label: str, role: Role = "measurement") -> list[Ratio
 
 def run_ratio(run: Swept, model: Believed | None) -> Figure | None:
     """Draw T_IGE/T_OGE of a run over the closed formulae and a model with its bands."""
-    points = run_points(run, f"{'simulated bench' if run.simulated else 'measured'}, mean and sd")
+    points = run_points(run, f"{'simulated bench' if run.simulated else 'measured'}, mean ± error")
     if not points:
         return None
     speeds, z = speeds_of(run), _distances(points)

@@ -60,9 +60,8 @@ def swept_page(run: Swept, model: Believed | None, commands: Sequence[str]) -> R
     )
 
 
-def swept_sections(run: Swept, model: Believed | None, heading: str = "") -> list[Section]:
+def swept_sections(run: Swept, model: Believed | None) -> list[Section]:
     """Return the sections of one run."""
-    before = f"{heading}: " if heading else ""
     named: list[tuple[str, list[Block]]] = [
         ("What was measured", _measured(run, model)),
         ("Raw and averaged", _raw(run)),
@@ -73,7 +72,7 @@ def swept_sections(run: Swept, model: Believed | None, heading: str = "") -> lis
         ("Plan", [Listing("The plan, every number filled in (plan.toml).", run.plan_text)]),
         ("Software and data", [Facts(data_facts(run))]),
     ]
-    return [Section(before + title, blocks) for title, blocks in named]
+    return [Section(title, blocks) for title, blocks in named]
 
 
 def run_sentence(run: Swept) -> str:

@@ -19,6 +19,13 @@ class Paragraph:
 
 
 @dataclass(frozen=True, slots=True)
+class Heading:
+    """Begin a part within a section; it does not stand in the contents."""
+
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
 class Facts:
     """List names with their values: rig, conditions, versions, hashes."""
 
@@ -87,7 +94,7 @@ class FigureBlock:
     alt: str = ""
 
 
-Block = Paragraph | Facts | Warnings | Commands | Listing | Table | FigureBlock
+Block = Paragraph | Heading | Facts | Warnings | Commands | Listing | Table | FigureBlock
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import count
+from typing import Any
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -105,6 +106,8 @@ def sweep_figure(
 ) -> Figure:
     """Draw the signals of a run one above the other, the windows of its points shaded.
 
+    A signal that was never read has no panel.
+
     Args:
         traces: the signals.
         windows: stretches of time whose samples became points.
@@ -112,30 +115,34 @@ def sweep_figure(
         simulated: whether the run is simulated.
         radius_m: rotor radius; when given, the plate distance has a second axis in z/R.
     """
-    figure = new_figure(title, simulated=simulated, height_in=6.6)
-    thrust, speed, pwm, plate = figure.subplots(
-        4, 1, sharex=True, gridspec_kw={"height_ratios": [1.5, 1.2, 0.9, 0.9]}
-    )
     last_s = float(np.nanmax(traces.time_s, initial=0.0))
     unit, per_unit_s = ("min", 60.0) if last_s > MINUTES_FROM_S else ("s", 1.0)
-    _trace(thrust, traces.time_s / per_unit_s, traces.thrust_N, BLUE)
-    thrust.set_ylabel("thrust [N]")
-    for index, row in enumerate(from_si(traces.speed_rad_s, "rpm")):
-        _trace(speed, traces.time_s / per_unit_s, row, CYCLE[index % len(CYCLE)])
-    speed.set_ylabel("rotor speed\n[rpm]")
-    for index, row in enumerate(traces.pwm_us):
-        _trace(pwm, traces.time_s / per_unit_s, row, CYCLE[index % len(CYCLE)])
-    pwm.set_ylabel("pwm [µs]")
-    _trace(plate, traces.time_s / per_unit_s, from_si(traces.plate_z_m, "mm"), VERMILION)
-    plate.set_ylabel("plate [mm]")
-    if radius_m:
-        in_mm = from_si(radius_m, "mm")
-        right = plate.secondary_yaxis(
-            "right", functions=(lambda z_mm: z_mm / in_mm, lambda ratio: ratio * in_mm)
-        )
-        right.set_ylabel("$z/R$ [–]")
+    time = traces.time_s / per_unit_s
+    panels = _panels(traces)
+    height_in = 1.1 + 1.22 * sum(panels.values())
+    figure = new_figure(title, simulated=simulated, height_in=height_in)
+    every = figure.subplots(
+        len(panels), 1, sharex=True, squeeze=False,
+        gridspec_kw={"height_ratios": list(panels.values())},
+    )[:, 0]  # fmt: skip
+    shown: dict[str, Axes] = dict(zip(panels, every, strict=True))
+    _trace(shown["thrust"], time, traces.thrust_N, BLUE)
+    shown["thrust"].set_ylabel("thrust [N]")
+    if "speed" in shown:
+        for index, row in enumerate(from_si(traces.speed_rad_s, "rpm")):
+            _trace(shown["speed"], time, row, CYCLE[index % len(CYCLE)])
+        shown["speed"].set_ylabel("rotor speed\n[rpm]")
+    if "pwm" in shown:
+        for index, row in enumerate(traces.pwm_us):
+            _trace(shown["pwm"], time, row, CYCLE[index % len(CYCLE)])
+        shown["pwm"].set_ylabel("pwm [µs]")
+    if "plate" in shown:
+        _trace(shown["plate"], time, from_si(traces.plate_z_m, "mm"), VERMILION)
+        shown["plate"].set_ylabel("plate [mm]")
+        if radius_m:
+            _in_radii(shown["plate"], radius_m)
     kinds = dict.fromkeys(window.kind for window in windows)
-    for axes in (thrust, speed, pwm, plate):
+    for axes in every:
         for kind in kinds:
             axes.broken_barh(
                 [
@@ -150,18 +157,42 @@ def sweep_figure(
                 linewidth=0.0,
                 zorder=0,
             )
-    plate.set_xlim(0.0, last_s / per_unit_s or 1.0)
-    plate.set_xlabel(f"time [{unit}]")
-    figure.align_ylabels([thrust, speed, pwm, plate])
+    every[-1].set_xlim(0.0, last_s / per_unit_s or 1.0)
+    every[-1].set_xlabel(f"time [{unit}]")
+    figure.align_ylabels(list(every))
     _legend_over(
-        thrust,
+        shown["thrust"],
         [
             Patch(color=KIND_COLORS.get(kind, PURPLE), alpha=0.3, linewidth=0.0, label=kind)
             for kind in kinds
         ],
     )
-    rotor_legend(speed, max(len(traces.speed_rad_s), len(traces.pwm_us)))
+    rotors = max(len(traces.speed_rad_s), len(traces.pwm_us))
+    rotor_legend(shown.get("speed", shown.get("pwm", shown["thrust"])), rotors)
     return figure
+
+
+def _panels(traces: SweepTraces) -> dict[str, float]:
+    """Return the panels that have something to show, with their heights; thrust is always there."""
+    known = {
+        "thrust": (1.5, True),
+        "speed": (1.2, np.isfinite(traces.speed_rad_s).any()),
+        "pwm": (0.9, np.isfinite(traces.pwm_us).any()),
+        "plate": (0.9, np.isfinite(traces.plate_z_m).any()),
+    }
+    return {name: height for name, (height, there) in known.items() if there}
+
+
+def _in_radii(plate: Axes, radius_m: float) -> None:
+    in_mm = from_si(radius_m, "mm")
+
+    def to_radii(z_mm: Any) -> Any:
+        return z_mm / in_mm
+
+    def to_mm(ratio: Any) -> Any:
+        return ratio * in_mm
+
+    plate.secondary_yaxis("right", functions=(to_radii, to_mm)).set_ylabel("$z/R$ [–]")
 
 
 def rotor_legend(axes: Axes, rotors: int) -> None:

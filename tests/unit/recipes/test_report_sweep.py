@@ -167,7 +167,10 @@ def test_several_runs_are_compared_at_common_settings(run: Path, other: Path) ->
     assert rows_of(page, "settings that all runs have") == [list(row) for row in table.rows]
     assert sentence in words_of(page)
     hashes = rows_of(page, "The runs")[-1]
-    assert hashes == ["sha256", data_hash(run), data_hash(other)]
+    assert hashes == ["sha256 of the data", *(f"{data_hash(p)[:16]}…" for p in (run, other))]
+    assert data_hash(run) in page
+    assert data_hash(other) in page
+    assert page.count("<li><a") == 4
 
 
 def test_nothing_is_written_over_and_the_pdf_holds_the_page(run: Path, tmp_path: Path) -> None:
