@@ -189,14 +189,23 @@ def _read(clock: Array, times: Array, values: Array, step_s: float) -> Array:
 
 
 def _held(clock: Array, times: Array, values: Array, step_s: float) -> Array:
-    """Return the last value at or before each tick, nan once it is older than may be held."""
+    """Return what was in force from each tick to the next, nan once it is older than may be held.
+
+    On average: an output that is told just after an angle acts nearly the whole tick.
+    """
     known = np.isfinite(values)
     if not known.any():
         return np.full(len(clock), np.nan)
     at, seen = times[known], values[known]
-    last = np.searchsorted(at, clock + 1e-9, side="right") - 1
-    fresh = (last >= 0) & (clock - at[np.maximum(last, 0)] <= max(HELD_S, step_s))
-    return np.where(fresh, seen[np.maximum(last, 0)], np.nan)
+    edges = np.append(clock, clock[-1] + step_s)
+    sums = np.concatenate([[0.0], np.cumsum(seen[:-1] * np.diff(at))])
+    last = np.clip(np.searchsorted(at, edges, side="right") - 1, 0, len(at) - 1)
+    total = sums[last] + seen[last] * (edges - at[last])
+    middle = clock + 0.5 * step_s
+    newest = np.searchsorted(at, middle, side="right") - 1
+    age = middle - at[np.maximum(newest, 0)]
+    fresh = (newest >= 0) & (age <= max(HELD_S, step_s) + 0.5 * step_s)
+    return np.where(fresh, np.diff(total) / step_s, np.nan)
 
 
 def _rows(n: int) -> str:

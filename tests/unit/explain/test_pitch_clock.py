@@ -52,7 +52,8 @@ def test_messages_of_different_times_are_joined() -> None:
     gyro = rows.recording.column("gyro_rad_s")[1:]
     np.testing.assert_allclose(gyro, moving(clock[1:]), atol=1e-4)  # 100 Hz, interpolated
     held = rows.recording.column("pwm1_us")
-    assert held[150] == 1501.0
+    assert held[150] == pytest.approx(1501.0)
+    assert held[100] == pytest.approx(1500.7)  # 1501 stands for 7 ms of its 10
     assert "rows are not even in time: laid on a clock of 100 Hz" in rows.remarks
 
 
