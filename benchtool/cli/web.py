@@ -18,6 +18,9 @@ def command(
     port: Annotated[
         int | None, typer.Option(min=0, max=65535, help="Port; 8460 or a free one without.")
     ] = None,
+    token: Annotated[
+        bool, typer.Option("--token", help="Want the token on this machine, too.")
+    ] = False,
     browser: Annotated[bool, typer.Option(help="Open the page in a browser.")] = True,
 ) -> None:
     """Serve the page: see the bench live, sweep, fit and explain from a browser."""
@@ -30,4 +33,4 @@ def command(
 
             webbrowser.open(address)
 
-    serve(runs, host, port, announce)
+    serve(runs, host, port, announce, wants_token=token)

@@ -25,14 +25,23 @@ from benchtool.web.theme import serve_static
 PORT = 8460
 """Where the page is when nobody names a port and this one is free; a choice."""
 
+TOKEN_BYTES = 24
+
 EVERYWHERE = frozenset({"0.0.0.0", "::"})  # noqa: S104 -- compared with, not bound to
 
 RECONNECT_S = 15.0
-"""A page that was silent for so long is forgotten by the server; reloaded, it starts anew. A choice:
-busy machines make browsers wait for seconds."""
+"""A page that was silent for so long is forgotten; loaded again, it starts anew. A choice: busy
+machines make browsers wait for seconds."""
 
 
-def serve(runs: Path, host: str, port: int | None, announce: Callable[[str], None]) -> None:
+def serve(
+    runs: Path,
+    host: str,
+    port: int | None,
+    announce: Callable[[str], None],
+    *,
+    wants_token: bool = False,
+) -> None:
     """Serve the page until Ctrl-C.
 
     Args:
@@ -41,11 +50,13 @@ def serve(runs: Path, host: str, port: int | None, announce: Callable[[str], Non
         port: to bind to; PORT or else a free one when None, a free one when 0.
         announce: is given the address of the page once it can be opened.
 
+        wants_token: demand the token of this machine's users, too.
+
     Raises:
         InputError: the address cannot be bound to.
     """
     port = free_port(host, port)
-    access = access_for(host)
+    access = access_for(host, wants_token=wants_token)
     shown = "127.0.0.1" if host in EVERYWHERE else host
     url = f"http://{f'[{shown}]' if ':' in shown else shown}:{port}/"
     opened = f"{url}?token={access.token}" if access.token else url
@@ -70,15 +81,16 @@ def serve(runs: Path, host: str, port: int | None, announce: Callable[[str], Non
     )  # fmt: skip
 
 
-def access_for(host: str) -> Access:
+def access_for(host: str, *, wants_token: bool = False) -> Access:
     """Return who may ask a server bound to a host; a token is made unless only this machine can."""
     if is_loopback(host):
-        return Access(names=LOOPBACK | {host})
+        token = secrets.token_urlsafe(TOKEN_BYTES) if wants_token else None
+        return Access(names=LOOPBACK | {host}, token=token)
     own = {socket.gethostname().lower(), socket.getfqdn().lower(), host.lower()}
     return Access(
         names=LOOPBACK | own - EVERYWHERE,
         any_address=True,
-        token=secrets.token_urlsafe(24),
+        token=secrets.token_urlsafe(TOKEN_BYTES),
     )
 
 

@@ -10,12 +10,17 @@ loop and the wire need, motors are at zero within 0.3 s."""
 
 
 class Hand:
-    """Remember the last word of the hand; called from two threads, each call replaces one value."""
+    """Remember the last word of the hand; called from two threads, each call replaces one value.
+
+    Attributes:
+        fell_silent: the last press ended because nothing was heard of it any more.
+    """
 
     def __init__(self, patience_s: float = PATIENCE_S) -> None:
         self._patience_s = patience_s
         self._last: tuple[Hold, float] | None = None
         self._over = ""
+        self.fell_silent = False
 
     def hold(self, hold: Hold, now_s: float) -> None:
         """Hear that the hand holds on. A press that was ended does not come back by being late."""
@@ -35,5 +40,6 @@ class Hand:
             return None
         if now_s - last[1] > self._patience_s:
             self.release()
+            self.fell_silent = True
             return None
         return last[0]

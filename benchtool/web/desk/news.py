@@ -55,7 +55,6 @@ class Live:
         samples, lost, corrupt: since the connection.
         near: limits, and how near each reading has been since the last of these.
         armed: motors may be turned by hand.
-        held: a hand is on the throttle.
         speed: of a virtual clock, 0 where the clock is the wall's.
         weighed: (mass in kg, counts) so far, for a calibration.
         busy: what is being done that takes a while, empty when nothing is.
@@ -68,7 +67,6 @@ class Live:
     corrupt: int = 0
     near: tuple[Near, ...] = ()
     armed: bool = False
-    held: bool = False
     speed: float = 0.0
     weighed: tuple[tuple[float, float], ...] = ()
     busy: str = ""

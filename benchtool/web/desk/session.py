@@ -25,7 +25,7 @@ from benchtool.web.desk.asks import (
     Tare,
     Weigh,
 )
-from benchtool.web.desk.hand import Hand
+from benchtool.web.desk.hand import PATIENCE_S, Hand
 from benchtool.web.desk.news import Connection, Said
 from benchtool.web.desk.outbox import Outbox
 from benchtool.web.desk.sweeping import Sweeping
@@ -97,7 +97,6 @@ class Session:
                 self._outbox.tell(Said(text=str(stopped)))
             self._watch.note(
                 armed=self._armed,
-                held=self._hand.wanted(time.monotonic()) is not None,
                 weighed=self._weighing.weighed,
             )
 
@@ -151,6 +150,10 @@ class Session:
             text = f"motors are not armed; type {CONFIRMATION} first"
             self._outbox.tell(Said(text=text, is_error=True))
             wanted = None
+        if self._hand.fell_silent:
+            self._hand.fell_silent = False
+            text = f"the throttle let go: its page was silent for {1e3 * PATIENCE_S:.0f} ms"
+            self._outbox.tell(Said(text=text))
         try:
             self._throttle.follow(bench, wanted, now_s)
         except InputError as error:

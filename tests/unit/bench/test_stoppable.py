@@ -1,0 +1,129 @@
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from benchtool.bench.address import open_bench
+from benchtool.bench.guard import GuardedBench
+from benchtool.bench.paced import PacedBench
+from benchtool.bench.stoppable import AskedToStop, StoppableBench
+from benchtool.errors import LinkLost
+from benchtool.library import rig_named
+from tests.unit.acquire.fake_bench import FakeBench
+
+
+class Haltable(FakeBench):
+    """A bench that can be stopped from any thread, and note it."""
+
+    def __init__(self, error: Exception | None = None) -> None:
+        super().__init__()
+        self.halts = 0
+        self.error = error
+
+    def halt(self) -> None:
+        self.halts += 1
+        if self.error is not None:
+            raise self.error
+
+
+def test_zero_goes_out_at_once_and_the_owner_hears_it_once() -> None:
+    bench = Haltable()
+    stoppable = StoppableBench(bench)
+    stoppable.ask_to_stop("stopped by me")
+    assert bench.halts == 1
+    with pytest.raises(AskedToStop, match="stopped by me; zero was commanded"):
+        stoppable.read(0.1)
+    assert len(stoppable.read(0.1)) > 0
+
+
+@pytest.mark.parametrize("call", ["pwm", "plate", "tare"])
+def test_nothing_is_commanded_after_a_request(call: str) -> None:
+    bench = FakeBench()
+    stoppable = StoppableBench(bench)
+    stoppable.ask_to_stop("stopped")
+    orders: dict[str, Callable[[], None]] = {
+        "pwm": lambda: stoppable.set_pwm(np.array([1500.0])),
+        "plate": lambda: stoppable.move_plate(0.2),
+        "tare": stoppable.tare,
+    }
+    before = len(bench.log)
+    with pytest.raises(AskedToStop):
+        orders[call]()
+    assert len(bench.log) == before
+
+
+def test_a_pulse_that_crosses_the_request_is_taken_back() -> None:
+    class Crossing(FakeBench):
+        def set_pwm(self, pwm_us: object) -> None:
+            stoppable.ask_to_stop("stopped")
+            super().set_pwm(pwm_us)
+
+    bench = Crossing()
+    stoppable = StoppableBench(bench)
+    with pytest.raises(AskedToStop):
+        stoppable.set_pwm(np.array([1500.0]))
+    assert bench.log[-1][0] == "stop"
+
+
+def test_a_link_that_is_gone_does_not_hide_the_request() -> None:
+    stoppable = StoppableBench(Haltable(LinkLost("gone")))
+    stoppable.ask_to_stop("stopped")
+    with pytest.raises(AskedToStop):
+        stoppable.read(0.1)
+
+
+def test_a_request_does_not_end_a_guarded_bench_for_good() -> None:
+    stoppable = StoppableBench(open_bench("sim:pquad_single"))
+    with GuardedBench(stoppable, rig_named("pquad_single")) as bench:
+        bench.set_pwm(np.array([1400.0]))
+        stoppable.ask_to_stop("stopped")
+        with pytest.raises(AskedToStop):
+            bench.read(0.1)
+        bench.stop()
+        bench.set_pwm(np.array([1300.0]))
+        bench.read(0.1)
+        assert bench.reason is None
+
+
+def test_everything_that_is_read_is_heard() -> None:
+    heard = []
+    stoppable = StoppableBench(FakeBench(), heard.append)
+    read = [stoppable.read(0.1) for _ in range(3)]
+    assert heard == read
+
+
+class WallClock:
+    """Let waiting pass time, and nothing else."""
+
+    def __init__(self) -> None:
+        self.now_s = 100.0
+
+    def __call__(self) -> float:
+        return self.now_s
+
+    def wait(self, event: threading.Event, seconds: float) -> None:
+        self.now_s += seconds
+
+
+@pytest.mark.parametrize("speed", [1.0, 20.0])
+def test_a_virtual_clock_is_held_to_its_pace(speed: float) -> None:
+    clock = WallClock()
+    bench = PacedBench(open_bench("sim:pquad_single"), speed, clock, clock.wait)
+    with bench:
+        begun_s = bench.now_s()
+        while bench.now_s() - begun_s < 10.0:
+            bench.read(0.1)
+        assert clock.now_s - 100.0 == pytest.approx(10.0 / speed, rel=0.01)
+
+
+def test_a_halt_wakes_a_read() -> None:
+    with PacedBench(open_bench("sim:pquad_single"), speed=0.1) as bench:
+        threading.Timer(0.005, bench.halt).start()
+        begun = time.monotonic()
+        for _ in range(2):
+            bench.read(10.0)
+        assert time.monotonic() - begun < 0.5

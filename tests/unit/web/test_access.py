@@ -1,0 +1,92 @@
+from __future__ import annotations
+
+import pytest
+
+from benchtool.web.access import Access, Asked, host_name, is_loopback
+from benchtool.web.serve import access_for
+
+HERE = "127.0.0.1:8460"
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [
+        Asked(host=HERE),
+        Asked(host="localhost:8460", site="none", mode="navigate"),
+        Asked(host="LOCALHOST"),
+        Asked(host="[::1]:8460"),
+        Asked(host=HERE, site="cross-site", mode="navigate"),
+        Asked(host=HERE, origin=f"http://{HERE}", reads_only=False, is_socket=True),
+        Asked(host=HERE, origin=f"http://{HERE}", reads_only=False),
+        Asked(host=HERE, site="same-origin", reads_only=False),
+    ],
+)
+def test_the_page_itself_and_a_typed_address_are_let_in(asked: Asked) -> None:
+    assert Access().refusal(asked) is None
+
+
+@pytest.mark.parametrize(
+    ("asked", "why"),
+    [
+        (Asked(host="evil.example:8460"), "none of its names"),
+        (Asked(host="127.0.0.1.evil.example"), "none of its names"),
+        (Asked(host=""), "none of its names"),
+        (Asked(host="user@127.0.0.1"), "none of its names"),
+        (Asked(host="192.168.1.5:8460"), "none of its names"),
+        (Asked(host=HERE, origin="http://evil.example", is_socket=True), "may not use this one"),
+        (Asked(host=HERE, origin="http://127.0.0.1:9999", is_socket=True), "may not use this one"),
+        (Asked(host=HERE, origin="null", is_socket=True), "may not use this one"),
+        (Asked(host=HERE, origin=f"ftp://{HERE}", is_socket=True), "may not use this one"),
+        (Asked(host=HERE, is_socket=True, reads_only=False), "does not say from which page"),
+        (Asked(host=HERE, reads_only=False), "does not say from which page"),
+        (Asked(host=HERE, site="cross-site", mode="no-cors"), "another site's page"),
+        (Asked(host=HERE, site="same-site", mode="cors"), "another site's page"),
+    ],
+)
+def test_other_names_and_other_pages_are_refused(asked: Asked, why: str) -> None:
+    refusal = Access().refusal(asked)
+    assert refusal is not None
+    assert why in refusal
+
+
+def test_another_bind_wants_the_token_and_takes_numeric_addresses() -> None:
+    access = access_for("0.0.0.0")
+    assert access.token is not None
+    assert len(access.token) >= 32
+    asked = Asked(host="192.168.1.5:8460")
+    assert "token is missing or wrong" in str(access.refusal(asked))
+    for token in ("x", access.token[:-1], access.token + "x", "ü"):
+        wrong = Asked(host="192.168.1.5:8460", token=token)
+        assert "token is missing or wrong" in str(access.refusal(wrong))
+    assert access.refusal(Asked(host="192.168.1.5:8460", token=access.token)) is None
+    bent = Asked(host="evil.example", token=access.token)
+    assert "none of its names" in str(access.refusal(bent))
+    assert access_for("0.0.0.0").token != access.token
+
+
+def test_loopback_needs_no_token_unless_asked_for() -> None:
+    assert access_for("127.0.0.1").token is None
+    assert access_for("127.0.0.1", wants_token=True).token is not None
+
+
+@pytest.mark.parametrize(
+    ("host", "known"),
+    [
+        ("127.0.0.1", True),
+        ("127.8.0.3", True),
+        ("::1", True),
+        ("localhost", True),
+        ("0.0.0.0", False),
+        ("::", False),
+        ("192.168.1.5", False),
+        ("bench.local", False),
+    ],
+)
+def test_loopback_is_known(host: str, known: bool) -> None:
+    assert is_loopback(host) is known
+
+
+def test_a_host_header_is_taken_apart() -> None:
+    assert host_name("Bench.Local:80") == "bench.local"
+    assert host_name("[::1]:8460") == "::1"
+    assert host_name("a b") == host_name("a/b") == host_name("") == ""
