@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from benchtool.store.export import exported
+from benchtool.store.runs_folder import RunsFolder
 from benchtool.web.shown import Shown
 
 
@@ -30,14 +32,18 @@ def view_comparison(root: Path, names: Sequence[str]) -> Shown:
 
 
 def report_bytes(root: Path, names: Sequence[str], suffix: str) -> bytes:
-    """See `view.report_bytes`."""
-    from benchtool.web.runs import view
+    """Return the report of an entry, or of several sweeps, as an HTML or PDF file."""
+    from benchtool.recipes.report_file import page_text
 
-    return view.report_bytes(root, names, suffix)
+    folder = RunsFolder(root)
+    page = page_text([folder.path_of(name) for name in names])
+    if suffix != ".pdf":
+        return page.encode("utf-8")
+    from benchtool.report.pdf import pdf_bytes
+
+    return pdf_bytes(page)
 
 
 def table_bytes(root: Path, name: str, table: str, suffix: str) -> bytes:
-    """See `view.table_bytes`."""
-    from benchtool.web.runs import view
-
-    return view.table_bytes(root, name, table, suffix)
+    """Return one table of a run as a CSV or Parquet file."""
+    return exported(RunsFolder(root).path_of(name), table, suffix)

@@ -15,7 +15,6 @@ from benchtool.report.page import Block, Facts, Paragraph, Report, Table
 from benchtool.store.atomic import read_json
 from benchtool.store.csv_text import read_csv_text
 from benchtool.store.entry import ANSWER_FILE, Entry, entry_of
-from benchtool.store.export import exported
 from benchtool.store.runs_folder import RunsFolder
 from benchtool.web.drawing import pieces, read_drawing
 from benchtool.web.fits.view import view_fit
@@ -86,21 +85,6 @@ def view_comparison(root: Path, names: Sequence[str]) -> Shown:
         simulated=report.simulated,
         command=("report", *map(str, paths)),
     )
-
-
-def report_bytes(root: Path, names: Sequence[str], suffix: str) -> bytes:
-    """Return the report of an entry, or of several sweeps, as an HTML or PDF file."""
-    from benchtool.recipes.report_file import page_text
-    from benchtool.report.pdf import pdf_bytes
-
-    folder = RunsFolder(root)
-    page = page_text([folder.path_of(name) for name in names])
-    return pdf_bytes(page) if suffix == ".pdf" else page.encode("utf-8")
-
-
-def table_bytes(root: Path, name: str, table: str, suffix: str) -> bytes:
-    """Return one table of a run as a CSV or Parquet file."""
-    return exported(RunsFolder(root).path_of(name), table, suffix)
 
 
 def _report(path: Path, entry: Entry) -> Report:
