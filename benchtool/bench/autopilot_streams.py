@@ -72,8 +72,12 @@ class Streams:
         return self._words.MAVLink_named_value_float_message(_ms(time_us), name.encode(), value)
 
     def _servo(self, time_us: int) -> Message:
+        outputs = list(self.outputs_us)
+        for rotor, output in enumerate(self._order if self.pitch else ()):
+            pulse_us = self.value(f"pwm{rotor + 1}_us")  # of the loop on board, not of the host
+            outputs[output - 1] = outputs[output - 1] if isnan(pulse_us) else round(pulse_us)
         return self._words.MAVLink_servo_output_raw_message(
-            time_us % MODULUS, 0, *self.outputs_us[:8], *self.outputs_us[8:]
+            time_us % MODULUS, 0, *outputs[:8], *outputs[8:]
         )
 
     def _speeds(self) -> dict[int, float]:
