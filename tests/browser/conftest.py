@@ -1,0 +1,156 @@
+"""A real browser, the page's server, and a virtual bench on a pseudo-terminal.
+
+A tab's tests take `page` (a page at the controls), `web` (the server and its folder of runs) and,
+where a bench is needed, `device`; `connect` brings page and device together.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.browser.device import Device, served_device
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
+
+CHROMIUM = next(
+    (
+        path
+        for name in ("chromium", "chromium-browser", "google-chrome")
+        if (path := shutil.which(name))
+    ),
+    None,
+)
+PATIENCE_MS = 20_000
+
+
+@dataclass(frozen=True)
+class Web:
+    """Hold a server: its address as it printed it, its folder of runs, its process."""
+
+    url: str
+    runs: Path
+    process: subprocess.Popen[str]
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Browser]:
+    """Give a headless browser, or skip where none is installed."""
+    if os.name != "posix":
+        pytest.skip("the virtual bench of these tests needs pseudo-terminals")
+    if CHROMIUM is None:
+        pytest.skip("no browser is installed; on Debian or Ubuntu: apt install chromium")
+    playwright = pytest.importorskip("playwright.sync_api")
+    with playwright.sync_playwright() as tool:
+        opened = tool.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        yield opened
+        opened.close()
+
+
+@contextmanager
+def serving(runs: Path, state: Path, *options: str) -> Iterator[Web]:
+    """Run `benchtool web` until the end of the block."""
+    # Not coverage of a test: NiceGUI acts otherwise when it believes to be in one.
+    environment = {key: text for key, text in os.environ.items() if not key.startswith("PYTEST_")}
+    folder = ["--runs", str(runs)]
+    process = subprocess.Popen(
+        [
+            sys.executable,
+            "-m",
+            "benchtool",
+            "web",
+            "--port",
+            "0",
+            "--no-browser",
+            *options,
+            *folder,
+        ],
+        stdout=subprocess.PIPE,
+        text=True,
+        env={**environment, "BENCHTOOL_STATE": str(state)},
+    )
+    assert process.stdout is not None
+    try:
+        url = process.stdout.readline().strip()
+        assert url.startswith("http://127.0.0.1:"), url
+        yield Web(url, runs, process)
+    finally:
+        if process.poll() is None:
+            process.send_signal(signal.SIGINT)
+        process.wait(20)
+        process.stdout.close()
+
+
+@pytest.fixture
+def web(browser: Browser, tmp_path: Path) -> Iterator[Web]:
+    """Give a server of its own."""
+    with serving(tmp_path / "runs", tmp_path / "state") as server:
+        yield server
+
+
+@pytest.fixture
+def device() -> Iterator[Device]:
+    """Give a virtual quadrotor bench in real time."""
+    with served_device() as served:
+        yield served
+
+
+@pytest.fixture
+def fast_device() -> Iterator[Device]:
+    """Give a virtual quadrotor bench, twenty times faster than life."""
+    with served_device(speed=20.0) as served:
+        yield served
+
+
+@pytest.fixture
+def open_page(browser: Browser) -> Iterator[Callable[[str], Page]]:
+    """Give a function that opens an address in a window of its own; scripts must not fail."""
+    contexts, faults = [], []
+
+    def opened(url: str) -> Page:
+        context = browser.new_context(viewport={"width": 1280, "height": 900})
+        contexts.append(context)
+        new = context.new_page()
+        new.set_default_timeout(PATIENCE_MS)
+        new.on("pageerror", lambda error: faults.append(str(error)))
+        new.goto(url)
+        return new
+
+    yield opened
+    for context in contexts:
+        context.close()
+    assert faults == []
+
+
+@pytest.fixture
+def page(web: Web, open_page: Callable[[str], Page]) -> Page:
+    """Give a page at the controls."""
+    opened = open_page(web.url)
+    opened.get_by_text("at the controls").wait_for()
+    return opened
+
+
+def connect(page: Page, address: str, rig: str = "pquad") -> None:
+    """Connect a page to a bench and wait for its charts to move."""
+    page.get_by_label("Address of the bench").fill(address)
+    if not address.startswith("sim:"):
+        page.get_by_label("Rig", exact=True).click()
+        page.get_by_role("option", name=rig, exact=True).click()
+    page.get_by_role("button", name="Connect", exact=True).click()
+    page.wait_for_function("Number(document.querySelector('.strips')?.dataset.frames) > 5")
+
+
+def go_to(page: Page, tab: str) -> None:
+    """Open a tab."""
+    page.get_by_role("tab", name=tab).click()

@@ -1,0 +1,114 @@
+"""A virtual bench on a pseudo-terminal that tells, with the time of day, what its motors were told.
+
+Run as a script it is the device; imported it gives the fixture's end of it.
+"""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from benchtool.bench.device_link import DeviceLink
+from benchtool.bench.firmware import Firmware
+from benchtool.bench.server_links import PtyLink
+from benchtool.bench.virtual_server import standard_truth, virtual_server
+from benchtool.library import load_model, rig_named
+
+ROOT = Path(__file__).parents[2]
+ORDER = re.compile(rb"\$C,\d+,(stop|pwm)((?:,[\d.]+)*)\*")
+NAP_S = 0.001
+
+
+class TellingLink(DeviceLink):
+    """Print every order to the motors as it is taken from the wire."""
+
+    def __init__(self, firmware: Firmware) -> None:
+        super().__init__(firmware)
+        self._tail = b""
+
+    def receive(self, data: bytes, now_s: float) -> bytes:
+        if data:
+            now = time.time()
+            whole = self._tail + data
+            end = whole.rfind(b"\n") + 1
+            for match in ORDER.finditer(whole[:end]):
+                pulses = [float(number) for number in match[2].split(b",") if number]
+                highest = max(pulses, default=0.0)
+                print(f"{now:.6f} {match[1].decode()} {highest:.0f}", flush=True)
+            self._tail = whole[end:]
+        return super().receive(data, now_s)
+
+
+@dataclass
+class Device:
+    """Hold the address of a device and what its motors were told: time of day, word, pulse."""
+
+    address: str
+    orders: list[tuple[float, str, float]] = field(default_factory=list)
+
+    def turning_us(self) -> float:
+        """Return the highest pulse that was ordered last; 0 after a stop."""
+        last = [highest for _, _, highest in self.orders[-1:]]
+        return last[0] if last else 0.0
+
+    def stopped_after(self, since: float, timeout_s: float = 5.0) -> float:
+        """Return when the first stop after a time of day came, in seconds after it."""
+        deadline = time.monotonic() + timeout_s
+        while time.monotonic() < deadline:
+            for at, word, highest in list(self.orders):
+                if at >= since and (word == "stop" or highest <= 1000.0):
+                    return at - since
+            time.sleep(0.005)
+        raise AssertionError(f"no stop came within {timeout_s} s: {self.orders[-5:]}")
+
+
+@contextmanager
+def served_device(
+    rig: str = "pquad", speed: float = 1.0, rate_Hz: float = 200.0
+) -> Iterator[Device]:
+    """Give a device in a process of its own."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "tests.browser.device", rig, str(speed), str(rate_Hz)],
+        stdout=subprocess.PIPE,
+        text=True,
+        cwd=ROOT,
+    )
+    assert process.stdout is not None
+    device = Device(process.stdout.readline().strip())
+
+    def note() -> None:
+        for line in process.stdout or ():
+            at, word, highest = line.split()
+            device.orders.append((float(at), word, float(highest)))
+
+    reader = threading.Thread(target=note, daemon=True)
+    reader.start()
+    try:
+        yield device
+    finally:
+        process.terminate()
+        process.wait(10)
+        reader.join(5)
+        process.stdout.close()
+
+
+def main(rig_name: str, speed: str, rate_Hz: str) -> None:
+    rig = rig_named(rig_name)
+    link = PtyLink()
+    truth = load_model(standard_truth(rig), rig).model
+    server = virtual_server(
+        rig, truth, link, speed=float(speed), rate_Hz=float(rate_Hz), speak=TellingLink
+    )
+    print(link.address, flush=True)
+    server.run(nap_s=NAP_S)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

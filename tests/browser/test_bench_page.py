@@ -1,0 +1,154 @@
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import psutil
+import pytest
+
+from tests.browser.conftest import CHROMIUM, Web, connect, serving
+from tests.browser.device import Device
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
+
+STOPPED_S = 0.3
+"""A throttle that is held by nobody any more is at zero by then, measured at the device."""
+
+
+def hold(page: Page, device: Device) -> None:
+    """Press the button that turns motors until they turn, and leave the pointer down.
+
+    On a machine that stands still for a moment the throttle lets go by itself, as it should: then
+    the hand presses again.
+    """
+    for _ in range(6):
+        page.locator(".hold-button:not([disabled])").hover()
+        page.mouse.down()
+        for _ in range(40):
+            page.wait_for_timeout(50)
+            if device.turning_us() >= 1100.0:
+                return
+        page.mouse.up()
+    raise AssertionError(f"motors were not turned: {device.orders[-5:]}")
+
+
+def test_a_bench_on_a_port_is_seen_live(page: Page, device: Device) -> None:
+    connect(page, device.address)
+    assert device.address in page.get_by_role("status").first.inner_text()
+    page.get_by_text("virtual-pquad-0 (virtual)").wait_for()
+    frames = "Number(document.querySelector('.strips').dataset.frames)"
+    before, begun = page.evaluate(frames), time.monotonic()
+    page.wait_for_timeout(2000)
+    rate_Hz = (page.evaluate(frames) - before) / (time.monotonic() - begun)
+    assert rate_Hz > 10.0
+    assert f"benchtool bench check {device.address} --rig pquad" in page.content()
+    assert "0 lost, 0 corrupt" in page.content()
+
+
+def test_motors_turn_while_the_button_is_held_and_no_longer(page: Page, device: Device) -> None:
+    connect(page, device.address)
+    hold(page, device)
+    released = time.time()
+    page.mouse.up()
+    assert device.stopped_after(released) < STOPPED_S
+
+
+@pytest.mark.parametrize("key", ["Escape", " "])
+def test_keys_stop_what_a_hand_turns(page: Page, device: Device, key: str) -> None:
+    connect(page, device.address)
+    hold(page, device)
+    pressed = time.time()
+    page.keyboard.down(key)
+    assert device.stopped_after(pressed) < STOPPED_S
+    page.get_by_text("stopped from the page").wait_for()
+    # The hand that still holds does not turn them again.
+    page.wait_for_timeout(500)
+    assert device.turning_us() == 0.0
+
+
+def test_space_is_a_letter_in_a_text_field_and_escape_stops_there(
+    page: Page, device: Device
+) -> None:
+    connect(page, device.address)
+    field = page.get_by_label("Address of the bench")
+    field.fill("a")
+    asked = time.time()
+    field.press(" ")
+    assert field.input_value() == "a "
+    page.wait_for_timeout(300)
+    assert [order for order in device.orders if order[0] > asked] == []
+    field.press("Escape")
+    assert device.stopped_after(asked) < 2.0
+
+
+def test_a_page_that_freezes_with_the_throttle_held_lets_go(
+    web: Web, device: Device, browser: Browser
+) -> None:
+    before = set(psutil.Process().children(recursive=True))
+    other = browser.browser_type.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+    processes = set(psutil.Process().children(recursive=True)) - before
+    page = other.new_page(viewport={"width": 1280, "height": 900})
+    page.goto(web.url)
+    connect(page, device.address)
+    hold(page, device)
+    processes |= set(psutil.Process().children(recursive=True)) - before
+    lost = time.time()
+    for process in processes:
+        process.suspend()
+    try:
+        assert device.stopped_after(lost) < STOPPED_S
+    finally:
+        for process in processes:
+            process.resume()
+        other.close()
+
+
+def test_a_server_that_dies_with_the_throttle_held_stops_motors(
+    page: Page, web: Web, device: Device
+) -> None:
+    connect(page, device.address)
+    hold(page, device)
+    died = time.time()
+    web.process.kill()
+    assert device.stopped_after(died) < STOPPED_S
+
+
+def test_of_two_pages_one_is_at_the_controls(
+    page: Page, web: Web, device: Device, open_page: Callable[[str], Page]
+) -> None:
+    connect(page, device.address)
+    second = open_page(web.url)
+    second.get_by_text("watching").wait_for()
+    assert not second.get_by_role("button", name="Take over").is_visible()
+    second.get_by_role("button", name="Tare").click()
+    second.get_by_text("another page is at the controls, this one watches").wait_for()
+    hold(page, device)
+    pressed = time.time()
+    second.mouse.move(*centre(second, ".stop-button"))
+    second.mouse.down()
+    assert device.stopped_after(pressed) < STOPPED_S
+    page.close()
+    second.get_by_role("button", name="Take over").click()
+    second.get_by_text("at the controls", exact=True).wait_for()
+
+
+def test_a_wrong_token_opens_nothing(tmp_path: Path, open_page: Callable[[str], Page]) -> None:
+    with serving(tmp_path / "runs", tmp_path / "state", "--token") as server:
+        address, token = server.url.split("?token=")
+        assert len(token) > 20
+        for wrong in (address, f"{address}?token=x{token[1:]}"):
+            refused = open_page(wrong)
+            assert "the token is missing or wrong" in refused.content()
+            assert refused.locator(".stop-button").count() == 0
+        opened = open_page(server.url)
+        opened.get_by_text("at the controls").wait_for()
+        assert opened.url == address
+
+
+def centre(page: Page, selector: str) -> tuple[float, float]:
+    box = page.locator(selector).bounding_box()
+    assert box is not None
+    return box["x"] + box["width"] / 2.0, box["y"] + box["height"] / 2.0
