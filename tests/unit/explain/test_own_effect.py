@@ -1,0 +1,50 @@
+"""An effect of the user's own is tried beside those that ship; on a sweep nothing is compiled."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from benchtool.explain.explain import explain
+from benchtool.explain.sweep_subject import SweepSubject
+from benchtool.library import load_model
+from benchtool.library.own_effects import own_effects
+from tests.unit.explain.test_sweep_subject import halves
+
+MINE = """
+from benchtool.aero.expression import expression
+from benchtool.core.parameter import Parameter
+from benchtool.effects.effect import Effect
+
+
+@expression
+def factor(i, flow, p):
+    return 1.0 + p[0] * (flow.speed_rad_s[i] / 500.0 - 1.0)
+
+
+EFFECT = Effect(
+    name="soft_blades",
+    title="Soft blades",
+    description="Blades that untwist under load.",
+    stage="rpm_to_thrust",
+    law="T = k w^2 (1 + c (w / 500 - 1))",
+    parameters=(Parameter("c", "1", 0.0, neutral=0.0, lower=-0.5, upper=0.5, tolerance=0.03),),
+    shows="several throttle levels",
+    source="a guess",
+    confused_with={"thrust_exponent": "nothing but the blades' own stiffness separates them"},
+    benches=frozenset({"sweep"}),
+    factor=factor,
+)
+"""
+
+
+def test_it_is_weighed_like_any_other(tmp_path: Path) -> None:
+    path = tmp_path / "mine.py"
+    path.write_text(MINE, encoding="utf-8")
+    own = own_effects(str(path))
+    learn, check = halves("single_rotor")
+    subject = SweepSubject(load_model("single").model, [learn], [check], own)
+    verdict = explain(subject, draws=20, propose=False).verdict
+    assert verdict.tolerances["soft_blades.c"] == 0.03
+    assert "soft_blades" in verdict.probabilities
+    assert "soft_blades.c" in verdict.parameters
+    assert "soft_blades" not in verdict.names
