@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from datetime import datetime
 from typing import Any
 
@@ -23,7 +23,7 @@ class HandOver:
         kept: called with the name of each in the runs folder.
     """
 
-    def __init__(self, context: Context, kept: Callable[[str], None]) -> None:
+    def __init__(self, context: Context, kept: Callable[[str], Awaitable[None] | None]) -> None:
         self._context, self._kept = context, kept
         self._folder = RunsFolder(context.runs)
         self._upload = ui.upload(
@@ -45,7 +45,9 @@ class HandOver:
             path = await asyncio.to_thread(keep_table, self._folder, event.file.name, data, date)
         finally:
             self._upload.reset()
-        self._kept(self._folder.name_of(path))
+        following = self._kept(self._folder.name_of(path))
+        if following is not None:
+            await following
 
     def _rejected(self, _: Any) -> None:
         ui.notify(

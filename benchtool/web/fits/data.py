@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import asyncio
 from collections.abc import Callable
-from datetime import datetime
-from typing import Any
 
-from nicegui import events, ui
+from nicegui import ui
 
 from benchtool.store.entry import Entry
-from benchtool.store.upload import MOST_BYTES, keep_table
 from benchtool.web.context import Context
 from benchtool.web.fits.columns_form import ColumnsForm
+from benchtool.web.hand_over import HandOver
 from benchtool.web.runs.listing import Listing
 from benchtool.web.tell import say, say_error, tells_errors
 
@@ -33,15 +30,7 @@ class Data:
         self._choice = ui.select({}, multiple=True, label="Runs and tables", on_change=self._take)
         self._choice.props("use-chips use-input input-debounce=0").classes("w-full").mark("data")
         self._choice.on("popup-show", self.look)
-        upload = ui.upload(
-            label="Or hand over a CSV file",
-            auto_upload=True,
-            max_file_size=MOST_BYTES,
-            on_upload=self._received,
-            on_rejected=self._rejected,
-        )
-        upload.props('accept=".csv,text/csv,.txt" flat bordered').classes("w-full")
-        self._upload = upload
+        HandOver(context, self._handed)
         self._columns = ui.column().classes("w-full")
         self._offer()
 
@@ -90,25 +79,7 @@ class Data:
             say_error(error)
 
     @tells_errors
-    async def _received(self, event: events.UploadEventArguments) -> None:
-        try:
-            self._context.need_control()
-            size = event.file.size()
-            data = await event.file.read() if size <= MOST_BYTES else bytes(MOST_BYTES + 1)
-            date = f"{datetime.now().astimezone():%Y-%m-%d}"
-            path = await asyncio.to_thread(keep_table, self._folder, event.file.name, data, date)
-        finally:
-            self._upload.reset()
+    async def _handed(self, name: str) -> None:
         await self.look()
-        name = self._folder.name_of(path)
         say(f"kept as {name}; say which column is which")
         self._choice.set_value([*self.names, name])
-
-    def _rejected(self, _: Any) -> None:
-        most = MOST_BYTES / 1e6
-        ui.notify(
-            f"that is no CSV file of at most {most:.0f} MB; choose another, or put it into the "
-            f"runs folder yourself",
-            type="negative",
-            position="bottom-left",
-        )

@@ -19,6 +19,7 @@ from benchtool.web.tab import Tab
 from benchtool.web.tell import tells_errors
 
 ROWS = 10
+NOTHING = "Nothing to show: sweep first, search for other words, or put runs into the folder."
 LOOK_S = 3.0
 
 COLUMNS = (
@@ -79,6 +80,7 @@ class RunsTab:
             on_select=self._chosen,
         )  # fmt: skip
         table.classes("runs-table w-full").props("flat dense wrap-cells").mark("runs")
+        table.props(f'no-data-label="{NOTHING}"')
         table.add_slot("body-cell-name", _NAME)
         table.add_slot("body-cell-said", _SAID)
         table.add_slot("body-selection", _CHOOSE)

@@ -1,0 +1,162 @@
+"""Runs and Fit as somebody uses them: find, compare, take home, fit, and never leave the folder."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.browser.conftest import Web, serving
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
+
+TOP = Path(__file__).parents[2]
+LAB = b"gap;F_gf;speed\n60;424.1;5500\n90;362.6;x\n120;342.0;5500\n180;329.9;5500\n"
+
+REPORT = "<!doctype html><title>Fit: earlier</title>"
+
+Opens = Callable[[str], "Page"]
+
+
+@pytest.fixture(scope="module")
+def filled(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Web]:
+    """Give a server whose folder holds two sweeps, a fit and a run that broke."""
+    runs = tmp_path_factory.mktemp("page") / "runs"
+    for name in ("quad", "single_rotor"):
+        shutil.copytree(TOP / "datasets" / name / "run", runs / name)
+    shutil.copytree(TOP / "fits" / "quad", runs / "earlier")
+    (runs / "earlier" / "report.html").write_text(REPORT, "utf-8")
+    shutil.copytree(runs / "quad", runs / "broken")
+    (runs / "broken" / "metadata.json").write_text("{", "utf-8")
+    (runs.parent / "secret.csv").write_text("thrust_N\n1\n", "utf-8")
+    with serving(runs, runs.parent / "state") as web:
+        yield web
+
+
+def listed(page: Page) -> list[str]:
+    """Return the names in the list, from top to bottom."""
+    return page.locator(".run-name").all_inner_texts()
+
+
+def take_controls(page: Page) -> None:
+    """Take over from a page of an earlier test."""
+    take = page.get_by_role("button", name="Take over")
+    here = page.get_by_text("at the controls", exact=True)
+    take.or_(here).first.wait_for()
+    if take.is_visible():
+        take.click()
+    here.wait_for()
+
+
+def told(page: Page) -> str:
+    """Return what the page says of a fault."""
+    note = page.locator(".q-notification__message").last
+    note.wait_for()
+    return note.inner_text()
+
+
+def test_a_run_is_found_and_shows_its_numbers(filled: Web, open_page: Opens) -> None:
+    page = open_page(f"{filled.url}?tab=runs")
+    page.get_by_text("4 in runs, 1 cannot be read").wait_for()
+    assert set(listed(page)) == {"quad", "single_rotor", "earlier", "broken"}
+    assert "this is not valid JSON" in page.locator(".said.problem").inner_text()
+    page.get_by_label("Search name, rig, date, state").fill("sweep pquad_single")
+    page.get_by_text("1 of 4 in runs").wait_for()
+    assert listed(page) == ["single_rotor"]
+    page.get_by_role("button", name="single_rotor").click()
+    page.get_by_text("1.2343 ± 0.0016").wait_for()
+    assert page.get_by_role("img", name=re.compile("Thrust near the plate")).is_visible()
+    assert "benchtool report" in page.locator(".command-text").last.inner_text()
+    with page.expect_download() as taken:
+        page.get_by_role("button", name="points, CSV").click()
+    expected = filled.runs / "single_rotor" / "points.csv"
+    assert taken.value.suggested_filename == "single_rotor-points.csv"
+    assert Path(taken.value.path()).read_bytes() == expected.read_bytes()
+    page.get_by_label("Search name, rig, date, state").fill("fit")
+    page.get_by_role("button", name="earlier").click()
+    page.get_by_role("row", name=re.compile("^body_lift.K_b – 1.891 ± 0.012")).first.wait_for()
+    with page.expect_download() as report:
+        page.get_by_role("button", name="Report, HTML").click()
+    assert Path(report.value.path()).read_text("utf-8") == REPORT
+
+
+def test_two_sweeps_stand_in_one_plot(filled: Web, open_page: Opens) -> None:
+    page = open_page(f"{filled.url}?tab=runs")
+    compare = page.get_by_role("button", name="Compare")
+    for name in ("quad", "single_rotor"):
+        page.get_by_label(f"Choose {name}", exact=True).click()
+    page.get_by_role("button", name="Compare 2 sweeps").wait_for()
+    compare.click()
+    page.get_by_text("2 sweeps compared").wait_for()
+    page.get_by_role("img", name=re.compile("run by run")).wait_for()
+    for cell in ("1.8081 ± 0.0013", "1.2343 ± 0.0016"):
+        page.get_by_role("cell", name=cell).wait_for()
+
+
+@pytest.mark.parametrize("name", ["../secret.csv", "quad/../../secret.csv", "%2Fetc%2Fpasswd"])
+def test_a_path_outside_the_folder_is_refused(filled: Web, open_page: Opens, name: str) -> None:
+    page = open_page(f"{filled.url}?tab=runs&run={name}")
+    assert "leads out of the runs folder" in told(page)
+    assert page.locator(".shown-body").count() == 0
+
+
+def test_a_fit_gives_the_numbers_of_the_command(filled: Web, open_page: Opens) -> None:
+    page = open_page(f"{filled.url}?tab=fit&data=quad")
+    page.get_by_label("body_lift.K_b is free").wait_for()
+    take_controls(page)
+    name = page.get_by_label("Name of the fit's folder")
+    for taken, said in (("../evil", "cannot name a run"), ("quad", "quad exists already")):
+        name.fill(taken)
+        page.locator(".command-text", has_text=taken).wait_for()
+        page.get_by_role("button", name="Fit", exact=True).click()
+        page.locator(".q-notification__message", has_text=said).wait_for()
+    name.fill("fit-here")
+    command = page.locator(".command-text", has_text="fit-here")
+    command.wait_for()
+    words = shlex.split(command.inner_text())
+    page.get_by_label("neighbour_images.strength is held at").fill("0.9")
+    page.locator(".command-text", has_text="--fix neighbour_images.strength=0.9").wait_for()
+    page.get_by_label("neighbour_images.strength is held at").fill("1")
+    page.locator(".command-text", has_text=re.compile("^((?!--fix).)*$")).first.wait_for()
+    page.get_by_role("button", name="Fit", exact=True).click()
+    row = page.locator(".shown-body").get_by_role("row", name=re.compile("^body_lift.K_b"))
+    row.wait_for(timeout=90_000)
+    shown = row.locator("td").all_inner_texts()
+    assert (words[0], words[-2:]) == ("benchtool", ["--out", str(filled.runs / "fit-here")])
+    printed = subprocess.run(
+        [sys.executable, "-m", "benchtool", *words[1:-2]],
+        capture_output=True,
+        encoding="utf-8",
+        check=True,
+    ).stdout
+    line = next(text for text in printed.splitlines() if text.strip().startswith("body_lift.K_b"))
+    assert line.split() == ["body_lift.K_b", *" ".join(shown).split()]
+    made = {item.name for item in (filled.runs / "fit-here").iterdir()}
+    assert {"result.json", "model.toml", "report.html", "ratio.svg"} <= made
+    assert not (filled.runs.parent / "evil").exists()
+
+
+def test_a_table_is_handed_over_and_a_bad_cell_is_told(filled: Web, open_page: Opens) -> None:
+    page = open_page(f"{filled.url}?tab=fit")
+    page.get_by_text("hand over a CSV file").wait_for()
+    take_controls(page)
+    chooser = page.locator("input[type=file]")
+    chooser.set_input_files({"name": "x.csv", "mimeType": "text/csv", "buffer": b"\0\1\2"})
+    page.locator(".q-notification__message", has_text="not a text file").wait_for()
+    chooser.set_input_files({"name": "../../lab.csv", "mimeType": "text/csv", "buffer": LAB})
+    page.get_by_text(re.compile(r"^Columns of .*-lab/lab\.csv")).wait_for()
+    for channel, column in (("thrust_N (needed)", "F_gf"), ("rpm1 (or that", "speed")):
+        page.get_by_label(channel).click()
+        page.get_by_role("option", name=column, exact=True).click()
+    page.get_by_role("button", name="Use these columns").click()
+    bad = page.locator(".q-notification__message", has_text="line 3: column 'speed' holds 'x'")
+    bad.wait_for(timeout=60_000)
+    assert {item.name for item in filled.runs.parent.iterdir()} <= {"runs", "state", "secret.csv"}
