@@ -20,10 +20,10 @@ def effects_table(answer: Answer) -> Table:
     return Table(
         "What was found. A member of a class has the numbers that it would have by itself."
         if answer.verdict.kind == "class"
-        else "What was found.",
+        else "What was found; log ratio: of likelihoods, with the effect over without it.",
         (
             *("effect", "stage", "parameter", "value", "95 % interval", "tolerance"),
-            *("probability", "log-likelihood ratio", "p-value"),
+            *("probability", "log ratio", "p-value"),
         ),
         rows,
         text_columns=3,
@@ -64,7 +64,7 @@ def _effect_row(effect: NamedEffect, item: FoundParameter, *, first: bool) -> tu
 
 
 def _p_value(value: float) -> str:
-    return "below 1e-15" if value < 1e-15 else f"{value:.2g}"
+    return "< 1e-15" if value < 1e-15 else f"{value:.2g}"
 
 
 def _interval(item: FoundParameter) -> str:
