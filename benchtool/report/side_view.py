@@ -19,7 +19,7 @@ from benchtool.report.palette import BLUE, GREEN, GREY, VERMILION
 ARROW_RADII = 3.0
 """Length of the arrow of a rotor that carries its share of the weight, in rotor radii; a choice."""
 
-ADDED_TIMES = 10.0
+ADDED_TIMES = 5.0
 """How many times enlarged is what a surface adds: at z/R = 2 it is a hundredth of the thrust."""
 
 SLANT = (0.25, 0.1)

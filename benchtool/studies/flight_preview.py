@@ -155,7 +155,7 @@ def _scene(case: FlightCase) -> Scene:
         radius_m=radius_m,
         surfaces=tuple(surfaces),
         width_m=5.0 * reach_m,
-        top_m=case.start_m[2] + 4.5 * radius_m,
+        top_m=case.start_m[2] + 5.5 * radius_m,
         bottom_m=bottom_m,
         ruler_m=(begin_m, end_m),
     )

@@ -143,7 +143,7 @@ def _scene(setup: PitchSetup) -> Scene:
         surfaces=tuple(plates),
         hinged=True,
         width_m=2.0 * (arm_m + 1.8 * radius_m),
-        top_m=0.35 * arm_m + 4.2 * radius_m,
+        top_m=0.35 * arm_m + 4.5 * radius_m,
         bottom_m=-max((*_distances_m(setup), 1.5 * radius_m)) - 1.0 * radius_m,
     )
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from benchtool.errors import InputError
-from benchtool.explain.recordings import require_both
 from benchtool.web.explains.places import Places
 
 
@@ -37,15 +36,21 @@ def question_of(places: Places, learn: Sequence[str], check: Sequence[str], mode
     Raises:
         InputError: something is missing, a choice leads elsewhere, or one recording is in both.
     """
-    if not model:
-        raise InputError("no model is chosen; choose the one that should explain the recordings")
+    if not learn:
+        raise InputError("no recording to learn from is chosen; choose one or more")
+    if not check:
+        raise InputError(
+            "no recording to check on is chosen; choose one of the same bench that is not learned "
+            "from"
+        )
     both = set(learn) & set(check)
     if both:
         raise InputError(
             f"{', '.join(sorted(both))} is to learn from and to check on; a model is checked on "
             f"what it did not learn from, so choose another"
         )
-    require_both(learn, check)
+    if not model:
+        raise InputError("no model is chosen; choose the one that should explain the recordings")
     return Question(
         learn=tuple(str(places.path_of(name)) for name in learn),
         check=tuple(str(places.path_of(name)) for name in check),

@@ -46,7 +46,8 @@ class ExplainTab:
                 self._explain = ui.button("Explain", icon="troubleshoot", on_click=self._start)
                 self._explain.props("no-caps").mark("explain")
                 self._hint = ui.label().classes("soft").props("role=status").mark("hint")
-            self._command = CommandRow()
+            with ui.element("div").classes("w-full") as self._command_place:
+                self._command = CommandRow()
             self._stages = Stages(context, self._done, self._changed)
         self._answer = AnswerView(context, self._places, self._look)
         self._look()
@@ -94,7 +95,9 @@ class ExplainTab:
         except BenchtoolError as error:
             self._hint.set_text(str(error))
             self._explain.disable()
+            self._command_place.set_visibility(False)
             return
+        self._command_place.set_visibility(True)
         self._hint.set_text("")
         self._explain.set_enabled(not self._stages.watching)
         self._command.show(question.words(self._folder()))

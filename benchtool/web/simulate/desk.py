@@ -57,15 +57,16 @@ class SimulateDesk:
             'no-caps spread aria-label="What is simulated"'
         )
         self._kind.classes("w-full")
-        self._rig = self._select("Rig", _pitch_rigs(), "pquad")
-        self._schedule = self._select("Schedule", schedule_names(), "plate")
-        self._case = self._select("Flight", {n: f.title for n, f in FLIGHTS.items()}, "over")
-        self._gains = self._select("Gains", gain_names(), "s3")
-        self._controllers = ui.select(
-            list(PITCH_CONTROLLERS), multiple=True, label="Controllers", on_change=self._other,
-            value=list(PitchAsk().controllers),
-        )  # fmt: skip
-        self._controllers.props("dense use-chips").classes("w-full").mark("controllers")
+        with ui.element("div").classes("simulate-choices"):
+            self._rig = self._select("Rig", _pitch_rigs(), "pquad")
+            self._schedule = self._select("Schedule", schedule_names(), "plate")
+            self._case = self._select("Flight", {n: f.title for n, f in FLIGHTS.items()}, "over")
+            self._gains = self._select("Gains", gain_names(), "s3")
+            self._controllers = ui.select(
+                list(PITCH_CONTROLLERS), multiple=True, label="Controllers", on_change=self._other,
+                value=list(PitchAsk().controllers),
+            )  # fmt: skip
+            self._controllers.props("dense use-chips").classes("w-full").mark("controllers")
         self._sliders = Sliders(lambda: self._change(whole=False))
         ui.button("Put back", on_click=self._sliders.reset).props("flat dense no-caps")
 

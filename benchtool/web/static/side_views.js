@@ -175,7 +175,7 @@ function chartOption(sent, lane, look) {
     const axis = { gridIndex: row, axisLabel: { color: look.soft }, axisLine: { lineStyle: { color: look.soft } } };
     const lines = { splitLine: { lineStyle: { color: look.line } } };
     const bottom = row === rows - 1;
-    option.xAxis.push({ ...axis, axisLine: { onZero: false, lineStyle: { color: look.soft } }, type: "value", min: 0, max: sent.end_s, splitLine: { show: false },
+    option.xAxis.push({ ...axis, axisLine: { onZero: false, lineStyle: { color: look.soft } }, type: "value", min: 0, max: sent.end_s, splitLine: { show: false }, splitNumber: 4,
       axisLabel: { color: look.soft, show: bottom, formatter: "{value} s" } });
     option.yAxis.push({ ...axis, ...lines, type: "value", min: panel.range[0], max: panel.range[1], interval: panel.range[2] });
     lane.panels[row].forEach((curve, index) => {

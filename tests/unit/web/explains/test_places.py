@@ -82,8 +82,8 @@ def test_the_command_names_everything(places: Places) -> None:
 @pytest.mark.parametrize(
     ("learn", "check", "model", "said"),
     [
-        ([], ["table.csv"], "pitch_pquad", "nothing to explain"),
-        (["table.csv"], [], "pitch_pquad", "there is no check recording"),
+        ([], ["table.csv"], "pitch_pquad", "no recording to learn from is chosen"),
+        (["table.csv"], [], "pitch_pquad", "no recording to check on is chosen"),
         (["table.csv"], ["table.csv"], "pitch_pquad", "is to learn from and to check on"),
         (["table.csv"], ["mine/learn.parquet"], "", "no model is chosen"),
     ],

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from benchtool.cli.app import main
 from benchtool.errors import InputError, WouldOverwrite
 from benchtool.store.recording_file import write_recording
 from benchtool.studies.pitch import pitch_study
@@ -67,6 +68,10 @@ def test_an_effect_is_named_and_kept_in_a_new_model(tmp_path: Path, question: Qu
     assert model["effects"]["coulomb_friction"]["torque_Nm"]["value"] == pytest.approx(
         0.012, rel=0.15
     )
+    by_command = tmp_path / "command"
+    with pytest.raises(SystemExit):
+        main(question.words(by_command))
+    assert (out / "model.toml").read_text() == (by_command / "model.toml").read_text()
     with pytest.raises(InputError, match="kept already"):
         explaining.keep(out)
     assert latest(out.parent) is explaining

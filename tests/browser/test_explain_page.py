@@ -1,0 +1,94 @@
+"""Explain as somebody uses it: a recording with a hidden effect gets it named and accepted."""
+
+from __future__ import annotations
+
+import shutil
+import tomllib
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from benchtool.store.recording_file import write_recording
+from benchtool.studies.pitch import pitch_study
+from benchtool.studies.pitch_setup import changed, pitch_setup
+from tests.browser.conftest import Web, serving
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
+
+MODEL = Path(__file__).parents[2] / "datasets" / "pitch_bench" / "model.toml"
+EXPLAINS_MS = 150_000
+
+
+def record(path: Path, duration_s: float, seed: int) -> None:
+    """Write a recording of a bench whose hinge drags more than its model knows."""
+    setup = pitch_setup(model=str(MODEL), gains="stiff", controllers=("pid",), schedule="identify")
+    setup = changed(setup, {"coulomb_friction.torque_Nm": 0.012})
+    setup = replace(setup, schedule=setup.schedule.lasting(duration_s))
+    run = pitch_study(setup, seed, with_away=False).runs[0]
+    write_recording(path, run.recording(setup.bench.model.rig), {})
+
+
+@pytest.fixture
+def lab(browser: Browser, tmp_path: Path) -> Iterator[Web]:
+    """Give a server whose folder holds two recordings and a model."""
+    bench = tmp_path / "runs" / "bench"
+    bench.mkdir(parents=True)
+    record(bench / "learn.csv", 10.0, seed=21)
+    record(bench / "check.csv", 8.0, seed=22)
+    shutil.copy(MODEL, bench / "model.toml")
+    (bench / "odd.csv").write_text("a,b\n1,2\n3,4\n")
+    with serving(tmp_path / "runs", tmp_path / "state") as web:
+        yield web
+
+
+def choose(page: Page, label: str, name: str) -> None:
+    page.get_by_label(label, exact=True).click()
+    page.keyboard.type(name)
+    page.get_by_role("option", name=name).first.click()
+    page.keyboard.press("Tab")
+
+
+def test_a_hidden_effect_is_named_accepted_and_found_again(
+    lab: Web, open_page: Callable[[str], Page]
+) -> None:
+    page = open_page(f"{lab.url}?tab=explain")
+    explain = page.get_by_role("button", name="Explain", exact=True)
+    page.get_by_text("no recording to learn from is chosen").wait_for()
+    choose(page, "Recordings to learn from", "bench/odd.csv")
+    choose(page, "Others to check on", "bench/odd.csv")
+    page.get_by_text("is to learn from and to check on").wait_for()
+    page.get_by_label("Remove").last.click()
+    choose(page, "Others to check on", "bench/check.csv")
+    choose(page, "Model", "bench/model.toml")
+    explain.click()
+    alert = page.get_by_role("alert").filter(has_text="odd.csv")
+    alert.wait_for(timeout=EXPLAINS_MS)
+    assert "known: a, b" in alert.inner_text()
+
+    page.get_by_label("Remove").first.click()
+    choose(page, "Recordings to learn from", "bench/learn.csv")
+    page.get_by_text("benchtool explain").wait_for()
+    explain.click()
+    page.locator(".stages li").first.wait_for(timeout=EXPLAINS_MS)
+    verdict = page.get_by_text("The model lacks coulomb_friction").first
+    verdict.wait_for(timeout=EXPLAINS_MS)
+    for heading in ("Where", "Which", "The gap"):
+        assert page.get_by_text(heading, exact=True).is_visible()
+    assert page.locator("figure.shown img").count() >= 5
+
+    page.get_by_role("button", name="Accept coulomb_friction into a new model").click()
+    page.get_by_text("was written to").wait_for()
+    (folder,) = lab.runs.glob("*explain-learn")
+    model = tomllib.loads((folder / "model.toml").read_text())
+    assert model["model"]["name"] == "pitch_bench_coulomb_friction"
+    assert (folder / "report.html").is_file()
+    assert page.get_by_role("button", name="Accept").is_disabled()
+
+    page.reload()
+    page.get_by_text("was written to").wait_for()
+    page.get_by_label("Model", exact=True).click()
+    page.get_by_role("option", name="explain-learn").wait_for()

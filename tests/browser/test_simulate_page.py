@@ -1,0 +1,110 @@
+"""Simulate as somebody uses it: look, move a slider, fly, take the files home."""
+
+from __future__ import annotations
+
+import io
+import shlex
+import zipfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.browser.conftest import Web, serving
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Locator, Page
+
+Opens = Callable[[str], "Page"]
+
+COMPILES_MS = 150_000
+"""The first simulation of a machine compiles."""
+
+
+@pytest.fixture(scope="module")
+def shared(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Web]:
+    """Give one server to all: simulations write nothing."""
+    place = tmp_path_factory.mktemp("simulate")
+    with serving(place / "runs", place / "state") as web:
+        yield web
+
+
+def opened(shared: Web, open_page: Opens) -> Page:
+    page = open_page(f"{shared.url}?tab=simulate")
+    page.locator(".side-views[data-drawn]").wait_for(timeout=COMPILES_MS)
+    return page
+
+
+def drawn_again(page: Page, before: str | None) -> str | None:
+    page.wait_for_function(
+        "before => document.querySelector('.side-views').dataset.drawn !== before",
+        arg=before,
+        timeout=COMPILES_MS,
+    )
+    return page.locator(".side-views").get_attribute("data-drawn")
+
+
+def slider(page: Page, label: str) -> Locator:
+    return page.get_by_role("slider", name=label)
+
+
+def arrow_tip(page: Page) -> str | None:
+    return page.locator(".lane").first.locator("[data-rotor='0'] .added").get_attribute("y2")
+
+
+def test_a_slider_redraws_and_the_table_follows(shared: Web, open_page: Opens) -> None:
+    page = opened(shared, open_page)
+    assert page.locator(".lane figcaption b").all_inner_texts() == [
+        "pid", "observer", "feedforward",
+    ]  # fmt: skip
+    table = page.locator(".simulate-table")
+    table.filter(has_text="-1.58").wait_for()
+    page.get_by_role("button", name="Pause").click()
+    said = page.locator(".lane figcaption span").first.inner_text()
+    drawn = page.locator(".side-views").get_attribute("data-drawn")
+
+    plate = slider(page, "Plate distance z/R [–]")
+    plate.locator(".q-slider__track-container").focus()
+    for _ in range(4):
+        page.keyboard.press("ArrowLeft")
+    drawn_again(page, drawn)
+    command = page.locator(".simulate .command-text").inner_text()
+    assert "--set plate.z_over_R=1.8" in command
+    table.filter(has_not_text="-1.58").wait_for()
+    assert page.locator(".lane figcaption span").first.inner_text() != said
+    assert page.get_by_text("z/R = 1.8").count() == 3
+    assert plate.get_attribute("aria-valuenow") == "1.8"
+
+
+def test_the_picture_moves_with_the_time(shared: Web, open_page: Opens) -> None:
+    page = opened(shared, open_page)
+    page.get_by_role("button", name="Pause").click()
+    time = slider(page, "Time in the run in seconds").locator(".q-slider__track-container")
+    box = time.bounding_box()
+    assert box is not None
+    time.click(position={"x": 0.1 * box["width"], "y": 0.5 * box["height"]})
+    before = arrow_tip(page)
+    time.click(position={"x": 0.5 * box["width"], "y": 0.5 * box["height"]})
+    over_the_plate = arrow_tip(page)
+    assert before is not None
+    assert over_the_plate is not None
+    assert float(over_the_plate) < float(before)  # upwards is negative in a drawing
+    assert page.locator(".side-views-time").inner_text().startswith("20")
+
+
+def test_flights_stand_side_by_side_and_can_be_taken_home(
+    shared: Web, open_page: Opens, tmp_path: Path
+) -> None:
+    page = opened(shared, open_page)
+    drawn = page.locator(".side-views").get_attribute("data-drawn")
+    page.get_by_role("button", name="flight", exact=True).click()
+    drawn_again(page, drawn)
+    page.get_by_text("never arrives: swings 2.78 to 3.14 m").wait_for()
+    assert page.locator(".lane").count() == 3
+    words = shlex.split(page.locator(".simulate .command-text").inner_text())
+    assert words[:5] == ["benchtool", "simulate", "flight", "--case", "over"]
+    with page.expect_download(timeout=COMPILES_MS) as taken:
+        page.get_by_role("button", name="Download CSV").click()
+    packed = zipfile.ZipFile(io.BytesIO(Path(taken.value.path()).read_bytes()))
+    assert {"pid.csv", "oge.csv", "numbers.txt", "flight.svg"} <= set(packed.namelist())
