@@ -175,13 +175,14 @@ def _measured(run: Swept, model: Believed | None) -> list[Block]:
                 f"at the rig's radius, nothing fitted.{said}",
             )
         )
-    blocks.append(
-        FigureBlock(
-            thrust_distance(run, model),
-            "Thrust against plate distance at each throttle level. Bars as above; dotted: the "
-            "level's mean with the plate parked." + said,
+    if run.measured().any():
+        blocks.append(
+            FigureBlock(
+                thrust_distance(run, model),
+                "Thrust against plate distance at each throttle level. Bars as above; dotted: the "
+                "level's mean with the plate parked." + said,
+            )
         )
-    )
     return [*blocks, settings_table(run)]
 
 

@@ -57,7 +57,7 @@ def ratios(points: Recording, basis: str) -> tuple[Array, Array]:
         level = thrust
     ratio, error = np.full(len(thrust), np.nan), np.full(len(thrust), np.nan)
     for row, rows in enumerate(chosen):
-        if rows.size:
+        if np.isfinite(level[rows]).any():
             ratio[row] = level[row] / np.nanmean(level[rows])
             own = np.sqrt(np.nansum(relative[rows] ** 2)) / rows.size
             error[row] = ratio[row] * np.hypot(relative[row], own)
