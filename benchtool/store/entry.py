@@ -169,7 +169,9 @@ def _run(entry: Entry, path: Path) -> Entry:
         if not held:
             problem = "there are no samples in it; record it again"
             return replace(entry, problem=f"{entry.name}: {problem}")
-        return replace(entry, said=reason)
+        count = _table(facts, "link").get("samples")
+        said = f"{count} samples" if count is not None else ""
+        return replace(entry, said="; ".join(filter(None, (said, reason))))
     if not (path / "points.csv").is_file() and entry.state == "running":
         return replace(entry, said="no point yet")
     try:

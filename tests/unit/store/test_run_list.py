@@ -119,3 +119,12 @@ def test_a_run_that_has_just_begun_is_not_broken(folder: RunsFolder) -> None:
     (run.path / "points.csv").unlink()
     begun = entry_of(folder, "begun")
     assert (begun.problem, begun.said, begun.state) == ("", "no point yet", "running")
+
+
+def test_a_pitch_recording_is_told_by_its_channels(folder: RunsFolder) -> None:
+    run = small_run(folder.root / "pitch")
+    run.update_metadata(device={"channels": {"theta_rad": "rad"}}, link={"samples": 1375})
+    found = entry_of(folder, "pitch")
+    assert (found.kind, found.said, found.can_fit) == ("pitch recording", "1375 samples", False)
+    (run.path / "samples.csv").unlink()
+    assert "no samples in it" in entry_of(folder, "pitch").problem
