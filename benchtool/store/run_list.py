@@ -2,22 +2,33 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from benchtool.errors import BenchtoolError
 from benchtool.store.entry import Entry, entry_of, kind_of
+from benchtool.store.recording_file import beside
 from benchtool.store.runs_folder import RunsFolder
 
 DEEPEST = 3
 """Folders of folders that are looked through for entries; a choice."""
 
 
-def list_entries(folder: RunsFolder) -> tuple[Entry, ...]:
-    """Return everything in a runs folder, the newest first; a folder that is not there is empty."""
+Seen = dict[str, tuple[int, Entry]]
+"""Entries by name as they were read last, with the newest time of their files."""
+
+
+def list_entries(folder: RunsFolder, seen: Seen | None = None) -> tuple[Entry, ...]:
+    """Return everything in a runs folder, the newest first; a folder that is not there is empty.
+
+    Args:
+        folder: of runs.
+        seen: kept between calls, so that only what has changed is read again.
+    """
     if not folder.root.is_dir():
         return ()
-    found = list(_in_folder(folder, folder.root, DEEPEST))
+    found = list(_in_folder(folder, folder.root, DEEPEST, {} if seen is None else seen))
     dated = [entry for entry in found if entry.started is not None]
     dated.sort(key=_age, reverse=True)
     undated = sorted((entry for entry in found if entry.started is None), key=lambda e: e.name)
@@ -31,7 +42,7 @@ def search(entries: Iterable[Entry], words: str = "", kind: str = "") -> tuple[E
     )
 
 
-def _in_folder(folder: RunsFolder, path: Path, depth: int) -> Iterator[Entry]:
+def _in_folder(folder: RunsFolder, path: Path, depth: int, seen: Seen) -> Iterator[Entry]:
     for item in sorted(path.iterdir()):
         if item.name.startswith("."):
             continue
@@ -44,12 +55,22 @@ def _in_folder(folder: RunsFolder, path: Path, depth: int) -> Iterator[Entry]:
             continue
         known = kind_of(item)
         if known:
-            yield entry_of(folder, name)
+            yield _entry(folder, item, seen)
             within = item.glob("recalibrated-*") if known == "sweep" else ()
-            yield from (entry_of(folder, folder.name_of(inner)) for inner in sorted(within))
+            yield from (_entry(folder, inner, seen) for inner in sorted(within))
         elif item.is_dir():
-            inside = list(_in_folder(folder, item, depth - 1)) if depth > 1 else []
-            yield from inside or [entry_of(folder, name)]
+            inside = list(_in_folder(folder, item, depth - 1, seen)) if depth > 1 else []
+            yield from inside or [_entry(folder, item, seen)]
+
+
+def _entry(folder: RunsFolder, path: Path, seen: Seen) -> Entry:
+    """Return one entry, read again only where one of its files has changed."""
+    name = folder.name_of(path)
+    files = [path, *path.iterdir()] if path.is_dir() else [path, beside(path)]
+    stamp = max(os.lstat(file).st_mtime_ns for file in files if os.path.lexists(file))
+    if name not in seen or seen[name][0] != stamp:
+        seen[name] = (stamp, entry_of(folder, name))
+    return seen[name][1]
 
 
 def _age(entry: Entry) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 
 from benchtool.store.entry import Entry
-from benchtool.store.run_list import list_entries
+from benchtool.store.run_list import Seen, list_entries
 from benchtool.store.runs_folder import RunsFolder
 
 
@@ -15,14 +15,18 @@ class Listing:
     def __init__(self, folder: RunsFolder) -> None:
         self.folder = folder
         self.entries: tuple[Entry, ...] = ()
+        self._read: Seen = {}
         self._seen: tuple[tuple[str, int], ...] | None = None
 
     async def look(self) -> bool:
         """Read the folder anew where it has changed; tell whether it has."""
-        changed = await asyncio.to_thread(_stamps, self.folder)
-        if changed == self._seen:
+        try:
+            changed = await asyncio.to_thread(_stamps, self.folder)
+            if changed == self._seen:
+                return False
+            self.entries = await asyncio.to_thread(list_entries, self.folder, self._read)
+        except FileNotFoundError:  # something was moved meanwhile; the next look sees it
             return False
-        self.entries = await asyncio.to_thread(list_entries, self.folder)
         self._seen = changed
         return True
 

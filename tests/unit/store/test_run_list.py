@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from benchtool.store import run_list
 from benchtool.store.entry import Entry, entry_of
 from benchtool.store.run_list import list_entries, search
 from benchtool.store.runs_folder import RunsFolder
@@ -128,3 +129,23 @@ def test_a_pitch_recording_is_told_by_its_channels(folder: RunsFolder) -> None:
     assert (found.kind, found.said, found.can_fit) == ("pitch recording", "1375 samples", False)
     (run.path / "samples.csv").unlink()
     assert "no samples in it" in entry_of(folder, "pitch").problem
+
+
+def test_only_what_has_changed_is_read_again(
+    folder: RunsFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen: run_list.Seen = {}
+    whole = list_entries(folder, seen)
+    read: list[str] = []
+
+    def noted(folder: RunsFolder, name: str) -> Entry:
+        read.append(name)
+        return entry_of(folder, name)
+
+    monkeypatch.setattr(run_list, "entry_of", noted)
+    assert list_entries(folder, seen) == whole
+    assert read == []
+    (folder.root / "quad" / "points.csv").write_text("point,kind\n1,bogus\n", "utf-8")
+    again = {entry.name: entry for entry in list_entries(folder, seen)}
+    assert read == ["quad"]
+    assert "bogus" in again["quad"].problem
