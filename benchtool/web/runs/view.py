@@ -36,7 +36,8 @@ def view_entry(root: Path, name: str) -> tuple[Shown, Parts]:
     entry = entry_of(folder, name)
     path = folder.path_of(name)
     if entry.problem:
-        raise FileFormatError(name, entry.problem.removeprefix(f"{name}: "))
+        known = entry.problem.startswith(name)
+        raise InputError(entry.problem if known else f"{name}: {entry.problem}")
     if entry.kind == "fit":
         return view_fit(root, name), ()
     if entry.kind == "explanation":

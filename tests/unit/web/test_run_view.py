@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from benchtool.errors import BenchtoolError, FileFormatError, InputError
+from benchtool.errors import BenchtoolError, InputError
 from benchtool.store.entry import entry_of
 from benchtool.store.runs_folder import RunsFolder
 from benchtool.web.runs.jobs import (
@@ -109,7 +109,7 @@ def test_a_recording_is_shown_and_handed_out(root: Path) -> None:
 
 
 def test_what_is_broken_says_why_and_offers_nothing(root: Path) -> None:
-    with pytest.raises(FileFormatError, match=r"metadata\.json: this is not valid JSON"):
+    with pytest.raises(InputError, match=r"^broken/metadata\.json: this is not valid JSON"):
         view_entry(root, "broken")
     assert offers(entry_of(RunsFolder(root), "broken")) == ()
 
