@@ -166,7 +166,8 @@ def _peak(values: Array) -> float:
 
 
 def _shown(value: float) -> str:
-    return f"{value:.2f}".replace("-", "−") if np.isfinite(value) else "–"
+    # Adding 0 takes the sign off a zero.
+    return f"{round(value, 2) + 0.0:.2f}".replace("-", "−") if np.isfinite(value) else "–"
 
 
 def visits_table(track: PitchTrack, replay: Replay | None) -> Table:
