@@ -6,7 +6,7 @@ from math import isfinite
 
 from benchtool.explain.answer import Answer, channel_words, stage_words
 from benchtool.explain.explanation import Disagreement, Overlay
-from benchtool.explain.verdict import FoundParameter, Gap, NamedEffect
+from benchtool.explain.verdict import FoundParameter, Gap, NamedEffect, Where
 from benchtool.report.disagreement import StageSizes, disagreement_figure
 from benchtool.report.effect_sizes import EffectSize, effect_size_figure
 from benchtool.report.gap import GapBar, gap_figure
@@ -77,9 +77,17 @@ def _stage(answer: Answer, item: Disagreement) -> StageSizes:
         stage=stage_words(item.stage),
         before=item.by_regime,
         after=item.after,
-        marked=where.regime if where is not None and where.stage == item.stage else "",
+        marked=where.regime if where is not None and _shows(answer, item, where) else "",
         changed=answer.has_model,
     )
+
+
+def _shows(answer: Answer, item: Disagreement, where: Where) -> bool:
+    """Tell whether the verdict's stage shows in these rows; thrust shows in the beam's motion."""
+    drawn = {other.stage for other in answer.explanation.disagreements if other.by_regime}
+    if where.stage in drawn:
+        return item.stage == where.stage
+    return item.stage != "pwm_to_rpm"
 
 
 def _size(effect: NamedEffect, item: FoundParameter) -> EffectSize:

@@ -37,8 +37,12 @@ class StageSizes:
 
     @property
     def shown(self) -> list[str]:
-        """The regimes that are drawn, the worst first."""
-        return sorted(self.before, key=lambda name: -self.before[name])[:MOST_REGIMES]
+        """The regimes that are drawn, the worst first; the marked one is always among them."""
+        ranked = sorted(self.before, key=lambda name: -self.before[name])
+        shown = ranked[:MOST_REGIMES]
+        if self.marked in ranked[MOST_REGIMES:]:
+            shown[-1] = self.marked
+        return shown
 
 
 @styled

@@ -43,6 +43,20 @@ def test_a_disagreement_without_a_place_of_its_own_reads_so() -> None:
     )
 
 
+def test_a_stage_without_rows_of_its_own_is_marked_where_the_beam_moves() -> None:
+    given = answer("effect")
+    where = Where(stage="rpm_to_thrust", regime="slow reversals", size=1.2, share=0.8)
+    thrust = replace(given.explanation, verdict=replace(given.verdict, where=where))
+    figure = answer_figures(replace(given, explanation=thrust))["where"]
+    marked = {
+        (axes.get_title(loc="left"), label.get_text())
+        for axes in figure.axes
+        for label in axes.get_yticklabels()
+        if label.get_fontweight() == "bold"
+    }
+    assert marked == {("hinge", "slow reversals")}
+
+
 def test_silence_of_poor_data_says_how_little_it_means() -> None:
     given = answer("none")
     tried = dict.fromkeys({name.partition(".")[0] for name in given.verdict.tolerances})

@@ -112,7 +112,7 @@ def test_a_recording_that_nothing_drove_is_refused_at_once(tmp_path: Path) -> No
         "time_s,theta_rad,rpm1,pwm1_us,pwm2_us\n0,0.1,0,1500,1500\n1,0.2,0,1500,1500\n",
         encoding="utf-8",
     )
-    with pytest.raises(BenchtoolError, match="pwm1_us of a.csv is 1500 in every row, as are all"):
+    with pytest.raises(BenchtoolError, match=r"pwm1_us of a.csv is 1500 in every row, as are all"):
         read_sources([str(path)], [csv(tmp_path, "b.csv")], loaded())
 
 

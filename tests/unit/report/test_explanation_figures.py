@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -92,6 +94,9 @@ def test_where_shows_the_worst_parts_first_and_marks_the_answer() -> None:
     assert labels[0].get_text() == "part 11"
     assert labels[0].get_fontweight() == "bold"
     assert labels[1].get_fontweight() != "bold"
+    quiet = replace(stage, marked="part 0")
+    (axes,) = disagreement_figure([quiet], title="Where", simulated=False).axes
+    assert axes.get_yticklabels()[-1].get_text() == "part 0"
     with pytest.raises(InputError, match="at least one stage"):
         disagreement_figure([], title="Where", simulated=False)
 
