@@ -58,8 +58,11 @@ class UnknownChoice(InputError):
         self.kind = kind
         self.name = name
         self.known = tuple(sorted(known))
-        close = get_close_matches(name, self.known, n=1)
-        hint = f"did you mean {close[0]!r}? " if close else ""
+        folded = {each.casefold(): each for each in self.known if len(each) > 1}
+        close = get_close_matches(name.casefold(), folded, n=1)
+        begun = [each for each in sorted(folded, key=len) if each.startswith(name.casefold())]
+        close = close or begun[: len(name) > 1]
+        hint = f"did you mean {folded[close[0]]!r}? " if close else ""
         listed = ", ".join(self.known) or "none"
         super().__init__(f"unknown {kind} {name!r}; {hint}known: {listed}")
 

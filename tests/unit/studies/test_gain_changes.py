@@ -29,7 +29,7 @@ def test_one_gain_takes_a_value() -> None:
     [
         ("atitude", "unknown table of gains 'atitude'; did you mean 'attitude'"),
         ("atitude.k_q_per_s", "unknown table of gains 'atitude'"),
-        ("attitude.k_q", "unknown gain of attitude 'k_q'; known: k_i_q"),
+        ("attitude.k_q", "unknown gain of attitude 'k_q'; did you mean 'k_q_per_s'. known: k_i_q"),
         ("title", "unknown table of gains 'title'"),
     ],
 )
