@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Annotated, Literal
 
 import numpy as np
-from annotated_types import Ge, Gt
+from annotated_types import Ge, Gt, Le
 from numpy.typing import NDArray
 
 from benchtool.core.toml_text import FiniteTable
@@ -18,6 +19,16 @@ Positive = Annotated[float, Gt(0.0)]
 
 LONGEST_S = 3600.0
 """Longest run asked for by hand; its recording fills some hundred megabytes of memory (a guess)."""
+
+FARTHEST_PLATE = 100.0
+"""In rotor radii; a plate farther away does nothing that anybody could see."""
+
+SHORTEST_BIT_S = 1e-4
+"""A tenth of a plant step, so that a slip of the keys does not fill the memory. A choice."""
+
+REACH = {"reference_deg": (-90.0, 90.0), "collective": (0.0, 10.0), "dither_us": (-1e3, 1e3)}
+"""What tracks may come to: a hinge's half turn, thrusts of hover that no motor exceeds (a guess),
+the range of a servo pulse."""
 
 PARKED_M = 1.0
 """Plate distance that stands for a plate that is parked away, as pitch recordings write it."""
@@ -44,9 +55,15 @@ class Signal(FiniteTable):
     period_s: Positive = 4.0
     start_Hz: NotNegative = 0.1
     end_Hz: NotNegative = 5.0
-    bit_s: Positive = 0.05
+    bit_s: Annotated[float, Ge(SHORTEST_BIT_S)] = 0.05
     every_s: Positive = 2.0
-    seed: int = 0
+    seed: Annotated[int, Ge(0)] = 0
+
+    def __post_init__(self) -> None:
+        if self.to_s is not None and self.to_s <= self.from_s:
+            raise InputError(
+                f"a {self.shape} acts from_s {self.from_s:g} to_s {self.to_s:g}; let it end later"
+            )
 
     def sampled(self, time_s: Array, duration_s: float) -> Array:
         """Return the shape at these times (m,)."""
@@ -86,7 +103,7 @@ class PlateVisit(FiniteTable):
         move_s: how long either takes; the covered share grows evenly.
     """
 
-    z_over_R: Positive
+    z_over_R: Annotated[float, Gt(0.0), Le(FARTHEST_PLATE)]
     in_s: NotNegative
     out_s: Positive
     move_s: NotNegative = 0.5
@@ -144,6 +161,12 @@ class Schedule(FiniteTable):
                     f"the plate of schedule {self.name!r} leaves at {visit.out_s:g} s, before it "
                     f"is in at {visit.in_s + visit.move_s:g} s; let it leave later"
                 )
+        for visit, later in pairwise(self.plate):
+            if later.in_s < visit.out_s:
+                raise InputError(
+                    f"the plate of schedule {self.name!r} comes again at {later.in_s:g} s, before "
+                    f"it leaves at {visit.out_s:g} s; let it come later"
+                )
 
     def lasting(self, duration_s: float) -> Schedule:
         """Return the schedule cut short or held on to another duration."""
@@ -159,7 +182,15 @@ class Schedule(FiniteTable):
         Args:
             rate_Hz: control rate.
             radius_m: rotor radius, which plate distances are given in.
+
+        Raises:
+            InputError: it lasts too long, or a track goes beyond `REACH`.
         """
+        if self.duration_s > LONGEST_S:
+            raise InputError(
+                f"duration_s of schedule {self.name!r} is {self.duration_s:g}; give at most "
+                f"{LONGEST_S:g} s"
+            )
         ticks = max(1, round(self.duration_s * rate_Hz))
         t = np.arange(ticks) / rate_Hz
         plate_z, share = self.plate_at(t, radius_m)
@@ -170,17 +201,32 @@ class Schedule(FiniteTable):
                 observer[later] = float(switch.observer)
             if switch.feedforward is not None:
                 feedforward[later] = float(switch.feedforward)
+        reference_deg = _sum(self.reference_deg, t, self.duration_s)
+        collective = 1.0 + _sum(self.collective, t, self.duration_s)
+        dither_us = _sum(self.dither_us, t, self.duration_s)
+        self._refuse_beyond("reference_deg", reference_deg)
+        self._refuse_beyond("collective", collective)
+        self._refuse_beyond("dither_us", dither_us)
         return SampledSchedule(
             rate_Hz=rate_Hz,
             time_s=t,
-            reference_rad=np.radians(_sum(self.reference_deg, t, self.duration_s)),
-            collective=1.0 + _sum(self.collective, t, self.duration_s),
-            dither_us=_sum(self.dither_us, t, self.duration_s),
+            reference_rad=np.radians(reference_deg),
+            collective=collective,
+            dither_us=dither_us,
             plate_z_m=plate_z,
             plate_share=share,
             observer=observer,
             feedforward=feedforward,
         )
+
+    def _refuse_beyond(self, track: str, values: Array) -> None:
+        low, high = REACH[track]
+        worst = float(values[np.argmax(np.maximum(values - high, low - values))])
+        if not low <= worst <= high:
+            raise InputError(
+                f"{track} of schedule {self.name!r} comes to {worst:g}; keep it between {low:g} "
+                f"and {high:g}"
+            )
 
     def plate_at(self, time_s: Array, radius_m: float) -> tuple[Array, Array]:
         """Return plate distance (m,) and how far it is in (m,), parked between visits."""

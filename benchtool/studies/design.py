@@ -14,6 +14,9 @@ from benchtool.errors import InputError
 
 Array = NDArray[np.float64]
 
+MOST_RUNS = 10_000_000
+"""About an hour of pitch runs; a slip of the keys asks for more. A choice."""
+
 
 @dataclass(frozen=True, slots=True)
 class Vary:
@@ -83,6 +86,11 @@ class Design:
             raise InputError(
                 f"{self.seeds} seeds and {self.samples} samples make no campaign; give 1 seed or "
                 f"more, and 0 samples (a grid) or more"
+            )
+        if self.n_points * self.seeds > MOST_RUNS:
+            raise InputError(
+                f"{self.n_points} points under {self.seeds} seeds are {self.n_points * self.seeds} "
+                f"runs; give at most {MOST_RUNS}"
             )
 
     @classmethod

@@ -7,24 +7,38 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from benchtool.control.pitch import Feedforward, PitchControl, pitch_controller
-from benchtool.core.schedule import Schedule
+from benchtool.core.schedule import FARTHEST_PLATE, Schedule
 from benchtool.effects.catalogue import EFFECTS
 from benchtool.effects.model import Model
 from benchtool.errors import InputError, UnknownChoice
 from benchtool.library import gains_named, load_model, model_names, rig_named, schedule_named
-from benchtool.simulate.pitch_bench import PitchBench
-from benchtool.simulate.pitch_run import PitchJob
+from benchtool.simulate.pitch_bench import STEPS_PER_LAG, PitchBench
+from benchtool.simulate.pitch_run import PitchJob, substeps_of
 from benchtool.studies.gain_changes import changed_gains
+from benchtool.studies.sensible import refuse_outside
 
 BENCH_NUMBERS = ("inertia_kgm2", "plant_rate_Hz", "stop_rad", "pwm_quantum_us")
 GAIN_TABLES = ("attitude", "observer")
 FASTEST_PLANT_HZ = 1e5
 """A hundred times the usual rate, so that a slip of the keys does not run for hours. A choice."""
 
-FEEDFORWARD_NUMBERS = ("strength", "height_error_m", "late_s")
+SLOWEST_CONTROL_HZ = 1.0
+"""Slower than any controller of an attitude (a guess)."""
+
+LEAST_LAG_S = STEPS_PER_LAG / FASTEST_PLANT_HZ
+"""The quickest motor that the fastest plant can follow."""
+
+FEEDFORWARD_NUMBERS = {
+    "strength": (0.0, 10.0), "height_error_m": (-10.0, 10.0), "late_s": (-3600.0, 3600.0),
+}  # fmt: skip
+"""Numbers of a feedforward with what they may be: beyond anything a map does (a guess)."""
+
+SENSIBLE = {
+    "inertia_kgm2": (1e-6, 1e4), "pwm_quantum_us": (0.0, 1e3), "stop_rad": (1e-3, 1.5),
+}  # fmt: skip
+"""Numbers of a bench with what they may be: from an insect to a helicopter (a guess)."""
+
 PLATE_DISTANCE = "plate.z_over_R"
-FARTHEST_PLATE = 100.0
-"""In rotor radii; a plate farther away does nothing that anybody could see."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,7 +64,10 @@ class PitchSetup:
         rates = {control.control_rate_Hz for control in self.controls}
         if len(rates) != 1:
             raise InputError(f"controllers of different rates, {sorted(rates)} Hz; give one rate")
-        return rates.pop()
+        rate_Hz = rates.pop()
+        refuse_outside("control_rate_Hz", rate_Hz, SLOWEST_CONTROL_HZ, FASTEST_PLANT_HZ)
+        substeps_of(self.bench, rate_Hz)
+        return rate_Hz
 
 
 def pitch_setup(
@@ -115,6 +132,8 @@ def _changed(setup: PitchSetup, name: str, value: float) -> PitchSetup:
             raise InputError(
                 f"bench.plant_rate_Hz is {value:g}; give at most {FASTEST_PLANT_HZ:g} Hz"
             )
+        if rest in SENSIBLE:
+            refuse_outside(name, value, *SENSIBLE[rest])
         numbers: dict[str, Any] = {rest: value}
         return replace(setup, bench=replace(setup.bench, **numbers))
     if name == PLATE_DISTANCE:
@@ -122,6 +141,7 @@ def _changed(setup: PitchSetup, name: str, value: float) -> PitchSetup:
     if head == "feedforward":
         if rest not in FEEDFORWARD_NUMBERS:
             raise UnknownChoice("number of the feedforward", rest, FEEDFORWARD_NUMBERS)
+        refuse_outside(name, value, *FEEDFORWARD_NUMBERS[rest])
         known: dict[str, Any] = {rest: value}
         return replace(
             setup,
@@ -160,6 +180,12 @@ def _with_gain(control: PitchControl, name: str, value: float) -> PitchControl:
 
 def _with_parameter(model: Model, name: str, value: float) -> Model:
     full = full_name(model, name)
+    if full in SENSIBLE:
+        refuse_outside(full, value, *SENSIBLE[full])
+    if full == "motor_lag.tau_s" and 0.0 < value < LEAST_LAG_S:
+        raise InputError(
+            f"{full} is {value:g} s; give at least {LEAST_LAG_S:g} s, or 0 for motors without lag"
+        )
     if full not in model.parameters:
         effect = full.partition(".")[0]
         model = model.with_effect(effect)

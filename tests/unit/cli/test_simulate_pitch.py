@@ -101,6 +101,24 @@ def test_a_controller_of_ones_own_is_named_on_the_command_line(
         (("--set", "bench.mass=1"), "known: inertia_kgm2"),
         (("--set", "gains.attitude.kq=1"), "known: k_i_q_per_s2"),
         (("--duration-s", "-1"), "duration_s is -1"),
+        (("--controllers", "PID"), "did you mean 'pid'"),
+        (("--controllers", "obs"), "did you mean 'observer'"),
+        (("--gains", "S3"), "did you mean 's3'"),
+        (("--set", "motor_lag.tau_s=1e-300"), "tau_s is 1e-300 s; give at least 2e-05 s, or 0"),
+        (("--set", "bench.inertia_kgm2=1e300"), r"inertia_kgm2 is 1e\+300; give 1e-06 to 10000"),
+        (("--set", "inertia_kgm2=1e-12"), "inertia_kgm2 is 1e-12; give 1e-06 to 10000"),
+        (("--set", "bench.stop_rad=-1"), "bench.stop_rad is -1; give 0.001 to 1.5"),
+        (("--set", "bench.pwm_quantum_us=-1"), "bench.pwm_quantum_us is -1; give 0 to 1000"),
+        (("--set", "gains.control_rate_Hz=1e9"), r"control_rate_Hz is 1e\+09; give 1 to 100000"),
+        (("--set", "gains.control_rate_Hz=1e-9"), "control_rate_Hz is 1e-09; give 1 to 100000"),
+        (("--set", "gains.control_rate_Hz=333"), "the controller at 333 Hz"),
+        (("--set", "bench.plant_rate_Hz=100"), "the plant runs at 100 Hz"),
+        (("--set", "feedforward.strength=-1"), "feedforward.strength is -1; give 0 to 10"),
+        (("--set", "feedforward.height_error_m=1e9"), r"height_error_m is 1e\+09; give -10 to 10"),
+        (("--set", "feedforward.late_s=1e300"), r"late_s is 1e\+300; give -3600 to 3600"),
+        (("--set", "feedforward.dropout=2"), "known: height_error_m, late_s, strength"),
+        (("--vary", "K_b=1:2:1000000000"), "are 1000000000 runs; give at most 10000000"),
+        (("--vary", "K_b=1:inf:3"), "write NAME=FROM:TO:COUNT"),
         (("--feedforward", "guess"), "known: distance, range"),
     ],
 )
@@ -113,6 +131,57 @@ def test_bad_input_is_one_sentence_and_exit_code_2(
     assert code == 2
     assert re.search(message, err), err
     assert err.count("\n") == 1
+
+
+HEAD = 'name = "mine"\ntitle = "Mine"\n'
+STEP = HEAD + 'duration_s = 2\n[[reference_deg]]\nshape = "step"\n'
+PRBS = HEAD + 'duration_s = 2\n[[reference_deg]]\nshape = "prbs"\nlevel = 1\n'
+ADDED = HEAD + 'duration_s = 2\n[[collective]]\nshape = "step"\n'
+FIRST = HEAD + "duration_s = 9\n[[plate]]\nz_over_R = 1\nin_s = 3\nout_s = 6\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("name = ", "this is not valid TOML"),
+        ("", "name is missing"),
+        (HEAD + "duration_s = 2\nspeed = 1\n", "'speed'; known: collective"),
+        (HEAD + "duration_s = inf\n", "duration_s is Infinity"),
+        (HEAD + "duration_s = 1e9\n", "duration_s of schedule 'mine' is 1e+09; give at most 3600"),
+        (STEP + "level = nan\n", "reference_deg[0].level is NaN"),
+        (STEP + "level = 1e9\n", "reference_deg of schedule 'mine' comes to 1e+09"),
+        (STEP + "from_s = 1.5\nto_s = 1\n", "from_s 1.5 to_s 1; let it end later"),
+        (PRBS + "bit_s = 1e-12\n", "bit_s is 1e-12"),
+        (PRBS + "seed = -1\n", "seed is -1"),
+        (ADDED + "level = -5\n", "collective of schedule 'mine' comes to -4; keep it between 0"),
+        (FIRST.replace("= 1\n", "= 1e9\n"), "z_over_R is 1000000000.0"),
+        (FIRST + "[[plate]]\nz_over_R = 1\nin_s = 1\nout_s = 2\n", "are not in time; sort them"),
+        (FIRST + "[[plate]]\nz_over_R = 2\nin_s = 5\nout_s = 7\n", "comes again at 5 s, before"),
+    ],
+)
+def test_a_schedule_that_says_nothing_sensible_is_refused(
+    text: str, message: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text(text, encoding="utf-8")
+    code, _, err = simulate(capsys, "--schedule", str(path))
+    assert code == 2
+    assert message in err
+    assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize("value", ["inf", "nan", "-1.0"])
+def test_a_gain_file_holds_finite_gains(
+    value: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    from benchtool.library.packaged import read_named
+
+    shipped, _ = read_named("gain set", "gains", "s3")
+    path = tmp_path / "mine.toml"
+    path.write_text(shipped.replace("k_q_per_s = 7.4", f"k_q_per_s = {value}"), encoding="utf-8")
+    code, _, err = simulate(capsys, "--gains", str(path))
+    assert code == 2
+    assert "mine.toml: attitude.k_q_per_s is " in err
 
 
 def test_numbers_are_set_by_name() -> None:
