@@ -186,9 +186,8 @@ def flight_case(
     if not 0.0 < height < 1e3:
         raise InputError(f"z/R is {height:g}; give a positive height in rotor radii")
     z_m = height * vehicle.rig.propulsion.radius_m
-    base = FlightCase(
-        name=name, title=shipped.title, vehicle=vehicle, gains=gains, start_m=(0.0, 0.0, z_m)
-    )
+    given: dict[str, Any] = {"title": shipped.title, "start_m": (0.0, 0.0, z_m), **changes}
+    base = FlightCase(name=name, vehicle=vehicle, gains=gains, **given)
     case = shipped.make(base, z_m, shipped.speed_m_s if speed_m_s is None else speed_m_s)
     if z_over_R is None:
         case = replace(case, below=Environment())

@@ -6,20 +6,29 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from benchtool.errors import UnknownChoice
+from benchtool.errors import InputError, UnknownChoice
 from benchtool.library.gain_file import Gains
 from benchtool.simulate.environment import Environment
 from benchtool.simulate.flight import FlightCase, Goal
 from benchtool.simulate.flight_cases import FLIGHTS, flight_case
 from benchtool.simulate.flight_vehicle import FlightVehicle
 from benchtool.studies.gain_changes import changed_gains
+from benchtool.studies.sensible import refuse_outside
 
-FLIGHT_NUMBERS = ("z_over_R", "speed_m_s", "gyro_noise_rad_s", "map_strength", "drag_N_s_m")
+FLIGHT_NUMBERS = (
+    "z_over_R", "speed_m_s", "gyro_noise_rad_s", "map_strength", "drag_N_s_m", "step_s",
+)  # fmt: skip
 VEHICLE_NUMBERS = (
     "K_b", "neighbours", "lag_s", "turned_deg", "inertia_scale", "undercarriage_m",
 )  # fmt: skip
 MAP_OFFSETS = ("map_offset_x_m", "map_offset_y_m", "map_offset_z_m")
 GAIN_TABLES = ("gains.position", "gains.attitude", "gains.altitude", "gains.yaw", "gains.observer")
+CONTROL_HZ = (1.0, 1e5)
+"""Rates of control: from slower than any to a thousandfold of an autopilot's (a guess)."""
+
+USUAL_STEP_S, LEAST_STEP_S = 0.001, 1e-6
+"""Longest step of the plant unless another is asked for, and the least that can be."""
+
 CHANGEABLE = (*FLIGHT_NUMBERS, *VEHICLE_NUMBERS, *MAP_OFFSETS, *GAIN_TABLES)
 """What can be set or varied; and every single gain, as gains.attitude.k_q_per_s."""
 
@@ -37,6 +46,7 @@ class FlightSetup:
         duration_s: length; the flight's own when None.
         goal_m: x and y to fly to in place of the flight's own goal.
         below: what to fly over in place of the flight's own obstacle.
+        step_s: longest step of the plant; 1 ms when None, and never above a control period.
         drag_N_s_m: of the vehicle against the air; the flight's own when None.
         ramp, gyro_noise_rad_s, map_offset_m, map_strength: as in `FlightCase`.
     """
@@ -50,6 +60,7 @@ class FlightSetup:
     goal_m: tuple[float, float] | None = None
     below: Environment | None = None
     drag_N_s_m: float | None = None
+    step_s: float | None = None
     ramp: bool = False
     gyro_noise_rad_s: float = 0.0
     map_offset_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -58,6 +69,7 @@ class FlightSetup:
     def flown(self, control: str, seed: int = 1) -> FlightCase:
         """Return the case for one controller under one noise."""
         changes: dict[str, Any] = {
+            "step_s": self._step_s(),
             "control": control,
             "seed": seed,
             "ramp": self.ramp,
@@ -85,6 +97,23 @@ class FlightSetup:
         if self.drag_N_s_m is None:
             return flown
         return replace(flown, vehicle=replace(flown.vehicle, drag_N_s_m=self.drag_N_s_m))
+
+    def _step_s(self) -> float:
+        """Return the step of the plant, or refuse what cannot be simulated with any."""
+        rate_Hz, lag_s = self.gains.control_rate_Hz, self.vehicle.lag_s
+        refuse_outside("control_rate_Hz", rate_Hz, *CONTROL_HZ)
+        if 0.0 < lag_s < 2.0 * LEAST_STEP_S:
+            raise InputError(
+                f"lag_s is {lag_s:g}; give at least {2.0 * LEAST_STEP_S:g} s, or 0 for motors "
+                f"without lag"
+            )
+        step_s = USUAL_STEP_S if self.step_s is None else self.step_s
+        if 0.0 < lag_s < 2.0 * min(step_s, 1.0 / rate_Hz):
+            raise InputError(
+                f"lag_s is {lag_s:g}, too short for a step_s of {step_s:g}; add --set "
+                f"step_s={0.4 * lag_s:g}, give a longer lag, or 0 for motors without"
+            )
+        return min(step_s, 1.0 / rate_Hz)
 
     def words(self) -> dict[str, str]:
         """Return the numbers asked for as text by name."""

@@ -24,6 +24,9 @@ BODY_REACH = 1.0
 """How far hub and undercarriage reach below the rotors, in rotor radii, where nobody says: a guess
 for the warning alone."""
 
+FARTHEST_OFF_M, LARGEST_TILT_DEG, FASTEST_M_S = 10.0, 75.0, 30.0
+"""Off the height asked for, tilt, speed: beyond any of these no such vehicle flies (a guess)."""
+
 NO_EFFECT = 0.001
 """A share of thrust too small to see: below it, what is below acts on nothing."""
 
@@ -49,7 +52,8 @@ def warnings_of(flights: Sequence[Flown]) -> list[str]:
     if not all(flown.measures.arrives for flown in flights) and (why := too_short(case)):
         out.append(why)
     for flown in flights:
-        out += [f"{name_of(flown)}: {text}" for text in _warnings_of_one(flown)]
+        name = f"{name_of(flown)} OGE" if flown is flights[0] else name_of(flown)
+        out += [f"{name}: {text}" for text in _warnings_of_one(flown)]
     if nothing := _nothing_acts(flights[1:]):
         out.append(nothing)
     mapped = [flown for flown in flights if flown.case.control in ("feedforward", "both")]
@@ -74,6 +78,8 @@ def _warnings_of_one(flown: Flown) -> list[str]:
             f"it turned over (roll {found.max_roll_deg:.0f} deg); its other numbers are those of a "
             f"fall"
         )
+    elif left := _left_envelope(flown):
+        out.append(left)
     if found.held_ticks:
         out.append(
             f"a rotor came nearer than z/R = 0.5 in {found.held_ticks} steps; its height was held "
@@ -107,6 +113,30 @@ def _nothing_acts(flights: Sequence[Flown]) -> str:
     return (
         f"nothing below acts: no rotor was ever over anything of {case.below.name!r}{beside}; move "
         f"its boxes, or fly elsewhere with --goal-m"
+    )
+
+
+def _left_envelope(flown: Flown) -> str:
+    """Say by what a flight left what any such vehicle flies; "" if it did not."""
+    flight, found = flown.flight, flown.measures
+    off_m = max(found.range_z_m, key=abs)
+    tilt_deg = max(found.max_pitch_deg, found.max_roll_deg)
+    speed_m_s = float(np.sqrt(sum(flight[f"v{axis}_m_s"] ** 2 for axis in "xyz")).max())
+    beyond = [
+        text
+        for text, value, limit in (
+            (f"{off_m:+.3g} m off its height", abs(off_m), FARTHEST_OFF_M),
+            (f"tilted by {tilt_deg:.3g} deg", tilt_deg, LARGEST_TILT_DEG),
+            (f"{speed_m_s:.3g} m/s fast", speed_m_s, FASTEST_M_S),
+        )
+        if not value <= limit
+    ]
+    if not beyond:
+        return ""
+    return (
+        f"it flew as no such vehicle does ({', '.join(beyond)}; limits guessed as "
+        f"{FARTHEST_OFF_M:g} m, {LARGEST_TILT_DEG:g} deg, {FASTEST_M_S:g} m/s), so that its "
+        f"numbers mean nothing; take other gains"
     )
 
 

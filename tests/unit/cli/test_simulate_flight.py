@@ -81,7 +81,12 @@ def test_a_map_from_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
         (["--speed-m-s", "-1"], "goal speed_m_s is -1"),
         (["--gyro-noise-rad-s", "inf"], "gyro_noise_rad_s is inf"),
         (["--rig", "pquad_single"], "four rotors or more"),
-        (["--lag-s", "0.001"], "step_s is 0.001"),
+        (["--lag-s", "0.001"], "add --set step_s=0.0004"),
+        (["--lag-s", "1e-9"], "lag_s is 1e-09; give at least 2e-06 s"),
+        (["--set", "step_s=0"], "step_s is 0; give 1e-06 to 0.004"),
+        (["--set", "gains.control_rate_Hz=1e9"], "control_rate_Hz is 1e+09; give 1 to 100000"),
+        (["--set", "gains.control_rate_Hz=1e-9"], "control_rate_Hz is 1e-09; give 1 to 100000"),
+        (["--controllers", "PID"], "did you mean 'pid'"),
     ],
 )
 def test_bad_input_is_one_sentence(
@@ -91,6 +96,22 @@ def test_bad_input_is_one_sentence(
     error = capsys.readouterr().err
     assert says in error
     assert error.count("\n") == 1
+
+
+def test_a_step_for_quick_motors_and_quick_control(capsys: pytest.CaptureFixture[str]) -> None:
+    quick = ("--set", "step_s=0.0004", "--set", "gains.control_rate_Hz=2000")
+    assert run("--controllers", "pid", "--duration-s", "2", "--lag-s", "0.001", *quick) == 0
+    assert capsys.readouterr().out.startswith("SIMULATED flight over")
+
+
+def test_a_flight_beyond_anything_sensible_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    wild = ("--set", "gains.attitude=1e12")
+    assert run("--controllers", "pid", "--duration-s", "20", *wild) == 0
+    out = capsys.readouterr().out
+    assert "PID: it flew as no such vehicle does (+" in out
+    assert "limits guessed as 10 m, 75 deg, 30 m/s" in out
+    assert run("--controllers", "pid", "--duration-s", "20") == 0
+    assert "no such vehicle" not in capsys.readouterr().out
 
 
 LAW = """
