@@ -7,6 +7,7 @@ import pickle
 import threading
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 from multiprocessing import get_context
 from multiprocessing.connection import Connection as Pipe
 from typing import Any
@@ -39,6 +40,7 @@ class BenchLink:
         self.framed: Callable[[bytes], None] = lambda frame: None
         self._process: Any = None
         self._pipe: Pipe | None = None
+        self._closing = False
 
     def start(self) -> None:
         """Start the process and listen to it."""
@@ -48,12 +50,16 @@ class BenchLink:
         self._process.start()
         theirs.close()
         loop = asyncio.get_running_loop()
-        threading.Thread(target=self._listen, args=(loop,), name="bench news", daemon=True).start()
+        threading.Thread(
+            target=self._listen, args=(self._pipe, loop), name="bench news", daemon=True
+        ).start()
 
     def ask(self, ask: Ask) -> None:
         """Send something to the bench process; it answers with news."""
         if self._pipe is not None:
-            self._pipe.send_bytes(pickle.dumps(ask))
+            # A process that is gone is told of, and started again, where it is listened to.
+            with suppress(OSError):
+                self._pipe.send_bytes(pickle.dumps(ask))
 
     def stop(self, who: str) -> None:
         """Stop the motors and whatever runs."""
@@ -62,19 +68,33 @@ class BenchLink:
     def close(self) -> None:
         """End the process: it stops the motors and closes its run first."""
         if self._pipe is not None:
-            with suppress(OSError):
-                self.ask(Leave())
+            self._closing = True
+            self.ask(Leave())
             self._process.join(PATIENCE_S)
             self._pipe = None
 
-    def _listen(self, loop: asyncio.AbstractEventLoop) -> None:
-        assert self._pipe is not None
+    def _listen(self, pipe: Pipe, loop: asyncio.AbstractEventLoop) -> None:
         while True:
             try:
-                told = self._pipe.recv_bytes()
+                told = pipe.recv_bytes()
             except (EOFError, OSError):
-                return
+                break
             loop.call_soon_threadsafe(self._take, told)
+        if not self._closing:
+            loop.call_soon_threadsafe(self._begin_again)
+
+    def _begin_again(self) -> None:
+        """Start another process for one that ended by itself."""
+        reason = (
+            "the process that held the bench has ended; a device stops its motors by itself then; "
+            "connect it anew"
+        )
+        session = self.connection.session
+        self.start()
+        self.connection, self.live = Connection(reason=reason, session=session), Live()
+        if self.swept.active:
+            self.swept = replace(self.swept, status="stopped", reason=reason)
+        self.said(Said(text=reason, is_error=True))
 
     def _take(self, told: bytes) -> None:
         if told[:1] == FRAME:

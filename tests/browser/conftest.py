@@ -53,7 +53,9 @@ def browser() -> Iterator[Browser]:
         pytest.skip("no browser is installed; on Debian or Ubuntu: apt install chromium")
     playwright = pytest.importorskip("playwright.sync_api")
     with playwright.sync_playwright() as tool:
-        opened = tool.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        opened = tool.chromium.launch(
+            executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"]
+        )
         yield opened
         opened.close()
 
@@ -108,8 +110,8 @@ def device() -> Iterator[Device]:
 
 @pytest.fixture
 def fast_device() -> Iterator[Device]:
-    """Give a virtual quadrotor bench, twenty times faster than life."""
-    with served_device(speed=20.0) as served:
+    """Give a virtual quadrotor bench, five times faster than life."""
+    with served_device(speed=5.0) as served:
         yield served
 
 

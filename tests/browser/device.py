@@ -48,9 +48,12 @@ class TellingLink(DeviceLink):
 
 @dataclass
 class Device:
-    """Hold the address of a device and what its motors were told: time of day, word, pulse."""
+    """Hold the address of a device and what its motors were told: time of day, word, pulse.
+
+    `rate_Hz` is that of its samples."""
 
     address: str
+    rate_Hz: float
     orders: list[tuple[float, str, float]] = field(default_factory=list)
 
     def turning_us(self) -> float:
@@ -81,7 +84,7 @@ def served_device(
         cwd=ROOT,
     )
     assert process.stdout is not None
-    device = Device(process.stdout.readline().strip())
+    device = Device(process.stdout.readline().strip(), rate_Hz)
 
     def note() -> None:
         for line in process.stdout or ():

@@ -88,7 +88,9 @@ def test_a_page_that_freezes_with_the_throttle_held_lets_go(
     web: Web, device: Device, browser: Browser
 ) -> None:
     before = set(psutil.Process().children(recursive=True))
-    other = browser.browser_type.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+    other = browser.browser_type.launch(
+        executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"]
+    )
     processes = set(psutil.Process().children(recursive=True)) - before
     page = other.new_page(viewport={"width": 1280, "height": 900})
     page.goto(web.url)

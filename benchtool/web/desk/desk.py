@@ -5,10 +5,12 @@ It ends when the page's server closes the pipe, or is killed: motors at zero, th
 
 from __future__ import annotations
 
+import os
 import pickle
 import queue
 import threading
 import time
+from contextlib import suppress
 from multiprocessing.connection import Connection as Pipe
 
 from benchtool.acquire.sweep_options import rig_for
@@ -39,12 +41,18 @@ from benchtool.web.desk.watch import Watch
 VIRTUAL = ("sim:", "replay:")
 """Addresses of benches on a virtual clock."""
 
+PRIORITY = -10
+"""Niceness of the bench process, for users that may have it; a choice."""
+
 FASTEST = 100.0
 """Most that a virtual clock may run faster than life; a choice."""
 
 
 def run_desk(pipe: Pipe) -> None:
     """Serve a page's server over a pipe until it closes; the bench process runs this."""
+    # Where the system allows it this loop goes before others: it feeds the device's watchdog.
+    with suppress(OSError, AttributeError):
+        os.nice(PRIORITY)
     Desk(pipe).run()
 
 

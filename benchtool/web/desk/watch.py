@@ -79,7 +79,8 @@ class Watch:
             corrupt=live.corrupt + readings.corrupt,
         )
         for message in readings.messages:
-            self._outbox.tell(Said(text=f"device: {message}"))
+            if not message.startswith("arrived"):
+                self._outbox.tell(Said(text=f"device: {message}"))
         self._show(self._frames, float(readings.time_s[-1]) if len(readings) else None)
 
     def _show(self, frames: Decimator, newest_s: float | None) -> None:

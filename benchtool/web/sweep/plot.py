@@ -61,7 +61,7 @@ class RatioPlot:
                 "legend": {"x": 0.98, "xanchor": "right", "y": 0.98},
                 "uirevision": "same",
             },
-            "config": {"displaylogo": False, "responsive": True},
+            "config": {"displayModeBar": False, "responsive": True},
         }
 
 

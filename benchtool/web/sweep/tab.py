@@ -24,12 +24,13 @@ def build(context: Context) -> None:
         with ui.element("div"):
             plan = PlanCard(context)
 
-    async def refresh() -> None:
+    def refresh() -> None:
         run.refresh()
         plan.refresh()
-        await plot.refresh()
 
     ui.timer(LOOK_S, refresh)
+    # By itself: the state of a sweep does not wait for its plot.
+    ui.timer(LOOK_S, plot.refresh)
 
 
 TAB = Tab(name="Sweep", icon="stacked_line_chart", build=build)

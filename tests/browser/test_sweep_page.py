@@ -1,0 +1,116 @@
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from benchtool.store import Run, read_points
+from tests.browser.conftest import Web, connect, go_to
+from tests.browser.device import Device
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
+
+SWEEP_MS = 60_000
+
+
+def begin(page: Page, device: Device, repeats: int = 1) -> None:
+    """Connect and start a sweep of two distances and one pulse."""
+    connect(page, device.address)
+    go_to(page, "Sweep")
+    for label, text in (
+        ("Plate distances, z/R", "0.6,1"),
+        ("Pulses, us", "1500"),
+        ("Repeats", str(repeats)),
+        ("Samples of a point, s", "1"),
+    ):
+        page.get_by_label(label).fill(text)
+    page.get_by_text(f"settings: {repeats} repeats").wait_for()
+    page.get_by_role("button", name="Start the sweep").click()
+    page.get_by_text("expected thrust: about").wait_for()
+    page.get_by_role("button", name="Start", exact=True).click()
+
+
+def only_run(web: Web) -> Run:
+    (path,) = web.runs.iterdir()
+    return Run.open(path)
+
+
+def wait_for_points(page: Page, count: int) -> None:
+    done = r"Number(document.body.innerText.match(/(\d+) of \d+ visits/)?.[1])"
+    page.wait_for_function(f"{done} >= {count}", timeout=SWEEP_MS)
+
+
+def test_a_sweep_goes_to_its_end_also_when_the_page_is_loaded_again(
+    page: Page, web: Web, fast_device: Device
+) -> None:
+    begin(page, fast_device)
+    wait_for_points(page, 1)
+    page.reload()
+    page.get_by_text("at the controls").wait_for()
+    page.get_by_text("ended: ").wait_for(timeout=SWEEP_MS)
+    page.get_by_text("points, 0 not settled").wait_for()
+    page.locator(".ratio-plot .scatterlayer .point").first.wait_for()
+    run = only_run(web)
+    assert run.metadata["state"] == "ended"
+    assert run.metadata["link"]["lost"] == 0
+    assert run.metadata["samples"]["parquet_sha256"]
+    points = read_points(run.path)
+    assert set(points.column("plate_z_m").round(3)) == {0.072, 0.12, 1.4}
+    assert fast_device.turning_us() <= 1000.0
+
+
+def test_stop_in_mid_sweep_and_go_on_later(page: Page, web: Web, fast_device: Device) -> None:
+    begin(page, fast_device, repeats=2)
+    wait_for_points(page, 2)
+    box = page.locator(".stop-button").bounding_box()
+    assert box is not None
+    page.mouse.move(box["x"] + 30.0, box["y"] + 20.0)
+    pressed = time.time()
+    page.mouse.down()
+    assert fast_device.stopped_after(pressed) < 0.3
+    page.mouse.up()
+    page.get_by_text("stopped: ").wait_for()
+    orders = [order for order in fast_device.orders if order[0] > pressed + 0.5]
+    assert max((highest for _, _, highest in orders), default=0.0) <= 1000.0
+    run = only_run(web)
+    assert run.metadata["state"] == "stopped"
+    assert "stopped from the page" in run.metadata["reason"]
+    done = len(read_points(run.path))
+    page.get_by_role("button", name="Go on with a stopped run").click()
+    page.get_by_role("dialog").get_by_role("button", name="Go on").click()
+    page.get_by_role("button", name="Start", exact=True).click()
+    page.get_by_text("ended: ").wait_for(timeout=SWEEP_MS)
+    points = read_points(run.path)
+    assert len(points) > done >= 2
+    assert points.column("point").tolist() == [float(i + 1) for i in range(len(points))]
+    assert run.metadata["state"] == "ended"
+
+
+def test_a_paused_sweep_stands_still_and_goes_on(
+    page: Page, web: Web, fast_device: Device, open_page: Callable[[str], Page]
+) -> None:
+    begin(page, fast_device, repeats=2)
+    wait_for_points(page, 1)
+    page.get_by_role("button", name="Pause").click()
+    page.get_by_text("paused: ").first.wait_for(timeout=SWEEP_MS)
+    assert fast_device.turning_us() <= 1000.0
+    # Another page sees the same.
+    second = open_page(f"{web.url}?tab=sweep")
+    second.get_by_text("paused: ").first.wait_for()
+    page.get_by_role("button", name="Go on", exact=True).click()
+    page.get_by_text("ended: ").wait_for(timeout=SWEEP_MS)
+    assert only_run(web).metadata["state"] == "ended"
+
+
+def test_a_plan_that_breaks_a_limit_is_refused_before_anything_spins(page: Page) -> None:
+    connect(page, "sim:pquad")
+    go_to(page, "Sweep")
+    page.get_by_label("Pulses, us").fill("1400,1999")
+    page.get_by_text("throttle.pwm_us asks for 1999 us, allowed are").wait_for()
+    assert page.get_by_role("button", name="Start the sweep").is_disabled()
+    page.get_by_label("Pulses, us").fill("1400,x")
+    page.get_by_text("--pwm is '1400,x', but numbers between commas are needed").wait_for()
+    page.get_by_label("Pulses, us").fill("1400")
+    page.get_by_text("limits hold").wait_for()
+    assert page.get_by_role("button", name="Start the sweep").is_enabled()
