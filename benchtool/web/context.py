@@ -85,6 +85,17 @@ class Context:
             what = "press Take over first" if free else "ask there, or close it and take over"
             raise InputError(f"another page is at the controls, this one watches; {what}")
 
+    def need_pen(self) -> None:
+        """Refuse what writes, but turns no motor, from a page that only watches.
+
+        Controls that nobody has any more are taken without a word.
+
+        Raises:
+            InputError: another page is at the controls.
+        """
+        self.shared.seat.take(self.tab, monotonic())
+        self.need_control()
+
     def worker(self, name: str) -> Worker:
         """Return the process that works for something ("fits", "simulations")."""
         return self.shared.workers.setdefault(name, Worker(name))

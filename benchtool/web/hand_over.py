@@ -38,7 +38,7 @@ class HandOver:
     @tells_errors
     async def _received(self, event: events.UploadEventArguments) -> None:
         try:
-            self._context.need_control()
+            self._context.need_pen()
             size = event.file.size()
             data = await event.file.read() if size <= MOST_BYTES else bytes(MOST_BYTES + 1)
             date = f"{datetime.now().astimezone():%Y-%m-%d}"

@@ -46,14 +46,10 @@ def listed(page: Page) -> list[str]:
     return page.locator(".run-name").all_inner_texts()
 
 
-def take_controls(page: Page) -> None:
-    """Take over from a page of an earlier test."""
+def wait_for_seat(page: Page) -> None:
+    """Wait until the page of an earlier test has left the controls."""
     take = page.get_by_role("button", name="Take over")
-    here = page.get_by_text("at the controls", exact=True)
-    take.or_(here).first.wait_for()
-    if take.is_visible():
-        take.click()
-    here.wait_for()
+    take.or_(page.get_by_text("at the controls", exact=True)).first.wait_for()
 
 
 def told(page: Page) -> str:
@@ -111,7 +107,7 @@ def test_a_path_outside_the_folder_is_refused(filled: Web, open_page: Opens, nam
 def test_a_fit_gives_the_numbers_of_the_command(filled: Web, open_page: Opens) -> None:
     page = open_page(f"{filled.url}?tab=fit&data=quad")
     page.get_by_label("body_lift.K_b is free").wait_for()
-    take_controls(page)
+    wait_for_seat(page)
     name = page.get_by_label("Name of the fit's folder")
     for taken, said in (("../evil", "cannot name a run"), ("quad", "quad exists already")):
         name.fill(taken)
@@ -147,7 +143,7 @@ def test_a_fit_gives_the_numbers_of_the_command(filled: Web, open_page: Opens) -
 def test_a_table_is_handed_over_and_a_bad_cell_is_told(filled: Web, open_page: Opens) -> None:
     page = open_page(f"{filled.url}?tab=fit")
     page.get_by_text("hand over a CSV file").wait_for()
-    take_controls(page)
+    wait_for_seat(page)
     chooser = page.locator("input[type=file]")
     chooser.set_input_files({"name": "x.csv", "mimeType": "text/csv", "buffer": b"\0\1\2"})
     page.locator(".q-notification__message", has_text="not a text file").wait_for()

@@ -98,7 +98,7 @@ class ColumnsForm:
 
     @tells_errors
     async def _keep(self) -> None:
-        self._context.need_control()
+        self._context.need_pen()
         self._shown.clear()
         columns = columns_of(read() for read in self._read)
         root = self._context.runs

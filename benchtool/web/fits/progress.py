@@ -67,6 +67,6 @@ class Progress:
 
     @tells_errors
     async def _cancel(self) -> None:
-        self._context.need_control()
+        self._context.need_pen()
         if self._watched is not None:
             await asyncio.to_thread(cancel, self._watched)

@@ -106,7 +106,7 @@ class FitTab:
 
     @tells_errors
     def _start(self) -> None:
-        self._context.need_control()
+        self._context.need_pen()
         order = self._order()
         out = self._folder.new_path(order.name)
         recipe = recipe_for(order, self._folder, self._data.entries)
