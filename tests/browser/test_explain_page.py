@@ -52,6 +52,7 @@ def choose(page: Page, label: str, name: str) -> None:
     page.keyboard.press("Tab")
 
 
+@pytest.mark.timeout(400)
 def test_a_hidden_effect_is_named_accepted_and_found_again(
     lab: Web, open_page: Callable[[str], Page]
 ) -> None:

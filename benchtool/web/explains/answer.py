@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from html import escape
 from pathlib import Path
 from urllib.parse import urlencode
@@ -30,7 +30,9 @@ class AnswerView:
         kept: called when the answer has been written.
     """
 
-    def __init__(self, context: Context, places: Places, kept: Callable[[], None]) -> None:
+    def __init__(
+        self, context: Context, places: Places, kept: Callable[[], Awaitable[None]]
+    ) -> None:
         self._context, self._places, self._kept = context, places, kept
         self._place = ui.column().classes("w-full gap-3 scroll-place")
 
@@ -81,7 +83,7 @@ class AnswerView:
             finally:
                 button.set_enabled(explaining.kept is None)
             said.set_content(_said(self._places, explaining, found))
-            self._kept()
+            await self._kept()
 
         button.on_click(accept)
         button.set_enabled(explaining.kept is None)

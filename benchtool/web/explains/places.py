@@ -31,6 +31,14 @@ def examples_folder() -> Path | None:
     return folder.relative_to(here) if folder.is_relative_to(here) else folder
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Choices:
+    """Hold recordings and models by their choice, with words for people."""
+
+    recordings: dict[str, str]
+    models: dict[str, str]
+
+
 @dataclass(frozen=True, slots=True)
 class Places:
     """List what can be chosen, and lead from a choice to its path; nothing else has one.
@@ -49,22 +57,18 @@ class Places:
         examples = examples_folder()
         return cls(RunsFolder(root), RunsFolder(examples) if examples else None)
 
-    def recordings(self) -> dict[str, str]:
-        """Return recordings by their choice, with words for people; the newest run first."""
-        found = {entry.name: _words(entry) for entry in list_entries(self.runs) if _is_data(entry)}
+    def choices(self) -> Choices:
+        """Read what can be chosen; the newest run first, the examples last. It reads files."""
+        entries = list_entries(self.runs)
+        recordings = {entry.name: _words(entry) for entry in entries if _is_data(entry)}
+        models = dict(model_choices(self.runs, entries))
+        models |= {name: name for name in _model_files(self.runs) if name not in models}
         if self.examples is not None:
             for entry in sorted(list_entries(self.examples), key=lambda entry: entry.name):
                 if _is_data(entry):
-                    found[EXAMPLE + entry.name] = EXAMPLE + _words(entry)
-        return found
-
-    def models(self) -> dict[str, str]:
-        """Return models by their choice: shipped ones, what was written here, the examples'."""
-        found = dict(model_choices(self.runs, list_entries(self.runs)))
-        found |= {name: name for name in _model_files(self.runs) if name not in found}
-        if self.examples is not None:
-            found |= {EXAMPLE + name: EXAMPLE + name for name in _model_files(self.examples)}
-        return found
+                    recordings[EXAMPLE + entry.name] = EXAMPLE + _words(entry)
+            models |= {EXAMPLE + name: EXAMPLE + name for name in _model_files(self.examples)}
+        return Choices(recordings=recordings, models=models)
 
     def path_of(self, choice: str) -> Path:
         """Return the path of a recording.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from datetime import datetime
 from pathlib import Path
 
@@ -29,7 +30,6 @@ class ExplainTab:
     def __init__(self, context: Context) -> None:
         self._context = context
         self._places = Places.of(context.runs)
-        self._ready = False
         ui.add_head_html(STYLE + _STYLE)
         with ui.card().classes("w-full gap-2"):
             ui.label("Recordings and model").classes("card-title")
@@ -50,14 +50,13 @@ class ExplainTab:
                 self._command = CommandRow()
             self._stages = Stages(context, self._done, self._changed)
         self._answer = AnswerView(context, self._places, self._look)
-        self._look()
-        self._ready = True
         self._changed()
         present = latest(context.runs)
         if present is not None and present.state.running:
             self._stages.watch(present)
         elif present is not None:
             self._answer.show(present)
+        ui.timer(0.0, self._look, once=True)
 
     def _recordings(self, label: str, mark: str) -> ui.select:
         choice = ui.select({}, multiple=True, label=label, on_change=self._changed)
@@ -65,22 +64,22 @@ class ExplainTab:
         choice.on("popup-show", self._look)
         return choice
 
-    def _look(self) -> None:
+    @tells_errors
+    async def _look(self) -> None:
         """Offer what is there now."""
-        recordings = self._places.recordings()
+        found = await asyncio.to_thread(self._places.choices)
         for choice in (self._learn, self._check):
-            if choice.options != recordings:
-                choice.set_options(
-                    recordings, value=[n for n in choice.value or [] if n in recordings]
-                )
-        models = self._places.models()
-        if self._model.options != models:
-            value = self._model.value if self._model.value in models else None
-            self._model.set_options(models, value=value)
+            if choice.options != found.recordings:
+                kept = [name for name in choice.value or [] if name in found.recordings]
+                choice.set_options(found.recordings, value=kept)
+        if self._model.options != found.models:
+            value = self._model.value if self._model.value in found.models else None
+            self._model.set_options(found.models, value=value)
 
-    def _handed_over(self, name: str) -> None:
+    @tells_errors
+    async def _handed_over(self, name: str) -> None:
         """Choose what was handed over: first to learn from, then to check on."""
-        self._look()
+        await self._look()
         choice = self._check if self._learn.value else self._learn
         choice.set_value([*(choice.value or []), name])
         where = "to check on" if choice is self._check else "to learn from"
@@ -88,8 +87,6 @@ class ExplainTab:
 
     def _changed(self) -> None:
         """Show the command that the form stands for, or what it lacks."""
-        if not self._ready:
-            return
         try:
             question = question_of(self._places, *self._chosen())
         except BenchtoolError as error:

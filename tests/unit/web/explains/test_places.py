@@ -31,15 +31,16 @@ def places(tmp_path: Path) -> Places:
 
 
 def test_recordings_of_the_runs_folder_come_before_the_examples(places: Places) -> None:
-    found = list(places.recordings())
+    recordings = places.choices().recordings
+    found = list(recordings)
     assert set(found[:2]) == {"mine/learn.parquet", "table.csv"}
     assert f"{EXAMPLE}pitch_friction/check.parquet" in found
     assert f"{EXAMPLE}quad/run" in found
-    assert "7500 rows" in places.recordings()["mine/learn.parquet"]
+    assert "7500 rows" in recordings["mine/learn.parquet"]
 
 
 def test_models_are_what_ships_and_model_files_and_nothing_else(places: Places) -> None:
-    found = places.models()
+    found = places.choices().models
     assert {"pitch_pquad", "mine/bench.toml", f"{EXAMPLE}pitch_bench/model.toml"} <= set(found)
     assert not {"plan.toml", "broken.toml"} & set(found)
 
