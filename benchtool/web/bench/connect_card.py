@@ -15,6 +15,10 @@ PACES = {1: "as in life", 5: "5 times faster", 20: "20 times faster", 100: "100 
 """Speeds of a virtual clock that are offered."""
 
 
+FIRST = "sim:pquad"
+"""Address that stands there at first: needs no hardware."""
+
+
 class ConnectCard:
     """Offer found ports and simulated rigs, or any address."""
 
@@ -26,9 +30,7 @@ class ConnectCard:
         with ui.card().classes("w-full"):
             with ui.row().classes("items-end w-full gap-3"):
                 self._address = (
-                    ui.input("Address of the bench", value=f"sim:{rigs[0]}", autocomplete=[])
-                    .classes("grow")
-                    .mark("address")
+                    ui.input("Address of the bench", value=FIRST).classes("grow").mark("address")
                 )
                 self._address.on_value_change(self._show_command)
                 with ui.button("Found", icon="search").props("outline"), ui.menu() as self._menu:

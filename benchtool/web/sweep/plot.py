@@ -11,6 +11,13 @@ from benchtool.report.palette import BLUE, GREY, LOOKS, VERMILION
 from benchtool.web.sweep.work import Curve, Points
 from benchtool.web.theme import LIGHT_INK
 
+_STAMP = {
+    "text": "<b>SIMULATED</b>", "xref": "paper", "yref": "paper", "x": 0.01, "y": 0.01,
+    "showarrow": False, "font": {"color": VERMILION, "size": 13},
+    "bordercolor": VERMILION, "borderwidth": 1, "borderpad": 3,
+}  # fmt: skip
+"""Says on the figure that no motor turned, as every figure of the project does."""
+
 _ROLES = {"eq. (2)": "formula", "eq. (3)": "quad"}
 
 
@@ -60,6 +67,7 @@ class RatioPlot:
                 "yaxis": {**axis, "title": {"text": "T<sub>IGE</sub> / T<sub>OGE</sub>"}},
                 "legend": {"x": 0.98, "xanchor": "right", "y": 0.98},
                 "uirevision": "same",
+                "annotations": [_STAMP] if self._points.simulated else [],
             },
             "config": {"displayModeBar": False, "responsive": True},
         }

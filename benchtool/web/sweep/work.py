@@ -15,10 +15,17 @@ CURVE_POINTS = 80
 
 @dataclass(frozen=True, slots=True)
 class Points:
-    """Hold measured ratios: rows of z/R, T_IGE/T_OGE, standard error; and why there are none."""
+    """Hold measured ratios.
+
+    Attributes:
+        rows: z/R, T_IGE/T_OGE, standard error.
+        why: why there are none, empty when there are.
+        simulated: no physical motor turned.
+    """
 
     rows: tuple[tuple[float, float, float], ...] = ()
     why: str = ""
+    simulated: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,12 +49,14 @@ def measured_points(run: Path, basis: str) -> Points:
     from benchtool.core.toml_text import build
     from benchtool.store import Run
 
-    rig = build(Rig, Run.open(run).metadata["rig"], str(run))
+    facts = Run.open(run).metadata
+    rig = build(Rig, facts["rig"], str(run))
     near = points.column("kind") == code_of("kind", "measure")
     near &= np.isfinite(ratio)
     z_over_R = points.column("plate_z_m") / rig.propulsion.radius_m
     rows = zip(z_over_R[near], ratio[near], np.nan_to_num(error[near]), strict=True)
-    return Points(tuple((float(a), float(b), float(c)) for a, b, c in rows))
+    found = tuple((float(a), float(b), float(c)) for a, b, c in rows)
+    return Points(found, simulated=bool(facts.get("simulated")))
 
 
 def model_curves(model: str, rig: Rig, z_over_R: tuple[float, float]) -> tuple[Curve, ...]:
