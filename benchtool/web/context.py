@@ -7,8 +7,8 @@ from pathlib import Path
 from time import monotonic
 
 from benchtool.errors import InputError
+from benchtool.store.runs_folder import RunsFolder
 from benchtool.web.bench_link import BenchLink
-from benchtool.web.inside import inside
 from benchtool.web.seat import Seat
 from benchtool.web.worker import Worker
 
@@ -66,9 +66,9 @@ class Context:
         """Return the path of something in the folder of runs.
 
         Raises:
-            InputError: it leads out of that folder.
+            InputError: it leads out of that folder, or is not there.
         """
-        return inside(self.runs, name)
+        return RunsFolder(self.runs).path_of(name)
 
     def in_control(self) -> bool:
         """Tell whether this page is at the controls."""
