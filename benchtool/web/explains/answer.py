@@ -76,7 +76,7 @@ class AnswerView:
 
         @tells_errors
         async def accept() -> None:
-            self._context.need_control()
+            self._context.need_pen()
             button.disable()
             try:
                 await run.io_bound(explaining.keep, _free(explaining.out))

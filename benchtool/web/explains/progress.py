@@ -80,7 +80,7 @@ class Stages:
 
     @tells_errors
     async def _cancel(self) -> None:
-        self._context.need_control()
+        self._context.need_pen()
         if self._watched is not None:
             await asyncio.to_thread(self._watched.cancel)
         self.look()

@@ -108,7 +108,7 @@ class ExplainTab:
 
     @tells_errors
     def _start(self) -> None:
-        self._context.need_control()
+        self._context.need_pen()
         question, out = question_of(self._places, *self._chosen()), self._folder()
         self._answer.clear()
         self._stages.watch(start(self._context.runs, question, out, question.words(out)))
