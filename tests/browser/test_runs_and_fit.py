@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 TOP = Path(__file__).parents[2]
 LAB = b"gap;F_gf;speed\n60;424.1;5500\n90;362.6;x\n120;342.0;5500\n180;329.9;5500\n"
 
+COLD_MS = 90_000
+"""What starts a process and loads the libraries that draw may take so long on a busy machine."""
+
 REPORT = "<!doctype html><title>Fit: earlier</title>"
 
 Opens = Callable[[str], "Page"]
@@ -68,10 +71,10 @@ def test_a_run_is_found_and_shows_its_numbers(filled: Web, open_page: Opens) -> 
     page.get_by_text("1 of 4 in runs").wait_for()
     assert listed(page) == ["single_rotor"]
     page.get_by_role("button", name="single_rotor").click()
-    page.get_by_text("1.2343 ± 0.0016").wait_for()
+    page.get_by_text("1.2343 ± 0.0016").wait_for(timeout=COLD_MS)
     assert page.get_by_role("img", name=re.compile("Thrust near the plate")).is_visible()
     assert "benchtool report" in page.locator(".command-text").last.inner_text()
-    with page.expect_download() as taken:
+    with page.expect_download(timeout=COLD_MS) as taken:
         page.get_by_role("button", name="points, CSV").click()
     expected = filled.runs / "single_rotor" / "points.csv"
     assert taken.value.suggested_filename == "single_rotor-points.csv"
@@ -79,7 +82,7 @@ def test_a_run_is_found_and_shows_its_numbers(filled: Web, open_page: Opens) -> 
     page.get_by_label("Search name, rig, date, state").fill("fit")
     page.get_by_role("button", name="earlier").click()
     page.get_by_role("row", name=re.compile("^body_lift.K_b – 1.891 ± 0.012")).first.wait_for()
-    with page.expect_download() as report:
+    with page.expect_download(timeout=COLD_MS) as report:
         page.get_by_role("button", name="Report, HTML").click()
     assert Path(report.value.path()).read_text("utf-8") == REPORT
 
@@ -91,10 +94,11 @@ def test_two_sweeps_stand_in_one_plot(filled: Web, open_page: Opens) -> None:
         page.get_by_label(f"Choose {name}", exact=True).click()
     page.get_by_role("button", name="Compare 2 sweeps").wait_for()
     compare.click()
-    page.get_by_text("2 sweeps compared").wait_for()
+    page.get_by_text("2 sweeps compared").wait_for(timeout=COLD_MS)
     page.get_by_role("img", name=re.compile("run by run")).wait_for()
-    for cell in ("1.8081 ± 0.0013", "1.2343 ± 0.0016"):
-        page.get_by_role("cell", name=cell).wait_for()
+    rows = page.locator(".shown-body tr").all_inner_texts()
+    nearest = next(row.split("\t") for row in rows if row.startswith("0.6"))
+    assert sorted(nearest[2:4]) == ["1.2343 ± 0.0016", "1.8081 ± 0.0013"]
 
 
 @pytest.mark.parametrize("name", ["../secret.csv", "quad/../../secret.csv", "%2Fetc%2Fpasswd"])
@@ -124,7 +128,7 @@ def test_a_fit_gives_the_numbers_of_the_command(filled: Web, open_page: Opens) -
     page.locator(".command-text", has_text=re.compile("^((?!--fix).)*$")).first.wait_for()
     page.get_by_role("button", name="Fit", exact=True).click()
     row = page.locator(".shown-body").get_by_role("row", name=re.compile("^body_lift.K_b"))
-    row.wait_for(timeout=90_000)
+    row.wait_for(timeout=COLD_MS)
     shown = row.locator("td").all_inner_texts()
     assert (words[0], words[-2:]) == ("benchtool", ["--out", str(filled.runs / "fit-here")])
     printed = subprocess.run(
@@ -154,5 +158,5 @@ def test_a_table_is_handed_over_and_a_bad_cell_is_told(filled: Web, open_page: O
         page.get_by_role("option", name=column, exact=True).click()
     page.get_by_role("button", name="Use these columns").click()
     bad = page.locator(".q-notification__message", has_text="line 3: column 'speed' holds 'x'")
-    bad.wait_for(timeout=60_000)
+    bad.wait_for(timeout=COLD_MS)
     assert {item.name for item in filled.runs.parent.iterdir()} <= {"runs", "state", "secret.csv"}
