@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from time import monotonic
@@ -45,12 +46,14 @@ class Context:
         tab: name of the browser's tab, told by the page once it has connected.
         theme: "light", "dark", or empty to follow the system.
         dark: whether the page is dark now, told by the page.
+        let_go: lets the page's throttle go, when its press has ended elsewhere.
     """
 
     shared: Shared
     tab: str = ""
     theme: str = ""
     dark: bool = False
+    let_go: Callable[[], object] = lambda: None
 
     @property
     def bench(self) -> BenchLink:

@@ -35,7 +35,12 @@ class ControlLine(Element, component=STATIC / "control_line.js"):
         self._props["page"] = page
         self.pages[page] = context
         self.on("dark", lambda told: setattr(context, "dark", bool(told.args)))
+        context.let_go = self.let_go
         self.client.on_delete(lambda: self.pages.pop(page, None))
+
+    def let_go(self) -> None:
+        """Let the page's button go, when a press of it has ended elsewhere."""
+        self.run_method("release")
 
 
 def hear(shared: Shared, tab: str, word: str) -> None:

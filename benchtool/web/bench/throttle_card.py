@@ -18,6 +18,7 @@ class ThrottleCard:
     def __init__(self, context: Context) -> None:
         self._context = context
         self._shown = -1
+        self._let_go = 0
         self._rotors: list[ui.checkbox] = []
         with ui.card().classes("w-full") as self._card:
             ui.label("Throttle by hand").classes("card-title").props("role=heading aria-level=2")
@@ -47,6 +48,9 @@ class ThrottleCard:
         if connection.session != self._shown:
             self._shown = connection.session
             self._fit(rig)
+        if live.let_go != self._let_go:
+            self._let_go = live.let_go
+            self._context.let_go()
         busy = self._context.bench.swept.active
         may = live.armed and not busy and self._context.in_control()
         self._hold.props(add="" if may else "disabled", remove="disabled" if may else "")

@@ -120,7 +120,7 @@ class Desk:
                 self._asks.put(ask)
 
     def _stop(self, reason: str) -> None:
-        self._hand.release()
+        self._hand.cut()
         if (bench := self._bench) is not None:
             bench.ask_to_stop(reason)
 

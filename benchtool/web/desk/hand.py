@@ -14,6 +14,7 @@ class Hand:
 
     Attributes:
         fell_silent: the last press ended because nothing was heard of it any more.
+        cuts: presses that have ended, but not by the hand itself.
     """
 
     def __init__(self, patience_s: float = PATIENCE_S) -> None:
@@ -21,6 +22,7 @@ class Hand:
         self._last: tuple[Hold, float] | None = None
         self._over = ""
         self.fell_silent = False
+        self.cuts = 0
 
     def hold(self, hold: Hold, now_s: float) -> None:
         """Hear that the hand holds on. A press that was ended does not come back by being late."""
@@ -33,13 +35,19 @@ class Hand:
         if last is not None:
             self._over = last[0].press
 
+    def cut(self) -> None:
+        """End the present press although the hand may still hold on."""
+        if self._last is not None:
+            self.cuts += 1
+        self.release()
+
     def wanted(self, now_s: float) -> Hold | None:
         """Return what the hand wants; None when there is no hand, or it fell silent."""
         last = self._last
         if last is None:
             return None
         if now_s - last[1] > self._patience_s:
-            self.release()
+            self.cut()
             self.fell_silent = True
             return None
         return last[0]

@@ -55,6 +55,7 @@ class Live:
         samples, lost, corrupt: since the connection.
         near: limits, and how near each reading has been since the last of these.
         armed: motors may be turned by hand.
+        let_go: how often a hand's press was ended by something else.
         speed: of a virtual clock, 0 where the clock is the wall's.
         weighed: (mass in kg, counts) so far, for a calibration.
         busy: what is being done that takes a while, empty when nothing is.
@@ -67,6 +68,7 @@ class Live:
     corrupt: int = 0
     near: tuple[Near, ...] = ()
     armed: bool = False
+    let_go: int = 0
     speed: float = 0.0
     weighed: tuple[tuple[float, float], ...] = ()
     busy: str = ""

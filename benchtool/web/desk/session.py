@@ -92,11 +92,12 @@ class Session:
                     self._turn(guarded)
                 bench.read(LOOK_S)
             except AskedToStop as stopped:
-                self._hand.release()
+                self._hand.cut()
                 bench.stop()
                 self._outbox.tell(Said(text=str(stopped)))
             self._watch.note(
                 armed=self._armed,
+                let_go=self._hand.cuts,
                 weighed=self._weighing.weighed,
             )
 
@@ -137,7 +138,7 @@ class Session:
             bench.move_plate(ask.z_m)
             self._watch.note(busy="")
         elif isinstance(ask, Sweep):
-            self._hand.release()
+            self._hand.cut()
             bench.stop()
             self._sweeping.run(bench, self._rig, ask)
 
@@ -146,7 +147,7 @@ class Session:
         now_s = time.monotonic()
         wanted = self._hand.wanted(now_s)
         if wanted is not None and not self._armed:
-            self._hand.release()
+            self._hand.cut()
             text = f"motors are not armed; type {CONFIRMATION} first"
             self._outbox.tell(Said(text=text, is_error=True))
             wanted = None
@@ -157,7 +158,7 @@ class Session:
         try:
             self._throttle.follow(bench, wanted, now_s)
         except InputError as error:
-            self._hand.release()
+            self._hand.cut()
             self._outbox.tell(Said(text=str(error), is_error=True))
 
     def _calibrate(

@@ -21,6 +21,7 @@ def test_silence_lets_go_and_a_late_beat_of_that_press_does_not_come_back() -> N
     assert not hand.fell_silent
     assert hand.wanted(1.01 * PATIENCE_S) is None
     assert hand.fell_silent
+    assert hand.cuts == 1
     hand.hold(FIRST, 0.3)
     assert hand.wanted(0.3) is None
     hand.hold(SECOND, 0.4)
@@ -30,7 +31,17 @@ def test_silence_lets_go_and_a_late_beat_of_that_press_does_not_come_back() -> N
 def test_a_stop_ends_the_press_that_is_still_held() -> None:
     hand = Hand()
     hand.hold(FIRST, 0.0)
-    hand.release()
+    hand.cut()
+    hand.cut()
+    assert hand.cuts == 1
     hand.hold(FIRST, 0.05)
     assert hand.wanted(0.06) is None
     assert not hand.fell_silent
+
+
+def test_a_hand_that_lets_go_by_itself_is_not_cut() -> None:
+    hand = Hand()
+    hand.hold(FIRST, 0.0)
+    hand.release()
+    assert hand.wanted(0.01) is None
+    assert hand.cuts == 0
