@@ -16,6 +16,7 @@ from benchtool.core.schedule import PARKED_M
 from benchtool.errors import InputError
 from benchtool.explain.pitch_clock import HELD_S, UNSEEN_S, EvenRows, blank_for, even_rows
 from benchtool.explain.pitch_doubts import refuse_doubtful, standing_still
+from benchtool.explain.plate_transit import on_its_way
 from benchtool.simulate import pitch_track as t
 from benchtool.simulate.pitch_follow import LoggedPitch
 from benchtool.simulate.pitch_replay import PARKED_FROM_M
@@ -200,7 +201,14 @@ def _followed(rows: EvenRows, drive: tuple[str, ...], name: str, remarks: list[s
             f"{blank.sum() / rows.rate_Hz:.2f} s without an angle, or without what drives the "
             f"plant, left out; judged in parts"
         )
-    rows = rows.kept(~blank)
+    sliding, times = _sliding(rows)
+    if times:
+        remarks.append(
+            f"{(sliding & ~blank).sum() / rows.rate_Hz:.2f} s left out in which the plate slides "
+            f"in or out: nothing tells how much of a disc it covers then; record coverage1 to "
+            f"judge them too"
+        )
+    rows = rows.kept(~(blank | sliding))
     early = np.zeros(len(rows.mode), bool)
     edges = [*np.flatnonzero(rows.mode == t.RESTART), len(rows.mode)]
     seen = np.isfinite(rows.recording.column("theta_rad"))
@@ -221,6 +229,17 @@ def _followed(rows: EvenRows, drive: tuple[str, ...], name: str, remarks: list[s
             f"need {LONGEST_PIECE_S:g} s; record without gaps"
         )
     return rows
+
+
+def _sliding(rows: EvenRows) -> tuple[NDArray[np.bool_], int]:
+    """Return the rows in which the plate slides in or out untold, and how often it does."""
+    recording = rows.recording
+    none = np.zeros(len(recording), bool), 0
+    if "coverage1" in recording and np.isfinite(recording.si("coverage1")).any():
+        return none
+    if "plate_z_m" not in recording or not np.isfinite(recording.si("plate_z_m")).any():
+        return none
+    return on_its_way(_held(recording.si("plate_z_m")), rows.rate_Hz)
 
 
 def _turned(speeds: Array, mode: Array, rate_Hz: float) -> Array:

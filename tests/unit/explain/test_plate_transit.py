@@ -1,0 +1,58 @@
+"""A plate that slides in or out untold is left out; one that is told, or stands, is judged."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from benchtool.core.recording import Recording
+from benchtool.effects.model import Model
+from benchtool.explain.pitch_evidence import PitchEvidence
+from benchtool.explain.pitch_log import pitch_log
+from benchtool.explain.plate_transit import on_its_way
+from benchtool.library import load_model
+from tests.unit.explain.pitch_made import recorded, without
+
+
+@pytest.fixture(scope="module")
+def model() -> Model:
+    return load_model("pitch_pquad").model
+
+
+@pytest.fixture(scope="module")
+def visited(model: Model) -> Recording:
+    """The plate comes after 4 s, goes after 12 s, comes nearer after 18 s."""
+    return recorded(model, 5, seconds=20.0, inertia=model.rig.body.inertia_yy_kgm2)
+
+
+def test_rows_about_a_jump_are_on_the_way_and_a_missed_echo_is_none() -> None:
+    plate_m = np.full(1000, 1.0)
+    plate_m[500:] = 0.3
+    mask, times = on_its_way(plate_m, 100.0)
+    assert times == 1
+    assert np.flatnonzero(mask).tolist() == list(range(440, 560))
+    plate_m[700:705] = 1.0
+    assert on_its_way(plate_m, 100.0)[1] == 1
+    assert not on_its_way(np.linspace(0.9, 0.1, 1000), 100.0)[0].any()
+
+
+def test_a_plate_that_slides_untold_is_left_out_and_one_that_is_told_is_not(
+    model: Model, visited: Recording
+) -> None:
+    told = pitch_log(visited, model.rig)
+    assert told.remarks == ()
+    assert len(told.logged) == len(visited)
+    untold = pitch_log(without(visited, "coverage1"), model.rig)
+    assert len(told.logged) - len(untold.logged) == 3 * 2 * 150
+    assert [text for text in untold.remarks if "the plate slides in or out" in text]
+
+
+def test_what_is_left_is_as_white_as_what_is_told(model: Model, visited: Recording) -> None:
+    """Taken for all in or all out on its way, the plate left two and a half times as much."""
+    sizes = []
+    for recording in (visited, without(visited, "coverage1")):
+        evidence = PitchEvidence(model, [pitch_log(recording, model.rig).logged])
+        pitch = evidence.residuals(np.zeros(len(evidence.knobs)))[:, 0]
+        rows = len(pitch) // (2 + model.rig.n_discs)
+        sizes.append(np.sqrt(np.mean(pitch[:rows] ** 2)))
+    assert sizes[1] < 1.1 * sizes[0]
