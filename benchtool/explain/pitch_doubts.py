@@ -29,6 +29,17 @@ SURE = 0.6
 FACTOR = 3.0
 """A gyro that is off by more than this factor has another unit or sign, no error of scale."""
 
+FOLLOWS = 0.4
+"""Correlation from which the beam is taken to follow the rotors' thrusts: noise alone, over the
+thousand rows of the shortest recording, stays below 0.15. A choice."""
+
+ALIKE = 0.75
+"""Cosine between the turning effects that rotors show and those that their places give. One rotor
+exchanged with one at the side leaves 0.5; ground effect and unlike rotors leave 0.9. A choice."""
+
+WEAK = 0.1
+"""Ways of pushing that vary less than this share of the strongest say nothing."""
+
 STILL = 5.0
 """A beam that moves less than so many standard deviations of its sensor's noise stands still."""
 
@@ -60,12 +71,53 @@ def refuse_doubtful(logged: LoggedPitch, rig: Rig, name: str) -> None:
         else _change(_change(theta, logged.rate_Hz), logged.rate_Hz)
     )
     turned = _correlation(_pushed(logged, rig), acceleration)
-    if turned < -SURE:
+    alike, first, second = _followed(logged, rig, acceleration)
+    if abs(alike) < ALIKE:
+        outer = np.argsort(-np.abs(_arms(rig)), kind="stable")[:2]
+        wanted = " and ".join(rig.rotors[_first_rotor(rig, int(disc))].name for disc in outer)
+        raise InputError(
+            f"the beam of {name} follows pwm{first}_us against pwm{second}_us, but rig "
+            f"{rig.name!r} turns it by {wanted}: pulses stand under other rotors than theirs; "
+            f"record with the map of motors (map=FILE, see benchtool bench map), or exchange the "
+            f"columns in the model's [columns]"
+        )
+    if turned < -SURE or alike < 0.0:
         raise InputError(
             f"the beam of {name} turns against its thrust (correlation {turned:.2f}): rotors or "
             f"the sign of theta_rad are not as rig {rig.name!r} has them; exchange the columns of "
             f"the rotors or turn the sign in the model's [columns]"
         )
+
+
+def _followed(logged: LoggedPitch, rig: Rig, acceleration: Array) -> tuple[float, int, int]:
+    """Return how alike the turning effects of the rotors are to those that their places give.
+
+    With it the numbers (from 1) of the two rotors that turn the beam most, one each way. Two
+    rotors have only a sign to be wrong, and a beam that follows none says nothing: 1 for both.
+    """
+    if rig.n_discs < 3:
+        return 1.0, 1, 1
+    pushes = _detrended(_thrusts(logged, rig), logged)
+    follows = _detrended(acceleration[None], logged)[0]
+    shown = np.linalg.pinv(pushes.T, rcond=WEAK) @ follows
+    arms = _arms(rig)
+    shown, arms = shown - shown.mean(), arms - arms.mean()
+    if _correlation(shown @ pushes, follows) < FOLLOWS:
+        return 1.0, 1, 1
+    alike = float(shown @ arms / np.sqrt((shown @ shown) * (arms @ arms)))
+    first, second = (1 + _first_rotor(rig, int(k)) for k in (np.argmax(shown), np.argmin(shown)))
+    return alike, first, second
+
+
+def _arms(rig: Rig) -> Array:
+    """Return the pitch moment of one newton of each disc (n_discs,): m."""
+    x_m = rig.disc_positions_m[:, 0]
+    return np.array([pitch_moment_Nm(one, x_m) for one in np.eye(rig.n_discs)], float)
+
+
+def _first_rotor(rig: Rig, disc: int) -> int:
+    """Return the first rotor (from 0) of a disc, whose columns tell of it."""
+    return int(np.argmax(rig.disc_of_rotor == disc))
 
 
 def standing_still(logged: LoggedPitch, rig: Rig) -> str:
@@ -94,13 +146,29 @@ def _change(values: Array, rate_Hz: float) -> Array:
 
 def _pushed(logged: LoggedPitch, rig: Rig) -> Array:
     """Return the torque of the rotors (n,), out of ground effect, lag as the rig's: N m."""
+    moment = pitch_moment_Nm(_thrusts(logged, rig), rig.disc_positions_m[:, 0])
+    return np.asarray(moment, float)
+
+
+def _thrusts(logged: LoggedPitch, rig: Rig) -> Array:
+    """Return the thrust of each disc (n_discs, n), out of ground effect, lag as the rig's: N."""
     p = rig.propulsion
     speed = p.speed_per_us_rad_s * np.maximum(logged.pwm_us - p.pwm_start_us, 0.0)
     late = round(p.lag_s * logged.rate_Hz) if not logged.turned else 0
     if late:
         speed = np.concatenate([np.repeat(speed[:, :1], late, axis=1), speed[:, :-late]], axis=1)
-    thrust = p.thrust_coefficient_N_s2 * speed**2
-    return np.asarray(pitch_moment_Nm(thrust, rig.disc_positions_m[:, 0]), float)
+    thrust: Array = p.thrust_coefficient_N_s2 * speed**2
+    return thrust
+
+
+def _detrended(rows: Array, logged: LoggedPitch) -> Array:
+    """Return rows (m, n) without what is constant and what goes with the beam's angle."""
+    known = np.isfinite(logged.theta_rad)
+    times = np.arange(len(known))
+    angle = np.interp(times, times[known], logged.theta_rad[known])
+    held, _ = np.linalg.qr(np.column_stack([np.ones(len(angle)), angle]))
+    out: Array = rows - (rows @ held) @ held.T
+    return out
 
 
 def _slope_of(x: Array, y: Array) -> float | None:

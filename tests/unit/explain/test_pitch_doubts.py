@@ -58,6 +58,31 @@ def test_a_beam_that_turns_against_its_thrust_is_refused(model: Model, good: Rec
         pitch_log(swapped, model.rig)
 
 
+@pytest.fixture(scope="module")
+def flown() -> tuple[Model, Recording]:
+    model = load_model("pitch_pquad").model
+    return model, recorded(model, 5, seconds=12.0, inertia=model.rig.body.inertia_yy_kgm2)
+
+
+@pytest.mark.parametrize("order", [(3, 1, 4, 2), (4, 2, 1, 3), (2, 1, 3, 4), (1, 3, 2, 4)])
+def test_rotors_in_the_order_of_outputs_are_refused(
+    flown: tuple[Model, Recording], order: tuple[int, ...]
+) -> None:
+    model, good = flown
+    moved = {
+        f"{what}{to}{unit}": good.column(f"{what}{number}{unit}")
+        for to, number in enumerate(order, 1)
+        for what, unit in (("pwm", "_us"), ("rpm", ""))
+    }
+    with pytest.raises(InputError, match=r"turns it by front and rear: pulses stand under other"):
+        pitch_log(changed(good, **moved), model.rig)
+
+
+def test_four_rotors_at_their_places_are_taken(flown: tuple[Model, Recording]) -> None:
+    model, good = flown
+    assert pitch_log(good, model.rig).remarks == ()
+
+
 def test_a_beam_that_stands_still_is_said(model: Model, good: Recording) -> None:
     rng = np.random.default_rng(1)
     still = changed(
