@@ -13,6 +13,13 @@ from benchtool.core.channel import Channel
 ALONE = {"rotors_together": 1.0}
 """Limit of an autopilot whose motor test turns one motor at a time."""
 
+UNMAPPED = (
+    "the address has no map=, so rotor 1 is taken to hang on output 1 and so on; where it does "
+    "not, pulses and speeds are recorded under other rotors than theirs; make a map with benchtool "
+    "bench map and add map=FILE"
+)
+"""Said of a pitch bench: its loop turns all rotors together, so that none shows its output."""
+
 
 def identity_of(
     address: str,
@@ -45,8 +52,11 @@ def identity_of(
         facts["speed"] = f"{learnt.speed:g}"
     if settings.mode == "pitch":
         facts["mode"] = "pitch"
-    if settings.warning:
-        facts["warning"] = settings.warning
+    outputs = learnt.wiring.outputs
+    unmapped = settings.mode == "pitch" and len(outputs) > 1 and 0 in outputs
+    warnings = [settings.warning, UNMAPPED if unmapped else ""]
+    if warning := "; ".join(filter(None, warnings)):
+        facts["warning"] = warning
     return Identity(
         address=address,
         device_id=learnt.device_id,

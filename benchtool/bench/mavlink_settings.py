@@ -30,6 +30,10 @@ KEY_BYTES = 32
 LEAST_HZ, MOST_HZ = 10.0, 1000.0
 """Rates at which outputs are asked for: too rarely, and nobody sees soon what they do."""
 
+RATE_HZ, PITCH_HZ = 50.0, 250.0
+"""Unless told otherwise. A loop on board moves its outputs some hundred times a second; what is not
+told of them turns the beam and looks like a disturbance."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MavlinkSettings:
@@ -57,7 +61,7 @@ class MavlinkSettings:
     motor_map: MotorMap | None = None
     mode: Literal["plate", "pitch"] = "plate"
     arm: Literal["operator", "host"] = "operator"
-    rate_Hz: float = 50.0
+    rate_Hz: float = RATE_HZ
     key: bytes | None = None
     thrust: ThrustSource = THRUST
     thrust_scale_N: float = 1.0
@@ -90,7 +94,7 @@ def settings_of(address: Address) -> MavlinkSettings:
         mode="pitch" if pitch else "plate",
         arm="host" if _choice(address, "arm", "operator", ("operator", "host")) == "host"
         else "operator",
-        rate_Hz=address.number("rate", 50.0, LEAST_HZ, MOST_HZ),
+        rate_Hz=address.number("rate", PITCH_HZ if pitch else RATE_HZ, LEAST_HZ, MOST_HZ),
         key=read_key(Path(options["key"])) if "key" in options else None,
         thrust=ThrustSource.named(options.get("thrust", "thrust")),
         thrust_scale_N=address.number("thrust_scale", 1.0, -1e6, 1e6),

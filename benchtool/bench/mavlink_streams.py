@@ -33,7 +33,7 @@ FRAME_BYTES, SIGNATURE_BYTES = 12, 13
 ALTERNATES = ("ESC_STATUS", "RAW_RPM", "RPM")
 """Speeds that come where ESC_TELEMETRY does not: a line carries one kind."""
 
-RATES_HZ = (40.0, 25.0, 20.0, LEAST_HZ)
+RATES_HZ = (200.0, 125.0, 100.0, 50.0, 40.0, 25.0, 20.0, LEAST_HZ)
 """Rates that are tried where a slow line does not carry what was asked for; a choice."""
 
 Became = Literal["comes", "denied", "accepted, but nothing comes", "comes unasked"]

@@ -65,7 +65,10 @@ def test_options(tmp_path: Path) -> None:
     assert found.thrust.message == "DEBUG_VECT"
     assert (found.thrust_scale_N, found.speeds, found.cell) == (-0.5, False, ("COM3", 38400))
     assert not found.distance
-    assert settings_of(parse_address("mavlink:udpin:14550?mode=pitch")).distance
+    pitch = settings_of(parse_address("mavlink:udpin:14550?mode=pitch"))
+    assert pitch.distance
+    assert pitch.rate_Hz == 250.0  # the loop on board is followed, a motor test is looked at
+    assert settings_of(parse_address("mavlink:udpin:14550")).rate_Hz == 50.0
     assert set(MAVLINK_OPTIONS) >= {"system", "map", "thrust", "cell", "key"}
 
 
