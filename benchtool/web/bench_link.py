@@ -79,7 +79,9 @@ class BenchLink:
                 told = pipe.recv_bytes()
             except (EOFError, OSError):
                 break
-            loop.call_soon_threadsafe(self._take, told)
+            # A loop that is closed has no page any more.
+            with suppress(RuntimeError):
+                loop.call_soon_threadsafe(self._take, told)
         if not self._closing:
             loop.call_soon_threadsafe(self._begin_again)
 

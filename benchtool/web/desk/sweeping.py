@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import queue
+import signal
 import threading
 from contextlib import suppress
 from dataclasses import replace
 from datetime import datetime
+from multiprocessing import get_context
+from pathlib import Path
 
 from benchtool.acquire.arming import CONFIRMATION, require_unattended
 from benchtool.acquire.calibration_file import calibration_for
@@ -25,6 +28,12 @@ from benchtool.web.desk.news import Happened, Swept
 from benchtool.web.desk.outbox import Outbox
 
 LOOK_S = 0.05
+
+
+def close_run(path: Path) -> None:
+    """Close a run; a process of its own does this."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    Run.open(path).close()
 
 
 class Sweeping:
@@ -152,15 +161,20 @@ class Sweeping:
                 return text
 
     def _close(self, run: Run, status: str, reason: str) -> None:
-        """Finish the files beside the bench, which goes on being read."""
+        """Finish the files beside the bench, which goes on being read.
+
+        In a process of its own: a thread's share of this work (pandas, Parquet) kept the loop that
+        reads from doing so for longer than the device's watchdog waits.
+        """
         self._tell(status="closing", question="", reason=reason)
 
         def close() -> None:
+            closing = get_context("spawn").Process(target=close_run, args=(run.path,))
+            closing.start()
+            closing.join()
             said = reason
-            try:
-                run.close()
-            except (BenchtoolError, OSError) as error:
-                said = f"{reason}; closing the run failed: {error}"
+            if closing.exitcode:
+                said = f"{reason}; settings.csv and samples.parquet could not be written"
             self._tell(status=status, now="", left_s=0.0, reason=said)
 
         self._closing = threading.Thread(target=close, name="closing")

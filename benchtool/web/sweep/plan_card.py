@@ -25,7 +25,7 @@ class PlanCard:
         self._context = context
         self._session: tuple[int, str] = (-1, "")
         self._preview: Preview | None = None
-        with ui.card().classes("w-full"):
+        with ui.card().classes("w-full") as self._card:
             ui.label("Plan").classes("card-title").props("role=heading aria-level=2")
             self._form = PlanForm(self._look)
             self._facts = ui.element("div").classes("facts-grid").mark("preview")
@@ -116,8 +116,10 @@ class PlanCard:
                 ui.label("A simulated bench: no motor turns.").classes("soft")
 
             def begin() -> None:
+                # On the card, which stays: a dialog that is closed is gone with all that is in it.
+                with self._card:
+                    self._begin(typed.value if not simulated else "", resume)
                 dialog.close()
-                self._begin(typed.value if not simulated else "", resume)
 
             with ui.row():
                 ui.button("Start", icon="play_arrow", on_click=begin)
@@ -157,9 +159,10 @@ class PlanCard:
 
             @tells_errors
             def go_on() -> None:
-                dialog.close()
                 path = self._context.run_path(chosen.value)
-                self._confirm(f"the rest of {chosen.value} is measured", path)
+                with self._card:
+                    self._confirm(f"the rest of {chosen.value} is measured", path)
+                dialog.close()
 
             with ui.row():
                 ui.button("Go on", on_click=go_on)
