@@ -1,0 +1,62 @@
+"""From a virtual autopilot to a named effect, on a clock that only reading moves."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from benchtool.acquire.pitch_experiment import PitchExperiment
+from benchtool.acquire.pitch_record import record_pitch
+from benchtool.bench.firmware import Firmware
+from benchtool.bench.guard import GuardedBench
+from benchtool.bench.mavlink_bench import MavlinkBench
+from benchtool.bench.mavlink_settings import MavlinkSettings
+from benchtool.bench.motor_map import MotorMap
+from benchtool.bench.pitch_device import pitch_hello, pitch_plant
+from benchtool.bench.virtual_autopilot import VirtualAutopilot
+from benchtool.explain.explain import explain
+from benchtool.explain.pitch_log import PitchLog, pitch_log
+from benchtool.explain.pitch_subject import PitchSubject
+from benchtool.library import load_model, rig_named
+from benchtool.store import Run, read_pitch
+from benchtool.studies.pitch_setup import changed_job
+from benchtool.testing.loopback_link import LoopbackLink
+
+HIDDEN_NM = 0.02
+MAP = MotorMap(
+    rig="pquad", autopilot="ArduPilot", motors=(1, 4, 3, 2), outputs=(3, 2, 4, 1), escs=(3, 2, 4, 1)
+)
+
+
+def log_of(folder: Path, seed: int, seconds: float) -> PitchLog:
+    """Return what an autopilot tells of a hinge with more friction than its model has."""
+    rig = rig_named("pquad")
+    hidden = {"coulomb_friction.torque_Nm": HIDDEN_NM}
+    plant = pitch_plant(
+        rig, schedule="identify", seed=seed, change=lambda job: changed_job(job, hidden)
+    )
+    firmware = Firmware(plant, pitch_hello(plant, seed))
+    link = LoopbackLink(VirtualAutopilot(firmware, hover_us=1599.0), lambda: plant.rate_Hz)
+    settings = MavlinkSettings(
+        system=1, rate_Hz=250.0, mode="pitch", arm="host", distance=True, motor_map=MAP
+    )
+    bench = MavlinkBench(link, "mavlink:loop", settings, clock=link.clock)
+    with GuardedBench(bench, rig) as guarded:
+        units = {channel.name: channel.unit for channel in guarded.identity.channels}
+        run = Run.create(folder, "", {"simulated": True, "device": {"channels": units}})
+        record_pitch(guarded, rig, PitchExperiment(seconds=seconds, collective_us=1599.0), run)
+    return pitch_log(read_pitch(folder), rig)
+
+
+@pytest.mark.slow
+def test_friction_behind_an_autopilot_is_named(tmp_path: Path) -> None:
+    learn = log_of(tmp_path / "learn", 3, 24.0)
+    assert any("the plate slides in or out" in remark for remark in learn.remarks)
+    check = log_of(tmp_path / "check", 4, 16.0)
+    subject = PitchSubject(load_model("pitch_pquad").model, [learn], [check])
+    verdict = explain(subject, draws=32, propose=False).verdict
+    assert (verdict.kind, verdict.names) == ("effect", ("coulomb_friction",)), verdict.sentence
+    found = verdict.effects[0].parameters[0]
+    assert found.low <= HIDDEN_NM <= found.high
+    assert found.high - found.low < 0.2 * HIDDEN_NM
