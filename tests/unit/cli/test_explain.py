@@ -120,7 +120,7 @@ def test_what_a_recording_lacks_is_told_with_the_verdict(
     )
     assert code == 0
     assert "! a.csv: rpm1 is 0 in every row: a dead channel, left out" in said
-    assert "! a.csv: 1 gaps in time, the first at 5.996 s" in said
+    assert "! a.csv: 1 gap in time, the first at 5.996 s" in said
 
 
 @pytest.mark.parametrize(
