@@ -43,6 +43,7 @@ def added_model(answer: Answer, rig: str = "", effects_file: str = "") -> str:
         row_filter=loaded.row_filter,
         imperfections=loaded.imperfections,
         effects_file=effects_file or loaded.effects_file,
+        plate_slide_s=loaded.plate_slide_s,
     )
     return model_to_toml(new, rig or loaded.rig_name or None)
 

@@ -59,7 +59,8 @@ class Asked:
 
     def _logs(self, sources: Sequence[Source]) -> list[PitchLog]:
         rig = self.loaded.model.rig
-        return [pitch_log(source.recording, rig, source.name) for source in sources]
+        slide_s = self.loaded.plate_slide_s
+        return [pitch_log(source.recording, rig, source.name, slide_s) for source in sources]
 
 
 def asked(

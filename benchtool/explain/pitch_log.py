@@ -16,7 +16,7 @@ from benchtool.core.schedule import PARKED_M
 from benchtool.errors import InputError
 from benchtool.explain.pitch_clock import HELD_S, UNSEEN_S, EvenRows, blank_for, even_rows
 from benchtool.explain.pitch_doubts import refuse_doubtful, standing_still
-from benchtool.explain.plate_transit import on_its_way
+from benchtool.explain.plate_transit import READ_S, TRANSIT_S, on_its_way
 from benchtool.simulate import pitch_track as t
 from benchtool.simulate.pitch_follow import LoggedPitch
 from benchtool.simulate.pitch_replay import PARKED_FROM_M
@@ -66,8 +66,16 @@ class PitchLog:
         return len(self.logged) / self.logged.rate_Hz
 
 
-def pitch_log(recording: Recording, rig: Rig, name: str = "") -> PitchLog:
+def pitch_log(
+    recording: Recording, rig: Rig, name: str = "", plate_slide_s: float | None = None
+) -> PitchLog:
     """Return the log of a recording.
+
+    Args:
+        recording: channels by our names.
+        rig: of the bench.
+        name: what messages call it; of its file when left out.
+        plate_slide_s: how long its plate takes to slide in or out; None where nobody said.
 
     Raises:
         InputError: a recording without time, without pitch, or with neither pulses nor rotor
@@ -96,7 +104,7 @@ def pitch_log(recording: Recording, rig: Rig, name: str = "") -> PitchLog:
         )
     drive = pulsed or turned
     remarks = [*rows.remarks, *_sparse(recording, drive, name)]
-    rows = _followed(rows, drive, name, remarks)
+    rows = _followed(rows, drive, name, plate_slide_s, remarks)
     recording, mode, rate_Hz = rows.recording, rows.mode, rows.rate_Hz
     n = len(recording)
     nothing = np.full(n, np.nan)
@@ -187,7 +195,13 @@ def _sparse(recording: Recording, drive: tuple[str, ...], name: str) -> list[str
     return out
 
 
-def _followed(rows: EvenRows, drive: tuple[str, ...], name: str, remarks: list[str]) -> EvenRows:
+def _followed(
+    rows: EvenRows,
+    drive: tuple[str, ...],
+    name: str,
+    plate_slide_s: float | None,
+    remarks: list[str],
+) -> EvenRows:
     """Return the rows along which a plant can be followed: drive and angle known.
 
     Raises:
@@ -201,12 +215,12 @@ def _followed(rows: EvenRows, drive: tuple[str, ...], name: str, remarks: list[s
             f"{blank.sum() / rows.rate_Hz:.2f} s without an angle, or without what drives the "
             f"plant, left out; judged in parts"
         )
-    sliding, times = _sliding(rows)
+    sliding, times = _sliding(rows, plate_slide_s)
     if times:
         remarks.append(
             f"{(sliding & ~blank).sum() / rows.rate_Hz:.2f} s left out in which the plate slides "
-            f"in or out: nothing tells how much of a disc it covers then; record coverage1 to "
-            f"judge them too"
+            f"in or out: nothing tells how much of a disc it covers then; record coverage1, or "
+            f"say in the model's plate_slide_s that it is faster"
         )
     rows = rows.kept(~(blank | sliding))
     early = np.zeros(len(rows.mode), bool)
@@ -231,15 +245,18 @@ def _followed(rows: EvenRows, drive: tuple[str, ...], name: str, remarks: list[s
     return rows
 
 
-def _sliding(rows: EvenRows) -> tuple[NDArray[np.bool_], int]:
+def _sliding(rows: EvenRows, slide_s: float | None) -> tuple[NDArray[np.bool_], int]:
     """Return the rows in which the plate slides in or out untold, and how often it does."""
     recording = rows.recording
     none = np.zeros(len(recording), bool), 0
+    if slide_s == 0.0:
+        return none
     if "coverage1" in recording and np.isfinite(recording.si("coverage1")).any():
         return none
     if "plate_z_m" not in recording or not np.isfinite(recording.si("plate_z_m")).any():
         return none
-    return on_its_way(_held(recording.si("plate_z_m")), rows.rate_Hz)
+    reach_s = TRANSIT_S if slide_s is None else slide_s + READ_S
+    return on_its_way(_held(recording.si("plate_z_m")), rows.rate_Hz, reach_s)
 
 
 def _turned(speeds: Array, mode: Array, rate_Hz: float) -> Array:

@@ -16,26 +16,30 @@ from benchtool.simulate.pitch_replay import PARKED_FROM_M
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-TRANSIT_S = 0.6
-"""How long before and after its distance jumps a plate may cover a part of a disc: the half second
-that plates of shipped schedules take, and two readings of a sensor that reads twenty times a
-second. Before as well, because a plate on its way out is still read. A choice."""
+READ_S = 0.1
+"""Two readings of a sensor that reads twenty times a second; a guess where nothing says."""
+
+TRANSIT_S = 0.5 + READ_S
+"""How long before and after its distance jumps a plate may cover a part of a disc, where nobody
+says how fast it is: plates of shipped schedules take half a second. Before as well, because a plate
+on its way out is still read. A choice."""
 
 BLINK_S = 0.2
 """A distance that comes and goes within half of this is a missed echo, no plate that moves."""
 
 
-def on_its_way(plate_m: Array, rate_Hz: float) -> tuple[Mask, int]:
+def on_its_way(plate_m: Array, rate_Hz: float, reach_s: float = TRANSIT_S) -> tuple[Mask, int]:
     """Return the rows (n,) in which a plate slides in or out, and how often it does.
 
     Args:
         plate_m: (n,) distance, held between readings: m.
         rate_Hz: rows per second.
+        reach_s: how long before and after a jump the plate may be on its way.
     """
     width = 2 * round(0.5 * BLINK_S * rate_Hz) + 1
     under = median_filter((plate_m < PARKED_FROM_M).astype(np.uint8), size=width, mode="nearest")
     jumps = np.flatnonzero(np.diff(under.astype(np.int8))) + 1
-    reach = round(TRANSIT_S * rate_Hz)
+    reach = round(reach_s * rate_Hz)
     mask = np.zeros(len(plate_m), bool)
     for row in jumps:
         mask[max(row - reach, 0) : row + reach] = True

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
-from math import isfinite, isnan
+from math import inf, isfinite, isnan
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +33,12 @@ class _Head(FileTable):
     wake_rule: str = "notes"
     body_distance: BodyDistance = "half_diagonal"
     effects_file: str = ""
+    plate_slide_s: float | None = None
+
+    def __post_init__(self) -> None:
+        slide_s = self.plate_slide_s
+        if slide_s is not None and not 0.0 <= slide_s < inf:
+            raise InputError(f"plate_slide_s is {slide_s:g}; give seconds from 0")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,6 +83,7 @@ class LoadedModel:
         imperfections: numbers of a virtual bench, when the file describes a truth.
         rig_name: how the file names its rig; empty for a model that no file describes.
         effects_file: Python file with effects of the user's own; empty without.
+        plate_slide_s: how long the bench's plate takes to slide in or out; None: not said.
     """
 
     model: Model
@@ -85,6 +92,7 @@ class LoadedModel:
     imperfections: Mapping[str, float] = field(default_factory=dict)
     rig_name: str = ""
     effects_file: str = ""
+    plate_slide_s: float | None = None
 
 
 def model_names() -> tuple[str, ...]:
@@ -144,6 +152,7 @@ def model_from_toml(text: str, where: str, rig: Rig | None = None) -> LoadedMode
         imperfections=read.imperfections,
         rig_name=read.model.rig,
         effects_file=read.model.effects_file,
+        plate_slide_s=read.model.plate_slide_s,
     )
 
 
@@ -206,6 +215,8 @@ def model_to_toml(loaded: LoadedModel, rig: str | None = None) -> str:
     }
     if loaded.effects_file:
         data["model"]["effects_file"] = loaded.effects_file
+    if loaded.plate_slide_s is not None:
+        data["model"]["plate_slide_s"] = loaded.plate_slide_s
     if loaded.columns:
         data["columns"] = {name: _column_table(column) for name, column in loaded.columns.items()}
     if loaded.row_filter:

@@ -60,9 +60,10 @@ def recording_of(record_part: object, name: str) -> Recording:
 
 def verdict_on(record: HiddenRecord) -> tuple[Verdict, float]:
     """Return the verdict on a record, and how long it took: s."""
-    model = load_model(MODEL).model
+    loaded = load_model(MODEL)
+    model = loaded.model
     logs = [
-        pitch_log(recording_of(table, name), model.rig, name)
+        pitch_log(recording_of(table, name), model.rig, name, loaded.plate_slide_s)
         for table, name in ((record.learn, "learn"), (record.check, "check"))
     ]
     began = time.perf_counter()

@@ -47,6 +47,17 @@ def test_a_plate_that_slides_untold_is_left_out_and_one_that_is_told_is_not(
     assert [text for text in untold.remarks if "the plate slides in or out" in text]
 
 
+def test_a_plate_whose_pace_is_said_loses_no_more_than_it_takes(
+    model: Model, visited: Recording
+) -> None:
+    untold = without(visited, "coverage1")
+    at_once = pitch_log(untold, model.rig, plate_slide_s=0.0)
+    assert at_once.remarks == ()
+    assert len(at_once.logged) == len(visited)
+    brief = pitch_log(untold, model.rig, plate_slide_s=0.1)
+    assert len(visited) - len(brief.logged) == 3 * 2 * 50
+
+
 def test_what_is_left_is_as_white_as_what_is_told(model: Model, visited: Recording) -> None:
     """Taken for all in or all out on its way, the plate left two and a half times as much."""
     sizes = []

@@ -55,6 +55,13 @@ def test_a_prior_bounds_and_tolerance_survive_the_file() -> None:
     assert again.model.parameters["body_lift.K_b"] == item
 
 
+def test_how_long_a_plate_slides_survives_the_file() -> None:
+    loaded = load_model("quad_body_lift")
+    assert loaded.plate_slide_s is None
+    again = model_from_toml(model_to_toml(replace(loaded, plate_slide_s=0.0)), "again.toml")
+    assert again.plate_slide_s == 0.0
+
+
 @pytest.mark.parametrize(
     ("text", "error", "words"),
     [
@@ -67,6 +74,7 @@ def test_a_prior_bounds_and_tolerance_survive_the_file() -> None:
         (HEAD + "[parameters]\nR_m = -1", FileFormatError, r"R_m is -1 m, outside its bounds"),
         (HEAD + "wake_rule = 'no'", FileFormatError, "unknown wake rule 'no'.*notes"),
         (HEAD + "body_distance = 'no'", FileFormatError, "half_diagonal"),
+        (HEAD + "plate_slide_s = -1", FileFormatError, "plate_slide_s is -1; give seconds from 0"),
         ("[model]\nname = 'x'\nrig = 'pqad'", UnknownChoice, "did you mean 'pquad'"),
         (
             HEAD + "[columns]\nthrust_N = { column = 'F', unit = 'newton' }",
