@@ -44,7 +44,7 @@ def _own_state(tmp_path_factory: pytest.TempPathFactory) -> None:
     os.environ["BENCHTOOL_STATE"] = str(tmp_path_factory.mktemp("state"))
 
 
-REAL_TIME = ("tests/avr/", "tests/rcb/", "tests/system/test_bench_link",
+REAL_TIME = ("tests/avr/", "tests/browser/", "tests/rcb/", "tests/system/test_bench_link",
              "tests/system/test_mavlink", "tests/system/test_pitch_recorded",
              "tests/system/test_sweep_killed", "tests/system/test_sweep_staged")  # fmt: skip
 """Tests that talk to a device over a link in real time."""

@@ -48,7 +48,8 @@ def test_a_sweep_goes_to_its_end_also_when_the_page_is_loaded_again(
     wait_for_points(page, 1)
     page.reload()
     page.get_by_text("at the controls").wait_for()
-    page.get_by_text("ended: ").wait_for(timeout=SWEEP_MS)
+    run = only_run(web)
+    page.get_by_text(f"ended: {run.path}").wait_for(timeout=SWEEP_MS)
     page.get_by_text("points, 0 not settled").wait_for()
     page.locator(".ratio-plot .scatterlayer .point").first.wait_for()
     run = only_run(web)
@@ -80,7 +81,7 @@ def test_stop_in_mid_sweep_and_go_on_later(page: Page, web: Web, fast_device: De
     page.get_by_role("button", name="Go on with a stopped run").click()
     page.get_by_role("dialog").get_by_role("button", name="Go on").click()
     page.get_by_role("button", name="Start", exact=True).click()
-    page.get_by_text("ended: ").wait_for(timeout=SWEEP_MS)
+    page.get_by_text(f"ended: {run.path}").wait_for(timeout=SWEEP_MS)
     points = read_points(run.path)
     assert len(points) > done >= 2
     assert points.column("point").tolist() == [float(i + 1) for i in range(len(points))]
@@ -99,7 +100,7 @@ def test_a_paused_sweep_stands_still_and_goes_on(
     second = open_page(f"{web.url}?tab=sweep")
     second.get_by_text("paused: ").first.wait_for()
     page.get_by_role("button", name="Go on", exact=True).click()
-    page.get_by_text("ended: ").wait_for(timeout=SWEEP_MS)
+    page.get_by_text(f"ended: {only_run(web).path}").wait_for(timeout=SWEEP_MS)
     assert only_run(web).metadata["state"] == "ended"
 
 
@@ -108,9 +109,10 @@ def test_a_plan_that_breaks_a_limit_is_refused_before_anything_spins(page: Page)
     go_to(page, "Sweep")
     page.get_by_label("Pulses, us").fill("1400,1999")
     page.get_by_text("throttle.pwm_us asks for 1999 us, allowed are").wait_for()
-    assert page.get_by_role("button", name="Start the sweep").is_disabled()
+    page.locator("button:disabled", has_text="Start the sweep").wait_for()
     page.get_by_label("Pulses, us").fill("1400,x")
     page.get_by_text("--pwm is '1400,x', but numbers between commas are needed").wait_for()
     page.get_by_label("Pulses, us").fill("1400")
     page.get_by_text("limits hold").wait_for()
-    assert page.get_by_role("button", name="Start the sweep").is_enabled()
+    page.locator("button:enabled", has_text="Start the sweep").wait_for()
+    assert page.get_by_text("limits hold").is_visible()
