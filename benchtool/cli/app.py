@@ -32,7 +32,7 @@ COMMANDS: dict[str, str] = {
     "report": "Write a report page, and PDF, of a run, fit or recording",
     "figures": "Draw runs in the layout of the paper's figures 3, 4, 6, 8",
     "simulate": "Simulate benches and flights near surfaces in closed loop",
-    "web": "Serve the page: see the bench live, sweep, fit and explain from a browser",
+    "web": "Serve a page to watch, sweep, fit and explain in a browser",
     "bench": "Serve a virtual bench; check a bench before motors spin",
     "firmware": "Write the firmware that makes an Arduino a rotor bench",
     "ports": "List serial ports and, with --probe, what answers on them",

@@ -23,7 +23,7 @@ def command(
     ] = False,
     browser: Annotated[bool, typer.Option(help="Open the page in a browser.")] = True,
 ) -> None:
-    """Serve the page: see the bench live, sweep, fit and explain from a browser."""
+    """Serve a page to watch, sweep, fit and explain in a browser."""
     from benchtool.web.serve import serve
 
     def announce(address: str) -> None:
