@@ -44,9 +44,12 @@ class Web:
     process: subprocess.Popen[str]
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def browser() -> Iterator[Browser]:
-    """Give a headless browser, or skip where none is installed."""
+    """Give a headless browser, or skip where none is installed.
+
+    Not kept for the session: its event loop would run under the tests of other folders.
+    """
     if os.name != "posix":
         pytest.skip("the virtual bench of these tests needs pseudo-terminals")
     if CHROMIUM is None:

@@ -77,7 +77,7 @@ def test_flights_too_short_to_arrive_are_refused() -> None:
     ("vary", "says"),
     [
         ("K_b=1:60:3", r"K_b is 60; give 0 to 50 \(at K_b = 60\)"),
-        ("lag_s=0:0.004:5", r"too large for a motor lag of 0.001 s.* \(at lag_s = 0.001\)"),
+        ("lag_s=0:0.004:5", r"too short for a step_s of 0.001.* \(at lag_s = 0.001\)"),
         ("gains.control_rate_Hz=0:250:2", "above 0"),
     ],
 )
