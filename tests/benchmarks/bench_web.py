@@ -146,7 +146,7 @@ def main() -> None:
             stream(page, web, device, given.seconds)
             presses(page, device)
             page.get_by_role("tab", name="Sweep").click()
-            page.get_by_text("stopped: ").wait_for()
+            page.get_by_text("stopped: ").first.wait_for()
             browser.close()
         lost(runs)
 

@@ -71,7 +71,7 @@ def test_stop_in_mid_sweep_and_go_on_later(page: Page, web: Web, fast_device: De
     page.mouse.down()
     assert fast_device.stopped_after(pressed) < 0.3
     page.mouse.up()
-    page.get_by_text("stopped: ").wait_for()
+    page.get_by_text("stopped: ").first.wait_for()
     orders = [order for order in fast_device.orders if order[0] > pressed + 0.5]
     assert max((highest for _, _, highest in orders), default=0.0) <= 1000.0
     run = only_run(web)
