@@ -63,8 +63,13 @@ class Answer:
 
     @property
     def hashes(self) -> Mapping[str, str]:
-        """SHA-256 of each recording by its name."""
-        return {source.name: source.sha256 for source in (*self.learn, *self.check)}
+        """SHA-256 of each recording by its name, by its path where two share one."""
+        sources = (*self.learn, *self.check)
+        names = [source.name for source in sources]
+        return {
+            source.name if names.count(source.name) == 1 else source.path: source.sha256
+            for source in sources
+        }
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

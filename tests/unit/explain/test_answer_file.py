@@ -12,7 +12,7 @@ import pytest
 from benchtool.explain.answer_file import Written, answer_tables, next_file
 from benchtool.explain.verdict import KINDS, Kind, NotJudged
 from benchtool.library import schedule_named
-from tests.unit.explain.hand_made import NEXT, answer, gap, verdict
+from tests.unit.explain.hand_made import NEXT, answer, gap, source, verdict
 
 PROMISED = (
     "version", "verdict", "effects", "class", "where", "gap", "nearest", "tolerances",
@@ -122,3 +122,13 @@ def test_numbers_that_json_has_not_become_null() -> None:
         answer(), explanation=replace(answer().explanation, verdict=broken)
     )  # fmt: skip
     assert answer_tables(found, Written())["gap"]["theta_rad"]["before"] is None
+
+
+def test_two_recordings_of_one_name_keep_a_hash_each() -> None:
+    given = answer("effect")
+    twice = replace(
+        given,
+        learn=(source("learn/pid.csv", "a" * 64),),
+        check=(source("check/pid.csv", "b" * 64),),
+    )
+    assert twice.hashes == {"learn/pid.csv": "a" * 64, "check/pid.csv": "b" * 64}
