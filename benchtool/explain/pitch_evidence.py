@@ -12,7 +12,7 @@ from benchtool.core.parameter import Parameters
 from benchtool.effects.catalogue import candidates, effect_named
 from benchtool.effects.effect import Effect
 from benchtool.effects.model import Model
-from benchtool.effects.tolerances import tolerances
+from benchtool.explain.effect_knobs import RADIUS_KNOWN, effect_knobs, neutral_values
 from benchtool.explain.knob import Knob, parameters_at
 from benchtool.explain.pitch_filter import PitchFilter, pitch_filter
 from benchtool.explain.pitch_regimes import pitch_regimes
@@ -28,12 +28,11 @@ PLANT_HZ = 500.0
 LEAST_LAG_S = 1.001 * STEPS_PER_LAG / PLANT_HZ
 """Shortest motor lag that is tried; a quicker one is none at these steps."""
 
+SHORTEST = {"motor_lag.tau_s": LEAST_LAG_S}
+"""Bounds of knobs that are narrower than the effects' own."""
+
 SETTLING_S = 0.3
 """What a filter needs after it began anew before its innovations count."""
-
-RADIUS_KNOWN = 0.0125
-"""Standard error of R_m over its value where a model states no prior: the increment (R/4z)^2 known
-to 5 %, taken for two standard errors."""
 
 
 def with_library(model: Model, extra: Sequence[Effect] = ()) -> Model:
@@ -45,10 +44,7 @@ def with_library(model: Model, extra: Sequence[Effect] = ()) -> Model:
         if effect.name == "motor_lag":
             model = model.with_effect(effect, tau_s=model.rig.propulsion.lag_s)
         else:
-            neutral = {
-                item.name: item.neutral for item in effect.parameters if item.neutral is not None
-            }
-            model = model.with_effect(effect, **neutral)
+            model = model.with_effect(effect, **neutral_values(effect))
     return model
 
 
@@ -77,25 +73,9 @@ class PitchEvidence:
         names = {effect.name for effect in (*candidates("pitch"), *extra)}
         self.logs = [self._prepared(log) for log in logs]
         self.n_discs = logs[0].n_discs
-        self.knobs = (*self._effect_knobs(names), *self._owner_knobs())
+        self.knobs = (*effect_knobs(self.model, names, "pitch", SHORTEST), *self._owner_knobs())
 
     # --- knobs ----------------------------------------------------------------------------
-
-    def _effect_knobs(self, names: set[str]) -> list[Knob]:
-        found = tolerances(self.model, "pitch")
-        return [
-            Knob(
-                name=name,
-                unit=item.unit,
-                effect=name.split(".")[0],
-                start=item.value,
-                scale=found[name],
-                lower=max(item.lower, LEAST_LAG_S if name == "motor_lag.tau_s" else -np.inf),
-                upper=item.upper,
-            )
-            for name, item in self.model.parameters.items()
-            if name.split(".")[0] in names and name in found
-        ]
 
     def _owner_knobs(self) -> list[Knob]:
         items = self.model.parameters

@@ -13,7 +13,7 @@ from benchtool.effects.catalogue import candidates, effect_named
 from benchtool.effects.conditions import Conditions
 from benchtool.effects.effect import Effect
 from benchtool.effects.model import Model
-from benchtool.effects.tolerances import tolerances
+from benchtool.explain.effect_knobs import RADIUS_KNOWN, effect_knobs, neutral_values
 from benchtool.explain.knob import Knob, parameters_at
 from benchtool.explain.subject import RowGroups
 from benchtool.explain.sweep_log import SweepLog
@@ -22,13 +22,9 @@ from benchtool.explain.sweep_regimes import sweep_regimes
 
 Array = NDArray[np.float64]
 
-RADIUS_KNOWN = 0.0125
-"""Standard error of R_m over its value where a model fixes it and states no prior: the increment
-(R/4z)^2 known to 5 %, taken for two standard errors."""
-
 RADIUS_FITTED = 0.05
-"""The same where a model leaves R_m to a fit: an effective radius is within a tenth of the rotor's;
-a choice."""
+"""Standard error of R_m over its value where a model leaves it to a fit: an effective radius is
+within a tenth of the rotor's; a choice."""
 
 K_KNOWN, K_FITTED = 0.01, 0.1
 """The same two for k; a load cell's scale is known to a per cent, a rotor's coefficient is not."""
@@ -59,10 +55,7 @@ def with_sweep_library(model: Model, extra: Sequence[Effect] = ()) -> Model:
     have = {effect.name for effect in model.effects}
     for effect in (*candidates("sweep"), *map(effect_named, OWN_EFFECTS), *extra):
         if effect.name not in have:
-            neutral = {
-                item.name: item.neutral for item in effect.parameters if item.neutral is not None
-            }
-            model = model.with_effect(effect, **neutral)
+            model = model.with_effect(effect, **neutral_values(effect))
     if model.parameters[GROWTH].value == 0.0:
         weight_N = STANDARD_GRAVITY_M_S2 * model.rig.body.mass_kg
         model = model.fixed("load_cell_hysteresis.reference_N", weight_N)
@@ -94,7 +87,7 @@ class SweepEvidence:
         self.model = with_sweep_library(model, extra)
         self.logs = tuple(logs)
         names = {effect.name for effect in (*candidates("sweep"), *extra)}
-        self.knobs = (*self._effect_knobs(names), *self._owner_knobs())
+        self.knobs = (*effect_knobs(self.model, names, "sweep"), *self._owner_knobs())
         self._places = {name: place for place, name in enumerate(self.model.parameters)}
         self._turned = {knob.name: place for place, knob in enumerate(self.knobs)}
         # Every knob acts, wherever it stands: a model leaves out what is neutral and fixed.
@@ -103,22 +96,6 @@ class SweepEvidence:
         self.noise = tuple(self._noise(log) for log in self.logs)
 
     # --- knobs ----------------------------------------------------------------------------
-
-    def _effect_knobs(self, names: set[str]) -> list[Knob]:
-        found = tolerances(self.model, "sweep")
-        return [
-            Knob(
-                name=name,
-                unit=item.unit,
-                effect=name.split(".")[0],
-                start=item.value,
-                scale=found[name],
-                lower=item.lower,
-                upper=item.upper,
-            )
-            for name, item in self.model.parameters.items()
-            if name.split(".")[0] in names and name in found
-        ]
 
     def _owner_knobs(self) -> list[Knob]:
         items = self.model.parameters
