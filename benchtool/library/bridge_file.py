@@ -12,6 +12,7 @@ from benchtool import __version__
 from benchtool.core.rig import Rig
 from benchtool.core.units import unit_named
 from benchtool.errors import InputError, UnknownChoice
+from benchtool.library.esc_pulses import refuse_pulses_outside
 
 FILE_NAME = "rcbudp_bridge.js"
 
@@ -68,15 +69,8 @@ def bridge_text(rig: Rig, place: BridgePlace, speed: str = "optical") -> str:
             f"rig {rig.name} has {rig.n_rotors} rotors, and the bridge drives one ESC; take a rig "
             f"with one rotor, for example pquad_single"
         )
-    for name, pulse_us in (
-        ("propulsion.pwm_stop_us", pulse.pwm_stop_us),
-        ("limits.pwm_us", limits.pwm_us),
-    ):
-        if not SHORTEST_US <= pulse_us <= LONGEST_US:
-            raise InputError(
-                f"{name} of rig {rig.name} is {pulse_us:g} us, and the GUI puts out "
-                f"{SHORTEST_US:g} to {LONGEST_US:g} us; correct the rig"
-            )
+    range_us = f"the GUI puts out {SHORTEST_US:g} to {LONGEST_US:g} us"
+    refuse_pulses_outside(rig, SHORTEST_US, LONGEST_US, range_us)
     _check_place(place)
     watched = {
         "thrust_N": min(limits.thrust_N, limits.load_cell_rating_N),

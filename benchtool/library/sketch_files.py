@@ -9,6 +9,7 @@ from benchtool import __version__
 from benchtool.core.rig import Rig
 from benchtool.errors import InputError
 from benchtool.library.board import Board
+from benchtool.library.esc_pulses import refuse_pulses_outside
 
 MOST_MOTORS = 2
 """Pulse outputs of the one 16-bit timer (data sheet ATmega328P, chapter 16: OC1A and OC1B)."""
@@ -55,15 +56,8 @@ def _rig_numbers(board: Board, rig: Rig) -> dict[str, str]:
             f"rig {rig.name} has {rig.n_rotors} motors, and the timer of board {board.name} makes "
             f"pulses for {MOST_MOTORS}; take a rig with 1 or {MOST_MOTORS} rotors"
         )
-    for name, pulse_us in (
-        ("propulsion.pwm_stop_us", pulse.pwm_stop_us),
-        ("limits.pwm_us", limits.pwm_us),
-    ):
-        if not SHORTEST_US <= pulse_us <= LONGEST_US:
-            raise InputError(
-                f"{name} of rig {rig.name} is {pulse_us:g} us, and ESC pulses lie from "
-                f"{SHORTEST_US:g} to {LONGEST_US:g} us; correct the rig"
-            )
+    range_us = f"ESC pulses lie from {SHORTEST_US:g} to {LONGEST_US:g} us"
+    refuse_pulses_outside(rig, SHORTEST_US, LONGEST_US, range_us)
     return {
         "BOARD": board.name,
         "RIG": rig.name,
