@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from benchtool.errors import InputError, UnknownChoice
 from benchtool.library import Gains
@@ -83,10 +83,6 @@ class PitchControl:
         if self.gains is None:
             raise InputError(f"controller {self.name!r} has no gains and no rate; give rate_Hz")
         return self.gains.control_rate_Hz
-
-    def at_rate(self, rate_Hz: float) -> PitchControl:
-        """Return the controller at another rate."""
-        return replace(self, rate_Hz=rate_Hz)
 
 
 def pitch_controller(

@@ -158,13 +158,6 @@ class PitchBench:
         sensor = replace(self.sensors.get(name, PitchSensor()), **changes)
         return replace(self, sensors={**self.sensors, name: sensor})
 
-    def without_noise(self) -> PitchBench:
-        """Return the bench with perfect sensors, whole pulses not rounded, and a quiet wake."""
-        model = self.model
-        if self.effect("wake_torque") is not None:
-            model = model.fixed("wake_torque.sd_Nm", 0.0)
-        return replace(self, model=model, sensors={}, pwm_quantum_us=0.0)
-
 
 def rig_sensors(rig: Rig) -> dict[str, PitchSensor]:
     """Return the sensors of a rig that a pitch bench reads, in SI."""

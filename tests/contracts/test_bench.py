@@ -1,5 +1,5 @@
 """One contract for every bench: simulated, over a loop-back wire, TCP, a pseudo-terminal, behind an
-autopilot, behind the RCbenchmark GUI, staged, guarded; what of it a pitch bench keeps, whose loop
+autopilot, behind the RCbenchmark GUI, guarded; what of it a pitch bench keeps, whose loop
 commands the motors; and what a replay, which only listens, has in common with them."""
 
 from __future__ import annotations
@@ -23,8 +23,6 @@ from benchtool.bench.pitch_device import pitch_hello, pitch_plant
 from benchtool.bench.rcb_bench import RcbBench
 from benchtool.bench.serial_bench import SerialBench
 from benchtool.bench.server_links import PtyLink, ServerLink, TcpLink
-from benchtool.bench.stage import DeviceStage
-from benchtool.bench.staged_bench import StagedBench
 from benchtool.bench.virtual_autopilot import VirtualAutopilot
 from benchtool.bench.virtual_bridge import VirtualBridge
 from benchtool.bench.virtual_device import hello_of, virtual_plant
@@ -48,11 +46,6 @@ def looped() -> Bench:
     plant = virtual_plant(RIG, TRUTH, 2)
     link = LoopbackLink(Firmware(plant, hello_of(plant, TRUTH, 2)), lambda: plant.rate_Hz)
     return SerialBench(link, "serial:loop", clock=link.clock)
-
-
-def staged() -> Bench:
-    bench = simulated()
-    return StagedBench(bench, DeviceStage(bench))
 
 
 def guarded() -> Bench:
@@ -116,7 +109,7 @@ def pitching_flown() -> Bench:
     return MavlinkBench(link, "mavlink:loop", settings, clock=link.clock)
 
 
-MAKERS = {"sim": simulated, "loop": looped, "staged": staged, "guarded": guarded}
+MAKERS = {"sim": simulated, "loop": looped, "guarded": guarded}
 MAKERS |= {"ardupilot": ardupilot, "px4": px4, "rcbudp": bridged}
 PITCH_MAKERS = {"pitch": pitching, "pitch loop": pitching_looped, "pitch flown": pitching_flown}
 
