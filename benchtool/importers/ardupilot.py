@@ -13,7 +13,7 @@ from benchtool.importers.dataflash_text import read_text_log
 from benchtool.importers.finding import Finding, counted
 from benchtool.importers.flight_log import Counts, flight_import
 from benchtool.importers.imported import Imported
-from benchtool.importers.motor_channels import ardupilot_motors, motors_finding
+from benchtool.importers.motor_channels import ardupilot_motors, logged_motors
 from benchtool.importers.streams import Stream
 
 Array = NDArray[np.float64]
@@ -147,15 +147,15 @@ def _motors(log: Records) -> dict[int, int]:
 
 
 def _outputs(log: Records, motors: dict[int, int], findings: list[Finding]) -> list[Stream]:
-    channels = [n for n in range(1, 15) if log.has("RCOU", f"C{n}")]
+    channels = [
+        n
+        for n in range(1, 15)
+        if log.has("RCOU", f"C{n}") and np.any(log.numbers("RCOU", f"C{n}") > 0.0)
+    ]
     if not channels:
         return []
-    findings.append(motors_finding(motors, "SERVOn_FUNCTION"))
-    if motors:
-        pairs = [(channel, motor) for channel, motor in motors.items() if channel in channels]
-    else:
-        pairs = [(channel, channel) for channel in channels]
-    return _stream(log, "RCOU", {f"pwm{motor}_us": (f"C{n}", 1.0) for n, motor in pairs})
+    chosen = logged_motors(motors, channels, "SERVOn_FUNCTION", findings)
+    return _stream(log, "RCOU", {f"pwm{motor}_us": (f"C{n}", 1.0) for n, motor in chosen.items()})
 
 
 def _speeds(log: Records, motors: dict[int, int], findings: list[Finding]) -> list[Stream]:

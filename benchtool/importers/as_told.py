@@ -10,6 +10,18 @@ from benchtool.errors import InputError
 from benchtool.importers.at_rest import zero_of
 from benchtool.importers.finding import Finding
 from benchtool.importers.imported import Imported
+from benchtool.importers.options import Options
+
+
+def as_told(read: Imported, options: Options) -> Imported:
+    """Return the import with what the user says about its channels done to them."""
+    for name in options.flip:
+        read = flipped(read, name)
+    for name in options.tare:
+        read = tared(read, name)
+    for told in options.scale:
+        read = scaled(read, told)
+    return read
 
 
 def flipped(read: Imported, name: str) -> Imported:

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.errors import FileFormatError
-from benchtool.importers.at_rest import dead_channels
 from benchtool.importers.finding import Finding, counted
 from benchtool.importers.imported import Imported, Tally
 from benchtool.importers.streams import Stream, merged
@@ -81,7 +80,6 @@ def flight_import(
         if not any(re.fullmatch(pattern, name) for name in recording.names):
             found.append(Finding("lacks", what, words))
     found += _gaps(streams)
-    found += dead_channels(recording)
     kept = sum(stream.time_us.size for stream in streams)
     sources = {
         name: f"{stream.source}.{stream.fields[name]}"

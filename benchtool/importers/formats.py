@@ -7,18 +7,21 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-from benchtool.errors import FileFormatError
-from benchtool.importers.as_told import flipped, scaled, tared
+from benchtool.errors import FileFormatError, InputError
+from benchtool.importers.as_told import as_told
 from benchtool.importers.column_map import read_by_map
 from benchtool.importers.crazyflie import is_crazyflie, read_crazyflie
+from benchtool.importers.folder import told_of_folder
 from benchtool.importers.imported import Imported
-from benchtool.importers.inspection import inspect_stand
+from benchtool.importers.inspection import inspect_log, inspect_stand
 from benchtool.importers.mavlink_walk import is_tlog
 from benchtool.importers.named_columns import read_named
 from benchtool.importers.options import Options
 from benchtool.importers.over_surface import mark_windows
 from benchtool.importers.pole_count import compare_speeds
 from benchtool.importers.rcbenchmark import is_rcbenchmark, read_rcbenchmark
+from benchtool.importers.spikes import mend_spikes
+from benchtool.importers.time_order import mend_time
 from benchtool.importers.uiuc import is_uiuc, read_uiuc
 
 _TEXT_LOG = re.compile(rb"(?:[^\n]{0,200}\n){0,8}FMT, ?\d+, ?\d+, ?\w+,")
@@ -30,8 +33,11 @@ def import_file(path: str | Path, options: Options | None = None) -> Imported:
     Raises:
         FileFormatError: no such file, nothing readable in it, or columns that nobody knows.
     """
-    where = Path(path)
-    return import_bytes(_bytes_of(where), str(path), options or Options())
+    where, options = Path(path), options or Options()
+    if where.is_dir():
+        words = told_of_folder(where, lambda head, name: _can_import(head, name, options))
+        raise FileFormatError(str(path), words)
+    return import_bytes(_bytes_of(where), str(path), options)
 
 
 def import_files(paths: Sequence[str | Path], options: Options | None = None) -> list[Imported]:
@@ -52,15 +58,11 @@ def import_bytes(data: bytes, where: str, options: Options) -> Imported:
     }
     reader = _log_reader(data)
     if reader is not None and options.columns is None:
-        read = reader(data, where, provenance)
+        read = inspect_log(as_told(reader(data, where, provenance), options))
     else:
-        read = inspect_stand(_read_table(data, where, options, provenance))
-    for name in options.flip:
-        read = flipped(read, name)
-    for name in options.tare:
-        read = tared(read, name)
-    for told in options.scale:
-        read = scaled(read, told)
+        mended = mend_spikes(mend_time(_read_table(data, where, options, provenance)))
+        # Doubts come last: what the user repaired is none any more.
+        read = inspect_stand(as_told(mended, options))
     return mark_windows(read, options.over, options.near_m)
 
 
@@ -87,6 +89,17 @@ def _log_reader(data: bytes) -> Reader | None:
     return None
 
 
+def _can_import(head: bytes, where: str, options: Options) -> bool:
+    """Tell whether a file that begins like this is a log or a table with columns that are known."""
+    if _log_reader(head) is not None:
+        return True
+    try:
+        _read_table(head, where, options, {})
+    except InputError:
+        return False
+    return True
+
+
 def _read_table(data: bytes, where: str, options: Options, facts: dict[str, str]) -> Imported:
     if options.columns is not None:
         return read_by_map(data, where, options.columns, facts)
@@ -105,8 +118,6 @@ def _bytes_of(path: Path) -> bytes:
         return path.read_bytes()
     except FileNotFoundError:
         raise FileFormatError(str(path), "there is no such file; check the path") from None
-    except IsADirectoryError:
-        raise FileFormatError(str(path), "this is a folder; name a file in it") from None
     except OSError as error:
         reason = (error.strerror or "it cannot be read").lower()
         raise FileFormatError(str(path), f"{reason}; check the file") from error

@@ -1,18 +1,19 @@
-"""Go over a stand's recording after it is read: time, spikes, zero, sign, dead channels, speeds."""
+"""Doubt what a recording holds, as it is after what the user told: zero, sign, dead, speeds."""
 
 from __future__ import annotations
+
+import re
+
+import numpy as np
 
 from benchtool.importers.at_rest import dead_channels, rest_doubts
 from benchtool.importers.finding import Finding
 from benchtool.importers.imported import Imported
 from benchtool.importers.pole_count import speed_doubts
-from benchtool.importers.spikes import mend_spikes
-from benchtool.importers.time_order import mend_time
 
 
 def inspect_stand(read: Imported) -> Imported:
-    """Return the import of a stand's log with what could be mended mended and the rest doubted."""
-    read = mend_spikes(mend_time(read))
+    """Return the import of a stand's log with what could not be mended doubted."""
     recording = read.recording
     told = {name for name, source in read.sources.items() if source.startswith("constant ")}
     dead = [item for item in dead_channels(recording) if item.channel not in told]
@@ -22,4 +23,19 @@ def inspect_stand(read: Imported) -> Imported:
         found.append(Finding("doubt", "single row", words, count=1))
     if "rpm1" not in recording and not any(item.what == "rpm" for item in read.findings):
         found.append(Finding("lacks", "rpm", "no speed stands in the file"))
+    return read.with_findings(found)
+
+
+def inspect_log(read: Imported) -> Imported:
+    """Return the import of a flight log with its channels doubted."""
+    recording = read.recording
+    turned = [
+        name
+        for name in recording.names
+        if re.fullmatch(r"rpm\d+", name) and np.any(np.nan_to_num(recording.column(name)) < 0.0)
+    ]
+    found = dead_channels(recording)
+    if turned:
+        words = "negative speeds, as ESCs tell the sense of rotation, are left as they are"
+        found.insert(0, Finding("doubt", "sign", words, ", ".join(turned)))
     return read.with_findings(found)

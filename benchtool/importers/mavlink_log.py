@@ -17,7 +17,7 @@ from benchtool.importers.finding import Finding, counted
 from benchtool.importers.flight_log import Counts, angles_of, flight_import
 from benchtool.importers.imported import Imported
 from benchtool.importers.mavlink_walk import Frame, walk_tlog
-from benchtool.importers.motor_channels import ardupilot_motors, motors_finding
+from benchtool.importers.motor_channels import ardupilot_motors, logged_motors
 from benchtool.importers.streams import Stream
 
 Array = NDArray[np.float64]
@@ -234,13 +234,8 @@ def _outputs(messages: Messages, motors: dict[int, int], findings: list[Finding]
     if not own.rows:
         return []
     channels = [n for n in range(1, 17) if np.any(own.numbers(f"servo{n}_raw") > 0.0)]
-    findings.append(motors_finding(motors, "SERVOn_FUNCTION"))
-    chosen = motors or {channel: channel for channel in channels}
-    scales = {
-        f"pwm{motor}_us": (f"servo{channel}_raw", 1.0)
-        for channel, motor in chosen.items()
-        if channel in channels
-    }
+    chosen = logged_motors(motors, channels, "SERVOn_FUNCTION", findings)
+    scales = {f"pwm{motor}_us": (f"servo{channel}_raw", 1.0) for channel, motor in chosen.items()}
     return _stream("SERVO_OUTPUT_RAW", own, scales) if scales else []
 
 

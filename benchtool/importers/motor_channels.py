@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 from benchtool.importers.finding import Finding
 
@@ -45,14 +45,29 @@ def _motors(
     return dict(sorted(found.items(), key=lambda item: item[1]))
 
 
-def motors_finding(motors: Mapping[int, int], parameter: str) -> Finding:
-    """Return how outputs were taken for motors."""
+def logged_motors(
+    motors: Mapping[int, int], logged: Collection[int], parameter: str, findings: list[Finding]
+) -> dict[int, int]:
+    """Return motor number by those channels whose pulses are logged, and tell how that was known.
+
+    Args:
+        motors: motor number by channel, as the parameters say; empty where none does.
+        logged: channels with pulses; each is taken for the motor of its number without parameters.
+        parameter: what would say it, for people.
+        findings: added to.
+    """
     if not motors:
         words = (
             f"no {parameter} says which channel drives which motor; pwm1 is channel 1, and a "
             f"channel may move a servo"
         )
-        return Finding("doubt", "motor channels", words)
+        findings.append(Finding("doubt", "motor channels", words))
+        return {channel: channel for channel in logged}
     pairs = ", ".join(f"motor {motor} on channel {channel}" for channel, motor in motors.items())
     words = f"{pairs}; rotors carry the autopilot's motor numbers, not a rig's"
-    return Finding("read as", "motor channels", words)
+    findings.append(Finding("read as", "motor channels", words))
+    for channel, motor in motors.items():
+        if channel not in logged:
+            words = f"motor {motor} is on channel {channel}, of which no pulse stands in the log"
+            findings.append(Finding("lacks", "outputs", words, f"pwm{motor}_us"))
+    return {channel: motor for channel, motor in motors.items() if channel in logged}

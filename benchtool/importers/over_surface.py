@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import replace
+from math import isfinite
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,15 +27,20 @@ guess; range finders report at 10 Hz and more."""
 def window_told(text: str) -> Window:
     """Read `12.5:18:1`, a window that the user gives; rotor `all` or 0 means each."""
     parts = text.split(":")
+    wrong = ""
     try:
         start_s, end_s = float(parts[0]), float(parts[1])
         rotor = 0 if parts[2].strip().lower() == "all" else int(parts[2])
     except (ValueError, IndexError):
         start_s = end_s = rotor = -1
-    if len(parts) != 3 or not 0.0 <= start_s < end_s < float("inf") or rotor < 0:
-        raise InputError(
-            f"--over {text!r}: write it as START:END:ROTOR in seconds, for example 12.5:18:1"
-        )
+    if len(parts) != 3 or rotor < 0 or not (isfinite(start_s) and isfinite(end_s)):
+        wrong = "write it as START:END:ROTOR in seconds"
+    elif start_s < 0.0:
+        wrong = f"START is {start_s:g} s, but a recording begins at 0 s; write START:END:ROTOR"
+    elif end_s <= start_s:
+        wrong = f"END ({end_s:g} s) is not after START ({start_s:g} s); write START:END:ROTOR"
+    if wrong:
+        raise InputError(f"--over {text!r}: {wrong}, for example 12.5:18:1")
     return Window(start_s=start_s, end_s=end_s, rotor=rotor, source="user")
 
 

@@ -15,7 +15,7 @@ from benchtool.errors import FileFormatError
 from benchtool.importers.finding import Finding, counted
 from benchtool.importers.flight_log import Counts, angles_of, flight_import
 from benchtool.importers.imported import Imported
-from benchtool.importers.motor_channels import motors_finding, px4_motors
+from benchtool.importers.motor_channels import logged_motors, px4_motors
 from benchtool.importers.streams import Stream
 from benchtool.importers.ulog_walk import walk_ulog
 
@@ -87,7 +87,7 @@ def read_px4(data: bytes, where: str, provenance: Mapping[str, str]) -> Imported
         *_wanted_attitude(topics),
         *_rates(topics),
         *_outputs(topics, motors, findings),
-        *_speeds(topics, findings),
+        *_speeds(topics),
         *_battery(topics),
         *_distance(topics, findings),
     ]
@@ -194,24 +194,20 @@ def _outputs(
     """Return pulses where outputs are pulses, and shares of full thrust where they are logged."""
     streams: list[Stream] = []
     topic = topics.get(("actuator_outputs", 0), {})
-    channels = [n for n in range(1, 17) if f"output[{n - 1}]" in topic]
-    if motors:
-        pairs = [(channel, motor) for channel, motor in motors.items() if channel in channels]
-    else:
-        used = int(np.max(topic.get("noutputs", np.array([0])), initial=0))
-        pairs = [(channel, channel) for channel in channels if channel <= used]
-    pulses = {}
-    for channel, motor in pairs:
-        values = _numbers(topic, f"output[{channel - 1}]")
-        turning = values[values > 0.0]
-        if turning.size and np.all((turning > LEAST_PULSE_US) & (turning < MOST_PULSE_US)):
-            pulses[f"pwm{motor}_us"] = (f"output[{channel - 1}]", 1.0)
-    if pulses:
-        findings.append(motors_finding(motors, "PWM_MAIN_FUNCn"))
-        streams += _plain(topics, "actuator_outputs", pulses)
-    elif pairs:
+    used = int(np.max(topic.get("noutputs", np.array([0])), initial=0))
+    channels = [
+        n
+        for n in range(1, 17)
+        if f"output[{n - 1}]" in topic and (n in motors if motors else n <= used)
+    ]
+    pulsed = [n for n in channels if _holds_pulses(_numbers(topic, f"output[{n - 1}]"))]
+    if pulsed:
+        chosen = logged_motors(motors, pulsed, "PWM_MAIN_FUNCn", findings)
+        scales = {f"pwm{motor}_us": (f"output[{n - 1}]", 1.0) for n, motor in chosen.items()}
+        streams += _plain(topics, "actuator_outputs", scales)
+    elif channels:
         words = "outputs are no pulse widths (DShot, or a simulator's), so they give no pwm"
-        findings.append(Finding("left out", "outputs", words, count=len(pairs)))
+        findings.append(Finding("left out", "outputs", words, count=len(channels)))
     topic = topics.get(("actuator_motors", 0), {})
     shares = {
         f"motor{n + 1}_share": (f"control[{n}]", 1.0)
@@ -221,7 +217,12 @@ def _outputs(
     return [*streams, *_plain(topics, "actuator_motors", shares)]
 
 
-def _speeds(topics: Mapping[tuple[str, int], Topic], findings: list[Finding]) -> list[Stream]:
+def _holds_pulses(values: Array) -> bool:
+    turning = values[values > 0.0]
+    return bool(turning.size and np.all((turning > LEAST_PULSE_US) & (turning < MOST_PULSE_US)))
+
+
+def _speeds(topics: Mapping[tuple[str, int], Topic]) -> list[Stream]:
     topic = topics.get(("esc_status", 0), {})
     count = int(np.max(topic.get("esc_count", np.array([0])), initial=0))
     scales: dict[str, tuple[str, float]] = {}
@@ -232,17 +233,7 @@ def _speeds(topics: Mapping[tuple[str, int], Topic], findings: list[Finding]) ->
         function = topic.get(f"esc[{n}].actuator_function", np.zeros(1))
         motor = int(np.max(function, initial=0)) - 100
         scales.setdefault(f"rpm{motor if 1 <= motor <= 12 else n + 1}", (field, 1.0))
-    streams = _plain(topics, "esc_status", scales)
-    turned = [
-        name
-        for stream in streams
-        for name, values in stream.columns.items()
-        if np.any(np.nan_to_num(values) < 0.0)
-    ]
-    if turned:
-        words = "negative speeds, as ESCs tell the sense of rotation, are left as they are"
-        findings.append(Finding("doubt", "sign", words, ", ".join(turned)))
-    return streams
+    return _plain(topics, "esc_status", scales)
 
 
 def _battery(topics: Mapping[tuple[str, int], Topic]) -> list[Stream]:

@@ -86,6 +86,30 @@ def test_two_files_cannot_become_one(log: Path) -> None:
     assert not Path("imported").exists()
 
 
+def test_a_folder_names_the_files_in_it(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = log.parent / "my logs"
+    folder.mkdir()
+    assert run("my logs") == 2
+    assert "none of its files is known; name the file" in capsys.readouterr().err
+    assert run(".", "--dry-run") == 2
+    assert "benchtool import steps.csv" in capsys.readouterr().err
+    (folder / "one").mkdir()
+    assert run("my logs") == 2
+    assert "look into my logs/one/" in capsys.readouterr().err
+    (folder / "notes.txt").write_text("nothing, here\n1, 2\n")
+    (folder / "photo.jpg").write_bytes(b"\xff\xd8\xff\xe0\0\0")
+    (folder / "a.csv").write_bytes(log.read_bytes())
+    (folder / "b.ulg").write_bytes(b"ULog\x01\x12\x35\x01")
+    assert run("my logs") == 2
+    said = capsys.readouterr().err
+    assert "benchtool import 'my logs/a.csv' 'my logs/b.ulg'" in " ".join(said.split())
+    assert "notes" not in said
+    for copy in range(9):
+        (folder / f"a{copy}.csv").write_bytes(log.read_bytes())
+    assert run("my logs") == 2
+    assert "(and 3 more)" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     "words",
     [

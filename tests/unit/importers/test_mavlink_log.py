@@ -104,6 +104,14 @@ def test_numbers_are_mavutils(reference_data: Path) -> None:
     np.testing.assert_array_equal(np.sort(known(read, "pwm1_us")), np.sort(outputs))
 
 
+def test_a_motor_without_pulses_is_told(reference_data: Path) -> None:
+    read = import_file(reference_data / "logs" / "uavlogviewer_vtol.tlog")
+    assert "motor 7 on channel 11" in found(read, "motor channels")[0].words
+    (lack,) = found(read, "outputs")
+    assert (lack.kind, lack.channel) == ("lacks", "pwm7_us")
+    assert lack.words == "motor 7 is on channel 11, of which no pulse stands in the log"
+
+
 def test_a_cut_log_and_garbage_inside() -> None:
     items = hop()
     data = tlog(items)

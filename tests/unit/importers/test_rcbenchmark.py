@@ -153,10 +153,12 @@ def test_an_untared_cell_and_a_pusher() -> None:
     np.testing.assert_allclose(
         tared.recording.column("thrust_N"), thrust * GRAM_FORCE_N, atol=1e-12
     )
+    assert [item.kind for item in found(tared, "untared")] == ["repaired"]
     pusher = imported(log_text(steps_1580(**{"Thrust (gf)": -thrust})))
     assert found(pusher, "wrong sign")[0].kind == "doubt"
     turned = imported(log_text(steps_1580(**{"Thrust (gf)": -thrust})), flip=("thrust_N",))
     np.testing.assert_allclose(turned.recording.column("thrust_N"), thrust * GRAM_FORCE_N)
+    assert [item.kind for item in found(turned, "wrong sign")] == ["repaired"]
 
 
 def test_an_rpm_spike_is_blanked() -> None:
@@ -187,6 +189,10 @@ def test_a_wrong_pole_count() -> None:
         )
     )
     assert "--scale rpm1=1/6" in found(against, "rpm ratio")[0].words
+    columns = {"Motor Electrical Speed (RPM)": 6.0 * rpm, "Motor Optical Speed (RPM)": rpm}
+    mended = imported(log_text(steps_1580(**columns)), scale=("rpm1=1/6",))
+    assert found(mended, "rpm ratio") == []
+    assert found(mended, "scale")[0].kind == "repaired"
     strong = 1e-4 + 2e-6 * rpm
     hot = imported(
         log_text(

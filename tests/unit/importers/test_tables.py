@@ -157,6 +157,10 @@ def test_windows_are_marked_by_the_user() -> None:
     for wrong in ("1:2", "a:b:c", "5:4:1", "-1:2:1", "1:inf:1", "1:2:-3"):
         with pytest.raises(InputError, match="START:END:ROTOR"):
             window_told(wrong)
+    with pytest.raises(InputError, match=r"END \(2 s\) is not after START \(4 s\)"):
+        window_told("4:2:1")
+    with pytest.raises(InputError, match="START is -1 s, but a recording begins at 0 s"):
+        window_told("-1:2:1")
     with pytest.raises(InputError, match="has rotors 1, 2"):
         imported(text, over=(window_told("1:2:3"),))
     with pytest.raises(InputError, match="recording ends at 9 s"):
