@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
@@ -14,6 +15,8 @@ if TYPE_CHECKING:
     from benchtool.acquire.calibration import Calibration
 
     Array = NDArray[np.float64]
+
+FIGURES: Final = ("svg", "png")
 
 LONGEST_S = 600.0
 """Longest average of one mass; a choice, above which drift outweighs noise."""
@@ -38,7 +41,8 @@ def command(
     gravity: Annotated[float, typer.Option(help="Local gravity, m/s2.")] = 9.80665,
     seconds: Annotated[float, typer.Option(help="Counts are averaged for so long.")] = 3.0,
     out: Annotated[
-        Path | None, typer.Option(help="Write the calibration to this new file, too.")
+        Path | None,
+        typer.Option(help="Write the calibration to this new file, too, and its figure beside it."),
     ] = None,
 ) -> None:
     """Calibrate a load cell with known masses.
@@ -48,14 +52,15 @@ def command(
     from datetime import datetime
 
     from benchtool.acquire.calibration import calibration_to_dict, fit_calibration
-    from benchtool.errors import InputError, WouldOverwrite
+    from benchtool.errors import InputError
+    from benchtool.report.files import refuse_existing
     from benchtool.store.atomic import replace_json
     from benchtool.store.state import remember
 
     if (source is None) == (not masses):
         raise InputError("give either --masses, to hang them now, or --from CSV with counts")
-    if out is not None and out.exists():
-        raise WouldOverwrite(str(out))
+    if out is not None:
+        refuse_existing([out, *(out.with_suffix(f".{kind}") for kind in FIGURES)])
     if source is not None:
         kilograms, counts = _from_csv(source)
         if not device_id:
@@ -80,7 +85,17 @@ def command(
     kept = remember("calibration", device_id, facts)
     if out is not None:
         replace_json(out, facts)
+        _draw(facts, out, simulated=address.startswith("sim:"))
     print(f"kept in {out or kept}; every run on {device_id} uses it from now on")
+
+
+def _draw(facts: Mapping[str, Any], out: Path, *, simulated: bool) -> None:
+    from benchtool.recipes.calibration_drawn import calibration_drawn
+    from benchtool.report.files import save_figure
+
+    figure = calibration_drawn(facts, simulated=simulated)
+    for path in save_figure(figure, out.with_suffix(""), FIGURES):
+        print(f"written: {path}")
 
 
 def _from_csv(source: Path) -> tuple[Array, Array]:

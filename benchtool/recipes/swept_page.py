@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from benchtool import __version__
+from benchtool.recipes.calibration_drawn import calibration_drawn
 from benchtool.recipes.model_band import Believed
 from benchtool.recipes.swept import Swept
 from benchtool.recipes.swept_figures import (
@@ -68,7 +69,7 @@ def swept_sections(run: Swept, model: Believed | None) -> list[Section]:
         ("Order, drift and tares", _order(run)),
         ("Limits and events", [limits_table(run), events_block(run)]),
         ("Rig and device", [Facts(rig_facts(run.metadata) | device_facts(run.metadata))]),
-        ("Conditions and calibration", [Facts(_conditions(run))]),
+        ("Conditions and calibration", _conditions(run)),
         ("Plan", [Listing("The plan, every number filled in (plan.toml).", run.plan_text)]),
         ("Software and data", [Facts(data_facts(run))]),
     ]
@@ -247,8 +248,19 @@ def _residual_N(plan_text: str) -> float:
         return float("nan")
 
 
-def _conditions(run: Swept) -> dict[str, str]:
-    return state_facts(run.metadata) | air_facts(run.metadata) | calibration_facts(run.metadata)
+def _conditions(run: Swept) -> list[Block]:
+    facts = run.metadata
+    blocks: list[Block] = [Facts(state_facts(facts) | air_facts(facts) | calibration_facts(facts))]
+    if known := facts.get("calibration"):
+        blocks.append(
+            FigureBlock(
+                calibration_drawn(known, simulated=run.simulated),
+                "The calibration. Above: mean raw reading of each known mass and the line. Below: "
+                "what the line leaves over; a gap between the two ways is hysteresis, an arch a "
+                "bent line.",
+            )
+        )
+    return blocks
 
 
 def data_facts(run: Swept) -> dict[str, str]:

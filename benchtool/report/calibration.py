@@ -43,13 +43,10 @@ class CalibrationPoints:
 
 
 @styled
-def calibration_figure(
-    points: CalibrationPoints, *, title: str, simulated: bool, limit_N: float | None = None
-) -> Figure:
+def calibration_figure(points: CalibrationPoints, *, title: str, simulated: bool) -> Figure:
     """Draw counts against force with the line, and below the residuals up and down.
 
-    A gap between the two ways in the lower panel is hysteresis; an arch is a bent line. `limit_N`
-    draws the largest residual that is accepted.
+    A gap between the two ways in the lower panel is hysteresis; an arch is a bent line.
     """
     figure = new_figure(title, simulated=simulated, height_in=5.2)
     line, left = figure.subplots(2, 1, sharex=True, gridspec_kw={"height_ratios": [1.6, 1.0]})
@@ -66,11 +63,6 @@ def calibration_figure(
                 points.force_N[rows], residual_mN[rows], marker + "-", color=color, lw=0.8, ms=5.0
             )
     left.axhline(0.0, color=GREY, linewidth=0.9)
-    if limit_N is not None:
-        for sign in (-1.0, 1.0):
-            left.axhline(
-                sign * from_si(limit_N, "mN"), color=GREY, linestyle=(0, (5, 2.2)), linewidth=1.0
-            )
     line.set_ylabel("reading [counts]")
     line.legend(loc="upper left")
     left.set_ylabel("reading −\nforce [mN]")

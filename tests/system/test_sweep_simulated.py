@@ -270,8 +270,12 @@ def test_a_calibration_follows_every_run(capsys: pytest.CaptureFixture[str]) -> 
     words = ["--from", "masses.csv", "--device-id", identity.device_id, "--out", "c.json"]
     assert call("calibrate", *words) == 0
     assert "every run on virtual-pquad_single-0 uses it" in capsys.readouterr().out
+    assert Path("c.svg").is_file()
+    assert Path("c.png").is_file()
     assert call("calibrate", *words) == 2
     assert call("sweep", "sim:pquad_single", *SMALL, "--yes", "--out", "with") == 0
+    assert call("report", "with", "--out", "with.html") == 0
+    assert "The calibration. Above: mean raw reading" in Path("with.html").read_text()
     plain = ["--calibration", "none", "--yes", "--out", "plain"]
     assert call("sweep", "sim:pquad_single", *SMALL, *plain) == 0
     calibrated, own = read_points("with"), read_points("plain")
