@@ -41,16 +41,24 @@ class Conversation:
         transport: carries the bytes.
         address: for messages.
         clock: monotonic wall clock in seconds.
+        take: is given every batch of samples and the wall time of its arrival, whatever is waited
+            for meanwhile.
     """
 
-    def __init__(self, transport: Transport, address: str, clock: Callable[[], float]) -> None:
+    def __init__(
+        self,
+        transport: Transport,
+        address: str,
+        clock: Callable[[], float],
+        take: Callable[[float, Batch], None] = lambda arrived_s, batch: None,
+    ) -> None:
         self.transport = transport
         self._address = address
         self._clock = clock
+        self._take = take
         self._decoder = Decoder()
         self._number = 0
         self._sent_s = 0.0
-        self._batches: list[tuple[float, Batch]] = []
         self._events: list[Event] = []
         self._replies: dict[int, Reply] = {}
         self._told: dict[tuple[str, ...], None] = {}
@@ -70,7 +78,7 @@ class Conversation:
         self.transport.open()
         hello = self._ask_hello()
         self._decoder.expect(len(hello.channels))
-        self._batches, self._lost, self._corrupt = [], 0, 0
+        self._lost = self._corrupt = 0
         self._events = []
         return hello
 
@@ -123,16 +131,12 @@ class Conversation:
         batch = self._decoder.feed(data)
         self._lost += batch.lost
         self._corrupt += batch.corrupt
-        if len(batch.device_time_us):
-            self._batches.append((self._clock(), batch))
+        arrived_s = self._clock()
         for message in batch.messages:
             self._sort(message)
+        if len(batch.device_time_us):
+            self._take(arrived_s, batch)
         return True
-
-    def take_batches(self) -> list[tuple[float, Batch]]:
-        """Return samples that arrived since the last call, each batch with its wall time."""
-        batches, self._batches = self._batches, []
-        return batches
 
     def take_events(self) -> list[Event]:
         """Return the device's news since the last call, oldest first."""

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from benchtool.bench.bench import Identity, Readings
 from benchtool.bench.device_clock import DeviceClock
-from benchtool.bench.join_readings import joined
 from benchtool.bench.mavlink_dialect import Message
 from benchtool.bench.mavlink_drive import Drive, PitchDrive, TestDrive
 from benchtool.bench.mavlink_frames import MavlinkFrames
@@ -40,6 +39,7 @@ from benchtool.bench.mavlink_streams import (
 from benchtool.bench.mavlink_talk import MavlinkTalk
 from benchtool.bench.mavlink_wiring import channels_of
 from benchtool.bench.opened import Opened
+from benchtool.bench.read_ahead import Listener, ReadAhead
 from benchtool.bench.side_cell import SideCell, in_order
 from benchtool.bench.transport import Transport
 from benchtool.core.channel import Channel
@@ -89,6 +89,7 @@ class MavlinkBench(Opened):
         self._learnt: Learnt | None = None
         self._channels: tuple[Channel, ...] = ()
         self._rate_Hz = self._settings.rate_Hz
+        self._ahead = ReadAhead()
 
     @property
     def identity(self) -> Identity:
@@ -117,7 +118,7 @@ class MavlinkBench(Opened):
         self._told = False
         self._zero_N = 0.0
         self._given_us = -1
-        self._kept: list[Readings] = []
+        self._ahead.take()
         self._plate_state: list[float] = []
         self._said = ""
         try:
@@ -183,6 +184,10 @@ class MavlinkBench(Opened):
         self._known()
         self._drive.stop()
 
+    def overhear(self, listener: Listener) -> None:
+        """Tell samples as they come, also while the plate moves or the load cell is tared."""
+        self._ahead.overhear(listener)
+
     def move_plate(self, z_m: float, x_m: float = 0.0, tilt_rad: float = 0.0) -> None:
         learnt = self._known()
         self._raise_if_stopped()
@@ -200,7 +205,7 @@ class MavlinkBench(Opened):
 
     def listen(self, timeout_s: float) -> list[float]:
         """Read on, keep the samples for the next `read`, and return what the plate told."""
-        self._kept.append(self._read_fresh(timeout_s))
+        self._ahead.keep(self._read_fresh(timeout_s))
         state, self._plate_state = self._plate_state, []
         return state
 
@@ -213,7 +218,7 @@ class MavlinkBench(Opened):
         until_s = self.now_s() + TARE_S
         while (left_s := until_s - self.now_s()) > 1e-9:
             readings = self._read_fresh(left_s)
-            self._kept.append(readings)
+            self._ahead.keep(readings)
             parts.append(readings.values[:, index])
         seen = np.concatenate(parts) if parts else np.empty(0)
         if np.isfinite(seen).any():
@@ -233,11 +238,7 @@ class MavlinkBench(Opened):
 
     def read(self, timeout_s: float) -> Readings:
         self._known()
-        if self._kept:
-            kept, self._kept = joined(self._kept), []
-            if len(kept):
-                return kept
-        return self._read_fresh(timeout_s)
+        return self._ahead.read(lambda: self._read_fresh(timeout_s))
 
     def _read_fresh(self, timeout_s: float) -> Readings:
         speed = self._known().speed

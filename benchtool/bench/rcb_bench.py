@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 
 from benchtool.bench.bench import Identity, Readings
 from benchtool.bench.device_clock import DeviceClock
-from benchtool.bench.join_readings import joined
 from benchtool.bench.opened import Opened
 from benchtool.bench.rcb_settings import RcbSettings
 from benchtool.bench.rcb_talk import RcbTalk
 from benchtool.bench.rcb_words import PULSE, Line, StandClock, words_for
+from benchtool.bench.read_ahead import Listener, ReadAhead
 from benchtool.bench.transport import Transport
 from benchtool.core.channel import Channel, unit_told_by
 from benchtool.errors import (
@@ -72,6 +72,7 @@ class RcbBench(Opened):
         self._talk = RcbTalk(transport, address, clock)
         self._clock = clock
         self._identity: Identity | None = None
+        self._ahead = ReadAhead()
         self._speed = 1.0
 
     @property
@@ -89,7 +90,7 @@ class RcbBench(Opened):
         self._opened_s = self._read_s = self._clock()
         self._device_clock, self._stand_clock = DeviceClock(), StandClock()
         self._rows: list[tuple[int, Line]] = []
-        self._kept: list[Readings] = []
+        self._ahead.take()
         self._messages: list[str] = [self._settings.warning] if self._settings.warning else []
         self._expected: int | None = None
         self._lost = 0
@@ -141,6 +142,10 @@ class RcbBench(Opened):
         self._known()
         self._talk.order(b"stop")
 
+    def overhear(self, listener: Listener) -> None:
+        """Tell samples as they come, also while the plate moves or the load cell is tared."""
+        self._ahead.overhear(listener)
+
     def move_plate(self, z_m: float, x_m: float = 0.0, tilt_rad: float = 0.0) -> None:
         if not self._known().moves_plate:
             raise StageError(
@@ -154,7 +159,7 @@ class RcbBench(Opened):
             raise StageError(f"the plate stays where it is: {error.reason}") from error
         begun_s, self._moving = self.now_s(), True
         while self._moving:
-            self._kept.append(self._read_fresh(0.05 * self._speed))
+            self._ahead.keep(self._read_fresh(0.05 * self._speed))
             if self.now_s() - begun_s > ARRIVE_S:
                 self.stop()
                 raise StageError(
@@ -185,11 +190,7 @@ class RcbBench(Opened):
 
     def read(self, timeout_s: float) -> Readings:
         self._known()
-        if self._kept:
-            kept, self._kept = joined(self._kept), []
-            if len(kept):
-                return kept
-        return self._read_fresh(timeout_s)
+        return self._ahead.read(lambda: self._read_fresh(timeout_s))
 
     def _read_fresh(self, timeout_s: float) -> Readings:
         deadline_s = self._clock() + timeout_s / self._speed

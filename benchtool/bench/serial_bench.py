@@ -33,6 +33,7 @@ from benchtool.bench.device_clock import DeviceClock
 from benchtool.bench.hello import Hello
 from benchtool.bench.link import Batch
 from benchtool.bench.opened import Opened
+from benchtool.bench.read_ahead import Listener, ReadAhead
 from benchtool.bench.transport import Transport
 from benchtool.errors import (
     BenchError,
@@ -78,7 +79,7 @@ class SerialBench(Opened):
         device_id: str | None = None,
     ) -> None:
         self.address = address
-        self._talk = Conversation(transport, address, clock)
+        self._talk = Conversation(transport, address, clock, self._take_in)
         self._clock = clock
         self._arrive_s = arrive_s
         self._device_id = device_id
@@ -86,6 +87,7 @@ class SerialBench(Opened):
         self._rate_Hz = 0.0
         self._opened_s = 0.0
         self._device_clock = DeviceClock()
+        self._ahead = ReadAhead()
         self._messages: list[str] = []
         self._silent_since_s: float | None = None
         self._stopped: str | None = None
@@ -120,6 +122,7 @@ class SerialBench(Opened):
             return
         self._opened_s = self._clock()
         self._device_clock = DeviceClock()
+        self._ahead.take()
         try:
             self._hello = self._talk.open()
             if self._device_id not in (None, self._hello.device_id):
@@ -161,6 +164,10 @@ class SerialBench(Opened):
     def halt(self) -> None:
         """Send zero at once, from any thread (`Halts`)."""
         self._talk.halt()
+
+    def overhear(self, listener: Listener) -> None:
+        """Tell samples as they come, also while an answer or the plate is waited for."""
+        self._ahead.overhear(listener)
 
     def move_plate(self, z_m: float, x_m: float = 0.0, tilt_rad: float = 0.0) -> None:
         self._raise_if_stopped()
@@ -215,16 +222,15 @@ class SerialBench(Opened):
         deadline_s = self._clock() + timeout_s / speed
         while True:
             self._note()
-            batches = self._talk.take_batches()
-            if batches:
+            if (kept := self._ahead.take()) is not None:
                 self._silent_since_s = None
-                return self._readings(batches)
+                return kept
             # What was read before a stop is handed out first: no sample is lost to its news.
             if not self._told:
                 self._raise_if_stopped()
             left_s = deadline_s - self._clock()
             if left_s <= 0.0:
-                return self._readings([])
+                return self._ahead.told(self._readings())
             if not self._talk.pump(left_s):
                 self._check_silence()
 
@@ -280,25 +286,26 @@ class SerialBench(Opened):
                 f"start again"
             )
 
-    def _readings(self, batches: list[tuple[float, Batch]]) -> Readings:
-        times_s, speed = [], self._known().speed
-        for arrived_s, batch in batches:
-            if len(batch.device_time_us):
-                arrived = self._opened_s + (arrived_s - self._opened_s) * speed
-                self._device_clock.learn(int(batch.device_time_us[-1]), arrived)
-                times_s.append(self._device_clock.host_time_s(batch.device_time_us))
-        some = [batch for _, batch in batches if len(batch.device_time_us)]
-        n_channels = len(self._known().channels)
+    def _take_in(self, arrived_s: float, batch: Batch) -> None:
+        """Keep samples for the next read, with the news that came before them."""
+        self._note()
+        host_s = self._opened_s + (arrived_s - self._opened_s) * self._known().speed
+        self._device_clock.learn(int(batch.device_time_us[-1]), host_s)
+        self._ahead.keep(self._readings(batch))
+
+    def _readings(self, batch: Batch | None = None) -> Readings:
+        """Return a batch's samples, or none, with messages and losses that nobody was told yet."""
         messages, self._messages = tuple(self._messages), []
         lost, corrupt = self._talk.take_losses()
+        if batch is None:
+            times_us = np.empty(0, np.int64)
+            values = np.empty((0, len(self._known().channels)))
+        else:
+            times_us, values = batch.device_time_us, batch.values
         return Readings(
-            time_s=np.concatenate(times_s) if some else np.empty(0),
-            device_time_us=np.concatenate([batch.device_time_us for batch in some]).astype(float)
-            if some
-            else np.empty(0),
-            values=np.concatenate([batch.values for batch in some])
-            if some
-            else np.empty((0, n_channels)),
+            time_s=self._device_clock.host_time_s(times_us),
+            device_time_us=times_us.astype(float),
+            values=values,
             lost=lost,
             corrupt=corrupt,
             messages=messages,

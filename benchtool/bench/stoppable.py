@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from contextlib import suppress
 from typing import Protocol, runtime_checkable
 
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 
 from benchtool.bench.bench import Bench, Identity, Readings
 from benchtool.bench.opened import Opened
+from benchtool.bench.read_ahead import Listener, Overheard
 from benchtool.errors import BenchtoolError, RunStopped
 
 Array = NDArray[np.float64]
@@ -44,12 +44,16 @@ class StoppableBench(Opened):
 
     Args:
         bench: the one to stop.
-        heard: is given what every read brings.
+        heard: is given every sample once: as it comes from a bench that can be overheard, else
+            with the read that brings it.
     """
 
-    def __init__(self, bench: Bench, heard: Callable[[Readings], None] | None = None) -> None:
+    def __init__(self, bench: Bench, heard: Listener | None = None) -> None:
         self._bench = bench
         self._heard = heard
+        if heard is not None and isinstance(bench, Overheard):
+            bench.overhear(heard)
+            self._heard = None
         self._asked: str | None = None
 
     def ask_to_stop(self, reason: str) -> None:
