@@ -90,11 +90,17 @@ class CalibrationError(InputError):
 
 
 class WouldOverwrite(InputError):
-    """Refuse to write over what exists."""
+    """Refuse to write over what exists.
 
-    def __init__(self, path: str) -> None:
+    Args:
+        path: what is there.
+        option: the option that replaces it; empty where nothing does.
+    """
+
+    def __init__(self, path: str, option: str = "") -> None:
         self.path = path
-        super().__init__(f"{path} exists already and was left as it is; choose another name")
+        way = f", or replace it with {option}" if option else ""
+        super().__init__(f"{path} exists already and was left as it is; choose another name{way}")
 
 
 class BenchError(BenchtoolError):

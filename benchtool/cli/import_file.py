@@ -68,7 +68,7 @@ def command(
         for target in targets:
             for path in (target, beside(target)):
                 if path.exists():
-                    raise WouldOverwrite(f"{path} (--overwrite replaces it)")
+                    raise WouldOverwrite(str(path), "--overwrite")
     for read, target in zip(import_files(files, options), targets, strict=True):
         if not dry_run:
             _write(read, target, options, overwrite)

@@ -60,7 +60,7 @@ def command(
     paper = (target or usual_out(given)).with_suffix(".pdf")
     if pdf and paper.exists() and not force:
         # Before the work, so that a page is not written for a refusal.
-        raise WouldOverwrite(f"{paper} (--force replaces it)")
+        raise WouldOverwrite(str(paper), "--force")
     page = write_report(
         given,
         target,

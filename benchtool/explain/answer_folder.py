@@ -26,9 +26,9 @@ def refuse_taken(folder: Path | None, json_file: Path | None) -> None:
         WouldOverwrite: a folder with files in it, or a file.
     """
     if folder is not None and folder.exists() and not _is_empty(folder):
-        raise WouldOverwrite(f"{folder} (--overwrite replaces its files)")
+        raise WouldOverwrite(str(folder), "--overwrite")
     if json_file is not None and json_file.exists():
-        raise WouldOverwrite(f"{json_file} (--overwrite replaces it)")
+        raise WouldOverwrite(str(json_file), "--overwrite")
 
 
 def write_folder(

@@ -131,7 +131,7 @@ def write_report(
     if own and target.resolve() == (paths[0] / PAGE).resolve() and target.is_file():
         return target
     if target.exists() and not replace:
-        raise WouldOverwrite(f"{target} (--force replaces it)")
+        raise WouldOverwrite(str(target), "--force")
     write_whole(target, page_text(paths, beside, commands).encode("utf-8"))
     return target
 
@@ -147,7 +147,7 @@ def print_report(page: Path, out: Path | None = None, *, replace: bool = False) 
 
     target = out or page.with_suffix(".pdf")
     if target.exists() and not replace:
-        raise WouldOverwrite(f"{target} (--force replaces it)")
+        raise WouldOverwrite(str(target), "--force")
     return write_pdf(target, page.read_text("utf-8"), replace=True)
 
 

@@ -65,7 +65,8 @@ def test_hidden_friction_is_named_and_everything_is_written(
     assert "simulated-stamp" in (out / "overlay_theta_rad.svg").read_text("utf-8")
     code, _, refused = run(capsys, *words, "--out", str(out))
     assert code == 2
-    assert "--overwrite" in refused
+    assert f"{out} exists already" in refused
+    assert refused.endswith("choose another name, or replace it with --overwrite\n")
 
 
 def test_the_new_model_explains_the_recordings_within_their_noise(

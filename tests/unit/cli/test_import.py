@@ -73,7 +73,7 @@ def test_nothing_is_overwritten_untold(log: Path, capsys: pytest.CaptureFixture[
     before = Path("imported/steps.csv").read_bytes()
     assert run(log, "--flip", "thrust_N") == 2
     assert Path("imported/steps.csv").read_bytes() == before
-    assert "--overwrite replaces it" in capsys.readouterr().err
+    assert "choose another name, or replace it with --overwrite" in capsys.readouterr().err
     assert run(log, "--flip", "thrust_N", "--overwrite") == 0
     assert Path("imported/steps.csv").read_bytes() != before
 

@@ -177,7 +177,7 @@ def test_nothing_is_written_over_and_the_pdf_holds_the_page(run: Path, tmp_path:
     out = tmp_path / "page.html"
     write_report([run], out)
     before = out.read_bytes()
-    with pytest.raises(WouldOverwrite, match="--force replaces it"):
+    with pytest.raises(WouldOverwrite, match=r"page\.html exists .* replace it with --force"):
         write_report([run], out)
     assert out.read_bytes() == before
     content = print_report(out).read_bytes()
