@@ -56,7 +56,17 @@ class ExplainTab:
             self._stages.watch(present)
         elif present is not None:
             self._answer.show(present)
-        ui.timer(0.0, self._look, once=True)
+        asked = ui.context.client.request.query_params
+        names = [asked.getlist(key) for key in ("learn", "check", "model")]
+        ui.timer(0.0, lambda: self._begin(*names), once=True)
+
+    @tells_errors
+    async def _begin(self, learn: list[str], check: list[str], model: list[str]) -> None:
+        """Offer what is there, and choose what the address names of it."""
+        await self._look()
+        for choice, names in ((self._learn, learn), (self._check, check)):
+            choice.set_value([name for name in names if name in choice.options])
+        self._model.set_value(next((name for name in model if name in self._model.options), None))
 
     def _recordings(self, label: str, mark: str) -> ui.select:
         choice = ui.select({}, multiple=True, label=label, on_change=self._changed)
@@ -120,7 +130,7 @@ class ExplainTab:
 
 
 def build(context: Context) -> None:
-    """Make the tab."""
+    """Make the tab; ?learn=NAME&check=NAME&model=NAME chooses what is asked."""
     ExplainTab(context)
     app.on_shutdown(lambda: clear(context.runs))
 

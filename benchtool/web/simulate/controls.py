@@ -28,7 +28,8 @@ class Sliders:
         self._sliders = {}
         with self._place:
             for each in sliders:
-                value = kept.get(each.name, each.start)
+                first = each.start if each.first is None else each.first
+                value = kept.get(each.name, first)
                 self._sliders[each.name] = (each, self._slider(each, value))
 
     def _slider(self, each: Slider, value: float) -> ui.slider:

@@ -16,15 +16,15 @@ from benchtool.report.palette import BLUE, VERMILION
 from benchtool.report.side_view import ADDED_TIMES
 from benchtool.simulate.flight import FlightControl
 from benchtool.simulate.flight_cases import FLIGHTS
-from benchtool.web.command_row import CommandRow
 from benchtool.web.context import Context
 from benchtool.web.simulate.controls import Sliders
 from benchtool.web.simulate.flight_ask import FlightAsk, flight_sliders
+from benchtool.web.simulate.hidden import hidden_slider, hideable
+from benchtool.web.simulate.keep_card import KeepCard
 from benchtool.web.simulate.pitch_ask import PitchAsk, pitch_sliders
 from benchtool.web.simulate.shown import LOOKS
 from benchtool.web.simulate.side_views import SideViews
-from benchtool.web.simulate.work import Ask, simulated, zipped
-from benchtool.web.tell import tells_errors
+from benchtool.web.simulate.work import Ask, simulated
 
 PITCH, FLIGHT = "pitch bench", "flight"
 
@@ -46,7 +46,7 @@ class SimulateDesk:
             with ui.card().classes("w-full gap-2"):
                 self._ask_for()
             with ui.column().classes("w-full gap-3 min-w-0"):
-                self._show_all()
+                self._show_all(context)
         self._offer()
         self._change()
 
@@ -67,6 +67,11 @@ class SimulateDesk:
                 value=list(PitchAsk().controllers),
             )  # fmt: skip
             self._controllers.props("dense use-chips").classes("w-full").mark("controllers")
+            self._hidden = self._select("Hidden effect", {"": "none", **hideable()}, "")
+            self._hidden.tooltip("what the bench has and its model not, for Explain to find")
+            self._seed = ui.number("Seed of the noise", value=1, min=0, precision=0)
+            self._seed.on_value_change(self._change)
+            self._seed.props("dense").classes("w-full").mark("seed")
         self._sliders = Sliders(lambda: self._change(whole=False))
         ui.button("Put back", on_click=self._sliders.reset).props("flat dense no-caps")
 
@@ -83,6 +88,7 @@ class SimulateDesk:
         """Show what belongs to a pitch bench, or to a flight."""
         flying = self._kind.value == FLIGHT
         self._schedule.set_visibility(not flying)
+        self._hidden.set_visibility(not flying)
         self._case.set_visibility(flying)
         known = list(get_args(FlightControl)) if flying else list(PITCH_CONTROLLERS)
         if list(self._controllers.options) != known:
@@ -92,19 +98,22 @@ class SimulateDesk:
         if flying:
             self._sliders.offer(flight_sliders(str(self._case.value)))
         else:
-            self._sliders.offer(pitch_sliders(str(self._rig.value), str(self._schedule.value)))
+            rig, hidden = str(self._rig.value), str(self._hidden.value)
+            sliders = pitch_sliders(rig, str(self._schedule.value))
+            self._sliders.offer((hidden_slider(rig, hidden), *sliders) if hidden else sliders)
 
     def ask(self) -> Ask:
         """Return what the page asks for now."""
         moved = self._sliders.moved
         rig, gains = str(self._rig.value), str(self._gains.value)
-        chosen = self._controllers.value
+        chosen, seed = self._controllers.value, int(self._seed.value or 0)
         if self._kind.value == PITCH:
             controllers = tuple(name for name in PITCH_CONTROLLERS if name in chosen)
             schedule = str(self._schedule.value)
             return PitchAsk(
-                rig=rig, gains=gains, schedule=schedule, controllers=controllers, numbers=moved
-            )
+                rig=rig, gains=gains, schedule=schedule, controllers=controllers, seed=seed,
+                numbers=moved,
+            )  # fmt: skip
         case = str(self._case.value)
         shipped = FLIGHTS[case]
         return FlightAsk(
@@ -114,12 +123,13 @@ class SimulateDesk:
             controllers=tuple(name for name in get_args(FlightControl) if name in chosen),
             z_over_R=moved.pop("z_over_R", shipped.z_over_R),
             speed_m_s=moved.pop("speed_m_s", shipped.speed_m_s),
+            seed=seed,
             numbers=moved,
         )
 
     # --- what is shown --------------------------------------------------------------------------
 
-    def _show_all(self) -> None:
+    def _show_all(self, context: Context) -> None:
         with ui.card().classes("w-full gap-2"):
             with ui.row().classes("items-center w-full justify-between"):
                 ui.label("SIMULATED: no physical bench").classes("soft")
@@ -135,15 +145,11 @@ class SimulateDesk:
             ui.label("Numbers").classes("card-title")
             self._table = ui.html(sanitize=False).classes("w-full").mark("numbers")
             self._warnings = ui.label().classes("warn whitespace-pre-line")
-            self._command = CommandRow()
-            self._save = ui.button("Download CSV", icon="download", on_click=self._download)
-            self._save.props("outline no-caps").tooltip(
-                "a zip file of what --out writes: a CSV for each controller, numbers, figure"
-            )
+        self._keeping = KeepCard(context, self.ask)
 
     def _change(self, whole: bool = True) -> None:
         """Note that something is other than it was, and see to it that it is drawn."""
-        self._command.show(self.ask().words)
+        self._keeping.refresh()
         self._whole = self._whole or whole
         self._changes.set()
         if not self._drawing:
@@ -178,15 +184,6 @@ class SimulateDesk:
         if not quick:
             self._table.set_content(_table(shown["lines"]))
             self._warnings.set_text("\n".join(shown["warnings"]))
-
-    @tells_errors
-    async def _download(self) -> None:
-        self._save.disable()
-        try:
-            packed = await self._worker.run(zipped, self.ask())
-        finally:
-            self._save.enable()
-        ui.download.content(packed, "simulation.zip", "application/zip")
 
 
 async def _comes(event: asyncio.Event, timeout_s: float) -> bool:

@@ -13,7 +13,8 @@ class Slider:
         name: as `--set` takes it, or an option's own name.
         label: for people, with the unit.
         low, high, step: what can be chosen; choices of the page, the command takes more.
-        start: where it stands at first; a number that is left there is not in the command.
+        start: the simulation's own value; a number that stands there is not in the command.
+        first: where the slider stands when it is first shown; at `start` when None.
     """
 
     name: str
@@ -22,6 +23,7 @@ class Slider:
     high: float
     step: float
     start: float
+    first: float | None = None
 
     @property
     def decimals(self) -> int:
