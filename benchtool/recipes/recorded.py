@@ -12,6 +12,7 @@ from benchtool.core.recording import Recording
 from benchtool.recipes.replayed import provenance_of_run
 from benchtool.report.page import Block, Facts, Listing, Paragraph, Section, Table
 from benchtool.report.run_facts import (
+    MISSING,
     air_facts,
     calibration_facts,
     device_facts,
@@ -124,13 +125,12 @@ def sections_behind(recorded: Recorded) -> list[Section]:
             ],
         )
     )
-    versions = facts.get("versions") or {"benchtool": facts.get("software", "not stated")}
     sections.append(
         Section(
             "Software and data",
             [
                 Facts(
-                    version_facts({"versions": versions})
+                    _made_with(recorded)
                     | {
                         "reported with": f"benchtool {__version__}",
                         f"sha256 of {recorded.name}": recorded.sha256,
@@ -140,6 +140,18 @@ def sections_behind(recorded: Recorded) -> list[Section]:
         )
     )
     return sections
+
+
+def _made_with(recorded: Recorded) -> dict[str, str]:
+    """Return what recorded a file, and what benchtool did: import it, or make it."""
+    facts = recorded.facts
+    (listed,) = version_facts(facts).values()
+    if listed == MISSING and "software" in facts:
+        listed = str(facts["software"])
+    if "imported_as" in facts:
+        device = recorded.recording.provenance.get("device") or MISSING
+        return {"recorded with": device, "imported with": listed}
+    return {"simulated with" if recorded.recording.simulated else "written with": listed}
 
 
 def _windows(facts: Mapping[str, Any]) -> dict[str, str]:

@@ -12,8 +12,10 @@ from benchtool import __version__
 from benchtool.core.schedule import PARKED_M
 from benchtool.recipes.pitch_track import PitchTrack, pitch_track
 from benchtool.recipes.recorded import Recorded, read_recorded, sections_behind
+from benchtool.recipes.replay_judged import on_log_clock
 from benchtool.recipes.replayed import Beside, Replay, replayed
 from benchtool.recipes.stand_page import stand_sections
+from benchtool.report.numbers import numeral
 from benchtool.report.page import (
     Block,
     Commands,
@@ -61,7 +63,7 @@ def _pitch_sections(
     warned = list(track.remarks)
     if beside.model:
         replay, lacks = replayed(track, beside, recorded.provenance)
-        warned += lacks
+        warned = [*lacks, *warned]
     trace = trace_of(track, replay)
     simulated = recorded.recording.simulated
     caption = (
@@ -88,7 +90,11 @@ def _pitch_sections(
 
 def _beside_words(replay: Replay | None, beside: Beside) -> str:
     if replay is not None:
-        return f"Simulated beside it: model {replay.model} on rig {replay.rig}; {replay.words}."
+        follows = " It does not follow the log." if replay.missed else ""
+        return (
+            f"Simulated beside it: model {replay.model} on rig {replay.rig}; {replay.words}."
+            f"{follows}"
+        )
     if beside.model:
         return "No simulated run stands beside it; the warnings say what it lacks."
     return "No model was named, so no simulated run stands beside it (--model)."
@@ -115,7 +121,8 @@ def trace_of(track: PitchTrack, replay: Replay | None) -> ReplayTrace:
         }
     label = ""
     if replay is not None:
-        label = f"simulated, {'closed loop' if replay.by == 'controller' else 'logged pulses'}"
+        how = "closed loop" if replay.by == "controller" else "logged pulses"
+        label = f"simulated, {'does not follow the log' if replay.missed else how}"
     return ReplayTrace(
         time_s=track.time_s,
         pitch_deg=np.degrees(track.theta_rad),
@@ -149,9 +156,7 @@ def errors_deg(track: PitchTrack, replay: Replay | None) -> tuple[Array, Array]:
     recorded = np.degrees(track.theta_rad - wanted)
     if replay is None:
         return recorded, np.full(len(track), np.nan)
-    at = np.searchsorted(replay.time_s, track.time_s)
-    theta = replay.theta_rad[np.minimum(at, len(replay.theta_rad) - 1)]
-    theta = np.where(at < len(replay.theta_rad), theta, np.nan)
+    theta = on_log_clock(track, replay.time_s, replay.theta_rad)
     return recorded, np.degrees(theta - wanted)
 
 
@@ -167,12 +172,20 @@ def _peak(values: Array) -> float:
 
 def _shown(value: float) -> str:
     # Adding 0 takes the sign off a zero.
-    return f"{round(value, 2) + 0.0:.2f}".replace("-", "−") if np.isfinite(value) else "–"
+    return numeral(round(value, 2) + 0.0, ".2f")
+
+
+def _rms_and_peak(errors: Array) -> tuple[str, str]:
+    return _shown(_rms(errors)), _shown(_peak(errors))
 
 
 def visits_table(track: PitchTrack, replay: Replay | None) -> Table:
-    """List the errors of the pitch in each green stretch and outside of all."""
+    """List the errors of the pitch in each green stretch and outside of all.
+
+    A simulated run that does not follow the log has no columns here.
+    """
     recorded, simulated = errors_deg(track, replay)
+    beside = replay is not None and not replay.missed
     outside = track.any_over <= 0.0
     stretches = [
         (
@@ -186,17 +199,18 @@ def visits_table(track: PitchTrack, replay: Replay | None) -> Table:
         (
             span,
             rotors,
-            _shown(_rms(recorded[part])),
-            _shown(_peak(recorded[part])),
-            _shown(_rms(simulated[part])),
-            _shown(_peak(simulated[part])),
+            *_rms_and_peak(recorded[part]),
+            *(_rms_and_peak(simulated[part]) if beside else ()),
         )
         for span, rotors, part in [*stretches, ("outside of them", "none", np.flatnonzero(outside))]
     ]
     wanted = "reference" if np.isfinite(track.reference_rad).any() else "log's median"
     return Table(
         f"Pitch minus {wanted}, in degrees, positive nose down.",
-        ("time [s]", "rotors over it", "RMS", "largest", "simulated RMS", "simulated largest"),
+        (
+            *("time [s]", "rotors over it", "RMS", "largest"),
+            *(("simulated RMS", "simulated largest") if beside else ()),
+        ),
         rows,
         text_columns=2,
     )
@@ -211,9 +225,12 @@ def _sentence(track: PitchTrack, replay: Replay | None, name: str) -> str:
         words += (
             f"; over a surface in {len(track.visits)} "
             f"stretch{'es' if len(track.visits) > 1 else ''} ({inside.sum() / track.rate_Hz:.4g} "
-            f"s), there {_rms(recorded[inside]):.2f}° and at most {_peak(recorded[inside]):+.2f}°"
-        ).replace("-", "−")
-    if replay is not None and np.isfinite(simulated).any():
+            f"s), there {_rms(recorded[inside]):.2f}° and at most "
+            f"{numeral(_peak(recorded[inside]), '+.2f')}°"
+        )
+    if replay is not None and replay.missed:
+        words += f". A run simulated with {replay.model} does not follow the log and is no result"
+    elif replay is not None and np.isfinite(simulated).any():
         part = inside if inside.any() else np.ones(len(track), bool)
         words += f". Simulated with {replay.model}: {_rms(simulated[part]):.2f}°" + (
             " there" if inside.any() else ""
@@ -230,7 +247,9 @@ def _highlights(track: PitchTrack, replay: Replay | None) -> dict[str, str]:
             "RMS pitch error, over a surface": f"{_rms(recorded[inside]):.2f}°",
             "elsewhere": f"{_rms(recorded[~inside]):.2f}°",
         }
-    if replay is not None:
+    if replay is not None and replay.missed:
+        shown["simulated run"] = "does not follow the log"
+    elif replay is not None:
         part = inside if inside.any() else np.ones(len(track), bool)
         shown["simulated RMS error" + (", over it" if inside.any() else "")] = (
             f"{_rms(simulated[part]):.2f}°"

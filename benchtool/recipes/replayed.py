@@ -17,6 +17,7 @@ from benchtool.errors import InputError
 from benchtool.library import gains_named, load_model
 from benchtool.recipes.model_band import model_file
 from benchtool.recipes.pitch_track import PitchTrack
+from benchtool.recipes.replay_judged import miss_told, strayed
 from benchtool.simulate.pitch_bench import PitchBench
 from benchtool.simulate.pitch_follow import LoggedPitch, follow_windows
 from benchtool.simulate.pitch_run import PitchJob
@@ -38,11 +39,6 @@ LEAD_S = 0.1
 
 PLANT_HZ = 500.0
 """Least plant steps per second."""
-
-STRAYED = 5.0
-LEAST_RANGE_RAD = 0.035
-"""A simulated run that covers so many times the recorded range, two degrees at least, is not of the
-same vehicle; choices."""
 
 LONGEST_S = 1200.0
 """A longer recording is drawn without a simulated run; flights last less. A choice."""
@@ -90,6 +86,8 @@ class Replay:
         disturbance_Nm: (m,) what the simulated observer sees; empty likewise.
         words: what drove it, for the caption.
         by: "controller" or "pulses".
+        missed: that it does not follow the recording, so that its numbers are no result; empty
+            where it does.
     """
 
     model: str
@@ -100,6 +98,7 @@ class Replay:
     disturbance_Nm: Array
     words: str
     by: str
+    missed: str = ""
 
 
 def known_control(provenance: Mapping[str, str], beside: Beside) -> PitchControl | None:
@@ -154,24 +153,9 @@ def replayed(
     if beside.motors:
         order = ", ".join(map(str, beside.motors))
         remarks.append(f"Rotors are numbered in the rig's order: these are the log's {order}.")
-    return run, [*remarks, *_strayed(track, run)]
-
-
-def _strayed(track: PitchTrack, run: Replay) -> list[str]:
-    """Say when the simulated run goes where the recorded vehicle never was."""
-    known = run.theta_rad[np.isfinite(run.theta_rad)]
-    seen = np.concatenate([track.theta_rad, track.reference_rad])
-    seen = seen[np.isfinite(seen)]
-    if not known.size:
-        return ["No stretch of the recording is whole enough for a simulated run."]
-    most, recorded = float(np.ptp(known)), max(float(np.ptp(seen)), LEAST_RANGE_RAD)
-    if most < STRAYED * recorded:
-        return []
-    return [
-        f"The simulated run goes over {np.degrees(most):.0f}°, the recorded one over "
-        f"{np.degrees(np.ptp(seen)):.1f}°: check that the model is of this vehicle and the order "
-        f"of its motors (--motors), and that it was in the air."
-    ]
+    missed = miss_told(track, run.time_s, run.theta_rad, run.by)
+    doubts = [missed] if missed else strayed(track, run.theta_rad)
+    return replace(run, missed=missed), [*doubts, *remarks]
 
 
 def _plate(track: PitchTrack, beside: Beside) -> tuple[Array, str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from benchtool.core.recording import Recording
-from benchtool.report.numbers import unit_for_people
+from benchtool.report.numbers import numeral, unit_for_people
 from benchtool.report.page import Block, FigureBlock, Paragraph, Section, Table
 from benchtool.report.sweep import SweepTraces, sweep_figure
 from benchtool.report.thrust import ThrustSeries, thrust_figure
@@ -30,7 +30,11 @@ def stand_sections(recording: Recording, name: str) -> tuple[list[Section], str]
         known = np.isfinite(speed) & np.isfinite(thrust)
         if known.any():
             series = ThrustSeries(
-                float("inf"), speed[known], thrust[known], np.full(int(known.sum()), np.nan)
+                float("inf"),
+                speed[known],
+                thrust[known],
+                np.full(int(known.sum()), np.nan),
+                named="samples of the recording",
             )
             blocks.append(
                 FigureBlock(
@@ -50,8 +54,8 @@ def stand_sections(recording: Recording, name: str) -> tuple[list[Section], str]
         duration = f" over {np.nanmax(recording.si('time_s')):.4g} s"
     summary = f"{name}: {len(recording)} rows of {len(recording.names)} channels{duration}."
     if "thrust_N" in recording and np.isfinite(thrust := recording.si("thrust_N")).any():
-        summary += f" Thrust from {np.nanmin(thrust):.4g} to {np.nanmax(thrust):.4g} N."
-        summary = summary.replace("-", "−")
+        least, most = (numeral(of(thrust), ".4g") for of in (np.nanmin, np.nanmax))
+        summary += f" Thrust from {least} to {most} N."
     return [Section("What was recorded", blocks)], summary
 
 
@@ -61,7 +65,7 @@ def _ranges(recording: Recording) -> Table:
         values = recording.column(channel.name)
         known = values[np.isfinite(values)]
         numbers = (
-            [f"{number:.5g}" for number in (known.min(), np.median(known), known.max())]
+            [numeral(number, ".5g") for number in (known.min(), np.median(known), known.max())]
             if known.size
             else ["–"] * 3
         )

@@ -37,18 +37,21 @@ def unit_for_people(symbol: str) -> str:
     return raised.replace(" ", "\u00a0")
 
 
+def numeral(value: float, form: str) -> str:
+    """Return a number in one of Python's forms (".2f"), with a true minus sign; "–" for none."""
+    return f"{value:{form}}".replace("-", "−") if isfinite(value) else "–"
+
+
 def scaled(value: float, exponent: int, decimals: int) -> str:
     """Return value / 10**exponent with that many decimals, with a true minus sign."""
-    if not isfinite(value):
-        return "–"
-    return f"{value / 10.0**exponent:.{decimals}f}".replace("-", "−")
+    return numeral(value / 10.0**exponent, f".{decimals}f")
 
 
 def value_with_sd(value: float, sd: float) -> str:
     """Return "1.974 ± 0.021", a common power of ten taken out of awkward numbers; no sd, no ±."""
     exponent = exponent_of(value, sd)
     if not isfinite(sd):
-        text = f"{value / 10.0**exponent:.6g}".replace("-", "−")
+        text = numeral(value / 10.0**exponent, ".6g")
         return f"{text}·{power_of_ten(exponent)}" if exponent else text
     decimals = decimals_for(sd / 10.0**exponent)
     text = f"{scaled(value, exponent, decimals)} ± {scaled(sd, exponent, decimals)}"

@@ -32,6 +32,7 @@ class ThrustSeries:
         speed_rad_s, thrust_N, sd_N: (m,) rotor speed, thrust, its standard deviation (nan: none).
         predicted_N: (m,) the model at the measured points; empty when there is no model.
         line_speed_rad_s, line_N: (l,) the model's line; empty when there is none.
+        named: legend entry where no plate is meant; the plate's distance gives it when empty.
     """
 
     z_over_R: float
@@ -41,6 +42,7 @@ class ThrustSeries:
     predicted_N: Array = field(default_factory=_no_values)
     line_speed_rad_s: Array = field(default_factory=_no_values)
     line_N: Array = field(default_factory=_no_values)
+    named: str = ""
 
     def __post_init__(self) -> None:
         refuse_unequal(
@@ -59,6 +61,8 @@ class ThrustSeries:
     @property
     def label(self) -> str:
         """Legend entry."""
+        if self.named:
+            return self.named
         return f"$z/R$ = {self.z_over_R:.3g}" if isfinite(self.z_over_R) else "out of ground effect"
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchtool import __version__
 from benchtool.cli.app import main
 from benchtool.control.pitch import pitch_controller
 from benchtool.core.channel import Channel
@@ -17,6 +18,7 @@ from benchtool.core.schedule import PlateVisit, Schedule, Signal
 from benchtool.errors import InputError
 from benchtool.library import gains_named, load_model
 from benchtool.recipes.pitch_track import pitch_track
+from benchtool.recipes.replay_judged import LEAST_RAD, miss_told
 from benchtool.recipes.replay_page import errors_deg, trace_of
 from benchtool.recipes.replayed import Beside, known_control, replayed
 from benchtool.recipes.report_file import kind_of, page_text
@@ -74,7 +76,7 @@ def log(flown: Recording, tmp_path_factory: pytest.TempPathFactory) -> Path:
         records.append(("IMU", (at + 2, 0, 0.0, float(gyro), 0.0)))
     folder = tmp_path_factory.mktemp("logs")
     (folder / "42.BIN").write_bytes(dataflash(records))
-    out = folder / "42.csv"
+    out = folder / "flight-42.csv"
     assert call("import", str(folder / "42.BIN"), "--over", "6.1:9.1:1", "--out", str(out)) == 0
     return out
 
@@ -144,11 +146,14 @@ def test_the_page_of_an_imported_log_has_its_numbers_repairs_and_hashes(log: Pat
         for shown, errors in ((cells[2], recorded), (cells[4], simulated)):
             own = np.sqrt(np.nanmean(errors[part] ** 2))
             assert float(shown) == pytest.approx(own, abs=0.006)
+    assert "flight-42.csv: 12 s of pitch" in text
     assert facts["over a surface"] == "6.1 to 9.1 s, rotor 1 (user)"
     assert facts[f"sha256 of {log.name}"] == file_hash(log)
     assert facts["file"] == "42.BIN"
-    told = json.loads(log.with_name("42.csv.json").read_text())
+    told = json.loads(log.with_name("flight-42.csv.json").read_text())
     assert facts["sha256"] == told["provenance"]["sha256"]
+    assert facts["recorded with"] == "ArduPilot"
+    assert facts["imported with"] == f"benchtool {told['versions']['benchtool']}"
     findings = rows_of(page, "What was repaired")
     assert [cells[3] for cells in findings] == [item["words"] for item in told["findings"]]
 
@@ -174,8 +179,54 @@ def test_motors_in_another_order_are_told_by_a_run_that_strays(log: Path) -> Non
     track = pitch_track(read_recording(log), motors=(3, 2, 1, 4))
     assert track.rotors_over(*track.visits[0]) == [3]
     beside = Beside(model=MODEL, plate_z_m=0.12, motors=(3, 2, 1, 4))
-    _, warned = replayed(track, beside, {})
+    run, warned = replayed(track, beside, {})
     assert "Rotors are numbered in the rig's order: these are the log's 3, 2, 1, 4." in warned
+    assert run is not None
+    assert "does not follow the log, so it is no result" in run.missed
+    assert warned[0] == run.missed
+    # Front for rear turns every torque round: by its own numbers it is that far away.
+    recorded, simulated = errors_deg(track, run)
+    assert np.sqrt(np.nanmean((recorded - simulated) ** 2)) > np.degrees(np.std(track.theta_rad))
+
+
+def test_a_run_that_does_not_follow_is_not_shown_as_a_result(log: Path) -> None:
+    good = page_text([log], Beside(model=MODEL, plate_z_m=0.12))
+    assert "does not follow" not in words_of(good)
+    assert "simulated RMS error, over it" in facts_of(good)
+    page = page_text([log], Beside(model=MODEL, plate_z_m=0.12, motors=(3, 2, 1, 4)))
+    text, facts = words_of(page), facts_of(page)
+    assert facts["simulated run"] == "does not follow the log"
+    assert not [name for name in facts if "RMS" in name and "simulated" in name]
+    assert "is no result" in text
+    assert "so that a line at its mean is nearer to it" in text
+    assert {len(row) for row in rows_of(page, "Pitch minus reference")} == {4}
+    assert "simulated, does not follow the log" in page
+
+
+def test_how_far_a_run_may_be_from_its_log(flown: Recording) -> None:
+    track = pitch_track(flown)
+    swing = np.nanstd(track.theta_rad)
+    mean = np.full(len(track), np.nanmean(track.theta_rad))
+    assert miss_told(track, track.time_s, track.theta_rad, "pulses") == ""
+    assert miss_told(track, track.time_s, mean + 0.5 * (track.theta_rad - mean), "pulses") == ""
+    away = 2.0 * mean - track.theta_rad  # the same swing the opposite way: two swings away
+    assert swing > LEAST_RAD
+    assert "a line at its mean is nearer" in miss_told(track, track.time_s, away, "pulses")
+    assert miss_told(track, track.time_s, mean + 0.99 * (away - mean), "controller") == ""
+    farther = mean + 1.2 * (away - mean)
+    assert "the opposite way" in miss_told(track, track.time_s, farther, "controller")
+    # A log that stands still: noise alone parts a run from it.
+    still = replace(track, theta_rad=np.zeros(len(track)))
+    assert miss_told(still, track.time_s, np.full(len(track), 0.9 * LEAST_RAD), "pulses") == ""
+    told = miss_told(still, track.time_s, np.full(len(track), np.radians(42.0)), "pulses")
+    assert "misses it by 42.0° RMS, above 2.0°" in told
+    # A miss over the surface counts, however long the rest is.
+    bad = np.where(track.any_over > 0.0, track.theta_rad + np.radians(42.0), track.theta_rad)
+    long = replace(track, over=np.where(track.time_s < 6.2, track.over, 0.0))
+    bad = np.where(long.any_over > 0.0, bad, track.theta_rad)
+    assert "misses it by 42.0° RMS over the surface" in miss_told(
+        long, track.time_s, bad, "controller"
+    )
 
 
 def test_gaps_stay_blank_and_nothing_is_simulated_across_them(flown: Recording) -> None:
@@ -244,20 +295,28 @@ def test_recordings_of_simulate_name_their_gains_only_where_nothing_was_changed(
     assert call("simulate", "pitch", *words, *change, "--out", str(tmp_path / "changed")) == 0
     told = [read_recording(tmp_path / name / "pid.csv") for name in ("as_shipped", "changed")]
     assert [item.provenance["gains"] for item in told] == ["s3", ""]
+    facts = facts_of(page_text([tmp_path / "as_shipped" / "pid.csv"]))
+    assert facts["simulated with"] == f"benchtool {__version__}"
+    assert "recorded with" not in facts
 
 
 def test_a_stand_s_recording_without_attitude_gets_a_page_too(tmp_path: Path) -> None:
     t = np.arange(50) / 10.0
     pairs = [
         (Channel("time_s", "s"), t),
-        (Channel("thrust_N", "N"), 0.5 * t),
+        (Channel("thrust_N", "N"), 0.5 * t - 0.25),
         (Channel("rpm1", "rpm"), 1000.0 + 900.0 * t),
     ]
-    path = tmp_path / "stand.csv"
+    path = tmp_path / "stand-of-2024-05-01.csv"
     write_recording(path, Recording.from_columns(pairs), {"imported_as": "a stand"})
     page = page_text([path])
+    assert "out of ground effect" not in page
+    assert "samples of the recording" in page
+    assert "stand-of-2024-05-01.csv: 50 rows" in words_of(page)
+    assert facts_of(page)["recorded with"] == "not stated"
     rows = {cells[0]: cells for cells in rows_of(page, "What each channel holds")}
-    assert rows["thrust_N"][2:] == ["50", "0", "1.225", "2.45"]
+    assert rows["thrust_N"][2:] == ["50", "−0.25", "0.975", "2.2"]
+    assert "Thrust from −0.25 to 2.2 N." in words_of(page)
     assert page.count("<svg") == 2
     with pytest.raises(InputError, match="has no attitude"):
         page_text([path], Beside(controller="pid", gains="s3"))
