@@ -19,13 +19,11 @@ class DeviceLink:
     Attributes:
         firmware: the device itself.
         greeted_s: wall time of the last hello, None before the first.
-        greeted_device_us: device time of the last hello.
     """
 
     def __init__(self, firmware: Firmware) -> None:
         self.firmware = firmware
         self.greeted_s: float | None = None
-        self.greeted_device_us = 0
         self._decoder = Decoder()
         self._writer = SampleWriter(len(firmware.hello.channels))
         self._answered: tuple[int, bytes] | None = None
@@ -78,7 +76,6 @@ class DeviceLink:
         else:
             if isinstance(command, AskHello):
                 self.greeted_s = now_s
-                self.greeted_device_us = self.firmware.device_time_us
                 lines = hello_lines(self.firmware.hello)
                 told = b"".join(frame_fields("H", map(_one_field, line)) for line in lines)
                 return told + self._acknowledge(number, (str(len(lines)),))

@@ -101,22 +101,18 @@ class OwnState:
 
     Attributes:
         name: for people and logs.
-        per_disc: one state for each disc, or one in all.
         drive: what drives it: "speed_rad_s" (commanded rotor speed) or "none".
         rate: rate(state, drive, p) -> time derivative, with the drive held.
         settled: settled(drive, elapsed_s, p) -> the state on a bench that has been held still:
             fast transients over, slow ones as far as `elapsed_s` since the tare has let them come.
-        resets_on_tare: whether taring the load cell sets it back to zero.
         kept: kept(dt_s, p) -> share of the distance to a held drive that is left after dt_s, where
             the state is a linear lag; simulators then follow it exactly.
     """
 
     name: str
-    per_disc: bool
     drive: Literal["speed_rad_s", "none"]
     rate: Callable[[Quantity, Quantity, Values], Quantity]
     settled: Callable[[Quantity, Quantity, Values], Quantity]
-    resets_on_tare: bool = False
     kept: Callable[[Quantity, Values], Quantity] | None = None
 
 

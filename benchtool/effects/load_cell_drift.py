@@ -66,11 +66,9 @@ EFFECT = Effect(
     states=(
         OwnState(
             name="zero",
-            per_disc=False,
             drive="none",
             rate=rate,
             settled=settled,
-            resets_on_tare=True,
         ),
     ),
 )

@@ -53,7 +53,6 @@ EFFECT = Effect(
     states=(
         OwnState(
             name="speed",
-            per_disc=True,
             drive="speed_rad_s",
             rate=rate,
             settled=settled,

@@ -7,7 +7,6 @@ formula would.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -43,10 +42,6 @@ class Prepared:
         else:
             flow = model.flow(conditions, model.parameters.values_array())
             self._flow = merged(flow, len(conditions)) if mergeable(model) else flow
-
-    def full_values(self, free: Mapping[str, Any]) -> list[Any]:
-        """Return all parameters in order, the free ones taken from `free` by name."""
-        return [free.get(name, item.value) for name, item in self.model.parameters.items()]
 
     def thrust_N(self, values: Any) -> Any:
         """Return the load cell's settled reading (..., m): N; `values` as `Model.thrust_N`."""

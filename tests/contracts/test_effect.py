@@ -11,10 +11,10 @@ from benchtool.effects.catalogue import EFFECTS
 from benchtool.effects.conditions import Conditions
 from benchtool.effects.effect import BENCH_KINDS, STAGES, BenchKind, Effect, Flow, OwnState
 from benchtool.effects.model import Model
-from benchtool.effects.moving import moving_thrust_N
 from benchtool.effects.prepared import Prepared
 from benchtool.effects.tolerances import default_tolerances
 from benchtool.library import rig_named
+from tests.contracts.moving_effects import moving_thrust_N
 
 EACH = pytest.mark.parametrize("name", sorted(EFFECTS))
 
@@ -250,7 +250,7 @@ def test_a_prepared_model_predicts_the_same(name: str, rig: Rig, conditions: Con
         "k": np.array([[0.9e-5], [1.1e-5]]),
         "R_m": np.array([[0.11], [0.13]]),
     }
-    values = prepared.full_values(walkers)
+    values = [walkers.get(name, item.value) for name, item in model.parameters.items()]
     got = prepared.thrust_N(values)
     assert got.shape == (2, len(conditions))
     np.testing.assert_allclose(got, model.thrust_N(conditions, values), rtol=1e-12)

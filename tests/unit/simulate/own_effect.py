@@ -49,7 +49,5 @@ SLUGGISH = Effect(
     shows="always",
     source="made up",
     confused_with={},
-    states=(
-        OwnState(name="speed", per_disc=True, drive="speed_rad_s", rate=rate, settled=settled),
-    ),
+    states=(OwnState(name="speed", drive="speed_rad_s", rate=rate, settled=settled),),
 )

@@ -1,7 +1,6 @@
 """The moving case of the same hooks: own states followed in time with the commands held.
 
-A small reference that a settled prediction is checked against; simulators compile their own loop
-over the very same hooks.
+A plain reference that the settled predictions of `Model` are checked against.
 """
 
 from __future__ import annotations
