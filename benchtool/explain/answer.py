@@ -103,18 +103,3 @@ def channel_words(channel: str, unit: str) -> ChannelWords:
         title = f"speed of rotor {rotor}" if rotor else "rotor speed"
         return ChannelWords(title=title, unit="rpm")
     return ChannelWords(title=channel, unit=unit)
-
-
-STAGES = {
-    "pwm_to_rpm": "from pwm to rpm",
-    "rpm_to_thrust": "from rpm to thrust",
-    "hinge": "hinge",
-    "sensor": "sensor",
-    "plate": "plate",
-}
-"""Links of the chain in words."""
-
-
-def stage_words(stage: str) -> str:
-    """Return a link of the chain, or a channel, in words."""
-    return STAGES.get(stage, stage)

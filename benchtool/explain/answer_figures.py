@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from math import isfinite
 
-from benchtool.explain.answer import Answer, channel_words, stage_words
+from benchtool.explain.answer import Answer, channel_words
 from benchtool.explain.explanation import Disagreement, Overlay
+from benchtool.explain.stage_words import stage_words
 from benchtool.explain.verdict import FoundParameter, Gap, NamedEffect, Where
 from benchtool.report.disagreement import StageSizes, disagreement_figure
 from benchtool.report.effect_sizes import EffectSize, effect_size_figure

@@ -16,6 +16,7 @@ from benchtool.explain.answer_tables import (
     tolerances_table,
     unjudged_sentence,
 )
+from benchtool.explain.stage_words import PLACES
 from benchtool.explain.verdict import EVERYWHERE
 from benchtool.report.page import (
     Block,
@@ -79,7 +80,7 @@ def where_sentence(answer: Answer) -> str:
     where = answer.verdict.where
     if where is None:
         return "The model agrees with the recordings within their noise and the tolerances."
-    said = f"The disagreement is in the stage {where.stage}"
+    said = f"The disagreement is {PLACES[where.stage]}"
     size = f"{where.size:.2g} times the stated noise"
     if where.regime == EVERYWHERE:
         return f"{said}, spread over the whole of the recordings; residuals are {size}."

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from benchtool.explain.answer import Answer, channel_words, stage_words
+from benchtool.explain.answer import Answer, channel_words
 from benchtool.explain.answer_figures import parameter_text
+from benchtool.explain.stage_words import stage_words
 from benchtool.explain.verdict import FoundParameter, Gap, NamedEffect
 from benchtool.report.numbers import decimals_for, exponent_of, power_of_ten, scaled
 from benchtool.report.numbers import unit_for_people as people

@@ -103,7 +103,9 @@ def explain(
         where = where_shown(groups, rows[:, 0], rows[:, 1], effects[0].stage if effects else None)
     nearest = None
     if kind == "unknown":
-        nearest = Nearest(name=search.slots[0].name, share_closed=max(0.0, held.share_closed))
+        name = search.slots[0].name
+        title = effect_of(subject, name).title
+        nearest = Nearest(name=name, title=title, share_closed=max(0.0, held.share_closed))
     rivals = _rivals(search, kind, members)
     verdict = Verdict(
         kind=kind,

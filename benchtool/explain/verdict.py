@@ -10,6 +10,7 @@ from typing import Literal
 from benchtool.core.parameter import Parameters
 from benchtool.core.schedule import Schedule
 from benchtool.effects.effect import BenchKind, Stage
+from benchtool.explain.stage_words import PLACES
 
 Kind = Literal["effect", "several", "class", "none", "unknown"]
 KINDS: tuple[Kind, ...] = ("effect", "several", "class", "none", "unknown")
@@ -142,6 +143,7 @@ class Nearest:
     """Say which named effect comes nearest to something unknown, and how much it explains."""
 
     name: str
+    title: str
     share_closed: float
 
 
@@ -245,11 +247,21 @@ class Verdict:
 
 def _number(item: FoundParameter) -> str:
     unit = "" if item.unit == "1" else f" {item.unit}"
-    return f"{item.name} = {item.value:.4g} ± {item.std:.2g}{unit}"
+    return f"{item.value:.4g} ± {item.std:.2g}{unit}"
 
 
 def _effect(effect: NamedEffect) -> str:
-    return f"{effect.name} ({', '.join(_number(item) for item in effect.parameters)})"
+    numbers = (f"{effect.name}.{item.name} = {_number(item)}" for item in effect.parameters)
+    return f"{in_sentence(effect.title)}: {', '.join(numbers)}"
+
+
+SURNAMES = ("Coulomb", "Stribeck")
+"""Words that begin a title and keep their capital within a sentence."""
+
+
+def in_sentence(title: str) -> str:
+    """Return an effect's title as it stands within a sentence."""
+    return title if title.startswith(SURNAMES) else title[:1].lower() + title[1:]
 
 
 def _one(verdict: Verdict) -> str:
@@ -264,8 +276,8 @@ def _several(verdict: Verdict) -> str:
 
 def _class(verdict: Verdict) -> str:
     return (
-        f"The model lacks one of {', '.join(verdict.names)}; this data cannot tell them apart "
-        f"(most likely {_effect(verdict.effects[0])})."
+        f"The model lacks one of {', '.join(in_sentence(one.title) for one in verdict.effects)}; "
+        f"this data cannot tell them apart; most likely is {_effect(verdict.effects[0])}."
     )
 
 
@@ -287,9 +299,10 @@ def _unknown(verdict: Verdict) -> str:
     place = ""
     if where is not None:
         spread = where.regime == EVERYWHERE
-        place = f" in the stage {where.stage}" + ("" if spread else f" ({where.regime})")
+        place = f" {PLACES[where.stage]}" + ("" if spread else f" ({where.regime})")
     nearest = (
-        f"; the nearest is {near.name}, which closes {100.0 * near.share_closed:.0f} % of the gap"
+        f"; the nearest is {in_sentence(near.title)}, which closes "
+        f"{100.0 * near.share_closed:.0f} % of the gap"
         if near is not None
         else ""
     )

@@ -75,7 +75,7 @@ def test_a_hidden_effect_is_named_accepted_and_found_again(
     page.get_by_text("benchtool explain").wait_for()
     explain.click()
     page.locator(".stages li").first.wait_for(timeout=EXPLAINS_MS)
-    verdict = page.get_by_text("The model lacks coulomb_friction").first
+    verdict = page.get_by_text("The model lacks Coulomb friction").first
     verdict.wait_for(timeout=EXPLAINS_MS)
     for heading in ("Where", "Which", "The gap"):
         assert page.get_by_text(heading, exact=True).is_visible()

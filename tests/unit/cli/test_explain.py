@@ -47,8 +47,10 @@ def test_hidden_friction_is_named_and_everything_is_written(
     assert code == 0
     lines = said.splitlines()
     assert lines[0].startswith("SIMULATED DATA")
-    assert lines[1].startswith("The model lacks coulomb_friction (torque_Nm = 0.01")
-    assert lines[2].startswith("The disagreement is in the stage hinge")
+    assert lines[1].startswith(
+        "The model lacks Coulomb friction: coulomb_friction.torque_Nm = 0.01"
+    )
+    assert lines[2].startswith("The disagreement is at the hinge")
     assert "coulomb_friction.torque_Nm 0.002" in said
     assert re.search(r"pitch +deg", said)
     found = json.loads(answer.read_text("utf-8"))
@@ -176,8 +178,8 @@ def test_a_record_of_another_simulator_is_explained_as_it_stands(
         "--check", str(folder / "body_lift_check.csv"), "--out", str(tmp_path / "out"),
     )  # fmt: skip
     assert code == 0
-    assert said.splitlines()[0].startswith("The model lacks body_lift (K_b = ")
-    assert "stage rpm_to_thrust" in said
+    assert said.splitlines()[0].startswith("The model lacks body lift (fountain): body_lift.K_b = ")
+    assert "between rotor speed and thrust" in said
     assert (tmp_path / "out" / "report.html").is_file()
 
 

@@ -50,7 +50,7 @@ FRICTION = NamedEffect(
 
 OFFSET = NamedEffect(
     name="cog_offset",
-    title="Centre of gravity off the hinge",
+    title="Centre-of-gravity offset",
     stage="hinge",
     probability=0.6,
     parameters=(
@@ -124,7 +124,9 @@ def verdict(kind: Kind = "effect", **changes: Any) -> Verdict:
             gap("gyro_rad_s", "rad/s", 0.071, 0.025 if named else 0.071, 0.023),
             gap("rpm", "rpm", 31.0, 30.0 if named else 31.0, 29.0),
         ),
-        nearest=Nearest(name="coulomb_friction", share_closed=0.61) if kind == "unknown" else None,
+        nearest=Nearest(
+            name="coulomb_friction", title="Coulomb friction", share_closed=0.61
+        ) if kind == "unknown" else None,
         tolerances=tolerances(model, "pitch"),
         not_judged={"partial_coverage": NotJudged(reason="too_weak", size=4.2)},
         remarks=("learn.csv: 2 gaps in time, the first at 3.100 s; judged in parts",),

@@ -90,7 +90,7 @@ def test_the_folder_has_page_figures_model_and_the_next_schedule(tmp_path: Path)
     assert {"where.svg", "which.svg", "parameters.svg", "gap.svg", "overlay_theta_rad.png"} <= names
     assert written.model == str(out / "model.toml")
     page = (out / "report.html").read_text("utf-8")
-    assert "The model lacks one of coulomb_friction, cog_offset" in page
+    assert "The model lacks one of Coulomb friction, centre-of-gravity offset; this" in page
     assert "2 gaps in time" in page
     assert page.count("<svg") == 5
     with pytest.raises(WouldOverwrite, match="--overwrite"):

@@ -111,7 +111,10 @@ def test_several_effects_have_probabilities_of_their_own_places() -> None:
     found = tables("several")
     assert [place["effect"] for place in found["places"]] == [e["name"] for e in found["effects"]]
     assert all(sum(one["probabilities"].values()) == pytest.approx(1.0) for one in found["places"])
-    assert "probability 0.98; and cog_offset" in found["sentence"]
+    assert (
+        "probability 0.98; and centre-of-gravity offset: cog_offset.x_m = -0.0014"
+        in found["sentence"]
+    )
     assert found["sentence"].endswith("probability 0.60.")
     assert len(tables("effect")["places"]) == 1
 

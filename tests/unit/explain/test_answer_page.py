@@ -38,7 +38,7 @@ def test_a_disagreement_without_a_place_of_its_own_reads_so() -> None:
     given = answer("unknown")
     spread = replace(given.explanation, verdict=replace(given.verdict, where=where))
     assert where_sentence(replace(given, explanation=spread)) == (
-        "The disagreement is in the stage hinge, spread over the whole of the recordings; "
+        "The disagreement is at the hinge, spread over the whole of the recordings; "
         "residuals are 1.1 times the stated noise."
     )
 

@@ -54,7 +54,7 @@ def test_an_effect_is_named_and_kept_in_a_new_model(tmp_path: Path, question: Qu
     found = state.result
     assert found is not None
     assert found.named == ("coulomb_friction",)
-    assert found.sentence.startswith("The model lacks coulomb_friction")
+    assert found.sentence.startswith("The model lacks Coulomb friction")
     assert [part.title for part in found.parts][:3] == ["Where", "Which", "The gap"]
     assert all("<img" in part.pieces[-1].html for part in found.parts[:3])
     assert not out.exists()
