@@ -37,16 +37,21 @@ def command(
         str,
         typer.Option(help="The log's motor number of each rotor of the rig, as 1,3,2,4."),
     ] = "",
-    force: Annotated[bool, typer.Option("--force", help="Replace files of these names.")] = False,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace files of these names.")
+    ] = False,
+    # The older name of --overwrite.
+    force: Annotated[bool, typer.Option("--force", hidden=True)] = False,
 ) -> None:
     """Write a report page, and PDF, of a run, fit or recording"""
     import sys
 
+    from benchtool.cli.show_report import working
     from benchtool.errors import InputError, WouldOverwrite
     from benchtool.recipes.replayed import Beside
     from benchtool.recipes.report_file import TAKES, print_report, usual_out, write_report
 
-    given = list(paths or [])
+    given, replace = list(paths or []), overwrite or force
     if not given:
         raise InputError(f"nothing to report: name {TAKES}")
     beside = Beside(
@@ -58,19 +63,21 @@ def command(
     )
     target = _html(out) if out is not None else None
     paper = (target or usual_out(given)).with_suffix(".pdf")
-    if pdf and paper.exists() and not force:
+    if pdf and paper.exists() and not replace:
         # Before the work, so that a page is not written for a refusal.
-        raise WouldOverwrite(str(paper), "--force")
+        raise WouldOverwrite(str(paper), "--overwrite")
     page = write_report(
         given,
         target,
         beside=beside,
         commands=[shlex.join(["benchtool", *sys.argv[1:]])],
-        replace=force,
+        replace=replace,
     )
     print(f"report: {page}", flush=True)
     if pdf:
-        print(f"report: {print_report(page, replace=force)}")
+        with working(f"printing {page.with_suffix('.pdf').name}") as tell:
+            printed = print_report(page, replace=replace, tell=tell)
+        print(f"report: {printed}")
 
 
 def _html(out: Path) -> Path:

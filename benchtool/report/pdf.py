@@ -3,17 +3,27 @@
 from __future__ import annotations
 
 import logging
+import re
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from benchtool.errors import MissingLibrary
 from benchtool.report.files import refuse_existing, write_whole
 
+Tell = Callable[[str], None]
+"""tell(what is being done)."""
 
-def pdf_bytes(page: str) -> bytes:
-    """Return a report page, given as HTML text, as the contents of a PDF file.
+
+def pdf_bytes(page: str, tell: Tell | None = None) -> bytes:
+    """Return a report page as the contents of a PDF file.
 
     Nothing is read from a disk or a network: what the page names outside itself stays blank.
+
+    Args:
+        page: HTML text.
+        tell: told what is being done, a few words at a time; a long page takes half a minute.
 
     Raises:
         MissingLibrary: Pango, which WeasyPrint sets text with, is not on this system.
@@ -24,17 +34,47 @@ def pdf_bytes(page: str) -> bytes:
     log = logging.getLogger("weasyprint")
     before, log.disabled = log.disabled, True
     try:
-        content: bytes = weasyprint.HTML(string=page, url_fetcher=fetcher).write_pdf()
+        with _told(tell):
+            content: bytes = weasyprint.HTML(string=page, url_fetcher=fetcher).write_pdf()
     finally:
         log.disabled = before
     return content
 
 
-def write_pdf(path: Path, page: str, *, replace: bool = False) -> Path:
+class _PassedOn(logging.Handler):
+    def __init__(self, tell: Tell) -> None:
+        super().__init__()
+        self._tell = tell
+
+    def emit(self, record: logging.LogRecord) -> None:
+        step = re.sub(r"^Step \d+ - ", "", record.getMessage())
+        self._tell(step.replace(" - ", ", ").lower())
+
+
+@contextmanager
+def _told(tell: Tell | None) -> Iterator[None]:
+    """Pass on what WeasyPrint says of its progress: "Step 5 - Creating layout - Page 3"."""
+    log = logging.getLogger("weasyprint.progress")
+    if tell is None:
+        yield
+        return
+
+    handler, before = _PassedOn(tell), (log.level, log.propagate)
+    log.addHandler(handler)
+    log.propagate = False
+    log.setLevel(logging.INFO)
+    try:
+        yield
+    finally:
+        log.removeHandler(handler)
+        log.level, log.propagate = before
+
+
+def write_pdf(path: Path, page: str, *, replace: bool = False, tell: Tell | None = None) -> Path:
     """Write the page as PDF and return its path; refuse to overwrite unless asked."""
     if not replace:
         refuse_existing([path])
-    write_whole(path, pdf_bytes(page))
+    write_whole(path, pdf_bytes(page, tell))
     return path
 
 

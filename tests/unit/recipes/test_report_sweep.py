@@ -177,10 +177,13 @@ def test_nothing_is_written_over_and_the_pdf_holds_the_page(run: Path, tmp_path:
     out = tmp_path / "page.html"
     write_report([run], out)
     before = out.read_bytes()
-    with pytest.raises(WouldOverwrite, match=r"page\.html exists .* replace it with --force"):
+    with pytest.raises(WouldOverwrite, match=r"page\.html exists .* replace it with --overwrite"):
         write_report([run], out)
     assert out.read_bytes() == before
-    content = print_report(out).read_bytes()
+    busy: list[str] = []
+    content = print_report(out, tell=busy.append).read_bytes()
+    assert "creating layout, page 1" in busy
+    assert "creating pdf" in busy
     with pytest.raises(WouldOverwrite):
         print_report(out)
     assert 5 <= pdf_pages(content) <= 15
@@ -206,9 +209,16 @@ def test_without_pango_the_page_is_there_and_one_sentence_says_what_to_install(
     said = capsys.readouterr()
     assert said.out == f"report: {out}\n"
     assert "libpango-1.0-0 and libpangoft2-1.0-0" in said.err
-    assert said.err.count("\n") == 1
+    busy, error = said.err.splitlines()
+    assert busy == "printing page.pdf ..."
+    assert "libpango" in error
     assert words_of(out.read_text()).startswith("Sweep: one")
     assert not out.with_suffix(".pdf").exists()
+    assert call("report", str(run), "--out", str(out)) == 2
+    for replacing in ("--overwrite", "--force"):
+        out.write_text("old")
+        assert call("report", str(run), "--out", str(out), replacing) == 0
+        assert out.read_text() != "old"
 
 
 @pytest.mark.parametrize(
