@@ -12,9 +12,22 @@ import tomllib
 import types
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, TypeVar, Union, get_args, get_origin, get_type_hints
+from functools import cache
+from typing import (
+    TYPE_CHECKING,
+    Any,
+    ClassVar,
+    TypeVar,
+    Union,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 from benchtool.errors import FileFormatError, InputError, UnknownChoice
+
+if TYPE_CHECKING:
+    from pydantic import TypeAdapter
 
 T = TypeVar("T")
 
@@ -105,11 +118,12 @@ def build(cls: type[T], data: Mapping[str, Any], where: str) -> T:
         UnknownChoice: a key that `cls` has not, with the known ones.
         FileFormatError: a value of the wrong type or range, a missing key.
     """
-    from pydantic import TypeAdapter, ValidationError
+    from pydantic import ValidationError
 
     text = json.dumps(data, default=str)
     try:
-        return TypeAdapter(cls).validate_json(text, strict=True)
+        built: T = _checker(cls).validate_json(text, strict=True)
+        return built
     except InputError as error:  # from a dataclass's own check
         raise FileFormatError(where, str(error)) from error
     except ValidationError as error:
@@ -128,6 +142,14 @@ def build(cls: type[T], data: Mapping[str, Any], where: str) -> T:
         reason = first["msg"].lower().replace("an object", "a table")
         problem = f"{dotted} is {shown[:80]}: {reason}; correct the value"
         raise FileFormatError(where, problem) from error
+
+
+@cache
+def _checker(cls: type[Any]) -> TypeAdapter[Any]:
+    """Return what checks a class; pydantic takes some 10 ms to make one."""
+    from pydantic import TypeAdapter
+
+    return TypeAdapter(cls)
 
 
 def read_strict(cls: type[T], text: str, where: str) -> T:
