@@ -130,6 +130,18 @@ def check_experiment(
     return Expected(rpm, thrust_N)
 
 
+def expected_on(identity: Identity, experiment: PitchExperiment, rig: Rig) -> Expected:
+    """Return what `check_experiment` returns, with what an open bench says of itself.
+
+    Raises:
+        InputError: it is no pitch bench.
+        PlanError: its limits or the rig's do not allow the experiment.
+    """
+    require_pitch(identity)
+    told = identity.facts.get("pwm_idle_us")
+    return check_experiment(experiment, rig, identity.limits, float(told) if told else None)
+
+
 def require_pitch(identity: Identity) -> None:
     """Refuse a bench that streams no pitch.
 

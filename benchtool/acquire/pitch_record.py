@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from math import degrees
@@ -86,6 +87,7 @@ def record_pitch(
     experiment: PitchExperiment,
     run: Run,
     progress: Progress | None = None,
+    left: Callable[[float], None] = lambda left_s: None,
 ) -> PitchSummary:
     """Record a checked experiment on an open bench.
 
@@ -98,6 +100,7 @@ def record_pitch(
         experiment: what to record.
         run: its folder, just created.
         progress: hears of events.
+        left: told the seconds that are left, about every second.
 
     Raises:
         BenchError, RunStopped: why it ended early.
@@ -116,7 +119,7 @@ def record_pitch(
             collective_us = np.full(rig.n_rotors, experiment.collective_us)
             recorder.note("armed", f"collective {experiment.collective_us:g} us")
             motors.ramp_to(collective_us, RAMP_UP_S, "ramp")
-            summary = _collect(recorder, experiment.seconds)
+            summary = _collect(recorder, experiment.seconds, left)
             motors.ramp_to(motors.stop_us, RAMP_DOWN_S, "end")
             bench.stop()
         except BaseException as error:
@@ -134,12 +137,15 @@ def record_pitch(
         recorder.close()
 
 
-def _collect(recorder: PitchRecorder, seconds: float) -> PitchSummary:
+def _collect(
+    recorder: PitchRecorder, seconds: float, left: Callable[[float], None]
+) -> PitchSummary:
     """Record so many seconds and sum them up."""
     summary = PitchSummary(seconds)
     squares, count = 0.0, 0
     begun_s = recorder.bench.now_s()
     while (left_s := begun_s + seconds - recorder.bench.now_s()) > 1e-9:
+        left(left_s)
         part = recorder.collect("sample", min(PART_S, left_s))
         recorder.sync()
         theta = part.column("theta_rad")

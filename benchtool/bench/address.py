@@ -121,7 +121,7 @@ MAVLINK_OPTIONS = (
 )
 """What may follow the place of a `mavlink:` address; mavlink_settings.py says what each means."""
 
-_PITCH_OPTIONS = ("schedule", "controller", "gains")
+_PITCH_OPTIONS = ("schedule", "controller", "gains", "hidden")
 
 
 def _simulated(address: Address) -> Bench:

@@ -13,6 +13,7 @@ from benchtool.bench.faults import Fault, LinkFaults
 from benchtool.bench.faulty_plant import FaultyPlant
 from benchtool.bench.firmware import Firmware
 from benchtool.bench.hello import Hello
+from benchtool.bench.hidden_effect import with_hidden
 from benchtool.bench.pitch_plant import PitchPlant
 from benchtool.bench.served_device import ServedDevice
 from benchtool.bench.server import BenchServer
@@ -44,6 +45,7 @@ def pitch_plant(
     seed: int = 0,
     rate_Hz: float | None = None,
     own: type[PitchController] | None = None,
+    hidden: str = "",
     change: Callable[[PitchJob], PitchJob] = lambda job: job,
 ) -> PitchPlant:
     """Return the simulated pitch bench of these names.
@@ -57,6 +59,7 @@ def pitch_plant(
         seed: of the noise.
         rate_Hz: stream rate; the control rate when None.
         own: class of the user's own controller; its rate is that of the gains.
+        hidden: effects as `hidden_effect.with_hidden` takes them; none when empty.
         change: gives the job with other numbers.
     """
     usual = f"pitch_{rig.name}"
@@ -66,6 +69,8 @@ def pitch_plant(
         model = load_model(usual, rig).model
     else:
         model = Model.single(rig)
+    if hidden:
+        model = with_hidden(model, hidden)
     control = pitch_controller("pid" if own else controller, gains_named(gains))
     job = change(PitchJob(PitchBench.of(model), replace(control, name=controller)))
     return PitchPlant(job, schedule_named(schedule), seed, rate_Hz, own)

@@ -83,6 +83,7 @@ def _record(
     yes: bool,
 ) -> tuple[Run, PitchSummary, bool]:
     """Open the bench, arm, record, and close the run whatever happened."""
+    from benchtool.acquire.new_run import new_pitch_run
     from benchtool.acquire.pitch_experiment import require_pitch
     from benchtool.acquire.pitch_record import record_pitch
     from benchtool.bench.address import open_bench
@@ -98,7 +99,7 @@ def _record(
                     print(f"warning: {warning}")
                 require_pitch(identity)
                 _arm(bench, rig, experiment, yes)
-                run = _new_run(bench, rig, experiment, folder, operator)
+                run = new_pitch_run(folder, experiment, rig, identity, operator=operator)
                 print(f"run {run.path}", flush=True)
                 closing.begin()
                 summary = record_pitch(bench, rig, experiment, run)
@@ -114,44 +115,13 @@ def _arm(bench: GuardedBench, rig: Rig, experiment: PitchExperiment, yes: bool) 
     from datetime import datetime
 
     from benchtool.acquire.arming import CONFIRMATION, require_unattended
-    from benchtool.acquire.pitch_experiment import arming_text, check_experiment
+    from benchtool.acquire.pitch_experiment import arming_text, expected_on
     from benchtool.cli.sweep_operator import confirm_arming
 
     identity = bench.identity
-    told = identity.facts.get("pwm_idle_us")
-    idle_us = float(told) if told else None
-    text = arming_text(experiment, rig, check_experiment(experiment, rig, identity.limits, idle_us))
+    text = arming_text(experiment, rig, expected_on(identity, experiment, rig))
     if yes:
         require_unattended(identity, rig, datetime.now().astimezone().date())
         print(text, flush=True)
     else:
         confirm_arming(text, CONFIRMATION, bench)
-
-
-def _new_run(
-    bench: GuardedBench,
-    rig: Rig,
-    experiment: PitchExperiment,
-    folder: tuple[Path, str, Path | None],
-    operator: str,
-) -> Run:
-    from datetime import datetime
-
-    from benchtool.acquire.metadata import run_metadata
-    from benchtool.acquire.plan import Plan
-    from benchtool.store import Run, free_run_path
-
-    runs, name, out = folder
-    now = datetime.now().astimezone()
-    identity = bench.identity
-    facts = run_metadata(Plan(), rig, identity, operator=operator, started=now)
-    # The order of a sweep has a seed; here only a virtual device has one, among its facts.
-    del facts["seed"]
-    facts |= {
-        "experiment": "pitch",
-        "schedule": experiment.schedule or identity.facts.get("schedule", ""),
-        "collective_us": experiment.collective_us,
-        "seconds": experiment.seconds,
-    }
-    path = out or free_run_path(runs, f"{now:%Y-%m-%d}", name)
-    return Run.create(path, experiment.to_toml(), facts)

@@ -19,6 +19,10 @@ FIRST = "sim:pquad"
 """Address that stands there at first: needs no hardware."""
 
 
+PITCH = "mode=pitch&schedule=identify"
+"""Behind the address of a simulated bench: on a hinge, its beam moved as explaining likes best."""
+
+
 class ConnectCard:
     """Offer found ports and simulated rigs, or any address."""
 
@@ -81,7 +85,7 @@ class ConnectCard:
 
     async def _find(self) -> None:
         from benchtool.bench.ports import serial_ports
-        from benchtool.library import rig_names
+        from benchtool.library import rig_named, rig_names
 
         self._menu.clear()
         try:
@@ -95,6 +99,8 @@ class ConnectCard:
             for rig in rig_names():
                 self._offer(f"sim:{rig}", "simulated, no motor turns")
                 self._offer(f"sim:{rig}?rate=1000", "simulated at 1 kHz")
+                if any(rotor.x_m for rotor in rig_named(rig).rotors):
+                    self._offer(f"sim:{rig}?{PITCH}", "simulated on a pitch hinge")
             for name, scheme in SCHEMES.items():
                 if name not in ("sim", "serial"):
                     self._offer(scheme.example, "an example to change")

@@ -1,4 +1,4 @@
-"""The Bench tab: connect, see it live, tare, calibrate, turn motors by hand."""
+"""The Bench tab: connect, see it live, tare, calibrate, record pitch, turn motors by hand."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from benchtool.web.bench.connect_card import ConnectCard
 from benchtool.web.bench.device_card import DeviceCard
 from benchtool.web.bench.limits_card import LimitsCard
 from benchtool.web.bench.load_cell_card import LoadCellCard
+from benchtool.web.bench.record_card import RecordCard
 from benchtool.web.bench.throttle_card import ThrottleCard
 from benchtool.web.context import Context
 from benchtool.web.strip_chart import StripChart, panels_of
@@ -23,6 +24,7 @@ def build(context: Context) -> None:
     with ui.element("div").classes("grid-main"):
         with ui.element("div"):
             connect = ConnectCard(context)
+            record = RecordCard(context)
             charts = ui.card().classes("w-full").mark("charts")
         with ui.element("div"):
             throttle = ThrottleCard(context)
@@ -33,7 +35,7 @@ def build(context: Context) -> None:
     def refresh() -> None:
         nonlocal shown
         connection = context.bench.connection
-        for card in (connect, throttle, limits, cell, device):
+        for card in (connect, record, throttle, limits, cell, device):
             card.refresh()
         session = connection.session if connection.identity is not None else 0
         if session != shown:

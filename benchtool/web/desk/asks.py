@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from benchtool.acquire.air import Air
+from benchtool.acquire.pitch_experiment import PitchExperiment
 from benchtool.acquire.plan import Plan
 
 
@@ -124,6 +125,22 @@ class Sweep:
     stage: str | None = None
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Record:
+    """Record a pitch experiment.
+
+    Attributes:
+        experiment: what to record.
+        runs, name: where run folders are made, and what this one is called.
+        typed: as for `Sweep`.
+    """
+
+    experiment: PitchExperiment
+    runs: Path = Path("runs")
+    name: str = "pitch"
+    typed: str = ""
+
+
 @dataclass(frozen=True, slots=True)
 class Pause:
     """Let a sweep wait before its next visit, motors at zero; or go on."""
@@ -140,5 +157,5 @@ class Answer:
 
 Ask = (
     Connect | Disconnect | Stop | Leave | Arm | Hold | Release | Tare | MovePlate
-    | Weigh | Calibrate | Pace | Sweep | Pause | Answer
+    | Weigh | Calibrate | Pace | Sweep | Record | Pause | Answer
 )  # fmt: skip

@@ -114,7 +114,7 @@ class Desk:
                 self._asks.put(ask)
                 return
             elif self._sweeping.active:
-                text = "a sweep is under way; stop it first"
+                text = f"a {self._sweeping.what} is under way; stop it first"
                 self._outbox.tell(Said(text=text, is_error=True))
             else:
                 self._asks.put(ask)

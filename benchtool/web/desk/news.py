@@ -76,10 +76,11 @@ class Live:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Swept:
-    """Say how far a sweep is.
+    """Say how far a sweep or a pitch recording is.
 
     Attributes:
         status: "none" before the first one; "closing" while files are finished.
+        pitch: a pitch recording; it has no visits.
         run: its folder.
         visits, done, left_s: how many there are and are measured, and how long the rest takes.
         now: what is being visited, in words.
@@ -91,6 +92,7 @@ class Swept:
     status: Literal[
         "none", "running", "pausing", "paused", "asking", "closing", "ended", "stopped"
     ] = "none"
+    pitch: bool = False
     run: str = ""
     visits: int = 0
     done: int = 0
@@ -101,7 +103,7 @@ class Swept:
 
     @property
     def active(self) -> bool:
-        """Whether a sweep is under way."""
+        """Whether one is under way."""
         return self.status in ("running", "pausing", "paused", "asking", "closing")
 
 

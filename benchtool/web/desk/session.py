@@ -21,6 +21,7 @@ from benchtool.web.desk.asks import (
     Disconnect,
     Leave,
     MovePlate,
+    Record,
     Sweep,
     Tare,
     Weigh,
@@ -28,6 +29,7 @@ from benchtool.web.desk.asks import (
 from benchtool.web.desk.hand import PATIENCE_S, Hand
 from benchtool.web.desk.news import Connection, Said
 from benchtool.web.desk.outbox import Outbox
+from benchtool.web.desk.recording import record
 from benchtool.web.desk.sweeping import Sweeping
 from benchtool.web.desk.throttle import Throttle
 from benchtool.web.desk.watch import Watch
@@ -141,6 +143,10 @@ class Session:
             self._hand.cut()
             bench.stop()
             self._sweeping.run(bench, self._rig, ask)
+        elif isinstance(ask, Record):
+            self._hand.cut()
+            bench.stop()
+            record(bench, self._rig, ask, self._sweeping)
 
     def _turn(self, bench: GuardedBench) -> None:
         """Let motors follow the hand."""

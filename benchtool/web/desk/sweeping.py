@@ -19,6 +19,7 @@ from benchtool.acquire.order import Visit
 from benchtool.acquire.resume import reopen, unfinished
 from benchtool.acquire.stage_choice import stage_for
 from benchtool.acquire.sweep import run_sweep
+from benchtool.bench.bench import Identity
 from benchtool.bench.guard import GuardedBench
 from benchtool.core.rig import Rig
 from benchtool.errors import BenchError, BenchtoolError, InputError, RunStopped
@@ -33,7 +34,23 @@ LOOK_S = 0.05
 def close_run(path: Path) -> None:
     """Close a run; a process of its own does this."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    Run.open(path).close()
+    run = Run.open(path)
+    if run.metadata.get("experiment") == "pitch":
+        run.seal_samples()
+    else:
+        run.close()
+
+
+def require_armed(typed: str, identity: Identity, rig: Rig) -> None:
+    """Refuse to spin without what the operator types, but on a simulated or checked bench.
+
+    Raises:
+        RunStopped: it was not typed.
+    """
+    if not typed:
+        require_unattended(identity, rig, datetime.now().astimezone().date())
+    elif typed.strip() != CONFIRMATION:
+        raise RunStopped(f"not armed: {CONFIRMATION} was not typed; nothing was spun")
 
 
 class Sweeping:
@@ -53,15 +70,20 @@ class Sweeping:
 
     @property
     def active(self) -> bool:
-        """Whether a sweep has the bench."""
+        """Whether a sweep or a recording has the bench."""
         return self._state.active and self._state.status != "closing"
+
+    @property
+    def what(self) -> str:
+        """What has it, in a word."""
+        return "recording" if self._state.pitch else "sweep"
 
     def pause(self, on: bool) -> None:
         """Let the sweep wait or go on, from any thread."""
         if on:
             self._paused.set()
             if self._state.status == "running":
-                self._tell(status="pausing")
+                self.tell(status="pausing")
         else:
             self._paused.clear()
 
@@ -90,10 +112,7 @@ class Sweeping:
         check_plan(plan, rig, identity.limits)
         scale = rest.calibration if rest else calibration_for(ask.calibration, identity)
         stage = stage_for(ask.stage, bench, rig, lambda text: self._ask(bench, text))
-        if not ask.typed:
-            require_unattended(identity, rig, datetime.now().astimezone().date())
-        elif ask.typed.strip() != CONFIRMATION:
-            raise RunStopped(f"not armed: {CONFIRMATION} was not typed; nothing was spun")
+        require_armed(ask.typed, identity, rig)
         stage.open()
         run: Run | None = None
         try:
@@ -102,8 +121,7 @@ class Sweeping:
                 (ask.runs, None), plan, rig, identity,
                 operator=ask.operator, air=ask.air, calibration=scale,
             )  # fmt: skip
-            self._state = Swept(status="running", run=str(run.path))
-            self._tell()
+            self.begin(Swept(status="running", run=str(run.path)))
             summary = run_sweep(
                 bench, stage, plan, rig, run, self,
                 calibration=scale, start=start, waits=self._waits,
@@ -112,10 +130,10 @@ class Sweeping:
                 f"{summary.measured} points, {summary.unsettled} not settled, {summary.tares} "
                 f"tares, {summary.samples} samples, {summary.lost} lost"
             )
-            self._close(run, "ended", reason)
+            self.close(run, "ended", reason)
         except BenchtoolError as error:
             if run is not None:
-                self._close(run, "stopped", str(error))
+                self.close(run, "stopped", str(error))
             if run is None or isinstance(error, BenchError):
                 raise
         finally:
@@ -127,22 +145,22 @@ class Sweeping:
             self._closing.join()
 
     def started(self, visits: int, done: int, expected_s: float) -> None:
-        self._tell(visits=visits, done=done, left_s=expected_s)
+        self.tell(visits=visits, done=done, left_s=expected_s)
 
     def visiting(self, visit: Visit) -> None:
         place = visit.setting.place
         where = "parked" if place.parked else f"z/R {place.z_m / self._radius_m:.2f}"
-        self._tell(status="running", now=f"{visit.kind} {where}, {visit.setting.level_us:.0f} us")
+        self.tell(status="running", now=f"{visit.kind} {where}, {visit.setting.level_us:.0f} us")
 
     def measured(self, point: Point, remaining_s: float) -> None:
-        self._tell(done=self._state.done + 1, left_s=remaining_s)
+        self.tell(done=self._state.done + 1, left_s=remaining_s)
 
     def happened(self, event: Event) -> None:
         self._outbox.tell(Happened(event))
         if event.event == "paused":
-            self._tell(status="paused")
+            self.tell(status="paused")
         elif event.event == "went_on":
-            self._tell(status="running")
+            self.tell(status="running")
 
     def _waits(self) -> bool:
         return self._paused.is_set()
@@ -152,21 +170,21 @@ class Sweeping:
         with suppress(queue.Empty):
             while True:
                 self._answers.get_nowait()
-        self._tell(status="asking", question=question)
+        self.tell(status="asking", question=question)
         while True:
             bench.listen(LOOK_S)
             with suppress(queue.Empty):
                 text = self._answers.get_nowait()
-                self._tell(status="running", question="")
+                self.tell(status="running", question="")
                 return text
 
-    def _close(self, run: Run, status: str, reason: str) -> None:
+    def close(self, run: Run, status: str, reason: str) -> None:
         """Finish the files beside the bench, which goes on being read.
 
         In a process of its own: a thread's share of this work (pandas, Parquet) kept the loop that
         reads from doing so for longer than the device's watchdog waits.
         """
-        self._tell(status="closing", question="", reason=reason)
+        self.tell(status="closing", question="", reason=reason)
 
         def close() -> None:
             closing = get_context("spawn").Process(target=close_run, args=(run.path,))
@@ -174,12 +192,18 @@ class Sweeping:
             closing.join()
             said = reason
             if closing.exitcode:
-                said = f"{reason}; settings.csv and samples.parquet could not be written"
-            self._tell(status=status, now="", left_s=0.0, reason=said)
+                said = f"{reason}; the tables made from its samples could not be written"
+            self.tell(status=status, now="", left_s=0.0, reason=said)
 
         self._closing = threading.Thread(target=close, name="closing")
         self._closing.start()
 
-    def _tell(self, **changes: object) -> None:
+    def begin(self, state: Swept) -> None:
+        """Tell of another run."""
+        self._state = state
+        self.tell()
+
+    def tell(self, **changes: object) -> None:
+        """Tell what is other than it was."""
         self._state = replace(self._state, **changes)  # type: ignore[arg-type]
         self._outbox.tell(self._state)

@@ -6,10 +6,10 @@ from pathlib import Path
 
 from nicegui import run, ui
 
-from benchtool.acquire.arming import CONFIRMATION
 from benchtool.core.rig import Rig
 from benchtool.errors import BenchtoolError, InputError
 from benchtool.store.atomic import read_json
+from benchtool.web.arm_dialog import confirm_arming
 from benchtool.web.command_row import CommandRow
 from benchtool.web.context import Context
 from benchtool.web.desk.asks import Sweep
@@ -105,34 +105,9 @@ class PlanCard:
         self._confirm(self._preview.arming, None)
 
     def _confirm(self, text: str, resume: Path | None) -> None:
-        identity = self._context.bench.connection.identity
-        simulated = identity is not None and identity.simulated
-        with ui.dialog() as dialog, ui.card().classes("w-96"):
-            ui.label("About to spin").classes("card-title")
-            ui.label(text).style("white-space: pre-line")
-            typed = ui.input(f"Type {CONFIRMATION} to arm").classes("w-full")
-            typed.set_visibility(not simulated)
-            if simulated:
-                ui.label("A simulated bench: no motor turns.").classes("soft")
+        confirm_arming(self._context, self._card, text, lambda typed: self._begin(typed, resume))
 
-            def begin() -> None:
-                # On the card, which stays: a dialog that is closed is gone with all that is in it.
-                with self._card:
-                    self._begin(typed.value if not simulated else "", resume)
-                dialog.close()
-
-            with ui.row():
-                ui.button("Start", icon="play_arrow", on_click=begin)
-                ui.button("Cancel", on_click=dialog.close).props("outline")
-        dialog.on_value_change(lambda change: None if change.value else dialog.delete())
-        dialog.open()
-
-    @tells_errors
     def _begin(self, typed: str, resume: Path | None) -> None:
-        self._context.need_control()
-        identity = self._context.bench.connection.identity
-        if identity is not None and not identity.simulated and not typed.strip():
-            raise InputError(f"not armed: {CONFIRMATION} was not typed; nothing was spun")
         self._context.bench.ask(
             Sweep(
                 plan=None if resume else self._form.plan(),
@@ -179,6 +154,7 @@ def stopped_runs(folder: Path) -> list[str]:
             facts = read_json(path)
         except BenchtoolError:
             continue
-        if facts.get("state") == "stopped" and (path.parent / "plan.toml").is_file():
+        sweeps = facts.get("experiment") is None and (path.parent / "plan.toml").is_file()
+        if sweeps and facts.get("state") == "stopped":
             found.append((path.stat().st_mtime, path.parent.name))
     return [name for _, name in sorted(found, reverse=True)]

@@ -72,7 +72,7 @@ class RatioCard:
         self._shown = wanted
         points = Points()
         worker = self._context.worker(WORKER)
-        if swept.run and swept.done:
+        if swept.run and swept.done and not swept.pitch:
             points = await worker.run(measured_points, Path(swept.run), self._basis.value)
         if rig is not None and self._curves_of != (rig.name, self._model.value):
             self._curves_of = rig.name, self._model.value

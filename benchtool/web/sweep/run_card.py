@@ -44,7 +44,7 @@ class RunCard:
     def refresh(self) -> None:
         """Show what is so now."""
         swept, events = self._context.bench.swept, self._context.bench.events
-        self._card.set_visibility(swept.status != "none")
+        self._card.set_visibility(swept.status != "none" and not swept.pitch)
         self._title.set_text(f"{swept.status}: {swept.run}")
         self._pause.set_visibility(swept.status == "running")
         self._on.set_visibility(swept.status in ("pausing", "paused"))

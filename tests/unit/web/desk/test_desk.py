@@ -12,8 +12,9 @@ from typing import Any, TypeVar
 
 import pytest
 
+from benchtool.acquire.pitch_experiment import PitchExperiment
 from benchtool.acquire.plan import plan_from_toml
-from benchtool.store import Run, read_points
+from benchtool.store import Run, read_pitch, read_points
 from benchtool.web.desk.asks import (
     Ask,
     Connect,
@@ -22,6 +23,7 @@ from benchtool.web.desk.asks import (
     Leave,
     Pace,
     Pause,
+    Record,
     Stop,
     Sweep,
     Tare,
@@ -159,6 +161,38 @@ def test_masses_are_weighed_on_a_bench_that_cannot_turn(desk: Other) -> None:
     assert "held for masses only" in desk.wait_for(Said).text
     desk.ask(Weigh(1e6))
     assert "the load cell's rating" in desk.wait_for(Said).text
+
+
+def test_a_pitch_recording_is_kept_and_stopped(desk: Other, tmp_path: Path) -> None:
+    asked = Record(experiment=PitchExperiment(seconds=2.0, collective_us=1610.0), runs=tmp_path)
+    desk.connect("sim:pquad_single")
+    desk.ask(asked)
+    assert "so it is no pitch bench" in desk.wait_for(Said).text
+    desk.ask(Disconnect())
+    desk.wait_for(Connection, lambda news: news.status == "off")
+    desk.connect("sim:beam?mode=pitch&schedule=steps")
+    desk.ask(Pace(20.0))
+    desk.ask(asked)
+    began = desk.wait_for(Swept, lambda news: news.left_s > 0.0)
+    assert began.pitch
+    assert began.active
+    ended = desk.wait_for(Swept, lambda news: not news.active)
+    assert ended.status == "ended", ended.reason
+    assert "2 s, " in ended.reason
+    run = Run.open(Path(ended.run))
+    assert run.metadata["experiment"] == "pitch"
+    assert run.metadata["samples"]["parquet_sha256"]
+    assert len(read_pitch(run.path)) == pytest.approx(500, abs=5)
+
+    desk.ask(Record(experiment=PitchExperiment(seconds=60.0, collective_us=1610.0), runs=tmp_path))
+    desk.wait_for(Swept, lambda news: news.left_s > 0.0)
+    desk.ask(Disconnect())
+    assert "a recording is under way" in desk.wait_for(Said).text
+    desk.ask(Stop("a test"))
+    stopped = desk.wait_for(Swept, lambda news: not news.active)
+    assert stopped.status == "stopped"
+    assert "stopped from a test" in stopped.reason
+    assert Run.open(Path(stopped.run)).metadata["state"] == "stopped"
 
 
 def test_a_sweep_runs_pauses_and_ends(desk: Other, tmp_path: Path) -> None:

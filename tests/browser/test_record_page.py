@@ -1,0 +1,35 @@
+"""Record pitch as somebody uses it: a virtual bench on a hinge, from Connect to Explain."""
+
+from __future__ import annotations
+
+import shlex
+from typing import TYPE_CHECKING
+
+from benchtool.store import Run
+from tests.browser.conftest import Web, connect
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
+
+BENCH = "sim:beam?mode=pitch&schedule=identify&gains=stiff&hidden=coulomb_friction.torque_Nm:0.012"
+
+
+def test_a_pitch_recording_goes_from_the_bench_to_explain(page: Page, web: Web) -> None:
+    connect(page, BENCH)
+    page.get_by_label("Virtual clock").click()
+    page.get_by_text("20 times faster").click()
+    page.get_by_label("Length, s").fill("8")
+    record = page.get_by_role("button", name="Record", exact=True)
+    record.click()
+    page.get_by_text("the beam is free to turn").wait_for()
+    words = shlex.split(page.locator(".command-text", has_text="record").inner_text())
+    assert words[:5] == ["benchtool", "record", BENCH, "--seconds", "8"]
+    page.get_by_role("button", name="Start", exact=True).click()
+    page.get_by_text("ended: ").wait_for()
+    (path,) = web.runs.iterdir()
+    run = Run.open(path)
+    assert run.metadata["seconds"] == 8.0
+    assert run.metadata["samples"]["parquet_sha256"]
+    page.get_by_role("button", name="Explain", exact=True).click()
+    page.get_by_text(f"{path.name} (pitch recording").wait_for()
+    page.get_by_text("no recording to check on is chosen").wait_for()
