@@ -121,8 +121,9 @@ def build(cls: type[T], data: Mapping[str, Any], where: str) -> T:
     from pydantic import ValidationError
 
     text = json.dumps(data, default=str)
+    hashable: Any = cls  # mypy does not see that a class is
     try:
-        built: T = _checker(cls).validate_json(text, strict=True)
+        built: T = _checker(hashable).validate_json(text, strict=True)
         return built
     except InputError as error:  # from a dataclass's own check
         raise FileFormatError(where, str(error)) from error

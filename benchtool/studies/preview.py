@@ -19,6 +19,10 @@ end."""
 FRAMES = 800
 """Most frames of a run that are kept: 20 per second for 40 s. A choice."""
 
+QUICK_FRAMES = 300
+"""The same in a quick preview: one for each dot of a chart that stands beside two others on a usual
+screen. A choice."""
+
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Motion:
@@ -97,6 +101,6 @@ class Preview:
     seconds: float
 
 
-def frames(rows: int) -> slice:
+def frames(rows: int, quick: bool) -> slice:
     """Return which rows of a log are shown."""
-    return slice(0, rows, max(1, -(-rows // FRAMES)))
+    return slice(0, rows, max(1, -(-rows // (QUICK_FRAMES if quick else FRAMES))))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from itertools import count
 
+from nicegui import json
 from nicegui.element import Element
 
 # Its import map entry is what the element's own script imports ECharts by.
@@ -29,4 +30,4 @@ class SideViews(Element, component=STATIC / "side_views.js"):
 
     def _send(self) -> None:
         if self._sent is not None:
-            self.run_method("show", self._sent)
+            self.run_method("show", json.dumps(self._sent))

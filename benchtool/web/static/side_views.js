@@ -3,6 +3,8 @@
 import { echarts } from "nicegui-echart";
 
 const LOOK_MS = 120; // how often the bar and the charts' cursors follow
+const STEP_MS = 30; // between two pictures: every second one of a usual screen, to spare processors
+const ROW_PX = 125; // height of a chart with its title
 
 export default {
   template: `
@@ -34,9 +36,13 @@ export default {
     this.speedKey = "";
   },
   mounted() {
-    this.theme = new MutationObserver(() => this.sent && this.drawCharts());
+    this.theme = new MutationObserver(() => this.sent && this.drawCharts(true));
     this.theme.observe(document.body, { attributes: true, attributeFilter: ["class"] });
-    this.sized = new ResizeObserver(() => this.charts.forEach((chart) => chart.resize()));
+    // Only for another width: sentences that grow or shrink change the height, and the charts stay.
+    this.sized = new ResizeObserver(() => {
+      if (this.wide !== this.$el.clientWidth) this.charts.forEach((chart) => chart.resize());
+      this.wide = this.$el.clientWidth;
+    });
     this.sized.observe(this.$el);
     if (!matchMedia("(prefers-reduced-motion: reduce)").matches) this.play();
     this.$emit("ready");
@@ -48,9 +54,11 @@ export default {
     this.charts.forEach((chart) => chart.dispose());
   },
   methods: {
-    async show(sent) {
+    async show(text) {
+      const sent = JSON.parse(text); // as text, because a browser compiles an argument as a script
       const before = this.lanes.map((lane) => lane.label).join();
       const after = sent.lanes.map((lane) => lane.label).join();
+      const panels = sent.panels.map((panel) => panel.label).join();
       this.sent = sent;
       this.end = sent.end_s;
       this.at = Math.min(this.at, this.end);
@@ -60,16 +68,17 @@ export default {
       await this.$nextTick();
       const views = [...this.$el.querySelectorAll(".lane-view")];
       this.moved = sent.lanes.map((lane, index) => ({ motion: lane.motion, parts: partsOf(views[index]) }));
-      if (before !== after || this.panelCount !== sent.panels.length) this.makeCharts();
+      const others = before !== after || this.panels !== panels;
+      if (others) this.makeCharts();
+      this.panels = panels;
       this.move();
-      this.drawCharts();
+      this.drawCharts(others);
       requestAnimationFrame(() => requestAnimationFrame(() => (this.$el.dataset.drawn = sent.key)));
     },
     makeCharts() {
       this.charts.forEach((chart) => chart.dispose());
-      this.panelCount = this.sent.panels.length;
       this.charts = [...this.$el.querySelectorAll(".lane-chart")].map((place) => {
-        place.style.height = `${10 + 125 * this.panelCount}px`;
+        place.style.height = `${10 + ROW_PX * this.sent.panels.length}px`;
         const chart = echarts.init(place);
         chart.getZr().on("click", (event) => {
           const time = chart.convertFromPixel({ xAxisIndex: 0 }, event.offsetX);
@@ -78,13 +87,11 @@ export default {
         return chart;
       });
     },
-    drawCharts() {
-      const ink = getComputedStyle(document.body);
-      const look = { soft: ink.getPropertyValue("--soft"), line: ink.getPropertyValue("--line") };
+    drawCharts(dressed) {
       this.charts.forEach((chart, index) => {
-        const lane = this.sent.lanes[index];
+        if (dressed) chart.setOption(dress(this.sent), { lazyUpdate: true });
         // A quick preview has fewer lines: those of the last whole one stay until the next.
-        chart.setOption(chartOption(this.sent, lane, look), this.sent.quick ? {} : { replaceMerge: ["series"] });
+        chart.setOption(content(this.sent, this.sent.lanes[index]), this.sent.quick ? {} : { replaceMerge: ["series"] });
       });
       this.follow();
     },
@@ -95,6 +102,7 @@ export default {
       let looked = 0;
       const step = (time) => {
         this.frame = requestAnimationFrame(step);
+        if (time - last < STEP_MS) return;
         const passed = Math.min(time - last, 200);
         last = time;
         if (!this.moved.length || this.$el.offsetParent === null) return;
@@ -163,33 +171,56 @@ function moveParts(motion, parts, time) {
   });
 }
 
-function chartOption(sent, lane, look) {
-  const rows = sent.panels.length;
-  const option = { animation: false, grid: [], xAxis: [], yAxis: [], series: [], title: [] };
-  option.tooltip = { trigger: "axis", valueFormatter: (value) => value?.toFixed(2), axisPointer: { animation: false } };
-  option.axisPointer = { link: [{ xAxisIndex: "all" }] };
-  sent.panels.forEach((panel, row) => {
-    const top = 22 + 125 * row;
-    option.grid.push({ left: 44, right: 14, top, height: 88, outerBoundsMode: "none" });
-    option.title.push({ text: panel.label, left: 40, top: top - 22, textStyle: { fontSize: 12, fontWeight: "normal", color: look.soft } });
-    const axis = { gridIndex: row, axisLabel: { color: look.soft }, axisLine: { lineStyle: { color: look.soft } } };
-    const lines = { splitLine: { lineStyle: { color: look.line } } };
-    const bottom = row === rows - 1;
-    option.xAxis.push({ ...axis, axisLine: { onZero: false, lineStyle: { color: look.soft } }, type: "value", min: 0, max: sent.end_s, splitLine: { show: false }, splitNumber: 4,
-      axisLabel: { color: look.soft, show: bottom, formatter: "{value} s" } });
-    option.yAxis.push({ ...axis, ...lines, type: "value", min: panel.range[0], max: panel.range[1], interval: panel.range[2] });
-    lane.panels[row].forEach((curve, index) => {
-      const { name, color, width, dash } = sent.looks[curve.role];
-      option.series.push({
-        id: `${row}-${curve.role}`, name, type: "line", xAxisIndex: row, yAxisIndex: row, showSymbol: false,
-        silent: true, z: index, lineStyle: { color, width, type: dash }, itemStyle: { color },
-        data: curve.values.map((value, place) => [curve.time_s[place], value]),
-        markArea: curve.role !== "shown" ? undefined : {
-          silent: true, itemStyle: { color: "rgba(0, 158, 115, 0.16)" },
-          data: lane.over.map(([begin, end]) => [{ xAxis: begin }, { xAxis: end }]),
-        },
-      });
-    });
+// What stays from one simulation to the next: places, axes, words.
+function dress(sent) {
+  const ink = getComputedStyle(document.body);
+  const soft = ink.getPropertyValue("--soft");
+  const axis = { axisLabel: { color: soft }, axisLine: { onZero: false, lineStyle: { color: soft } }, type: "value" };
+  const each = (made) => sent.panels.map((panel, row) => made(22 + ROW_PX * row, row, panel));
+  return {
+    animation: false,
+    tooltip: { trigger: "axis", valueFormatter: (value) => value?.toFixed(2), axisPointer: { animation: false } },
+    axisPointer: { link: [{ xAxisIndex: "all" }] },
+    grid: each((top) => ({ left: 44, right: 14, top, height: 88, outerBoundsMode: "none" })),
+    title: each((top, row, panel) => ({
+      text: panel.label, left: 40, top: top - 22, textStyle: { fontSize: 12, fontWeight: "normal", color: soft },
+    })),
+    xAxis: each((top, row) => ({
+      ...axis, gridIndex: row, min: 0, splitLine: { show: false }, splitNumber: 4,
+      axisLabel: { color: soft, show: row === sent.panels.length - 1, formatter: "{value} s" },
+    })),
+    yAxis: each((top, row) => ({ ...axis, gridIndex: row, splitLine: { lineStyle: { color: ink.getPropertyValue("--line") } } })),
+  };
+}
+
+// What every simulation brings: ranges and lines. ECharts takes less time for these alone.
+function content(sent, lane) {
+  return {
+    xAxis: sent.panels.map(() => ({ max: sent.end_s })),
+    yAxis: sent.panels.map(({ range: [min, max, interval] }) => ({ min, max, interval })),
+    series: lane.panels.flatMap((panel, row) => panel.map((curve, index) => lineOf(sent, lane, curve, row, index))),
+  };
+}
+
+function lineOf(sent, lane, curve, row, index) {
+  const { name, color, width, dash } = sent.looks[curve.role];
+  return {
+    id: `${row}-${curve.role}`, name, type: "line", xAxisIndex: row, yAxisIndex: row, showSymbol: false,
+    silent: true, z: index, lineStyle: { color, width, type: dash }, itemStyle: { color },
+    dimensions: ["time", "value"], data: inPairs(curve.time_s, curve.values),
+    markArea: curve.role !== "shown" ? undefined : {
+      silent: true, itemStyle: { color: "rgba(0, 158, 115, 0.16)" },
+      data: lane.over.map(([begin, end]) => [{ xAxis: begin }, { xAxis: end }]),
+    },
+  };
+}
+
+// One flat array of time and value in turn is what ECharts reads soonest.
+function inPairs(times, values) {
+  const pairs = new Float32Array(2 * values.length);
+  values.forEach((value, place) => {
+    pairs[2 * place] = times[place];
+    pairs[2 * place + 1] = value ?? NaN;
   });
-  return option;
+  return pairs;
 }

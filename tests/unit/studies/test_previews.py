@@ -17,7 +17,7 @@ from benchtool.studies.pitch import pitch_study
 from benchtool.studies.pitch import table_lines as pitch_lines
 from benchtool.studies.pitch_preview import pitch_preview
 from benchtool.studies.pitch_setup import PitchSetup, changed, pitch_setup
-from benchtool.studies.preview import FRAMES, frames
+from benchtool.studies.preview import FRAMES, QUICK_FRAMES, frames
 
 
 def short_pitch(**names: str) -> PitchSetup:
@@ -69,7 +69,11 @@ def test_a_quick_preview_has_the_same_lines_but_no_table() -> None:
     quick, whole = (pitch_preview(short_pitch(), 1, quick=each) for each in (True, False))
     assert quick.lines == ()
     assert [curve.role for curve in quick.lanes[0].panels[0].curves] == ["shown"]
-    assert np.array_equal(quick.lanes[1].motion.pitch_deg, whole.lanes[1].motion.pitch_deg)
+    few, many = (each.lanes[1].motion for each in (quick, whole))
+    assert len(few.time_s) < len(many.time_s)
+    _, at, where = np.intersect1d(few.time_s, many.time_s, return_indices=True)
+    assert len(at) > 50
+    assert np.array_equal(few.pitch_deg[at], many.pitch_deg[where])
 
 
 def test_the_flight_preview_has_the_numbers_of_the_flights() -> None:
@@ -81,8 +85,31 @@ def test_the_flight_preview_has_the_numbers_of_the_flights() -> None:
     flown = flights[1].flight
     assert motion.along_m[-1] == pytest.approx(flown["x_m"][-1], abs=0.05)
     assert motion.added[0].max() > 0.005
-    quick = flight_preview(setup, ["pid", "observer"], 1, quick=True)
-    assert np.array_equal(quick.lanes[0].motion.along_m, motion.along_m)
+
+
+@pytest.mark.parametrize("case", ["over", "corner", "gust"])
+def test_a_quick_flight_differs_from_the_whole_by_less_than_a_screen_shows(case: str) -> None:
+    setup = replace(flight(case), duration_s=30.0)
+    quick, whole = (
+        flight_preview(setup, ["pid", "feedforward"], 1, quick=each) for each in (True, False)
+    )
+    for rough, fine in zip(quick.lanes, whole.lanes, strict=True):
+        assert rough.said == fine.said
+        few, many = rough.motion, fine.motion
+        _, at, where = np.intersect1d(few.time_s, many.time_s, return_indices=True)
+        assert len(at) > 50
+        assert np.abs(few.along_m[at] - many.along_m[where]).max() < 1e-3
+        assert np.abs(few.pitch_deg[at] - many.pitch_deg[where]).max() < 0.03
+
+
+def test_a_quick_flight_takes_no_step_that_its_motors_cannot_follow() -> None:
+    setup = flight("edge")
+    slow = replace(setup, vehicle=replace(setup.vehicle, lag_s=0.003))
+    quick, whole = (flight_preview(slow, ["pid"], 1, quick=each) for each in (True, False))
+    few, many = (each.lanes[0].motion for each in (quick, whole))
+    _, at, where = np.intersect1d(few.time_s, many.time_s, return_indices=True)
+    assert len(at) > 50
+    assert np.abs(few.along_m[at] - many.along_m[where]).max() < 1e-3
 
 
 @pytest.mark.parametrize(
@@ -110,8 +137,9 @@ def test_a_ramp_rises_and_a_plate_comes() -> None:
     assert plate.motion.shift_m[0][[0, -1]] == pytest.approx([1.0, 0.0])
 
 
-@pytest.mark.parametrize("rows", [1, FRAMES, FRAMES + 1, 12345])
-def test_frames_are_few_and_begin_at_the_first_row(rows: int) -> None:
-    kept = np.arange(rows)[frames(rows)]
+@pytest.mark.parametrize("quick", [True, False])
+@pytest.mark.parametrize("rows", [1, QUICK_FRAMES, FRAMES, FRAMES + 1, 12345])
+def test_frames_are_few_and_begin_at_the_first_row(rows: int, quick: bool) -> None:
+    kept = np.arange(rows)[frames(rows, quick)]
     assert kept[0] == 0
-    assert len(kept) <= FRAMES
+    assert len(kept) <= (QUICK_FRAMES if quick else FRAMES)
