@@ -76,26 +76,16 @@ def command(
     import time
     from dataclasses import replace
 
-    from benchtool.cli.show_explain import for_a_reader, print_answer, print_files, working
-    from benchtool.errors import InputError
+    from benchtool.cli.show_explain import for_a_reader, print_answer, print_next, working
     from benchtool.explain.answer_file import Written
     from benchtool.explain.answer_folder import refuse_taken, write_folder, write_json
     from benchtool.explain.answered import answered
     from benchtool.explain.asked import asked
-    from benchtool.explain.recordings import require_both
 
-    require_both(recordings or [], check or [])
-    if not model:
-        from benchtool.library import model_names
-
-        pitch = [name for name in model_names() if not name.startswith("virtual_")]
-        raise InputError(
-            f"which model? give --model with the path of a model file or one of: {', '.join(pitch)}"
-        )
-    if not overwrite:
-        refuse_taken(out, json_file)
     began = time.monotonic()
     question = asked(recordings or [], check or [], model, effects)
+    if not overwrite:
+        refuse_taken(out, json_file)
     with working() as tell:
         answer = answered(
             question,
@@ -113,4 +103,4 @@ def command(
         write_json(json_file, answer, written)
     with for_a_reader():
         print_answer(answer)
-        print_files(answer, out, json_file)
+        print_next(answer, out, json_file)

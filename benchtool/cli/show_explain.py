@@ -12,11 +12,18 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
 from benchtool.cli.show_fit import FILE_WIDTH, print_table
+from benchtool.explain.added_words import added_sentence, changes
 from benchtool.explain.answer import Answer
 from benchtool.explain.answer_file import next_file
-from benchtool.explain.answer_folder import ANSWER, MODEL, PAGE
-from benchtool.explain.answer_page import next_sentence, where_sentence
-from benchtool.explain.answer_tables import short_effects_table, short_gap_table, unjudged_sentence
+from benchtool.explain.answer_folder import ANSWER, PAGE
+from benchtool.explain.answer_page import where_sentence
+from benchtool.explain.answer_tables import (
+    short_effects_table,
+    short_gap_table,
+    tolerances_table,
+    unjudged_sentence,
+)
+from benchtool.explain.next_steps import lines, next_sentence, next_steps
 
 
 @contextmanager
@@ -57,10 +64,8 @@ def for_a_reader() -> Iterator[None]:
 
 
 def print_answer(answer: Answer) -> None:
-    """Print what was found: the sentence, where, which, the gap, tolerances, what to do next."""
-    console = Pipe(soft_wrap=True, highlight=False)
-    if not console.is_terminal:
-        console.width = FILE_WIDTH
+    """Print what was found: the sentence, where, which, the gap, tolerances, what is not judged."""
+    console = _console()
     verdict = answer.verdict
     if answer.simulated:
         console.print("SIMULATED DATA: no physical bench produced these recordings")
@@ -69,27 +74,39 @@ def print_answer(answer: Answer) -> None:
     if verdict.effects:
         print_table(console, short_effects_table(answer))
     print_table(console, short_gap_table(answer))
-    listed = ", ".join(f"{name} {value:.3g}" for name, value in verdict.tolerances.items())
-    console.print(f"Tolerances used, in SI units: {listed}", markup=False)
+    print_table(console, tolerances_table(answer))
     for name in verdict.not_judged:
         console.print(f"Not judged: {name} {unjudged_sentence(answer, name)}", markup=False)
     for line in answer.remarks:
         console.print(f"! {line}", markup=False)
-    if to_do := next_sentence(answer):
-        console.print(to_do, markup=False)
     console.print(f"It took {answer.seconds:.1f} s.", markup=False)
 
 
-def print_files(answer: Answer, out: Path | None, json_file: Path | None) -> None:
-    """Print where files were written, and what can be done with them."""
+def print_next(answer: Answer, out: Path | None, json_file: Path | None) -> None:
+    """Print in one place: the verdict, what was added to which file, and the next commands."""
+    console = _console()
+    folder = str(out) if out is not None else ""
     if out is not None:
         print(f"written: {out / PAGE}, the figures and {ANSWER} beside it")
-    if out is not None and answer.has_model:
-        print(f"written: {out / MODEL}, the model with what was found in it")
-    name, _ = next_file(answer)
-    if out is not None and name:
-        print(f"written: {out / name}, the next experiment")
     if json_file is not None:
         print(f"written: {json_file}")
+    console.print("\nIn short", style="bold")
+    console.print(answer.verdict.sentence, markup=False)
+    console.print(added_sentence(answer, folder), markup=False)
+    for change in changes(answer):
+        console.print(f"  {change.told}", markup=False)
+    if to_do := next_sentence(answer):
+        name, _ = next_file(answer)
+        stands = f" It stands in {out / name}." if out is not None and name else ""
+        console.print(f"{to_do}{stands}", markup=False)
     if out is None:
         print("add --out FOLDER for the page, the figures, the new model and the next experiment")
+    for line in lines(next_steps(answer, folder)):
+        console.print(line, markup=False)
+
+
+def _console() -> Console:
+    console = Pipe(soft_wrap=True, highlight=False)
+    if not console.is_terminal:
+        console.width = FILE_WIDTH
+    return console

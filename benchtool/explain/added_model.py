@@ -13,6 +13,9 @@ from benchtool.explain.answer import Answer
 from benchtool.explain.verdict import NamedEffect
 from benchtool.library import LoadedModel, model_to_toml
 
+MODEL = "model.toml"
+"""Name of the new model's file in the folder of an answer."""
+
 
 def added_model(answer: Answer, rig: str = "", effects_file: str = "") -> str:
     """Return a model file's text: the parent's with the named effects at their values.
@@ -27,12 +30,9 @@ def added_model(answer: Answer, rig: str = "", effects_file: str = "") -> str:
     """
     loaded = answer.loaded
     named = added_effects(answer)
-    model = _calibrated(answer, loaded.model)
-    for effect in named:
-        model = _with(answer, model, effect)
     words = ", ".join(effect.name for effect in named)
     model = replace(
-        model,
+        mended(answer),
         name="_".join((loaded.model.name, *(effect.name for effect in named))),
         description=f"{loaded.model.description} With {words}, found by benchtool explain.".strip(),
         provenance=_provenance(answer, named),
@@ -46,6 +46,14 @@ def added_model(answer: Answer, rig: str = "", effects_file: str = "") -> str:
         plate_slide_s=loaded.plate_slide_s,
     )
     return model_to_toml(new, rig or loaded.rig_name or None)
+
+
+def mended(answer: Answer) -> Model:
+    """Return the model with the effects that are added, each number where the recordings put it."""
+    model = _calibrated(answer, answer.loaded.model)
+    for effect in added_effects(answer):
+        model = _with(answer, model, effect)
+    return model
 
 
 def own_names(answer: Answer) -> tuple[str, ...]:

@@ -21,6 +21,8 @@ class Answer:
         explanation: the verdict with its curves.
         loaded: the model that was asked about, with its columns.
         model_file: how the user named it, without folders of one machine.
+        model_given: as it was typed, for the next command; `model_file` when empty.
+        effects_given: where the user's own effects are, as it was typed; empty without.
         model_sha256: of its file; empty for a shipped one.
         learn, check: recordings.
         seed: of everything random.
@@ -37,6 +39,8 @@ class Answer:
     seed: int
     seconds: float
     model_sha256: str = ""
+    model_given: str = ""
+    effects_given: str = ""
     commands: tuple[str, ...] = ()
     own_effects: tuple[Effect, ...] = ()
 
@@ -63,13 +67,8 @@ class Answer:
 
     @property
     def hashes(self) -> Mapping[str, str]:
-        """SHA-256 of each recording by its name, by its path where two share one."""
-        sources = (*self.learn, *self.check)
-        names = [source.name for source in sources]
-        return {
-            source.name if names.count(source.name) == 1 else source.path: source.sha256
-            for source in sources
-        }
+        """SHA-256 of each recording by its name."""
+        return {source.name: source.sha256 for source in (*self.learn, *self.check)}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from benchtool.errors import WouldOverwrite
-from benchtool.explain.added_model import added_model, own_names
+from benchtool.explain.added_model import MODEL, added_model, own_names
 from benchtool.explain.answer import Answer
 from benchtool.explain.answer_figures import answer_figures
 from benchtool.explain.answer_file import Written, answer_tables, next_file
@@ -14,7 +14,6 @@ from benchtool.report.files import save_figure, write_whole
 from benchtool.report.html import write_report
 from benchtool.store.atomic import replace_json, replace_text
 
-MODEL = "model.toml"
 PAGE = "report.html"
 ANSWER = "answer.json"
 
@@ -32,7 +31,11 @@ def refuse_taken(folder: Path | None, json_file: Path | None) -> None:
 
 
 def write_folder(
-    folder: Path, answer: Answer, rig_file: Path | None = None, effects_file: Path | None = None
+    folder: Path,
+    answer: Answer,
+    rig_file: Path | None = None,
+    effects_file: Path | None = None,
+    called: Path | None = None,
 ) -> Written:
     """Write everything of an answer and return where programs find model and next experiment.
 
@@ -41,7 +44,9 @@ def write_folder(
         answer: what is written.
         rig_file: the rig beside the parent's model file, where it is one; copied.
         effects_file: the user's own effects; copied beside a model that has one of them.
+        called: the name that the folder will have; its present one when None.
     """
+    known = called or folder
     folder.mkdir(parents=True, exist_ok=True)
     model = ""
     if answer.has_model:
@@ -53,15 +58,16 @@ def write_folder(
             answer, rig_file.name if rig_file else "", own.name if own is not None else ""
         )
         replace_text(folder / MODEL, text)
-        model = str(folder / MODEL)
+        model = str(known / MODEL)
     name, text = next_file(answer)
     if name:
         replace_text(folder / name, text)
-    written = Written(model=model, schedule=str(folder / name) if name else "")
+    written = Written(model=model, schedule=str(known / name) if name else "")
     figures = answer_figures(answer)
     for stem, figure in figures.items():
         save_figure(figure, folder / stem, replace=True)
-    write_report(folder / PAGE, answer_page(answer, figures, name), replace=True)
+    page = answer_page(answer, figures, name, str(known))
+    write_report(folder / PAGE, page, replace=True)
     write_json(folder / ANSWER, answer, written)
     return written
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from benchtool import __version__
-from benchtool.effects.effect import BenchKind
+from benchtool.explain.added_words import added_sentence, changes_table
 from benchtool.explain.answer import Answer, channel_words
 from benchtool.explain.answer_figures import gap_numbers, parameter_text
 from benchtool.explain.answer_tables import (
@@ -16,6 +16,7 @@ from benchtool.explain.answer_tables import (
     tolerances_table,
     unjudged_sentence,
 )
+from benchtool.explain.next_steps import lines, next_sentence, next_steps
 from benchtool.explain.stage_words import PLACES
 from benchtool.explain.verdict import EVERYWHERE
 from benchtool.report.page import (
@@ -31,19 +32,6 @@ from benchtool.report.page import (
 )
 from benchtool.report.run_facts import simple_facts
 from benchtool.store import Run, is_run
-
-RICHER: dict[BenchKind, str] = {
-    "pitch": (
-        "Record next: steps and slow reversals of the attitude at two collectives or more, the "
-        "plate at three distances and away, some dither on the pulses; the schedule identify does "
-        "all that."
-    ),
-    "sweep": (
-        "Record next: near distances (z/R of 0.6 to 1) and far ones, two or three levels up and "
-        "down, and tares."
-    ),
-}
-"""What to record where most effects could not be judged."""
 
 CAPTIONS: dict[str, str] = {
     "where": (
@@ -90,33 +78,23 @@ def where_sentence(answer: Answer) -> str:
     )
 
 
-def next_sentence(answer: Answer) -> str:
-    """Say what to record next, and why; empty where nothing is asked for."""
-    experiment = answer.verdict.next
-    if experiment is None:
-        return RICHER[answer.verdict.bench] if answer.verdict.mostly_blind else ""
-    return (
-        f"Record next: {experiment.title}. {experiment.reason[:1].upper()}{experiment.reason[1:]}."
-    )
-
-
-def answer_page(answer: Answer, figures: Mapping[str, Figure], next_name: str = "") -> Report:
+def answer_page(
+    answer: Answer, figures: Mapping[str, Figure], next_name: str = "", folder: str = ""
+) -> Report:
     """Return the report page of an answer.
 
     Args:
         answer: what is told.
         figures: of `answer_figures`.
         next_name: name of the file beside the page that holds the next experiment.
+        folder: of the page, as it was typed; empty where nothing is written yet.
     """
     verdict = answer.verdict
     sections = [
+        Section("What now", _now(answer, next_name, folder)),
         Section("Where", [Paragraph(where_sentence(answer)), *_figures(figures, "where")]),
         Section("Which", _which(answer, figures)),
         Section("The gap", _gap(answer, figures)),
-    ]
-    if verdict.next is not None:
-        sections.append(Section("What to record next", _next(answer, next_name)))
-    sections += [
         Section("Tolerances", [tolerances_table(answer)]),
         Section("What was not judged", _not_judged(answer)),
         Section("What stands behind it", [Facts(_facts(answer))]),
@@ -176,11 +154,20 @@ def _gap(answer: Answer, figures: Mapping[str, Figure]) -> list[Block]:
     return [gap_table(answer), Paragraph(said), *_figures(figures, "gap"), *overlays]
 
 
-def _next(answer: Answer, next_name: str) -> list[Block]:
-    blocks: list[Block] = [Paragraph(next_sentence(answer))]
+def _now(answer: Answer, next_name: str, folder: str) -> list[Block]:
+    """Say what was added to which file, and what to do next."""
+    blocks: list[Block] = [Paragraph(added_sentence(answer, folder))]
+    if answer.has_model:
+        blocks.append(changes_table(answer))
+    if to_do := next_sentence(answer):
+        blocks.append(Paragraph(to_do))
     if next_name:
-        blocks.append(Paragraph(f"Its commands stand in {next_name} beside this page."))
-    return [*blocks, next_table(answer)]
+        blocks += [Paragraph(f"It stands in {next_name} beside this page."), next_table(answer)]
+    steps = next_steps(answer, folder) if folder else ()
+    if steps:
+        blocks.append(Paragraph("Next, typed where the command was that made this page:"))
+        blocks.append(Commands(lines(steps)))
+    return blocks
 
 
 def _not_judged(answer: Answer) -> list[Block]:
@@ -190,8 +177,6 @@ def _not_judged(answer: Answer) -> list[Block]:
     if answer.verdict.not_judged:
         names = answer.verdict.not_judged
         blocks.append(Facts({name: unjudged_sentence(answer, name) for name in names}))
-    if answer.verdict.next is None and next_sentence(answer):
-        blocks.append(Paragraph(next_sentence(answer)))
     if not blocks:
         blocks.append(Paragraph("Every effect of this kind of bench was judged."))
     return blocks

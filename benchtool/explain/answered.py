@@ -37,6 +37,8 @@ def answered(
         loaded=question.loaded,
         model_file=question.model_file,
         model_sha256=question.model_sha256,
+        model_given=question.model_given,
+        effects_given=question.effects_given,
         learn=question.learn,
         check=question.check,
         seed=seed,

@@ -7,12 +7,19 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from benchtool.effects.effect import BenchKind, Effect
+from benchtool.errors import InputError
 from benchtool.explain.pitch_log import PitchLog, pitch_log
 from benchtool.explain.pitch_subject import PitchSubject
-from benchtool.explain.recordings import Source, bench_of, read_sources
+from benchtool.explain.recordings import (
+    Source,
+    bench_of,
+    missing_of,
+    read_sources,
+    unreadable_of,
+)
 from benchtool.explain.subject import Subject
 from benchtool.explain.sweep_subject import SweepSubject
-from benchtool.library import LoadedModel, load_model
+from benchtool.library import LoadedModel, load_model, model_names
 from benchtool.library.own_effects import own_effects
 from benchtool.store.digest import file_hash
 
@@ -24,6 +31,8 @@ class Asked:
     Attributes:
         loaded: the model.
         model_file: its shipped name, or its file's own name.
+        model_given: as it was typed.
+        effects_given: where the user's own effects are, as it was typed; empty without.
         model_sha256: of its file; empty for a shipped one.
         rig_file: the rig's file where it stands beside the model's.
         effects_file: Python file of the user's own effects, where it is one.
@@ -33,6 +42,8 @@ class Asked:
 
     loaded: LoadedModel
     model_file: str
+    model_given: str
+    effects_given: str
     model_sha256: str
     rig_file: Path | None
     effects_file: Path | None
@@ -73,12 +84,30 @@ def asked(
         check: recordings of the same bench to check on.
         model: shipped name or path of a model file.
         effects: Python file or module with effects of the user's own.
+
+    Raises:
+        InputError: whatever is missing or cannot be read; of several things all are told.
     """
-    loaded = load_model(model)
+    missing = missing_of(learn, check)
+    if not learn:
+        raise missing[0]
+    wrong = unreadable_of((*learn, *check))
+    loaded: LoadedModel | None = None
+    own: tuple[Effect, ...] = ()
+    try:
+        loaded = _model(model)
+    except InputError as error:
+        wrong.append(error)
+    try:
+        own = own_effects(effects) if effects else ()
+    except InputError as error:
+        wrong.append(error)
+    wrong += missing
+    if wrong or loaded is None:
+        raise _together(wrong)
     file = Path(model) if Path(model).suffix == ".toml" and Path(model).is_file() else None
     rig = file.parent / loaded.rig_name if file is not None else Path(loaded.rig_name)
     beside = rig.suffix == ".toml" and rig.is_file()
-    own = own_effects(effects) if effects else ()
     given = Path(effects) if effects and effects.endswith(".py") else None
     if given is None and loaded.effects_file and file is not None:
         given = file.parent / loaded.effects_file
@@ -86,6 +115,8 @@ def asked(
     return Asked(
         loaded=loaded,
         model_file=file.name if file is not None else model,
+        model_given=model,
+        effects_given=effects or "",
         model_sha256=file_hash(file) if file is not None else "",
         rig_file=rig if beside else None,
         effects_file=given,
@@ -93,3 +124,20 @@ def asked(
         learn=tuple(sources),
         check=tuple(checks),
     )
+
+
+def _model(name_or_path: str) -> LoadedModel:
+    if name_or_path:
+        return load_model(name_or_path)
+    real = [name for name in model_names() if not name.startswith("virtual_")]
+    raise InputError(
+        f"which model? give --model with the path of a model file or one of: {', '.join(real)}"
+    )
+
+
+def _together(wrong: Sequence[InputError]) -> InputError:
+    """Return several refusals as one, in their order; a single one as it is."""
+    if len(wrong) == 1:
+        return wrong[0]
+    told = " ".join(f"({place}) {one}." for place, one in enumerate(wrong, 1))
+    return InputError(f"{len(wrong)} things to mend: {told.removesuffix('.')}")

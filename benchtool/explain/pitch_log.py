@@ -17,6 +17,7 @@ from benchtool.errors import InputError
 from benchtool.explain.pitch_clock import HELD_S, UNSEEN_S, EvenRows, blank_for, even_rows
 from benchtool.explain.pitch_doubts import refuse_doubtful, standing_still
 from benchtool.explain.plate_transit import READ_S, TRANSIT_S, on_its_way
+from benchtool.explain.rotor_count import refuse_other_rotors
 from benchtool.simulate import pitch_track as t
 from benchtool.simulate.pitch_follow import LoggedPitch
 from benchtool.simulate.pitch_replay import PARKED_FROM_M
@@ -97,6 +98,7 @@ def pitch_log(
     rows = even_rows(recording, name)
     pulsed = _drive(recording, rig, "pwm{}_us")
     turned = _drive(recording, rig, "rpm{}")
+    refuse_other_rotors(recording, rig, name, lacking=not pulsed and not turned)
     if not pulsed and not turned:
         raise InputError(
             f"{name} tells neither the pulses nor the speeds of all {rig.n_discs} rotors, so "

@@ -13,6 +13,7 @@ from benchtool.core.column_source import ColumnSource
 from benchtool.core.recording import Recording
 from benchtool.effects.effect import BenchKind
 from benchtool.errors import FileFormatError, InputError
+from benchtool.explain.recording_paths import unreadable
 from benchtool.library import LoadedModel
 from benchtool.store import (
     KINDS,
@@ -43,20 +44,17 @@ class Source:
 
     Attributes:
         path: as the user gave it.
+        name: for people: the file's or folder's own, the path where two share that.
         recording: what it holds.
         sha256: of its bytes.
         remarks: columns of the model's map that the file has not.
     """
 
     path: str
+    name: str
     recording: Recording
     sha256: str
     remarks: tuple[str, ...] = ()
-
-    @property
-    def name(self) -> str:
-        """The file's or folder's own name, for people."""
-        return Path(self.path).name or self.path
 
     @property
     def simulated(self) -> bool:
@@ -73,11 +71,12 @@ def read_sources(
         InputError: none of either, the same data twice, or benches of two kinds.
         FileFormatError: a file that is no recording.
     """
-    require_both(learn, check)
+    if missing := missing_of(learn, check):
+        raise missing[0]
+    if wrong := unreadable_of((*learn, *check)):
+        raise wrong[0]
     seen: dict[str, str] = {}
     for path in (*learn, *check):
-        if not Path(path).exists():
-            raise FileFormatError(path, "there is no such run or file; check the path")
         digest = data_hash(path)
         if digest in seen:
             raise InputError(
@@ -86,8 +85,10 @@ def read_sources(
             )
         seen[digest] = path
     hashes = {path: digest for digest, path in seen.items()}
+    names = names_of(tuple(hashes))
     groups = [
-        [_alive(_source(path, hashes[path], loaded)) for path in part] for part in (learn, check)
+        [_alive(_source(path, names[path], hashes[path], loaded)) for path in part]
+        for part in (learn, check)
     ]
     kinds = {bench_of(source): source.path for part in groups for source in part}
     if len(kinds) > 1:
@@ -98,18 +99,38 @@ def read_sources(
     return groups[0], groups[1]
 
 
-def require_both(learn: Sequence[str], check: Sequence[str]) -> None:
-    """Refuse a question that names nothing to learn from, or nothing to check on."""
+def names_of(paths: Sequence[str]) -> dict[str, str]:
+    """Return a name for each recording, all different: its path only where two share the name."""
+    short = [Path(path).name or path for path in paths]
+    return {
+        path: name if short.count(name) == 1 else path
+        for path, name in zip(paths, short, strict=True)
+    }
+
+
+def unreadable_of(paths: Sequence[str]) -> list[InputError]:
+    """Return what is wrong with paths at first sight, in their order."""
+    return [wrong for path in paths if (wrong := unreadable(path)) is not None]
+
+
+def missing_of(learn: Sequence[str], check: Sequence[str]) -> list[InputError]:
+    """Return what a question lacks that names nothing to learn from, or nothing to check on."""
     if not learn:
-        raise InputError(
-            "nothing to explain: give recordings to learn from, for example benchtool explain "
-            "learn.csv --model model.toml --check check.csv"
-        )
+        order = " (every word behind --check is to check on)" if check else ""
+        return [
+            InputError(
+                f"nothing to explain: give recordings to learn from{order}, for example benchtool "
+                f"explain learn.csv --model model.toml --check check.csv"
+            )
+        ]
     if not check:
-        raise InputError(
-            "there is no check recording; name one of the same bench that is not learned from: "
-            "--check FILE"
-        )
+        return [
+            InputError(
+                "there is no check recording; name one of the same bench that is not learned "
+                "from: --check FILE"
+            )
+        ]
+    return []
 
 
 def bench_of(source: Source) -> BenchKind:
@@ -123,23 +144,21 @@ def bench_of(source: Source) -> BenchKind:
     )
 
 
-def _source(path: str, digest: str, loaded: LoadedModel) -> Source:
+def _source(path: str, name: str, digest: str, loaded: LoadedModel) -> Source:
     if is_run(path):
-        return Source(path=path, recording=_run(path), sha256=digest)
-    if Path(path).is_dir():
-        raise FileFormatError(path, "this folder is no run; name a run folder or a file in it")
+        return Source(path=path, name=name, recording=_run(path), sha256=digest)
     if beside(Path(path)).is_file():
-        return Source(path=path, recording=read_recording(path), sha256=digest)
+        return Source(path=path, name=name, recording=read_recording(path), sha256=digest)
     if Path(path).suffix.lower() == ".parquet":
         raise FileFormatError(
             path, f"there is no {beside(Path(path)).name} beside it; import it with benchtool"
         )
-    columns, remarks = _present(path, loaded.columns)
+    columns, remarks = _present(path, name, loaded.columns)
     filters = [f"{key}={value}" for key, value in loaded.row_filter.items()] if columns else []
     recording = read_table(path, columns, filters)
     if recording.provenance.get("repairs"):
-        remarks.append(f"{Path(path).name}: {recording.provenance['repairs']}")
-    return Source(path=path, recording=recording, sha256=digest, remarks=tuple(remarks))
+        remarks.append(f"{name}: {recording.provenance['repairs']}")
+    return Source(path=path, name=name, recording=recording, sha256=digest, remarks=tuple(remarks))
 
 
 def _alive(source: Source) -> Source:
@@ -207,7 +226,7 @@ def _run(path: str) -> Recording:
 
 
 def _present(
-    path: str, columns: Mapping[str, ColumnSource]
+    path: str, name: str, columns: Mapping[str, ColumnSource]
 ) -> tuple[Mapping[str, ColumnSource], list[str]]:
     """Return the map without columns that a file has not, and what is missing.
 
@@ -218,20 +237,20 @@ def _present(
         return {}, []
     header = read_csv_text(Path(path)).header
     absent = {
-        name: source.column
-        for name, source in columns.items()
+        ours: source.column
+        for ours, source in columns.items()
         if source.column is not None and source.column.strip() not in header
     }
-    needed = [name for names in NEEDED.values() for name in names if name in absent]
-    own = any(name in header for names in NEEDED.values() for name in names)
+    needed = [ours for names in NEEDED.values() for ours in names if ours in absent]
+    own = any(ours in header for names in NEEDED.values() for ours in names)
     if needed and own:
         return {}, []
     if needed:
         return columns, []
     return (
-        {name: source for name, source in columns.items() if name not in absent},
+        {ours: source for ours, source in columns.items() if ours not in absent},
         [
-            f"{Path(path).name}: no column {theirs!r}, which the model's [columns] map to {ours}"
+            f"{name}: no column {theirs!r}, which the model's [columns] map to {ours}"
             for ours, theirs in absent.items()
         ],
     )

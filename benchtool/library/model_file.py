@@ -108,7 +108,21 @@ def load_model(name_or_path: str | Path, rig: Rig | None = None) -> LoadedModel:
         rig: use this rig in place of the one that the file names.
     """
     text, where = read_named("model", "models", name_or_path)
+    if kind := _kind_of_other(text):
+        raise FileFormatError(
+            where,
+            f"this looks like {kind}, and a model is a TOML file with a table [model]; name one, "
+            f"or a shipped model: {', '.join(model_names())}",
+        )
     return model_from_toml(text, where, rig)
+
+
+def _kind_of_other(text: str) -> str:
+    """Return what a text is that has neither a table nor a key of TOML; empty where it has one."""
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
+    if not lines or any(line.startswith("[") or "=" in line for line in lines):
+        return ""
+    return "a CSV table" if any(mark in lines[0] for mark in ",;\t") else "plain text"
 
 
 def model_from_toml(text: str, where: str, rig: Rig | None = None) -> LoadedModel:

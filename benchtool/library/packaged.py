@@ -34,6 +34,11 @@ def read_named(kind: str, folder: str, name_or_path: str | Path) -> tuple[str, s
     path = Path(given)
     if path.suffix != ".toml" and not path.exists():
         raise UnknownChoice(f"{kind} (and no file of that name)", given, packaged_names(folder))
+    if path.is_dir():
+        inside = ", ".join(str(item) for item in sorted(path.glob("*.toml"))[:6])
+        raise FileFormatError(
+            given, f"this is a folder; name a TOML file{f' in it: {inside}' if inside else ''}"
+        )
     try:
         return path.read_text(encoding="utf-8"), given
     except FileNotFoundError as error:

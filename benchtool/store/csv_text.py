@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -50,6 +51,17 @@ def read_csv_text(path: Path, *, own: bool = False) -> CsvTable:
         reason = (error.strerror or "it cannot be read").lower()
         raise FileFormatError(str(path), f"{reason}; check the file") from error
     return parse_csv(data, str(path), own=own)
+
+
+def no_rows(where: str, header: Sequence[str]) -> FileFormatError:
+    """Return the refusal of a file without a row below its first line."""
+    if len(header) > 1:
+        return FileFormatError(where, "there is a header but no row below it; add data")
+    return FileFormatError(
+        where,
+        f"it holds {header[0][:40]!r} and no row below it; a CSV has a line with the names of "
+        f"columns, and rows of numbers below",
+    )
 
 
 def parse_csv(data: bytes, where: str, *, own: bool = False) -> CsvTable:

@@ -18,7 +18,7 @@ from benchtool.core.toml_text import build
 from benchtool.core.units import from_si, same_dimension, to_si
 from benchtool.errors import FileFormatError, InputError, UnknownChoice
 from benchtool.store.columns import WORDS, channel_called, code_of
-from benchtool.store.csv_text import CsvTable, read_csv_text
+from benchtool.store.csv_text import CsvTable, no_rows, read_csv_text
 from benchtool.store.digest import file_hash
 
 Array = NDArray[np.float64]
@@ -122,7 +122,7 @@ def numbers_in(table: CsvTable, name: str, rows: Sequence[int]) -> Array:
 def _filtered(table: CsvTable, filters: Sequence[Where]) -> list[int]:
     kept = list(range(len(table.rows)))
     if not kept:
-        raise FileFormatError(table.where, "there is a header but no row below it; add data")
+        raise no_rows(table.where, table.header)
     for item in filters:
         index = _index(table, item.column)
         left = [row for row in kept if item.keeps(table.rows[row][index])]

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from benchtool.errors import FileFormatError
 from benchtool.store.atomic import sync_folder
-from benchtool.store.csv_text import CsvTable, parse_csv
+from benchtool.store.csv_text import CsvTable, no_rows, parse_csv
 from benchtool.store.runs_folder import RunsFolder
 
 MOST_BYTES = 20_000_000
@@ -36,7 +36,7 @@ def checked_table(data: bytes, name: str) -> CsvTable:
             f"keep those of a fit",
         )
     if not table.rows:
-        raise FileFormatError(name, "there is a header but no row below it; add data")
+        raise no_rows(name, table.header)
     return table
 
 

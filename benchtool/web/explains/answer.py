@@ -17,7 +17,7 @@ from benchtool.web.show import show
 from benchtool.web.shown import Shown
 from benchtool.web.tell import tells_errors
 
-OPEN = ("Where", "Which", "The gap", "What to record next")
+OPEN = ("What now", "Where", "Which", "The gap")
 """Sections of the report that are shown; the others can be opened."""
 
 

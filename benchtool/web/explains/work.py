@@ -83,7 +83,7 @@ def explained(tell: Tell, question: Question, out: Path, words: Sequence[str]) -
     tell("drawing the figures", DRAWN_FROM)
     aside = unfinished(out)
     shutil.rmtree(aside, ignore_errors=True)
-    write_folder(aside, answer, asked_for.rig_file, asked_for.effects_file)
+    write_folder(aside, answer, asked_for.rig_file, asked_for.effects_file, called=out)
     figures = answer_figures(answer)
     report = answer_page(answer, figures, next_file(answer)[0])
     files = {id(figure): aside / f"{name}.svg" for name, figure in figures.items()}
@@ -122,7 +122,7 @@ def keep(aside_for: Path, out: Path) -> str:
     Raises:
         WouldOverwrite: something of that name exists.
     """
-    from benchtool.explain.answer_folder import MODEL
+    from benchtool.explain.added_model import MODEL
     from benchtool.library import load_model
 
     if out.exists():

@@ -51,7 +51,15 @@ def test_hidden_friction_is_named_and_everything_is_written(
         "The model lacks Coulomb friction: coulomb_friction.torque_Nm = 0.01"
     )
     assert lines[2].startswith("The disagreement is at the hinge")
-    assert "coulomb_friction.torque_Nm 0.002" in said
+    assert re.search(r"coulomb_friction\.torque_Nm +0\.002 N m\n", said.replace(" \n", "\n"))
+    short = said[said.index("In short\n") :].splitlines()
+    assert short[1] == lines[1]
+    assert short[2].startswith(f"Written: {out / 'model.toml'}, which is pitch_bench with Coulomb")
+    assert short[3].startswith("  coulomb_friction.torque_Nm = 0.01")
+    again = short.index("# ask again: is anything still missing?")
+    assert short[again + 1] == (
+        f"benchtool explain {LEARN} --model {out / 'model.toml'} --check {CHECK} --out {out}-again"
+    )
     assert re.search(r"pitch +deg", said)
     found = json.loads(answer.read_text("utf-8"))
     assert found["verdict"] == "effect"
@@ -137,6 +145,20 @@ def test_what_a_recording_lacks_is_told_with_the_verdict(
         (("--check", "b.csv", "a.csv"), "nothing to explain"),
         (("short.csv", "--model", str(MODEL), "--check", CHECK), "2.0 s long"),
         ((LEARN, "--model", str(MODEL), "--check", CHECK, "--effects", "no.py"), "no such file"),
+        (("--check", "b.csv", "a.csv"), "(every word behind --check is to check on)"),
+        (
+            (LEARN, "no.csv", "--model", "bad.csv"),
+            "3 things to mend: (1) no.csv: there is no such run or file; check the path. "
+            "(2) bad.csv: this looks like a CSV table, and a model is a TOML file with a table "
+            "[model]; name one, or a shipped model: ",
+        ),
+        ((LEARN, "no.csv", "--model", "bad.csv"), ". (3) there is no check recording; name one"),
+        ((LEARN, "--model", "word.txt", "--check", CHECK), "word.txt: this looks like plain text"),
+        ((LEARN, "--model", ".", "--check", CHECK), "a folder; name a TOML file in it: mine.toml"),
+        (
+            (LEARN, "--model", "pitch_pquad", "--check", CHECK),
+            "learn.parquet has pulses or speeds of 2 rotors, and the model 4 (rig 'pquad'); name",
+        ),
     ],
 )
 def test_what_cannot_be_answered_ends_with_one_sentence(
@@ -148,6 +170,9 @@ def test_what_cannot_be_answered_ends_with_one_sentence(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     shortened(tmp_path, "short.csv", 2.0)
+    (tmp_path / "bad.csv").write_text("t,theta\n0,1\n", "utf-8")
+    (tmp_path / "word.txt").write_text("hello\n", "utf-8")
+    (tmp_path / "mine.toml").write_text("[model]\n", "utf-8")
     code, out, err = run(capsys, *words)
     assert code == 2
     assert said in err

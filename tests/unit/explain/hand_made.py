@@ -177,7 +177,7 @@ def source(path: str, sha256: str) -> Source:
     recording = Recording.from_columns(
         [(Channel("time_s", "s"), np.arange(3.0)), (Channel("theta_rad", "rad"), np.zeros(3))]
     )
-    return Source(path=path, recording=recording, sha256=sha256, remarks=())
+    return Source(path=path, name=path, recording=recording, sha256=sha256)
 
 
 def answer(kind: Kind = "effect", loaded: LoadedModel | None = None, **changes: Any) -> Answer:

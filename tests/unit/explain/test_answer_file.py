@@ -10,8 +10,11 @@ from typing import Any
 import pytest
 
 from benchtool.explain.answer_file import Written, answer_tables, next_file
+from benchtool.explain.answer_page import answer_page
+from benchtool.explain.recordings import names_of
 from benchtool.explain.verdict import KINDS, Kind, NotJudged
 from benchtool.library import schedule_named
+from benchtool.report.html import render_report
 from tests.unit.explain.hand_made import NEXT, answer, gap, source, verdict
 
 PROMISED = (
@@ -127,11 +130,16 @@ def test_numbers_that_json_has_not_become_null() -> None:
     assert answer_tables(found, Written())["gap"]["theta_rad"]["before"] is None
 
 
-def test_two_recordings_of_one_name_keep_a_hash_each() -> None:
-    given = answer("effect")
-    twice = replace(
-        given,
-        learn=(source("learn/pid.csv", "a" * 64),),
-        check=(source("check/pid.csv", "b" * 64),),
-    )
-    assert twice.hashes == {"learn/pid.csv": "a" * 64, "check/pid.csv": "b" * 64}
+def test_recordings_of_one_name_stand_apart_in_every_list() -> None:
+    paths = ("one/pid.csv", "two/pid.csv", "check.csv")
+    names = names_of(paths)
+    learn = tuple(replace(source(path, path[:3]), name=names[path]) for path in paths[:2])
+    check = (replace(source(paths[2], "che"), name=names[paths[2]]),)
+    twice = replace(answer("effect"), learn=learn, check=check)
+    assert twice.hashes == {"one/pid.csv": "one", "two/pid.csv": "two", "check.csv": "che"}
+    data = answer_tables(twice, Written())["data"]
+    assert data == {
+        "learn": {"one/pid.csv": "one", "two/pid.csv": "two"}, "check": {"check.csv": "che"},
+    }  # fmt: skip
+    page = render_report(answer_page(twice, {}))
+    assert "one/pid.csv, two/pid.csv" in page

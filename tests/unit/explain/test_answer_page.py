@@ -7,10 +7,13 @@ from dataclasses import replace
 import pytest
 
 from benchtool.explain.answer_figures import answer_figures
-from benchtool.explain.answer_page import answer_page, next_sentence, where_sentence
+from benchtool.explain.answer_page import answer_page, where_sentence
+from benchtool.explain.next_steps import next_sentence
 from benchtool.explain.verdict import EVERYWHERE, KINDS, Kind, NotJudged, Where
 from benchtool.report.html import render_report
 from tests.unit.explain.hand_made import answer
+
+TITLES = ("What now", "Where", "Which", "The gap")
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -18,10 +21,10 @@ def test_a_page_says_the_verdict_first_and_what_was_not_judged(kind: Kind) -> No
     given = answer(kind)
     text = render_report(answer_page(given, answer_figures(given)))
     assert given.verdict.sentence.split(",")[0] in text
-    places = [text.index(f">{title}</h2>") for title in ("Where", "Which", "The gap")]
+    places = [text.index(f">{title}</h2>") for title in TITLES]
     assert places == sorted(places)
     assert "would have to be 4.2 tolerances large to show" in text
-    assert ("What to record next" in text) == (kind in ("class", "unknown"))
+    assert ("Record next: " in text) == (kind in ("class", "unknown"))
 
 
 def test_several_effects_have_a_figure_each() -> None:

@@ -14,7 +14,7 @@ from benchtool.errors import BenchtoolError
 from benchtool.explain.recordings import bench_of, read_sources
 from benchtool.library import LoadedModel, load_model
 from benchtool.store import write_recording
-from tests.unit.explain.hand_made import MODEL
+from tests.unit.explain.hand_made import MODEL, source
 
 THEIRS = "t,theta_ref,theta,gyro,pwm1,pwm2,rpm1,rpm2,plate_z"
 SWEEP = Path(__file__).parents[3] / "datasets" / "single_rotor" / "run"
@@ -124,7 +124,11 @@ def test_a_recording_that_nothing_drove_is_refused_at_once(tmp_path: Path) -> No
         (["a.csv"], ["a.csv"], "same data"),
         (["a.csv"], ["copy.csv"], "same data"),
         (["nowhere.csv"], ["a.csv"], "no such run or file"),
-        (["."], ["a.csv"], "neither a file nor a run"),
+        (["."], ["a.csv"], "this folder is no run; name one or more .* in it: a.csv, copy.csv"),
+        (["one"], ["a.csv"], "name the recording in it: one.pid.csv$"),
+        (["none"], ["a.csv"], "no recording is in it; a recording is a CSV"),
+        (["m.toml"], ["a.csv"], "m.toml: this is a TOML file .a model goes behind --model.; a rec"),
+        (["word.csv"], ["a.csv"], "it holds 'hello' and no row below it; a CSV has a line"),
         (["bare.parquet"], ["a.csv"], "no bare.parquet.json beside it"),
         (["other.csv"], ["a.csv"], "unknown column of other.csv 't'"),
         (["notime.csv"], ["a.csv"], "neither theta_rad .a pitch bench. nor thrust_N"),
@@ -140,6 +144,12 @@ def test_what_cannot_be_explained_is_refused_with_the_reason(
     csv(tmp_path, "other.csv", "a,b,c")
     csv(tmp_path, "notime.csv", "time_s,gyro_rad_s")
     (tmp_path / "bare.parquet").write_bytes(b"PAR1")
+    (tmp_path / "one").mkdir()
+    write_recording(tmp_path / "one" / "pid.csv", source("", "").recording, {})
+    (tmp_path / "one" / "numbers.csv").write_text("a,b\n1,2\n", "utf-8")
+    (tmp_path / "none").mkdir()
+    (tmp_path / "m.toml").write_text("[model]\n", "utf-8")
+    (tmp_path / "word.csv").write_text("hello\n", "utf-8")
     check = [str(SWEEP) if name == "sweep" else name for name in check]
     with pytest.raises(BenchtoolError, match=said) as refused:
         read_sources(learn, check, loaded())
