@@ -71,8 +71,6 @@ class SweepEvidence:
         model: as given by the user.
         logs: one per sweep.
         extra: effects of the user's own.
-        ahead: predict speeds from each level's first visits, as a check does; else each level's
-            own scale is fitted.
     """
 
     def __init__(
@@ -80,8 +78,6 @@ class SweepEvidence:
         model: Model,
         logs: Sequence[SweepLog],
         extra: Sequence[Effect] = (),
-        *,
-        ahead: bool = False,
     ) -> None:
         self._given = (model, tuple(extra))
         self.model = with_sweep_library(model, extra)
@@ -92,7 +88,6 @@ class SweepEvidence:
         self._turned = {knob.name: place for place, knob in enumerate(self.knobs)}
         # Every knob acts, wherever it stands: a model leaves out what is neutral and fixed.
         self._acting = self.model.freed(*(k.name for k in self.knobs if k.name in self._places))
-        self._ahead = ahead
         self.noise = tuple(self._noise(log) for log in self.logs)
 
     # --- knobs ----------------------------------------------------------------------------
@@ -133,16 +128,20 @@ class SweepEvidence:
         return log.power.kept(rate, curve, drop)
 
     def speeds(self, log: SweepLog, turned: Array) -> Array:
-        """Return predicted speeds at the log's pulses (m, n_sets): rad/s."""
+        """Return speeds at the log's pulses (m, n_sets), each level's scale fitted: rad/s."""
+        assert log.power is not None
+        return log.power.speeds(self.kept(log, turned))
+
+    def foretold(self, log: SweepLog, turned: Array) -> Array:
+        """Return each rotor's speeds as earlier visits tell them (n, m, n_sets): rad/s."""
         power = log.power
         assert power is not None
-        return power.speeds(self.kept(log, turned), ~power.late if self._ahead else power.all)
+        return power.foretold(self.kept(log, turned), power.rotor_rad_s[:, :, None])
 
     def voltages(self, log: SweepLog, turned: Array) -> Array:
-        """Return predicted voltages (m, n_sets): V."""
-        power = log.power
-        assert power is not None
-        return power.voltages(self.kept(log, turned), power.all)
+        """Return voltages (m, n_sets), the open one fitted: V."""
+        assert log.power is not None
+        return log.power.voltages(self.kept(log, turned))
 
     def of(self, log: SweepLog) -> SweepEvidence:
         """Return the evidence of another sweep about the same model."""

@@ -1,7 +1,9 @@
 """How far a model misses the check sweeps, and by how much a true one would.
 
-Blocks are stays at one place of the plate. The floor is made by the model itself: its points with
-stated noise, predicted with knobs drawn from what the sweeps to learn from leave of them.
+Blocks are stays at one place of the plate. Thrust is predicted point by point, a rotor's speed from
+the earlier visits of its level, which tell the scale that belongs to the pulse. The floor is made
+by the model itself: its points with stated noise, predicted with knobs drawn from what the sweeps
+to learn from leave of them.
 """
 
 from __future__ import annotations
@@ -29,8 +31,8 @@ def errors(check: SweepEvidence, sets: Array) -> Mapping[str, ChannelErrors]:
         missed = log.thrust_N[:, None] - check.thrusts(log.conditions, sets)
         thrust.append(_by_stay(missed, log.stay))
         if log.power is not None:
-            wrong = RPM * (log.power.speed_rad_s[:, None] - check.speeds(log, sets))
-            speed.append(_by_stay(wrong[log.power.late], _stay_of_speeds(log)))
+            read = log.power.rotor_rad_s[:, :, None]
+            speed.append(_of_speeds(log, read - check.foretold(log, sets)))
     out = {"thrust_N": ChannelErrors(unit="N", squares=np.concatenate(thrust))}
     if speed:
         out["rpm"] = ChannelErrors(unit="rpm", squares=np.concatenate(speed))
@@ -65,9 +67,11 @@ def floor(
         thrust.append(_by_stay(missed, log.stay))
         power = log.power
         if power is not None:
-            read = power.speed_se[:, None] * rng.standard_normal((len(power.time_s), draws))
-            wrong = _moved(check.speeds(log, sets), off) + read - power.told(read, ~power.late)
-            speed.append(_by_stay(RPM * wrong[power.late], _stay_of_speeds(log)))
+            shape = power.rotor_rad_s.shape
+            read = power.rotor_se[:, :, None] * rng.standard_normal((*shape, draws))
+            wrong = _moved(check.foretold(log, sets), off) + read
+            wrong -= power.foretold(check.kept(log, sets[:1]), read)
+            speed.append(_of_speeds(log, wrong))
     out = {"thrust_N": np.sqrt(np.mean(np.concatenate(thrust), axis=0))}
     if speed:
         out["rpm"] = np.sqrt(np.mean(np.concatenate(speed), axis=0))
@@ -75,8 +79,8 @@ def floor(
 
 
 def _moved(shown: Array, off: Array) -> Array:
-    """Return what knobs that are off (n_knobs, n) change, from shown (m, 1 + n_knobs)."""
-    slope: Array = (shown[:, 1:] - shown[:, :1]) / STEP
+    """Return what knobs that are off (n_knobs, n) change, from shown (..., m, 1 + n_knobs)."""
+    slope: Array = (shown[..., 1:] - shown[..., :1]) / STEP
     return slope @ off
 
 
@@ -86,7 +90,12 @@ def _by_stay(missed: Array, stay: NDArray[np.intp]) -> Array:
     return np.array([np.mean(missed[stay == number] ** 2, axis=0) for number in numbers])
 
 
-def _stay_of_speeds(log: SweepLog) -> NDArray[np.intp]:
-    """Return the stay of each speed that is predicted."""
+def _of_speeds(log: SweepLog, wrong: Array) -> Array:
+    """Return the mean square (n_stays, n_sets) in rpm of misses (n, m, n_sets) in rad/s.
+
+    Of the visits that are predicted, over the rotors.
+    """
     assert log.power is not None
-    return log.stay[~log.tare][log.power.late]
+    late = log.power.late
+    squares = np.mean((RPM * wrong[:, late]) ** 2, axis=0)
+    return _by_stay(np.sqrt(squares), log.stay[~log.tare][late])

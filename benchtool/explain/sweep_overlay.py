@@ -36,7 +36,7 @@ def overlays(check: SweepEvidence, before: Array, after: Array) -> tuple[Overlay
         out.append(
             _overlay(
                 "rpm", "rpm", "time_s", power.time_s[late], power.level[late],
-                RPM * power.speed_rad_s[late], RPM * check.speeds(log, sets)[late],
+                RPM * power.speed_rad_s[late], RPM * check.foretold(log, sets).mean(axis=0)[late],
             )
         )  # fmt: skip
     return tuple(out)

@@ -18,9 +18,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 FIRST_VISITS = 2
-FIRST_SHARE = 0.25
-"""Visits of a level that tell its speed where the rest is to be predicted: the first quarter, two
-at least."""
+"""Visits of a level that tell its speed before the next one is predicted."""
 
 CURVE_AT_S = 900.0
 """Time at which the curvature of a discharge counts in full: a battery's usual run, a choice."""
@@ -35,7 +33,10 @@ class Power:
         pulse_us: mean over rotors.
         level: number of the pulse level.
         speed_rad_s: mean over rotors, its standard error `speed_se`.
-        load: current over its greatest, or the cube of speed where no current was read.
+        rotor_rad_s: (n, m) of each rotor that was read, with standard errors `rotor_se`.
+        load: over `full_load`; of current, or of the cube of speed where none was read.
+        full_load: the greatest of this sweep, or of one that it is compared with.
+        by_current: whether load is that of current.
         voltage_V: nan where it was not read; its standard error `voltage_se`.
         late: rows that are to be predicted: all but the first visits of a level.
     """
@@ -45,26 +46,31 @@ class Power:
     level: NDArray[np.intp]
     speed_rad_s: Array
     speed_se: Array
+    rotor_rad_s: Array
+    rotor_se: Array
     load: Array
+    full_load: float
+    by_current: bool
     voltage_V: Array
     voltage_se: float
     late: Mask
 
-    @property
-    def all(self) -> Mask:
-        """Every row."""
-        return np.ones(len(self.time_s), bool)
-
     def planned(self, time_s: Array, pulse_us: Array, speed_rad_s: Array) -> Power:
         """Return what a sweep with other pulses would have, readings as good as here."""
         level = _levels(pulse_us)
+        rotors = len(self.rotor_rad_s)
+        full_load = float(np.max(speed_rad_s) ** 3)
         return Power(
             time_s=time_s,
             pulse_us=pulse_us,
             level=level,
             speed_rad_s=speed_rad_s,
             speed_se=np.full(len(time_s), float(np.median(self.speed_se))),
-            load=speed_rad_s**3 / np.max(speed_rad_s) ** 3,
+            rotor_rad_s=np.tile(speed_rad_s, (rotors, 1)),
+            rotor_se=np.full((rotors, len(time_s)), float(np.median(self.rotor_se))),
+            load=speed_rad_s**3 / full_load,
+            full_load=full_load,
+            by_current=False,
             voltage_V=np.full(len(time_s), float(np.nanmax(self.voltage_V)))
             if np.isfinite(self.voltage_V).any()
             else np.full(len(time_s), np.nan),
@@ -74,7 +80,19 @@ class Power:
 
     def as_kept(self, kept: Array) -> Power:
         """Return speeds and voltage with so much of the supply left (m,)."""
-        return replace(self, speed_rad_s=self.speed_rad_s * kept, voltage_V=self.voltage_V * kept)
+        return replace(
+            self,
+            speed_rad_s=self.speed_rad_s * kept,
+            rotor_rad_s=self.rotor_rad_s * kept,
+            voltage_V=self.voltage_V * kept,
+        )
+
+    def loaded_as(self, other: Power) -> Power:
+        """Return it with load counted as in another sweep, so that one drop holds for both."""
+        if self.by_current != other.by_current:
+            return self
+        load = self.load * self.full_load / other.full_load
+        return replace(self, load=load, full_load=other.full_load)
 
     def kept(self, rate_per_s: Array, curve: Array, drop: Array) -> Array:
         """Return supply voltage over its open value at the start (m, n_sets), for sets (n_sets,).
@@ -88,29 +106,40 @@ class Power:
         loss = rate_per_s * time * (1.0 + curve * (time / CURVE_AT_S - 1.0))
         return np.asarray(1.0 - loss - drop * self.load[:, None], float)
 
-    def speeds(self, kept: Array, told_by: Mask) -> Array:
-        """Return predicted speeds (m, n_sets), each level's own scale told by some rows (m,)."""
+    def speeds(self, kept: Array) -> Array:
+        """Return speeds (m, n_sets) with each level's own scale fitted."""
         out = np.empty_like(kept)
         for level in np.unique(self.level):
             rows = self.level == level
-            known = rows & told_by
-            weights = 1.0 / self.speed_se[known] ** 2
-            shape = kept[known]
-            scale = ((weights * self.speed_rad_s[known]) @ shape) / (weights @ shape**2)
-            out[rows] = scale * kept[rows]
+            weights = 1.0 / self.speed_se[rows] ** 2
+            shape = kept[rows]
+            out[rows] = ((weights * self.speed_rad_s[rows]) @ shape) / (weights @ shape**2) * shape
         return out
 
-    def told(self, read: Array, told_by: Mask) -> Array:
-        """Return what errors of reading (m, n) do to predictions, through each level's scale."""
-        out = np.empty_like(read)
+    def foretold(self, kept: Array, read: Array) -> Array:
+        """Return what each visit is predicted to show from the earlier ones of its level.
+
+        Args:
+            kept: (m, n_sets) supply voltage over its open value.
+            read: (n, m, n_sets) speeds of each rotor, or errors in them: prediction is linear.
+
+        Returns:
+            (n, m, n_sets) in the unit of `read`; 0 for the first visits, which nothing foretells.
+        """
+        out = np.zeros(np.broadcast_shapes(read.shape, kept.shape))
+        weights = 1.0 / self.rotor_se[:, :, None] ** 2
         for level in np.unique(self.level):
-            rows = self.level == level
-            out[rows] = read[rows & told_by].mean(axis=0)
+            rows = np.flatnonzero(self.level == level)
+            shape, weight = kept[rows], weights[:, rows]
+            shown = np.cumsum(weight * shape * read[:, rows], axis=1)
+            known = np.cumsum(weight * shape**2, axis=1)
+            out[:, rows[1:]] = shape[1:] * shown[:, :-1] / known[:, :-1]
+        out[:, ~self.late] = 0.0
         return out
 
-    def voltages(self, kept: Array, told_by: Mask) -> Array:
-        """Return predicted voltages (m, n_sets), the open one told by some rows (m,)."""
-        known = told_by & np.isfinite(self.voltage_V)
+    def voltages(self, kept: Array) -> Array:
+        """Return voltages (m, n_sets) with the open one fitted."""
+        known = np.isfinite(self.voltage_V)
         shape = kept[known]
         scale = (self.voltage_V[known] @ shape) / np.sum(shape**2, axis=0)
         return np.asarray(scale * kept, float)
@@ -132,10 +161,12 @@ def power_of(recording: Recording, rig: Rig) -> Power | None:
         return None
     stated = np.sqrt(np.sum(errors**2, axis=0)) / n if len(errors) else np.zeros(len(time))
     sensor = rig.sensors.get("rpm", Sensor())
-    least = np.pi / 30.0 * max(sensor.quantum / np.sqrt(12.0), 0.01) / np.sqrt(n)
+    least = np.pi / 30.0 * max(sensor.quantum / np.sqrt(12.0), 0.01)
+    each = errors if errors.shape == speeds.shape else np.zeros_like(speeds)
     voltage = _column(recording, "voltage_V")
     current = _column(recording, "current_A")
-    load = current if np.isfinite(current).all() and np.ptp(current) > 0.0 else speed**3
+    by_current = bool(np.isfinite(current).all() and np.ptp(current) > 0.0)
+    load = current if by_current else speed**3
     volts = rig.sensors.get("voltage_V", Sensor())
     samples = np.nanmedian(recording.column("n_samples")) if "n_samples" in recording else 1.0
     return Power(
@@ -143,8 +174,12 @@ def power_of(recording: Recording, rig: Rig) -> Power | None:
         pulse_us=pulse,
         level=level,
         speed_rad_s=speed,
-        speed_se=np.hypot(np.nan_to_num(stated), least),
+        speed_se=np.hypot(np.nan_to_num(stated), least / np.sqrt(n)),
+        rotor_rad_s=speeds,
+        rotor_se=np.hypot(np.nan_to_num(each), least),
         load=load / load.max(),
+        full_load=float(load.max()),
+        by_current=by_current,
         voltage_V=voltage,
         voltage_se=float(
             max(np.hypot(volts.noise / np.sqrt(samples), volts.quantum / np.sqrt(12.0)), 1e-3)
@@ -163,8 +198,7 @@ def _late(level: NDArray[np.intp]) -> Mask:
     """Return the rows (m,) after the first visits of their level."""
     late = np.ones(len(level), bool)
     for number in np.unique(level):
-        rows = np.flatnonzero(level == number)
-        late[rows[: max(FIRST_VISITS, round(FIRST_SHARE * len(rows)))]] = False
+        late[np.flatnonzero(level == number)[:FIRST_VISITS]] = False
     return late
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +16,9 @@ from benchtool.explain.next_sweep import next_sweep_experiment
 from benchtool.explain.subject import ChannelErrors, RowGroups
 from benchtool.explain.sweep_evidence import SweepEvidence
 from benchtool.explain.sweep_gap import errors, floor
-from benchtool.explain.sweep_log import sweep_log
+from benchtool.explain.sweep_log import SweepLog, sweep_log
 from benchtool.explain.sweep_overlay import overlays
+from benchtool.explain.sweep_power import Power
 from benchtool.explain.verdict import NextExperiment
 
 Array = NDArray[np.float64]
@@ -55,10 +57,12 @@ class SweepSubject:
         extra: Sequence[Effect] = (),
     ) -> None:
         rig = model.rig
-        self.learn = tuple(sweep_log(one, rig) for one in learn)
-        self.check = tuple(sweep_log(one, rig) for one in check)
+        learned = [sweep_log(one, rig) for one in learn]
+        first = next((log.power for log in learned if log.power is not None), None)
+        self.learn = tuple(_loaded_as(first, log) for log in learned)
+        self.check = tuple(_loaded_as(first, sweep_log(one, rig)) for one in check)
         self.evidence = SweepEvidence(model, self.learn, extra)
-        self._check = SweepEvidence(model, self.check, extra, ahead=True)
+        self._check = SweepEvidence(model, self.check, extra)
         self.model = self.evidence.model
 
     @property
@@ -104,3 +108,10 @@ class SweepSubject:
     ) -> NextExperiment | None:
         """Return the sweep that separates hypotheses best."""
         return next_sweep_experiment(self.evidence, rivals)
+
+
+def _loaded_as(other: Power | None, log: SweepLog) -> SweepLog:
+    """Return a sweep with the supply's load counted as in another, where both tell it."""
+    if log.power is None or other is None:
+        return log
+    return replace(log, power=log.power.loaded_as(other))
