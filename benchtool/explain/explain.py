@@ -14,7 +14,7 @@ from benchtool.explain.describe import (
     leftover,
     where_shown,
 )
-from benchtool.explain.explanation import Explanation
+from benchtool.explain.explanation import Explanation, TrueMisses
 from benchtool.explain.held_out import HeldOut, Known
 from benchtool.explain.hypotheses import Hypotheses, Hypothesis
 from benchtool.explain.search import Progress, Search, searched
@@ -133,6 +133,7 @@ def explain(
         verdict=verdict,
         overlays=subject.overlays(null.at, final),
         disagreements=disagreements(groups, rows[:, 0], rows[:, 1] if effects else rows[:, 0]),
+        true_misses=TrueMisses(known=held.floor, learned=held.doubt[1]),
     )
 
 

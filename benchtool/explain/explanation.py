@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,6 +52,33 @@ class Disagreement:
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class TrueMisses:
+    """Hold what a true model misses on the check recordings, draw by draw of the stated noise.
+
+    Attributes:
+        known: (draws,) by channel, its numbers known exactly; the floor is their median.
+        learned: (draws,) by channel, the truth as far from its numbers as the recordings to learn
+            from leave them uncertain.
+    """
+
+    known: Mapping[str, Array] = field(default_factory=dict)
+    learned: Mapping[str, Array] = field(default_factory=dict)
+
+    def within(self, floors: float) -> tuple[float, float]:
+        """Return the share of draws, known and learned, that no channel has above so many floors.
+
+        What a count of gaps over many recordings comes to by luck alone, and by luck and what was
+        not learned.
+        """
+        highest = [
+            np.max([draws[name] / np.median(self.known[name]) for name in draws], axis=0)
+            for draws in (self.known, self.learned)
+        ]
+        known, learned = (float(np.mean(one <= floors)) for one in highest)
+        return known, learned
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Explanation:
     """Hold a verdict and the curves behind it.
 
@@ -59,8 +86,10 @@ class Explanation:
         verdict: the answer.
         overlays: by channel, on the check recordings.
         disagreements: by stage.
+        true_misses: what the check recordings may leave of a true model.
     """
 
     verdict: Verdict
     overlays: tuple[Overlay, ...]
     disagreements: tuple[Disagreement, ...]
+    true_misses: TrueMisses = field(default_factory=TrueMisses)

@@ -14,9 +14,9 @@ from benchtool.core.channel import Channel
 from benchtool.core.recording import Recording
 from benchtool.effects.catalogue import EFFECTS
 from benchtool.explain.explain import explain
+from benchtool.explain.explanation import Explanation
 from benchtool.explain.pitch_log import pitch_log
 from benchtool.explain.pitch_subject import PitchSubject
-from benchtool.explain.verdict import Verdict
 from benchtool.library import load_model
 from tests.blind.fisher import class_confirmed
 from tests.blind.pitch.gap import floor_of
@@ -24,8 +24,8 @@ from tests.blind.pitch.information import information
 from tests.blind.pitch.library import NAMED
 from tests.blind.pitch.outside import OUTSIDE
 from tests.blind.pitch.records import HiddenRecord, make_record
-from tests.blind.scored import Scored, ScoredParameter
-from tests.blind.scoring import Asked, plan, run, sizes_needed
+from tests.blind.scored import GAP_REACHED, Scored, ScoredParameter
+from tests.blind.scoring import Asked, longer, plan, run, sizes_needed
 
 MODEL = Path(__file__).resolve().parents[2] / "datasets" / "pitch_bench" / "model.toml"
 
@@ -44,8 +44,10 @@ SIGN = {"cog_offset": -1.0}
 """The generator counts towards rotor 1, which stands behind the hinge of benchtool's beam."""
 
 
-def asked(first_seed: int, scale: float) -> Iterator[Asked]:
+def asked(first_seed: int, scale: float, length: int = 1) -> Iterator[Asked]:
     """Yield what is scored."""
+    if length > 1:
+        return longer(NAMED, first_seed, length, scale=scale)
     return plan(NAMED, OUTSIDE, first_seed, scale=scale)
 
 
@@ -58,8 +60,8 @@ def recording_of(record_part: object, name: str) -> Recording:
     return Recording.from_columns(columns, {"file": name})
 
 
-def verdict_on(record: HiddenRecord) -> tuple[Verdict, float]:
-    """Return the verdict on a record, and how long it took: s."""
+def verdict_on(record: HiddenRecord) -> tuple[Explanation, float]:
+    """Return the explanation of a record, and how long it took: s."""
     loaded = load_model(MODEL)
     model = loaded.model
     logs = [
@@ -67,8 +69,8 @@ def verdict_on(record: HiddenRecord) -> tuple[Verdict, float]:
         for table, name in ((record.learn, "learn"), (record.check, "check"))
     ]
     began = time.perf_counter()
-    verdict = explain(PitchSubject(model, logs[:1], logs[1:]), propose=False).verdict
-    return verdict, time.perf_counter() - began
+    found = explain(PitchSubject(model, logs[:1], logs[1:]), propose=False)
+    return found, time.perf_counter() - began
 
 
 def scored(one: Asked) -> Scored:
@@ -78,8 +80,11 @@ def scored(one: Asked) -> Scored:
         one.family,
         excitation=one.excitation,
         strength=one.strength,
+        blocks=one.length,
     )
-    verdict, seconds = verdict_on(record)
+    found, seconds = verdict_on(record)
+    verdict = found.verdict
+    luck, learning = found.true_misses.within(GAP_REACHED)
     truth = record.truth
     hidden = {effect.name: effect for effect in truth.effects}
     stage = (
@@ -111,6 +116,8 @@ def scored(one: Asked) -> Scored:
         ),
         gaps={gap.channel: gap.after / gap.floor for gap in verdict.gaps},
         true_gaps=true_gaps,
+        by_luck=luck,
+        by_learning=learning,
         parameters=tuple(
             ScoredParameter(
                 name=f"{effect.name}.{item.name}", value=item.value, low=item.low, high=item.high,

@@ -6,52 +6,80 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+from numpy.typing import NDArray
 
 from benchtool.effects.catalogue import EFFECTS
 from benchtool.explain.explain import explain
+from benchtool.explain.explanation import Explanation
 from benchtool.explain.sweep_subject import SweepSubject
 from benchtool.explain.verdict import Verdict
 from benchtool.library import load_model
 from benchtool.store import read_points
 from benchtool.store.columns import KINDS
 from tests.blind.fisher import class_confirmed
-from tests.blind.scored import Scored, ScoredParameter
-from tests.blind.scoring import Asked, plan, run, sizes_needed
+from tests.blind.scored import GAP_REACHED, Scored, ScoredParameter
+from tests.blind.scoring import Asked, longer, plan, run, sizes_needed
 from tests.blind.sweep.information import information
 from tests.blind.sweep.library import NAMED
 from tests.blind.sweep.outside import OUTSIDE
-from tests.blind.sweep.readings import cell_N
-from tests.blind.sweep.records import HiddenSweep, make_record, write_record
+from tests.blind.sweep.readings import cell_N, thrust_N
+from tests.blind.sweep.records import (
+    HiddenSweep,
+    make_record,
+    swept_again,
+    write_record,
+    write_table,
+)
+from tests.blind.sweep.table import RPM, Part
+
+Array = NDArray[np.float64]
 
 PARTS = 20
 """Rich records of every named effect: 220 in all."""
 
 
-def asked(first_seed: int, scale: float) -> Iterator[Asked]:
+def asked(first_seed: int, scale: float, length: int = 1) -> Iterator[Asked]:
     """Yield what is scored."""
+    if length > 1:
+        return longer(NAMED, first_seed, length, parts=PARTS, scale=scale)
     return plan(NAMED, OUTSIDE, first_seed, parts=PARTS, scale=scale)
 
 
-def verdict_on(record: HiddenSweep) -> tuple[Verdict, float]:
-    """Return the verdict on a record as a user's files would give it, and how long it took: s."""
+def verdict_on(record: HiddenSweep, more: Sequence[Part] = ()) -> tuple[Explanation, float]:
+    """Return the explanation of a record as a user's files would give it, and its time: s.
+
+    Of further sweeps of the bench the first half are to learn from, the others to check on.
+    """
     with TemporaryDirectory() as folder:
         learn, check, model_file = write_record(record, Path(folder))
         model = load_model(model_file).model
         points = [read_points(path, KINDS) for path in (learn, check)]
+        further = []
+        for place, part in enumerate(more):
+            path = Path(folder) / f"more_{place}" / "points.csv"
+            write_table(part.table, path)
+            further.append(read_points(path, KINDS))
+    half = len(further) // 2
+    subject = SweepSubject(
+        model, [points[0], *further[:half]], [points[1], *further[half:]]
+    )  # fmt: skip
     began = time.perf_counter()
-    verdict = explain(SweepSubject(model, points[:1], points[1:])).verdict
-    return verdict, time.perf_counter() - began
+    found = explain(subject)
+    return found, time.perf_counter() - began
 
 
 def scored(one: Asked) -> Scored:
     """Make a record and score the verdict on it."""
     record = make_record(one.seed, one.family, excitation=one.excitation, strength=one.strength)
-    verdict, seconds = verdict_on(record)
+    more = swept_again(record, 2 * (one.length - 1))
+    found, seconds = verdict_on(record, more)
+    verdict = found.verdict
+    luck, learning = found.true_misses.within(GAP_REACHED)
     truth = record.truth
     hidden = {
         f"{effect.name}.{name}": value
@@ -74,6 +102,8 @@ def scored(one: Asked) -> Scored:
         ),
         gaps={gap.channel: gap.after / gap.floor for gap in verdict.gaps},
         true_gaps=_true_gaps(record, verdict),
+        by_luck=luck,
+        by_learning=learning,
         parameters=tuple(
             ScoredParameter(
                 name=f"{effect.name}.{item.name}", value=item.value, low=item.low, high=item.high,
@@ -91,12 +121,30 @@ def scored(one: Asked) -> Scored:
 
 
 def _true_gaps(record: HiddenSweep, verdict: Verdict) -> dict[str, float]:
-    """Return how far the true bench misses its own check sweep, over the stated floor."""
+    """Return how far the true bench misses its own first check sweep, over the stated floor.
+
+    It is told what a model is told: speeds and places as they were read.
+    """
     part = record.parts[1]
-    read = record.check["thrust_N"].to_numpy()
-    missed = read - cell_N(part.bench, part.rows, part.force_N)[part.kept]
-    floor = next(gap.floor for gap in verdict.gaps if gap.channel == "thrust_N")
-    return {"thrust_N": float(np.sqrt(np.mean(missed**2))) / floor}
+    bench, rows, table = part.bench, part.rows, record.check
+    rotors = range(1, bench.layout.rotors + 1)
+    speed = part.drive.speed_rad_s.copy()
+    speed[:, part.kept] = np.array([table[f"rpm{i}"].to_numpy() for i in rotors]) / RPM
+    shown = cell_N(bench, rows, thrust_N(bench, rows, speed, np.zeros(len(rows.z_m))))
+    missed = table["thrust_N"].to_numpy() - shown[part.kept]
+    wrong = RPM * (speed - part.drive.speed_rad_s)[:, rows.turning]
+    stay = np.array([2 * visit.stay + (visit.kind == "tare") for visit in part.plan.visits])
+    found = {
+        "thrust_N": _over_stays(missed**2, stay[part.kept]),
+        "rpm": _over_stays(np.mean(wrong**2, axis=0), stay[rows.turning]),
+    }
+    return {gap.channel: found[gap.channel] / gap.floor for gap in verdict.gaps}
+
+
+def _over_stays(squares: Array, stay: NDArray[np.intp]) -> float:
+    """Return the root of the mean over stays, each as heavy as any other."""
+    means = [np.mean(squares[stay == number]) for number in np.unique(stay)]
+    return float(np.sqrt(np.mean(means)))
 
 
 if __name__ == "__main__":

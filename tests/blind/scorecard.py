@@ -8,18 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from math import log
+from math import isnan, log
 
 import numpy as np
 
 from tests.blind.intervals import Share, share_of
-from tests.blind.scored import Scored
+from tests.blind.scored import GAP_REACHED, Scored
 
 BINS = 10
 LEAST_PROBABILITY = 1e-6
 """A logarithmic score counts nothing as less likely; one certain error would hide all else."""
-
-GAP_REACHED = 1.1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -126,6 +124,7 @@ class Scorecard:
             _at_least("'unknown' for what is outside", outside, _unknown, 0.95),
             _at_least("gap after at most 1.1 floors", named, _gap_reached, 0.95),
             _at_least("the same of the true model", _told(named), _true_gap, None),
+            *_expected(named),
             _at_least("pairs: both named", pairs, lambda one: one.both_named, 0.85),
             _at_least("stage right", full, lambda one: one.where == one.stage, 0.98),
             _at_least("poor excitation: right or an honest class", poor, _honest, 0.90),
@@ -268,6 +267,21 @@ def _gap_reached(one: Scored) -> bool:
 
 def _true_gap(one: Scored) -> bool:
     return max(one.true_gaps.values()) <= GAP_REACHED
+
+
+def _expected(records: list[Scored]) -> tuple[Line, ...]:
+    """Return what the count of gaps should come to, by the verdicts' own simulations."""
+    told = [one for one in records if not isnan(one.by_luck)]
+    if not told:
+        return ()
+    luck, learning = (
+        f"{100.0 * np.mean([getattr(one, name) for one in told]):.1f} %"
+        for name in ("by_luck", "by_learning")
+    )
+    return (
+        Line(what="expected of it by simulation, noise as stated", found=luck),
+        Line(what="expected with numbers as uncertain as learned", found=learning),
+    )
 
 
 def _told(records: list[Scored]) -> list[Scored]:

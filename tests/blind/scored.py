@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from math import nan
 from typing import Literal
 
 Kind = Literal["named", "none", "pair", "outside"]
@@ -12,6 +13,9 @@ Excitation = Literal["rich", "poor"]
 
 MOST_MEMBERS = 3
 """A class of more members says too little to count."""
+
+GAP_REACHED = 1.1
+"""Floors up to which a gap counts as closed."""
 
 SURE = 0.9
 """A name that is stated with more than this probability is stated with confidence."""
@@ -53,6 +57,9 @@ class Scored:
         confirmed: whether the true model's Fisher information says that a class is one.
         gaps: held-out error after over the noise floor, by channel.
         true_gaps: the same of the true model, by channel, where the generator tells it.
+        by_luck: share of draws of the stated noise in which a true model's error is within the
+            aim; where the record was scored before that was asked, nan.
+        by_learning: the same with its numbers as uncertain as the verdict's are.
         parameters: of rightly named effects.
         seconds: that the verdict took.
         label: to find the record again ("none 17").
@@ -73,6 +80,8 @@ class Scored:
     not_judged: Mapping[str, float] = field(default_factory=dict)
     confirmed: bool = False
     true_gaps: Mapping[str, float] = field(default_factory=dict)
+    by_luck: float = nan
+    by_learning: float = nan
     parameters: tuple[ScoredParameter, ...] = ()
     label: str = ""
 

@@ -34,17 +34,19 @@ FIRST_DEVELOPMENT_SEED = 2000
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """Ask for one record."""
+    """Ask for one record; `length` times as much to learn from, and to check on, as usual."""
 
     seed: int
     family: str
     strength: Strength = "full"
     excitation: Excitation = "rich"
+    length: int = 1
 
     @property
     def label(self) -> str:
         """Find the record again by this."""
-        return f"{self.family} {self.strength} {self.excitation} {self.seed}"
+        longer = f" x{self.length}" if self.length > 1 else ""
+        return f"{self.family} {self.strength} {self.excitation} {self.seed}{longer}"
 
 
 def plan(
@@ -78,6 +80,16 @@ def plan(
         seed += 20
 
 
+def longer(
+    named: Iterable[str], first_seed: int, length: int, *, parts: int = 16, scale: float = 1.0
+) -> Iterator[Asked]:
+    """Yield longer records of every named effect, for what their length does to the gap."""
+    names = tuple(named)
+    for part in range(max(1, round(parts * scale))):
+        for name in names:
+            yield Asked(first_seed + 20 * part, name, length=length)
+
+
 def read_kept(path: Path) -> dict[str, Scored]:
     """Return what was scored before, by label."""
     if not path.exists():
@@ -101,7 +113,7 @@ def sizes_needed(not_judged: Mapping[str, NotJudged]) -> dict[str, float]:
 
 def run(
     title: str,
-    asked: Callable[[int, float], Iterable[Asked]],
+    asked: Callable[[int, float, int], Iterable[Asked]],
     scored: Callable[[Asked], Scored],
     kept: Path,
 ) -> None:
@@ -109,13 +121,18 @@ def run(
 
     Args:
         title: of the scorecard.
-        asked: asked(first seed, scale) yields the records.
+        asked: asked(first seed, scale, length) yields the records.
         scored: makes a record and scores the verdict on it; runs in processes of its own.
         kept: file of outcomes, when the command line names none.
     """
     parser = argparse.ArgumentParser(description=title)
     parser.add_argument("--scoring", action="store_true", help="scoring seeds, not development's")
     parser.add_argument("--scale", type=float, default=1.0, help="part of the records to make")
+    parser.add_argument(
+        "--length", type=int, default=1,
+        help="rich records of single effects only, with so many times as much to learn from and "
+        "to check on",
+    )  # fmt: skip
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--kept", type=Path, default=kept)
     parser.add_argument("--page", type=Path, default=None, help="Markdown file to write")
@@ -127,7 +144,7 @@ def run(
         first = DEVELOPMENT_SEEDS.start + FIRST_DEVELOPMENT_SEED
     given.kept.parent.mkdir(parents=True, exist_ok=True)
     done = read_kept(given.kept)
-    to_do = [one for one in asked(first, given.scale) if one.label not in done]
+    to_do = [one for one in asked(first, given.scale, given.length) if one.label not in done]
     print(f"{len(done)} records were scored before, {len(to_do)} are to be", flush=True)
     with (
         ProcessPoolExecutor(given.workers) as pool,

@@ -97,6 +97,15 @@ def test_named_records_are_counted() -> None:
     assert figure(records, "seconds") == "median 1.0, most 1.0"
 
 
+def test_what_gaps_should_come_to_is_the_mean_of_what_verdicts_simulated() -> None:
+    told = [replace(RIGHT, by_luck=luck, by_learning=0.5 * luck) for luck in (0.9, 0.7)]
+    records = [*told, RIGHT, replace(WRONG, by_luck=0.1, by_learning=0.1)]
+    assert figure(records, "noise as stated") == "80.0 %"
+    assert figure(records, "as uncertain as learned") == "40.0 %"
+    lines = Scorecard("x", [RIGHT]).lines()
+    assert not any("by simulation" in line.what for line in lines)
+
+
 def test_a_wrong_name_beside_the_right_one_is_told() -> None:
     beside = replace(
         RIGHT,

@@ -167,6 +167,28 @@ def _on_another_day(bench: Bench, rng: np.random.Generator) -> Bench:
     return replace(bench, full_V=bench.full_V * (1.0 + float(rng.uniform(-0.01, 0.01))))
 
 
+def swept_again(record: HiddenSweep, count: int) -> tuple[Part, ...]:
+    """Sweep a record's bench so often again, each time on another day and in another order."""
+    truth = record.truth
+    word = f"again/{truth.family}/{truth.excitation}/{truth.strength}/{truth.dirt}"
+    root = np.random.default_rng([zlib.crc32(word.encode()), seeds.checked(truth.seed)])
+    habit = int(root.integers(len(HABITS)))
+    return tuple(
+        swept(
+            _on_another_day(truth.bench, rng),
+            programme(rng, truth.bench.layout, truth.excitation, habit),
+            rng,
+        )
+        for rng in root.spawn(count)
+    )
+
+
+def write_table(table: pd.DataFrame, path: Path) -> None:
+    """Write a sweep as a run's `points.csv`."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    table.to_csv(path, index=False, float_format="%.9g", lineterminator="\n")
+
+
 def write_record(record: HiddenSweep, folder: Path) -> tuple[Path, Path, Path]:
     """Write both tables and the model file; return their paths.
 
@@ -175,8 +197,7 @@ def write_record(record: HiddenSweep, folder: Path) -> tuple[Path, Path, Path]:
     paths = []
     for name, table in (("learn", record.learn), ("check", record.check)):
         path = folder / name / "points.csv"
-        path.parent.mkdir(parents=True, exist_ok=True)
-        table.to_csv(path, index=False, float_format="%.9g", lineterminator="\n")
+        write_table(table, path)
         paths.append(path)
     model = folder / "model.toml"
     model.write_text(record.model_toml, encoding="utf-8")

@@ -21,7 +21,7 @@ from tests.blind.sweep.library import NAMED, departure, power_of, shares
 from tests.blind.sweep.outside import OUTSIDE
 from tests.blind.sweep.programme import HABITS, programme
 from tests.blind.sweep.readings import Columns, cell_N, driven, thrust_N
-from tests.blind.sweep.records import HiddenSweep, families, make_record, pairs
+from tests.blind.sweep.records import HiddenSweep, families, make_record, pairs, swept_again
 from tests.blind.sweep.table import swept
 
 HERE = Path(__file__).parent
@@ -328,3 +328,14 @@ def test_nothing_of_benchtool_is_imported() -> None:
     imported = packages_imported(HERE)
     assert "numpy" in imported
     assert not imported & {"benchtool", "mujoco"}
+
+
+def test_a_bench_is_swept_again_on_other_days(null: HiddenSweep) -> None:
+    first, second = swept_again(null, 2)
+    again, _ = swept_again(null, 2)
+    pd.testing.assert_frame_equal(first.table, again.table)
+    check_table(first.table)
+    assert first.bench.full_V != second.bench.full_V
+    that_day = replace(null.truth.bench, full_V=first.bench.full_V)
+    assert first.bench == that_day
+    assert not first.table["plate_z_m"].equals(second.table["plate_z_m"])
