@@ -22,7 +22,7 @@ from tests.blind.pitch.seeds import DEVELOPMENT_SEEDS, SCORING_SEEDS, SCORING_SW
 from tests.blind.scorecard import Scorecard
 from tests.blind.scored import Excitation, Scored, ScoredParameter, Strength
 
-SCORING_BLOCK = 2
+SCORING_BLOCK = 3
 """Which scoring seeds: raised whenever a threshold of the method changes, so that no version is
 counted on seeds whose counts were known when it was made."""
 
