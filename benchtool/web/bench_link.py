@@ -8,13 +8,10 @@ import threading
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
-from multiprocessing import get_context
-from multiprocessing.connection import Connection as Pipe
-from typing import Any
 
-from benchtool.store import Event
+from benchtool.store.events import Event
+from benchtool.web.bench_process import BenchProcess
 from benchtool.web.desk.asks import Ask, Leave, Stop
-from benchtool.web.desk.desk import run_desk
 from benchtool.web.desk.news import Connection, Happened, Live, News, Said, Swept
 from benchtool.web.desk.outbox import FRAME
 
@@ -26,40 +23,37 @@ PATIENCE_S = 5.0
 
 
 class BenchLink:
-    """Start the bench process, ask it, and hold its latest snapshots for every page.
+    """Ask the bench process, and hold its latest snapshots for every page.
 
     Everything here runs in the page's loop; `start` is called there.
+
+    Args:
+        process: started by `start` unless it is already.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, process: BenchProcess | None = None) -> None:
         self.connection = Connection()
         self.live = Live()
         self.swept = Swept()
         self.events: list[Event] = []
         self.said: Callable[[Said], None] = lambda said: None
         self.framed: Callable[[bytes], None] = lambda frame: None
-        self._process: Any = None
-        self._pipe: Pipe | None = None
+        self._process = process or BenchProcess()
         self._closing = False
 
     def start(self) -> None:
-        """Start the process and listen to it."""
-        spawn = get_context("spawn")
-        self._pipe, theirs = spawn.Pipe()
-        self._process = spawn.Process(target=run_desk, args=(theirs,), name="benchtool bench")
-        self._process.start()
-        theirs.close()
+        """Listen to the process."""
+        if not self._process.started:
+            self._process.start()
         loop = asyncio.get_running_loop()
         threading.Thread(
-            target=self._listen, args=(self._pipe, loop), name="bench news", daemon=True
+            target=self._listen, args=(self._process, loop), name="bench news", daemon=True
         ).start()
 
     def ask(self, ask: Ask) -> None:
         """Send something to the bench process; it answers with news."""
-        if self._pipe is not None:
-            # A process that is gone is told of, and started again, where it is listened to.
-            with suppress(OSError):
-                self._pipe.send_bytes(pickle.dumps(ask))
+        # A process that is gone is told of, and started again, where it is listened to.
+        self._process.send(pickle.dumps(ask))
 
     def stop(self, who: str) -> None:
         """Stop the motors and whatever runs."""
@@ -67,16 +61,14 @@ class BenchLink:
 
     def close(self) -> None:
         """End the process: it stops the motors and closes its run first."""
-        if self._pipe is not None:
-            self._closing = True
-            self.ask(Leave())
-            self._process.join(PATIENCE_S)
-            self._pipe = None
+        self._closing = True
+        self.ask(Leave())
+        self._process.end(PATIENCE_S)
 
-    def _listen(self, pipe: Pipe, loop: asyncio.AbstractEventLoop) -> None:
+    def _listen(self, process: BenchProcess, loop: asyncio.AbstractEventLoop) -> None:
         while True:
             try:
-                told = pipe.recv_bytes()
+                told = process.receive()
             except (EOFError, OSError):
                 break
             # A loop that is closed has no page any more.
@@ -92,6 +84,7 @@ class BenchLink:
             "connect it anew"
         )
         session = self.connection.session
+        self._process = BenchProcess()
         self.start()
         self.connection, self.live = Connection(reason=reason, session=session), Live()
         if self.swept.active:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import secrets
 import socket
 import sys
@@ -10,17 +9,10 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
-from nicegui import app, ui
-
 from benchtool.errors import InputError
 from benchtool.web.access import LOOPBACK, Access, is_loopback
-from benchtool.web.context import Shared
-from benchtool.web.control_line import serve_control_line
-from benchtool.web.doorman import Doorman
-from benchtool.web.page import serve_page
-from benchtool.web.stream import Stream
-from benchtool.web.tell import say_error, say_everywhere
-from benchtool.web.theme import serve_static
+from benchtool.web.bench_process import BenchProcess
+from benchtool.web.quick_import import quick_import
 
 PORT = 8460
 """Where the page is when nobody names a port and this one is free; a choice."""
@@ -28,10 +20,6 @@ PORT = 8460
 TOKEN_BYTES = 24
 
 EVERYWHERE = frozenset({"0.0.0.0", "::"})  # noqa: S104 -- compared with, not bound to
-
-RECONNECT_S = 15.0
-"""A page that was silent for so long is forgotten; loaded again, it starts anew. A choice: busy
-machines make browsers wait for seconds."""
 
 
 def serve(
@@ -49,7 +37,6 @@ def serve(
         host: address to bind to.
         port: to bind to; PORT or else a free one when None, a free one when 0.
         announce: is given the address of the page once it can be opened.
-
         wants_token: demand the token of this machine's users, too.
 
     Raises:
@@ -60,25 +47,15 @@ def serve(
     shown = "127.0.0.1" if host in EVERYWHERE else host
     url = f"http://{f'[{shown}]' if ':' in shown else shown}:{port}/"
     opened = f"{url}?token={access.token}" if access.token else url
-    shared = Shared(runs=runs)
-    app.add_middleware(Doorman, access=access, cookie=f"benchtool-{port}")
-    stream = Stream()
-    shared.bench.framed = stream.show
-    shared.bench.said = say_everywhere
-    app.on_startup(shared.bench.start)
-    app.on_startup(lambda: announce(opened))
-    app.on_shutdown(shared.close)
-    app.on_exception(say_error)
-    serve_static()
-    serve_control_line(shared)
-    stream.serve()
-    serve_page(shared)
-    # A name that a browser may ask for is settled by us, not by the environment of a test.
-    os.environ.pop("PYTEST_CURRENT_TEST", None)
-    ui.run(
-        host=host, port=port, title="benchtool", reload=False, show=False,
-        show_welcome_message=False, reconnect_timeout=RECONNECT_S, language=None,
-    )  # fmt: skip
+    # The two import side by side: the bench process what it needs, this one the web framework.
+    process = BenchProcess()
+    process.start()
+    try:
+        with quick_import():
+            from benchtool.web.application import run_application
+        run_application(runs, (host, port), access, process, lambda: announce(opened))
+    finally:
+        process.end(0.0)
 
 
 def access_for(host: str, *, wants_token: bool = False) -> Access:

@@ -1,9 +1,9 @@
-"""The seam of the page's tabs: a name, an icon, and what builds the tab when it is first shown."""
+"""The seam of the page's tabs: a name, an icon, and the module that builds the tab."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
+from importlib import import_module
 
 from benchtool.web.context import Context
 
@@ -15,16 +15,20 @@ class Tab:
     Attributes:
         name: as the page shows it, one word.
         icon: name of a Material icon.
-        build: makes the tab's elements in the present slot, for one page. Called when the tab is
-            first shown, so that a page is usable before every tab is made. Heavy imports belong
-            inside of it or of its handlers.
+        module: with a function `build(context)` that makes the tab's elements in the present slot,
+            for one page. Imported when the tab is first shown, so that a page is usable before
+            the libraries of every tab are there.
     """
 
     name: str
     icon: str
-    build: Callable[[Context], None]
+    module: str
 
     @property
     def key(self) -> str:
         """The tab's name in addresses."""
         return self.name.lower()
+
+    def build(self, context: Context) -> None:
+        """Make the tab's elements for one page."""
+        import_module(self.module).build(context)

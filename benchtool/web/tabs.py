@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
-from benchtool.web.bench import tab as bench_tab
-from benchtool.web.explains import tab as explain_tab
-from benchtool.web.fits import tab as fit_tab
-from benchtool.web.runs import tab as runs_tab
-from benchtool.web.simulate import tab as simulate_tab
-from benchtool.web.sweep import tab as sweep_tab
 from benchtool.web.tab import Tab
 
 TABS: tuple[Tab, ...] = (
-    bench_tab.TAB,
-    sweep_tab.TAB,
-    runs_tab.TAB,
-    fit_tab.TAB,
-    simulate_tab.TAB,
-    explain_tab.TAB,
+    Tab(name="Bench", icon="speed", module="benchtool.web.bench.tab"),
+    Tab(name="Sweep", icon="stacked_line_chart", module="benchtool.web.sweep.tab"),
+    Tab(name="Runs", icon="folder_open", module="benchtool.web.runs.tab"),
+    Tab(name="Fit", icon="functions", module="benchtool.web.fits.tab"),
+    Tab(name="Simulate", icon="flight_takeoff", module="benchtool.web.simulate.tab"),
+    Tab(name="Explain", icon="troubleshoot", module="benchtool.web.explains.tab"),
 )

@@ -12,7 +12,6 @@ from benchtool.web.bench.record_card import RecordCard
 from benchtool.web.bench.throttle_card import ThrottleCard
 from benchtool.web.context import Context
 from benchtool.web.strip_chart import StripChart, panels_of
-from benchtool.web.tab import Tab
 
 LOOK_S = 0.25
 """How often the numbers beside the charts are looked at."""
@@ -48,6 +47,3 @@ def build(context: Context) -> None:
 
     refresh()
     ui.timer(LOOK_S, refresh)
-
-
-TAB = Tab(name="Bench", icon="speed", build=build)

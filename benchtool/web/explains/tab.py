@@ -18,10 +18,15 @@ from benchtool.web.explains.question import question_of, suggested_folder
 from benchtool.web.explains.running import Explaining, clear, latest, start
 from benchtool.web.hand_over import HandOver
 from benchtool.web.show import STYLE
-from benchtool.web.tab import Tab
 from benchtool.web.tell import say, tells_errors
 
 _STYLE = "<style>.stages { list-style: none; padding: 0; margin: 0; columns: 18rem auto; }</style>"
+
+
+WHAT = (
+    "Says where recordings disagree with a model, and which physical effect the model lacks. It "
+    "learns from some recordings and is checked on others of the same bench."
+)
 
 
 class ExplainTab:
@@ -33,6 +38,7 @@ class ExplainTab:
         ui.add_head_html(STYLE + _STYLE)
         with ui.card().classes("w-full gap-2"):
             ui.label("Recordings and model").classes("card-title")
+            ui.label(WHAT).classes("soft")
             with ui.element("div").classes("fit-form w-full"):
                 with ui.column().classes("w-full gap-2"):
                     self._learn = self._recordings("Recordings to learn from", "learn")
@@ -133,6 +139,3 @@ def build(context: Context) -> None:
     """Make the tab; ?learn=NAME&check=NAME&model=NAME chooses what is asked."""
     ExplainTab(context)
     app.on_shutdown(lambda: clear(context.runs))
-
-
-TAB = Tab(name="Explain", icon="troubleshoot", build=build)

@@ -22,7 +22,6 @@ from benchtool.web.fits.progress import Progress
 from benchtool.web.fits.running import Fitting, start
 from benchtool.web.runs.listing import Listing
 from benchtool.web.show import STYLE, show, waiting
-from benchtool.web.tab import Tab
 from benchtool.web.tell import tells_errors
 
 USUAL_MODEL = "quad_bench"
@@ -152,6 +151,3 @@ def build(context: Context) -> None:
 def _load() -> None:
     adjustables(USUAL_MODEL)
     recipe_of_options({"name": "any", "data": ["any"], "model": USUAL_MODEL})
-
-
-TAB = Tab(name="Fit", icon="functions", build=build)

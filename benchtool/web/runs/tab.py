@@ -15,11 +15,13 @@ from benchtool.web.context import Context
 from benchtool.web.runs.detail import RunDetail
 from benchtool.web.runs.listing import Listing
 from benchtool.web.show import STYLE
-from benchtool.web.tab import Tab
 from benchtool.web.tell import tells_errors
 
 ROWS = 10
-NOTHING = "Nothing to show: sweep first, search for other words, or put runs into the folder."
+NOTHING = (
+    "Nothing to show. Measure a sweep under Sweep, keep a simulation under Simulate, or put run "
+    "folders and CSV files into the folder; or search for other words."
+)
 LOOK_S = 3.0
 
 COLUMNS = (
@@ -80,7 +82,8 @@ class RunsTab:
             on_select=self._chosen,
         )  # fmt: skip
         table.classes("runs-table w-full").props("flat dense wrap-cells").mark("runs")
-        table.props(f'no-data-label="{NOTHING}"')
+        with table.add_slot("no-data"):
+            ui.label(NOTHING).classes("soft q-py-sm")
         table.add_slot("body-cell-name", _NAME)
         table.add_slot("body-cell-said", _SAID)
         table.add_slot("body-selection", _CHOOSE)
@@ -148,6 +151,3 @@ def _row(entry: Entry) -> dict[str, Any]:
         "said": entry.problem.removeprefix(f"{entry.name}: ") or entry.said,
         "problem": bool(entry.problem),
     }
-
-
-TAB = Tab(name="Runs", icon="folder_open", build=build)

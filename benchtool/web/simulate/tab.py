@@ -5,7 +5,6 @@ from __future__ import annotations
 from nicegui import ui
 
 from benchtool.web.context import Context
-from benchtool.web.tab import Tab
 
 
 def build(context: Context) -> None:
@@ -14,6 +13,3 @@ def build(context: Context) -> None:
 
     ui.add_head_html('<link rel="stylesheet" href="/static/simulate.css">')
     SimulateDesk(context)
-
-
-TAB = Tab(name="Simulate", icon="flight_takeoff", build=build)

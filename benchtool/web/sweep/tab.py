@@ -5,7 +5,6 @@ from __future__ import annotations
 from nicegui import ui
 
 from benchtool.web.context import Context
-from benchtool.web.tab import Tab
 
 LOOK_S = 0.5
 """How often points are looked for: the plot changes at most twice a second."""
@@ -31,6 +30,3 @@ def build(context: Context) -> None:
     ui.timer(LOOK_S, refresh)
     # By itself: the state of a sweep does not wait for its plot.
     ui.timer(LOOK_S, plot.refresh)
-
-
-TAB = Tab(name="Sweep", icon="stacked_line_chart", build=build)
