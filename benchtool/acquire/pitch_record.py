@@ -17,6 +17,7 @@ from benchtool.acquire.record import Recorder
 from benchtool.bench.after_stop import after_stop
 from benchtool.bench.bench import Bench, Readings
 from benchtool.bench.guard import GuardedBench
+from benchtool.core.counted import counted
 from benchtool.core.rig import Rig
 from benchtool.errors import BenchtoolError, LimitExceeded, RunStopped
 from benchtool.store import Run
@@ -108,6 +109,7 @@ def record_pitch(
     require_pitch(bench.identity)
     if isinstance(bench, GuardedBench):
         bench.spare(Recorder.read, _stop_at_once)
+        bench.expect_loop()
     recorder = PitchRecorder(
         bench, run, Unwatched(progress or Silent()), experiment.pitch_limit_rad
     )
@@ -122,6 +124,8 @@ def record_pitch(
             summary = _collect(recorder, experiment.seconds, left)
             motors.ramp_to(motors.stop_us, RAMP_DOWN_S, "end")
             bench.stop()
+            # All that is on the disk, the ramps too.
+            summary.samples, summary.lost = recorder.quality.samples, recorder.quality.lost
         except BaseException as error:
             _stop_at_once(recorder, run, error)
             if isinstance(error, OSError):
@@ -156,7 +160,6 @@ def _collect(
             count += int(np.isfinite(error).sum())
     if count:
         summary.rms_error_rad = float(np.sqrt(squares / count))
-    summary.samples, summary.lost = recorder.quality.samples, recorder.quality.lost
     return summary
 
 
@@ -186,6 +189,6 @@ def summary_line(summary: PitchSummary) -> str:
     error = summary.rms_error_rad
     tracking = "" if np.isnan(error) else f", RMS error {degrees(error):.2f} deg"
     return (
-        f"{summary.seconds:g} s, {summary.samples} samples, {summary.lost} lost; largest angle "
-        f"{degrees(summary.largest_rad):.2f} deg{tracking}"
+        f"{summary.seconds:g} s, {counted(summary.samples, 'sample')}, {summary.lost} lost; "
+        f"largest angle {degrees(summary.largest_rad):.2f} deg{tracking}"
     )

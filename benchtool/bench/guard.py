@@ -21,6 +21,7 @@ from benchtool.bench.bench import Bench, Identity, Readings
 from benchtool.bench.join_readings import joined
 from benchtool.bench.limit_check import LimitCheck
 from benchtool.bench.stop_signals import StopSignals
+from benchtool.core.counted import counted
 from benchtool.core.rig import Limits, Rig
 from benchtool.errors import (
     BenchError,
@@ -87,13 +88,24 @@ class GuardedBench:
         self.bench.open()
         if (present := self.identity.n_rotors) != self._rig.n_rotors:
             raise InputError(
-                f"rig {self._rig.name!r} has {self._rig.n_rotors} rotors, but the bench "
-                f"{self.identity.address} drives {present}; name the rig that stands on it"
+                f"rig {self._rig.name!r} has {counted(self._rig.n_rotors, 'rotor')}, but the "
+                f"bench {self.identity.address} drives {present}; name the rig that stands on it"
             )
         self._commanded_s = self.now_s()
         self._check = LimitCheck(
             self.identity.channels, self._rig, self._limits, self._stale_s, self.now_s()
         )
+        if self.identity.facts.get("mode") == "pitch":
+            self.expect_loop()
+
+    def expect_loop(self) -> None:
+        """Judge speeds by the pulses that the bench reports, because a loop on it makes them.
+
+        A bench that says of itself that it is a pitch bench is judged so from the beginning.
+        """
+        if self._check is not None:
+            by_operator = self.identity.facts.get("armed_by") == "operator"
+            self._check.expect_loop(self.now_s(), armed_else=by_operator)
 
     def close(self) -> None:
         self._check = None

@@ -9,6 +9,7 @@ from math import inf, pi
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.bench.obedience import GAP_S, HostPulses, LoopPulses
 from benchtool.core.channel import Channel
 from benchtool.core.rig import Limits, Rig
 from benchtool.errors import LimitExceeded
@@ -25,22 +26,9 @@ PLAUSIBLE_MARGIN = 0.05
 IMPLAUSIBLE_S = 0.6
 """Thrust may disagree with rpm for so long: amplifiers with 10 readings per second lag by 0.4 s."""
 
-TOO_SLOW, TOO_SLOW_S = 0.25, 2.0
-"""A motor slower than this share of what its pulse gives, so long after the command, is dead, or
-its rpm channel is. The share leaves room for a pulse map that is only roughly known. A choice."""
-
-TOO_FAST, TOO_FAST_S = 4.0, 5.0
-"""The same for a motor that turns faster, or that turns without a command."""
-
-SLACK_RPM = 300.0
-"""Room on both for pulses near the start of the map, where motors stutter. A choice."""
-
 STUCK_S = 3.0
 """A load cell that repeats one number for so long, while rpm readings change, is stuck. A choice:
 240 readings of an 80 Hz cell."""
-
-GAP_S = 0.5
-"""Nobody read the stream for longer than this: the silence was ours, not that of a channel."""
 
 SLOW = 10.0
 """Voltage, current and temperature may be silent this much longer than thrust and rpm."""
@@ -84,21 +72,21 @@ class LimitCheck:
         start_s: float,
     ) -> None:
         names = [channel.name for channel in channels]
-        self._watched = _watched(names, limits, stale_s)
-        self._columns = np.array([item.index for item in self._watched], np.intp)
-        self._low = np.array([item.low for item in self._watched], float)
-        self._high = np.array([item.high for item in self._watched], float)
-        self._stale_s = np.array([item.stale_s for item in self._watched], float)
-        self._fresh_s: Array = np.full(len(self._watched), start_s)
+        self._names, self._rotor_stale_s = names, stale_s
+        self._watch(_watched(names, limits, stale_s), start_s)
         self._rpm = [
             names.index(f"rpm{i + 1}") for i in range(rig.n_rotors) if f"rpm{i + 1}" in names
         ]
         self._thrust = names.index("thrust_N") if "thrust_N" in names else -1
         self._n_rotors = rig.n_rotors
-        self._pulse = rig.propulsion
-        self._pwm_us: Array | None = None
-        self._commanded_s = start_s
-        self._slowest_rpm = self._fastest_rpm = np.zeros(rig.n_rotors)
+        self._rig = rig
+        self._host = HostPulses(rig.propulsion, rig.n_rotors, start_s)
+        self._loop: LoopPulses | None = None
+        self._armed_else = False
+        self._pwm = [
+            names.index(f"pwm{i + 1}_us") for i in range(rig.n_rotors) if f"pwm{i + 1}_us" in names
+        ]
+        self._seen_us: Array = np.full(len(self._pwm), np.nan)
         self._seen_rpm: Array = np.full(len(self._rpm), np.nan)
         self._thrust_per_rpm2 = rig.propulsion.thrust_coefficient_N_s2 * (pi / 30.0) ** 2
         self._margin_N = PLAUSIBLE_MARGIN * limits.load_cell_rating_N
@@ -106,16 +94,36 @@ class LimitCheck:
         self._same_N, self._same_since_s = np.nan, start_s
         self._square, self._rpm_moved_s = 0.0, -inf
 
+    def _watch(self, watched: list[_Watched], now_s: float) -> None:
+        self._watched = watched
+        self._columns = np.array([item.index for item in watched], np.intp)
+        self._low = np.array([item.low for item in watched], float)
+        self._high = np.array([item.high for item in watched], float)
+        self._stale_s = np.array([item.stale_s for item in watched], float)
+        self._fresh_s: Array = np.full(len(watched), now_s)
+
     def commanded(self, pwm_us: Array, now_s: float) -> None:
         """Note what every motor is told (n_rotors,): us, to compare its rpm with."""
-        if self._pwm_us is not None and np.array_equal(pwm_us, self._pwm_us):
+        self._host.commanded(pwm_us, now_s)
+
+    def expect_loop(self, now_s: float, *, armed_else: bool) -> None:
+        """Judge speeds by the pulses that the bench reports: a loop on it makes them.
+
+        Without a pulse of every rotor in the stream, the host's commands go on to count. Pulses
+        that fall silent end the run as speeds do: they are what speeds are judged by.
+
+        Args:
+            now_s: time on the bench's clock.
+            armed_else: somebody else may start the motors, as with a transmitter, so they may turn
+                before the host commands anything.
+        """
+        if self._loop is not None or len(self._pwm) < self._n_rotors:
             return
-        pulse = self._pulse
-        drive_us = np.where(pwm_us > pulse.pwm_stop_us, pwm_us - pulse.pwm_start_us, 0.0)
-        rpm = pulse.speed_per_us_rad_s * np.maximum(drive_us, 0.0) * 30.0 / pi
-        self._pwm_us, self._commanded_s = np.array(pwm_us), now_s
-        self._slowest_rpm = TOO_SLOW * rpm - SLACK_RPM
-        self._fastest_rpm = TOO_FAST * rpm + SLACK_RPM
+        stale_s = self._rotor_stale_s
+        pulses = [_Watched(i, self._names[i], "pwm", -inf, inf, stale_s) for i in self._pwm]
+        self._watch([*self._watched, *pulses], now_s)
+        self._loop = LoopPulses(self._rig.propulsion, self._n_rotors, now_s)
+        self._armed_else = armed_else
 
     def breach(self, time_s: Array, values: Array) -> LimitExceeded | None:
         """Return the first limit that samples (m,), (m, c) break, or None.
@@ -138,26 +146,12 @@ class LimitCheck:
             return self._stale(silent_s)
         if len(self._rpm) < self._n_rotors:
             return None
-        rpm = self._filled(values[:, self._rpm])
+        rpm, self._seen_rpm = _filled(values[:, self._rpm], self._seen_rpm)
         error: LimitExceeded | None = None
         if self._thrust >= 0:
             thrust_N, squares = values[:, self._thrust], np.einsum("ij,ij->i", rpm, rpm)
             error = self._implausible(time_s, squares, thrust_N) or self._stuck(squares, thrust_N)
-        return error or self._disobeyed(rpm)
-
-    def _filled(self, rpm: Array) -> Array:
-        """Return speeds (m, n) with every gap holding the channel's last reading.
-
-        A device may send thrust and speeds in different rows; a reading that is too old to compare
-        with is a silent channel, which is judged by itself.
-        """
-        if np.isnan(rpm).any():
-            whole = np.vstack([self._seen_rpm, rpm])
-            rows = np.where(np.isnan(whole), 0, np.arange(len(whole))[:, None])
-            np.maximum.accumulate(rows, axis=0, out=rows)
-            rpm = np.take_along_axis(whole, rows, axis=0)[1:]
-        self._seen_rpm = rpm[-1].copy()
-        return rpm
+        return error or self._disobeyed(values, rpm)
 
     def _skip_gap(self, first_s: float) -> None:
         gap_s = first_s - self._last_s
@@ -171,27 +165,20 @@ class LimitCheck:
         newest = np.where(fresh, time_s[:, None], -inf).max(axis=0)
         np.maximum(self._fresh_s, newest, out=self._fresh_s)
 
-    def _disobeyed(self, rpm: Array) -> LimitExceeded | None:
-        """Return an error when a motor's rpm has not followed its pulse by now."""
-        since_s = self._last_s - self._commanded_s
-        if self._pwm_us is None or since_s < TOO_SLOW_S:
-            return None
-        # A motor that was never heard of compares as neither too slow nor too fast.
-        bad = rpm[-1] < self._slowest_rpm
-        limits_rpm = self._slowest_rpm
-        if since_s > TOO_FAST_S and not bad.any():
-            bad = rpm[-1] > self._fastest_rpm
-            limits_rpm = self._fastest_rpm
-        if not bad.any():
-            return None
-        motor = int(np.argmax(bad))
-        return LimitExceeded(
-            f"rpm{motor + 1}",
-            float(rpm[-1, motor]),
-            float(limits_rpm[motor]),
-            f"that does not fit a pulse of {self._pwm_us[motor]:g} us after {since_s:.1f} s; check "
-            f"motor {motor + 1}, its ESC, its rpm channel and the rig's pulse map",
-        )
+    def _disobeyed(self, values: Array, rpm: Array) -> LimitExceeded | None:
+        """Return an error when a motor's rpm has not followed its pulse by now.
+
+        Where a loop on the bench makes the pulses, those it reports count. The host's zero counts
+        all the same: a loop that turns motors after it is as wrong as a motor that does. A bench
+        that reports no pulses is judged by the host's, which is stricter than not at all.
+        """
+        if self._loop is None:
+            return self._host.disobeyed(rpm[-1], self._last_s)
+        pwm_us, self._seen_us = _filled(values[:, self._pwm], self._seen_us)
+        error = self._loop.disobeyed(pwm_us, rpm, self._last_s)
+        if error is None and self._host.at_zero and (self._host.has_driven or not self._armed_else):
+            error = self._host.disobeyed(rpm[-1], self._last_s)
+        return error
 
     def _stuck(self, squares: Array, thrust_N: Array) -> LimitExceeded | None:
         """Return an error when thrust repeats one number while rpm readings change."""
@@ -274,3 +261,21 @@ def _watched(names: Sequence[str], limits: Limits, stale_s: float) -> list[_Watc
         if family in bounds:
             found.append(_Watched(index, name, family, *bounds[family]))
     return found
+
+
+def _filled(rows: Array, seen: Array) -> tuple[Array, Array]:
+    """Return rows (m, n) with every gap holding the channel's last reading, and the last row.
+
+    A device may send thrust and speeds in different rows; a reading that is too old to compare
+    with is a silent channel, which is judged by itself.
+
+    Args:
+        rows: readings.
+        seen: (n,) the last ones before them.
+    """
+    if np.isnan(rows).any():
+        whole = np.vstack([seen, rows])
+        at = np.where(np.isnan(whole), 0, np.arange(len(whole))[:, None])
+        np.maximum.accumulate(at, axis=0, out=at)
+        rows = np.take_along_axis(whole, at, axis=0)[1:]
+    return rows, rows[-1].copy()

@@ -51,7 +51,7 @@ def identity_of(
     if learnt.speed != 1.0:
         facts["speed"] = f"{learnt.speed:g}"
     if settings.mode == "pitch":
-        facts["mode"] = "pitch"
+        facts |= {"mode": "pitch", "armed_by": settings.arm}
     outputs = learnt.wiring.outputs
     unmapped = settings.mode == "pitch" and len(outputs) > 1 and 0 in outputs
     warnings = [settings.warning, UNMAPPED if unmapped else ""]

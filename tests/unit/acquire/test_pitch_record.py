@@ -88,6 +88,9 @@ def test_it_begins_at_rest_and_ends_with_motors_that_stand_still(tmp_path: Path)
     assert run.metadata["samples"]["parquet_sha256"]
     assert [event.event for event in read_events(run.path / "events.jsonl")] == ["armed", "ended"]
     assert summary.lost == 0
+    # The ramps are in the file, too: what is told is what it holds.
+    assert summary.samples == len(samples) == run.metadata["link"]["samples"] > 500
+    assert f"{len(samples)} samples" in summary_line(summary)
 
 
 def test_the_plate_is_sent_before_anything_spins(tmp_path: Path) -> None:

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from benchtool.bench.limit_check import LimitCheck
+from benchtool.bench.obedience import speeds_of
 from benchtool.core.channel import Channel
 from benchtool.errors import LimitExceeded
 from benchtool.library import rig_named
+
+Array = NDArray[np.float64]
 
 RIG = rig_named("pquad")
 CHANNELS = (
@@ -65,3 +70,197 @@ def test_a_rotor_that_does_not_turn_stops_it(spread: NDArray[np.bool_], block: i
     assert error is not None
     assert error.channel == "rpm3"
     assert when_s < 2.5
+
+
+LOOP_CHANNELS = (*CHANNELS[:4], *(Channel(f"pwm{i + 1}_us", "pwm_us") for i in range(4)))
+HOVER_US = 1500.0
+
+
+def loop_stopped_at_s(
+    pulses: Callable[[Array], Array],
+    rpm: Callable[[Array, Array], Array],
+    host_us: float = HOVER_US,
+    *,
+    channels: tuple[Channel, ...] = LOOP_CHANNELS,
+    armed_else: bool = False,
+    block_s: float = 0.05,
+    seconds: float = 15.0,
+) -> tuple[float, LimitExceeded | None]:
+    """Return when a bench with a loop on board is stopped.
+
+    Args:
+        pulses: of time (n,), gives (n, 4).
+        rpm: of time and the speeds that the pulses give (n, 4), gives (n, 4).
+        host_us: what the host commanded last, for all rotors, at 0 s.
+        channels: that the bench streams.
+        armed_else: as for `expect_loop`.
+        block_s: how much a read brings.
+        seconds: how long.
+    """
+    check = LimitCheck(channels, RIG, RIG.limits, 1.0, 0.0)
+    check.expect_loop(0.0, armed_else=armed_else)
+    check.commanded(np.full(4, host_us), 0.0)
+    time_s = (1.0 + np.arange(int(seconds * RATE_HZ))) / RATE_HZ
+    told = pulses(time_s)
+    whole = np.hstack([rpm(time_s, speeds_of(RIG.propulsion, told)), told])
+    values = whole[:, : len(channels)]
+    block = max(1, round(block_s * RATE_HZ))
+    for start in range(0, len(time_s), block):
+        rows = slice(start, start + block)
+        if error := check.breach(time_s[rows], values[rows]):
+            return float(time_s[rows][-1]), error
+    return float(time_s[-1]), None
+
+
+def hovering(time_s: Array) -> Array:
+    """Give pulses of a loop that swings a beam about hover: front and rear against each other."""
+    swing_us = 150.0 * np.sin(2.0 * np.pi * 0.7 * time_s)
+    return HOVER_US + np.outer(swing_us, [1.0, -1.0, 1.0, -1.0])
+
+
+def follows(time_s: Array, told_rpm: Array) -> Array:
+    return told_rpm + 5.0 * np.sin(40.0 * time_s)[:, None]
+
+
+def test_a_loop_that_takes_a_rotor_far_from_the_hosts_pulse_goes_on() -> None:
+    def saturated(time_s: Array) -> Array:
+        pulses = hovering(time_s)
+        pulses[time_s > 3.0, 2] = RIG.propulsion.pwm_start_us + 5.0  # held there by the loop
+        return pulses
+
+    assert loop_stopped_at_s(hovering, follows)[1] is None
+    assert loop_stopped_at_s(saturated, follows)[1] is None
+    by_host = LimitCheck(LOOP_CHANNELS, RIG, RIG.limits, 1.0, 0.0)
+    by_host.commanded(np.full(4, HOVER_US), 0.0)
+    time_s = np.linspace(3.1, 6.0, 290)
+    told = saturated(time_s)
+    told_rpm = speeds_of(RIG.propulsion, told)
+    error = by_host.breach(time_s, np.hstack([follows(time_s, told_rpm), told]))
+    assert error is not None  # what the host commanded last would have stopped it
+    assert error.channel == "rpm3"
+
+
+def test_a_schedule_that_ends_by_itself_goes_on() -> None:
+    def ends(time_s: Array) -> Array:
+        stop_us = RIG.propulsion.pwm_stop_us
+        return np.where(time_s[:, None] < 5.0, hovering(time_s), stop_us)
+
+    assert loop_stopped_at_s(ends, follows)[1] is None
+
+
+@pytest.mark.parametrize("block_s", [0.01, 0.05, 0.4])
+def test_a_dead_motor_under_a_loop_is_stopped(block_s: float) -> None:
+    def dead(time_s: Array, told_rpm: Array) -> Array:
+        rpm = follows(time_s, told_rpm)
+        rpm[time_s > 4.0, 1] = 0.0
+        return rpm
+
+    when_s, error = loop_stopped_at_s(hovering, dead, block_s=block_s)
+    assert error is not None
+    assert error.channel == "rpm2"
+    assert "the pulses that the bench reports" in str(error)
+    # As long as with the host's pulses; the mean remembers for 1 s, and a block is a mean, too.
+    assert 6.0 < when_s < 4.0 + 2.0 + 1.0 + 2.0 * block_s
+
+
+def test_a_motor_that_never_starts_under_a_loop_is_stopped() -> None:
+    def never(time_s: Array, told_rpm: Array) -> Array:
+        rpm = follows(time_s, told_rpm)
+        rpm[:, 0] = 0.0
+        return rpm
+
+    when_s, error = loop_stopped_at_s(hovering, never)
+    assert error is not None
+    assert error.channel == "rpm1"
+    assert when_s < 2.5
+
+
+def test_a_dead_motor_is_found_though_its_pulses_touch_the_start_again_and_again() -> None:
+    def wild(time_s: Array) -> Array:
+        swing_us = 450.0 * np.sin(2.0 * np.pi * 1.0 * time_s)
+        return HOVER_US + np.outer(swing_us, [1.0, -1.0, 1.0, -1.0])
+
+    def dead(time_s: Array, told_rpm: Array) -> Array:
+        rpm = follows(time_s, told_rpm)
+        rpm[:, 0] = 0.0
+        return rpm
+
+    assert loop_stopped_at_s(wild, follows)[1] is None
+    when_s, error = loop_stopped_at_s(wild, dead)
+    assert error is not None
+    assert when_s < 3.5
+
+
+def test_a_motor_that_runs_away_under_a_loop_is_stopped() -> None:
+    def away(time_s: Array, told_rpm: Array) -> Array:
+        rpm = follows(time_s, told_rpm)
+        rpm[time_s > 2.0, 3] = 5000.0
+        return rpm
+
+    def idle(time_s: Array) -> Array:
+        return np.full((len(time_s), 4), RIG.propulsion.pwm_start_us + 20.0)
+
+    when_s, error = loop_stopped_at_s(idle, away)
+    assert error is not None
+    assert error.channel == "rpm4"
+    assert 7.0 < when_s < 8.5
+
+
+def test_motors_that_a_loop_turns_after_the_hosts_zero_are_stopped() -> None:
+    stop_us = RIG.propulsion.pwm_stop_us
+    when_s, error = loop_stopped_at_s(hovering, follows, host_us=stop_us)
+    assert error is not None
+    assert f"a pulse of {stop_us:g} us" in str(error)
+    assert 5.0 < when_s < 5.2
+    # Where an operator flies with a transmitter, motors may turn before the host says anything.
+    assert loop_stopped_at_s(hovering, follows, host_us=stop_us, armed_else=True)[1] is None
+
+
+def test_the_hosts_zero_ends_what_an_operator_began_too() -> None:
+    check = LimitCheck(LOOP_CHANNELS, RIG, RIG.limits, 1.0, 0.0)
+    check.expect_loop(0.0, armed_else=True)
+    time_s = np.arange(1, 1501) / RATE_HZ
+    told = hovering(time_s)
+    values = np.hstack([follows(time_s, speeds_of(RIG.propulsion, told)), told])
+    check.commanded(np.full(4, HOVER_US), 0.0)
+    assert check.breach(time_s[:200], values[:200]) is None
+    check.commanded(np.full(4, RIG.propulsion.pwm_stop_us), 2.0)
+    found = [check.breach(time_s[i : i + 5], values[i : i + 5]) for i in range(200, 1000, 5)]
+    error = next(item for item in found if item is not None)
+    assert error.channel == "rpm1"
+
+
+def test_reported_pulses_that_fall_silent_stop_a_loop() -> None:
+    def silent(time_s: Array) -> Array:
+        pulses = hovering(time_s)
+        pulses[time_s > 4.0] = np.nan
+        return pulses
+
+    when_s, error = loop_stopped_at_s(silent, lambda t, told: follows(t, np.nan_to_num(told)))
+    assert error is not None
+    assert error.channel == "silence of pwm1_us in s"
+    assert when_s < 5.2
+
+
+def test_a_loop_that_reports_no_pulses_is_judged_by_the_hosts() -> None:
+    def slow(time_s: Array, told_rpm: Array) -> Array:
+        return np.where(time_s[:, None] > 3.0, 100.0, told_rpm)
+
+    when_s, error = loop_stopped_at_s(hovering, slow, channels=LOOP_CHANNELS[:4])
+    assert error is not None
+    assert f"a pulse of {HOVER_US:g} us" in str(error)
+    assert when_s < 3.2
+
+
+def test_a_host_that_slept_does_not_stop_a_loop_for_it() -> None:
+    check = LimitCheck(LOOP_CHANNELS, RIG, RIG.limits, 1.0, 0.0)
+    check.expect_loop(0.0, armed_else=False)
+    check.commanded(np.full(4, HOVER_US), 0.0)
+    for first in (0.0, 9.0):  # nine seconds in between that nobody read
+        time_s = first + np.arange(1, 101) / RATE_HZ
+        told = hovering(time_s)
+        rpm = follows(time_s, speeds_of(RIG.propulsion, told))
+        for start in range(0, 100, 5):
+            rows = slice(start, start + 5)
+            values = np.hstack([rpm[rows], told[rows]])
+            assert check.breach(time_s[rows], values) is None

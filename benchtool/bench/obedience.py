@@ -1,0 +1,155 @@
+"""Whether motors turn as they are told: by the host, or by a control loop on the bench. Pure."""
+
+from __future__ import annotations
+
+from math import exp, pi
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.core.rig import Propulsion
+from benchtool.errors import LimitExceeded
+
+Array = NDArray[np.float64]
+
+TOO_SLOW, TOO_SLOW_S = 0.25, 2.0
+"""A motor slower than this share of what its pulse gives, so long after the command, is dead, or
+its rpm channel is. The share leaves room for a pulse map that is only roughly known. A choice."""
+
+TOO_FAST, TOO_FAST_S = 4.0, 5.0
+"""The same for a motor that turns faster, or that turns without a command."""
+
+SLACK_RPM = 300.0
+"""Room on both for pulses near the start of the map, where motors stutter. A choice."""
+
+MEAN_S = 0.5
+"""A loop on the bench swings its pulses from tick to tick, and rotors follow late: speeds are
+compared with pulses in means that forget so fast. Ten lags of a motor; a choice."""
+
+GAP_S = 0.5
+"""Nobody read the stream for longer than this: the silence was ours, not that of a channel."""
+
+
+class HostPulses:
+    """Hold each rotor's speed against the pulse that the host commands.
+
+    Args:
+        propulsion: pulse map.
+        n_rotors: of the rig.
+        start_s: time on the bench's clock.
+    """
+
+    def __init__(self, propulsion: Propulsion, n_rotors: int, start_s: float) -> None:
+        self._propulsion = propulsion
+        self._pwm_us: Array | None = None
+        self._commanded_s = start_s
+        self._slowest_rpm = self._fastest_rpm = np.zeros(n_rotors)
+        self.has_driven = False
+
+    @property
+    def at_zero(self) -> bool:
+        """Whether the host commands no motor to turn."""
+        stop_us = self._propulsion.pwm_stop_us
+        return self._pwm_us is None or bool((self._pwm_us <= stop_us).all())
+
+    def commanded(self, pwm_us: Array, now_s: float) -> None:
+        """Note what every motor is told (n_rotors,): us."""
+        if self._pwm_us is not None and np.array_equal(pwm_us, self._pwm_us):
+            return
+        rpm = speeds_of(self._propulsion, pwm_us)
+        self._pwm_us, self._commanded_s = np.array(pwm_us), now_s
+        self._slowest_rpm = TOO_SLOW * rpm - SLACK_RPM
+        self._fastest_rpm = TOO_FAST * rpm + SLACK_RPM
+        self.has_driven |= not self.at_zero
+
+    def disobeyed(self, rpm: Array, now_s: float) -> LimitExceeded | None:
+        """Return an error when a motor's last rpm (n_rotors,) has not followed its pulse by now."""
+        since_s = now_s - self._commanded_s
+        if self._pwm_us is None or since_s < TOO_SLOW_S:
+            return None
+        # A motor that was never heard of compares as neither too slow nor too fast.
+        bad = rpm < self._slowest_rpm
+        limits_rpm = self._slowest_rpm
+        if since_s > TOO_FAST_S and not bad.any():
+            bad = rpm > self._fastest_rpm
+            limits_rpm = self._fastest_rpm
+        if not bad.any():
+            return None
+        motor = int(np.argmax(bad))
+        return _error(motor, rpm, limits_rpm, f"a pulse of {self._pwm_us[motor]:g} us", since_s)
+
+
+class LoopPulses:
+    """Hold each rotor's speed against the pulses that a bench's own loop reports.
+
+    What the host commanded last says nothing of them: the loop adds to it, saturates, ends its
+    schedule. A motor is judged by running means, and must be wrong for as long as one that the
+    host drives; the means make that later by less than a second.
+
+    Args:
+        propulsion: pulse map.
+        n_rotors: of the rig.
+        start_s: time on the bench's clock.
+    """
+
+    def __init__(self, propulsion: Propulsion, n_rotors: int, start_s: float) -> None:
+        self._propulsion = propulsion
+        self._told_rpm: Array = np.full(n_rotors, np.nan)
+        self._rpm: Array = np.full(n_rotors, np.nan)
+        self._last_s = start_s
+        self._not_slow_s: Array = np.full(n_rotors, start_s)
+        self._not_fast_s: Array = np.full(n_rotors, start_s)
+
+    def disobeyed(self, pwm_us: Array, rpm: Array, now_s: float) -> LimitExceeded | None:
+        """Return an error when a motor has not followed its reported pulses.
+
+        Args:
+            pwm_us: (m, n_rotors) a block of pulses as the bench reports them, gaps filled.
+            rpm: (m, n_rotors) speeds, gaps filled.
+            now_s: time of the block's last sample.
+        """
+        gap_s, self._last_s = now_s - self._last_s, now_s
+        told, seen = speeds_of(self._propulsion, pwm_us).mean(axis=0), rpm.mean(axis=0)
+        if gap_s > GAP_S:  # nobody looked: what happened meanwhile is not known
+            self._not_slow_s, self._not_fast_s = self._not_slow_s + gap_s, self._not_fast_s + gap_s
+        share = 1.0 - exp(-max(gap_s, 0.0) / MEAN_S)
+        self._told_rpm = _moved(self._told_rpm, told, share)
+        self._rpm = _moved(self._rpm, seen, share)
+        slowest = TOO_SLOW * self._told_rpm - SLACK_RPM
+        fastest = TOO_FAST * self._told_rpm + SLACK_RPM
+        self._not_slow_s = np.where(self._rpm < slowest, self._not_slow_s, now_s)
+        self._not_fast_s = np.where(self._rpm > fastest, self._not_fast_s, now_s)
+        for limits_rpm, good_s, allowed_s in (
+            (slowest, self._not_slow_s, TOO_SLOW_S),
+            (fastest, self._not_fast_s, TOO_FAST_S),
+        ):
+            bad_s = now_s - good_s
+            if (bad_s > allowed_s).any():
+                motor = int(np.argmax(bad_s))
+                words = f"the pulses that the bench reports, now {pwm_us[-1, motor]:g} us,"
+                return _error(motor, self._rpm, limits_rpm, words, float(bad_s[motor]))
+        return None
+
+
+def speeds_of(propulsion: Propulsion, pwm_us: Array) -> Array:
+    """Return the speeds that pulses give by the rig's map, of the same shape: rpm."""
+    stop_us, start_us = propulsion.pwm_stop_us, propulsion.pwm_start_us
+    drive_us = np.where(pwm_us > stop_us, pwm_us - start_us, 0.0)
+    rpm: Array = propulsion.speed_per_us_rad_s * np.maximum(drive_us, 0.0) * 30.0 / pi
+    return np.where(np.isnan(pwm_us), np.nan, rpm)
+
+
+def _moved(mean: Array, new: Array, share: float) -> Array:
+    """Return the running means moved towards new values; those never heard of begin there."""
+    moved = np.where(np.isnan(mean), new, mean + share * (new - mean))
+    return np.where(np.isnan(moved), mean, moved)
+
+
+def _error(motor: int, rpm: Array, limits_rpm: Array, pulses: str, since_s: float) -> LimitExceeded:
+    return LimitExceeded(
+        f"rpm{motor + 1}",
+        float(rpm[motor]),
+        float(limits_rpm[motor]),
+        f"that does not fit {pulses} after {since_s:.1f} s; check motor {motor + 1}, its ESC, its "
+        f"rpm channel and the rig's pulse map",
+    )
