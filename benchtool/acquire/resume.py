@@ -12,6 +12,7 @@ from benchtool.acquire.plan import Plan, plan_from_toml
 from benchtool.acquire.record import LinkQuality
 from benchtool.acquire.sweep import Start
 from benchtool.bench.bench import Identity
+from benchtool.core.counted import counted
 from benchtool.core.rig import Rig
 from benchtool.core.toml_text import build
 from benchtool.errors import FileFormatError, InputError
@@ -52,8 +53,8 @@ def unfinished(run: Run) -> Unfinished:
     done = frozenset(_points_on_disk(run)) & visits
     if done == visits:
         raise InputError(
-            f"all {len(visits)} visits of {run.path} are measured already; nothing is left to "
-            f"resume"
+            f"nothing is left to resume of {run.path}: {counted(len(visits), 'visit')}, and all "
+            f"measured already"
         )
     return Unfinished(
         run,

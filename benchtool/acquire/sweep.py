@@ -26,6 +26,7 @@ from benchtool.bench.after_stop import after_stop
 from benchtool.bench.bench import Bench, Readings
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.stage import Stage
+from benchtool.core.counted import counted
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
 from benchtool.errors import BenchtoolError, InputError, RunStopped
@@ -173,7 +174,7 @@ class _Sweep:
                     ) from error
                 raise
             summary = self._summary()
-            recorder.note("ended", f"all {summary.measured} visits are measured")
+            recorder.note("ended", f"all is measured: {counted(summary.measured, 'visit')}")
             self._run.update_metadata(state="ended", link=self._recorder.link())
             return summary
         finally:

@@ -12,6 +12,7 @@ from typing import Literal
 
 from benchtool.bench.conversation import Conversation
 from benchtool.bench.transport import Transport
+from benchtool.core.counted import counted
 from benchtool.errors import NoDevice, PortBusy, PortDenied, ProtocolError
 
 BY_ID = Path("/dev/serial/by-id")
@@ -96,7 +97,7 @@ def ask_port(
         return Answer("other", str(error))
     finally:
         talk.close()
-    rotors = "1 rotor" if hello.n_rotors == 1 else f"{hello.n_rotors} rotors"
+    rotors = counted(hello.n_rotors, "rotor")
     virtual = ", virtual" if hello.simulated else ""
     return Answer("bench", f"{hello.device_id}, {hello.firmware}, {rotors}{virtual}")
 

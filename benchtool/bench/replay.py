@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from benchtool.bench.bench import Identity, Readings
 from benchtool.bench.opened import Opened
 from benchtool.core.channel import Channel, unit_told_by
+from benchtool.core.counted import counted
 from benchtool.errors import CommandRefused, FileFormatError, LinkLost
 
 Array = NDArray[np.float64]
@@ -99,8 +100,8 @@ class ReplayBench(Opened):
             raise LinkLost(f"{self._identity.address} is not open; open it first")
         if self._next >= len(self._time_s):
             raise LinkLost(
-                f"{self._identity.address} ends here, after {len(self._time_s)} samples; there is "
-                f"nothing more to read"
+                f"{self._identity.address} ends here, after "
+                f"{counted(len(self._time_s), 'sample')}; there is nothing more to read"
             )
         self._now_s += timeout_s
         end = int(np.searchsorted(self._time_s, self._now_s, side="right"))

@@ -30,6 +30,7 @@ from benchtool.bench.mavlink_dialect import Message, dialect
 from benchtool.bench.mavlink_frames import AUTOPILOT_COMPONENT, MavlinkFrames
 from benchtool.bench.mavlink_health import ARMED, HIL
 from benchtool.bench.mavlink_pilots import ARM_DISARM
+from benchtool.core.counted import counted
 
 BEAT_S = 1.0
 WARNING, CRITICAL = 4, 2
@@ -127,7 +128,7 @@ class VirtualAutopilot:
         return b"".join(frames), stream
 
     def tell_dropped(self, count: int) -> bytes:
-        text = self._text(f"{count} frames dropped; read faster")
+        text = self._text(f"{counted(count, 'frame')} dropped; read faster")
         return b"".join(map(self._frames.pack, text))
 
     @property

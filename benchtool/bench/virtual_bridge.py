@@ -15,6 +15,7 @@ from benchtool.bench.commands import Clear, MovePlate, SetPwm, SetRate, Stop, Ta
 from benchtool.bench.firmware import Firmware
 from benchtool.bench.rcb_words import BRIDGE_VERSION
 from benchtool.bench.virtual_stand import VIRTUAL_1580, StandReadings
+from benchtool.core.counted import counted
 from benchtool.errors import InputError
 from benchtool.library.bridge_file import RAMP_MS, SILENCE_MS, SPEEDS
 
@@ -37,8 +38,9 @@ class VirtualBridge:
         hello = firmware.hello
         if hello.n_rotors != 1:
             raise InputError(
-                f"the bridge drives one ESC, and this rig has {hello.n_rotors} rotors; take a rig "
-                f"with one rotor, for example pquad_single"
+                f"the bridge drives one ESC, and this rig has "
+                f"{counted(hello.n_rotors, 'rotor')}; take a rig with one rotor, for example "
+                f"pquad_single"
             )
         self.firmware, self.speed = firmware, hello.speed
         self.greeted_s: float | None = None

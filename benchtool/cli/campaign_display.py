@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from benchtool import __version__
+from benchtool.core.counted import counted
 from benchtool.errors import InputError, WouldOverwrite
 from benchtool.report.files import refuse_existing, save_figure
 from benchtool.store.campaign import unfinished
@@ -42,7 +43,10 @@ def run_with_progress(
     campaign.check(design)
     series = len(campaign.gain_sets) * len(campaign.controllers)
     total = design.n_points * design.seeds * series
-    print(f"SIMULATED campaign: {campaign.title}; {design.describe()}; {total} runs", flush=True)
+    print(
+        f"SIMULATED campaign: {campaign.title}; {design.describe()}; {counted(total, 'run')}",
+        flush=True,
+    )
     metadata = {
         "simulated": "true", "benchtool": __version__, **campaign.metadata, **design.words(),
         "set": " ".join(settings),
@@ -57,7 +61,7 @@ def run_with_progress(
             lambda done: progress.update(task, completed=done),
         )
     took_s = max(time.monotonic() - began, 1e-9)
-    print(f"{count} runs in {took_s:.1f} s, {count / took_s:.3g} runs/s")
+    print(f"{counted(count, 'run')} in {took_s:.1f} s, {count / took_s:.3g} runs/s")
     print(f"written: {table}", flush=True)
     panels = campaign_panels(table, campaign, design, drawn)
     print(f"{campaign.measures[drawn].text}, mean of all:")

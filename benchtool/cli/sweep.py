@@ -130,6 +130,7 @@ def command(
 def _show_plan(plan: Plan, rig: Rig, expected: Expected, rest: Unfinished | None) -> None:
     from benchtool.acquire.duration import expected_duration_s, minutes
     from benchtool.acquire.order import settings_of, visits_of
+    from benchtool.core.counted import counted
 
     visits = visits_of(plan, rig)
     left = [visit for visit in visits if rest is None or visit.point not in rest.done]
@@ -141,9 +142,10 @@ def _show_plan(plan: Plan, rig: Rig, expected: Expected, rest: Unfinished | None
     print(f"lateral {_list(plan.plate.lateral_m)} m")
     print(f"pulses {_list(plan.throttle.pwm_us)} us on rotors {_list(plan.throttle.rotors_on)}")
     print(
-        f"{len(settings_of(plan, rig))} settings, {plan.repeats} repeats, {plan.order.kind} with "
-        f"seed {plan.order.seed}: {len(left)} visits, of them {counts['reference']} references "
-        f"and {counts['anchor']} anchors"
+        f"{counted(len(settings_of(plan, rig)), 'setting')}, "
+        f"{counted(plan.repeats or 1, 'repeat')}, {plan.order.kind} with seed {plan.order.seed}: "
+        f"{counted(len(left), 'visit')}, of them "
+        f"{counted(counts['reference'], 'reference')} and {counted(counts['anchor'], 'anchor')}"
     )
     print(
         f"limits hold: at most {expected.pwm_us:g} us, about {expected.rpm:.0f} rpm and "
@@ -179,6 +181,7 @@ def _sweep(
     from benchtool.bench.guard import GuardedBench
     from benchtool.cli.sweep_display import display_for
     from benchtool.cli.sweep_operator import LOOK_S, answer_to
+    from benchtool.core.counted import counted
 
     run: Run | None = None
     measured = False
@@ -224,8 +227,9 @@ def _sweep(
                     print(f"kept in {run.path}; go on with: benchtool sweep --resume {run.path}")
     simulated = " (simulated)" if identity.simulated else ""
     print(
-        f"{summary.measured} points{simulated}, {summary.unsettled} not settled, "
-        f"{summary.tares} tares, {summary.samples} samples, {summary.lost} lost; in {run.path}"
+        f"{counted(summary.measured, 'point')}{simulated}, {summary.unsettled} not settled, "
+        f"{counted(summary.tares, 'tare')}, {counted(summary.samples, 'sample')}, {summary.lost} "
+        f"lost; in {run.path}"
     )
 
 

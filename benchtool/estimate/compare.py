@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.core.counted import counted
 from benchtool.core.fit_result import FitResult
 from benchtool.errors import EstimationError, InputError
 from benchtool.estimate.jacobian import way_for
@@ -109,8 +110,8 @@ def compare(problems: Sequence[Problem], *, folds: int = 5, seed: int = 1) -> Co
     settings = np.unique(groups)
     if len(settings) < 3:
         raise InputError(
-            f"points fall into {len(settings)} settings, holding out needs 3; measure at more "
-            f"plate distances or compare by chi2"
+            f"points fall into {counted(len(settings), 'setting')}, holding out needs 3; "
+            f"measure at more plate distances or compare by chi2"
         )
     count = min(folds, len(settings))
     fold_of_setting = np.random.default_rng(seed).permutation(np.arange(len(settings)) % count)

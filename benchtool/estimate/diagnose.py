@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.core.counted import counted
 from benchtool.core.fit_result import FitResult
 from benchtool.estimate.confusion import Confusion, confusions
 from benchtool.estimate.likelihood import residuals, split_values
@@ -184,6 +185,6 @@ def _of_outliers(problem: Problem, rows: Array, far: tuple[int, ...]) -> tuple[s
     named = ", ".join(f"{problem.label(i)}: {rows[i]:+.1f} sd" for i in far[:MOST_NAMED])
     more = f" and {len(far) - MOST_NAMED} more" if len(far) > MOST_NAMED else ""
     return (
-        f"{len(far)} of {len(rows)} points are far out ({named}{more}); look at them in the run, "
-        f"or fit with a robust loss",
+        f"far out: {len(far)} of {counted(len(rows), 'point')} ({named}{more}); look there in "
+        f"the run, or fit with a robust loss",
     )

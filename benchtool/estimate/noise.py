@@ -15,6 +15,7 @@ from functools import partial
 import numpy as np
 from scipy.optimize import brentq
 
+from benchtool.core.counted import counted
 from benchtool.core.fit_result import Estimate
 from benchtool.errors import EstimationError
 from benchtool.estimate.interval import chi2_limits
@@ -49,8 +50,9 @@ def fit_noise(problem: Problem, first: Solution, refit: Refit, robust: bool) -> 
     assert name is not None
     if problem.dof < 1:
         raise EstimationError(
-            f"{len(problem)} points leave no degree of freedom to estimate {name} beside "
-            f"{len(problem.shape_names)} parameters; measure more points or fix {name}"
+            f"with {counted(len(problem), 'point')} no degree of freedom is left to estimate "
+            f"{name} beside {counted(len(problem.shape_names), 'parameter')}; measure more points "
+            f"or fix {name}"
         )
     if name == NOISE_SCALE and (robust or not len(problem.priors)):
         return _scale(problem, first, refit, robust)

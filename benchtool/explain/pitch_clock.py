@@ -14,6 +14,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.core.counted import counted
 from benchtool.core.recording import Recording
 from benchtool.errors import InputError
 from benchtool.simulate import pitch_track as t
@@ -79,10 +80,10 @@ def even_rows(recording: Recording, name: str) -> EvenRows:
     time_s = recording.si("time_s")
     good = np.isfinite(time_s)
     if not good.all():
-        remarks.append(f"{_rows(int((~good).sum()))} without a time left out")
+        remarks.append(f"{counted(int((~good).sum()), 'row')} without a time left out")
         recording, time_s = recording.select(good), time_s[good]
     if len(time_s) < 3:
-        raise InputError(f"{name} has {_rows(len(time_s))} with a time; record it again")
+        raise InputError(f"{name} has {counted(len(time_s), 'row')} with a time; record it again")
     steps = np.diff(time_s)
     seen = np.isfinite(recording.column("theta_rad"))
     between = np.diff(time_s[seen])
@@ -132,7 +133,7 @@ def _tell(time_s: Array, steps: Array, backward: Mask, gaps: Mask, remarks: list
         )
     if gaps.any():
         at, wide = float(time_s[:-1][gaps][0]), float(steps[gaps].max())
-        many = f"{int(gaps.sum())} gaps" if gaps.sum() > 1 else "1 gap"
+        many = counted(int(gaps.sum()), "gap")
         remarks.append(
             f"{many} in time, the first at {at:.3f} s, the longest {wide:.3f} s; judged in parts"
         )
@@ -206,10 +207,6 @@ def _held(clock: Array, times: Array, values: Array, step_s: float) -> Array:
     age = middle - at[np.maximum(newest, 0)]
     fresh = (newest >= 0) & (age <= max(HELD_S, step_s) + 0.5 * step_s)
     return np.where(fresh, np.diff(total) / step_s, np.nan)
-
-
-def _rows(n: int) -> str:
-    return "1 row" if n == 1 else f"{n} rows"
 
 
 def _times(n: int) -> str:

@@ -7,11 +7,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.core.counted import counted
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig, Sensor
 from benchtool.effects.conditions import FAR_AWAY_M, Conditions
 from benchtool.effects.load_direction import SAME_PLACE
 from benchtool.errors import InputError
+from benchtool.explain.rotor_count import refuse_other_rotors
 from benchtool.explain.sweep_power import Power, power_of
 from benchtool.store.columns import code_of
 from benchtool.store.ratios import relative_speed_error
@@ -68,6 +70,7 @@ def sweep_log(recording: Recording, rig: Rig, name: str = "") -> SweepLog:
             f"{label} has no thrust_N, only {', '.join(recording.names)}; map it in [columns] of "
             f"the model"
         )
+    refuse_other_rotors(recording, rig, label)
     if "time_s" in recording:
         recording = recording.select(np.argsort(recording.column("time_s"), kind="stable"))
     conditions = Conditions.from_recording(recording, rig)
@@ -166,7 +169,9 @@ def _lacks(
     """Return what a sweep lacks, with what that costs."""
     out = []
     if dropped:
-        out.append(f"{dropped} of {dropped + len(tare)} rows had an empty cell and were left out")
+        out.append(
+            f"left out for an empty cell: {dropped} of {counted(dropped + len(tare), 'row')}"
+        )
     if not tare.any():
         out.append("no rows of kind 'tare': what stands on the zero shows in thrust alone")
     if "time_s" not in recording:

@@ -8,9 +8,10 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.core.counted import counted
 from benchtool.importers.dataflash import read_dataflash
 from benchtool.importers.dataflash_text import read_text_log
-from benchtool.importers.finding import Finding, counted
+from benchtool.importers.finding import Finding
 from benchtool.importers.flight_log import Counts, flight_import
 from benchtool.importers.imported import Imported
 from benchtool.importers.motor_channels import ardupilot_motors, logged_motors

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.importers.finding import Finding, counted
+from benchtool.core.counted import counted
+from benchtool.importers.finding import Finding
 
 Array = NDArray[np.float64]
 Positions = NDArray[np.intp]
@@ -208,7 +209,8 @@ def _account(size: int, starts: Positions, ends: Positions) -> list[Finding]:
         )
         found.append(Finding("refused", "cut off", words, count=1))
     elif gaps[-1] > 0:
-        words = f"the last record ends at byte {int(stops[-1]):,}; {int(gaps[-1]):,} bytes follow"
+        rest = counted(int(gaps[-1]), "byte")
+        words = f"the last record ends at byte {int(stops[-1]):,}, {rest} before the end"
         found.append(Finding("refused", "corrupt bytes", words, count=0))
     return found
 

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.importers.finding import Finding, counted, line_ranges
+from benchtool.core.counted import counted
+from benchtool.importers.finding import Finding, line_ranges
 
 Array = NDArray[np.float64]
 

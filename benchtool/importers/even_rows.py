@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.core.counted import counted
 from benchtool.errors import FileFormatError
-from benchtool.importers.finding import Finding, counted, line_ranges
+from benchtool.importers.finding import Finding, line_ranges
 
 if TYPE_CHECKING:
     from benchtool.importers.text_table import TextTable

@@ -52,8 +52,3 @@ def line_ranges(lines: Iterable[int] | NDArray[np.intp]) -> str:
     lasts = numbers[np.concatenate([breaks, [numbers.size - 1]])]
     pairs = zip(firsts.tolist(), lasts.tolist(), strict=True)
     return ", ".join(str(first) if first == last else f"{first}-{last}" for first, last in pairs)
-
-
-def counted(count: int, noun: str) -> str:
-    """Return a count with its noun: 1 row, 2 rows."""
-    return f"{count:,} {noun}" if count == 1 else f"{count:,} {noun}s"

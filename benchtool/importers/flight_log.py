@@ -9,8 +9,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.core.counted import counted
 from benchtool.errors import FileFormatError
-from benchtool.importers.finding import Finding, counted
+from benchtool.importers.finding import Finding
 from benchtool.importers.imported import Imported, Tally
 from benchtool.importers.streams import Stream, merged
 

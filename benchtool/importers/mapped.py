@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.channel import Channel, unit_told_by
+from benchtool.core.counted import counted
 from benchtool.core.recording import Recording
 from benchtool.errors import FileFormatError
-from benchtool.importers.finding import Finding, counted
+from benchtool.importers.finding import Finding
 from benchtool.importers.foreign_units import Conversion
 from benchtool.importers.imported import Imported, Tally
 from benchtool.importers.numbers import numbers_of

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from benchtool.importers.finding import Finding, counted
+from benchtool.core.counted import counted
+from benchtool.importers.finding import Finding
 
 STAMP_BYTES = 8
 V1, V2 = 0xFE, 0xFD
@@ -134,7 +135,10 @@ def _next_start(data: bytes, at: int) -> int:
 def _told(lost: int, first_lost: int, wrong: int, cut: str) -> tuple[Finding, ...]:
     found = []
     if lost:
-        words = f"{lost:,} bytes are no frame, first at byte {first_lost:,}; reading went on after"
+        words = (
+            f"{counted(lost, 'byte')} of no frame, first at byte {first_lost:,}; reading went on "
+            f"after"
+        )
         found.append(Finding("refused", "corrupt bytes", words))
     if wrong > 0:
         words = f"{counted(wrong, 'frame')} with a wrong checksum"

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.core.counted import counted
 from benchtool.importers.even_rows import evened
-from benchtool.importers.finding import Finding, counted, line_ranges
+from benchtool.importers.finding import Finding, line_ranges
 from benchtool.importers.text_table import TextTable
 
 Array = NDArray[np.float64]

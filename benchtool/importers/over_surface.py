@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.channel import Channel
+from benchtool.core.counted import counted
 from benchtool.errors import InputError
 from benchtool.importers.finding import Finding
 from benchtool.importers.imported import Imported, Window
@@ -67,8 +68,8 @@ def mark_windows(read: Imported, told: Sequence[Window], near_m: float | None) -
             seen = _near(recording.column("time_s"), recording.column("distance_m"), near_m)
             windows += seen
             words = (
-                f"{len(seen)} windows where it reads below {near_m:g} m; it looks down from the "
-                f"body, so they stand for all rotors"
+                f"{counted(len(seen), 'window')} where it reads below {near_m:g} m; it looks down "
+                f"from the body, which stands for all rotors"
             )
             findings.append(Finding("read as", "over a surface", words, "distance_m", len(seen)))
     rotors = sorted(

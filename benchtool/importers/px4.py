@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.core.counted import counted
 from benchtool.errors import FileFormatError
-from benchtool.importers.finding import Finding, counted
+from benchtool.importers.finding import Finding
 from benchtool.importers.flight_log import Counts, angles_of, flight_import
 from benchtool.importers.imported import Imported
 from benchtool.importers.motor_channels import logged_motors, px4_motors

@@ -8,7 +8,8 @@ from math import nan
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.importers.finding import Finding, counted
+from benchtool.core.counted import counted
+from benchtool.importers.finding import Finding
 from benchtool.importers.imported import Imported
 
 Array = NDArray[np.float64]

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from benchtool.importers.finding import Finding, counted
+from benchtool.core.counted import counted
+from benchtool.importers.finding import Finding
 
 HEADER_BYTES = 16
 _KINDS = frozenset(b"FDIMPQARSOLCB")

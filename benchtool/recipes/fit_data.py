@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.column_source import ColumnSource
+from benchtool.core.counted import counted
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
 from benchtool.effects.conditions import Conditions
@@ -196,8 +197,8 @@ def _refuse_dead_speed(points: Recording, conditions: Conditions) -> None:
     if not np.any(conditions.speed_rad_s > 0.0):
         most = float(np.nanmax(np.abs(points.si("thrust_N"))))
         raise InputError(
-            f"no rotor turns in any of {len(points)} points while thrust reaches {most:.3g} N: the "
-            f"speed channel is dead, or another column holds the speed; map that one to rpm1"
+            f"no rotor turns in {counted(len(points), 'point')} while thrust reaches {most:.3g} N: "
+            f"the speed channel is dead, or another column holds the speed; map that one to rpm1"
         )
 
 

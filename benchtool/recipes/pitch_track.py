@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.core.counted import counted
 from benchtool.core.recording import Recording
 from benchtool.core.schedule import PARKED_M
 from benchtool.errors import InputError
@@ -107,7 +108,9 @@ def pitch_track(recording: Recording, motors: Sequence[int] = ()) -> PitchTrack:
     rows = np.flatnonzero(np.isfinite(time_s) & np.isfinite(theta))
     at = time_s[rows]
     if len(rows) < 3 or np.ptp(at) <= 0.0:
-        raise InputError(f"only {len(rows)} rows have an attitude; there is nothing to draw")
+        raise InputError(
+            f"attitude stands in {counted(len(rows), 'row')} only; there is nothing to draw"
+        )
     steps = np.diff(np.unique(at))
     own_Hz = 1.0 / float(np.median(steps))
     rate_Hz = float(np.clip(own_Hz, SLOWEST_HZ, FASTEST_HZ))

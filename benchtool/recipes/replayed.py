@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from benchtool.control.pitch import PitchControl, pitch_controller
+from benchtool.core.counted import counted
 from benchtool.core.rig import Rig
 from benchtool.core.schedule import PARKED_M, SampledSchedule
 from benchtool.effects.model import Model
@@ -190,7 +191,7 @@ def _rig_pulses(track: PitchTrack, model: Model) -> Array | None:
             continue
         if len(rows) != rig.n_rotors:
             raise InputError(
-                f"the recording has {len(rows)} rotors, but rig {rig.name!r} of model "
+                f"the recording has {counted(len(rows), 'rotor')}, but rig {rig.name!r} of model "
                 f"{model.name} has {rig.n_rotors}; name another model, or the motors with --motors"
             )
         if np.isfinite(rows).any(axis=1).all():

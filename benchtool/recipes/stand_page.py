@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from benchtool.core.counted import counted
 from benchtool.core.recording import Recording
 from benchtool.report.numbers import numeral, unit_for_people
 from benchtool.report.page import Block, FigureBlock, Paragraph, Section, Table
@@ -52,7 +53,10 @@ def stand_sections(recording: Recording, name: str) -> tuple[list[Section], str]
     duration = ""
     if "time_s" in recording and np.isfinite(recording.si("time_s")).any():
         duration = f" over {np.nanmax(recording.si('time_s')):.4g} s"
-    summary = f"{name}: {len(recording)} rows of {len(recording.names)} channels{duration}."
+    summary = (
+        f"{name}: {counted(len(recording), 'row')} of {counted(len(recording.names), 'channel')}"
+        f"{duration}."
+    )
     if "thrust_N" in recording and np.isfinite(thrust := recording.si("thrust_N")).any():
         least, most = (numeral(of(thrust), ".4g") for of in (np.nanmin, np.nanmax))
         summary += f" Thrust from {least} to {most} N."

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from benchtool import __version__
+from benchtool.core.counted import counted
 from benchtool.recipes.calibration_drawn import calibration_drawn
 from benchtool.recipes.model_band import Believed
 from benchtool.recipes.swept import Swept
@@ -83,8 +84,9 @@ def run_sentence(run: Swept) -> str:
     visits = sum(kind == "measure" for kind in run.kinds)
     words = (
         (
-            f"{visits} visits of {int(measured.sum())} settings on rig {run.rig.name}, plate at "
-            f"z/R {np.nanmin(z[measured]):.3g} to {np.nanmax(z[measured]):.3g}, pulses "
+            f"{counted(visits, 'visit')} of {counted(int(measured.sum()), 'setting')} on rig "
+            f"{run.rig.name}, plate at z/R {np.nanmin(z[measured]):.3g} to "
+            f"{np.nanmax(z[measured]):.3g}, pulses "
             f"{', '.join(f'{level:g}' for level in levels)} µs."
         )
         if measured.any()
@@ -140,14 +142,14 @@ def run_warnings(run: Swept) -> list[str]:
     elif state != "ended":
         out.append("The run was never closed; close it with benchtool sweep --resume.")
     if count := unsettled(run):
-        out.append(f"{count} points were taken although thrust or speed had not settled.")
+        out.append(f"{counted(count, 'point')} taken although thrust or speed had not settled.")
     if not (run.metadata.get("air") or {}).get("measured"):
         out.append("Nobody measured the air: its density is that of the standard atmosphere.")
     if not run.metadata.get("calibration") and not run.simulated:
         out.append("No calibration is attached: thrust is what the device sends.")
     lost = int((run.metadata.get("link") or {}).get("lost", 0) or 0)
     if lost:
-        out.append(f"{lost} samples were lost on the link.")
+        out.append(f"{counted(lost, 'sample')} lost on the link.")
     if not np.isfinite(run.ratio[run.measured()]).any():
         out.append("There are no references with the plate parked, so no T_IGE/T_OGE.")
     stated = (run.metadata.get("samples") or {}).get("csv_sha256")

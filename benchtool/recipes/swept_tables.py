@@ -7,6 +7,7 @@ from math import isfinite
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.core.counted import counted
 from benchtool.core.recording import Recording
 from benchtool.recipes.swept import Swept
 from benchtool.report.numbers import value_with_sd
@@ -135,7 +136,7 @@ def events_block(run: Swept) -> Block:
     """Return what happened during the run, without the device's chatter."""
     told = [event for event in run.events if event.event != "device"]
     device = len(run.events) - len(told)
-    more = f" {device} messages of the device are in events.jsonl." if device else ""
+    more = f" In events.jsonl: {counted(device, 'message')} of the device." if device else ""
     if len(told) > SHOWN_EVENTS:
         more += f" The first {SHOWN_EVENTS} of {len(told)} are shown."
     if not told:

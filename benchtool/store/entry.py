@@ -11,6 +11,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
+from benchtool.core.counted import counted
 from benchtool.errors import BenchtoolError, FileFormatError
 from benchtool.store.atomic import read_json
 from benchtool.store.columns import KINDS
@@ -170,7 +171,7 @@ def _run(entry: Entry, path: Path) -> Entry:
             problem = "there are no samples in it; record it again"
             return replace(entry, problem=f"{entry.name}: {problem}")
         count = _table(facts, "link").get("samples")
-        said = f"{count} samples" if count is not None else ""
+        said = counted(int(count), "sample") if count is not None else ""
         return replace(entry, said="; ".join(filter(None, (said, reason))))
     if not (path / "points.csv").is_file() and entry.state == "running":
         return replace(entry, said="no point yet")
@@ -178,7 +179,7 @@ def _run(entry: Entry, path: Path) -> Entry:
         count = len(read_points(path, KINDS[:3]))
     except BenchtoolError as error:
         return replace(entry, problem=str(error))
-    return replace(entry, said="; ".join(filter(None, (f"{count} points", reason))))
+    return replace(entry, said="; ".join(filter(None, (counted(count, "point"), reason))))
 
 
 def _fit(entry: Entry, path: Path) -> Entry:
@@ -192,7 +193,8 @@ def _fit(entry: Entry, path: Path) -> Entry:
         rig=str(facts["model"]),
         state=worst.replace("_", " "),
         simulated=bool(facts["simulated"]),
-        said=f"{', '.join(map(str, recipe['data']))}; {_table(facts, 'points')['used']} points",
+        said=f"{', '.join(map(str, recipe['data']))}; "
+        f"{counted(_table(facts, 'points')['used'], 'point')}",
     )
 
 
@@ -212,7 +214,7 @@ def _recording(entry: Entry, path: Path) -> Entry:
     if facts.get("format") != RECORDING_FORMAT:
         raise FileFormatError(beside(path).name, f"this is not the JSON of a {RECORDING_FORMAT}")
     rig = str(_table(facts, "provenance").get("rig", ""))
-    said = f"{facts['rows']} rows"
+    said = counted(facts["rows"], "row")
     return replace(entry, rig=rig, simulated=bool(facts["simulated"]), said=said)
 
 

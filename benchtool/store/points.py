@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from math import isnan, nan
 from pathlib import Path
 
+from benchtool.core.counted import counted
 from benchtool.errors import FileFormatError
 from benchtool.store.append import AppendFile
 
@@ -108,8 +109,8 @@ class PointWriter:
                 self._file.close()
                 raise FileFormatError(
                     str(path),
-                    f"its columns are not those of a run with {n_rotors} rotors; go on with the "
-                    f"rig that began the run",
+                    f"its columns are not those of a run with {counted(n_rotors, 'rotor')}; go on "
+                    f"with the rig that began the run",
                 )
 
     @property

@@ -10,6 +10,7 @@ from math import isfinite, prod
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.core.counted import counted
 from benchtool.errors import InputError
 
 Array = NDArray[np.float64]
@@ -89,8 +90,8 @@ class Design:
             )
         if self.n_points * self.seeds > MOST_RUNS:
             raise InputError(
-                f"{self.n_points} points under {self.seeds} seeds are {self.n_points * self.seeds} "
-                f"runs; give at most {MOST_RUNS}"
+                f"{counted(self.n_points, 'point')} under {counted(self.seeds, 'seed')} are "
+                f"{self.n_points * self.seeds} runs; give at most {MOST_RUNS}"
             )
 
     @classmethod

@@ -9,6 +9,7 @@ from math import ceil, dist, isfinite
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.core.counted import counted
 from benchtool.simulate.environment import Block
 from benchtool.simulate.flight import FlightCase
 from benchtool.simulate.flight_measures import NEAR_M
@@ -82,8 +83,8 @@ def _warnings_of_one(flown: Flown) -> list[str]:
         out.append(left)
     if found.held_ticks:
         out.append(
-            f"a rotor came nearer than z/R = 0.5 in {found.held_ticks} steps; its height was held "
-            f"there, where the formulae end"
+            f"a rotor came nearer than z/R = 0.5 in {counted(found.held_ticks, 'step')}; its "
+            f"height was held there, where the formulae end"
         )
     near = flight.ending == "flown" and found.nearest_m < BODY_REACH * radius_m
     if near and not vehicle.undercarriage_m:

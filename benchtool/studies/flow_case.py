@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from math import pi, sqrt
 from pathlib import Path
 
+from benchtool.core.counted import counted
 from benchtool.core.rig import Rig
 from benchtool.errors import InputError
 from benchtool.report.files import refuse_existing, write_whole
@@ -62,7 +63,9 @@ class FlowCase:
     ) -> FlowCase:
         """Return the case of a quadrotor at a height, with the induced velocity of its hover."""
         if rig.n_discs != 4 or rig.n_rotors != 4:
-            raise InputError(f"rig {rig.name!r} has {rig.n_rotors} rotors; the case needs four")
+            raise InputError(
+                f"rig {rig.name!r} has {counted(rig.n_rotors, 'rotor')}; the case needs four"
+            )
         if not 0.5 <= z_over_R <= 6.0:
             raise InputError(f"z/R is {z_over_R:g}; the case's domain holds 0.5 to 6")
         radius = rig.propulsion.radius_m

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from textwrap import wrap
 from typing import Any
 
+from benchtool.core.counted import counted
 from benchtool.core.rig import Rig
 from benchtool.library import gains_named, rig_named
 from benchtool.library.gain_file import Gains
@@ -114,7 +115,7 @@ def claim_lines(claims: Sequence[Claim], width: int = 110) -> Iterator[str]:
     counts = ", ".join(
         f"{sum(claim.verdict == verdict for claim in claims)} {verdict}" for verdict in VERDICTS
     )
-    yield f"{len(claims)} rows: {counts}"
+    yield f"{counted(len(claims), 'row')}: {counts}"
 
 
 def claim_csv(claims: Sequence[Claim]) -> str:

@@ -12,6 +12,7 @@ import numpy as np
 
 from benchtool import __version__
 from benchtool.control.pitch import PitchControl
+from benchtool.core.counted import counted
 from benchtool.core.schedule import PlateVisit
 from benchtool.library import gain_names, gains_named
 from benchtool.simulate.in_order import results_in_order
@@ -120,11 +121,13 @@ def warnings_of(study: PitchStudy) -> list[str]:
     for run in study.runs:
         if run.clamped_steps:
             out.append(
-                f"{run.controller}: a rotor came nearer than z/R = 0.5 in {run.clamped_steps} "
-                f"steps; its height was held there, where the formulae end"
+                f"{run.controller}: a rotor came nearer than z/R = 0.5 in "
+                f"{counted(run.clamped_steps, 'step')}; its height was held there, where the "
+                f"formulae end"
             )
         if run.stopped_steps:
-            out.append(f"{run.controller}: the hinge lay at its stop in {run.stopped_steps} steps")
+            steps = counted(run.stopped_steps, "step")
+            out.append(f"{run.controller}: the hinge lay at its stop in {steps}")
     return out
 
 

@@ -119,7 +119,7 @@ def test_outliers_are_named_and_others_are_not() -> None:
     spoilt = replace(problem, observed=observed, labels=labels)
     found = diagnose(spoilt, fit_least_squares(spoilt))
     assert found.outliers == (6,)
-    assert "1 of 25 points are far out (visit 6: +" in "\n".join(found.sentences)
+    assert "far out: 1 of 25 points (visit 6: +" in "\n".join(found.sentences)
 
 
 def test_a_drift_shows_in_the_order() -> None:

@@ -181,7 +181,7 @@ def test_more_parameters_than_points_are_told_not_fatal() -> None:
     few = line_problem().subset(np.array([4]))
     result = fit_least_squares(few)
     assert "do not determine a, b" in result.outcome.message
-    with pytest.raises(EstimationError, match="1 points leave no degree of freedom"):
+    with pytest.raises(EstimationError, match="with 1 point no degree of freedom is left"):
         fit_least_squares(scaled_line().subset(np.array([4])))
 
 

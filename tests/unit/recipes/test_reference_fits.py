@@ -69,7 +69,7 @@ def test_a_dead_speed_column_is_refused(reference_data: Path, tmp_path: Path) ->
     text = (DATASETS / "thrust_stand/model.toml").read_text("utf-8")
     model = tmp_path / "optical.toml"
     model.write_text(text.replace("Motor Electrical", "Motor Optical"), "utf-8")
-    with pytest.raises(InputError, match="no rotor turns in any of 11 points while thrust reaches"):
+    with pytest.raises(InputError, match="no rotor turns in 11 points while thrust reaches"):
         run_recipe(
             Recipe(
                 name="a1",

@@ -126,7 +126,7 @@ def test_a_pitch_recording_is_told_by_its_channels(folder: RunsFolder) -> None:
     run = small_run(folder.root / "pitch")
     run.update_metadata(device={"channels": {"theta_rad": "rad"}}, link={"samples": 1375})
     found = entry_of(folder, "pitch")
-    assert (found.kind, found.said, found.can_fit) == ("pitch recording", "1375 samples", False)
+    assert (found.kind, found.said, found.can_fit) == ("pitch recording", "1,375 samples", False)
     (run.path / "samples.csv").unlink()
     assert "no samples in it" in entry_of(folder, "pitch").problem
 

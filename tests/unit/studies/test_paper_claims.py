@@ -86,7 +86,7 @@ def test_the_table_as_text_and_as_csv() -> None:
     assert lines[0].startswith(" 1  COMES OUT")
     assert max(map(len, lines)) <= 110
     assert lines[-1] == (
-        "1 rows: 1 comes out, 0 does not come out, 0 not distinguishable, 0 by construction"
+        "1 row: 1 comes out, 0 does not come out, 0 not distinguishable, 0 by construction"
     )
     rows = list(csv.reader(io.StringIO(claim_csv([claim]))))
     assert rows[1] == ["3.2", "paper", "it flies", claim.found, "s3", HOLDS]

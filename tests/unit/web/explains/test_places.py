@@ -36,7 +36,7 @@ def test_recordings_of_the_runs_folder_come_before_the_examples(places: Places) 
     assert set(found[:2]) == {"mine/learn.parquet", "table.csv"}
     assert f"{EXAMPLE}pitch_friction/check.parquet" in found
     assert f"{EXAMPLE}quad/run" in found
-    assert "7500 rows" in recordings["mine/learn.parquet"]
+    assert "7,500 rows" in recordings["mine/learn.parquet"]
 
 
 def test_models_are_what_ships_and_model_files_and_nothing_else(places: Places) -> None:
