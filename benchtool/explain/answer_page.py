@@ -148,8 +148,9 @@ def _gap(answer: Answer, figures: Mapping[str, Figure]) -> list[Block]:
         if name.startswith("overlay_")
     ]
     said = (
-        f"The floor is what the model, taken for true, misses of its own simulated data: median "
-        f"of {answer.verdict.draws} draws of the stated sensor and wake noise."
+        f"The floor is never taken from these residuals: the model, taken for true, is held "
+        f"against data that it simulated itself, median of {answer.verdict.draws} draws of the "
+        f"stated sensor and wake noise."
     )
     return [gap_table(answer), Paragraph(said), *_figures(figures, "gap"), *overlays]
 

@@ -19,9 +19,7 @@ def effects_table(answer: Answer) -> Table:
         for place, item in enumerate(effect.parameters):
             rows.append(_effect_row(effect, item, first=place == 0))
     return Table(
-        "What was found. A member of a class has the numbers that it would have by itself."
-        if answer.verdict.kind == "class"
-        else "What was found; log ratio: of likelihoods, with the effect over without it.",
+        _effects_caption(answer, "; log ratio: of likelihoods, with the effect over without it"),
         (
             *("effect", "stage", "parameter", "value", "95 % interval", "tolerance"),
             *("probability", "log ratio", "p-value"),
@@ -36,10 +34,22 @@ def short_effects_table(answer: Answer) -> Table:
     whole = effects_table(answer)
     kept = (0, 2, 3, 4, 5, 6)
     return Table(
-        whole.caption,
+        _effects_caption(answer),
         [whole.header[column] for column in kept],
         [[row[column] for column in kept] for row in whole.rows],
         text_columns=2,
+    )
+
+
+def _effects_caption(answer: Answer, more: str = "") -> str:
+    alone = (
+        " A member of a class has the numbers that it would have by itself."
+        if answer.verdict.kind == "class"
+        else ""
+    )
+    return (
+        f"What was found. Value: the whole parameter in the new model, nothing to add to the old "
+        f"one; tolerance: a change that would not matter{more}.{alone}"
     )
 
 
@@ -79,13 +89,22 @@ def _quantity(value: float, unit: str) -> str:
     return f"{value:.3g}" + ("" if unit == "1" else f" {people(unit)}")
 
 
+SHORT_LEGEND = (
+    "Before: the model with what is uncertain or within tolerance adjusted; after: with what was "
+    "named, too. Floor: what a true model would still miss, because sensors and wake are noisy. "
+    "Closed: how much of the squared error above the floor is gone, 100 % at the floor."
+)
+LEGEND = f"As given: the model as its file states it. {SHORT_LEGEND}"
+"""What the columns of the gap are."""
+
+
 def gap_table(answer: Answer) -> Table:
     """List the gap of each channel: as given, before, after, floor."""
     return Table(
-        _gap_caption(answer),
+        f"{_gap_caption(answer)} {LEGEND}",
         (
-            *("channel", "unit", "as given", "before", "after", "noise floor", "5 to 95 %"),
-            "share closed",
+            *("channel", "unit", "as given", "before (95 %)", "after (95 %)", "floor"),
+            *("floor, 5 to 95 %", "closed"),
         ),
         [_gap_row(gap, answer.has_model) for gap in answer.verdict.gaps],
         text_columns=2,
@@ -99,7 +118,7 @@ def short_gap_table(answer: Answer) -> Table:
         row = _gap_row(gap, answer.has_model)
         rows.append((row[0], row[1], row[3], row[4], row[5], row[7]))
     return Table(
-        _gap_caption(answer),
+        f"{_gap_caption(answer)} {SHORT_LEGEND}",
         ("channel", "unit", "before (95 %)", "after (95 %)", "floor", "closed"),
         rows,
         text_columns=2,
