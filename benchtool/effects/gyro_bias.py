@@ -20,7 +20,7 @@ EFFECT = Effect(
     title="Gyro bias",
     description="The gyro shows a rate while nothing turns.",
     stage="sensor",
-    law="reading = rate + bias",
+    law="reading = rate + bias; where the scale is off, too: scale * (rate + bias)",
     parameters=(
         Parameter(
             "bias_rad_s",

@@ -11,7 +11,7 @@ from benchtool.effects.effect import Effect, Flow, Quantity, Values
 
 @expression
 def gyro_reading(reading: Quantity, flow: Flow, states: Sequence[Quantity], p: Values) -> Quantity:
-    """Return the gyro's reading, scaled: rad/s."""
+    """Return the gyro's reading, scaled: rad/s. It comes after the bias, which is scaled, too."""
     return reading * p[0]
 
 
@@ -20,7 +20,7 @@ EFFECT = Effect(
     title="Gyro scale error",
     description="The gyro shows more or less than the rate.",
     stage="sensor",
-    law="reading = scale * rate",
+    law="reading = scale * rate; where there is a bias, too: scale * (rate + bias)",
     parameters=(
         Parameter(
             "scale",

@@ -10,13 +10,17 @@ from numpy.typing import NDArray
 from benchtool.effects.effect import Effect, Stage
 from benchtool.explain.explanation import Disagreement
 from benchtool.explain.hypotheses import Hypotheses, Hypothesis
-from benchtool.explain.subject import RowGroups, Subject
+from benchtool.explain.subject import EARLY, LATE, RowGroups, Subject
 from benchtool.explain.verdict import FoundParameter, Where
 
 Array = NDArray[np.float64]
 
 SIGMA_95 = 1.959964
 """Half of a 95 % interval in standard deviations."""
+
+CLOCK_FACTOR = 1.1
+"""How much denser residuals must be in a part of the run than in any regime of plate, speed or
+motion to be told by the clock; a choice."""
 
 
 def effect_of(subject: Subject, name: str) -> Effect:
@@ -63,6 +67,8 @@ def where_shown(
 ) -> Where | None:
     """Return where residuals stand out before the fix.
 
+    The regime is where they are densest; one of the clock only where no other is nearly as dense.
+
     Args:
         groups: labels of the rows.
         before: (n_rows,) residuals within tolerance.
@@ -81,6 +87,8 @@ def where_shown(
     for name, mask in groups.regimes.items():
         inside = gained[mask].sum() / total if total > 0.0 else 0.0
         dense = inside / max(float(np.mean(mask[rows])), 1e-9)
+        if name in (LATE, EARLY):
+            dense /= CLOCK_FACTOR
         if inside > 0.3 and dense > crowded:
             best, crowded = name, dense
     mask = groups.regimes.get(best, np.ones(len(before), bool)) & rows

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.explain.subject import EARLY, LATE
 from benchtool.simulate.pitch_follow import LoggedPitch
 
 Mask = NDArray[np.bool_]
@@ -45,8 +46,8 @@ def pitch_regimes(logged: LoggedPitch, radius_m: float) -> dict[str, Mask]:
         "slow reversals": slow & near_turn,
         "at rest": slow & ~near_turn,
         "fast motion": np.abs(calm) > np.quantile(np.abs(calm), 0.8),
-        "late in the run": time > 2 * n // 3,
-        "early in the run": time < n // 3,
+        LATE: time > 2 * n // 3,
+        EARLY: time < n // 3,
         "quick changes of the pulses": ~settled,
     }
     if high - low > 0.05 * (high - 1000.0):

@@ -17,6 +17,9 @@ from benchtool.explain.verdict import NextExperiment
 
 Array = NDArray[np.float64]
 
+LATE, EARLY = "late in the run", "early in the run"
+"""Regimes of the clock: they say less of a cause than where the plate was, or how fast it went."""
+
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class RowGroups:

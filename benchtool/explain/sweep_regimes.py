@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.effects.model import Model
+from benchtool.explain.subject import EARLY, LATE
 from benchtool.explain.sweep_log import SweepLog
 
 Mask = NDArray[np.bool_]
@@ -43,8 +44,8 @@ def sweep_regimes(log: SweepLog, model: Model) -> dict[str, Mask]:
     if np.ptp(conditions.time_s) > 0.0:
         late = np.quantile(conditions.time_s, [1.0 / 3.0, 2.0 / 3.0])
         out |= {
-            "late in the run": running & (conditions.time_s > late[1]),
-            "early in the run": running & (conditions.time_s < late[0]),
+            LATE: running & (conditions.time_s > late[1]),
+            EARLY: running & (conditions.time_s < late[0]),
         }
     if np.ptp(conditions.elapsed_s[running]) > 0.0:
         long = np.quantile(conditions.elapsed_s[running], 2.0 / 3.0)
