@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import socket
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Protocol
 
@@ -161,16 +161,17 @@ class TcpLink:
             self._listener = None
 
     def replug(self) -> None:
-        listener = socket.socket()
         try:
-            if os.name == "posix":
-                listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            listener.bind((self._host, self._port))
-        except (OSError, OverflowError) as error:
-            listener.close()
+            with ExitStack() as on_failure:
+                listener = on_failure.enter_context(socket.socket())
+                if os.name == "posix":
+                    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+                listener.bind((self._host, self._port))
+                listener.listen()
+                listener.setblocking(False)
+                on_failure.pop_all()
+        except (OSError, OverflowError, UnicodeError) as error:
             raise _listen_error(error, self._host, self._port) from error
-        listener.listen()
-        listener.setblocking(False)
         self._listener = listener
         self._port = listener.getsockname()[1]
 
@@ -188,8 +189,12 @@ class TcpLink:
             with client, suppress(OSError):
                 client.sendall(event_line(Event("busy", self._client_name)))
             return
-        client.setblocking(False)
-        client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        try:
+            client.setblocking(False)
+            client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        except OSError:  # it went away again at once
+            client.close()
+            return
         self._client, self._client_name = client, f"{peer[0]}:{peer[1]}"
 
     def _drop_client(self) -> None:

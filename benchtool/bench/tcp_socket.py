@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import socket
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 
 from benchtool.bench.link_errors import lost_error, opening_error
 from benchtool.bench.transport import first_bytes
@@ -31,9 +31,12 @@ class TcpSocket:
     def open(self) -> None:
         where = f"{self.host}:{self.port}"
         try:
-            opened = socket.create_connection((self.host, self.port), timeout=CONNECT_S)
-            opened.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            opened.setblocking(False)
+            with ExitStack() as on_failure:
+                opened = socket.create_connection((self.host, self.port), timeout=CONNECT_S)
+                on_failure.enter_context(opened)
+                opened.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                opened.setblocking(False)
+                on_failure.pop_all()
         except TimeoutError as error:
             raise NoDevice(
                 f"{where} did not answer within {CONNECT_S:g} s; check the address and the network"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import socket
 from collections.abc import Callable
+from contextlib import ExitStack
 
 from benchtool.errors import InputError, NoDevice, PortBusy
 
@@ -81,27 +82,28 @@ class UdpLink:
             opened.close()
 
     def replug(self) -> None:
-        opened = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
-            if self._listen:
-                opened.bind((self._host, self._port))
-                self._port = opened.getsockname()[1]
-            else:
-                self._peer = (socket.gethostbyname(self._host), self._port)
+            with ExitStack() as on_failure:
+                opened = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+                on_failure.enter_context(opened)
+                if self._listen:
+                    opened.bind((self._host, self._port))
+                    self._port = opened.getsockname()[1]
+                else:
+                    self._peer = (socket.gethostbyname(self._host), self._port)
+                opened.setblocking(False)
+                on_failure.pop_all()
         except OverflowError as error:
-            opened.close()
             raise InputError(
                 f"UDP port {self._port} is outside 0 to 65535; choose one in it"
             ) from error
-        except OSError as error:
-            opened.close()
+        except (OSError, UnicodeError) as error:
             where = f"UDP {self._host}:{self._port}"
-            if error.errno == errno.EADDRINUSE:
+            if isinstance(error, OSError) and error.errno == errno.EADDRINUSE:
                 raise PortBusy(
                     f"another program listens on {where}; choose another port"
                 ) from error
             raise NoDevice(f"cannot use {where} ({error}); choose another host or port") from error
-        opened.setblocking(False)
         self._socket = opened
 
     def close(self) -> None:
