@@ -1,22 +1,23 @@
 """Work that takes processor time, in a process of its own: the page stays quick, Stop too.
 
-A job is a function at the top of a module. One that yields tells what it yields while it works;
-what it returns is the result.
+A job is a function at the top of a module; what it returns is the result. Jobs are short and follow
+each other in one process, which has its libraries loaded. What takes minutes, says how far it is
+and outlives the page that began it is a `Job`, in a process for itself.
 """
 
 from __future__ import annotations
 
 import asyncio
 import signal
+import sys
+import traceback
 from collections.abc import Callable
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
-from types import GeneratorType
 from typing import Any
 
 from benchtool.errors import BenchtoolError, RunStopped
-
-Heard = Callable[[Any], None]
+from benchtool.web.job import fault_sentence
 
 
 class Worker:
@@ -32,51 +33,38 @@ class Worker:
         self._process: Any = None
         self._pipe: Connection | None = None
 
-    async def run(self, job: Callable[..., Any], *args: Any, heard: Heard | None = None) -> Any:
-        """Return what a job returns; `heard` is called in the page's loop with what it yields.
+    async def run(self, job: Callable[..., Any], *args: Any) -> Any:
+        """Return what a job returns.
 
         Raises:
             BenchtoolError: what the job raised, with the same sentence.
-            RunStopped: it was cancelled.
+            RunStopped: the process ended before it was done.
         """
-        loop = asyncio.get_running_loop()
-
-        def tell(news: Any) -> None:
-            if heard is not None:
-                loop.call_soon_threadsafe(heard, news)
-
         async with self._turn:
-            return await asyncio.to_thread(self._work, job, args, tell)
-
-    def cancel(self) -> None:
-        """End the job that runs, and the process with it; the next job gets a new one."""
-        if self._process is not None:
-            self._process.terminate()
+            return await asyncio.to_thread(self._work, job, args)
 
     def close(self) -> None:
         """End the process; safe to call twice."""
-        self.cancel()
         if self._process is not None:
+            self._process.terminate()
             self._process.join(2.0)
         self._forget()
 
-    def _work(self, job: Callable[..., Any], args: tuple[Any, ...], tell: Heard) -> Any:
+    def _work(self, job: Callable[..., Any], args: tuple[Any, ...]) -> Any:
         if self._process is None or not self._process.is_alive():
             self._start()
         assert self._pipe is not None
         try:
             self._pipe.send((job, args))
-            while True:
-                kind, told = self._pipe.recv()
-                if kind == "news":
-                    tell(told)
-                elif kind == "done":
-                    return told
-                else:
-                    raise BenchtoolError(told)
+            kind, told = self._pipe.recv()
         except (EOFError, OSError):
             self._forget()
-            raise RunStopped(f"{self._name} was cancelled; nothing was kept of it") from None
+            raise RunStopped(
+                f"the process for {self._name} ended before it was done; ask again"
+            ) from None
+        if kind == "failed":
+            raise BenchtoolError(told)
+        return told
 
     def _start(self) -> None:
         spawn = get_context("spawn")
@@ -103,20 +91,9 @@ def work_through(pipe: Connection) -> None:
         except (EOFError, OSError):
             return
         try:
-            pipe.send(("done", _result(job(*args), pipe)))
+            pipe.send(("done", job(*args)))
         except BenchtoolError as error:
             pipe.send(("failed", str(error)))
         except Exception as error:  # noqa: BLE001 -- told to the page; the worker goes on
-            said = " ".join(str(error).split())
-            told = f"a fault in benchtool itself, {type(error).__name__}: {said}; please report it"
-            pipe.send(("failed", told))
-
-
-def _result(returned: Any, pipe: Connection) -> Any:
-    if not isinstance(returned, GeneratorType):
-        return returned
-    while True:
-        try:
-            pipe.send(("news", next(returned)))
-        except StopIteration as end:
-            return end.value
+            traceback.print_exc(file=sys.stderr)
+            pipe.send(("failed", fault_sentence(error)))

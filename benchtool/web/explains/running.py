@@ -10,6 +10,7 @@ from benchtool.errors import InputError
 from benchtool.web.explains.question import Question
 from benchtool.web.explains.work import Explained, discard, explained, keep
 from benchtool.web.job import Job, JobState
+from benchtool.web.latest import Latest
 
 
 @dataclass(slots=True, kw_only=True)
@@ -53,13 +54,7 @@ class Explaining:
         discard(self.out)
 
 
-_LATEST: dict[Path, Explaining] = {}
-"""By runs folder; a server has one."""
-
-
-def latest(root: Path) -> Explaining | None:
-    """Return the explanation that was started last for a runs folder, None before the first."""
-    return _LATEST.get(root)
+EXPLANATIONS: Latest[Explaining] = Latest()
 
 
 def start(root: Path, question: Question, out: Path, words: Sequence[str]) -> Explaining:
@@ -68,21 +63,16 @@ def start(root: Path, question: Question, out: Path, words: Sequence[str]) -> Ex
     Raises:
         InputError: another one runs.
     """
-    present = latest(root)
-    if present is not None:
-        if present.state.running:
-            raise InputError(
-                f"{present.out.name} still runs ({present.state.what}); wait, or cancel it"
-            )
-        discard(present.out)
+    before = EXPLANATIONS.ended(root)
+    if before is not None:
+        discard(before.out)
     out.parent.mkdir(parents=True, exist_ok=True)
     job = Job(explained, question, out, tuple(words))
-    _LATEST[root] = Explaining(out=out, words=tuple(words), job=job)
-    return _LATEST[root]
+    return EXPLANATIONS.put(root, Explaining(out=out, words=tuple(words), job=job))
 
 
 def clear(root: Path) -> None:
     """Take away what nobody kept, as the server ends."""
-    present = _LATEST.pop(root, None)
+    present = EXPLANATIONS.forget(root)
     if present is not None:
         present.cancel()

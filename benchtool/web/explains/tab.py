@@ -13,10 +13,10 @@ from benchtool.web.command_row import CommandRow
 from benchtool.web.context import Context
 from benchtool.web.explains.answer import AnswerView
 from benchtool.web.explains.places import Places
-from benchtool.web.explains.progress import Stages
 from benchtool.web.explains.question import question_of, suggested_folder
-from benchtool.web.explains.running import Explaining, clear, latest, start
+from benchtool.web.explains.running import EXPLANATIONS, Explaining, clear, start
 from benchtool.web.hand_over import HandOver
+from benchtool.web.progress import Progress
 from benchtool.web.show import STYLE
 from benchtool.web.tell import say, tells_errors
 
@@ -54,10 +54,10 @@ class ExplainTab:
                 self._hint = ui.label().classes("soft").props("role=status").mark("hint")
             with ui.element("div").classes("w-full") as self._command_place:
                 self._command = CommandRow()
-            self._stages = Stages(context, self._done, self._changed)
+            self._stages = Progress(context, "explanation", self._done, self._changed, staged=True)
         self._answer = AnswerView(context, self._places, self._look)
         self._changed()
-        present = latest(context.runs)
+        present = EXPLANATIONS.of(context.runs)
         if present is not None and present.state.running:
             self._stages.watch(present)
         elif present is not None:

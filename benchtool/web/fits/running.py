@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from benchtool.errors import InputError
 from benchtool.recipes.recipe import Recipe
 from benchtool.web.fits.work import fit_into, unfinished
 from benchtool.web.job import Job, JobState
+from benchtool.web.latest import Latest
 
 
 @dataclass(slots=True, kw_only=True)
@@ -32,14 +32,13 @@ class Fitting:
         """How it stands."""
         return self.job.state
 
+    def cancel(self) -> None:
+        """End it and take away what it had begun to write."""
+        self.job.cancel()
+        shutil.rmtree(unfinished(self.out), ignore_errors=True)
 
-_LATEST: dict[Path, Fitting] = {}
-"""By runs folder; a server has one."""
 
-
-def latest(root: Path) -> Fitting | None:
-    """Return the fit that was started last for a runs folder, None before the first."""
-    return _LATEST.get(root)
+FITS: Latest[Fitting] = Latest()
 
 
 def start(root: Path, recipe: Recipe, out: Path, words: Sequence[str], profile: bool) -> Fitting:
@@ -48,17 +47,6 @@ def start(root: Path, recipe: Recipe, out: Path, words: Sequence[str], profile: 
     Raises:
         InputError: another one runs.
     """
-    present = latest(root)
-    if present is not None and present.state.running:
-        raise InputError(
-            f"the fit {present.out.name} still runs ({present.state.what}); wait, or cancel it"
-        )
+    FITS.ended(root)
     job = Job(fit_into, recipe, out, tuple(words), profile)
-    _LATEST[root] = Fitting(out=out, words=tuple(words), job=job)
-    return _LATEST[root]
-
-
-def cancel(fitting: Fitting) -> None:
-    """End a fit and take away what it had begun to write."""
-    fitting.job.cancel()
-    shutil.rmtree(unfinished(fitting.out), ignore_errors=True)
+    return FITS.put(root, Fitting(out=out, words=tuple(words), job=job))

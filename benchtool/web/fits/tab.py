@@ -18,8 +18,8 @@ from benchtool.web.fits.how import How
 from benchtool.web.fits.jobs import view_fit
 from benchtool.web.fits.order import Order, recipe_for, suggested_name, words_for
 from benchtool.web.fits.parameters import Parameters
-from benchtool.web.fits.progress import Progress
-from benchtool.web.fits.running import Fitting, start
+from benchtool.web.fits.running import FITS, Fitting, start
+from benchtool.web.progress import Progress
 from benchtool.web.runs.listing import Listing
 from benchtool.web.show import STYLE, show, waiting
 from benchtool.web.tell import tells_errors
@@ -60,7 +60,10 @@ class FitTab:
                 self._fit = ui.button("Fit", icon="functions", on_click=self._start).mark("fit")
             self._command = CommandRow()
             self._hint = ui.label().classes("soft").props("role=status").mark("hint")
-            self._progress = Progress(context, self._done)
+            self._progress = Progress(context, "fit", self._done)
+            present = FITS.of(context.runs)
+            if present is not None and present.state.running:
+                self._progress.watch(present)
         self._answer = ui.column().classes("w-full scroll-place")
         self._other_model()
         self._ready = True

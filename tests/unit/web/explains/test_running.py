@@ -14,7 +14,7 @@ from benchtool.store.recording_file import write_recording
 from benchtool.studies.pitch import pitch_study
 from benchtool.studies.pitch_setup import changed, pitch_setup
 from benchtool.web.explains.question import Question
-from benchtool.web.explains.running import clear, latest, start
+from benchtool.web.explains.running import EXPLANATIONS, clear, start
 from benchtool.web.explains.work import keep
 from benchtool.web.fits.work import unfinished
 
@@ -74,7 +74,7 @@ def test_an_effect_is_named_and_kept_in_a_new_model(tmp_path: Path, question: Qu
     assert (out / "model.toml").read_text() == (by_command / "model.toml").read_text()
     with pytest.raises(InputError, match="kept already"):
         explaining.keep(out)
-    assert latest(out.parent) is explaining
+    assert EXPLANATIONS.of(out.parent) is explaining
 
 
 def test_what_nobody_keeps_goes_and_what_is_there_stays(tmp_path: Path) -> None:
@@ -90,7 +90,7 @@ def test_what_nobody_keeps_goes_and_what_is_there_stays(tmp_path: Path) -> None:
     unfinished(out).mkdir()
     clear(out.parent)
     assert not unfinished(out).exists()
-    assert latest(out.parent) is None
+    assert EXPLANATIONS.of(out.parent) is None
 
 
 def test_an_answer_replaces_nothing(tmp_path: Path) -> None:
