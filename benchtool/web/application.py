@@ -59,7 +59,7 @@ def run_application(
     os.environ.pop("PYTEST_CURRENT_TEST", None)
     ui.run(
         host=host, port=port, title="benchtool", reload=False, show=False,
-        show_welcome_message=False, reconnect_timeout=RECONNECT_S, language=None,
+        show_welcome_message=False, reconnect_timeout=RECONNECT_S, language=None, tailwind=False,
         # Without a network between, packing costs more than it saves.
         gzip_middleware_factory=None if access.token is None else GZipMiddleware,
     )  # fmt: skip

@@ -47,6 +47,7 @@ class Context:
         theme: "light", "dark", or empty to follow the system.
         dark: whether the page is dark now, told by the page.
         let_go: lets the page's throttle go, when its press has ended elsewhere.
+        arrived: is called once the page has connected.
     """
 
     shared: Shared
@@ -54,6 +55,7 @@ class Context:
     theme: str = ""
     dark: bool = False
     let_go: Callable[[], object] = lambda: None
+    arrived: Callable[[], object] = lambda: None
 
     @property
     def bench(self) -> BenchLink:

@@ -64,9 +64,10 @@ def serve_control_line(shared: Shared) -> None:
     async def control(socket: WebSocket, page: str, tab: str) -> None:
         await socket.accept()
         tab = tab[:LONGEST_NAME]
+        shared.seat.arrive(tab)
         if (context := ControlLine.pages.get(page)) is not None:
             context.tab = tab
-        shared.seat.arrive(tab)
+            context.arrived()
         try:
             while True:
                 word = await socket.receive_text()

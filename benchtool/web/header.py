@@ -44,6 +44,7 @@ class Header:
         ControlLine(context)
         self._show_theme()
         self.refresh()
+        context.arrived = self.refresh
         ui.timer(LOOK_S, self.refresh)
 
     def refresh(self) -> None:

@@ -35,10 +35,11 @@ def dress_page(theme: str) -> ui.dark_mode:
     ui.colors(primary=ACCENT, negative=STOP, positive="#00704f", warning="#b34700", info=ACCENT)
     ui.button.default_props("no-caps")
     ui.add_head_html('<meta name="color-scheme" content="light dark">')
-    ui.add_head_html('<link rel="stylesheet" href="/static/page.css">')
+    for sheet in ("layout", "page"):
+        ui.add_head_html(f'<link rel="stylesheet" href="/static/{sheet}.css">')
     return ui.dark_mode({"light": False, "dark": True}.get(theme))
 
 
 def serve_static() -> None:
-    """Offer the style sheet under /static."""
+    """Offer the style sheets under /static."""
     app.add_static_files("/static", STATIC)

@@ -58,7 +58,7 @@ class Parameters:
                 value.set_enabled(not number.free)
             with ui.element("td").classes("number soft"):
                 ui.label(f"{number.lower:g} … {number.upper:g}".replace("-", "−"))
-            with ui.element("td").classes("soft source"):
+            with ui.element("td").classes("soft"):
                 ui.label(number.source)
 
         def take() -> None:
