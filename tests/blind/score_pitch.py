@@ -25,7 +25,7 @@ from tests.blind.pitch.library import NAMED
 from tests.blind.pitch.outside import OUTSIDE
 from tests.blind.pitch.records import HiddenRecord, make_record
 from tests.blind.scored import GAP_REACHED, Scored, ScoredParameter
-from tests.blind.scoring import Asked, longer, plan, run, sizes_needed
+from tests.blind.scoring import Asked, plan, run, single_effects, sizes_needed
 
 MODEL = Path(__file__).resolve().parents[2] / "datasets" / "pitch_bench" / "model.toml"
 
@@ -44,10 +44,10 @@ SIGN = {"cog_offset": -1.0}
 """The generator counts towards rotor 1, which stands behind the hinge of benchtool's beam."""
 
 
-def asked(first_seed: int, scale: float, length: int = 1) -> Iterator[Asked]:
+def asked(first_seed: int, scale: float, length: int = 0) -> Iterator[Asked]:
     """Yield what is scored."""
-    if length > 1:
-        return longer(NAMED, first_seed, length, scale=scale)
+    if length:
+        return single_effects(NAMED, first_seed, length, scale=scale)
     return plan(NAMED, OUTSIDE, first_seed, scale=scale)
 
 

@@ -23,7 +23,7 @@ from benchtool.store import read_points
 from benchtool.store.columns import KINDS
 from tests.blind.fisher import class_confirmed
 from tests.blind.scored import GAP_REACHED, Scored, ScoredParameter
-from tests.blind.scoring import Asked, longer, plan, run, sizes_needed
+from tests.blind.scoring import Asked, plan, run, single_effects, sizes_needed
 from tests.blind.sweep.information import information
 from tests.blind.sweep.library import NAMED
 from tests.blind.sweep.outside import OUTSIDE
@@ -43,10 +43,10 @@ PARTS = 20
 """Rich records of every named effect: 220 in all."""
 
 
-def asked(first_seed: int, scale: float, length: int = 1) -> Iterator[Asked]:
+def asked(first_seed: int, scale: float, length: int = 0) -> Iterator[Asked]:
     """Yield what is scored."""
-    if length > 1:
-        return longer(NAMED, first_seed, length, parts=PARTS, scale=scale)
+    if length:
+        return single_effects(NAMED, first_seed, length, parts=PARTS, scale=scale)
     return plan(NAMED, OUTSIDE, first_seed, parts=PARTS, scale=scale)
 
 

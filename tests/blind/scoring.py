@@ -80,10 +80,10 @@ def plan(
         seed += 20
 
 
-def longer(
+def single_effects(
     named: Iterable[str], first_seed: int, length: int, *, parts: int = 16, scale: float = 1.0
 ) -> Iterator[Asked]:
-    """Yield longer records of every named effect, for what their length does to the gap."""
+    """Yield rich records of every named effect, for what their length does to the gap."""
     names = tuple(named)
     for part in range(max(1, round(parts * scale))):
         for name in names:
@@ -121,7 +121,8 @@ def run(
 
     Args:
         title: of the scorecard.
-        asked: asked(first seed, scale, length) yields the records.
+        asked: asked(first seed, scale, length) yields the records: with a length rich ones of
+            single effects only.
         scored: makes a record and scores the verdict on it; runs in processes of its own.
         kept: file of outcomes, when the command line names none.
     """
@@ -129,9 +130,9 @@ def run(
     parser.add_argument("--scoring", action="store_true", help="scoring seeds, not development's")
     parser.add_argument("--scale", type=float, default=1.0, help="part of the records to make")
     parser.add_argument(
-        "--length", type=int, default=1,
-        help="rich records of single effects only, with so many times as much to learn from and "
-        "to check on",
+        "--length", type=int, default=0,
+        help="rich records of single effects only, 1 of the usual length, 2 with twice as much to "
+        "learn from and to check on",
     )  # fmt: skip
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--kept", type=Path, default=kept)

@@ -64,3 +64,11 @@ def test_a_scorecard_comes_of_them(sweeps: list[Scored]) -> None:
     text = Scorecard("Plate sweeps", sweeps).text()
     assert f"Plate sweeps: {len(SWEEPS)} records" in text
     assert "5 of 5" in text
+
+
+def test_single_effects_of_the_usual_length_are_a_part_of_the_plan() -> None:
+    whole = {one.label for one in score_sweep.asked(2000, 1.0)}
+    single = [one.label for one in score_sweep.asked(2000, 1.0, 1)]
+    assert len(single) == len(set(single)) == 220
+    assert set(single) < whole
+    assert not whole & {one.label for one in score_sweep.asked(2000, 1.0, 2)}
