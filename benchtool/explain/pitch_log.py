@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
+from math import hypot
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +36,13 @@ noise in the thrust."""
 
 QUICK_S = 0.012
 """A drive that comes at longer steps leaves out what a motor follows; half a usual lag."""
+
+SLOWER = 0.1
+"""Pulses may come so much more seldom than the angle is read before it is told: clocks differ."""
+
+EXACT_RAD = 1e-4
+"""An encoder whose noise and quantum are below this shows what pulses between two rows did; one of
+4096 counts does not. A choice."""
 
 LONGEST_PIECE_S = 1.5
 """A filter settles in 0.3 s and a prediction lasts 1 s; some of each is needed in one piece."""
@@ -105,7 +113,7 @@ def pitch_log(
             f"the plant cannot be driven; map pwm1_us... or rpm1... in the model's [columns]"
         )
     drive = pulsed or turned
-    remarks = [*rows.remarks, *_sparse(recording, drive, name)]
+    remarks = [*rows.remarks, *_sparse(recording, drive, rig, name)]
     rows = _followed(rows, drive, name, plate_slide_s, remarks)
     recording, mode, rate_Hz = rows.recording, rows.mode, rows.rate_Hz
     n = len(recording)
@@ -172,7 +180,7 @@ def _drive(recording: Recording, rig: Rig, pattern: str) -> tuple[str, ...]:
     return names if whole else ()
 
 
-def _sparse(recording: Recording, drive: tuple[str, ...], name: str) -> list[str]:
+def _sparse(recording: Recording, drive: tuple[str, ...], rig: Rig, name: str) -> list[str]:
     """Return what to say of a drive that comes seldom.
 
     Raises:
@@ -193,6 +201,17 @@ def _sparse(recording: Recording, drive: tuple[str, ...], name: str) -> list[str
             out.append(
                 f"{channel} comes {1.0 / step_s:.3g} times a second: what changes within "
                 f"{1000.0 * step_s:.0f} ms goes unseen; record it 100 times a second"
+            )
+        sensor = rig.sensors.get("theta_rad")
+        if sensor is None or hypot(sensor.noise, sensor.quantum) > EXACT_RAD:
+            continue
+        if drive[0].startswith("pwm") and step_s * sensor.rate_Hz > 1.0 + SLOWER:
+            out.append(
+                f"{channel} comes {1.0 / step_s:.3g} times a second, and the beam of rig "
+                f"{rig.name} is read {sensor.rate_Hz:g} times: pulses that a faster loop gave in "
+                f"between turned the beam and are not in the recording. So exact an encoder shows "
+                f"that as a gap that no effect explains; record outputs and attitude as fast as "
+                f"the loop runs, {sensor.rate_Hz:g} times a second here"
             )
     return out
 

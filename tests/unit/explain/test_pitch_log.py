@@ -118,6 +118,26 @@ def test_a_plant_that_is_driven_seldom_is_said_or_refused(rig: Rig) -> None:
         pitch_log(recording(pwm1_us=seldom), rig)
 
 
+def test_pulses_slower_than_the_loop_are_told_with_the_rate_to_record(rig: Rig) -> None:
+    pquad = rig_named("pquad")
+    rate_Hz = pquad.sensors["theta_rad"].rate_Hz
+    told = "no effect explains; record outputs and attitude as fast as the loop runs, "
+
+    def four_rotors(hertz: float) -> Recording:
+        made = recording(time_s=np.arange(1000) / hertz)
+        for rotor in (3, 4):
+            made = made.with_column(Channel(f"pwm{rotor}_us", "us"), np.full(1000, 1450.0))
+        return made
+
+    assert not any(told in one for one in pitch_log(four_rotors(rate_Hz), pquad).remarks)
+    (remark,) = [one for one in pitch_log(four_rotors(0.5 * rate_Hz), pquad).remarks if told in one]
+    assert f"pwm1_us comes {0.5 * rate_Hz:g} times a second" in remark
+    assert f"{rate_Hz:g} times a second here" in remark
+    # A coarser encoder does not see it.
+    beam = recording(time_s=np.arange(1000) / 100.0)
+    assert not any(told in one for one in pitch_log(beam, rig).remarks)
+
+
 def test_only_gaps_is_refused(rig: Rig) -> None:
     time_s = np.arange(1000) / 100.0 + 0.3 * (np.arange(1000) // 120)
     with pytest.raises(InputError, match=r"longest piece of made.csv .* lasts 1\.20 s"):
