@@ -6,6 +6,7 @@ from nicegui import run, ui
 
 from benchtool.bench.address import SCHEMES
 from benchtool.errors import BenchtoolError
+from benchtool.web.bench.start_card import StartCard
 from benchtool.web.command_row import CommandRow
 from benchtool.web.context import Context
 from benchtool.web.desk.asks import Connect, Disconnect, Pace
@@ -33,11 +34,11 @@ class ConnectCard:
         rigs = list(rig_names())
         with ui.card().classes("w-full"):
             with ui.row().classes("items-end w-full gap-3"):
-                self._address = (
-                    ui.input("Address of the bench", value=FIRST).classes("grow").mark("address")
+                self._address = ui.input("Address of the bench", value=FIRST).classes(
+                    "grow address"
                 )
                 self._address.on_value_change(self._show_command)
-                with ui.button("Found", icon="search").props("outline"), ui.menu() as self._menu:
+                with ui.button("Find", icon="search").props("outline"), ui.menu() as self._menu:
                     pass
                 self._menu.on("before-show", self._find)
                 self._rig = ui.select(
@@ -50,6 +51,7 @@ class ConnectCard:
                 self._pace.on_value_change(self._set_pace)
             self._why = ui.label().classes("warn-box w-full").mark("why")
             self._command = CommandRow()
+        self._start = StartCard()
         self._show_command()
         self.refresh()
 
@@ -59,6 +61,7 @@ class ConnectCard:
         self._on.set_visibility(connection.status == "off")
         self._off.set_visibility(connection.status != "off")
         self._pace.set_visibility(live.speed > 0.0)
+        self._start.set_visibility(connection.status == "off")
         self._why.set_visibility(bool(connection.reason))
         self._why.set_text(connection.reason)
 
@@ -81,7 +84,10 @@ class ConnectCard:
 
     def _show_command(self) -> None:
         rig = ["--rig", self._rig.value] if self._rig.value else []
-        self._command.show(["bench", "check", self._address.value.strip(), *rig])
+        address = self._address.value.strip()
+        # A loop on board would hold against a check that turns one rotor after another.
+        check = ["record", address, *rig, "--dry-run"] if "mode=pitch" in address else None
+        self._command.show(check or ["bench", "check", address, *rig])
 
     async def _find(self) -> None:
         from benchtool.bench.ports import serial_ports

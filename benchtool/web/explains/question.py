@@ -37,7 +37,10 @@ def question_of(places: Places, learn: Sequence[str], check: Sequence[str], mode
         InputError: something is missing, a choice leads elsewhere, or one recording is in both.
     """
     if not learn:
-        raise InputError("no recording to learn from is chosen; choose one or more")
+        raise InputError(
+            "no recording to learn from is chosen; choose one or more, keep one under Simulate, or "
+            "record one under Bench"
+        )
     if not check:
         raise InputError(
             "no recording to check on is chosen; choose one of the same bench that is not learned "

@@ -45,7 +45,10 @@ def recipe_for(order: Order, folder: RunsFolder, entries: Mapping[str, Entry]) -
         InputError: nothing to fit, a name that leads elsewhere, or a value that is not taken.
     """
     if not order.data:
-        raise InputError("nothing to fit: choose a run or a table")
+        raise InputError(
+            "nothing to fit: choose a run or a table; where there is none, measure a sweep first, "
+            "or hand over a CSV file"
+        )
     paths = [folder.path_of(name) for name in order.data]
     tables = [name for name in order.data if entries[name].kind == "table"]
     maps = [columns_file(folder.file_of(name)) for name in tables]

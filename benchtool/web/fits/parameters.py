@@ -57,7 +57,8 @@ class Parameters:
                 value.mark(f"value {number.name}")
                 value.set_enabled(not number.free)
             with ui.element("td").classes("number soft"):
-                ui.label(f"{number.lower:g} … {number.upper:g}".replace("-", "−"))
+                bounds = f"{number.lower:g} … {number.upper:g}"
+                ui.label(bounds.replace("-", "−").replace("inf", "∞"))
             with ui.element("td").classes("soft"):
                 ui.label(number.source)
 

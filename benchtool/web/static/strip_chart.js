@@ -68,6 +68,16 @@ export default {
         const x = (place % this.columns) * width, y = Math.floor(place / this.columns) * this.height;
         this.strip(panel, x, y, width, look, dark);
       });
+      for (let column = 0; column < this.columns; column++) this.timeAxis(column * width, width, look);
+    },
+    timeAxis(x0, width, look) {
+      const pen = this.pen, y = this.height * Math.ceil(this.panels.length / this.columns) + 12;
+      pen.font = "12px system-ui, sans-serif";
+      pen.fillStyle = look.soft;
+      pen.textAlign = "left";
+      pen.fillText(`${this.seconds} s ago`, x0 + LEFT, y);
+      pen.textAlign = "right";
+      pen.fillText("now", x0 + width - RIGHT, y);
     },
     strip(panel, x0, y0, width, look, dark) {
       const pen = this.pen, first = Math.max(0, this.count - this.room);
@@ -114,9 +124,12 @@ export default {
         const [lows, highs] = this.ring.get(line.column), color = dark ? line.dark : line.light;
         const value = this.newest(lows, highs);
         const text = (line.label ? `${line.label}: ` : "") + (value === null ? "-" : (value * panel.factor).toFixed(panel.decimals));
-        pen.fillStyle = color;
+        pen.fillStyle = look.ink;
         pen.fillText(text, at, y0 + 16);
-        at -= pen.measureText(text).width + 14;
+        at -= pen.measureText(text).width + 4;
+        pen.fillStyle = color;
+        pen.fillRect(at - 10, y0 + 7, 10, 8);
+        at -= 24;
         pen.strokeStyle = color;
         pen.lineWidth = 1.4;
         pen.beginPath();

@@ -29,7 +29,7 @@ class Field:
 
 
 FIELDS: tuple[Field, ...] = (
-    Field("z_over_r", "Plate distances, z/R", "0.5,1,2,4; the plan's own when empty"),
+    Field("z_over_r", "Plate distances, z/R", "0.5,1,2,4"),
     Field("pwm", "Pulses, us", "1400,1600"),
     Field("repeats", "Repeats", "9 for one rotor, 5 for several", int),
     Field("rotors", "Rotors that turn", "all, or 1,2"),
@@ -69,6 +69,7 @@ class PlanForm:
         self._base = Plan()
         self._file = ""
         self._inputs: dict[str, ui.input] = {}
+        ui.label("What is left empty is filled in from the rig.").classes("soft")
         with ui.element("div").classes("field-grid"):
             for field in FIELDS:
                 self._make(field)

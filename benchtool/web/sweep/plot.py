@@ -18,6 +18,13 @@ _STAMP = {
 }  # fmt: skip
 """Says on the figure that no motor turned, as every figure of the project does."""
 
+_EMPTY = {
+    "text": "Connect a bench under Bench, then start a sweep:<br>its points come here as they are "
+    "measured.",
+    "xref": "paper", "yref": "paper", "x": 0.5, "y": 0.5, "showarrow": False, "font": {"size": 15},
+}  # fmt: skip
+"""Stands in a plot that has nothing to show."""
+
 _ROLES = {"eq. (2)": "formula", "eq. (3)": "quad"}
 
 
@@ -54,7 +61,14 @@ class RatioPlot:
                 "marker": {"color": ink, "size": 7, "symbol": "circle-open"},
             }
         )  # fmt: skip
-        axis = {"gridcolor": GREY + "44", "zeroline": False, "linecolor": GREY}
+        empty = not self._points.rows and not self._curves
+        axis = {
+            "gridcolor": GREY + "44",
+            "zeroline": False,
+            "linecolor": GREY,
+            "visible": not empty,
+        }
+        notes = [_STAMP] if self._points.simulated else [_EMPTY] if empty else []
         return {
             "data": traces,
             "layout": {
@@ -67,7 +81,7 @@ class RatioPlot:
                 "yaxis": {**axis, "title": {"text": "T<sub>IGE</sub> / T<sub>OGE</sub>"}},
                 "legend": {"x": 0.98, "xanchor": "right", "y": 0.98},
                 "uirevision": "same",
-                "annotations": [_STAMP] if self._points.simulated else [],
+                "annotations": notes,
             },
             "config": {"displayModeBar": False, "responsive": True},
         }

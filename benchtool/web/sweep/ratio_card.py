@@ -16,6 +16,15 @@ from benchtool.web.sweep.work import Curve, Points, measured_points, model_curve
 
 WORKER = "plots"
 
+AT = {
+    "equal_rpm2": "equal rpm²",
+    "equal_pwm": "equal pulse",
+    "equal_power": "equal power",
+}
+"""Words for what is held equal."""
+
+assert tuple(AT) == RATIO_BASES
+
 STANDARD = {1: "single_bench", 4: "quad_bench"}
 """Model that is shown first, by the number of discs."""
 
@@ -38,7 +47,7 @@ class RatioCard:
         with ui.card().classes("w-full"):
             with ui.row().classes("items-end w-full"):
                 ui.label("Thrust ratio").classes("card-title grow")
-                self._basis = ui.select(list(RATIO_BASES), value=RATIO_BASES[0], label="At")
+                self._basis = ui.select(AT, value=RATIO_BASES[0], label="At")
                 self._basis.classes("w-36")
                 models = {"": "no model", **{name: name for name in model_names()}}
                 self._model = ui.select(models, value="", label="Model and its band")

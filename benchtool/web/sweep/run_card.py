@@ -21,7 +21,7 @@ class RunCard:
     def __init__(self, context: Context) -> None:
         self._context = context
         self._events = -1
-        with ui.card().classes("w-full") as self._card:
+        with ui.card().classes("w-full run-card") as self._card:
             with ui.row().classes("items-center w-full"):
                 self._title = ui.label().classes("card-title grow").mark("sweep-state")
                 self._pause = ui.button("Pause", icon="pause", on_click=lambda: self._wait(on=True))
