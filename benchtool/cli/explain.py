@@ -50,7 +50,7 @@ def command(
         typer.Option(help="To check on: same bench, not learned from; one or more."),
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(help="Folder for page, figures, new model, next experiment.")
+        Path | None, typer.Option(help="Folder for page, figures, new model or next experiment.")
     ] = None,
     json_file: Annotated[
         Path | None, typer.Option("--json", help="File for the answer as JSON.")
@@ -70,7 +70,13 @@ def command(
         bool, typer.Option("--overwrite", help="Replace an earlier answer's files.")
     ] = False,
 ) -> None:
-    """Name the effect that a model lacks, and show the gap shrink"""
+    """Name the effect that a model lacks, and show the gap shrink
+
+    The first line printed is the verdict: an effect, several, a class that this data cannot tell
+    apart, none, or unknown. The last lines say what was added to which file and what to type next:
+    after a named effect, to ask again with the new model, to fit and to simulate with it; after a
+    class or an unknown, the experiment that separates what is likely.
+    """
     import shlex
     import sys
     import time

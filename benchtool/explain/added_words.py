@@ -59,18 +59,19 @@ def changes(answer: Answer) -> tuple[Change, ...]:
 def changes_table(answer: Answer) -> Table:
     """List what is new in the new model."""
     return Table(
-        "What is other in the new model. Values are whole values, nothing to add to the old ones.",
-        ("parameter", "before", "now", "unit", "why"),
+        "What is different in the new model. Each value is the whole one, no addition to the old.",
+        ("parameter", "why", "unit", "before", "now"),
         [
             (
                 one.name,
+                "found" if one.found else "adjusted within what was known of it",
+                "–" if one.unit == "1" else unit_for_people(one.unit),
                 "absent" if one.before is None else f"{one.before:.4g}",
                 f"{one.now:.4g}",
-                "–" if one.unit == "1" else unit_for_people(one.unit),
-                "found" if one.found else "adjusted within what was known of it",
             )
             for one in changes(answer)
         ],
+        text_columns=3,
     )
 
 

@@ -22,7 +22,7 @@ def effects_table(answer: Answer) -> Table:
         _effects_caption(answer, "; log ratio: of likelihoods, with the effect over without it"),
         (
             *("effect", "stage", "parameter", "value", "95 % interval", "tolerance"),
-            *("probability", "log ratio", "p-value"),
+            *("probability", "log ratio", "p"),
         ),
         rows,
         text_columns=3,
@@ -75,7 +75,9 @@ def _effect_row(effect: NamedEffect, item: FoundParameter, *, first: bool) -> tu
 
 
 def _p_value(value: float) -> str:
-    return "< 1e-15" if value < 1e-15 else f"{value:.2g}"
+    # A line may break behind a hyphen, never behind a minus.
+    shown = f"<\u00a0{1e-15:.0e}" if value < 1e-15 else f"{value:.2g}"
+    return shown.replace("-", "−")
 
 
 def _interval(item: FoundParameter) -> str:
