@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+import socket
 from pathlib import Path
 
+import uvicorn
+from fastapi import FastAPI
 from fastapi.middleware.gzip import GZipMiddleware
 from nicegui import app, ui
 
@@ -26,29 +28,22 @@ machines make browsers wait for seconds."""
 
 
 def run_application(
-    runs: Path,
-    place: tuple[str, int],
-    access: Access,
-    process: BenchProcess,
-    announce: Callable[[], None],
+    runs: Path, listening: socket.socket, access: Access, process: BenchProcess
 ) -> None:
     """Serve the page until Ctrl-C.
 
     Args:
         runs: folder of runs, the only one that the page reads and writes.
-        place: address and port to bind to.
+        listening: where browsers may be waiting already.
         access: who may ask.
         process: of the bench, started.
-        announce: is called once the page can be opened.
     """
-    host, port = place
+    port = listening.getsockname()[1]
     shared = Shared(runs=runs, bench=BenchLink(process))
-    app.add_middleware(Doorman, access=access, cookie=f"benchtool-{port}")
     stream = Stream()
     shared.bench.framed = stream.show
     shared.bench.said = say_everywhere
     app.on_startup(shared.bench.start)
-    app.on_startup(announce)
     app.on_shutdown(shared.close)
     app.on_exception(say_error)
     serve_static()
@@ -57,9 +52,13 @@ def run_application(
     serve_page(shared)
     # A name that a browser may ask for is settled by us, not by the environment of a test.
     os.environ.pop("PYTEST_CURRENT_TEST", None)
-    ui.run(
-        host=host, port=port, title="benchtool", reload=False, show=False,
-        show_welcome_message=False, reconnect_timeout=RECONNECT_S, language=None, tailwind=False,
+    guarded = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
+    guarded.add_middleware(Doorman, access=access, cookie=f"benchtool-{port}")
+    ui.run_with(
+        guarded, title="benchtool", show_welcome_message=False,
+        reconnect_timeout=RECONNECT_S, language=None, tailwind=False,
         # Without a network between, packing costs more than it saves.
         gzip_middleware_factory=None if access.token is None else GZipMiddleware,
     )  # fmt: skip
+    config = uvicorn.Config(guarded, log_level="warning", ws="wsproto")
+    uvicorn.Server(config).run(sockets=[listening])

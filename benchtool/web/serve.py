@@ -36,13 +36,15 @@ def serve(
         runs: folder of runs, the only one that the page reads and writes.
         host: address to bind to.
         port: to bind to; PORT or else a free one when None, a free one when 0.
-        announce: is given the address of the page once it can be opened.
+        announce: is given the address of the page as soon as a browser may ask for it; the answer
+            comes a moment later.
         wants_token: demand the token of this machine's users, too.
 
     Raises:
         InputError: the address cannot be bound to.
     """
-    port = free_port(host, port)
+    listening = listen(host, port)
+    port = listening.getsockname()[1]
     access = access_for(host, wants_token=wants_token)
     shown = "127.0.0.1" if host in EVERYWHERE else host
     url = f"http://{f'[{shown}]' if ':' in shown else shown}:{port}/"
@@ -51,11 +53,13 @@ def serve(
     process = BenchProcess()
     process.start()
     try:
+        announce(opened)
         with quick_import():
             from benchtool.web.application import run_application
-        run_application(runs, (host, port), access, process, lambda: announce(opened))
+        run_application(runs, listening, access, process)
     finally:
         process.end(0.0)
+        listening.close()
 
 
 def access_for(host: str, *, wants_token: bool = False) -> Access:
@@ -71,16 +75,16 @@ def access_for(host: str, *, wants_token: bool = False) -> Access:
     )
 
 
-def free_port(host: str, port: int | None) -> int:
-    """Return a port that can be bound to.
+def listen(host: str, port: int | None) -> socket.socket:
+    """Return a socket that listens where the page is to be.
 
     Raises:
         InputError: the port is taken, or the host is not ours.
     """
     with suppress(OSError):
-        return _bound(host, PORT if port is None else port)
+        return _listening(host, PORT if port is None else port)
     try:
-        return _bound(host, 0 if port is None else port)
+        return _listening(host, 0 if port is None else port)
     except OSError as error:
         raise InputError(
             f"nothing can be served on {host} port {port}: {error.strerror or error}; name another "
@@ -88,10 +92,16 @@ def free_port(host: str, port: int | None) -> int:
         ) from error
 
 
-def _bound(host: str, port: int) -> int:
+def _listening(host: str, port: int) -> socket.socket:
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    with socket.socket(family, socket.SOCK_STREAM) as trial:
+    made = socket.socket(family, socket.SOCK_STREAM)
+    try:
         if sys.platform != "win32":
-            trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        trial.bind((host, port))
-        return int(trial.getsockname()[1])
+            made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        made.bind((host, port))
+        made.listen()
+    except BaseException:
+        made.close()
+        raise
+    made.set_inheritable(False)
+    return made

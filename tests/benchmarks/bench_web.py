@@ -40,16 +40,23 @@ WATCH = """() => {
 
 
 def start(browser: Browser, web: Web, begun: float) -> Page:
-    """Open the page and print how long it took to be usable."""
-    printed = time.time() - begun
+    """Open the page and print how long each part of it took until it was usable."""
+    listens = time.time()
     page = browser.new_page(viewport={"width": 1280, "height": 900})
     page.set_default_timeout(60_000)
+    asks = time.time()
     page.goto(web.url)
+    loaded = time.time()
     page.get_by_text("at the controls").wait_for()
+    usable = time.time()
+    steps = np.diff([begun, listens, asks, loaded, usable])
     print(
-        f"from benchtool web to its address {printed:.2f} s, to the usable page "
-        f"{time.time() - begun:.2f} s (aim 2)"
+        f"from benchtool web to the usable page {usable - begun:.2f} s (aim 2): to its address "
+        f"{steps[0]:.2f}, window {steps[1]:.2f}, to its load event {steps[2]:.2f}, to the controls "
+        f"{steps[3]:.2f}"
     )
+    used_s = sum(psutil.Process(web.process.pid).cpu_times()[:2])
+    print(f"processor time of the server until then {used_s:.2f} s")
     return page
 
 
@@ -157,11 +164,13 @@ def lost(runs: Path) -> None:
 
     (path,) = runs.iterdir()
     link = Run.open(path).metadata["link"]
-    steps_us = np.diff(read_samples(path).column("device_time_us"))
+    samples = read_samples(path)
+    channels = len(samples.channels) - 4
+    steps_us = np.diff(samples.column("device_time_us"))
     gaps = int((steps_us > 1.5 * np.median(steps_us)).sum())
     print(
-        f"log: {link['samples']} samples, {link['lost']} lost, {link['corrupt']} corrupt, {gaps} "
-        f"gaps in the device's time (aim 0)"
+        f"log: {link['samples']} samples of {channels} channels, {link['lost']} lost, "
+        f"{link['corrupt']} corrupt, {gaps} gaps in the device's time (aim 0)"
     )
 
 
