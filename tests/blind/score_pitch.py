@@ -10,13 +10,17 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
+
 from benchtool.core.channel import Channel
 from benchtool.core.recording import Recording
 from benchtool.effects.catalogue import EFFECTS
 from benchtool.explain.explain import explain
 from benchtool.explain.explanation import Explanation
-from benchtool.explain.pitch_log import pitch_log
+from benchtool.explain.pitch_evidence import with_library
+from benchtool.explain.pitch_log import PitchLog, pitch_log
 from benchtool.explain.pitch_subject import PitchSubject
+from benchtool.explain.verdict import Verdict
 from benchtool.library import load_model
 from tests.blind.fisher import class_confirmed
 from tests.blind.pitch.gap import floor_of
@@ -60,14 +64,35 @@ def recording_of(record_part: object, name: str) -> Recording:
     return Recording.from_columns(columns, {"file": name})
 
 
+def _log(table: object, name: str) -> PitchLog:
+    """Return one table of a record as the bench's owner would hand it in."""
+    loaded = load_model(MODEL)
+    recording = recording_of(table, name)
+    return pitch_log(recording, loaded.model.rig, name, loaded.plate_slide_s)
+
+
+def _gaps_truly(record: HiddenRecord, verdict: Verdict) -> dict[str, float]:
+    """Return the gap over the floor of the verdict's model with the wake as strong as it truly is.
+
+    Nothing where that wake asks for windows of another length.
+    """
+    plant = record.truth.plant
+    model = with_library(load_model(MODEL).model).at(verdict.parameters)
+    model = model.fixed("wake_torque.sd_Nm", plant.wake_sd_Nm)
+    model = model.fixed("wake_torque.correlation_s", plant.wake_tau_s)
+    check = [_log(record.check, "check")]
+    subject = PitchSubject(model, check, check)
+    if subject.window_s != verdict.window_s:
+        return {}
+    as_given = np.zeros(len(subject.evidence.knobs))
+    floors = subject.floor(as_given, np.random.default_rng(0), verdict.draws)
+    return {gap.channel: gap.after / float(np.median(floors[gap.channel])) for gap in verdict.gaps}
+
+
 def verdict_on(record: HiddenRecord) -> tuple[Explanation, float]:
     """Return the explanation of a record, and how long it took: s."""
-    loaded = load_model(MODEL)
-    model = loaded.model
-    logs = [
-        pitch_log(recording_of(table, name), model.rig, name, loaded.plate_slide_s)
-        for table, name in ((record.learn, "learn"), (record.check, "check"))
-    ]
+    model = load_model(MODEL).model
+    logs = [_log(record.learn, "learn"), _log(record.check, "check")]
     began = time.perf_counter()
     found = explain(PitchSubject(model, logs[:1], logs[1:]), propose=False)
     return found, time.perf_counter() - began
@@ -94,7 +119,9 @@ def scored(one: Asked) -> Scored:
     )
     floors = {gap.channel: gap.floor for gap in verdict.gaps}
     true_gaps: dict[str, float] = {}
+    gaps_truly: dict[str, float] = {}
     if truth.kind == "named" and one.strength == "full" and one.excitation == "rich":
+        gaps_truly = _gaps_truly(record, verdict)
         missed = floor_of(record.parts[1], truth.plant, verdict.window_s)
         true_gaps = {
             "theta_rad": missed["theta"] / floors["theta_rad"],
@@ -116,6 +143,7 @@ def scored(one: Asked) -> Scored:
         ),
         gaps={gap.channel: gap.after / gap.floor for gap in verdict.gaps},
         true_gaps=true_gaps,
+        gaps_truly=gaps_truly,
         by_luck=luck,
         by_learning=learning,
         parameters=tuple(

@@ -123,6 +123,7 @@ class Scorecard:
             _at_most("'unknown' where nothing is hidden", nulls, _unknown, None),
             _at_least("'unknown' for what is outside", outside, _unknown, 0.95),
             _at_least("gap after at most 1.1 floors", named, _gap_reached, 0.95),
+            *_truly(named),
             _at_least("the same of the true model", _told(named), _true_gap, None),
             *_expected(named),
             _at_least("pairs: both named", pairs, lambda one: one.both_named, 0.85),
@@ -282,6 +283,15 @@ def _expected(records: list[Scored]) -> tuple[Line, ...]:
         Line(what="expected of it by simulation, noise as stated", found=luck),
         Line(what="expected with numbers as uncertain as learned", found=learning),
     )
+
+
+def _truly(records: list[Scored]) -> tuple[Line, ...]:
+    """Return the count of gaps against the noise that was there, where the generator tells it."""
+    told = [one for one in records if one.gaps_truly]
+    if not told:
+        return ()
+    share = share_of(max(one.gaps_truly.values()) <= GAP_REACHED for one in told)
+    return (Line(what="the same over floors of the noise truly there", found=str(share)),)
 
 
 def _told(records: list[Scored]) -> list[Scored]:

@@ -57,6 +57,8 @@ class Scored:
         confirmed: whether the true model's Fisher information says that a class is one.
         gaps: held-out error after over the noise floor, by channel.
         true_gaps: the same of the true model, by channel, where the generator tells it.
+        gaps_truly: held-out error after over the floor of noise as great as it truly is, where it
+            is not what the model states, by channel.
         by_luck: share of draws of the stated noise in which a true model's error is within the
             aim; where the record was scored before that was asked, nan.
         by_learning: the same with its numbers as uncertain as the verdict's are.
@@ -80,6 +82,7 @@ class Scored:
     not_judged: Mapping[str, float] = field(default_factory=dict)
     confirmed: bool = False
     true_gaps: Mapping[str, float] = field(default_factory=dict)
+    gaps_truly: Mapping[str, float] = field(default_factory=dict)
     by_luck: float = nan
     by_learning: float = nan
     parameters: tuple[ScoredParameter, ...] = ()

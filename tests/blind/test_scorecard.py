@@ -106,6 +106,12 @@ def test_what_gaps_should_come_to_is_the_mean_of_what_verdicts_simulated() -> No
     assert not any("by simulation" in line.what for line in lines)
 
 
+def test_gaps_over_the_noise_truly_there_are_counted_where_it_is_told() -> None:
+    told = [replace(RIGHT, gaps_truly={"rpm": 1.0, "theta_rad": worst}) for worst in (1.05, 1.2)]
+    assert figure([*told, RIGHT], "truly there").startswith("1 of 2")
+    assert not any("truly" in line.what for line in Scorecard("x", [RIGHT]).lines())
+
+
 def test_a_wrong_name_beside_the_right_one_is_told() -> None:
     beside = replace(
         RIGHT,
