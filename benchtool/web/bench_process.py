@@ -7,6 +7,8 @@ from multiprocessing import get_context
 from multiprocessing.connection import Connection as Pipe
 from typing import Any
 
+from benchtool.web.quick_import import quick_import
+
 
 class BenchProcess:
     """Own the process and the pipe to it.
@@ -57,6 +59,7 @@ class BenchProcess:
 
 
 def _hold(pipe: Pipe) -> None:
-    from benchtool.web.desk.desk import run_desk
-
+    # A search for garbage among all that is imported would hold a Stop for tens of milliseconds.
+    with quick_import():
+        from benchtool.web.desk.desk import run_desk
     run_desk(pipe)
