@@ -61,7 +61,7 @@ def miss_told(track: PitchTrack, time_s: Array, theta_rad: Array, by: str) -> st
                 f"{np.degrees(missed_rad):.1f}° RMS{where}, above {np.degrees(limit_rad):.1f}° "
                 f"({_reason(swing_rad, limit_rad, by)}); {_CHECK}."
             )
-    return ""
+    return _strayed(track, theta_rad)
 
 
 def _reason(swing_rad: float, limit_rad: float, by: str) -> str:
@@ -73,20 +73,18 @@ def _reason(swing_rad: float, limit_rad: float, by: str) -> str:
     return f"{reason}, and the same swing the opposite way is twice that away"
 
 
-def strayed(track: PitchTrack, theta_rad: Array) -> list[str]:
+def _strayed(track: PitchTrack, theta_rad: Array) -> str:
     """Say when the simulated run (m,) goes where the recorded vehicle never was."""
     known = theta_rad[np.isfinite(theta_rad)]
     seen = np.concatenate([track.theta_rad, track.reference_rad])
     seen = seen[np.isfinite(seen)]
-    if not known.size:
-        return ["No stretch of the recording is whole enough for a simulated run."]
-    most, recorded = float(np.ptp(known)), max(float(np.ptp(seen)), LEAST_RAD)
-    if most < STRAYED * recorded:
-        return []
-    return [
-        f"The simulated run goes over {np.degrees(most):.0f}°, the recorded one over "
-        f"{np.degrees(np.ptp(seen)):.1f}°: {_CHECK}."
-    ]
+    most, recorded = float(np.ptp(known)), float(np.ptp(seen))
+    if most < STRAYED * max(recorded, LEAST_RAD):
+        return ""
+    return (
+        f"The simulated run does not follow the log, so it is no result: it goes over "
+        f"{np.degrees(most):.0f}°, the recorded one over {np.degrees(recorded):.1f}°; {_CHECK}."
+    )
 
 
 def _rms(values: Array) -> float:

@@ -18,7 +18,7 @@ from benchtool.errors import InputError
 from benchtool.library import gains_named, load_model
 from benchtool.recipes.model_band import model_file
 from benchtool.recipes.pitch_track import PitchTrack
-from benchtool.recipes.replay_judged import miss_told, strayed
+from benchtool.recipes.replay_judged import miss_told
 from benchtool.simulate.pitch_bench import PitchBench
 from benchtool.simulate.pitch_follow import LoggedPitch, follow_windows
 from benchtool.simulate.pitch_run import PitchJob
@@ -154,9 +154,10 @@ def replayed(
     if beside.motors:
         order = ", ".join(map(str, beside.motors))
         remarks.append(f"Rotors are numbered in the rig's order: these are the log's {order}.")
+    if not np.isfinite(run.theta_rad).any():
+        return None, ["No stretch of the recording is whole enough for a simulated run."]
     missed = miss_told(track, run.time_s, run.theta_rad, run.by)
-    doubts = [missed] if missed else strayed(track, run.theta_rad)
-    return replace(run, missed=missed), [*doubts, *remarks]
+    return replace(run, missed=missed), [*filter(None, [missed]), *remarks]
 
 
 def _plate(track: PitchTrack, beside: Beside) -> tuple[Array, str]:

@@ -220,6 +220,16 @@ def test_how_far_a_run_may_be_from_its_log(flown: Recording) -> None:
     assert miss_told(still, track.time_s, np.full(len(track), 0.9 * LEAST_RAD), "pulses") == ""
     told = miss_told(still, track.time_s, np.full(len(track), np.radians(42.0)), "pulses")
     assert "misses it by 42.0° RMS, above 2.0°" in told
+    # One that keeps near on the whole, and goes for a moment where the vehicle never was.
+    jump = np.zeros(len(track))
+    jump[100:103] = np.radians(12.0)
+    assert "goes over 12°, the recorded one over 0.0°" in miss_told(
+        replace(still, reference_rad=np.zeros(len(track))), track.time_s, jump, "pulses"
+    )
+    holed = np.where(np.arange(len(track)) % 100 == 0, np.nan, track.theta_rad)
+    none, lacks = replayed(replace(track, theta_rad=holed), Beside(model=MODEL), {})
+    assert none is None
+    assert "whole enough" in " ".join(lacks)
     # A miss over the surface counts, however long the rest is.
     bad = np.where(track.any_over > 0.0, track.theta_rad + np.radians(42.0), track.theta_rad)
     long = replace(track, over=np.where(track.time_s < 6.2, track.over, 0.0))
