@@ -13,6 +13,9 @@ from benchtool.explain.verdict import in_sentence
 from benchtool.report.numbers import unit_for_people
 from benchtool.report.page import Table
 
+NOTHING = 1e-15
+"""What an optimiser leaves of a zero, in any unit; a choice."""
+
 
 @dataclass(frozen=True, slots=True)
 class Change:
@@ -51,8 +54,16 @@ def changes(answer: Answer) -> tuple[Change, ...]:
         before = old[name].value if name in old else None
         return Change(name, before, item.value, item.unit, name.partition(".")[0] in named)
 
-    every = [change(name, item) for name, item in mended(answer).parameters.items()]
-    told = [one for one in every if one.before is None or not isclose(one.before, one.now)]
+    new = mended(answer)
+    fresh = answer.loaded.model
+    for effect in new.effects:
+        if all(present.name != effect.name for present in fresh.effects):
+            fresh = fresh.with_effect(effect)
+    told = [
+        change(name, item)
+        for name, item in new.parameters.items()
+        if not isclose(fresh.parameters[name].value, item.value, abs_tol=NOTHING)
+    ]
     return tuple(sorted(told, key=lambda one: not one.found))
 
 

@@ -8,6 +8,8 @@ from dataclasses import replace
 import pytest
 
 from benchtool.cli.app import build
+from benchtool.core.parameter import Parameters
+from benchtool.effects.catalogue import EFFECTS
 from benchtool.explain.added_words import added_sentence, changes, changes_table
 from benchtool.explain.answer_page import answer_page
 from benchtool.explain.next_steps import lines, next_steps
@@ -111,3 +113,17 @@ def test_the_page_has_it_all_in_its_first_section() -> None:
     unwritten = render_report(answer_page(given, {}))
     assert "Not written yet: a model that is pitch_bench with Coulomb friction in it." in unwritten
     assert "found-again" not in unwritten
+
+
+def test_what_an_optimiser_left_of_a_zero_is_no_change() -> None:
+    given = answer("effect")
+    model = given.loaded.model.with_effect(EFFECTS["plate_side"])
+    found = Parameters(
+        (name, item.at(4.9e-27) if name == "plate_side.dx_m" else item)
+        for name, item in model.parameters.items()
+    )
+    told = replace(
+        given,
+        explanation=replace(given.explanation, verdict=verdict("effect", parameters=found)),
+    )
+    assert [one.name for one in changes(told)] == ["coulomb_friction.torque_Nm"]
