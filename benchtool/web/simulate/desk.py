@@ -60,6 +60,9 @@ class SimulateDesk:
         with ui.element("div").classes("simulate-choices"):
             self._rig = self._select("Rig", _pitch_rigs(), "pquad")
             self._schedule = self._select("Schedule", schedule_names(), "plate")
+            self._length = ui.number("Length, s", placeholder="the schedule's own", min=1.0)
+            self._length.on_value_change(self._change)
+            self._length.props("dense stack-label").classes("w-full").mark("length")
             self._case = self._select("Flight", {n: f.title for n, f in FLIGHTS.items()}, "over")
             self._gains = self._select("Gains", gain_names(), "s3")
             self._controllers = ui.select(
@@ -87,8 +90,8 @@ class SimulateDesk:
     def _offer(self) -> None:
         """Show what belongs to a pitch bench, or to a flight."""
         flying = self._kind.value == FLIGHT
-        self._schedule.set_visibility(not flying)
-        self._hidden.set_visibility(not flying)
+        for each in (self._schedule, self._length, self._hidden):
+            each.set_visibility(not flying)
         self._case.set_visibility(flying)
         known = list(get_args(FlightControl)) if flying else list(PITCH_CONTROLLERS)
         if list(self._controllers.options) != known:
@@ -112,7 +115,7 @@ class SimulateDesk:
             schedule = str(self._schedule.value)
             return PitchAsk(
                 rig=rig, gains=gains, schedule=schedule, controllers=controllers, seed=seed,
-                numbers=moved,
+                duration_s=self._length.value, numbers=moved,
             )  # fmt: skip
         case = str(self._case.value)
         shipped = FLIGHTS[case]

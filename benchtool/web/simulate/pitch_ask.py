@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -24,6 +24,7 @@ class PitchAsk:
     Attributes:
         rig, gains, schedule: names of what ships.
         controllers: built-in ones.
+        duration_s: length; the schedule's own when None.
         seed: of the noise.
         numbers: changed ones, by the names of `--set`.
     """
@@ -32,6 +33,7 @@ class PitchAsk:
     gains: str = "s3"
     schedule: str = "plate"
     controllers: tuple[str, ...] = ("pid", "feedforward", "observer")
+    duration_s: float | None = None
     seed: int = 1
     numbers: dict[str, float] = field(default_factory=dict)
 
@@ -40,6 +42,8 @@ class PitchAsk:
         """The same as words behind `benchtool`."""
         words = ["simulate", "pitch", "--rig", self.rig, "--gains", self.gains]
         words += ["--controllers", ",".join(self.controllers), "--schedule", self.schedule]
+        if self.duration_s is not None:
+            words += ["--duration-s", f"{self.duration_s:.10g}"]
         return [*words, "--seed", str(self.seed), *set_words(self.numbers)]
 
     def setup(self) -> PitchSetup:
@@ -52,7 +56,10 @@ class PitchAsk:
         setup = pitch_setup(
             rig=self.rig, gains=self.gains, controllers=self.controllers, schedule=self.schedule
         )
-        return changed(setup, self.numbers)
+        setup = changed(setup, self.numbers)
+        if self.duration_s is None:
+            return setup
+        return replace(setup, schedule=setup.schedule.lasting(self.duration_s))
 
     def preview(self, quick: bool) -> Preview:
         """Simulate, for the page."""

@@ -24,7 +24,7 @@ ASKS = [
         controllers=("pid", "observer+feedforward"),
         numbers={"gains.attitude": 1.2},
     ),
-    PitchAsk(numbers={"plate.z_over_R": 1.25, "body_lift.K_b": 3.0}, seed=4),
+    PitchAsk(numbers={"plate.z_over_R": 1.25, "body_lift.K_b": 3.0}, duration_s=25.0, seed=4),
     FlightAsk(case="edge", controllers=("pid", "both"), z_over_R=1.5, speed_m_s=0.5),
     FlightAsk(case="plate", controllers=("pid",), numbers={"K_b": 0.5, "gains.position": 0.9}),
 ]
