@@ -5,21 +5,29 @@ Run as a script it is the device; imported it gives the fixture's end of it.
 
 from __future__ import annotations
 
+import os
 import re
 import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from unittest.mock import patch
+
+import numpy as np
+from numpy.typing import NDArray
 
 from benchtool.bench.device_link import DeviceLink
 from benchtool.bench.firmware import Firmware
 from benchtool.bench.server_links import PtyLink
 from benchtool.bench.virtual_server import standard_truth, virtual_server
+from benchtool.core.units import STANDARD_GRAVITY_M_S2
 from benchtool.library import load_model, rig_named
+from benchtool.simulate import plate_bench
+from benchtool.simulate.load_cell import LoadCell
 
 ROOT = Path(__file__).parents[2]
 ORDER = re.compile(rb"\$C,\d+,(stop|pwm)((?:,[\d.]+)*)\*")
@@ -46,14 +54,26 @@ class TellingLink(DeviceLink):
         return super().receive(data, now_s)
 
 
+class LoadedCell(LoadCell):
+    """Pull at the load cell with a mass, beside the rotors."""
+
+    mass_kg = 0.0
+
+    def convert(
+        self, force_N: NDArray[np.float64], white: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        return super().convert(force_N + LoadedCell.mass_kg * STANDARD_GRAVITY_M_S2, white)
+
+
 @dataclass
 class Device:
     """Hold the address of a device and what its motors were told: time of day, word, pulse.
 
-    `rate_Hz` is that of its samples."""
+    `rate_Hz` is that of its samples; `hang` pulls at its load cell with a mass in kg."""
 
     address: str
     rate_Hz: float
+    hang: Callable[[float], None]
     orders: list[tuple[float, str, float]] = field(default_factory=list)
 
     def turning_us(self) -> float:
@@ -79,12 +99,19 @@ def served_device(
     """Give a device in a process of its own."""
     process = subprocess.Popen(
         [sys.executable, "-m", "tests.browser.device", rig, str(speed), str(rate_Hz)],
+        stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,
         cwd=ROOT,
     )
     assert process.stdout is not None
-    device = Device(process.stdout.readline().strip(), rate_Hz)
+    assert process.stdin is not None
+    masses = process.stdin
+
+    def hang(mass_kg: float) -> None:
+        print(mass_kg, file=masses, flush=True)
+
+    device = Device(process.stdout.readline().strip(), rate_Hz, hang)
 
     def note() -> None:
         for line in process.stdout or ():
@@ -100,15 +127,25 @@ def served_device(
         process.wait(10)
         reader.join(5)
         process.stdout.close()
+        process.stdin.close()
+
+
+def hear_of_masses() -> None:
+    for line in sys.stdin:
+        LoadedCell.mass_kg = float(line)
+    # Whoever ran the test is gone, killed perhaps: nobody else would end this process.
+    os._exit(0)
 
 
 def main(rig_name: str, speed: str, rate_Hz: str) -> None:
     rig = rig_named(rig_name)
     link = PtyLink()
     truth = load_model(standard_truth(rig), rig).model
-    server = virtual_server(
-        rig, truth, link, speed=float(speed), rate_Hz=float(rate_Hz), speak=TellingLink
-    )
+    with patch.object(plate_bench, "LoadCell", LoadedCell):
+        server = virtual_server(
+            rig, truth, link, speed=float(speed), rate_Hz=float(rate_Hz), speak=TellingLink
+        )
+    threading.Thread(target=hear_of_masses, daemon=True).start()
     print(link.address, flush=True)
     server.run(nap_s=NAP_S)
 

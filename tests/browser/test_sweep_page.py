@@ -4,41 +4,13 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from benchtool.store import Run, read_points
+from benchtool.store import read_points
 from tests.browser.conftest import Web, connect, go_to
 from tests.browser.device import Device
+from tests.browser.sweeping import SWEEP_MS, begin, only_run, wait_for_points
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
-
-SWEEP_MS = 60_000
-
-
-def begin(page: Page, device: Device, repeats: int = 1) -> None:
-    """Connect and start a sweep of two distances and one pulse."""
-    connect(page, device.address)
-    go_to(page, "Sweep")
-    for label, text in (
-        ("Plate distances, z/R", "0.6,1"),
-        ("Pulses, us", "1500"),
-        ("Repeats", str(repeats)),
-        ("Samples of a point, s", "1"),
-    ):
-        page.get_by_label(label).fill(text)
-    page.get_by_text(f"settings: {repeats} repeats").wait_for()
-    page.get_by_role("button", name="Start the sweep").click()
-    page.get_by_text("expected thrust: about").wait_for()
-    page.get_by_role("button", name="Start", exact=True).click()
-
-
-def only_run(web: Web) -> Run:
-    (path,) = web.runs.iterdir()
-    return Run.open(path)
-
-
-def wait_for_points(page: Page, count: int) -> None:
-    done = r"Number(document.body.innerText.match(/(\d+) of \d+ visits/)?.[1])"
-    page.wait_for_function(f"{done} >= {count}", timeout=SWEEP_MS)
 
 
 def test_a_sweep_goes_to_its_end_also_when_the_page_is_loaded_again(
@@ -91,7 +63,7 @@ def test_stop_in_mid_sweep_and_go_on_later(page: Page, web: Web, fast_device: De
 def test_a_paused_sweep_stands_still_and_goes_on(
     page: Page, web: Web, fast_device: Device, open_page: Callable[[str], Page]
 ) -> None:
-    begin(page, fast_device, repeats=2)
+    begin(page, fast_device, repeats=2, distances="1")
     wait_for_points(page, 1)
     page.get_by_role("button", name="Pause").click()
     page.get_by_text("paused: ").first.wait_for(timeout=SWEEP_MS)

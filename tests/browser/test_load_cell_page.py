@@ -1,0 +1,67 @@
+"""Calibrate as somebody does it beside the bench: masses hang, counts come, a line is kept."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING
+
+import pytest
+
+from benchtool.core.units import STANDARD_GRAVITY_M_S2
+from benchtool.library import rig_named
+from benchtool.simulate.imperfections import Imperfections
+from benchtool.store import read_points
+from tests.browser.conftest import Web, connect
+from tests.browser.device import Device
+from tests.browser.sweeping import SWEEP_MS, only_run, start
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
+
+LIGHTER = 0.8
+"""What hangs is so many times what is typed: the line kept must be that of the masses typed."""
+
+MASSES_KG = (0.0, 0.5, 1.0, 0.5, 0.0)
+
+
+def weigh(page: Page, device: Device, mass_kg: float, count: int) -> None:
+    """Hang a mass, have it weighed, and wait for its line."""
+    device.hang(LIGHTER * mass_kg)
+    page.get_by_label("Mass, kg").fill(f"{mass_kg:g}")
+    page.get_by_role("button", name="Weigh").click()
+    lines = r"(document.body.innerText.match(/ kg: -?[\d.]+ counts/g) ?? []).length"
+    page.wait_for_function(f"{lines} === {count}")
+
+
+def test_masses_make_a_line_that_later_runs_take(page: Page, web: Web, fast_device: Device) -> None:
+    connect(page, fast_device.address)
+    page.get_by_text("the device's own newtons").wait_for()
+    page.get_by_role("button", name="Calibrate").click()
+    page.get_by_text("Hang a mass, wait until it is still").wait_for()
+    assert not page.locator(".hold-button").is_visible()
+    page.get_by_label("Mass, kg").fill("500")
+    page.get_by_role("button", name="Weigh").click()
+    page.get_by_text("500 kg pull with").wait_for()
+    for count, mass_kg in enumerate(MASSES_KG, 1):
+        weigh(page, fast_device, mass_kg, count)
+    command = f"benchtool calibrate {fast_device.address} --masses 0,0.5,1,0.5,0"
+    page.locator(".command-text", has_text=command).wait_for()
+    page.get_by_role("button", name="Keep the line").click()
+    page.get_by_text("uN per count, kept for virtual-pquad-0").wait_for()
+
+    (file,) = (web.runs.parent / "state" / "calibration").iterdir()
+    kept = json.loads(file.read_text("utf-8"))
+    assert kept["masses_kg"] == list(MASSES_KG)
+    count_N = Imperfections().on(rig_named("pquad")).thrust_quantum_N
+    assert kept["slope_N_per_count"] == pytest.approx(count_N / LIGHTER, rel=2e-3)
+    hung_N = LIGHTER * STANDARD_GRAVITY_M_S2 * max(MASSES_KG)
+    assert max(kept["counts"]) - min(kept["counts"]) == pytest.approx(hung_N / count_N, rel=2e-3)
+    assert fast_device.turning_us() <= 1000.0
+
+    page.get_by_role("button", name="Done").click()
+    page.get_by_text(f"calibration {kept['id']}").wait_for()
+    page.locator(".hold-button").wait_for()
+    start(page, repeats=1, distances="1")
+    page.get_by_text("ended: ").first.wait_for(timeout=SWEEP_MS)
+    points = read_points(only_run(web).path)
+    assert points.provenance["calibration"] == kept["id"]
