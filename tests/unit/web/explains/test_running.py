@@ -55,8 +55,9 @@ def test_an_effect_is_named_and_kept_in_a_new_model(tmp_path: Path, question: Qu
     assert found is not None
     assert found.named == ("coulomb_friction",)
     assert found.sentence.startswith("The model lacks Coulomb friction")
-    assert [part.title for part in found.parts][:3] == ["Where", "Which", "The gap"]
-    assert all("<img" in part.pieces[-1].html for part in found.parts[:3])
+    assert [part.title for part in found.parts][:4] == ["What now", "Where", "Which", "The gap"]
+    assert "Not written yet" in found.parts[0].pieces[0].html
+    assert all("<img" in part.pieces[-1].html for part in found.parts[1:4])
     assert not out.exists()
 
     explaining.keep(out)
@@ -64,6 +65,9 @@ def test_an_effect_is_named_and_kept_in_a_new_model(tmp_path: Path, question: Qu
     assert {"model.toml", "report.html", "answer.json", "gap.svg"} <= {
         file.name for file in out.iterdir()
     }
+    assert f"benchtool simulate pitch --model {out / 'model.toml'}" in (
+        out / "report.html"
+    ).read_text("utf-8")
     model = tomllib.loads((out / "model.toml").read_text())
     assert model["effects"]["coulomb_friction"]["torque_Nm"]["value"] == pytest.approx(
         0.012, rel=0.15
