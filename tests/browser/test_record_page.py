@@ -22,7 +22,7 @@ def test_a_pitch_recording_goes_from_the_bench_to_explain(page: Page, web: Web) 
     record = page.get_by_role("button", name="Record", exact=True)
     record.click()
     page.get_by_text("the beam is free to turn").wait_for()
-    words = shlex.split(page.locator(".command-text", has_text="record").inner_text())
+    words = shlex.split(page.locator(".command-text", has_text="--seconds").inner_text())
     assert words[:5] == ["benchtool", "record", BENCH, "--seconds", "8"]
     page.get_by_role("button", name="Start", exact=True).click()
     page.get_by_text("ended: ").wait_for()
