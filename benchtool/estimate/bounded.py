@@ -23,6 +23,10 @@ LENGTHS = (1.0, 0.5, 0.2, 0.05)
 STEP = 0.05
 """Finite difference, in units of the parameters; they are scaled to tolerances."""
 
+PROMISE = 3.0
+"""How many times the gain that a neighbourhood promises a search may still find beyond it: what
+bends away from a straight line gains more in later steps. A choice on the safe side."""
+
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Region:
@@ -154,6 +158,7 @@ class BoundedSearch:
         known: Linearised | None = None,
         most_steps: int = 12,
         enough: float = 0.1,
+        above: float = np.inf,
     ) -> Minimum:
         """Return the minimum of a region that is reached from a point.
 
@@ -163,13 +168,17 @@ class BoundedSearch:
             known: a neighbourhood to take the first step from; its point may lie outside.
             most_steps: linearisations to make at most.
             enough: stop when a step gains less than this in the sum of squares.
+            above: give up once a neighbourhood promises no cost below this, nor would with
+                `PROMISE` times the gain.
         """
         here = known if known is not None else self.linearised(region.clipped(start))
         best = Minimum(here.at, here.cost + float(region.cost_of(here.at)), False)
         if not region.holds(here.at):
             best = Minimum(here.at, np.inf, False)
         for step in range(1, most_steps + 1):
-            aim, _ = here.step(region)
+            aim, promised = here.step(region)
+            if best.cost - PROMISE * (best.cost - promised) > above:
+                return best
             inside = region.clipped(here.at)
             sets = np.array([inside + part * (aim - inside) for part in LENGTHS])
             costs = self.data_costs(sets) + region.cost_of(sets)

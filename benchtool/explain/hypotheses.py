@@ -37,6 +37,10 @@ FIRST_STEPS = 1
 FINISHED = 4
 """How many of the best go on."""
 
+BEHIND = 60.0
+"""A candidate whose neighbourhood promises no better than so far behind the best, in the sum of
+squares over the dispersion, is not followed further: its probability is nothing either way."""
+
 WORTH_A_FIT = 2.0
 """Gain in the sum of squares that the null's own neighbourhood must promise before a candidate
 gets a fit of its own."""
@@ -181,10 +185,12 @@ class Hypotheses:
             found = self._search.minimum(base.at, region, known=near, most_steps=FIRST_STEPS)
             out.append(_of(opened, found))
         out.sort(key=lambda item: item.cost)
+        above = np.inf
         for place, one in enumerate(out[:FINISHED]):
             if not one.converged:
                 region = self.region(one.opened)
-                out[place] = _of(one.opened, self._search.minimum(one.at, region))
+                out[place] = _of(one.opened, self._search.minimum(one.at, region, above=above))
+            above = min(above, out[place].cost + BEHIND * self.dispersion(out[place]))
         return sorted(out, key=lambda item: item.cost)
 
     def secured(self, base: Hypothesis, others: Iterable[Hypothesis]) -> Hypothesis:
@@ -195,9 +201,10 @@ class Hypotheses:
         """
         region = self.region(base.opened)
         best = base
+        above = base.cost + BEHIND * self.dispersion(base)
         for other in others:
             start = region.clipped(other.at)
-            found = self._search.minimum(start, region, known=None)
+            found = self._search.minimum(start, region, above=above)
             if found.cost < best.cost:
                 best = _of(base.opened, found)
         return best

@@ -78,3 +78,16 @@ def test_what_is_no_number_costs_without_end() -> None:
     )
     assert found.at[0] <= 1.0
     assert found.cost < 4.0
+
+
+def test_a_search_gives_up_where_nothing_good_enough_is_promised() -> None:
+    wide = region([-9.0] * 3, [9.0] * 3)
+    whole = BoundedSearch(curved, WIDE)
+    best = whole.minimum(np.zeros(3), wide)
+    short = BoundedSearch(curved, WIDE)
+    left = short.minimum(np.zeros(3), region([-0.2] * 3, [0.2] * 3), above=best.cost + 1.0)
+    assert not left.converged
+    assert left.cost > best.cost + 1.0
+    assert short.evaluations < whole.evaluations
+    same = BoundedSearch(curved, WIDE).minimum(np.zeros(3), wide, above=best.cost + 1.0)
+    assert same.cost == pytest.approx(best.cost)
