@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from _pytest.mark import ParameterSet
 
 from tests.docs.page import blocks_of, run_page
 
@@ -16,7 +17,18 @@ PAGES = [
 ]
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
+# A page that serves a bench runs in real time: see tests/conftest.py.
+RETRIED = pytest.mark.flaky(reruns=2, reruns_delay=2)
+
+
+def as_case(page: Path) -> ParameterSet:
+    serves = "bench serve" in page.read_text(encoding="utf-8")
+    return pytest.param(
+        page, marks=[RETRIED] if serves else [], id=page.relative_to(ROOT).as_posix()
+    )
+
+
+@pytest.mark.parametrize("page", [as_case(page) for page in PAGES])
 def test_page(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     failures = run_page(page.read_text(encoding="utf-8"), str(page), tmp_path)

@@ -43,7 +43,7 @@ def test_hidden_friction_is_named_with_its_size(friction: Explanation) -> None:
     assert verdict.effects[0].p_value < 1e-6
     assert verdict.where is not None
     assert verdict.where.stage == "hinge"
-    assert "coulomb_friction (torque_Nm = 0.01" in verdict.sentence
+    assert "lacks Coulomb friction: coulomb_friction.torque_Nm = 0.01" in verdict.sentence
 
 
 def test_the_gap_shrinks_to_the_floor(friction: Explanation) -> None:
