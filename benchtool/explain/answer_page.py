@@ -36,7 +36,8 @@ from benchtool.store import Run, is_run
 CAPTIONS: dict[str, str] = {
     "where": (
         "Size of the residuals in each part of the recordings, over the noise that the model "
-        "states. What the verdict names is bold."
+        "states; first those that the addition made smaller by most. What the verdict names is "
+        "bold."
     ),
     "which": "Probability of each explanation that was weighed; the answer is blue.",
     "parameters": (

@@ -15,7 +15,7 @@ from benchtool.report.palette import BLACK
 from benchtool.report.style import new_figure, styled
 
 MOST_REGIMES = 6
-"""How many parts of a recording one panel shows, the worst first."""
+"""How many parts of a recording one panel shows."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,8 +37,16 @@ class StageSizes:
 
     @property
     def shown(self) -> list[str]:
-        """The regimes that are drawn, the worst first; the marked one is always among them."""
-        ranked = sorted(self.before, key=lambda name: -self.before[name])
+        """The regimes that are drawn, the marked one always among them.
+
+        First come those whose mean square the addition took most from; the worst without one.
+        """
+
+        def taken(name: str) -> float:
+            left = self.after.get(name, 0.0) if self.changed else 0.0
+            return float(self.before[name] ** 2 - left**2)
+
+        ranked = sorted(self.before, key=taken, reverse=True)
         shown = ranked[:MOST_REGIMES]
         if self.marked in ranked[MOST_REGIMES:]:
             shown[-1] = self.marked
@@ -47,7 +55,7 @@ class StageSizes:
 
 @styled
 def disagreement_figure(stages: Sequence[StageSizes], *, title: str, simulated: bool) -> Figure:
-    """Draw a panel per stage and a bar per regime, the worst first; at 1 stands noise alone."""
+    """Draw a panel per stage and a bar per regime; at 1 stands noise alone."""
     drawn = sorted(
         (stage for stage in stages if stage.before), key=lambda stage: -max(stage.before.values())
     )

@@ -83,7 +83,7 @@ def test_a_gap_of_many_floors_gets_a_logarithmic_axis() -> None:
         gap_figure([], title="Gap", simulated=False)
 
 
-def test_where_shows_the_worst_parts_first_and_marks_the_answer() -> None:
+def test_where_shows_first_what_the_addition_mended_and_marks_the_answer() -> None:
     before = {f"part {number}": 1.0 + number for number in range(12)}
     stage = StageSizes(
         stage="hinge", before=before, after=dict.fromkeys(before, 1.0), marked="part 11"
@@ -97,6 +97,10 @@ def test_where_shows_the_worst_parts_first_and_marks_the_answer() -> None:
     quiet = replace(stage, marked="part 0")
     (axes,) = disagreement_figure([quiet], title="Where", simulated=False).axes
     assert axes.get_yticklabels()[-1].get_text() == "part 0"
+    # A part that stays bad has not to do with what was added.
+    stubborn = replace(stage, after=stage.after | {"part 11": 12.0})
+    (axes,) = disagreement_figure([stubborn], title="Where", simulated=False).axes
+    assert axes.get_yticklabels()[0].get_text() == "part 10"
     with pytest.raises(InputError, match="at least one stage"):
         disagreement_figure([], title="Where", simulated=False)
 
