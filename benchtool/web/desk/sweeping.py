@@ -21,6 +21,7 @@ from benchtool.acquire.stage_choice import stage_for
 from benchtool.acquire.sweep import run_sweep
 from benchtool.bench.bench import Identity
 from benchtool.bench.guard import GuardedBench
+from benchtool.core.counted import counted
 from benchtool.core.rig import Rig
 from benchtool.errors import BenchError, BenchtoolError, InputError, RunStopped
 from benchtool.store import Event, Point, Run
@@ -127,8 +128,9 @@ class Sweeping:
                 calibration=scale, start=start, waits=self._waits,
             )  # fmt: skip
             reason = (
-                f"{summary.measured} points, {summary.unsettled} not settled, {summary.tares} "
-                f"tares, {summary.samples} samples, {summary.lost} lost"
+                f"{counted(summary.measured, 'point')}, {summary.unsettled} not settled, "
+                f"{counted(summary.tares, 'tare')}, {counted(summary.samples, 'sample')}, "
+                f"{summary.lost} lost"
             )
             self.close(run, "ended", reason)
         except BenchtoolError as error:

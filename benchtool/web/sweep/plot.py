@@ -76,7 +76,7 @@ class RatioPlot:
                 "margin": {"l": 60, "r": 16, "t": 12, "b": 46},
                 "paper_bgcolor": "rgba(0,0,0,0)",
                 "plot_bgcolor": "rgba(0,0,0,0)",
-                "font": {"color": ink, "family": "inherit", "size": 13},
+                "font": {"color": ink, "family": "Roboto, sans-serif", "size": 13},
                 "xaxis": {**axis, "title": {"text": "z / R"}},
                 "yaxis": {**axis, "title": {"text": "T<sub>IGE</sub> / T<sub>OGE</sub>"}},
                 "legend": {"x": 0.98, "xanchor": "right", "y": 0.98},

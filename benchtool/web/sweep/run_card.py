@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from urllib.parse import urlencode
+
 from nicegui import ui
 
 from benchtool.acquire.duration import minutes
@@ -24,6 +27,8 @@ class RunCard:
         with ui.card().classes("w-full run-card") as self._card:
             with ui.row().classes("items-center w-full"):
                 self._title = ui.label().classes("card-title grow").mark("sweep-state")
+                self._fit = ui.button("Fit", icon="functions", on_click=self._go_fit)
+                self._fit.props("outline")
                 self._pause = ui.button("Pause", icon="pause", on_click=lambda: self._wait(on=True))
                 self._pause.props("outline")
                 self._on = ui.button(
@@ -48,6 +53,7 @@ class RunCard:
         self._title.set_text(f"{swept.status}: {swept.run}")
         self._pause.set_visibility(swept.status == "running")
         self._on.set_visibility(swept.status in ("pausing", "paused"))
+        self._fit.set_visibility(swept.status == "ended")
         self._bar.value = round(swept.done / swept.visits, 3) if swept.visits else 0.0
         left = f", about {minutes(swept.left_s)} left" if swept.active else ""
         self._now.set_text(f"{swept.done} of {swept.visits} visits{left}  {swept.now}")
@@ -64,6 +70,10 @@ class RunCard:
             with self._log:
                 for event in reversed(shown):
                     ui.label(f"{event.time_s:8.1f} s  {event.event}: {event.text}")
+
+    def _go_fit(self) -> None:
+        name = Path(self._context.bench.swept.run).name
+        ui.navigate.to(f"/?{urlencode({'tab': 'fit', 'data': name})}")
 
     @tells_errors
     def _wait(self, *, on: bool) -> None:
