@@ -107,8 +107,8 @@ def _tidy(figure: Figure, samples: Array, n: int) -> None:
     """Give room to labels and titles, and say the median with its spread over each histogram."""
     height_in = figure.get_figheight()
     figure.subplots_adjust(
-        left=0.95 / height_in,
-        bottom=0.90 / height_in,
+        left=1.15 / height_in,
+        bottom=1.10 / height_in,
         right=1.0 - 0.15 / height_in,
         top=1.0 - (1.05 if n == 1 else 0.75) / height_in,
         wspace=0.09,
