@@ -1,11 +1,14 @@
 """Make the pictures of the page in the documentation: `python docs/assets/draw_web.py [FOLDER]`.
 
-A server, a browser and a simulated bench of its own; every tab once, at 1280 pixels, in light. With
-`--all FOLDER` also in dark, at 1920 and at 820 pixels, to look at.
+A server, a browser and a simulated bench of its own; every tab is filled as a user fills it, then
+taken at 1280 pixels, in light. With `--all FOLDER` also whole, in light and dark, at 820, 1280 and
+1920 pixels, to look at. It takes some minutes: a sweep, a fit with emcee, an explanation.
 """
 
 from __future__ import annotations
 
+import io
+import os
 import re
 import shutil
 import subprocess
@@ -13,20 +16,20 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from itertools import product
 from pathlib import Path
+from typing import Literal
 
-from playwright.sync_api import Page, sync_playwright
+from PIL import Image
+from playwright.sync_api import Locator, Page, sync_playwright
 
 HERE = Path(__file__).parent
-SIZES = {"": (1280, 900, "light")}
-MORE = {
-    "-dark": (1280, 900, "dark"),
-    "-1920": (1920, 1080, "light"),
-    "-1920-dark": (1920, 1080, "dark"),
-    "-tablet": (820, 1180, "light"),
-    "-tablet-dark": (820, 1180, "dark"),
-}
-SWEEP_MS = 120_000
+WIDTHS = (820, 1280, 1920)
+HEIGHT = 900
+SCHEMES: tuple[Literal["light", "dark"], ...] = ("light", "dark")
+LONG_MS = 1_200_000
+COLOURS = 256
+"""A picture of few colours is a third of the size."""
 
 
 @contextmanager
@@ -38,6 +41,7 @@ def served() -> Iterator[str]:
             stdout=subprocess.PIPE,
             text=True,
             cwd=folder,
+            env={**os.environ, "LOGNAME": "somebody"},
         )
         assert process.stdout is not None
         try:
@@ -47,60 +51,140 @@ def served() -> Iterator[str]:
             process.wait(20)
 
 
-def prepare(page: Page) -> None:
-    """Connect a simulated bench and measure a small sweep."""
+def choose(page: Page, label: str, option: str) -> None:
+    """Choose from a list."""
+    page.get_by_label(label, exact=True).locator("visible=true").click()
+    page.get_by_role("option", name=option).first.click()
+    page.keyboard.press("Escape")
+
+
+def sweep(page: Page) -> None:
+    """Connect a simulated bench and measure a small sweep, fast; then let it run as in life."""
     page.get_by_text("at the controls").wait_for()
     page.get_by_role("button", name="Connect", exact=True).click()
     page.locator(".strips").wait_for()
-    page.get_by_label("Virtual clock").click()
-    page.get_by_text("20 times faster").click()
+    choose(page, "Virtual clock", "20 times faster")
     page.get_by_role("tab", name="Sweep").click()
     page.get_by_label("Plate distances, z/R").fill("0.6,0.8,1,1.5,2,3")
     page.get_by_label("Repeats").fill("2")
     page.get_by_text("limits hold").wait_for()
     page.get_by_role("button", name="Start the sweep").click()
     page.get_by_role("button", name="Start", exact=True).click()
-    page.get_by_text(re.compile("^ended: ")).wait_for(timeout=SWEEP_MS)
+    page.get_by_text(re.compile("^ended: ")).wait_for(timeout=LONG_MS)
     page.get_by_role("tab", name="Bench").click()
-    page.get_by_label("Virtual clock").click()
-    page.get_by_text("as in life").click()
+    choose(page, "Virtual clock", "as in life")
+
+
+def fit(page: Page) -> None:
+    """Open the sweep under Runs, and fit it with the button there."""
+    page.get_by_role("tab", name="Runs").click()
+    page.locator(".run-name", has_text="sweep").click()
+    page.get_by_role("button", name="Fit", exact=True).click()
+    page.get_by_text("emcee (posterior samples)").click()
+    page.get_by_role("button", name="Fit", exact=True).click()
+    page.get_by_text("Posterior draws, pair by pair").wait_for()
+
+
+def explain(page: Page) -> None:
+    """Simulate a bench that hides friction, keep it twice, and have it explained."""
+    page.get_by_role("tab", name="Simulate").click()
+    page.locator(".side-views[data-drawn]").wait_for(timeout=LONG_MS)
+    choose(page, "Rig", "beam")
+    choose(page, "Gains", "stiff")
+    choose(page, "Hidden effect", "Coulomb friction")
+    page.get_by_label("Length, s").fill("20")
+    for schedule, seed in (("identify", "1"), ("triangle", "2")):
+        choose(page, "Schedule", schedule)
+        page.get_by_label("Seed of the noise").fill(seed)
+        page.get_by_role("button", name="Keep in the runs folder").click()
+        page.get_by_text(re.compile(f"kept as .*-pitch-{schedule}")).wait_for(timeout=LONG_MS)
+    page.get_by_role("button", name="Explain", exact=True).click()
+    page.get_by_role("button", name="Explain", exact=True).locator("visible=true").click()
+    page.get_by_text("The gap", exact=True).or_(page.get_by_role("alert")).first.wait_for()
+    page.get_by_role("button", name="Accept").click()
+    page.get_by_text("was written to").wait_for()
 
 
 def spin(page: Page) -> None:
-    """Turn the motors by hand twice, and leave the pointer down."""
+    """Turn the motors by hand twice."""
     page.locator(".hold-button:not([disabled])").hover()
-    for seconds in (3, 3):
+    for _ in range(2):
+        page.mouse.down()
+        page.wait_for_timeout(3000)
         page.mouse.up()
         page.wait_for_timeout(2000)
-        page.mouse.down()
-        page.wait_for_timeout(1000 * seconds)
 
 
-def pictures(page: Page, folder: Path, sizes: dict[str, tuple[int, int, str]]) -> None:
-    """Save every tab in every size."""
-    tabs = page.get_by_role("tab").all_inner_texts()
-    for suffix, (width, height, scheme) in sizes.items():
-        page.set_viewport_size({"width": width, "height": height})
-        page.emulate_media(color_scheme="dark" if scheme == "dark" else "light")
-        for text in tabs:
-            name = text.split("\n")[-1]
-            page.get_by_role("tab", name=name).click()
-            page.wait_for_timeout(2000)
-            page.locator(".q-spinner:visible").first.wait_for(state="hidden")
-            page.wait_for_timeout(2000)
-            turns = name == "Bench"
-            if turns:
-                spin(page)
-            path = folder / f"web-{name.lower()}{suffix}.png"
-            page.screenshot(path=path)
-            if turns:
-                page.mouse.up()
-            print(path)
+def quiet(page: Page) -> None:
+    """Wait until nothing is being made ready, and nothing moves."""
+    page.mouse.move(2, 2)
+    page.locator(".q-notification").first.wait_for(state="hidden")
+    page.wait_for_timeout(1500)
+    page.wait_for_function(
+        "![...document.querySelectorAll('.q-spinner')].some((one) => one.checkVisibility())"
+    )
+    page.wait_for_timeout(1500)
+
+
+def picture(shown: Page | Locator, path: Path) -> None:
+    """Take what is on the screen, in few colours."""
+    image = Image.open(io.BytesIO(shown.screenshot())).convert("RGB")
+    image.quantize(COLOURS, dither=Image.Dither.NONE).save(path, optimize=True)
+    print(path, f"{path.stat().st_size / 1000:.0f} kB", flush=True)
+
+
+def arrange(page: Page, tab: str) -> None:
+    """Bring onto the screen what the picture of a tab is to show."""
+    page.evaluate("scrollTo(0, 0)")
+    if tab == "Bench":
+        spin(page)
+    elif tab == "Runs":
+        page.locator(".run-name", has_text="sweep").last.click()
+        page.locator("figure.shown:visible").first.wait_for()
+    elif tab == "Simulate":
+        page.get_by_role("button", name="Pause").click()
+        time = page.get_by_role("slider", name="Time in the run in seconds")
+        time.locator(".q-slider__track-container").click()
+    elif tab in ("Fit", "Explain"):
+        place = page.locator(".scroll-place:visible").last
+        place.evaluate("place => place.scrollIntoView()")
+    quiet(page)
+
+
+def whole(page: Page, tab: str, folder: Path) -> None:
+    """Take a whole tab in every size, and tell where it is wider than the screen."""
+    for width, scheme in product(WIDTHS, SCHEMES):
+        page.emulate_media(color_scheme=scheme)
+        page.set_viewport_size({"width": width, "height": HEIGHT})
+        quiet(page)
+        height = page.evaluate("document.documentElement.scrollHeight")
+        page.set_viewport_size({"width": width, "height": max(height, HEIGHT)})
+        quiet(page)
+        wide = page.evaluate("document.documentElement.scrollWidth")
+        if wide > width:
+            print(f"{tab} is {wide} wide on a screen of {width}")
+        picture(page, folder / f"look-{tab.lower()}-{width}-{scheme}.png")
+
+
+def pictures(page: Page, folder: Path, *, every: bool) -> None:
+    """Take every tab as the documentation shows it; with `every` in all sizes, whole."""
+    for name in page.get_by_role("tab").all_inner_texts():
+        tab = name.split("\n")[-1]
+        page.set_viewport_size({"width": 1280, "height": HEIGHT})
+        page.emulate_media(color_scheme="light")
+        page.get_by_role("tab", name=tab).click()
+        quiet(page)
+        arrange(page, tab)
+        picture(page, folder / f"web-{tab.lower()}.png")
+        if tab == "Fit":
+            corner = page.locator("figure.shown", has_text="Posterior draws, pair by pair")
+            picture(corner, folder / "web-fit-corner.png")
+        if every:
+            whole(page, tab, folder)
 
 
 def main(words: list[str]) -> None:
     """Make the pictures."""
-    every = "--all" in words
     folders = [Path(word) for word in words if not word.startswith("-")]
     folder = folders[0] if folders else HERE
     browser_path = shutil.which("chromium") or shutil.which("google-chrome")
@@ -108,11 +192,13 @@ def main(words: list[str]) -> None:
         browser = tool.chromium.launch(
             executable_path=browser_path, args=["--no-sandbox", "--disable-gpu"]
         )
-        page = browser.new_page(viewport={"width": 1280, "height": 900})
-        page.set_default_timeout(60_000)
+        page = browser.new_page(viewport={"width": 1280, "height": HEIGHT})
+        page.set_default_timeout(LONG_MS)
         page.goto(address)
-        prepare(page)
-        pictures(page, folder, {**SIZES, **(MORE if every else {})})
+        for fill in (sweep, explain, fit):
+            fill(page)
+            print(f"{fill.__name__} is done", flush=True)
+        pictures(page, folder, every="--all" in words)
         browser.close()
 
 
