@@ -9,6 +9,7 @@ from urllib.parse import urlencode
 
 from nicegui import run, ui
 
+from benchtool.web.command_row import CommandRow
 from benchtool.web.context import Context
 from benchtool.web.explains.places import Places
 from benchtool.web.explains.running import Explaining
@@ -67,6 +68,7 @@ class AnswerView:
             ui.label(f"after {found.seconds:.1f} s").classes("soft")
         ui.label(found.sentence).classes("text-h6").props("role=status").mark("verdict")
         show(Shown(title="", pieces=found.highlights), headed=False)
+        CommandRow(explaining.words)
         with ui.row().classes("items-center gap-4 w-full"):
             words = f"Accept {' and '.join(found.named)} into a new model"
             button = ui.button(words if found.named else "Keep this answer", icon="check")

@@ -60,13 +60,14 @@ def explained(tell: Tell, question: Question, out: Path, words: Sequence[str]) -
         BenchtoolError: recordings or model that no verdict can stand on.
     """
     from benchtool.explain.added_model import added_effects
+    from benchtool.explain.added_words import added_sentence
     from benchtool.explain.answer_figures import answer_figures
     from benchtool.explain.answer_file import next_file
     from benchtool.explain.answer_folder import write_folder
     from benchtool.explain.answer_page import answer_page
     from benchtool.explain.answered import answered
     from benchtool.explain.asked import asked
-    from benchtool.report.page import Facts
+    from benchtool.report.page import Facts, Paragraph
     from benchtool.web.drawing import pieces
 
     began = time.monotonic()
@@ -86,12 +87,18 @@ def explained(tell: Tell, question: Question, out: Path, words: Sequence[str]) -
     write_folder(aside, answer, asked_for.rig_file, asked_for.effects_file, called=out)
     figures = answer_figures(answer)
     report = answer_page(answer, figures, next_file(answer)[0])
+    # Whether it is written changes under the page, which says so beside its own button.
+    told = [Paragraph(added_sentence(answer))] if answer.has_model else []
     files = {id(figure): aside / f"{name}.svg" for name, figure in figures.items()}
     return Explained(
         sentence=answer.verdict.sentence,
         named=tuple(effect.name for effect in added_effects(answer)),
         parts=tuple(
-            Shown(title=part.title, pieces=_drawn(part.blocks, files)) for part in report.sections
+            Shown(
+                title=part.title,
+                pieces=_drawn([block for block in part.blocks if block not in told], files),
+            )
+            for part in report.sections
         ),
         highlights=pieces([Facts(report.highlights)]) if report.highlights else (),
         simulated=answer.simulated,

@@ -56,7 +56,8 @@ def test_an_effect_is_named_and_kept_in_a_new_model(tmp_path: Path, question: Qu
     assert found.named == ("coulomb_friction",)
     assert found.sentence.startswith("The model lacks Coulomb friction")
     assert [part.title for part in found.parts][:4] == ["What now", "Where", "Which", "The gap"]
-    assert "Not written yet" in found.parts[0].pieces[0].html
+    assert "What is different in the new model" in found.parts[0].pieces[0].html
+    assert "Not written yet" not in found.parts[0].pieces[0].html
     assert all("<img" in part.pieces[-1].html for part in found.parts[1:4])
     assert not out.exists()
 
