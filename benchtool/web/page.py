@@ -40,7 +40,9 @@ def serve_page(shared: Shared) -> None:
 
         def chosen(key: str) -> None:
             show(key)
-            ui.run_javascript(f'history.replaceState(null, "", "?tab={key}")')
+            ui.run_javascript(
+                f'history.replaceState(null, "", "?tab={key}"); window.scrollTo(0, 0)'
+            )
 
         tabs.on_value_change(lambda change: chosen(str(change.value)))
         show(first)

@@ -47,10 +47,13 @@ def tells_errors(handler: Callable[..., Any]) -> Callable[..., Any]:
 
         @wraps(handler)
         async def waiting(*args: Any, **kwargs: Any) -> Any:
+            page = ui.context.client
             try:
                 return await handler(*args, **kwargs)
             except Exception as error:  # noqa: BLE001 -- the boundary where errors are told
-                say_error(error)
+                # On the page, not where the handler began: that card may be gone by now.
+                with page:
+                    say_error(error)
 
         return waiting
 

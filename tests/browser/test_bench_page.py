@@ -48,6 +48,21 @@ def test_a_bench_on_a_port_is_seen_live(page: Page, device: Device) -> None:
     assert "0 lost, 0 corrupt" in page.content()
 
 
+def test_a_number_that_is_none_or_too_large_turns_nothing(page: Page, device: Device) -> None:
+    connect(page, device.address)
+    pulse = page.get_by_role("spinbutton", name="Pulse, us")
+    for typed, taken in (("99999", "1950"), ("abc", "")):
+        pulse.fill("")
+        pulse.press_sequentially(typed)
+        pulse.press("Tab")
+        page.wait_for_function(
+            "value => document.querySelector('[type=number][aria-label^=Pulse]').value === value",
+            arg=taken,
+        )
+    assert page.locator(".q-notification__message").count() == 0
+    assert device.turning_us() <= 1000.0
+
+
 def test_motors_turn_while_the_button_is_held_and_no_longer(page: Page, device: Device) -> None:
     connect(page, device.address)
     hold(page, device)

@@ -85,6 +85,14 @@ def test_a_run_is_found_and_shows_its_numbers(filled: Web, open_page: Opens) -> 
     with page.expect_download(timeout=COLD_MS) as report:
         page.get_by_role("button", name="Report, HTML").click()
     assert Path(report.value.path()).read_text("utf-8") == REPORT
+    # A report that is still being made comes, although another entry was opened meanwhile.
+    page.get_by_label("Search name, rig, date, state").fill("")
+    page.get_by_role("button", name="single_rotor").click()
+    page.get_by_text("1.2343 ± 0.0016").wait_for(timeout=COLD_MS)
+    with page.expect_download(timeout=COLD_MS) as late:
+        page.get_by_role("button", name="Report, HTML").click()
+        page.get_by_role("button", name="earlier").click()
+    assert late.value.suggested_filename == "single_rotor-report.html"
 
 
 def test_two_sweeps_stand_in_one_plot(filled: Web, open_page: Opens) -> None:

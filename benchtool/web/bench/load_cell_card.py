@@ -24,7 +24,7 @@ class LoadCellCard:
                     ui.button("Tare", icon="exposure_zero", on_click=self._tare)
                     ui.button("Calibrate", icon="scale", on_click=self._begin).props("outline")
                 with ui.row(wrap=False).classes("items-end w-full") as self._plate:
-                    self._z_mm = ui.number("Plate distance, mm", value=500.0, min=0.0)
+                    self._z_mm = ui.number("Plate distance, mm", value=500.0)
                     self._z_mm.classes("grow")
                     ui.button("Move", on_click=self._move).props("outline")
             with ui.column().classes("w-full") as self._weighs:
@@ -33,7 +33,7 @@ class LoadCellCard:
                     "again. No motor can turn meanwhile."
                 )
                 with ui.row(wrap=False).classes("items-end w-full"):
-                    self._mass_kg = ui.number("Mass, kg", value=0.0, min=0.0, step=0.1)
+                    self._mass_kg = ui.number("Mass, kg", value=0.0, step=0.1)
                     self._mass_kg.classes("grow")
                     ui.button("Weigh", icon="scale", on_click=self._weigh)
                 self._weighed = ui.label().classes("number").style("white-space: pre-line")

@@ -64,7 +64,8 @@ class ThrottleCard:
         stop_us = rig.propulsion.pwm_stop_us
         most_us = min(rig.limits.pwm_us, rig.propulsion.pwm_max_us)
         self._slider.props(f"min={stop_us:g} max={most_us:g}")
-        self._pulse.props(f"min={stop_us:g} max={most_us:g}")
+        self._pulse.min, self._pulse.max = stop_us, most_us
+        self._pulse.props(f'hint="{stop_us:g} to {most_us:g}"')
         self._pulse.value = low_throttle_us(rig)
         self._names.clear()
         with self._names:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 from urllib.parse import urlencode
 
@@ -97,26 +98,27 @@ class RunDetail:
 
     def _button(self, offer: Offer, names: tuple[str, ...]) -> None:
         button = ui.button(offer.label, icon="download").props("outline dense no-caps")
+        page = self._place.client
 
         @tells_errors
         async def take() -> None:
             button.props("loading")
             try:
-                await self._send(offer, names)
+                made = await self._made(offer, names)
             finally:
                 button.props(remove="loading")
+            # Another entry may have been opened meanwhile, so that the button is no more.
+            with page:
+                ui.download(made, offer.file)
 
         button.on_click(take)
 
-    async def _send(self, offer: Offer, names: tuple[str, ...]) -> None:
+    async def _made(self, offer: Offer, names: tuple[str, ...]) -> bytes | Path:
         if offer.path:
-            ui.download.file(self._folder.file_of(offer.path), offer.file)
-        elif offer.report:
-            made = await self._work(WRITER, report_bytes, names, offer.suffix)
-            ui.download.content(made, offer.file)
-        else:
-            made = await self._work(WRITER, table_bytes, names[0], offer.table, offer.suffix)
-            ui.download.content(made, offer.file)
+            return self._folder.file_of(offer.path)
+        if offer.report:
+            return bytes(await self._work(WRITER, report_bytes, names, offer.suffix))
+        return bytes(await self._work(WRITER, table_bytes, names[0], offer.table, offer.suffix))
 
     def _expansion(self, name: str, part: str) -> None:
         with ui.expansion(part).classes("w-full") as more:

@@ -60,7 +60,7 @@ class SimulateDesk:
         with ui.element("div").classes("simulate-choices"):
             self._rig = self._select("Rig", _pitch_rigs(), "pquad")
             self._schedule = self._select("Schedule", schedule_names(), "plate")
-            self._length = ui.number("Length, s", placeholder="the schedule's own", min=1.0)
+            self._length = ui.number("Length, s", placeholder="the schedule's own")
             self._length.on_value_change(self._change)
             self._length.props("dense stack-label").classes("w-full").mark("length")
             self._case = self._select("Flight", {n: f.title for n, f in FLIGHTS.items()}, "over")

@@ -120,6 +120,8 @@ class PlanCard:
                 stage=self._form.text("stage"),
             )
         )
+        # Its progress stands above.
+        ui.run_javascript("window.scrollTo({top: 0, behavior: 'smooth'})")
 
     @tells_errors
     async def _choose(self) -> None:
