@@ -30,6 +30,10 @@ SCATTER = 4.0
 """Up to so many stated errors, what is left over may be scatter that they do not know of (between
 visits of a bench, say), where a free noise parameter takes it up; a choice."""
 
+TOO_MUCH = 2.0
+"""From so many stated errors on, a fit says that its model lacks something: scatter between visits
+is seldom more, and it makes no interval too narrow as a missing effect does; a choice."""
+
 MOST_NAMED = 5
 
 
@@ -82,7 +86,7 @@ def diagnose(problem: Problem, result: FitResult) -> Diagnosis:
     sentences = (
         *(str(item) for item in confused),
         *_of_verdict(verdict, result, chance),
-        *_of_structure(runs, trends),
+        *_of_structure(runs, trends, problem.parameters.free_names),
         *_of_outliers(problem, rows_alone / spread, far),
     )
     return Diagnosis(
@@ -133,29 +137,47 @@ def _verdict(problem: Problem, result: FitResult, chance: float) -> Verdict:
 
 def _of_verdict(verdict: Verdict, result: FitResult, chance: float) -> tuple[str, ...]:
     said = f"chi2/dof is {result.chi2_per_dof:.3g} ({result.chi2:.4g} over {result.dof})"
+    noise_is_free = any(item.name.startswith("noise.") for item in result.estimates)
+    much = f"points scatter {times_as_much(result)} as much as their stated errors"
+    narrow = (
+        "the model lacks something and the intervals are too narrow; ask benchtool explain what, "
+        "before these numbers are used"
+    )
     if verdict == "rejected":
         advice = "add an effect"
-        if not any(item.name.startswith("noise.") for item in result.estimates):
+        if not noise_is_free:
             advice += ", or free noise.scale if the errors leave scatter out"
+        if lacks_something(result):
+            advice = f"{much}: {narrow}"
         return (
             f"{said}: model {result.model!r} is rejected at the stated standard errors (chance "
             f"{f'{chance:.1g}' if chance > 1e-12 else 'below 1e-12'}); {advice}",
         )
     if verdict == "scatter":
-        return (
-            f"{said}: points scatter {np.sqrt(result.chi2_per_dof):.2g} times as much as their "
-            f"stated errors; the fitted noise carries that into the intervals, which is right for "
-            f"scatter between visits and wrong for a missing effect: look at the residuals",
+        carried = (
+            "the fitted noise carries that into the intervals, which is right for scatter between "
+            "visits and wrong for a missing effect: look at the residuals"
         )
+        return (f"{said}: {much}; {narrow if lacks_something(result) else carried}",)
     if verdict == "errors_too_large":
-        return (
-            f"{said}: the stated standard errors are larger than the scatter; free noise.scale or "
-            f"state them anew",
-        )
+        advice = "state them anew" if noise_is_free else "free noise.scale or state them anew"
+        return (f"{said}: the stated standard errors are larger than the scatter; {advice}",)
     return ()
 
 
-def _of_structure(runs: tuple[Runs, ...], trends: tuple[Trend, ...]) -> list[str]:
+def times_as_much(result: FitResult) -> str:
+    """Return how many times as much as their stated errors the points scatter, in words."""
+    return f"{np.sqrt(result.chi2_per_dof):.2g} times"
+
+
+def lacks_something(result: FitResult) -> bool:
+    """Whether so much is left over that the model lacks something and intervals are too narrow."""
+    return result.chi2_per_dof > TOO_MUCH**2
+
+
+def _of_structure(
+    runs: tuple[Runs, ...], trends: tuple[Trend, ...], free: tuple[str, ...]
+) -> list[str]:
     curves = [
         f"residuals keep their sign along {run.column}: {run.runs} runs where "
         f"{run.expected:.0f} are expected; the model misses a curve in {run.column}"
@@ -164,19 +186,30 @@ def _of_structure(runs: tuple[Runs, ...], trends: tuple[Trend, ...]) -> list[str
     ]
     slopes = [
         f"residuals {'rise' if trend.correlation > 0 else 'fall'} with {trend.column} "
-        f"(rank correlation {trend.correlation:+.2f}); {_hint(trend.column)}"
+        f"(rank correlation {trend.correlation:+.2f}); {_hint(trend.column, free)}"
         for trend in trends
         if trend.chance < UNLIKELY
     ]
     return curves + slopes
 
 
-def _hint(column: str) -> str:
-    if column in {"order", "time_s", "elapsed_s"}:
-        return "free a drift, or look at the anchor points"
-    if column == "z_over_R":
-        return "free the plate offset or the body lift"
-    return "look for an effect that depends on it"
+CAUSES = {
+    "load_cell_drift.rate_N_per_s": ("a drift", ("order", "time_s", "elapsed_s")),
+    "plate_offset.dz_m": ("the plate offset", ("z_over_R",)),
+    "body_lift.K_b": ("the body lift", ("z_over_R",)),
+}
+"""Parameters whose absence makes residuals rise or fall with some columns, with their words."""
+
+
+def _hint(column: str, free: tuple[str, ...]) -> str:
+    """Say what to do about a trend; what is free already cannot be freed."""
+    words = [
+        what for name, (what, columns) in CAUSES.items() if column in columns and name not in free
+    ]
+    advice = [f"free {' or '.join(words)}"] if words else []
+    if column in CAUSES["load_cell_drift.rate_N_per_s"][1]:
+        advice.append("look at the anchor points")
+    return ", or ".join(advice) or "look for an effect that depends on it"
 
 
 def _of_outliers(problem: Problem, rows: Array, far: tuple[int, ...]) -> tuple[str, ...]:

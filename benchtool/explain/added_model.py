@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from math import isclose
 from typing import Any
 
 from benchtool import __version__
+from benchtool.core.parameter import Parameter
 from benchtool.effects.catalogue import EFFECTS
 from benchtool.effects.effect import Effect
 from benchtool.effects.model import Model
 from benchtool.explain.answer import Answer
+from benchtool.explain.owner_known import known_prior
 from benchtool.explain.verdict import NamedEffect
 from benchtool.library import LoadedModel, model_to_toml
 
 MODEL = "model.toml"
 """Name of the new model's file in the folder of an answer."""
+
+NOTHING = 1e-15
+"""What an optimiser leaves of a zero, in any unit; a choice."""
 
 
 def added_model(answer: Answer, rig: str = "", effects_file: str = "") -> str:
@@ -75,7 +81,9 @@ def _effect(answer: Answer, name: str) -> Effect:
 def _calibrated(answer: Answer, model: Model) -> Model:
     """Return the model with what its owner knows only roughly where the recordings put it.
 
-    That is what moved without being a candidate's: inertia, radius, the map from pulse to speed.
+    That is what moved without being a candidate's: inertia, radius, the map from pulse to speed. Of
+    a sweep it stays free under what was known of it: held where it came to lie, a fit of what was
+    found would state errors many times too small.
     """
     candidates = {name.partition(".")[0] for name in answer.verdict.tolerances}
     for name, found in answer.verdict.parameters.items():
@@ -83,13 +91,15 @@ def _calibrated(answer: Answer, model: Model) -> Model:
         if owner in candidates:
             continue
         if dot and name not in model.parameters:
-            if found.is_neutral:
+            if found.neutral is not None and isclose(found.value, found.neutral, abs_tol=NOTHING):
                 continue
             model = model.with_effect(_effect(answer, owner))
         present = model.parameters[name]
         if found.value != present.value:
             source = f"benchtool explain, within what was known of it; {present.value:.6g} before"
-            model = _changed(model, name, value=found.value, source=source)
+            model = _changed(
+                model, name, value=found.value, source=source, **_freed(answer, name, present)
+            )
     return model
 
 
@@ -102,7 +112,11 @@ def _with(answer: Answer, model: Model, effect: NamedEffect) -> Model:
         name = f"{effect.name}.{own.name}"
         if name in found and found[name].value != model.parameters[name].value:
             source = f"benchtool explain of {learned}"
-            model = _changed(model, name, value=found[name].value, source=source)
+            present = model.parameters[name]
+            model = _changed(
+                model, name, value=found[name].value, source=source,
+                **_freed(answer, name, present),
+            )  # fmt: skip
     for item in effect.parameters:
         model = _changed(
             model,
@@ -114,6 +128,17 @@ def _with(answer: Answer, model: Model, effect: NamedEffect) -> Model:
             source=f"benchtool explain of {learned}: {item.value:.6g} ± {item.std:.2g}",
         )
     return model
+
+
+def _freed(answer: Answer, name: str, before: Parameter) -> dict[str, Any]:
+    """Return what leaves a number free for the next fit under what was known of it before.
+
+    A pitch recording is explained again, not fitted. What a fit may move already stays as it is.
+    """
+    prior = known_prior(name, before)
+    if answer.verdict.bench != "sweep" or before.free or prior is None:
+        return {}
+    return {"free": True, "prior": prior}
 
 
 def _changed(model: Model, name: str, **changes: Any) -> Model:

@@ -7,14 +7,11 @@ from math import isclose
 from pathlib import Path
 
 from benchtool.core.parameter import Parameter
-from benchtool.explain.added_model import MODEL, added_effects, mended
+from benchtool.explain.added_model import MODEL, NOTHING, added_effects, mended
 from benchtool.explain.answer import Answer
 from benchtool.explain.verdict import in_sentence
 from benchtool.report.numbers import unit_for_people
 from benchtool.report.page import Table
-
-NOTHING = 1e-15
-"""What an optimiser leaves of a zero, in any unit; a choice."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,21 +13,15 @@ from benchtool.effects.catalogue import candidates, effect_named
 from benchtool.effects.conditions import Conditions
 from benchtool.effects.effect import Effect
 from benchtool.effects.model import Model
-from benchtool.explain.effect_knobs import RADIUS_KNOWN, effect_knobs, neutral_values
+from benchtool.explain.effect_knobs import effect_knobs, neutral_values
 from benchtool.explain.knob import Knob, parameters_at
+from benchtool.explain.owner_known import known_prior
 from benchtool.explain.subject import RowGroups
 from benchtool.explain.sweep_log import SweepLog
 from benchtool.explain.sweep_noise import SweepNoise
 from benchtool.explain.sweep_regimes import sweep_regimes
 
 Array = NDArray[np.float64]
-
-RADIUS_FITTED = 0.05
-"""Standard error of R_m over its value where a model leaves it to a fit: an effective radius is
-within a tenth of the rotor's; a choice."""
-
-K_KNOWN, K_FITTED = 0.01, 0.1
-"""The same two for k; a load cell's scale is known to a per cent, a rotor's coefficient is not."""
 
 DROP = "supply.drop"
 CURVE = "supply.curve"
@@ -95,9 +89,7 @@ class SweepEvidence:
     def _owner_knobs(self) -> list[Knob]:
         items = self.model.parameters
         out = [
-            _held("k", items["k"], K_FITTED if items["k"].free else K_KNOWN),
-            _held("R_m", items["R_m"], RADIUS_FITTED if items["R_m"].free else RADIUS_KNOWN),
-            *(_held(name, items[name], 1.0) for name in SHAPES),
+            *(_held(name, items[name]) for name in ("k", "R_m", *SHAPES)),
         ]
         if any(log.power is not None for log in self.logs):
             out += SUPPLY_KNOBS
@@ -208,15 +200,15 @@ class SweepEvidence:
         )
 
 
-def _held(name: str, item: Parameter, known: float) -> Knob:
-    """Return the knob of a number that only its prior holds, `known` of its value without one."""
-    stated = item.prior.kind == "normal"
+def _held(name: str, item: Parameter) -> Knob:
+    """Return the knob of a number that only its prior holds; its own value without one."""
+    prior = known_prior(name, item)
     return Knob(
         name=name,
         unit=item.unit,
         effect="",
         start=item.value,
-        scale=item.prior.sd if stated else known * item.value,
+        scale=item.value if prior is None else prior.sd,
         lower=max(item.lower, 0.2 * item.value) if item.value > 0.0 else item.lower,
         upper=item.upper,
         held=True,

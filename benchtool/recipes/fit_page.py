@@ -8,6 +8,7 @@ from pathlib import Path
 from benchtool import __version__
 from benchtool.core.fit_result import Estimate, FitResult
 from benchtool.estimate.compare import Comparison
+from benchtool.estimate.diagnose import lacks_something, times_as_much
 from benchtool.recipes.run_recipe import FitOutput
 from benchtool.report.fit_tables import estimates_table, methods_table
 from benchtool.report.numbers import unit_for_people, value_with_sd
@@ -137,10 +138,15 @@ def sentence_of(first: FitResult, *, model: str, basis: str, used: int, read: in
         for item in first.estimates
         if not item.name.startswith("noise.")
     )
+    scatter = (
+        f"points scatter {times_as_much(first)} as much as their stated errors (chi2/dof = "
+        f"{first.chi2_per_dof:.3g})"
+    )
+    if lacks_something(first):
+        scatter += ", so the model lacks something and the intervals are too narrow"
     judged = {
-        "rejected": f" The model is rejected: chi2/dof = {first.chi2_per_dof:.3g}.",
-        "scatter": f" Points scatter a little more than their errors within visits state: "
-        f"chi2/dof = {first.chi2_per_dof:.3g}.",
+        "rejected": f" The model is rejected: {scatter}.",
+        "scatter": f" {scatter[:1].upper()}{scatter[1:]}.",
         "consistent": f" The scatter explains what is left over: chi2/dof = "
         f"{first.chi2_per_dof:.3g}.",
     }.get(str(first.facts.get("verdict")), "")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from benchtool.effects.model import Model
-from benchtool.estimate.diagnose import diagnose, with_diagnosis
+from benchtool.estimate.diagnose import _hint, diagnose, with_diagnosis
 from benchtool.estimate.ensemble import fit_ensemble
 from benchtool.estimate.least_squares import fit_least_squares
 from benchtool.estimate.model_problem import problem_from_model
@@ -102,6 +102,15 @@ def test_a_free_scale_takes_up_some_scatter_but_not_a_missing_effect() -> None:
     found = diagnose(problem, fit_least_squares(problem))
     assert found.verdict == "scatter"
     assert "scatter 2.5 times" in found.sentences[0]
+    assert (
+        "lacks something and the intervals are too narrow; ask benchtool explain"
+        in (found.sentences[0])
+    )
+    wider = replace(problem, standard_error=1.5 * problem.standard_error)
+    little = diagnose(wider, fit_least_squares(wider))
+    assert little.verdict == "scatter"
+    assert "right for scatter between visits" in little.sentences[0]
+    assert "too narrow" not in little.sentences[0]
     narrow = replace(problem, standard_error=problem.standard_error / 2.0)
     rejected = diagnose(narrow, fit_least_squares(narrow))
     assert rejected.verdict == "rejected"
@@ -134,6 +143,15 @@ def test_a_drift_shows_in_the_order() -> None:
     said = sentences(drifting)
     assert "residuals rise with time_s" in said
     assert "free a drift" in said
+
+
+def test_what_is_free_is_never_told_to_be_freed() -> None:
+    assert _hint("z_over_R", ()) == "free the plate offset or the body lift"
+    assert _hint("z_over_R", ("body_lift.K_b",)) == "free the plate offset"
+    both = ("body_lift.K_b", "plate_offset.dz_m")
+    assert _hint("z_over_R", both) == "look for an effect that depends on it"
+    assert _hint("order", ()) == "free a drift, or look at the anchor points"
+    assert _hint("order", ("load_cell_drift.rate_N_per_s",)) == "look at the anchor points"
 
 
 def test_both_estimators_are_diagnosed_alike() -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from benchtool.cli.app import main
+from benchtool.core.parameter import Parameters
 from benchtool.errors import WouldOverwrite
 from benchtool.explain.added_model import added_model
 from benchtool.explain.answer_folder import refuse_taken, write_folder
@@ -33,6 +34,26 @@ def test_the_named_effect_and_the_calibrated_inertia_stand_in_it_with_their_sour
     assert all(
         again.model.parameters[name].value == parent.model.parameters[name].value for name in kept
     )
+
+
+def test_of_a_sweep_what_was_adjusted_stays_free_under_what_was_known_of_it() -> None:
+    parent = load_model(MODEL).model.parameters
+    moved = {"inertia_kgm2": 0.0309, "k": 1.01 * parent["k"].value}
+    found = Parameters(
+        (name, item.at(moved.get(name, item.value))) for name, item in parent.items()
+    )
+    told = answer()
+    swept = verdict("effect", bench="sweep", parameters=found)
+    made = added_model(replace(told, explanation=replace(told.explanation, verdict=swept)))
+    new = model_from_toml(made, "new.toml").model.parameters
+    assert new["inertia_kgm2"].free
+    assert new["inertia_kgm2"].prior == parent["inertia_kgm2"].prior
+    assert new["k"].free
+    assert (new["k"].prior.kind, new["k"].prior.mean) == ("normal", parent["k"].value)
+    assert new["k"].prior.sd == pytest.approx(0.01 * parent["k"].value)
+    assert not new["R_m"].free
+    pitch = model_from_toml(added_model(told), "new.toml").model.parameters
+    assert not pitch["inertia_kgm2"].free
 
 
 def test_it_says_what_made_it_from_which_data_on_what_evidence() -> None:
@@ -78,7 +99,7 @@ def test_a_sweep_leaves_what_it_found_free_to_be_fitted() -> None:
         asked, explanation=replace(asked.explanation, verdict=verdict(bench="sweep"))
     )  # fmt: skip
     model = model_from_toml(added_model(found), "new.toml").model
-    assert model.parameters.free_names == ("coulomb_friction.torque_Nm",)
+    assert model.parameters.free_names == ("inertia_kgm2", "coulomb_friction.torque_Nm")
 
 
 def test_the_folder_has_page_figures_model_and_the_next_schedule(tmp_path: Path) -> None:
