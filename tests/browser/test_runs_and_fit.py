@@ -154,7 +154,7 @@ def test_a_fit_gives_the_numbers_of_the_command(filled: Web, open_page: Opens) -
 
 def test_a_table_is_handed_over_and_a_bad_cell_is_told(filled: Web, open_page: Opens) -> None:
     page = open_page(f"{filled.url}?tab=fit")
-    page.get_by_text("hand over a CSV file").wait_for()
+    page.get_by_text("Or hand over a CSV file", exact=True).wait_for()
     wait_for_seat(page)
     chooser = page.locator("input[type=file]")
     chooser.set_input_files({"name": "x.csv", "mimeType": "text/csv", "buffer": b"\0\1\2"})

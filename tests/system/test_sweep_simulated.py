@@ -77,7 +77,7 @@ def test_a_resumed_run_keeps_its_order(capsys: pytest.CaptureFixture[str]) -> No
     assert len(read_points(cut, ["tare"])) == 2
     samples = read_samples(cut)
     assert last.startswith(f"{len(resumed)} points (simulated), 0 not settled, 2 tares, ")
-    assert f" {len(samples)} samples, " in last
+    assert f" {len(samples):,} samples, " in last
     assert (np.diff(samples.column("time_s")) > 0).all()
     fifth = samples.select(samples.column("point") == 5.0)
     phases = fifth.column("phase").astype(int)
