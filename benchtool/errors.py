@@ -81,6 +81,34 @@ class FileFormatError(InputError):
         super().__init__(f"{where}: {problem}")
 
 
+class MissingColumn(InputError):
+    """Refuse a file without a column that a map names.
+
+    No other column is proposed: one that is merely spelt alike (a reference for an angle) would be
+    read for it without a word.
+
+    Args:
+        where: the file.
+        column: its name in the map.
+        known: the columns that the file has.
+        mapped_by: the file that holds the map, where that is known.
+    """
+
+    def __init__(self, where: str, column: str, known: Iterable[str], mapped_by: str = "") -> None:
+        self.where = where
+        self.column = column
+        self.known = tuple(known)
+        of = f" of {mapped_by}" if mapped_by else ""
+        listed = ", ".join(name for name in self.known if name) or "none"
+        super().__init__(
+            f"[columns]{of} names {column!r}, which {where} lacks; its columns are {listed}"
+        )
+
+    def of(self, mapped_by: str) -> MissingColumn:
+        """Return the same with the file that holds the map."""
+        return MissingColumn(self.where, self.column, self.known, mapped_by)
+
+
 class PlanError(InputError):
     """Refuse a plan that the bench or its limits do not allow."""
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from benchtool.effects.effect import BenchKind, Effect
-from benchtool.errors import InputError
+from benchtool.errors import InputError, MissingColumn
 from benchtool.explain.pitch_log import PitchLog, pitch_log
 from benchtool.explain.pitch_subject import PitchSubject
 from benchtool.explain.recordings import (
@@ -111,7 +111,10 @@ def asked(
     given = Path(effects) if effects and effects.endswith(".py") else None
     if given is None and loaded.effects_file and file is not None:
         given = file.parent / loaded.effects_file
-    sources, checks = read_sources(learn, check, loaded)
+    try:
+        sources, checks = read_sources(learn, check, loaded)
+    except MissingColumn as error:
+        raise error.of(file.name if file is not None else model) from None
     return Asked(
         loaded=loaded,
         model_file=file.name if file is not None else model,

@@ -16,7 +16,7 @@ from benchtool.core.column_source import ColumnSource
 from benchtool.core.recording import Recording
 from benchtool.core.toml_text import build
 from benchtool.core.units import from_si, same_dimension, to_si
-from benchtool.errors import FileFormatError, InputError, UnknownChoice
+from benchtool.errors import FileFormatError, InputError, MissingColumn, UnknownChoice
 from benchtool.store.columns import WORDS, channel_called, code_of
 from benchtool.store.csv_text import CsvTable, no_rows, read_csv_text
 from benchtool.store.digest import file_hash
@@ -73,7 +73,8 @@ def read_table(
 
     Raises:
         FileFormatError: no such file, a cell that is no number (with its line), no row left.
-        UnknownChoice: a column that the file has not, with those that it has.
+        MissingColumn: a mapped column that the file has not, with those that it has.
+        UnknownChoice: the same of a filter's column.
     """
     table = read_csv_text(Path(path))
     filters = [item if isinstance(item, Where) else Where.parse(item) for item in where]
@@ -165,6 +166,8 @@ def _mapped(
         assert source.constant is not None
         values = np.full(len(rows), source.constant)
     else:
+        if source.column.strip() not in table.header:
+            raise MissingColumn(table.where, source.column, table.header)
         index = _index(table, source.column)
         values = numbers_in(table, table.header[index], rows)
     values = source.sign * source.factor * values

@@ -130,7 +130,11 @@ def test_a_recording_that_nothing_drove_is_refused_at_once(tmp_path: Path) -> No
         (["m.toml"], ["a.csv"], "m.toml: this is a TOML file .a model goes behind --model.; a rec"),
         (["word.csv"], ["a.csv"], "it holds 'hello' and no row below it; a CSV has a line"),
         (["bare.parquet"], ["a.csv"], "no bare.parquet.json beside it"),
-        (["other.csv"], ["a.csv"], "unknown column of other.csv 't'"),
+        (
+            ["other.csv"],
+            ["a.csv"],
+            r"\[columns\] names 't', which other.csv lacks; .* a, b, c$",
+        ),
         (["notime.csv"], ["a.csv"], "neither theta_rad .a pitch bench. nor thrust_N"),
         (["a.csv"], ["sweep"], "a.csv is of a pitch bench and .*run of a plate sweep"),
     ],

@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 
 from benchtool.core.column_source import ColumnSource
-from benchtool.errors import BenchtoolError, FileFormatError, InputError, UnknownChoice
+from benchtool.errors import (
+    BenchtoolError,
+    FileFormatError,
+    InputError,
+    MissingColumn,
+    UnknownChoice,
+)
 from benchtool.store import Where, read_table
 
 TEXT = """series,z_over_R,Fz,note
@@ -54,7 +60,7 @@ def test_where_compares_numbers_as_numbers(path: Path) -> None:
 @pytest.mark.parametrize(
     ("columns", "where", "kind", "words"),
     [
-        ({"thrust_N": "Thrust"}, [], UnknownChoice, "known: Fz, note, series, z_over_R"),
+        ({"thrust_N": "Thrust"}, [], MissingColumn, r"\[columns\] names 'Thrust', which .* lacks"),
         ({"thrust_N": "note"}, [], FileFormatError, r"line 2: column 'note' holds 'first'"),
         ({"thrust_N": "Fz"}, ["series=x"], FileFormatError, "the column holds: Fz0, Fz30"),
         ({"thrust_N": "Fz"}, ["sweep=x"], UnknownChoice, "unknown column of .* 'sweep'"),

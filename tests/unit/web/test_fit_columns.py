@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from benchtool.core.column_source import ColumnSource
-from benchtool.errors import FileFormatError, InputError, UnknownChoice
+from benchtool.errors import FileFormatError, InputError, MissingColumn
 from benchtool.library import read_columns
 from benchtool.store.upload import columns_file
 from benchtool.web.fits.columns import (
@@ -71,7 +71,7 @@ def test_what_cannot_be_read_is_told_and_not_kept(table: Path) -> None:
     wrong = {"thrust_N": ColumnSource(column="note"), "rpm1": ColumnSource(constant=1.0)}
     with pytest.raises(FileFormatError, match=r"line 2: column 'note' holds 'a'"):
         keep_columns(table.parent, "lab.csv", wrong)
-    with pytest.raises(UnknownChoice, match="unknown column"):
+    with pytest.raises(MissingColumn, match=r"names 'x', which .*lab\.csv lacks"):
         keep_columns(table.parent, "lab.csv", {"thrust_N": ColumnSource(column="x")})
     with pytest.raises(InputError, match="leads out of the runs folder"):
         keep_columns(table.parent, "../lab.csv", wrong)
