@@ -92,7 +92,7 @@ def command(
     question = asked(recordings or [], check or [], model, effects)
     if not overwrite:
         refuse_taken(out, json_file)
-    with working() as tell:
+    with working(", ".join([*(recordings or []), *(check or [])])) as tell:
         answer = answered(
             question,
             commands=[shlex.join(["benchtool", *sys.argv[1:]])],

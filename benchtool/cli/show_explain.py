@@ -27,8 +27,12 @@ from benchtool.explain.next_steps import lines, next_sentence, next_steps
 
 
 @contextmanager
-def working() -> Iterator[Callable[[str, float], None]]:
-    """Show a bar on a terminal, nothing elsewhere; gives the function that moves it."""
+def working(reading: str) -> Iterator[Callable[[str, float], None]]:
+    """Show a bar on a terminal, one line elsewhere; gives the function that moves the bar.
+
+    Args:
+        reading: what is read.
+    """
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
@@ -36,6 +40,9 @@ def working() -> Iterator[Callable[[str, float], None]]:
         TimeElapsedColumn(),
     )
     shown = sys.stderr.isatty()
+    if not shown:
+        print(f"reading {reading}; the answer can take a minute or more", file=sys.stderr)
+        sys.stderr.flush()
     with Progress(*columns, console=Console(stderr=True), transient=True, disable=not shown) as bar:
         task = bar.add_task("reading", total=1.0)
 
@@ -69,7 +76,7 @@ def print_answer(answer: Answer) -> None:
     verdict = answer.verdict
     if answer.simulated:
         console.print("SIMULATED DATA: no physical bench produced these recordings")
-    console.print(verdict.sentence, markup=False)
+    _print_verdict(console, answer)
     console.print(where_sentence(answer), markup=False)
     if verdict.effects:
         print_table(console, short_effects_table(answer))
@@ -82,6 +89,12 @@ def print_answer(answer: Answer) -> None:
     console.print(f"It took {answer.seconds:.1f} s.", markup=False)
 
 
+def _print_verdict(console: Console, answer: Answer) -> None:
+    console.print(answer.verdict.sentence, markup=False)
+    if answer.caution:
+        console.print(answer.caution, markup=False)
+
+
 def print_next(answer: Answer, out: Path | None, json_file: Path | None) -> None:
     """Print in one place: the verdict, what was added to which file, and the next commands."""
     console = _console()
@@ -91,7 +104,7 @@ def print_next(answer: Answer, out: Path | None, json_file: Path | None) -> None
     if json_file is not None:
         print(f"written: {json_file}")
     console.print("\nIn short", style="bold")
-    console.print(answer.verdict.sentence, markup=False)
+    _print_verdict(console, answer)
     console.print(added_sentence(answer, folder), markup=False)
     for change in changes(answer):
         console.print(f"  {change.told}", markup=False)

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from math import degrees
 
+from benchtool.core.counted import counted
 from benchtool.effects.effect import Effect
 from benchtool.explain.explanation import Explanation
 from benchtool.explain.recordings import Source
@@ -64,6 +65,15 @@ class Answer:
         """What was mended in the recordings, and what they lack."""
         found = [line for source in (*self.learn, *self.check) for line in source.remarks]
         return tuple(dict.fromkeys((*found, *self.verdict.remarks)))
+
+    @property
+    def caution(self) -> str:
+        """What to know of the recordings before the verdict is believed; empty where nothing is."""
+        if not self.remarks:
+            return ""
+        first, *more = self.remarks
+        others = f" ({counted(len(more), 'more remark')} with what was not judged)" if more else ""
+        return f"Mind what it rests on: {first.rstrip('.')}{others}."
 
     @property
     def hashes(self) -> Mapping[str, str]:

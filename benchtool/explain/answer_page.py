@@ -64,13 +64,24 @@ OVERLAY = (
 )
 
 
+def overlay_caption(window_s: float) -> str:
+    """Say what an overlay shows, and where its jumps come from with windows of so many seconds."""
+    if not window_s:
+        return OVERLAY
+    return (
+        f"{OVERLAY} Each prediction restarts every {window_s:g} s from the measured state: that is "
+        f"what the spikes are."
+    )
+
+
 def where_sentence(answer: Answer) -> str:
     """Say where model and measurement disagree."""
     where = answer.verdict.where
     if where is None:
         return "The model agrees with the recordings within their noise and the tolerances."
     said = f"The disagreement is {PLACES[where.stage]}"
-    size = f"{where.size:.2g} times the stated noise"
+    shown = f"{where.size:.0f}" if where.size >= 10.0 else f"{where.size:.2g}"
+    size = f"{shown} times the stated noise"
     if where.regime == EVERYWHERE:
         return f"{said}, spread over the whole of the recordings; residuals are {size}."
     return (
@@ -104,7 +115,7 @@ def answer_page(
     ]
     return Report(
         title=f"Explanation: {answer.loaded.model.name}",
-        summary=verdict.sentence,
+        summary=f"{verdict.sentence} {answer.caution}".strip(),
         sections=sections,
         simulated=answer.simulated,
         made=f"benchtool {__version__}",
@@ -144,7 +155,7 @@ def _which(answer: Answer, figures: Mapping[str, Figure]) -> list[Block]:
 
 def _gap(answer: Answer, figures: Mapping[str, Figure]) -> list[Block]:
     overlays = [
-        FigureBlock(figure, OVERLAY)
+        FigureBlock(figure, overlay_caption(answer.verdict.window_s))
         for name, figure in figures.items()
         if name.startswith("overlay_")
     ]

@@ -44,7 +44,8 @@ def next_sentence(answer: Answer) -> str:
     """Say what to record next, and why; empty where nothing is asked for."""
     experiment = answer.verdict.next
     if experiment is None:
-        return RICHER[answer.verdict.bench] if answer.verdict.mostly_blind else ""
+        poor = answer.verdict.mostly_blind and not answer.verdict.is_sure
+        return RICHER[answer.verdict.bench] if poor else ""
     return (
         f"Record next: {experiment.title}. {experiment.reason[:1].upper()}{experiment.reason[1:]}."
     )

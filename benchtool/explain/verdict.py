@@ -20,6 +20,9 @@ Unjudged = Literal["too_weak", "no_trace"]
 EVERYWHERE = "everywhere"
 """The regime of a disagreement that no part of the recordings has more of than others."""
 
+SURE, LIKELY = 0.9, 0.7
+"""Probabilities from which a model is said to lack an effect, and to lack it probably; choices."""
+
 NEVER = 100.0
 """An effect that would have to be this many tolerances large is said to leave no trace."""
 
@@ -235,6 +238,13 @@ class Verdict:
         return 2 * len(tried & set(self.not_judged)) > len(tried)
 
     @property
+    def is_sure(self) -> bool:
+        """Whether effects are named, each likely enough that nothing more need be recorded."""
+        return self.kind in ("effect", "several") and all(
+            one.probability >= SURE for one in self.effects
+        )
+
+    @property
     def names(self) -> tuple[str, ...]:
         """Names of the effects in the verdict."""
         return tuple(effect.name for effect in self.effects)
@@ -264,20 +274,31 @@ def in_sentence(title: str) -> str:
     return title if title.startswith(SURNAMES) else title[:1].lower() + title[1:]
 
 
-def _one(verdict: Verdict) -> str:
-    effect = verdict.effects[0]
-    return f"The model lacks {_effect(effect)}, probability {effect.probability:.2f}."
+def _lacks(probability: float) -> str:
+    if probability >= SURE:
+        return "lacks"
+    return "probably lacks" if probability >= LIKELY else "may lack"
 
 
-def _several(verdict: Verdict) -> str:
-    each = (f"{_effect(one)}, probability {one.probability:.2f}" for one in verdict.effects)
-    return f"The model lacks {'; and '.join(each)}."
+def _named(verdict: Verdict) -> str:
+    """Tell each effect with its probability, with "lacks" once for those as sure."""
+    told, said = "", ""
+    for one in verdict.effects:
+        shown = f"{one.probability:.2f}"
+        verb = _lacks(one.probability)
+        told += "; and " if told else ""
+        told += f"{_effect(one)}" if verb == said else f"{verb} {_effect(one)}"
+        told += f", probability {'above 0.99' if shown == '1.00' else shown}"
+        said = verb
+    return f"The model {told}."
 
 
 def _class(verdict: Verdict) -> str:
+    together = sum(one.probability for one in verdict.effects)
+    members = ", ".join(in_sentence(one.title) for one in verdict.effects)
     return (
-        f"The model lacks one of {', '.join(in_sentence(one.title) for one in verdict.effects)}; "
-        f"this data cannot tell them apart; most likely is {_effect(verdict.effects[0])}."
+        f"The model {_lacks(together)} one of {members}; this data cannot tell them apart; most "
+        f"likely is {_effect(verdict.effects[0])}."
     )
 
 
@@ -310,8 +331,8 @@ def _unknown(verdict: Verdict) -> str:
 
 
 _SENTENCES = {
-    "effect": _one,
-    "several": _several,
+    "effect": _named,
+    "several": _named,
     "class": _class,
     "none": _none,
     "unknown": _unknown,

@@ -115,7 +115,7 @@ def test_several_effects_have_probabilities_of_their_own_places() -> None:
     assert [place["effect"] for place in found["places"]] == [e["name"] for e in found["effects"]]
     assert all(sum(one["probabilities"].values()) == pytest.approx(1.0) for one in found["places"])
     assert (
-        "probability 0.98; and centre-of-gravity offset: cog_offset.x_m = -0.0014"
+        "probability 0.98; and may lack centre-of-gravity offset: cog_offset.x_m = -0.0014"
         in found["sentence"]
     )
     assert found["sentence"].endswith("probability 0.60.")

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from benchtool.explain.answer_figures import answer_figures
-from benchtool.explain.answer_page import answer_page, where_sentence
+from benchtool.explain.answer_page import OVERLAY, answer_page, overlay_caption, where_sentence
 from benchtool.explain.next_steps import next_sentence
 from benchtool.explain.verdict import EVERYWHERE, KINDS, Kind, NotJudged, Where
 from benchtool.report.html import render_report
@@ -44,6 +44,22 @@ def test_a_disagreement_without_a_place_of_its_own_reads_so() -> None:
         "The disagreement is at the hinge, spread over the whole of the recordings; "
         "residuals are 1.1 times the stated noise."
     )
+
+
+def test_great_residuals_are_told_as_people_write_them() -> None:
+    where = Where(stage="hinge", regime=EVERYWHERE, size=249.6, share=1.0)
+    given = answer("unknown")
+    spread = replace(given.explanation, verdict=replace(given.verdict, where=where))
+    assert "residuals are 250 times" in where_sentence(replace(given, explanation=spread))
+
+
+def test_what_weighs_on_the_verdict_stands_beside_it_and_spikes_are_explained() -> None:
+    given = answer("effect")
+    page = answer_page(given, answer_figures(given))
+    assert page.summary.startswith(given.verdict.sentence)
+    assert page.summary.endswith("Mind what it rests on: " + given.remarks[0] + ".")
+    assert "restarts every 1 s from the measured state" in render_report(page)
+    assert overlay_caption(0.0) == OVERLAY
 
 
 def test_a_stage_without_rows_of_its_own_is_marked_where_the_beam_moves() -> None:

@@ -12,10 +12,10 @@ from benchtool.core.parameter import Parameters
 from benchtool.effects.catalogue import EFFECTS
 from benchtool.explain.added_words import added_sentence, changes, changes_table
 from benchtool.explain.answer_page import answer_page
-from benchtool.explain.next_steps import lines, next_steps
-from benchtool.explain.verdict import KINDS, Kind
+from benchtool.explain.next_steps import lines, next_sentence, next_steps
+from benchtool.explain.verdict import KINDS, Kind, NotJudged
 from benchtool.report.html import render_report
-from tests.unit.explain.hand_made import NEXT, answer, verdict
+from tests.unit.explain.hand_made import FRICTION, NEXT, answer, verdict
 
 
 def test_what_was_added_is_told_with_whole_values_and_those_before() -> None:
@@ -81,6 +81,24 @@ def test_an_open_question_leads_to_the_next_experiment(kind: Kind, bench: str) -
         "benchtool explain learn.csv found-next --model beam.toml --check check.csv --out "
         "found-again"
     )
+
+
+@pytest.mark.parametrize(("probability", "asked"), [(0.999, False), (0.6, True)])
+def test_a_richer_recording_is_asked_for_only_where_the_answer_is_unsure(
+    probability: float, asked: bool
+) -> None:
+    blind = verdict(
+        effects=(replace(FRICTION, probability=probability),),
+        not_judged={
+            name: NotJudged(reason="no_trace", size=100.0)
+            for name in EFFECTS
+            if name != "coulomb_friction"
+        },
+    )
+    assert blind.mostly_blind
+    given = answer()
+    told = replace(given, explanation=replace(given.explanation, verdict=blind))
+    assert bool(next_sentence(told)) == asked
 
 
 @pytest.mark.parametrize("folder", ["", "found"])

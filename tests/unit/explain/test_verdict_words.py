@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import pytest
 
@@ -10,7 +11,7 @@ from benchtool.effects.catalogue import EFFECTS
 from benchtool.effects.effect import STAGES
 from benchtool.explain.stage_words import PLACES, stage_words
 from benchtool.explain.verdict import KINDS, Kind, in_sentence
-from tests.unit.explain.hand_made import verdict
+from tests.unit.explain.hand_made import FRICTION, verdict
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -28,6 +29,33 @@ def test_an_unknown_says_place_and_nearest_in_words() -> None:
         "Something is missing at the hinge (slow reversals) that no named effect explains; the "
         "nearest is Coulomb friction, which closes 61 % of the gap."
     )
+
+
+@pytest.mark.parametrize(
+    ("probability", "said"),
+    [
+        (0.57, "The model may lack Coulomb friction"),
+        (0.75, "The model probably lacks Coulomb friction"),
+        (0.93, "The model lacks Coulomb friction"),
+    ],
+)
+def test_a_verdict_is_as_sure_as_its_probability(probability: float, said: str) -> None:
+    found = verdict(effects=(replace(FRICTION, probability=probability),))
+    assert found.sentence.startswith(said)
+    assert found.sentence.endswith(f"probability {probability:.2f}.")
+    assert found.is_sure == (probability > 0.9)
+
+
+def test_no_probability_is_told_as_one() -> None:
+    assert "probability above 0.99." in verdict(
+        effects=(replace(FRICTION, probability=0.9994),)
+    ).sentence  # fmt: skip
+
+
+def test_of_several_effects_each_is_told_as_sure_as_it_is() -> None:
+    said = verdict("several").sentence
+    assert said.startswith("The model lacks Coulomb friction: ")
+    assert "probability 0.98; and may lack centre-of-gravity offset: " in said
 
 
 def test_every_stage_and_every_effect_reads_in_a_sentence() -> None:
