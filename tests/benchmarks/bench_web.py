@@ -11,6 +11,7 @@ Needs Chromium. Another load on the machine shows in every number.
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import sys
 import tempfile
@@ -73,6 +74,8 @@ def stream(page: Page, web: Web, device: Device, seconds: float) -> None:
     """Sweep at 1 kHz while the charts play, and print what that took."""
     connect(page, device.address)
     go_to(page, "Sweep")
+    # Five repeats last about 12 min.
+    page.get_by_label("Repeats").fill(str(5 + int(seconds / 120.0)))
     page.get_by_text("limits hold").wait_for()
     page.get_by_role("button", name="Start the sweep").click()
     page.get_by_role("button", name="Start", exact=True).click()
@@ -87,6 +90,10 @@ def stream(page: Page, web: Web, device: Device, seconds: float) -> None:
     begun = time.monotonic()
     while time.monotonic() - begun < seconds:
         page.wait_for_timeout(1000)
+        for line in next(web.runs.glob("*/events.jsonl")).read_text("utf-8").splitlines():
+            event = json.loads(line)
+            if event["event"] in ("ended", "stopped"):
+                sys.exit(f"after {time.monotonic() - begun:.0f} s the sweep {event['text']}")
     passed = time.monotonic() - begun
     arrivals = np.array(page.evaluate("window.arrivals.splice(0)")) / 1000.0
     shares = [
