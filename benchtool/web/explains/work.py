@@ -31,7 +31,7 @@ class Explained:
     """Hold an answer as the page shows it.
 
     Attributes:
-        sentence: the verdict.
+        sentence: the verdict, with what weighs on it.
         named: effects that the new model has more than the old; empty where none was named.
         parts: sections of the report, in its order.
         highlights: the few numbers that matter most; empty without.
@@ -91,7 +91,7 @@ def explained(tell: Tell, question: Question, out: Path, words: Sequence[str]) -
     told = [Paragraph(added_sentence(answer))] if answer.has_model else []
     files = {id(figure): aside / f"{name}.svg" for name, figure in figures.items()}
     return Explained(
-        sentence=answer.verdict.sentence,
+        sentence=report.summary,
         named=tuple(effect.name for effect in added_effects(answer)),
         parts=tuple(
             Shown(

@@ -109,14 +109,15 @@ def _made(path: Path, kind: str, stamp: int) -> Report:
 
 
 def _answer(path: Path, name: str) -> Shown:
-    from benchtool.explain.answer_page import CAPTIONS, OVERLAY, PLACE
+    from benchtool.explain.answer_page import CAPTIONS, PLACE, overlay_caption
 
     facts = read_json(path / ANSWER_FILE)
+    overlay = overlay_caption(float(facts.get("window_s", 0.0)))
     captions = {key: path / f"{key}.svg" for key in ("gap", "where", "parameters", "which")}
     figures = [
         *(read_drawing(file, CAPTIONS[key]) for key, file in captions.items() if file.is_file()),
         *(read_drawing(file, PLACE) for file in sorted(path.glob("which_*.svg"))),
-        *(read_drawing(file, OVERLAY) for file in sorted(path.glob("overlay_*.svg"))),
+        *(read_drawing(file, overlay) for file in sorted(path.glob("overlay_*.svg"))),
     ]
     told = {"verdict": str(facts["verdict"]), "model": str(facts["model"])}
     for which, sources in facts.get("data", {}).items():
