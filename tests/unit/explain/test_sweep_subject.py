@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,14 +12,18 @@ import pytest
 from benchtool.acquire.check_plan import check_plan
 from benchtool.acquire.plan import plan_from_toml
 from benchtool.core.recording import Recording
+from benchtool.explain.added_model import added_model
 from benchtool.explain.explain import explain
 from benchtool.explain.explanation import Explanation
 from benchtool.explain.next_sweep import OPTIONS, next_sweep_experiment
 from benchtool.explain.sweep_plan import points_of, proposed
 from benchtool.explain.sweep_subject import SweepSubject
 from benchtool.library import load_model
+from benchtool.recipes.recipe import Recipe
+from benchtool.recipes.run_recipe import run_recipe
 from benchtool.store import read_points, read_table
 from benchtool.store.columns import KINDS
+from tests.unit.explain.hand_made import answer
 
 DATASETS = Path(__file__).parents[3] / "datasets"
 
@@ -51,6 +56,25 @@ def test_the_quadrotor_lacks_the_body_lift_of_the_paper(story: Explanation) -> N
     assert found.value == pytest.approx(2.0, abs=0.3)
     assert found.std < 0.15
     assert verdict.effects[0].probability > 0.95
+
+
+def test_a_fit_of_the_new_model_keeps_the_truth_in_its_interval(
+    story: Explanation, tmp_path: Path
+) -> None:
+    """It carries what explain adjusted within what was known; held, K_b alone would be too sure."""
+    given = answer(loaded=load_model("quad"), explanation=story)
+    (tmp_path / "model.toml").write_text(added_model(given), encoding="utf-8")
+    run = str(DATASETS / "quad" / "run")
+    recipe = Recipe(name="again", model=str(tmp_path / "model.toml"), data=(run,))
+    fitted = run_recipe(recipe).results[0]
+    found = fitted["body_lift.K_b"]
+    truth = load_model("virtual_pquad").model.parameters["body_lift.K_b"].value
+    assert {"k", "R_m", "ground_shape.curvature"} <= {item.name for item in fitted.estimates}
+    assert abs(found.value - truth) < 1.96 * found.sd
+    assert 0.02 < found.sd < 0.15
+    alone = run_recipe(replace(recipe, hold=("k", "R_m", "ground_shape.curvature"))).results[0]
+    assert alone["body_lift.K_b"].sd < 0.2 * found.sd
+    assert fitted.chi2_per_dof < alone.chi2_per_dof
 
 
 def test_the_gap_shrinks_to_the_floor(story: Explanation) -> None:
