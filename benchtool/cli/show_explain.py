@@ -31,7 +31,7 @@ def working(reading: str) -> Iterator[Callable[[str, float], None]]:
     """Show a bar on a terminal, one line elsewhere; gives the function that moves the bar.
 
     Args:
-        reading: what is read.
+        reading: the recordings.
     """
     columns = (
         TextColumn("{task.description}"),
@@ -40,13 +40,15 @@ def working(reading: str) -> Iterator[Callable[[str, float], None]]:
         TimeElapsedColumn(),
     )
     shown = sys.stderr.isatty()
-    if not shown:
-        print(f"reading {reading}; the answer can take a minute or more", file=sys.stderr)
-        sys.stderr.flush()
+    begun = f"explaining {reading}; the answer can take a minute or more"
     with Progress(*columns, console=Console(stderr=True), transient=True, disable=not shown) as bar:
         task = bar.add_task("reading", total=1.0)
 
         def tell(what: str, share: float) -> None:
+            nonlocal begun
+            if begun and not shown:  # what is refused never comes here, and ends in one sentence
+                print(begun, file=sys.stderr, flush=True)
+            begun = ""
             bar.update(task, description=what, completed=share)
 
         yield tell
