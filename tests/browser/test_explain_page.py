@@ -68,7 +68,7 @@ def test_a_hidden_effect_is_named_accepted_and_found_again(
     explain.click()
     alert = page.get_by_role("alert").filter(has_text="odd.csv")
     alert.wait_for(timeout=EXPLAINS_MS)
-    assert "known: a, b" in alert.inner_text()
+    assert "its columns are a, b" in alert.inner_text()
 
     page.get_by_label("Remove").first.click()
     choose(page, "Recordings to learn from", "bench/learn.csv")
