@@ -17,7 +17,7 @@ from benchtool.bench.udp_socket import UdpSocket
 from benchtool.errors import InputError, UnknownChoice
 
 if TYPE_CHECKING:
-    from benchtool.bench.address import Address
+    from benchtool.bench.parsed_address import Address
 
 LINKS = ("udpin", "udpout", "tcp", "serial")
 EXAMPLE = "mavlink:udpin:127.0.0.1:14550"

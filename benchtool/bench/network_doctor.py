@@ -7,9 +7,10 @@ import socket
 from dataclasses import dataclass
 from typing import Literal
 
-from benchtool.bench.address import SCHEMES, Address, parse_address
+from benchtool.bench.address import SCHEMES, parse_address
 from benchtool.bench.doctor import Finding
 from benchtool.bench.mavlink_settings import transport_of
+from benchtool.bench.parsed_address import Address
 from benchtool.bench.rcb_settings import rcb_settings_of
 from benchtool.bench.serial_port import SerialPort
 from benchtool.bench.tcp_socket import TcpSocket

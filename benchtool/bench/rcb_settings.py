@@ -10,7 +10,7 @@ from benchtool.errors import InputError
 from benchtool.library.bridge_file import GUI_PORT, HOST_PORT, LOOPBACK
 
 if TYPE_CHECKING:
-    from benchtool.bench.address import Address
+    from benchtool.bench.parsed_address import Address
 
 EXAMPLE = f"rcbudp:{LOOPBACK}:{GUI_PORT}"
 
