@@ -67,6 +67,11 @@ class Context:
         """The folder of runs."""
         return self.shared.runs
 
+    @property
+    def runs_words(self) -> list[str]:
+        """What names the folder of runs in a command; nothing where it is the usual one."""
+        return [] if str(self.runs) == "runs" else ["--runs", str(self.runs)]
+
     def run_path(self, name: str) -> Path:
         """Return the path of something in the folder of runs.
 

@@ -15,10 +15,8 @@ from benchtool.web.tell import tells_errors
 PACES = {1: "as in life", 5: "5 times faster", 20: "20 times faster", 100: "100 times faster"}
 """Speeds of a virtual clock that are offered."""
 
-
 FIRST = "sim:pquad"
 """Address that stands there at first: needs no hardware."""
-
 
 PITCH = "mode=pitch&schedule=identify"
 """Behind the address of a simulated bench: on a hinge, its beam moved as explaining likes best."""

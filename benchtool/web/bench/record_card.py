@@ -101,8 +101,7 @@ class RecordCard:
         for option, value in numbers.items():
             words += [] if value is None else [option, f"{value:.10g}"]
         words += ["--name", self._name.value or "pitch"]
-        runs = self._context.runs
-        self._command.show([*words, *(["--runs", str(runs)] if str(runs) != "runs" else [])])
+        self._command.show([*words, *self._context.runs_words])
 
     @tells_errors
     def _ask(self) -> None:

@@ -91,9 +91,9 @@ class PlanCard:
         rig_words = ["--rig", connection.rig.name] if connection.rig else []
         if connection.address.startswith("sim:"):
             rig_words = []
-        runs = ["--runs", str(self._context.runs)] if str(self._context.runs) != "runs" else []
         address = connection.address or "ADDRESS"
-        self._command.show(["sweep", address, *rig_words, *self._form.words(), *runs])
+        words = [*rig_words, *self._form.words(), *self._context.runs_words]
+        self._command.show(["sweep", address, *words])
 
     @tells_errors
     def _ask(self) -> None:
