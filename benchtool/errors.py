@@ -17,11 +17,15 @@
     │   ├── CommandRefused         3   the device said no
     │   ├── LimitExceeded          4   a reading beyond its limit
     │   ├── StageError             3   the plate's stage
-    │   └── DeviceStopped          4   the device stopped its motors by itself
+    │   ├── DeviceStopped          4   the device stopped its motors by itself
+    │   └── StandstillNotSeen      8   motors may still turn: no measurement shows that they stand
     ├── RunStopped                 5   a run ended early, safely, for a stated reason
+    │   └── HostPaused             5   the host did not run for longer than an order may be old
     ├── EstimationError            6   no estimate can be given
     │   └── NotConverged           6   a sampler that has not converged
-    └── MissingLibrary             7   an optional package is not installed
+    ├── MissingLibrary             7   an optional package is not installed
+    ├── ModelRejected              9   an estimate exists, but the data reject the model
+    └── ResourceExhausted         10   the disk, memory, descriptors or output are full or closed
 
 A message is one sentence: what happened, the value against the limit or the known choices, and
 what to do next. The numbers are attributes too, so that no caller parses text.
@@ -204,10 +208,43 @@ class DeviceStopped(BenchError):
     exit_code = 4
 
 
+class StandstillNotSeen(BenchError):
+    """Motors may still turn after a stop: no measurement shows that they stand.
+
+    Args:
+        message: what was seen, and that the power must be cut.
+        rpm: the fastest speed that was measured last; nan where nothing measures speed.
+    """
+
+    exit_code = 8
+
+    def __init__(self, message: str, rpm: float = float("nan")) -> None:
+        self.rpm = rpm
+        super().__init__(message)
+
+
 class RunStopped(BenchtoolError):
     """A run ended early, safely, for a stated reason."""
 
     exit_code = 5
+
+
+class HostPaused(RunStopped):
+    """The host did not run for longer than an order may be old.
+
+    Args:
+        paused_s: how long it did not run.
+        limit_s: the longest pause after which a run goes on.
+    """
+
+    def __init__(self, paused_s: float, limit_s: float) -> None:
+        self.paused_s = paused_s
+        self.limit_s = limit_s
+        super().__init__(
+            f"this computer did not run benchtool for {paused_s:.1f} s, limit {limit_s:g} s "
+            f"(suspended, or busy with other work); zero was commanded to the motors; keep the "
+            f"computer awake and free for the run, then go on with benchtool sweep --resume"
+        )
 
 
 class EstimationError(BenchtoolError):
@@ -236,3 +273,15 @@ class MissingLibrary(BenchtoolError):
         self.package = package
         how = install or f"install it with: pip install benchtool[{extra}]"
         super().__init__(f"{purpose} needs {package}; {how}")
+
+
+class ModelRejected(BenchtoolError):
+    """An estimate exists, but the data reject the model."""
+
+    exit_code = 9
+
+
+class ResourceExhausted(BenchtoolError):
+    """The disk, the memory, the descriptors or the output of the process are full or closed."""
+
+    exit_code = 10

@@ -1,0 +1,46 @@
+"""Write `exit-codes.md` from the error classes: python docs/reference/write_exit_codes.py."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from benchtool import errors
+from benchtool.cli.app import UNEXPECTED
+
+HEAD = """# Exit codes
+
+Written by `python docs/reference/write_exit_codes.py` from `benchtool/errors.py`; a test compares them.
+Every error is one sentence on standard error, beginning with `benchtool: `.
+
+| Code | Raised as | Meaning |
+|---|---|---|
+"""
+
+OTHERS = {
+    0: ("", "The command did what was asked."),
+    UNEXPECTED: ("", "A fault in benchtool itself; the sentence names a file with the traceback."),
+    130: ("", "Ctrl-C, where no motors can turn."),
+}
+"""Codes that belong to no error class: (class, meaning)."""
+
+
+def family(kind: type[errors.BenchtoolError]) -> Iterator[type[errors.BenchtoolError]]:
+    """Yield an error class and all classes below it, in the order of their definition."""
+    yield kind
+    for child in kind.__subclasses__():
+        yield from family(child)
+
+
+def page() -> str:
+    """Return the text of `exit-codes.md`."""
+    rows = [(code, *words) for code, words in OTHERS.items()]
+    for kind in family(errors.BenchtoolError):
+        meaning = (kind.__doc__ or "").strip().splitlines()[0]
+        rows.append((kind.exit_code, f"`{kind.__name__}`", meaning))
+    rows.sort(key=lambda row: row[0])
+    return HEAD + "".join(f"| {code} | {name} | {text} |\n" for code, name, text in rows)
+
+
+if __name__ == "__main__":
+    (Path(__file__).parent / "exit-codes.md").write_text(page(), "utf-8")
