@@ -10,7 +10,7 @@ from benchtool.cli.app import UNEXPECTED
 
 HEAD = """# Exit codes
 
-Written by `python docs/reference/write_exit_codes.py` from `benchtool/errors.py`; a test compares them.
+Written by `python docs/reference/write_exit_codes.py` from `benchtool/errors.py` (tested).
 Every error is one sentence on standard error, beginning with `benchtool: `.
 
 | Code | Raised as | Meaning |
