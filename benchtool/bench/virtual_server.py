@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 
@@ -39,6 +40,7 @@ def virtual_server(
     imperfections: Imperfections | None = None,
     faults: Iterable[Fault] = (),
     speak: Callable[[Firmware], ServedDevice] = DeviceLink,
+    clock: Callable[[], float] = time.monotonic,
 ) -> BenchServer:
     """Return a server whose device is the virtual bench of a rig; `speak` is its protocol.
 
@@ -59,9 +61,10 @@ def virtual_server(
     # A stream of random numbers of its own, apart from that of the physics.
     link_rng = np.random.default_rng(np.random.SeedSequence(seed).spawn(1)[0])
     return BenchServer(
-        speak(Firmware(plant, hello)),
+        speak(Firmware(plant, hello, clock())),
         link,
         lambda: plant.rate_Hz,
         LinkFaults(faults, link_rng),
         plant.begin,
+        clock,
     )
