@@ -15,6 +15,7 @@ from urllib.parse import parse_qsl
 from benchtool.bench.bench import Bench
 from benchtool.bench.parsed_address import Address
 from benchtool.errors import InputError, UnknownChoice
+from benchtool.library.own_code import CodePermit, refuse_code
 
 DEFAULT_BAUD = 2_000_000
 """Rate of a serial address that names none: what the protocol's description recommends."""
@@ -24,7 +25,7 @@ DEFAULT_BAUD = 2_000_000
 class Scheme:
     """Describe one kind of address: how to open it, its options, an example for people."""
 
-    opener: Callable[[Address], Bench]
+    opener: Callable[[Address, CodePermit], Bench]
     options: tuple[str, ...]
     example: str
 
@@ -59,15 +60,20 @@ def parse_address(text: str) -> Address:
     return Address(text, scheme, head + place, dict(pairs))
 
 
-def open_bench(address: str) -> Bench:
+def open_bench(address: str, permit: CodePermit = refuse_code) -> Bench:
     """Return the bench of an address, not opened yet: enter it with `with`, or call `open()`.
+
+    Args:
+        address: as a person wrote it, or as data hold it.
+        permit: called with the file of a truth's own effects before it is run; only an address
+            that a person wrote may have one that does not refuse.
 
     Raises:
         InputError, UnknownChoice: the address cannot be read.
         FileFormatError: a file that it names cannot be read.
     """
     parsed = parse_address(address)
-    return SCHEMES[parsed.scheme].opener(parsed)
+    return SCHEMES[parsed.scheme].opener(parsed, permit)
 
 
 def _examples() -> list[str]:
@@ -86,12 +92,12 @@ MAVLINK_OPTIONS = (
 _PITCH_OPTIONS = ("schedule", "controller", "gains", "hidden")
 
 
-def _simulated(address: Address) -> Bench:
+def _simulated(address: Address, permit: CodePermit) -> Bench:
     mode = address.options.get("mode", "plate")
     if mode not in MODES:
         raise UnknownChoice(f"mode of address {address.text!r}", mode, MODES)
     if mode == "pitch":
-        return _simulated_pitch(address)
+        return _simulated_pitch(address, permit)
     for name in _PITCH_OPTIONS:
         if name in address.options:
             raise InputError(
@@ -105,7 +111,7 @@ def _simulated(address: Address) -> Bench:
 
     rig = rig_named(address.place)
     truth = address.options.get("truth", standard_truth(rig))
-    loaded = load_model(truth, rig)
+    loaded = load_model(truth, rig, permit)
     return SimulatedBench(
         address.text,
         rig,
@@ -116,7 +122,7 @@ def _simulated(address: Address) -> Bench:
     )
 
 
-def _simulated_pitch(address: Address) -> Bench:
+def _simulated_pitch(address: Address, permit: CodePermit) -> Bench:
     from benchtool.bench.pitch_device import pitch_plant
     from benchtool.bench.simulated_pitch import SimulatedPitch
     from benchtool.library import rig_named
@@ -129,11 +135,13 @@ def _simulated_pitch(address: Address) -> Bench:
         for name in ("truth", *_PITCH_OPTIONS)
         if name in address.options
     }
-    plant = pitch_plant(rig_named(address.place), seed=seed, rate_Hz=rate_Hz or None, **named)
+    plant = pitch_plant(
+        rig_named(address.place), seed=seed, rate_Hz=rate_Hz or None, permit=permit, **named
+    )
     return SimulatedPitch(address.text, plant, seed)
 
 
-def _serial(address: Address) -> Bench:
+def _serial(address: Address, permit: CodePermit) -> Bench:
     from benchtool.bench.serial_bench import SerialBench
     from benchtool.bench.serial_port import SerialPort
 
@@ -141,7 +149,7 @@ def _serial(address: Address) -> Bench:
     return SerialBench(SerialPort(address.place, baud), address.text)
 
 
-def _tcp(address: Address) -> Bench:
+def _tcp(address: Address, permit: CodePermit) -> Bench:
     from benchtool.bench.serial_bench import SerialBench
     from benchtool.bench.tcp_socket import TcpSocket
 
@@ -153,13 +161,13 @@ def _tcp(address: Address) -> Bench:
     return SerialBench(TcpSocket(host.strip("[]"), int(port)), address.text)
 
 
-def _replay(address: Address) -> Bench:
+def _replay(address: Address, permit: CodePermit) -> Bench:
     from benchtool.bench.replay import ReplayBench
 
     return ReplayBench.of_run(address.text, Path(address.place))
 
 
-def _mavlink(address: Address) -> Bench:
+def _mavlink(address: Address, permit: CodePermit) -> Bench:
     from benchtool.bench.mavlink_bench import MavlinkBench
     from benchtool.bench.mavlink_settings import settings_of, transport_of
     from benchtool.bench.serial_port import SerialPort
@@ -169,7 +177,7 @@ def _mavlink(address: Address) -> Bench:
     return MavlinkBench(transport_of(address), address.text, settings, cell=cell)
 
 
-def _rcbudp(address: Address) -> Bench:
+def _rcbudp(address: Address, permit: CodePermit) -> Bench:
     from benchtool.bench.rcb_bench import RcbBench
     from benchtool.bench.rcb_settings import rcb_settings_of
     from benchtool.bench.udp_socket import UdpSocket

@@ -25,6 +25,7 @@ from benchtool.core.rig import Rig
 from benchtool.effects.model import Model
 from benchtool.errors import InputError
 from benchtool.library import gains_named, load_model, model_names, schedule_named
+from benchtool.library.own_code import CodePermit, refuse_code
 from benchtool.simulate.pitch_bench import PitchBench
 from benchtool.simulate.pitch_own import PitchController
 from benchtool.simulate.pitch_run import PitchJob
@@ -47,6 +48,7 @@ def pitch_plant(
     own: type[PitchController] | None = None,
     hidden: str = "",
     change: Callable[[PitchJob], PitchJob] = lambda job: job,
+    permit: CodePermit = refuse_code,
 ) -> PitchPlant:
     """Return the simulated pitch bench of these names.
 
@@ -61,10 +63,11 @@ def pitch_plant(
         own: class of the user's own controller; its rate is that of the gains.
         hidden: effects as `hidden_effect.with_hidden` takes them; none when empty.
         change: gives the job with other numbers.
+        permit: called with the file of a truth's own effects before it is run.
     """
     usual = f"pitch_{rig.name}"
     if truth is not None:
-        model = load_model(truth, rig).model
+        model = load_model(truth, rig, permit).model
     elif usual in model_names():
         model = load_model(usual, rig).model
     else:

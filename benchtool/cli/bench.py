@@ -218,12 +218,13 @@ def _plate(
     speak: Speak,
 ) -> tuple[BenchServer, str]:
     from benchtool.bench.virtual_server import standard_truth, virtual_server
+    from benchtool.cli.announce_code import announce_code
     from benchtool.core.toml_text import build
     from benchtool.library import load_model
     from benchtool.simulate.imperfections import Imperfections
 
     name = truth or standard_truth(rig)
-    loaded = load_model(name, rig)
+    loaded = load_model(name, rig, announce_code)
     server = virtual_server(
         rig,
         loaded.model,
@@ -250,6 +251,7 @@ def _pitch(
     speak: Speak,
 ) -> tuple[BenchServer, str]:
     from benchtool.bench.pitch_device import pitch_plant, pitch_server
+    from benchtool.cli.announce_code import announce_code
     from benchtool.cli.name_values import name_values
     from benchtool.control.pitch import PITCH_CONTROLLERS
     from benchtool.studies.own_controllers import controller_class
@@ -265,8 +267,13 @@ def _pitch(
         gains,
         seed,
         rate_Hz,
-        own=None if controller in PITCH_CONTROLLERS else controller_class(controller),
+        own=(
+            None
+            if controller in PITCH_CONTROLLERS
+            else controller_class(controller, permit=announce_code)
+        ),
         change=lambda job: changed_job(job, values),
+        permit=announce_code,
     )
     server = pitch_server(plant, link, seed=seed, speed=speed, faults=faults, speak=speak)
     return server, (

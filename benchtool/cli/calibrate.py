@@ -113,6 +113,7 @@ def _from_bench(
     from benchtool.acquire.calibrate_bench import mean_counts, require_raw_counts
     from benchtool.acquire.sweep_options import numbers, rig_for
     from benchtool.bench.address import open_bench
+    from benchtool.cli.announce_code import announce_code
     from benchtool.cli.sweep_operator import LOOK_S, answer_to
     from benchtool.core.units import STANDARD_GRAVITY_M_S2
     from benchtool.errors import InputError
@@ -129,7 +130,7 @@ def _from_bench(
             f"{rating_N:g} N; leave the heavier masses away"
         )
     # Not under the guard of a sweep: thrust without a turning rotor is what is wanted here.
-    with open_bench(address) as bench:
+    with open_bench(address, announce_code) as bench:
         require_raw_counts(bench)
         is_virtual = address.startswith("sim:")
         for kilogram in kilograms:

@@ -22,12 +22,13 @@ def check(
     from benchtool.acquire.sweep_options import rig_for
     from benchtool.bench.address import open_bench
     from benchtool.bench.guard import GuardedBench
+    from benchtool.cli.announce_code import announce_code
     from benchtool.cli.sweep_operator import confirm_arming
     from benchtool.errors import BenchError, InputError
 
     stands = rig_for(address, rig)
     findings = []
-    with GuardedBench(open_bench(address), stands) as bench:
+    with GuardedBench(open_bench(address, announce_code), stands) as bench:
         identity = bench.identity
         if warning := identity.facts.get("warning"):
             print(f"warning: {warning}")

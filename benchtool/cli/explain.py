@@ -82,6 +82,7 @@ def command(
     import time
     from dataclasses import replace
 
+    from benchtool.cli.announce_code import announce_code
     from benchtool.cli.show_explain import for_a_reader, print_answer, print_next, working
     from benchtool.explain.answer_file import Written
     from benchtool.explain.answer_folder import refuse_taken, write_folder, write_json
@@ -89,7 +90,7 @@ def command(
     from benchtool.explain.asked import asked
 
     began = time.monotonic()
-    question = asked(recordings or [], check or [], model, effects)
+    question = asked(recordings or [], check or [], model, effects, announce_code)
     if not overwrite:
         refuse_taken(out, json_file)
     with working(", ".join([*(recordings or []), *(check or [])])) as tell:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
+    from benchtool.library.own_code import CodePermit
     from benchtool.recipes.recipe import Recipe
 
 
@@ -62,14 +63,16 @@ def command(
     ] = None,
 ) -> None:
     """Fit a ground-effect model to run folders or any CSV."""
+    from benchtool.cli.announce_code import announce_code
     from benchtool.errors import InputError
+    from benchtool.library.own_code import refuse_code
     from benchtool.recipes.fit_options import held_by, recipe_of_options
     from benchtool.recipes.recipe import read_recipe
 
     if recipe is not None:
         if data or model:
             raise InputError("--recipe says which data and model; leave DATA and --model out")
-        asked = read_recipe(recipe)
+        asked, permit = read_recipe(recipe), refuse_code
     else:
         if not data:
             raise InputError(
@@ -100,11 +103,11 @@ def command(
             "max_steps": max_steps,
             "seed": seed,
         }
-        asked = recipe_of_options(given)
-    _run(asked, out, profile)
+        asked, permit = recipe_of_options(given), announce_code
+    _run(asked, out, profile, permit)
 
 
-def _run(recipe: Recipe, out: Path | None, profile: bool) -> None:
+def _run(recipe: Recipe, out: Path | None, profile: bool, permit: CodePermit) -> None:
     import sys
 
     from benchtool.cli.show_fit import print_fit, working
@@ -115,7 +118,7 @@ def _run(recipe: Recipe, out: Path | None, profile: bool) -> None:
     if out is not None:
         refuse_full(out)
     with working() as tell:
-        output = run_recipe(recipe, tell, profile=profile)
+        output = run_recipe(recipe, tell, profile=profile, permit=permit)
     print_fit(output)
     if out is not None:
         page = write_fit(out, output, [shlex.join(["benchtool", *sys.argv[1:]])])

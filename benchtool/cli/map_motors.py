@@ -29,6 +29,7 @@ def map_motors(
     from benchtool.acquire.sweep_options import rig_for
     from benchtool.bench.address import open_bench, parse_address
     from benchtool.bench.guard import GuardedBench
+    from benchtool.cli.announce_code import announce_code
     from benchtool.cli.sweep_operator import confirm_arming
     from benchtool.errors import InputError, WouldOverwrite
 
@@ -43,7 +44,7 @@ def map_motors(
     target = out or Path(f"{stands.name}.motors.toml")
     if target.exists():
         raise WouldOverwrite(str(target))
-    with GuardedBench(open_bench(address), stands) as bench:
+    with GuardedBench(open_bench(address, announce_code), stands) as bench:
         if warning := bench.identity.facts.get("warning"):
             print(f"warning: {warning}")
         text = (

@@ -30,8 +30,9 @@ def _listed() -> Iterator[str]:
 
 def _described(name: str) -> Iterator[str]:
     from benchtool import library
+    from benchtool.cli.announce_code import announce_code
 
-    model = library.load_model(name).model
+    model = library.load_model(name, permit=announce_code).model
     yield f"{model.name}: {model.description}"
     yield f"rig {model.rig.name}, wake rule {model.wake_rule}, b is the {model.body_distance}"
     effects = ", ".join(effect.name for effect in model.effects) or "none beyond eq. (2)"

@@ -52,6 +52,7 @@ def command(
     from benchtool.acquire.pitch_record import summary_line
     from benchtool.acquire.sweep_options import rig_for
     from benchtool.bench.address import open_bench
+    from benchtool.cli.announce_code import announce_code
     from benchtool.errors import WouldOverwrite
 
     stands = rig_for(address, rig)
@@ -66,7 +67,7 @@ def command(
     if out is not None and out.exists():
         raise WouldOverwrite(str(out))
     if dry_run:
-        open_bench(address)  # refuses what it names wrongly; opens nothing yet
+        open_bench(address, announce_code)  # refuses what it names wrongly; opens nothing yet
         print(arming_text(experiment, stands, expected))
         print("dry run: nothing was opened, nothing spins")
         return
@@ -89,11 +90,12 @@ def _record(
     from benchtool.bench.address import open_bench
     from benchtool.bench.closing_signals import ClosingSignals
     from benchtool.bench.guard import GuardedBench
+    from benchtool.cli.announce_code import announce_code
 
     run: Run | None = None
     with ClosingSignals() as closing:
         try:
-            with GuardedBench(open_bench(address), rig) as bench:
+            with GuardedBench(open_bench(address, announce_code), rig) as bench:
                 identity = bench.identity
                 if warning := identity.facts.get("warning"):
                     print(f"warning: {warning}")

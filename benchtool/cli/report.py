@@ -46,6 +46,7 @@ def command(
     """Write a report page, and PDF, of a run, fit or recording"""
     import sys
 
+    from benchtool.cli.announce_code import announce_code
     from benchtool.cli.show_report import working
     from benchtool.errors import InputError, WouldOverwrite
     from benchtool.recipes.replayed import Beside
@@ -60,6 +61,7 @@ def command(
         gains=gains,
         plate_z_m=plate_z_m,
         motors=_motors(motors),
+        permit=announce_code,
     )
     target = _html(out) if out is not None else None
     paper = (target or usual_out(given)).with_suffix(".pdf")

@@ -76,6 +76,7 @@ def command(
     """
     from typing import get_args
 
+    from benchtool.cli.announce_code import announce_code
     from benchtool.cli.name_values import name_values
     from benchtool.errors import UnknownChoice
     from benchtool.library import gains_named
@@ -133,7 +134,9 @@ def command(
     options.one_gain_set(sets)
     setup = changed(setup, given)
     flown = setup.flown("pid", seed)
-    own = [(name, controller_class(name, known)) for name in names if name not in known]
+    own = [
+        (name, controller_class(name, known, announce_code)) for name in names if name not in known
+    ]
     built_in = [each for name in names for each in known if each == name]
     flights = fly_each(flown, built_in, own)
     options.show_study(report_lines(flights), lambda folder: write_flights(folder, flights), out)
@@ -143,6 +146,7 @@ def _vehicle(rig: str, model: str, lag_s: float, layout: str) -> FlightVehicle:
     """Return what flies."""
     from dataclasses import replace
 
+    from benchtool.cli.announce_code import announce_code
     from benchtool.errors import UnknownChoice
     from benchtool.library import load_model, rig_named
     from benchtool.simulate.flight_vehicle import FlightVehicle
@@ -151,5 +155,5 @@ def _vehicle(rig: str, model: str, lag_s: float, layout: str) -> FlightVehicle:
         raise UnknownChoice("layout", layout, ("plus", "cross"))
     vehicle = FlightVehicle(rig=rig_named(rig))
     if model:
-        vehicle = FlightVehicle.of_model(load_model(model, rig_named(rig)).model)
+        vehicle = FlightVehicle.of_model(load_model(model, rig_named(rig), announce_code).model)
     return replace(vehicle, lag_s=lag_s, turned_deg=45.0 if layout == "cross" else 0.0)

@@ -40,6 +40,7 @@ def command(
     """
     from dataclasses import replace
 
+    from benchtool.cli.announce_code import announce_code
     from benchtool.cli.name_values import name_values
     from benchtool.control.pitch import PITCH_CONTROLLERS, Feedforward
     from benchtool.errors import InputError
@@ -49,7 +50,11 @@ def command(
 
     options.say_if_slow()
     names = options.controller_names(controllers, PITCH_CONTROLLERS)
-    own = [(name, controller_class(name)) for name in names if name not in PITCH_CONTROLLERS]
+    own = [
+        (name, controller_class(name, permit=announce_code))
+        for name in names
+        if name not in PITCH_CONTROLLERS
+    ]
     built_in = [name for name in names if name in PITCH_CONTROLLERS]
     given = name_values(settings or [], "--set")
 
@@ -61,6 +66,7 @@ def command(
             controllers=built_in or ["pid"],
             schedule=schedule,
             feedforward=Feedforward(strength=0.9, source=feedforward),
+            permit=announce_code,
         )
         setup = changed(setup, given)
         if not duration_s:

@@ -75,7 +75,9 @@ def command(
     from benchtool.acquire.stage_choice import check_stage
     from benchtool.acquire.sweep_options import air_of, rig_for, with_options
     from benchtool.bench.address import open_bench
+    from benchtool.cli.announce_code import announce_code
     from benchtool.errors import InputError, WouldOverwrite
+    from benchtool.library.own_code import refuse_code
     from benchtool.store import Run
     from benchtool.store.run import check_run_name
 
@@ -102,11 +104,12 @@ def command(
             )
         rest = unfinished(Run.open(resume))
         resolved, stands = rest.plan, rest.rig
+        permit = announce_code if address else refuse_code
         address = address or str(rest.run.metadata.get("address", ""))
     else:
         if not address:
             raise InputError("which bench? name its address, for example sim:pquad")
-        rest = None
+        rest, permit = None, announce_code
         stands = rig_for(address, rig)
         resolved = with_options(read_plan(plan) if plan else Plan(), given).resolved(stands)
         if out is not None and out.exists():
@@ -117,7 +120,7 @@ def command(
     check_stage(stage, stands)
     if calibration not in (None, "none"):
         read_calibration(Path(str(calibration)))
-    bench = open_bench(address)
+    bench = open_bench(address, permit)
     expected = check_plan(resolved, stands)
     _show_plan(resolved, stands, expected, rest)
     if dry_run:

@@ -20,6 +20,7 @@ from benchtool.explain.recordings import (
 from benchtool.explain.subject import Subject
 from benchtool.explain.sweep_subject import SweepSubject
 from benchtool.library import LoadedModel, load_model, model_names
+from benchtool.library.own_code import CodePermit, refuse_code
 from benchtool.library.own_effects import own_effects
 from benchtool.store.digest import file_hash
 
@@ -75,7 +76,11 @@ class Asked:
 
 
 def asked(
-    learn: Sequence[str], check: Sequence[str], model: str, effects: str | None = None
+    learn: Sequence[str],
+    check: Sequence[str],
+    model: str,
+    effects: str | None = None,
+    permit: CodePermit = refuse_code,
 ) -> Asked:
     """Read everything that a question names.
 
@@ -84,6 +89,7 @@ def asked(
         check: recordings of the same bench to check on.
         model: shipped name or path of a model file.
         effects: Python file or module with effects of the user's own.
+        permit: called with each Python file before it is run.
 
     Raises:
         InputError: whatever is missing or cannot be read; of several things all are told.
@@ -95,11 +101,11 @@ def asked(
     loaded: LoadedModel | None = None
     own: tuple[Effect, ...] = ()
     try:
-        loaded = _model(model)
+        loaded = _model(model, permit)
     except InputError as error:
         wrong.append(error)
     try:
-        own = own_effects(effects) if effects else ()
+        own = own_effects(effects, permit) if effects else ()
     except InputError as error:
         wrong.append(error)
     wrong += missing
@@ -129,9 +135,9 @@ def asked(
     )
 
 
-def _model(name_or_path: str) -> LoadedModel:
+def _model(name_or_path: str, permit: CodePermit) -> LoadedModel:
     if name_or_path:
-        return load_model(name_or_path)
+        return load_model(name_or_path, permit=permit)
     real = [name for name in model_names() if not name.startswith("virtual_")]
     raise InputError(
         f"which model? give --model with the path of a model file or one of: {', '.join(real)}"

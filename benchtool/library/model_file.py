@@ -20,6 +20,7 @@ from benchtool.effects.catalogue import effect_named
 from benchtool.effects.effect import Effect
 from benchtool.effects.model import Model
 from benchtool.errors import FileFormatError, InputError
+from benchtool.library.own_code import CodePermit, refuse_code
 from benchtool.library.own_effects import own_effects
 from benchtool.library.packaged import packaged_names, read_named
 from benchtool.library.rig_file import rig_named
@@ -100,12 +101,15 @@ def model_names() -> tuple[str, ...]:
     return packaged_names("models")
 
 
-def load_model(name_or_path: str | Path, rig: Rig | None = None) -> LoadedModel:
+def load_model(
+    name_or_path: str | Path, rig: Rig | None = None, permit: CodePermit = refuse_code
+) -> LoadedModel:
     """Return a shipped model by name, or a user's own by the path of its TOML file.
 
     Args:
         name_or_path: shipped name or path. A path's rig may be a path beside it.
         rig: use this rig in place of the one that the file names.
+        permit: called with the file of own effects before it is run.
     """
     text, where = read_named("model", "models", name_or_path)
     if kind := _kind_of_other(text):
@@ -114,7 +118,7 @@ def load_model(name_or_path: str | Path, rig: Rig | None = None) -> LoadedModel:
             f"this looks like {kind}, and a model is a TOML file with a table [model]; name one, "
             f"or a shipped model: {', '.join(model_names())}",
         )
-    return model_from_toml(text, where, rig)
+    return model_from_toml(text, where, rig, permit)
 
 
 def _kind_of_other(text: str) -> str:
@@ -125,8 +129,10 @@ def _kind_of_other(text: str) -> str:
     return "a CSV table" if any(mark in lines[0] for mark in ",;\t") else "plain text"
 
 
-def model_from_toml(text: str, where: str, rig: Rig | None = None) -> LoadedModel:
-    """Return the model that TOML text describes.
+def model_from_toml(
+    text: str, where: str, rig: Rig | None = None, permit: CodePermit = refuse_code
+) -> LoadedModel:
+    """Return the model that TOML text describes; own effects are run by permit only.
 
     Raises:
         UnknownChoice: a key, effect, parameter, rule or unit that does not exist.
@@ -142,7 +148,7 @@ def model_from_toml(text: str, where: str, rig: Rig | None = None) -> LoadedMode
             description=read.model.description,
             provenance=dict(read.provenance),
         )
-        own = {effect.name: effect for effect in _own(read.model.effects_file, where)}
+        own = {effect.name: effect for effect in _own(read.model.effects_file, where, permit)}
         for name, tables in read.effects.items():
             effect = own.get(name) or effect_named(name)
             settings = tables.get("settings", {})
@@ -247,11 +253,15 @@ def columns_to_toml(columns: Mapping[str, ColumnSource]) -> str:
     return tomli_w.dumps({"columns": {name: _column_table(item) for name, item in columns.items()}})
 
 
-def _own(effects_file: str, where: str) -> tuple[Effect, ...]:
+def _own(effects_file: str, where: str, permit: CodePermit) -> tuple[Effect, ...]:
     """Return the effects of a Python file that stands beside a model file."""
     if not effects_file:
         return ()
-    return own_effects(str(Path(where).parent / effects_file))
+    if not effects_file.endswith(".py"):
+        raise FileFormatError(
+            where, f"effects_file is {effects_file[:80]!r}; name a Python file that ends in .py"
+        )
+    return own_effects(str(Path(where).parent / effects_file), permit)
 
 
 def _rig_beside(name: str, where: str) -> Rig:

@@ -8,20 +8,25 @@ from types import ModuleType
 from benchtool.effects.catalogue import EFFECTS
 from benchtool.effects.effect import Effect
 from benchtool.errors import InputError
-from benchtool.library.own_code import own_module
+from benchtool.library.own_code import CodePermit, own_module, refuse_code
 
 
-def own_effects(file_or_module: str) -> tuple[Effect, ...]:
+def own_effects(file_or_module: str, permit: CodePermit = refuse_code) -> tuple[Effect, ...]:
     """Return the effects that a Python file, or a module found from the present folder, holds.
 
+    Args:
+        file_or_module: as the user wrote it.
+        permit: called with the file before it is run.
+
     Raises:
-        InputError: it cannot be imported, holds no effect, or one whose name is taken or whose
-            parameters cannot be judged.
+        InputError: it may not be run, cannot be imported, holds no effect, or one whose name is
+            taken or whose parameters cannot be judged.
     """
     module = own_module(
         file_or_module,
         f"effects of {file_or_module}",
         "give a Python file, or run where the module is",
+        permit,
     )
     found = list(_listed(module, file_or_module))
     if not found:

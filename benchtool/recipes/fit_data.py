@@ -16,6 +16,7 @@ from benchtool.core.rig import Rig
 from benchtool.effects.conditions import Conditions
 from benchtool.errors import InputError
 from benchtool.library import LoadedModel, load_model, read_columns
+from benchtool.library.own_code import CodePermit, refuse_code
 from benchtool.recipes.recipe import Recipe
 from benchtool.store import code_of, data_hash, is_run, read_points, read_table
 from benchtool.store.ratios import ratios, relative_speed_error
@@ -69,9 +70,9 @@ class FitData:
         return np.flatnonzero(self.used)
 
 
-def recipe_model(recipe: Recipe) -> LoadedModel:
+def recipe_model(recipe: Recipe, permit: CodePermit = refuse_code) -> LoadedModel:
     """Return the recipe's model with its parameters freed and fixed as it says."""
-    loaded = load_model(recipe.model)
+    loaded = load_model(recipe.model, permit=permit)
     model = loaded.model.freed(*recipe.free)
     for name, value in recipe.fix.items():
         model = model.fixed(name, value)

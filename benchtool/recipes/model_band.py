@@ -13,6 +13,7 @@ from benchtool.core.rig import Rig
 from benchtool.effects.model import Model
 from benchtool.errors import InputError
 from benchtool.library import load_model
+from benchtool.library.own_code import CodePermit, refuse_code
 from benchtool.recipes.result_file import read_result
 
 Array = NDArray[np.float64]
@@ -44,7 +45,7 @@ def model_file(name: str) -> str:
     return str(path / "model.toml") if path.is_dir() else name
 
 
-def believed(name: str, rig: Rig) -> Believed:
+def believed(name: str, rig: Rig, permit: CodePermit = refuse_code) -> Believed:
     """Return a model on a rig, with draws of its uncertain numbers.
 
     They come from the covariance in the result.json beside it (`benchtool fit --out`), else from
@@ -55,8 +56,8 @@ def believed(name: str, rig: Rig) -> Believed:
     """
     path = Path(model_file(name))
     if (path.parent / "result.json").is_file() and path.suffix == ".toml":
-        return _fitted(path, rig)
-    model = load_model(str(path), rig).model
+        return _fitted(path, rig, permit)
+    model = load_model(str(path), rig, permit).model
     rng = np.random.default_rng(0)
     draws = {}
     for key, item in model.parameters.items():
@@ -67,8 +68,8 @@ def believed(name: str, rig: Rig) -> Believed:
     return Believed(model=model, draws=draws, spread=words)
 
 
-def _fitted(path: Path, rig: Rig) -> Believed:
-    loaded = load_model(str(path))
+def _fitted(path: Path, rig: Rig, permit: CodePermit) -> Believed:
+    loaded = load_model(str(path), permit=permit)
     if loaded.model.rig.name != rig.name:
         raise InputError(
             f"{path} was fitted on rig {loaded.model.rig.name!r}, but the run is of {rig.name!r}; "

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from benchtool.core.schedule import PARKED_M, SampledSchedule
 from benchtool.effects.model import Model
 from benchtool.errors import InputError
 from benchtool.library import gains_named, load_model
+from benchtool.library.own_code import CodePermit, refuse_code
 from benchtool.recipes.model_band import model_file
 from benchtool.recipes.pitch_track import PitchTrack
 from benchtool.recipes.replay_judged import miss_told
@@ -55,6 +56,7 @@ class Beside:
         gains: its gain set; that which the recording names when empty.
         plate_z_m: height over the surface where the recording does not tell it.
         motors: for each rotor of the rig the number that the recording calls it.
+        permit: called with the file of the model's own effects before it is run.
     """
 
     model: str = ""
@@ -62,6 +64,7 @@ class Beside:
     gains: str = ""
     plate_z_m: float | None = None
     motors: tuple[int, ...] = ()
+    permit: CodePermit = field(default=refuse_code, compare=False)
 
     def refuse_controller(self, why: str) -> None:
         """Refuse options that only a pitch recording has."""
@@ -130,7 +133,7 @@ def replayed(
     Raises:
         InputError: a model whose rig has other rotors than the recording.
     """
-    model = load_model(model_file(beside.model)).model
+    model = load_model(model_file(beside.model), permit=beside.permit).model
     control = known_control(provenance, beside)
     duration_s = len(track) / track.rate_Hz
     if duration_s > LONGEST_S:

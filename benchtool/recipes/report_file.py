@@ -168,7 +168,7 @@ def _made(paths: Sequence[Path], kind: Kind, beside: Beside, commands: Sequence[
         return recording_page(paths[0], beside, commands)
     beside.refuse_controller("a sweep has no controller")
     runs = [read_swept(path) for path in paths]
-    model = believed(beside.model, runs[0].rig) if beside.model else None
+    model = believed(beside.model, runs[0].rig, beside.permit) if beside.model else None
     if len(runs) > 1:
         return compared_page(runs, model, commands)
     return swept_page(runs[0], model, commands)

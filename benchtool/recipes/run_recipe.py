@@ -19,6 +19,7 @@ from benchtool.estimate.model_problem import problem_from_model
 from benchtool.estimate.problem import Problem
 from benchtool.estimate.profile import with_profile
 from benchtool.library import LoadedModel, load_model
+from benchtool.library.own_code import CodePermit, refuse_code
 from benchtool.recipes.fit_data import FitData, read_fit_data, recipe_model
 from benchtool.recipes.recipe import Recipe
 
@@ -64,7 +65,11 @@ class FitOutput:
 
 
 def run_recipe(
-    recipe: Recipe, progress: Progress | None = None, *, profile: bool = False
+    recipe: Recipe,
+    progress: Progress | None = None,
+    *,
+    profile: bool = False,
+    permit: CodePermit = refuse_code,
 ) -> FitOutput:
     """Run a recipe and return what it made.
 
@@ -72,12 +77,13 @@ def run_recipe(
         recipe: what to fit.
         progress: told what is being done.
         profile: intervals of least squares from the profile likelihood.
+        permit: called with the file of a model's own effects before it is run.
 
     Raises:
         InputError: the data or the model do not allow the fit.
         EstimationError: no estimate can be given.
     """
-    loaded = recipe_model(recipe)
+    loaded = recipe_model(recipe, permit)
     data = read_fit_data(recipe, loaded)
     loaded = replace(loaded, model=_with_noise(loaded.model, recipe, data.errors))
     problem = _problem(loaded.model, recipe, data)
@@ -88,7 +94,10 @@ def run_recipe(
     comparison = None
     if recipe.compare:
         names = list(dict.fromkeys((recipe.model, *recipe.compare)))
-        others = [_as_compared(load_model(name).model, loaded.model, recipe) for name in names[1:]]
+        others = [
+            _as_compared(load_model(name, permit=permit).model, loaded.model, recipe)
+            for name in names[1:]
+        ]
         problems = [problem, *(_problem(other, recipe, data) for other in others)]
         comparison = compare(problems, seed=recipe.seed)
     return FitOutput(

@@ -8,15 +8,18 @@ from typing import Any
 
 from benchtool.control.pitch import PITCH_CONTROLLERS
 from benchtool.errors import InputError, UnknownChoice
-from benchtool.library.own_code import own_module
+from benchtool.library.own_code import CodePermit, own_module, refuse_code
 
 
-def controller_class(named: str, known: Iterable[str] = PITCH_CONTROLLERS) -> type[Any]:
+def controller_class(
+    named: str, known: Iterable[str] = PITCH_CONTROLLERS, permit: CodePermit = refuse_code
+) -> type[Any]:
     """Return the class that `module:Class` names; modules are found in the present folder too.
 
     Args:
         named: as the user wrote it.
         known: the built-in controllers, for somebody who meant one of these.
+        permit: called with the module's file before it is run.
 
     Raises:
         InputError: the module cannot be imported, or has no such class with `step`.
@@ -30,7 +33,10 @@ def controller_class(named: str, known: Iterable[str] = PITCH_CONTROLLERS) -> ty
             f"{Path(module_name).stem}:{class_name}, from the folder where it stands"
         )
     module = own_module(
-        module_name, f"controller {named!r}", f"run where {module_name}.py is, or install it"
+        module_name,
+        f"controller {named!r}",
+        f"run where {module_name}.py is, or install it",
+        permit,
     )
     found = getattr(module, class_name, None)
     if not isinstance(found, type) or not callable(getattr(found, "step", None)):

@@ -12,6 +12,7 @@ from benchtool.effects.catalogue import EFFECTS
 from benchtool.effects.model import Model
 from benchtool.errors import InputError, UnknownChoice
 from benchtool.library import gains_named, load_model, model_names, rig_named, schedule_named
+from benchtool.library.own_code import CodePermit, refuse_code
 from benchtool.simulate.pitch_bench import STEPS_PER_LAG, PitchBench
 from benchtool.simulate.pitch_run import PitchJob, substeps_of
 from benchtool.studies.gain_changes import changed_gains
@@ -77,11 +78,15 @@ def pitch_setup(
     controllers: Sequence[str] = ("pid", "feedforward", "observer"),
     schedule: str = "plate",
     feedforward: Feedforward | None = None,
+    permit: CodePermit = refuse_code,
 ) -> PitchSetup:
-    """Return the setup of these names; the model is the rig's own pitch model when left out."""
+    """Return the setup of these names; the model is the rig's own pitch model when left out.
+
+    `permit` is called with the file of a model's own effects before it is run.
+    """
     own = f"pitch_{rig}"
     if model is not None:
-        physics = load_model(model).model
+        physics = load_model(model, permit=permit).model
     elif own in model_names():
         physics = load_model(own).model
     else:

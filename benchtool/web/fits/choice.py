@@ -10,6 +10,7 @@ from pathlib import Path, PurePosixPath
 from benchtool.core.toml_text import parse_toml
 from benchtool.errors import FileFormatError, InputError
 from benchtool.library import LoadedModel, load_model, model_names
+from benchtool.library.own_code import refuse_code
 from benchtool.library.rig_file import rig_names
 from benchtool.store.entry import Entry
 from benchtool.store.runs_folder import RunsFolder
@@ -65,8 +66,8 @@ def model_path(folder: RunsFolder, chosen: str) -> str:
     """Return what a recipe calls a chosen model: its name, or its path in the runs folder.
 
     Raises:
-        InputError: a name that leads out of the folder, or a model file that names a rig or
-            effects outside of it.
+        InputError: a name that leads out of the folder, or a model file that names a rig
+            outside of it, or a Python file.
     """
     if chosen in model_names():
         return chosen
@@ -81,16 +82,17 @@ def _refuse_outside(folder: RunsFolder, chosen: str, path: Path) -> None:
     except UnicodeDecodeError as error:
         raise FileFormatError(chosen, "this is not a TOML text file") from error
     head = parse_toml(text, chosen).get("model", {})
-    for key in ("rig", "effects_file"):
-        named = str(head.get(key, "")) if isinstance(head, dict) else ""
-        if not named or (key == "rig" and named in rig_names()):
-            continue
-        if PurePosixPath(named).name != named:
-            raise InputError(
-                f"{chosen} takes its {key} from {named!r}, outside its own folder, and the page "
-                f"reads the runs folder only; fit it with benchtool fit --model"
-            )
-        folder.file_of(f"{PurePosixPath(chosen).parent}/{named}")
+    if isinstance(head, dict) and head.get("effects_file"):
+        refuse_code(f"{PurePosixPath(chosen).parent}/{head['effects_file']}")
+    named = str(head.get("rig", "")) if isinstance(head, dict) else ""
+    if not named or named in rig_names():
+        return
+    if PurePosixPath(named).name != named:
+        raise InputError(
+            f"{chosen} takes its rig from {named!r}, outside its own folder, and the page reads "
+            f"the runs folder only; fit it with benchtool fit --model"
+        )
+    folder.file_of(f"{PurePosixPath(chosen).parent}/{named}")
 
 
 def adjustables(model: str) -> tuple[Adjustable, ...]:

@@ -40,7 +40,7 @@ EFFECT = Effect(
 def test_it_is_weighed_like_any_other(tmp_path: Path) -> None:
     path = tmp_path / "mine.py"
     path.write_text(MINE, encoding="utf-8")
-    own = own_effects(str(path))
+    own = own_effects(str(path), print)
     learn, check = halves("single_rotor")
     subject = SweepSubject(load_model("single").model, [learn], [check], own)
     verdict = explain(subject, draws=20, propose=False).verdict

@@ -40,6 +40,10 @@ EFFECT = Effect(
 """
 
 
+def allow(file: str) -> None:
+    """Permit every file."""
+
+
 def written(folder: Path, text: str, name: str = "mine.py") -> str:
     path = folder / name
     path.write_text(text, encoding="utf-8")
@@ -47,10 +51,12 @@ def written(folder: Path, text: str, name: str = "mine.py") -> str:
 
 
 def test_one_effect_and_several_are_found(tmp_path: Path) -> None:
-    (effect,) = own_effects(written(tmp_path, GOOD))
+    (effect,) = own_effects(written(tmp_path, GOOD), allow)
     assert effect.name == "cubic_damping"
     several = GOOD.replace("EFFECT =", "ONE =") + "EFFECTS = {'mine': ONE}\n"
-    assert [found.name for found in own_effects(written(tmp_path, several))] == ["cubic_damping"]
+    assert [found.name for found in own_effects(written(tmp_path, several), allow)] == [
+        "cubic_damping"
+    ]
 
 
 def test_a_module_is_found_from_the_present_folder(
@@ -59,7 +65,7 @@ def test_a_module_is_found_from_the_present_folder(
     written(tmp_path, GOOD, "benchtool_test_own_module.py")
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(tmp_path)
-    assert own_effects("benchtool_test_own_module")[0].title == "Cubic damping"
+    assert own_effects("benchtool_test_own_module", allow)[0].title == "Cubic damping"
 
 
 @pytest.mark.parametrize(
@@ -82,15 +88,15 @@ def test_what_cannot_be_used_is_refused_with_its_reason(
     tmp_path: Path, text: str, said: str
 ) -> None:
     with pytest.raises(InputError, match=said) as refused:
-        own_effects(written(tmp_path, text))
+        own_effects(written(tmp_path, text), allow)
     assert "\n" not in str(refused.value)
 
 
 def test_a_file_and_a_module_that_are_not_there_are_refused() -> None:
     with pytest.raises(InputError, match="no such file"):
-        own_effects("nowhere.py")
+        own_effects("nowhere.py", allow)
     with pytest.raises(InputError, match="run where the module is"):
-        own_effects("no_module_of_that_name")
+        own_effects("no_module_of_that_name", allow)
 
 
 def test_a_model_file_brings_its_own_effects_along(tmp_path: Path) -> None:
@@ -101,8 +107,8 @@ def test_a_model_file_brings_its_own_effects_along(tmp_path: Path) -> None:
         "[effects.cubic_damping]\nc_Nms3 = 0.01\n",
         encoding="utf-8",
     )
-    loaded = load_model(model)
+    loaded = load_model(model, permit=allow)
     assert loaded.model.parameters["cubic_damping.c_Nms3"].value == 0.01
-    again = model_from_toml(model_to_toml(loaded), str(model))
+    again = model_from_toml(model_to_toml(loaded), str(model), permit=allow)
     assert again.effects_file == "mine.py"
     assert again.model.parameters["cubic_damping.c_Nms3"].value == 0.01
