@@ -1,4 +1,4 @@
-"""UDP as a transport: listening for whoever sends, sending to one place, or both between ports."""
+"""UDP as a transport: listening for whoever sends, or talking with one address and port only."""
 
 from __future__ import annotations
 
@@ -23,8 +23,9 @@ class UdpSocket:
     Args:
         host: to listen on, or to send to.
         port: UDP port.
-        listen: True binds and answers whoever has sent; False sends to `host` first.
-        own_port: port of ours that `host` sends to, 0 for any; only that host is heard then.
+        listen: True binds and answers whoever has sent; False sends to `host` first, and only
+            datagrams from that very address and port are heard.
+        own_port: port of ours that `host` sends to, 0 for any.
     """
 
     baud: int | None = None
@@ -50,6 +51,8 @@ class UdpSocket:
                 if self._own_port is not None:
                     # Wider than this computer only where the other end is not on it.
                     opened.bind(("127.0.0.1" if peer.startswith("127.") else "", self._own_port))
+                # The system drops what comes from any other address or port.
+                opened.connect((peer, self.port))
             opened.setblocking(False)
         except (OSError, OverflowError, UnicodeError) as error:
             opened.close()
@@ -68,7 +71,10 @@ class UdpSocket:
         opened = self._opened()
         for peer in self._peers:
             try:
-                opened.sendto(data, peer)
+                if self.listens:
+                    opened.sendto(data, peer)
+                else:
+                    opened.send(data)
             except ConnectionError:
                 pass  # Nobody there at the moment: silence is judged by whoever reads.
             except OSError as error:
@@ -87,15 +93,16 @@ class UdpSocket:
     def _take(self) -> bytes:
         opened = self._opened()
         parts: list[bytes] = []
-        while True:
+        taken = 0
+        while taken < BUFFER_BYTES:  # a flood of datagrams must not hold the caller
             try:
                 data, peer = opened.recvfrom(DATAGRAM_BYTES)
             except (BlockingIOError, ConnectionError):
-                return b"".join(parts)
+                break
             except OSError as error:
                 raise lost_error(error, f"UDP {self.host}:{self.port}") from error
-            if self._own_port is not None and peer[0] != self._peers[0][0]:
-                continue
             parts.append(data)
+            taken += len(data) + 1
             if self.listens and peer not in self._peers:
                 self._peers = [*self._peers, peer][-MOST_PEERS:]
+        return b"".join(parts)
