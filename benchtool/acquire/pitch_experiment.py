@@ -138,8 +138,7 @@ def expected_on(identity: Identity, experiment: PitchExperiment, rig: Rig) -> Ex
         PlanError: its limits or the rig's do not allow the experiment.
     """
     require_pitch(identity)
-    told = identity.facts.get("pwm_idle_us")
-    return check_experiment(experiment, rig, identity.limits, float(told) if told else None)
+    return check_experiment(experiment, rig, identity.limits, identity.pwm_idle_us)
 
 
 def require_pitch(identity: Identity) -> None:

@@ -36,7 +36,13 @@ class Identity:
         moves_plate: whether the device moves the plate itself.
         limits: device-side limits by channel name.
         watchdog_s: the device stops its motors after so long without a heartbeat.
-        facts: anything else worth keeping with a run.
+        has_loop: a control loop on the bench makes the pulses once it is armed.
+        armed_by_operator: somebody else than the host may arm that loop, as with a transmitter.
+        pwm_idle_us: longest pulse at which the plate may move; None where the device gives none.
+        outputs_measured: `pwm1_us` and so on are outputs that were read back, not the host's own
+            commands repeated.
+        speed: bench seconds per wall second, above 1 for a virtual bench that runs faster.
+        facts: anything else worth keeping with a run; for people, no decision hangs on them.
     """
 
     address: str
@@ -50,6 +56,11 @@ class Identity:
     moves_plate: bool
     limits: Mapping[str, float] = field(default_factory=dict)
     watchdog_s: float = 0.25
+    has_loop: bool = False
+    armed_by_operator: bool = False
+    pwm_idle_us: float | None = None
+    outputs_measured: bool = False
+    speed: float = 1.0
     facts: Mapping[str, str] = field(default_factory=dict)
 
 

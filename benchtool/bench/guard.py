@@ -95,7 +95,7 @@ class GuardedBench:
         self._check = LimitCheck(
             self.identity.channels, self._rig, self._limits, self._stale_s, self.now_s()
         )
-        if self.identity.facts.get("mode") == "pitch":
+        if self.identity.has_loop:
             self.expect_loop()
 
     def expect_loop(self) -> None:
@@ -104,8 +104,7 @@ class GuardedBench:
         A bench that says of itself that it is a pitch bench is judged so from the beginning.
         """
         if self._check is not None:
-            by_operator = self.identity.facts.get("armed_by") == "operator"
-            self._check.expect_loop(self.now_s(), armed_else=by_operator)
+            self._check.expect_loop(self.now_s(), armed_else=self.identity.armed_by_operator)
 
     def close(self) -> None:
         self._check = None
@@ -323,8 +322,8 @@ class GuardedBench:
 
     def _idle_us(self) -> float:
         """Return the longest pulse that counts as idle: the device's own word, else the rig's."""
-        told = self.identity.facts.get("pwm_idle_us")
-        return float(told) if told else self._rig.propulsion.pwm_start_us
+        idle_us = self.identity.pwm_idle_us
+        return self._rig.propulsion.pwm_start_us if idle_us is None else idle_us
 
     def _wait_until_slow(self, idle_us: float) -> None:
         pulse = self._rig.propulsion

@@ -36,6 +36,7 @@ class Hello:
         frame_bytes: longest sample frame, for the arithmetic of rate against baud.
         baud: what the device's serial port runs at, 0 where the link has no baud rate.
         speed: device seconds per wall second; 1 on every physical device.
+        has_loop: a control loop on the device makes the pulses once it is armed.
         facts: anything else worth keeping with a run.
         version: protocol version.
     """
@@ -55,6 +56,7 @@ class Hello:
     frame_bytes: int = 128
     baud: int = UNLIMITED_BAUD
     speed: float = 1.0
+    has_loop: bool = False
     facts: Mapping[str, str] = field(default_factory=dict)
     version: int = PROTOCOL_VERSION
 
@@ -77,6 +79,9 @@ class Hello:
             moves_plate=self.moves_plate,
             limits=dict(self.limits),
             watchdog_s=self.watchdog_s,
+            has_loop=self.has_loop,
+            pwm_idle_us=self.pwm_idle_us,
+            speed=self.speed,
             facts=facts,
         )
 
@@ -97,6 +102,8 @@ def hello_lines(hello: Hello) -> tuple[Fields, ...]:
         ("baud", str(hello.baud)),
         ("speed", f"{hello.speed:g}"),
     ]
+    if hello.has_loop:
+        lines.append(("loop", "1"))
     for channel, rate_Hz in zip(hello.channels, hello.channel_rates_Hz, strict=True):
         lines.append(("channel", channel.name, channel.unit, f"{rate_Hz:g}"))
     lines += [("limit", name, f"{value:.9g}") for name, value in hello.limits.items()]
@@ -152,6 +159,7 @@ def hello_from(lines: Iterable[Sequence[str]]) -> Hello:
             frame_bytes=int(single.get("frame", ("128",))[0]),
             baud=int(single.get("baud", (str(UNLIMITED_BAUD),))[0]),
             speed=float(single.get("speed", ("1",))[0]),
+            has_loop=single.get("loop", ("0",))[0] == "1",
             channels=tuple(channel for channel, _ in channels),
             channel_rates_Hz=tuple(rate_Hz for _, rate_Hz in channels),
             limits=limits,

@@ -69,5 +69,10 @@ def identity_of(
         moves_plate=learnt.simulated,
         limits={"pwm_us": pulses.high_us, **({} if learnt.pilot.together else ALONE)},
         watchdog_s=TIMEOUT_S,
+        has_loop=settings.mode == "pitch",
+        armed_by_operator=settings.mode == "pitch" and settings.arm == "operator",
+        pwm_idle_us=pulses.idle_us,
+        outputs_measured=True,
+        speed=learnt.speed,
         facts=facts,
     )

@@ -98,6 +98,7 @@ def pitch_hello(plant: PitchPlant, seed: int) -> Hello:
         pwm_idle_us=plant.idle_us,
         moves_plate=True,
         simulated=True,
+        has_loop=True,
         # Sequence, time and checksum, then about thirteen characters for each value.
         frame_bytes=26 + 13 * len(plant.channels),
         facts={

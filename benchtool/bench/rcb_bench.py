@@ -244,7 +244,8 @@ class RcbBench(Opened):
         self._rows.clear()
         identity = _identity(self.address, hello, names, self._base_Hz, self._settings)
         if self._speed != 1.0:
-            identity = replace(identity, facts={**identity.facts, "speed": f"{self._speed:g}"})
+            facts = {**identity.facts, "speed": f"{self._speed:g}"}
+            identity = replace(identity, speed=self._speed, facts=facts)
         return identity
 
     def _note(self) -> None:

@@ -239,8 +239,9 @@ def _sweep(
 def _say_speed(identity: Identity) -> None:
     if warning := identity.facts.get("warning"):
         print(f"warning: {warning}")
-    if speed := identity.facts.get("speed"):
-        print(f"this bench runs at {speed} times the speed of life; all times are the bench's own")
+    if identity.speed != 1.0:
+        speed = f"{identity.speed:g} times the speed of life"
+        print(f"this bench runs at {speed}; all times are the bench's own")
 
 
 def _arm(

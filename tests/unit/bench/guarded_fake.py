@@ -80,7 +80,7 @@ class FakeBench:
             row = {"thrust_N": K * rad_s**2 + wobble, "rpm1": rpm + 1000.0 * wobble * (rpm > 0)}
             row |= {"voltage_V": 11.0, "current_A": 1.0, "temperature_degC": 30.0}
             rows.append((self.clock_s, *self.spoil(self.clock_s, row).values()))
-        table = np.array(rows).reshape(n, 6)
+        table = np.array(rows).reshape(n, 1 + len(self.identity.channels))
         return Readings(table[:, 0], table[:, 0] * 1e6, table[:, 1:])
 
 

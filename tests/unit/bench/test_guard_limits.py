@@ -2,10 +2,14 @@
 
 # ruff: noqa: PT012 -- what happens on the way out needs the whole body inside `raises`
 
+from contextlib import nullcontext
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from benchtool.bench.guard import GuardedBench
+from benchtool.core.channel import Channel
 from benchtool.errors import LimitExceeded
 from tests.unit.bench.guarded_fake import RIG, check_zeroed_once_then_closed
 
@@ -113,3 +117,23 @@ def test_a_motor_that_turns_without_a_command_stops_the_run(fake):
         for _ in range(100):
             guard.read(0.1)
     assert fake.clock_s == pytest.approx(5.0, abs=0.21)
+
+
+@pytest.mark.parametrize(("has_loop", "facts"), [(True, {}), (False, {"mode": "pitch"})])
+def test_only_the_typed_field_says_that_a_loop_makes_the_pulses(fake, has_loop, facts):
+    columns = (*fake.identity.channels, Channel("pwm1_us", "us"))
+    fake.identity = replace(fake.identity, channels=columns, has_loop=has_loop, facts=facts)
+    # The bench reports the stop pulse and the motor stands: a fault only if the host drives it.
+    fake.spoil = lambda time_s, row: (
+        row
+        | {
+            "rpm1": 40.0,
+            "thrust_N": 0.01 * (time_s % 0.02),
+            "pwm1_us": 1000.0,
+        }
+    )
+    judged = nullcontext() if has_loop else pytest.raises(LimitExceeded, match="1500 us after 2")
+    with judged, GuardedBench(fake, RIG) as guard:
+        guard.set_pwm(np.array([1500.0]))
+        for _ in range(40):
+            guard.read(0.1)

@@ -195,7 +195,7 @@ def test_a_sim_address_gives_it_on_a_virtual_clock(bench: Bench) -> None:
     with bench:
         identity = bench.identity
         assert identity.simulated
-        assert identity.facts["mode"] == "pitch"
+        assert identity.has_loop
         assert identity.facts["controller"] == "observer+feedforward"
         assert set(identity.limits) >= {"theta_rad", "gyro_rad_s", "rpm", "pwm_us"}
         for channel in identity.channels:
