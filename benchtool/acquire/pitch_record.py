@@ -19,7 +19,7 @@ from benchtool.bench.bench import Bench, Readings
 from benchtool.bench.guard import GuardedBench
 from benchtool.core.counted import counted
 from benchtool.core.rig import Rig
-from benchtool.errors import BenchtoolError, LimitExceeded, RunStopped
+from benchtool.errors import BenchtoolError, LimitExceeded
 from benchtool.store import Run
 
 Array = NDArray[np.float64]
@@ -126,16 +126,13 @@ def record_pitch(
             bench.stop()
             # All that is on the disk, the ramps too.
             summary.samples, summary.lost = recorder.quality.samples, recorder.quality.lost
+            recorder.note("ended", f"{summary.seconds:g} s are recorded")
+            recorder.finish("ended")
         except BaseException as error:
-            _stop_at_once(recorder, run, error)
-            if isinstance(error, OSError):
-                raise RunStopped(
-                    f"samples could not be written ({error.strerror or error}); motors were "
-                    f"stopped; make room on the disk, then record again"
-                ) from error
+            ended_by = _stop_at_once(recorder, error)
+            if ended_by is not error:
+                raise ended_by from error
             raise
-        recorder.note("ended", f"{summary.seconds:g} s are recorded")
-        run.update_metadata(state="ended", link=recorder.link())
         return summary
     finally:
         recorder.close()
@@ -163,8 +160,8 @@ def _collect(
     return summary
 
 
-def _stop_at_once(recorder: PitchRecorder, run: Run, error: BaseException) -> None:
-    """Command zero before anything else; nothing here may hide the error on its way."""
+def _stop_at_once(recorder: PitchRecorder, error: BaseException) -> BaseException:
+    """Command zero before anything else and return the error that ends the recording."""
     bench = recorder.bench
     with suppress(BenchtoolError, OSError):
         bench.stop()
@@ -174,14 +171,14 @@ def _stop_at_once(recorder: PitchRecorder, run: Run, error: BaseException) -> No
     with suppress(BenchtoolError, OSError):
         if isinstance(bench, GuardedBench) and (kept := bench.take_kept()):
             recorder.keep(kept, "end")
-    if not isinstance(error, OSError):
-        device = bench.bench if isinstance(bench, GuardedBench) else bench
-        with suppress(BenchtoolError, OSError):
-            for readings in after_stop(device, TAIL_S):
-                recorder.keep(readings, "end")
+    device = bench.bench if isinstance(bench, GuardedBench) else bench
+    with suppress(BenchtoolError, OSError):
+        for readings in after_stop(device, TAIL_S):
+            recorder.keep(readings, "end")
     with suppress(BenchtoolError, OSError):
         recorder.note("stopped", reason)
-        run.update_metadata(state="stopped", reason=reason, link=recorder.link())
+        recorder.finish("stopped", reason)
+    return recorder.rescue(error)
 
 
 def summary_line(summary: PitchSummary) -> str:

@@ -12,7 +12,7 @@ from benchtool.acquire.progress import Progress
 from benchtool.bench.bench import Bench, Readings
 from benchtool.core.channel import Channel
 from benchtool.core.recording import Recording
-from benchtool.store import Event, Run
+from benchtool.store import Event, Run, RunWriter
 
 Array = NDArray[np.float64]
 
@@ -55,16 +55,10 @@ class Recorder:
         self._names = [channel.name for channel in identity.channels]
         self._channels = identity.channels
         self._zero_s = bench.now_s() - start_s
-        self._events = run.event_log()
-        self._samples = run.sample_writer(identity.channels)
-        self._points = run.point_writer(identity.n_rotors)
-        for file, fragment in (
-            ("samples.csv", self._samples.fragment),
-            ("points.csv", self._points.fragment),
-        ):
-            if fragment:
-                self.note("cut_line", f"the last line of {file} was cut and left out: {fragment}")
-        self.append_point = self._points.append
+        self._writer = RunWriter(run, identity.channels, identity.n_rotors)
+        for file, fragment in self._writer.fragments.items():
+            self.note("cut_line", f"the last line of {file} was cut and left out: {fragment}")
+        self.append_point = self._writer.point
 
     @property
     def now_s(self) -> float:
@@ -79,13 +73,20 @@ class Recorder:
         return self.keep(self.bench.read(timeout_s), phase, point)
 
     def keep(self, readings: Readings, phase: str, point: int = 0) -> Readings:
-        """Write readings and return them with times since the run began."""
+        """Write readings and return them with times since the run began.
+
+        Raises:
+            RunStopped, ResourceExhausted: they could not be written, or the run's folder is not
+                there any more; once, later readings wait in memory for `rescue`.
+        """
         time_s = readings.time_s - self._zero_s
-        if len(readings):
-            self._samples.append(point, phase, time_s, readings.device_time_us, readings.values)
         self.quality.samples += len(readings)
         self.quality.lost += readings.lost
         self.quality.corrupt += readings.corrupt
+        if len(readings):
+            self._writer.samples(point, phase, time_s, readings.device_time_us, readings.values)
+        else:
+            self._writer.check()
         for message in readings.messages:
             self.note("device", message, point)
         return Readings(time_s, readings.device_time_us, readings.values)
@@ -109,7 +110,7 @@ class Recorder:
     def note(self, event: str, text: str, point: int = 0) -> None:
         """Put an event on the disk and tell it."""
         entry = Event(round(self.now_s, 6), event, text, point)
-        self._events.append(entry)
+        self._writer.event(entry)
         self._progress.happened(entry)
 
     def link(self) -> dict[str, Any]:
@@ -129,9 +130,29 @@ class Recorder:
 
     def sync(self) -> None:
         """Force the samples to the disk."""
-        self._samples.sync()
+        self._writer.sync()
+
+    def finish(self, state: str, reason: str | None = None) -> None:
+        """Put on the disk how the run ended."""
+        self._writer.update_metadata(state=state, reason=reason, link=self.link())
+
+    def rescue(self, error: BaseException) -> BaseException:
+        """Return the error to raise after `error` ended the run and zero was commanded.
+
+        Where the run's folder failed, the run is saved in another one first, and if that was what
+        ended it, the error returned names it.
+        """
+        fault = self._writer.fault
+        if fault is None:
+            return error
+        self._writer.rescue()
+        told = self._writer.fault
+        assert told is not None
+        if error is fault:
+            return told
+        self._progress.happened(Event(round(self.now_s, 6), "rescued", str(told)))
+        return error
 
     def close(self) -> None:
         """Close the files."""
-        for file in (self._samples, self._points, self._events):
-            file.close()
+        self._writer.close()

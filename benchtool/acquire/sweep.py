@@ -29,7 +29,7 @@ from benchtool.bench.stage import Stage
 from benchtool.core.counted import counted
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
-from benchtool.errors import BenchtoolError, InputError, RunStopped
+from benchtool.errors import BenchtoolError, InputError
 from benchtool.store import Point, Run
 
 SETTLE_CHECK_S = 0.1
@@ -165,17 +165,14 @@ class _Sweep:
                 self._visit_all()
                 self._motors.ramp_to(self._motors.stop_us, RAMP_DOWN_S, "end")
                 self._bench.stop()
+                summary = self._summary()
+                recorder.note("ended", f"all is measured: {counted(summary.measured, 'visit')}")
+                recorder.finish("ended")
             except BaseException as error:
-                self._stop_at_once(error)
-                if isinstance(error, OSError):
-                    raise RunStopped(
-                        f"samples could not be written ({error.strerror or error}); motors were "
-                        f"stopped; make room on the disk, then go on with benchtool sweep --resume"
-                    ) from error
+                ended_by = self._stop_at_once(error)
+                if ended_by is not error:
+                    raise ended_by from error
                 raise
-            summary = self._summary()
-            recorder.note("ended", f"all is measured: {counted(summary.measured, 'visit')}")
-            self._run.update_metadata(state="ended", link=self._recorder.link())
             return summary
         finally:
             recorder.close()
@@ -274,8 +271,8 @@ class _Sweep:
                 recorder.note("settle_timeout", text, visit.point)
                 return False
 
-    def _stop_at_once(self, error: BaseException) -> None:
-        """Command zero before anything else; nothing here may hide the error on its way."""
+    def _stop_at_once(self, error: BaseException) -> BaseException:
+        """Command zero before anything else and return the error that ends the run."""
         with suppress(BenchtoolError, OSError):
             self._bench.stop()
         with suppress(BenchtoolError, OSError):
@@ -285,12 +282,12 @@ class _Sweep:
         with suppress(BenchtoolError, OSError):
             if isinstance(self._bench, GuardedBench) and (kept := self._bench.take_kept()):
                 self._recorder.keep(kept, "end")
-        if not isinstance(error, OSError):
-            self._record_tail()
+        self._record_tail()
         with suppress(BenchtoolError, OSError):
-            self._run.update_metadata(state="stopped", reason=reason, link=self._recorder.link())
+            self._recorder.finish("stopped", reason)
         with suppress(BenchtoolError, OSError):
             self._recorder.note("stopped", reason)
+        return self._recorder.rescue(error)
 
     def _record_tail(self) -> None:
         """Put on the disk what waited in the link, and how the rotors slow down."""

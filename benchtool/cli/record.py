@@ -91,6 +91,7 @@ def _record(
     from benchtool.bench.closing_signals import ClosingSignals
     from benchtool.bench.guard import GuardedBench
     from benchtool.cli.announce_code import announce_code
+    from benchtool.cli.closing import close_stopped
 
     run: Run | None = None
     with ClosingSignals() as closing:
@@ -105,11 +106,11 @@ def _record(
                 print(f"run {run.path}", flush=True)
                 closing.begin()
                 summary = record_pitch(bench, rig, experiment, run)
-        finally:
-            if run is not None and (run.path / "samples.csv").is_file():
-                run.seal_samples()
-                if run.metadata.get("state") == "stopped":
-                    print(f"what was recorded is kept in {run.path}")
+        except BaseException:
+            if run is not None:
+                close_stopped(run)
+            raise
+        run.close()
     return run, summary, identity.simulated
 
 

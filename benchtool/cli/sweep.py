@@ -182,6 +182,7 @@ def _sweep(
     from benchtool.acquire.sweep import run_sweep
     from benchtool.bench.closing_signals import ClosingSignals
     from benchtool.bench.guard import GuardedBench
+    from benchtool.cli.closing import close_stopped
     from benchtool.cli.sweep_display import display_for
     from benchtool.cli.sweep_operator import LOOK_S, answer_to
     from benchtool.core.counted import counted
@@ -223,11 +224,11 @@ def _sweep(
                         )
                 finally:
                     mover.close()
-        finally:
+        except BaseException:
             if run is not None and measured:
-                run.close()
-                if run.metadata.get("state") == "stopped":
-                    print(f"kept in {run.path}; go on with: benchtool sweep --resume {run.path}")
+                close_stopped(run, f"go on with: benchtool sweep --resume {run.path}")
+            raise
+        run.close()
     simulated = " (simulated)" if identity.simulated else ""
     print(
         f"{counted(summary.measured, 'point')}{simulated}, {summary.unsettled} not settled, "

@@ -10,12 +10,14 @@ class AppendFile:
     """Append bytes without a buffer of our own; kill -9 after `write` loses nothing of it.
 
     A file whose last line was cut in an earlier process is cut back to its last whole line first;
-    the fragment is kept in `fragment` for the event log.
+    the fragment is kept in `fragment` for the event log. After a write that failed, that one and
+    all later ones stay in memory, for `copy_to`.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self.fragment = b""
+        self._unwritten: bytearray | None = None
         flags = os.O_RDWR | os.O_CREAT | getattr(os, "O_BINARY", 0)
         self._handle: int | None = os.open(path, flags, 0o644)
         self._cut_back()
@@ -24,26 +26,53 @@ class AppendFile:
         """Hand all of `data` to the operating system, or, on a full disk, nothing of it."""
         if self._handle is None:
             raise ValueError(f"{self.path} is closed")
+        if self._unwritten is not None:
+            self._unwritten += data
+            return
         view = memoryview(data)
         try:
             while view:
                 view = view[os.write(self._handle, view) :]
         except OSError:
+            self._unwritten = bytearray(data)
             # What comes behind a line that was cut could never be read again.
             self._take_back(len(data) - len(view))
             raise
 
     def sync(self) -> None:
         """Force what was written to the disk."""
-        if self._handle is not None:
+        if self._handle is not None and self._unwritten is None:
             os.fsync(self._handle)
+
+    def is_in_place(self) -> bool:
+        """Tell whether the file is still found under its name."""
+        try:
+            there = os.stat(self.path, follow_symlinks=False)
+        except OSError:
+            return False
+        return self._handle is not None and os.path.samestat(there, os.fstat(self._handle))
+
+    def copy_to(self, path: Path) -> None:
+        """Write what the file holds, and what could not be written to it, into a new file.
+
+        This works for a file that was deleted or moved, too: the handle still leads to it.
+        """
+        assert self._handle is not None
+        with open(path, "xb") as copy:
+            os.lseek(self._handle, 0, os.SEEK_SET)
+            while part := os.read(self._handle, 1 << 20):
+                copy.write(part)
+            copy.write(self._unwritten or b"")
+            copy.flush()
+            os.fsync(copy.fileno())
 
     def close(self) -> None:
         """Force to the disk and close; safe to call twice."""
         if self._handle is not None:
             handle, self._handle = self._handle, None
             try:
-                os.fsync(handle)
+                if self._unwritten is None:
+                    os.fsync(handle)
             finally:
                 os.close(handle)
 

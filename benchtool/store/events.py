@@ -33,18 +33,18 @@ class EventLog:
     """Append events; an event is on the disk when `append` returns."""
 
     def __init__(self, path: Path) -> None:
-        self._file = AppendFile(path)
+        self.file = AppendFile(path)
 
     def append(self, event: Event) -> None:
         """Append one event, stamped with the wall clock."""
         data = asdict(event)
         data["wall"] = event.wall or datetime.now(UTC).isoformat(timespec="milliseconds")
-        self._file.write(json.dumps(data, ensure_ascii=False).encode() + b"\n")
-        self._file.sync()
+        self.file.write(json.dumps(data, ensure_ascii=False).encode() + b"\n")
+        self.file.sync()
 
     def close(self) -> None:
         """Close the file; safe to call twice."""
-        self._file.close()
+        self.file.close()
 
 
 def read_events(path: Path) -> tuple[Event, ...]:

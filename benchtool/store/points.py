@@ -99,14 +99,14 @@ class PointWriter:
 
     def __init__(self, path: Path, n_rotors: int) -> None:
         header = ",".join(point_columns(n_rotors)).encode() + b"\n"
-        self._file = AppendFile(path)
+        self.file = AppendFile(path)
         if path.stat().st_size == 0:
-            self._file.write(header)
-            self._file.sync()
+            self.file.write(header)
+            self.file.sync()
             return
         with open(path, "rb") as file:
             if file.readline() != header:
-                self._file.close()
+                self.file.close()
                 raise FileFormatError(
                     str(path),
                     f"its columns are not those of a run with {counted(n_rotors, 'rotor')}; go on "
@@ -116,13 +116,13 @@ class PointWriter:
     @property
     def fragment(self) -> str:
         """The cut line that a killed process left at the end, empty when there was none."""
-        return self._file.fragment.decode("utf-8", "replace")
+        return self.file.fragment.decode("utf-8", "replace")
 
     def append(self, point: Point) -> None:
         """Append one point and force it to the disk."""
-        self._file.write(",".join(point_cells(point)).encode("ascii") + b"\n")
-        self._file.sync()
+        self.file.write(",".join(point_cells(point)).encode("ascii") + b"\n")
+        self.file.sync()
 
     def close(self) -> None:
         """Close the file; safe to call twice."""
-        self._file.close()
+        self.file.close()

@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+import os
 import re
-from collections.abc import Mapping
+import shutil
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from benchtool.core.channel import Channel
-from benchtool.errors import FileFormatError, InputError, WouldOverwrite
+from benchtool.errors import (
+    FileFormatError,
+    InputError,
+    ResourceExhausted,
+    RunStopped,
+    WouldOverwrite,
+)
+from benchtool.store.append import AppendFile
 from benchtool.store.atomic import read_json, replace_json, replace_text
 from benchtool.store.digest import file_hash
 from benchtool.store.events import EventLog
@@ -25,10 +34,17 @@ _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*")
 
 
 class Run:
-    """Own the files of one run folder."""
+    """Own the files of one run folder.
+
+    While a run is measured (`watch`), plan and metadata are in memory too, and nothing is written
+    into another folder that came in place of the one that was opened.
+    """
 
     def __init__(self, path: Path) -> None:
         self.path = path
+        self._opened: os.stat_result | None = None
+        self._plan_text = ""
+        self._facts: dict[str, Any] = {}
 
     @classmethod
     def create(cls, path: Path, plan_text: str, metadata: Mapping[str, Any]) -> Run:
@@ -78,7 +94,63 @@ class Run:
 
     def update_metadata(self, **facts: Any) -> None:
         """Replace some facts; the file changes in one step."""
-        replace_json(self.path / "metadata.json", {**self.metadata, **facts})
+        if self._opened is None:
+            replace_json(self.path / "metadata.json", {**self.metadata, **facts})
+            return
+        self._facts |= facts
+        self.check_in_place()
+        replace_json(self.path / "metadata.json", self._facts)
+
+    def watch(self) -> None:
+        """Remember which folder this is, and its plan and metadata, from now on."""
+        self._plan_text, self._facts = self.plan_text, self.metadata
+        self._opened = os.stat(self.path)
+
+    def check_in_place(self) -> None:
+        """Refuse a folder that is not the one that `watch` saw, or that may not be written.
+
+        Raises:
+            RunStopped: it was deleted, moved or replaced.
+            ResourceExhausted: it was made read-only.
+        """
+        if self._opened is None:
+            return
+        try:
+            there = os.stat(self.path)
+        except (FileNotFoundError, NotADirectoryError):
+            raise RunStopped(
+                f"the run folder {self.path} is not there any more: it was deleted or moved"
+            ) from None
+        if not os.path.samestat(there, self._opened):
+            raise RunStopped(
+                f"the run folder {self.path} is not the one that this run opened: another one was "
+                f"put in its place"
+            )
+        effective = os.access in os.supports_effective_ids
+        if not os.access(self.path, os.W_OK | os.X_OK, effective_ids=effective):
+            raise ResourceExhausted(f"the run folder {self.path} was made read-only")
+
+    def save_as(self, path: Path, facts: Mapping[str, Any], files: Sequence[AppendFile]) -> None:
+        """Write the whole run into a new folder, from memory and open files, and own that one.
+
+        Args:
+            path: of the new folder.
+            facts: to replace in the metadata.
+            files: that grow while the run is measured.
+
+        Raises:
+            OSError: there is no room either; nothing is left there.
+        """
+        path.mkdir()
+        try:
+            for file in files:
+                file.copy_to(path / file.path.name)
+            replace_text(path / "plan.toml", self._plan_text)
+            replace_json(path / "metadata.json", {**self._facts, **facts})
+        except BaseException:
+            shutil.rmtree(path, ignore_errors=True)
+            raise
+        self.path, self._opened = path, None
 
     def sample_writer(self, channels: tuple[Channel, ...]) -> SampleWriter:
         """Open samples.csv for appending."""
@@ -95,17 +167,21 @@ class Run:
     def close(self) -> None:
         """Write settings.csv and the hashed Parquet from what is on disk.
 
-        A run that has no point yet is left as it is.
+        A sweep that has no point yet is left as it is; a pitch experiment has none ever.
         """
+        self.check_in_place()
+        if self.metadata.get("experiment") == "pitch":
+            if (self.path / "samples.csv").is_file():
+                self._seal_samples()
+            return
         try:
             points = read_points(self.path)
         except FileFormatError:
             return
         write_table(self.path / "settings.csv", aggregate(points))
-        self.seal_samples()
+        self._seal_samples()
 
-    def seal_samples(self) -> None:
-        """Write the hashed Parquet of samples.csv; all that a recording without points needs."""
+    def _seal_samples(self) -> None:
         parquet = self.path / "samples.parquet"
         parquet.unlink(missing_ok=True)
         write_parquet(parquet, read_samples(self.path))
@@ -135,9 +211,13 @@ def check_run_name(name: str) -> None:
 def free_run_path(folder: Path, date: str, name: str) -> Path:
     """Return FOLDER/DATE-NAME, with -2, -3 and so on behind it while that is taken."""
     check_run_name(name)
-    path = folder / f"{date}-{name}"
-    count = 1
-    while path.exists():
+    return free_path(folder / f"{date}-{name}")
+
+
+def free_path(path: Path) -> Path:
+    """Return a path, with -2, -3 and so on behind it while that is taken."""
+    free, count = path, 1
+    while os.path.lexists(free):
         count += 1
-        path = folder / f"{date}-{name}-{count}"
-    return path
+        free = path.with_name(f"{path.name}-{count}")
+    return free

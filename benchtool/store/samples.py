@@ -27,13 +27,13 @@ class SampleWriter:
     def __init__(self, path: Path, channels: tuple[Channel, ...]) -> None:
         names = [channel.name for channel in channels]
         header = ",".join([*SAMPLE_START, *names]).encode() + b"\n"
-        self._file = AppendFile(path)
+        self.file = AppendFile(path)
         if path.stat().st_size == 0:
-            self._file.write(header)
+            self.file.write(header)
             return
         with open(path, "rb") as file:
             if file.readline() != header:
-                self._file.close()
+                self.file.close()
                 raise FileFormatError(
                     str(path),
                     "this bench streams other channels than the run has on disk; go on with the "
@@ -43,7 +43,7 @@ class SampleWriter:
     @property
     def fragment(self) -> str:
         """The cut line that a killed process left at the end, empty when there was none."""
-        return self._file.fragment.decode("utf-8", "replace")
+        return self.file.fragment.decode("utf-8", "replace")
 
     def append(
         self, point: int, phase: str, time_s: Array, device_time_us: Array, values: Array
@@ -64,15 +64,15 @@ class SampleWriter:
                 time_s.tolist(), device_time_us.tolist(), values.tolist(), strict=True
             )
         ]
-        self._file.write("".join(lines).replace("nan", "").encode("ascii"))
+        self.file.write("".join(lines).replace("nan", "").encode("ascii"))
 
     def sync(self) -> None:
         """Force what was appended to the disk."""
-        self._file.sync()
+        self.file.sync()
 
     def close(self) -> None:
         """Force to the disk and close; safe to call twice."""
-        self._file.close()
+        self.file.close()
 
 
 def mark_interrupted(path: Path, points: frozenset[int]) -> int:

@@ -35,11 +35,7 @@ LOOK_S = 0.05
 def close_run(path: Path) -> None:
     """Close a run; a process of its own does this."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    run = Run.open(path)
-    if run.metadata.get("experiment") == "pitch":
-        run.seal_samples()
-    else:
-        run.close()
+    Run.open(path).close()
 
 
 def require_armed(typed: str, identity: Identity, rig: Rig) -> None:
@@ -186,7 +182,7 @@ class Sweeping:
         In a process of its own: a thread's share of this work (pandas, Parquet) kept the loop that
         reads from doing so for longer than the device's watchdog waits.
         """
-        self.tell(status="closing", question="", reason=reason)
+        self.tell(status="closing", run=str(run.path), question="", reason=reason)
 
         def close() -> None:
             closing = get_context("spawn").Process(target=close_run, args=(run.path,))

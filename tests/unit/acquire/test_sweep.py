@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,6 +18,7 @@ from benchtool.errors import (
     BenchError,
     CalibrationError,
     LinkLost,
+    ResourceExhausted,
     RunStopped,
     WouldOverwrite,
 )
@@ -164,16 +166,49 @@ def test_whatever_ends_it_zero_comes_first_and_the_reason_is_kept(
     assert len(read_points(tmp_path / "run")) >= 1
 
 
-def test_a_full_disk_ends_it_in_one_sentence(tmp_path: Path) -> None:
-    bench = FakeBench()
+def test_a_full_disk_ends_it_in_one_sentence_and_keeps_what_was_measured(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench, run = FakeBench(), tmp_path / "disk" / "run"
+    monkeypatch.setenv("BENCHTOOL_STATE", str(tmp_path / "state"))
+    full: list[str] = []
+    write, disk = os.write, run.parent.resolve()
+
+    def no_room(handle: int, data: bytes) -> int:
+        name = os.readlink(f"/proc/self/fd/{handle}")
+        if full and name.startswith(str(disk)):
+            full.append(name)
+            raise OSError(28, "No space left on device")
+        return write(handle, data)
 
     def fill() -> None:
-        raise OSError(28, "No space left on device")
+        full.append("")
+        run.parent.chmod(0o555)
+        monkeypatch.setattr(os, "write", no_room)
+        monkeypatch.setattr(Path, "mkdir", mkdir)
+
+    make = Path.mkdir
+
+    def mkdir(path: Path, *more: object, **named: object) -> None:
+        if path.resolve().parent == disk:
+            raise OSError(28, "No space left on device")
+        make(path, *more, **named)  # type: ignore[arg-type]
 
     bench.at.append((12.0, fill))
-    with pytest.raises(RunStopped, match=r"written \(No space left on device\); motors"):
-        sweep(bench, tmp_path / "run")
+    saved = tmp_path / "state/rescued/run-rescued"
+    with pytest.raises(
+        ResourceExhausted,
+        match=rf"run cannot be written: the disk is full; zero was commanded to the motors; what "
+        rf"was recorded is saved in {saved}; make room on the disk, then go on$",
+    ):
+        sweep(bench, run)
+    assert str(run / "samples.csv") in full
     assert bench.log[-1] == ("stop", None)
+    # On the full disk whole rows, in the other folder the rest as well, without a gap.
+    assert (run / "samples.csv").read_bytes().endswith(b"\n")
+    samples = read_samples(saved)
+    assert len(samples) == Run.open(saved).metadata["link"]["samples"] > len(read_samples(run))
+    np.testing.assert_allclose(np.diff(samples.column("time_s")), 0.01, atol=1e-6)
 
 
 def test_a_tare_that_leaves_too_much_is_refused(tmp_path: Path) -> None:
