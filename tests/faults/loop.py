@@ -232,7 +232,7 @@ def command(words: list[str], folder: Path, world: World) -> Outcome:
     """Run `benchtool WORDS` in a folder; its address ADDRESS leads into the world."""
     scheme = replace(
         SCHEMES["tcp"],
-        opener=lambda parsed: SerialBench(LoopTransport(world), parsed.text, world.clock),
+        opener=lambda parsed, _: SerialBench(LoopTransport(world), parsed.text, world.clock),
     )
     heard, code = io.StringIO(), 0
     state = {"BENCHTOOL_STATE": str(folder / ".state"), "BENCHTOOL_DEBUG": ""}
