@@ -84,6 +84,8 @@ def measure(
         thrust_se_N=thrust.se,
         n_samples=thrust.n,
         plate_z_m=mean_of("plate_z_m", reached_m),
+        plate_stage_z_m=reached_m,
+        plate_read_z_m=mean_of("plate_z_m", nan),
         plate_x_m=mean_of("plate_x_m", place.x_m),
         plate_tilt_deg=mean_of("plate_tilt_deg", place.tilt_deg),
         voltage_V=mean_of("voltage_V", nan),

@@ -25,7 +25,11 @@ GAP_S = 1.0
 
 @dataclass(frozen=True, slots=True)
 class Unfinished:
-    """Hold what a run on disk says of how to go on."""
+    """Hold what a run on disk says of how to go on.
+
+    Attributes:
+        stage: the `--stage` that moved the plate; None where the run does not say.
+    """
 
     run: Run
     plan: Plan
@@ -33,6 +37,7 @@ class Unfinished:
     calibration: Calibration | None
     done: frozenset[int]
     left: int
+    stage: str | None = None
 
 
 def unfinished(run: Run) -> Unfinished:
@@ -63,6 +68,7 @@ def unfinished(run: Run) -> Unfinished:
         calibration_from(calibration, f"{where}: calibration") if calibration else None,
         done,
         len(visits - done),
+        (facts.get("plate") or {}).get("stage"),
     )
 
 

@@ -51,8 +51,13 @@ def stage_for(
                 "this device does not move the plate; give --stage hand or --stage grbl:PORT"
             )
         return OneSidedStage(DeviceStage(bench), rig.plate)
+    if bench.identity.moves_plate:
+        raise InputError(
+            f"{bench.identity.address} moves its own plate, so a second stage would move nothing "
+            f"that it measures; leave --stage {chosen.partition('?')[0]} out"
+        )
     if chosen == "hand":
-        return IdleStage(HandStage(ask, rig.plate), bench.ready_for_move)
+        return IdleStage(HandStage(ask, rig.plate), bench)
     check_stage(chosen, rig)
     place = chosen.partition(":")[2]
 
@@ -60,7 +65,7 @@ def stage_for(
         """Throw away what is measured before the run has begun."""
         bench.read(duration_s)
 
-    return OneSidedStage(IdleStage(_grbl(place, rig, listen), bench.ready_for_move), rig.plate)
+    return OneSidedStage(IdleStage(_grbl(place, rig, listen), bench), rig.plate)
 
 
 def _grbl(place: str, rig: Rig, opening: Pause = lambda duration_s: None) -> Stage:
@@ -99,4 +104,5 @@ def _grbl(place: str, rig: Rig, opening: Pause = lambda duration_s: None) -> Sta
         lateral,
         name=f"the stage on {port}",
         opening=opening,
+        option=f"grbl:{place}",
     )

@@ -25,6 +25,7 @@ from benchtool.acquire.tare import Tared, tare, tare_point
 from benchtool.bench.after_stop import after_stop
 from benchtool.bench.bench import Bench, Readings
 from benchtool.bench.guard import GuardedBench
+from benchtool.bench.plate_check import PlateCheck
 from benchtool.bench.stage import Stage
 from benchtool.core.counted import counted
 from benchtool.core.recording import Recording
@@ -151,6 +152,7 @@ class _Sweep:
         self._drift = DriftWatch(plan.tare.drift_N)
         self._place: Place | None = None
         self._reached_m = nan
+        self._plate = PlateCheck(bench.identity.channels, rig)
         self._last: Point | None = None
         self._tared: Tared | None = None
         self._measured = len(start.done)
@@ -182,6 +184,7 @@ class _Sweep:
         left = [visit for visit in visits if visit.point not in self._start.done]
         left_s = expected_duration_s(self._plan, self._rig, left)
         self._progress.started(len(visits), len(visits) - len(left), left_s)
+        self._say_plate()
         for index, visit in enumerate(left):
             self._wait()
             self._progress.visiting(visit)
@@ -216,7 +219,21 @@ class _Sweep:
         samples = self._recorder.collect("sample", self._plan.sample_s, visit.point)
         assert self._tared is not None
         scale = ThrustScale(self._calibration, self._tared.zero_counts, self._quantum_N)
-        return measure(samples, visit, self._reached_m, self._tared, scale, settled)
+        point = measure(samples, visit, self._reached_m, self._tared, scale, settled)
+        more_m = self._stage.measures_to_m
+        if problem := self._plate.crept(self._reached_m, point.plate_read_z_m, more_m):
+            raise problem
+        return point
+
+    def _say_plate(self) -> None:
+        """Put on the disk what moves the plate, and whether anything measures where it stands."""
+        by_hand = self._stage.facts["stage"] == "hand"
+        facts = dict(self._stage.facts) | {"measured": self._plate.measured}
+        self._run.update_metadata(plate=facts | {"tolerance_m": self._plate.tolerance_m})
+        if not self._plate.measured:
+            source = "typed by the operator" if by_hand else "commanded"
+            text = f"no channel reads where the plate stands: distances are {source}, not measured"
+            self._recorder.note("plate", text)
 
     def _tare_if_due(self) -> None:
         every_s = 60.0 * self._plan.tare.every_minutes

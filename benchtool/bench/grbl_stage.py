@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 
@@ -72,7 +72,10 @@ class GrblStage:
         name: of the stage, for messages.
         opening: called while the stage homes on opening, which takes long; a bench beside it would
             run over if nobody listened to it.
+        option: how it was chosen.
     """
+
+    measures_to_m = 0.0
 
     def __init__(
         self,
@@ -83,6 +86,7 @@ class GrblStage:
         clock: Callable[[], float] = time.monotonic,
         name: str = "the stage",
         opening: Pause = _no_pause,
+        option: str = "grbl",
     ) -> None:
         self._link = GrblLink(transport, clock, name)
         self._clock = clock
@@ -90,7 +94,17 @@ class GrblStage:
         self._distance = distance
         self._lateral = lateral
         self._feed_mm_min = 60e3 * feed_m_s
+        self._facts: dict[str, str | float] = {
+            "stage": option,
+            "axis": distance.letter,
+            "zero_mm": 1e3 * distance.zero_m,
+            "direction": distance.direction,
+        }
         self._held = False
+
+    @property
+    def facts(self) -> Mapping[str, str | float]:
+        return self._facts
 
     def open(self) -> None:
         self._link.open()

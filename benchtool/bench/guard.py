@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from benchtool.bench.bench import Bench, Identity, Readings
 from benchtool.bench.join_readings import joined
 from benchtool.bench.limit_check import LimitCheck
+from benchtool.bench.plate_check import PlateCheck
 from benchtool.bench.stop_signals import StopSignals
 from benchtool.core.counted import counted
 from benchtool.core.rig import Limits, Rig
@@ -44,6 +45,10 @@ SPIN_DOWN_S = 4.0
 
 LOOK_S = 0.05
 
+PLATE_S = 2.0
+"""A position reading may lag behind the plate for so long after a move. A choice: range finders are
+averaged over about a second."""
+
 
 class GuardedBench:
     """Watch over a bench.
@@ -65,6 +70,7 @@ class GuardedBench:
         self._limits = rig.limits if limits is None else limits
         self._stale_s = stale_s
         self._check: LimitCheck | None = None
+        self._plate: PlateCheck | None = None
         self._kept: list[Readings] = []
         self._pwm_us: Array = np.full(rig.n_rotors, rig.propulsion.pwm_stop_us)
         self._commanded_s = 0.0
@@ -95,6 +101,7 @@ class GuardedBench:
         self._check = LimitCheck(
             self.identity.channels, self._rig, self._limits, self._stale_s, self.now_s()
         )
+        self._plate = PlateCheck(self.identity.channels, self._rig)
         if self.identity.has_loop:
             self.expect_loop()
 
@@ -149,9 +156,36 @@ class GuardedBench:
         self.ready_for_move(z_m, x_m, tilt_rad)
         try:
             self.bench.move_plate(z_m, x_m, tilt_rad)
+            self.confirm_plate(z_m, z_m)
         except BenchError as error:
             self._halt(error)
             raise
+
+    def confirm_plate(self, target_m: float, stage_m: float, more_m: float = 0.0) -> None:
+        """Hold a move that has ended against the bench's own reading, where there is one.
+
+        `move_plate` does this by itself; whoever moves a separate stage asks for it afterwards.
+
+        Args:
+            target_m: where the plate was sent.
+            stage_m: where what moved it says that it stands.
+            more_m: allowed on top of the tolerance.
+
+        Raises:
+            StageError: target, stage and reading disagree, or nothing was read.
+        """
+        if self._plate is None or not self._plate.measured:
+            return
+        self._plate.arrives()
+        until_s = self.now_s() + PLATE_S
+        while True:
+            self.listen(LOOK_S)
+            problem = self._plate.problem(target_m, stage_m, more_m)
+            if problem is None:
+                return
+            if self.now_s() > until_s:
+                self._halt(problem)
+                raise problem
 
     def ready_for_move(self, z_m: float, x_m: float = 0.0, tilt_rad: float = 0.0) -> None:
         """Allow the plate to move there: at idle throttle only, never inside the minimum gap.
@@ -185,6 +219,8 @@ class GuardedBench:
                 f"us, above idle at {idle_us:g} us; command idle first"
             )
         self._wait_until_slow(idle_us)
+        if self._plate is not None:
+            self._plate.departs()
 
     def tare(self) -> None:
         """Tare, with every motor commanded to stand still."""
@@ -225,6 +261,8 @@ class GuardedBench:
             self._halt(breach)
             self._kept.append(readings)
             raise breach
+        if self._plate is not None:
+            self._plate.note(readings.values)
         return readings
 
     def listen(self, timeout_s: float) -> Readings:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.bench.obedience import GAP_S, HostPulses, LoopPulses
+from benchtool.bench.plate_check import CHANNEL, plate_tolerance_m
 from benchtool.core.channel import Channel
 from benchtool.core.rig import Limits, Rig
 from benchtool.errors import LimitExceeded
@@ -78,6 +79,10 @@ class LimitCheck:
             names.index(f"rpm{i + 1}") for i in range(rig.n_rotors) if f"rpm{i + 1}" in names
         ]
         self._thrust = names.index("thrust_N") if "thrust_N" in names else -1
+        self._plate = names.index(CHANNEL) if CHANNEL in names else -1
+        self._nearest_m = rig.plate.z_min_m - plate_tolerance_m(rig)
+        self._turning = False
+        self._stop_us = rig.propulsion.pwm_stop_us
         self._n_rotors = rig.n_rotors
         self._rig = rig
         self._host = HostPulses(rig.propulsion, rig.n_rotors, start_s)
@@ -104,6 +109,7 @@ class LimitCheck:
 
     def commanded(self, pwm_us: Array, now_s: float) -> None:
         """Note what every motor is told (n_rotors,): us, to compare its rpm with."""
+        self._turning = bool((pwm_us > self._stop_us).any())
         self._host.commanded(pwm_us, now_s)
 
     def expect_loop(self, now_s: float, *, armed_else: bool) -> None:
@@ -138,6 +144,10 @@ class LimitCheck:
         broken = (seen > self._high) | (seen < self._low)
         if broken.any():
             return self._beyond(seen, broken)
+        if self._turning and self._plate >= 0:
+            near = self._too_near(values[:, self._plate])
+            if near is not None:
+                return near
         self._skip_gap(float(time_s[0]))
         self._last_s = float(time_s[-1])
         self._note_fresh(time_s, seen)
@@ -152,6 +162,19 @@ class LimitCheck:
             thrust_N, squares = values[:, self._thrust], np.einsum("ij,ij->i", rpm, rpm)
             error = self._implausible(time_s, squares, thrust_N) or self._stuck(squares, thrust_N)
         return error or self._disobeyed(values, rpm)
+
+    def _too_near(self, plate_m: Array) -> LimitExceeded | None:
+        """Return an error when the plate stands inside the least gap while motors turn."""
+        near = plate_m[plate_m < self._nearest_m]
+        if not len(near):
+            return None
+        return LimitExceeded(
+            CHANNEL,
+            float(near[0]),
+            self._rig.plate.z_min_m,
+            "the plate is nearer than the rig's least gap while motors turn; move it away by hand, "
+            "then check stage and sensor",
+        )
 
     def _skip_gap(self, first_s: float) -> None:
         gap_s = first_s - self._last_s

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from benchtool.bench.stage import Pause, Stage
 from benchtool.core.rig import PlateStage
 
@@ -26,6 +28,14 @@ class OneSidedStage:
         self._overshoot_m = OVERSHOOT_BACKLASHES * plate.backlash_m
         self._farthest_m = plate.z_max_m
         self._standing_m: float | None = None
+
+    @property
+    def facts(self) -> Mapping[str, str | float]:
+        return self._stage.facts
+
+    @property
+    def measures_to_m(self) -> float:
+        return self._stage.measures_to_m
 
     def open(self) -> None:
         self._stage.open()

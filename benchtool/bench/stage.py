@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import Protocol
 
 from benchtool.bench.bench import Bench
@@ -14,8 +15,22 @@ Pause = Callable[[float], None]
 bench is listened to meanwhile."""
 
 
+RULER_M = 0.002
+"""How far what a person measures may be from a reading. A choice, two marks of a ruler."""
+
+
 class Stage(Protocol):
     """Move the plate; every method blocks until it is done or has failed."""
+
+    @property
+    def facts(self) -> Mapping[str, str | float]:
+        """What moves the plate, for the run's metadata; `stage` is the `--stage` to say again."""
+        ...
+
+    @property
+    def measures_to_m(self) -> float:
+        """How far its word may be from a reading beyond what the rig allows."""
+        ...
 
     def open(self) -> None:
         """Get ready; homes where that is needed.
@@ -46,6 +61,9 @@ class Stage(Protocol):
 class DeviceStage:
     """Let the bench move its own plate."""
 
+    facts: Mapping[str, str | float] = MappingProxyType({"stage": "device"})
+    measures_to_m = 0.0
+
     def __init__(self, bench: Bench) -> None:
         self._bench = bench
 
@@ -72,6 +90,9 @@ class HandStage:
         tolerance_m: how far the distance typed in may be from the one asked for.
         tries: how often a wrong answer is asked again.
     """
+
+    facts: Mapping[str, str | float] = MappingProxyType({"stage": "hand"})
+    measures_to_m = RULER_M
 
     def __init__(
         self,

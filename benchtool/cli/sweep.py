@@ -106,6 +106,7 @@ def command(
         resolved, stands = rest.plan, rest.rig
         permit = announce_code if address else refuse_code
         address = address or str(rest.run.metadata.get("address", ""))
+        stage = stage or rest.stage
     else:
         if not address:
             raise InputError("which bench? name its address, for example sim:pquad")

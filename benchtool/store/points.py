@@ -27,6 +27,8 @@ class Point:
         thrust_N, thrust_sd_N, thrust_se_N: mean over samples, their standard deviation, and the
             standard error of the mean with autocorrelation accounted for.
         n_samples: thrust samples in the mean.
+        plate_z_m: distance of the plate: what the bench read, or the stage's word without it.
+        plate_stage_z_m, plate_read_z_m: both of them, nan where one is missing.
         settled: whether the settling test passed before its time-out.
     """
 
@@ -51,6 +53,8 @@ class Point:
     torque_Nm: float = nan
     temperature_degC: float = nan
     settled: bool = True
+    plate_stage_z_m: float = nan
+    plate_read_z_m: float = nan
 
     @property
     def sum_rpm2(self) -> float:
@@ -66,7 +70,7 @@ def point_columns(n_rotors: int) -> tuple[str, ...]:
         *(f"rpm{i + 1}" for i in range(n_rotors)),
         *(f"rpm{i + 1}_se" for i in range(n_rotors)),
         *("thrust_N", "thrust_sd_N", "thrust_se_N", "n_samples"),
-        *("plate_z_m", "plate_x_m", "plate_tilt_deg"),
+        *("plate_z_m", "plate_stage_z_m", "plate_read_z_m", "plate_x_m", "plate_tilt_deg"),
         *("voltage_V", "current_A", "torque_Nm", "temperature_degC", "settled"),
     )
 
@@ -78,7 +82,8 @@ def point_cells(point: Point) -> list[str]:
         *point.rpm,
         *point.rpm_se,
         *(point.thrust_N, point.thrust_sd_N, point.thrust_se_N, point.n_samples),
-        *(point.plate_z_m, point.plate_x_m, point.plate_tilt_deg),
+        *(point.plate_z_m, point.plate_stage_z_m, point.plate_read_z_m),
+        *(point.plate_x_m, point.plate_tilt_deg),
         *(point.voltage_V, point.current_A, point.torque_Nm, point.temperature_degC),
     )
     return [

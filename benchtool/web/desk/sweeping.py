@@ -108,7 +108,8 @@ class Sweeping:
         self._radius_m = rig.propulsion.radius_m
         check_plan(plan, rig, identity.limits)
         scale = rest.calibration if rest else calibration_for(ask.calibration, identity)
-        stage = stage_for(ask.stage, bench, rig, lambda text: self._ask(bench, text))
+        chosen = ask.stage or (rest.stage if rest else None)
+        stage = stage_for(chosen, bench, rig, lambda text: self._ask(bench, text))
         require_armed(ask.typed, identity, rig)
         stage.open()
         run: Run | None = None

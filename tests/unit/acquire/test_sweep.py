@@ -215,7 +215,7 @@ def test_a_tare_that_leaves_too_much_is_refused(tmp_path: Path) -> None:
     with pytest.raises(BenchError, match=r"after 3 tares \+0\.2 N are left .* limit 0\.012 N"):
         sweep(FakeBench(left_N=0.2), tmp_path / "run")
     events = [event.event for event in read_events(tmp_path / "run" / "events.jsonl")]
-    assert events == ["tare_residual"] * 3 + ["stopped"]
+    assert events == ["plate", *["tare_residual"] * 3, "stopped"]
 
 
 def test_a_rotor_that_turns_at_zero_is_refused(tmp_path: Path) -> None:

@@ -18,8 +18,9 @@ def test_it_stays_above_idle_and_inside_the_gap() -> None:
     bare = SimulatedBench("sim:pquad", rig, load_model("quad_body_lift").model)
     inner = Listed()
     with GuardedBench(bare, rig) as bench:
-        stage = IdleStage(inner, bench.ready_for_move)
-        stage.move(0.3, 0.0, 0.0, pause)
+        stage = IdleStage(inner, bench)
+        bare.move_plate(0.3)
+        assert stage.move(0.3, 0.0, 0.0, pause) == 0.3
         with pytest.raises(StageError, match=r"outside 0\.05 to 1\.5 m"):
             stage.move(0.04, 0.0, 0.0, pause)
         with pytest.raises(StageError, match=r"sideways to 1 m, limit 0\.945 m"):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -16,6 +17,9 @@ from benchtool.simulate.imperfections import Imperfections
 
 class Listed:
     """A stage that lists where it was sent."""
+
+    facts: ClassVar = {"stage": "listed"}
+    measures_to_m = 0.0
 
     def __init__(self) -> None:
         self.sent: list[float] = []

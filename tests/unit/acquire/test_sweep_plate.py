@@ -1,0 +1,162 @@
+"""A plate that a stage beside the bench moves: the stage's word against the bench's reading."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import ClassVar
+
+import pytest
+
+from benchtool.acquire.metadata import run_metadata
+from benchtool.acquire.plan import plan_from_toml, plan_to_toml
+from benchtool.acquire.resume import unfinished
+from benchtool.acquire.stage_choice import stage_for
+from benchtool.acquire.sweep import run_sweep
+from benchtool.bench.guard import GuardedBench
+from benchtool.bench.idle_stage import IdleStage
+from benchtool.bench.simulated import SimulatedBench
+from benchtool.errors import BenchtoolError, InputError, StageError
+from benchtool.library import load_model, rig_named
+from benchtool.store import Run, read_events, read_points
+from tests.unit.acquire.fake_bench import FakeBench
+from tests.unit.acquire.test_sweep import PLAN
+
+RIG = rig_named("pquad_single")
+STAGE = "grbl:/dev/ttyS9?axis=Z&zero_mm=1500&direction=1"
+
+
+def bench_beside(seed: int = 0) -> SimulatedBench:
+    """Return a virtual bench whose plate something else moves."""
+    bench = SimulatedBench("sim:pquad_single", RIG, load_model("single", RIG).model, seed)
+    bench._hello = bench._firmware.hello = replace(bench._hello, moves_plate=False)
+    return bench
+
+
+class Carries:
+    """Be a stage that carries the plate of a virtual bench, and may lose steps on its way.
+
+    Args:
+        bench: whose plate.
+        lost_m: at the n-th move the plate falls so far behind, towards the rotor where negative.
+    """
+
+    facts: ClassVar = {"stage": STAGE}
+    measures_to_m = 0.0
+
+    def __init__(self, bench: SimulatedBench, lost_m: dict[int, float] | None = None) -> None:
+        self._bench, self._lost_m = bench, lost_m or {}
+        self._off_m = 0.0
+        self.moves = 0
+        self.highest_us = 0.0
+
+    def open(self) -> None: ...
+
+    def move(self, z_m: float, x_m: float, tilt_rad: float, pause: object) -> float:
+        self._off_m += self._lost_m.get(self.moves, 0.0)
+        self.moves += 1
+        self._bench._firmware.carry_plate(z_m + self._off_m)
+        while self._bench._plant.plate_moving:
+            self._bench._pass(0.1)
+        return z_m
+
+    def hold(self) -> None: ...
+
+    def close(self) -> None: ...
+
+
+def sweep(bench: SimulatedBench, stage: Carries, distances: str, path: Path) -> list[float]:
+    """Sweep distances; return the distance of every point that was measured."""
+    plan = plan_from_toml(
+        f"""
+repeats = 1
+sample_s = 0.5
+[plate]
+distances_m = [{distances}]
+[throttle]
+pwm_us = [1500.0]
+[order]
+kind = "as_given"
+references = false
+anchor_every = 0
+""",
+        "plan",
+    ).resolved(RIG)
+    with GuardedBench(bench, RIG) as guarded:
+        run = Run.create(path, plan_to_toml(plan), run_metadata(plan, RIG, guarded.identity))
+        try:
+            run_sweep(guarded, IdleStage(stage, guarded), plan, RIG, run)
+        finally:
+            stage.highest_us = float(guarded.pwm_us.max())
+    return read_points(path).column("plate_z_m").tolist()
+
+
+def test_a_stage_that_is_right_is_believed_and_remembered(tmp_path: Path) -> None:
+    bench = bench_beside()
+    found = sweep(bench, Carries(bench), "0.1, 0.5", tmp_path / "run")
+    assert found == pytest.approx([0.1, 0.5], abs=2e-4)
+    assert Run.open(tmp_path / "run").metadata["plate"]["stage"] == STAGE
+
+
+@pytest.mark.parametrize(
+    ("lost_m", "distances", "said"),
+    [
+        # 40 mm nearer than the stage says: 29 mm, where the rig's least gap is 50 mm.
+        (
+            {2: -0.041},
+            "0.2, 0.6, 0.07",
+            "reads 0.0290 m .*, inside the least gap of 0.05 m",
+        ),
+        ({1: 0.04}, "0.2, 0.6", "reads 0.6400 m after the move to 0.6 m, tolerance 1.5 mm"),
+        ({0: -0.03}, "0.2", "reads 0.1700 m after the move to 0.2 m"),
+        ({0: 1.2}, "0.2", "still reads 1.4000 m after the move to 0.2 m"),
+    ],
+)
+def test_lost_steps_end_the_run_before_motors_turn(
+    tmp_path: Path, lost_m: dict[int, float], distances: str, said: str
+) -> None:
+    bench = bench_beside()
+    stage = Carries(bench, lost_m)
+    with pytest.raises(StageError, match=said):
+        sweep(bench, stage, distances, tmp_path / "run")
+    assert stage.highest_us == 1000.0
+    # The points before it stand; the one that was not seen is not there.
+    events = [event.event for event in read_events(tmp_path / "run" / "events.jsonl")]
+    assert events[-1] == "stopped"
+
+
+def test_without_a_position_channel_distances_are_called_commanded(tmp_path: Path) -> None:
+    bench, plan = FakeBench(), PLAN.resolved(RIG)
+    run = Run.create(tmp_path / "run", plan_to_toml(plan), run_metadata(plan, RIG, bench.identity))
+
+    class Beside(Carries):
+        def move(self, z_m: float, x_m: float, tilt_rad: float, pause: object) -> float:
+            return z_m
+
+    run_sweep(bench, Beside(bench_beside()), plan, RIG, run)
+    first = read_events(run.path / "events.jsonl")[0]
+    assert first.text == (
+        "no channel reads where the plate stands: distances are commanded, not measured"
+    )
+    assert run.metadata["plate"]["measured"] is False
+    points = read_points(run.path)
+    assert points.column("plate_stage_z_m").tolist() == points.column("plate_z_m").tolist()
+
+
+@pytest.mark.parametrize("option", [STAGE, "hand"])
+def test_a_bench_that_moves_its_own_plate_refuses_a_second_stage(option: str) -> None:
+    bare = SimulatedBench("sim:pquad_single", RIG, load_model("single", RIG).model)
+    with (
+        GuardedBench(bare, RIG) as bench,
+        pytest.raises(InputError, match="sim:pquad_single moves its own plate"),
+    ):
+        stage_for(option, bench, RIG, lambda question: "")
+
+
+def test_a_resumed_run_names_the_stage_that_moved_the_plate(tmp_path: Path) -> None:
+    bench = bench_beside()
+    with pytest.raises(BenchtoolError):
+        sweep(bench, Carries(bench, {1: 0.04}), "0.2, 0.6", tmp_path / "run")
+    run = Run.open(tmp_path / "run")
+    run.close()
+    assert unfinished(run).stage == STAGE
