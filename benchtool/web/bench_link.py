@@ -12,7 +12,7 @@ from dataclasses import replace
 from benchtool.store.events import Event
 from benchtool.web.bench_process import BenchProcess
 from benchtool.web.desk.asks import Ask, Leave, Stop
-from benchtool.web.desk.news import Connection, Happened, Live, News, Said, Swept
+from benchtool.web.desk.news import Connection, Happened, Live, News, PressEnded, Said, Swept
 from benchtool.web.desk.outbox import FRAME
 
 KEPT_EVENTS = 200
@@ -37,6 +37,7 @@ class BenchLink:
         self.swept = Swept()
         self.events: list[Event] = []
         self.said: Callable[[Said], None] = lambda said: None
+        self.press_ended: Callable[[PressEnded], None] = lambda ended: None
         self.framed: Callable[[bytes], None] = lambda frame: None
         self._process = process or BenchProcess()
         self._closing = False
@@ -109,5 +110,7 @@ class BenchLink:
         elif isinstance(news, Happened):
             self.events.append(news.event)
             del self.events[:-KEPT_EVENTS]
+        elif isinstance(news, PressEnded):
+            self.press_ended(news)
         else:
             self.said(news)

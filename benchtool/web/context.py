@@ -46,7 +46,6 @@ class Context:
         tab: name of the browser's tab, told by the page once it has connected.
         theme: "light", "dark", or empty to follow the system.
         dark: whether the page is dark now, told by the page.
-        let_go: lets the page's throttle go, when its press has ended elsewhere.
         arrived: is called once the page has connected.
     """
 
@@ -54,7 +53,6 @@ class Context:
     tab: str = ""
     theme: str = ""
     dark: bool = False
-    let_go: Callable[[], object] = lambda: None
     arrived: Callable[[], object] = lambda: None
 
     @property

@@ -3,44 +3,34 @@
 from __future__ import annotations
 
 import re
+from contextlib import suppress
 from time import monotonic
-from typing import ClassVar
 
 from fastapi import WebSocket, WebSocketDisconnect
-from nicegui import app
-from nicegui.element import Element
+from nicegui import app, background_tasks, ui
 
 from benchtool.web.context import Context, Shared
 from benchtool.web.desk.asks import Hold, Release
-from benchtool.web.theme import STATIC
+from benchtool.web.desk.news import PressEnded
 
 LONGEST_NAME = 64
 
 _HOLD = re.compile(r"hold (\d{1,9}) (\d{1,5}(?:\.\d{1,3})?) (\d{1,2}(?:,\d{1,2}){0,15})")
 
 
-class ControlLine(Element, component=STATIC / "control_line.js"):
-    """Hold the page's end: Stop buttons, space bar and Escape, the button that is held.
+PAGES: dict[str, Context] = {}
+"""Pages by the name of their connection."""
 
-    Args:
-        context: learns the name of the browser's tab, and whether the page is dark.
+
+def add_control_line(context: Context) -> None:
+    """Give the present page its end: Stop buttons, space bar and Escape, the button that is held.
+
+    Called before anything else of the page is made: the script's listeners must be the first.
     """
-
-    pages: ClassVar[dict[str, Context]] = {}
-    """Pages by the name of their connection."""
-
-    def __init__(self, context: Context) -> None:
-        super().__init__()
-        page = self.client.id
-        self._props["page"] = page
-        self.pages[page] = context
-        self.on("dark", lambda told: setattr(context, "dark", bool(told.args)))
-        context.let_go = self.let_go
-        self.client.on_delete(lambda: self.pages.pop(page, None))
-
-    def let_go(self) -> None:
-        """Let the page's button go, when a press of it has ended elsewhere."""
-        self.run_method("release")
+    client = ui.context.client
+    PAGES[client.id] = context
+    client.on_delete(lambda: PAGES.pop(client.id, None))
+    ui.add_head_html(f'<script src="/static/stop.js" data-page="{client.id}"></script>')
 
 
 def hear(shared: Shared, tab: str, word: str) -> None:
@@ -57,15 +47,31 @@ def hear(shared: Shared, tab: str, word: str) -> None:
         shared.bench.ask(Hold(f"{tab} {match[1]}", float(match[2]), rotors))
 
 
+async def _send(socket: WebSocket, word: str) -> None:
+    """Send a word; a page that has gone meanwhile is noticed by its handler."""
+    with suppress(WebSocketDisconnect, RuntimeError):
+        await socket.send_text(word)
+
+
 def serve_control_line(shared: Shared) -> None:
     """Take control lines under /control."""
+    lines: set[tuple[str, WebSocket]] = set()
+
+    def press_ended(ended: PressEnded) -> None:
+        tab = ended.press.partition(" ")[0]
+        for line_tab, socket in lines:
+            if line_tab == tab:
+                background_tasks.create(_send(socket, f"let go {ended.reason}"))
+
+    shared.bench.press_ended = press_ended
 
     @app.websocket("/control")
     async def control(socket: WebSocket, page: str, tab: str) -> None:
         await socket.accept()
         tab = tab[:LONGEST_NAME]
         shared.seat.arrive(tab)
-        if (context := ControlLine.pages.get(page)) is not None:
+        lines.add((tab, socket))
+        if (context := PAGES.get(page)) is not None:
             context.tab = tab
             context.arrived()
         try:
@@ -74,6 +80,8 @@ def serve_control_line(shared: Shared) -> None:
                 if word == "stop":
                     shared.bench.stop("the page")
                     await socket.send_text("stopped")
+                elif word in ("dark 0", "dark 1") and context is not None:
+                    context.dark = word == "dark 1"
                 elif shared.seat.controls(tab):
                     hear(shared, tab, word)
         except WebSocketDisconnect:
@@ -81,6 +89,7 @@ def serve_control_line(shared: Shared) -> None:
         finally:
             if shared.seat.controls(tab):
                 shared.bench.ask(Release())
+            lines.discard((tab, socket))
             shared.seat.leave(tab, monotonic())
 
     @app.post("/stop")

@@ -7,7 +7,6 @@ from time import monotonic
 from nicegui import ui
 
 from benchtool.web.context import Context
-from benchtool.web.control_line import ControlLine
 from benchtool.web.tell import say
 
 STOP = (
@@ -41,7 +40,6 @@ class Header:
                 self._theme.props('aria-label="Light, dark, or as the system has it"')
                 ui.html(STOP, sanitize=False)
             self.tabs_place = ui.row().classes("w-full")
-        ControlLine(context)
         self._show_theme()
         self.refresh()
         context.arrived = self.refresh

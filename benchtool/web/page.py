@@ -6,6 +6,7 @@ from fastapi import Request
 from nicegui import ui
 
 from benchtool.web.context import Context, Shared
+from benchtool.web.control_line import add_control_line
 from benchtool.web.header import Header
 from benchtool.web.tab import Tab
 from benchtool.web.tabs import TABS
@@ -19,6 +20,7 @@ def serve_page(shared: Shared) -> None:
     def page(request: Request, tab: str = "") -> None:
         theme = request.cookies.get("benchtool-theme", "")
         context = Context(shared=shared, theme=theme if theme in ("light", "dark") else "")
+        add_control_line(context)
         header = Header(context, dress_page(theme))
         keys = [one.key for one in TABS]
         with header.tabs_place:

@@ -34,6 +34,9 @@ CHROMIUM = next(
 )
 PATIENCE_MS = 20_000
 
+PLOTLYS_OWN = "Resize must be passed a displayed plot div element."
+"""What NiceGUI's plot says on the page's console when its tab is left; nothing comes of it."""
+
 
 @dataclass(frozen=True)
 class Web:
@@ -135,7 +138,7 @@ def open_page(browser: Browser) -> Iterator[Callable[[str], Page]]:
     yield opened
     for context in contexts:
         context.close()
-    assert faults == []
+    assert [fault for fault in faults if fault != PLOTLYS_OWN] == []
 
 
 @pytest.fixture

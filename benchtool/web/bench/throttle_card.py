@@ -18,7 +18,6 @@ class ThrottleCard:
     def __init__(self, context: Context) -> None:
         self._context = context
         self._shown = -1
-        self._let_go = 0
         self._rotors: list[ui.checkbox] = []
         with ui.card().classes("w-full") as self._card:
             ui.label("Throttle by hand").classes("card-title").props("role=heading aria-level=2")
@@ -48,9 +47,6 @@ class ThrottleCard:
         if connection.session != self._shown:
             self._shown = connection.session
             self._fit(rig)
-        if live.let_go != self._let_go:
-            self._let_go = live.let_go
-            self._context.let_go()
         busy = self._context.bench.swept.active
         may = live.armed and not busy and self._context.in_control()
         self._hold.props(add="" if may else "disabled", remove="disabled" if may else "")
@@ -63,7 +59,9 @@ class ThrottleCard:
         """Offer what this rig has."""
         stop_us = rig.propulsion.pwm_stop_us
         most_us = min(rig.limits.pwm_us, rig.propulsion.pwm_max_us)
-        self._slider.props(f"min={stop_us:g} max={most_us:g}")
+        # Not as text: a slider whose bounds are strings fails when it is dragged.
+        self._slider.props.update(min=stop_us, max=most_us)
+        self._slider.update()
         self._pulse.min, self._pulse.max = stop_us, most_us
         self._pulse.props(f'hint="{stop_us:g} to {most_us:g}"')
         self._pulse.value = low_throttle_us(rig)

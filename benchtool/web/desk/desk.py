@@ -32,7 +32,7 @@ from benchtool.web.desk.asks import (
     Stop,
 )
 from benchtool.web.desk.hand import Hand
-from benchtool.web.desk.news import Connection, Said
+from benchtool.web.desk.news import Connection, PressEnded, Said
 from benchtool.web.desk.outbox import Outbox
 from benchtool.web.desk.session import Session
 from benchtool.web.desk.sweeping import Sweeping
@@ -67,7 +67,9 @@ class Desk:
         self._pipe = pipe
         self._outbox = Outbox(pipe)
         self._asks: queue.SimpleQueue[Ask] = queue.SimpleQueue()
-        self._hand = Hand()
+        self._hand = Hand(
+            lambda press, reason: self._outbox.tell(PressEnded(press=press, reason=reason))
+        )
         self._sweeping = Sweeping(self._outbox)
         self._bench: StoppableBench | None = None
         self._pace: PacedBench | None = None
@@ -120,7 +122,7 @@ class Desk:
                 self._asks.put(ask)
 
     def _stop(self, reason: str) -> None:
-        self._hand.cut()
+        self._hand.cut(reason)
         if (bench := self._bench) is not None:
             bench.ask_to_stop(reason)
 

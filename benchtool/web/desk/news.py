@@ -55,7 +55,6 @@ class Live:
         samples, lost, corrupt: since the connection.
         near: limits, and how near each reading has been since the last of these.
         armed: motors may be turned by hand.
-        let_go: how often a hand's press was ended by something else.
         speed: of a virtual clock, 0 where the clock is the wall's.
         weighed: (mass in kg, counts) so far, for a calibration.
         busy: what is being done that takes a while, empty when nothing is.
@@ -68,7 +67,6 @@ class Live:
     corrupt: int = 0
     near: tuple[Near, ...] = ()
     armed: bool = False
-    let_go: int = 0
     speed: float = 0.0
     weighed: tuple[tuple[float, float], ...] = ()
     busy: str = ""
@@ -114,6 +112,14 @@ class Happened:
     event: Event
 
 
+@dataclass(frozen=True, slots=True)
+class PressEnded:
+    """Tell that a press of the throttle has ended, but not by the hand itself."""
+
+    press: str
+    reason: str
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Said:
     """Tell people something once."""
@@ -122,4 +128,4 @@ class Said:
     is_error: bool = False
 
 
-News = Connection | Live | Swept | Happened | Said
+News = Connection | Live | Swept | Happened | PressEnded | Said

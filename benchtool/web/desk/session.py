@@ -26,7 +26,7 @@ from benchtool.web.desk.asks import (
     Tare,
     Weigh,
 )
-from benchtool.web.desk.hand import PATIENCE_S, Hand
+from benchtool.web.desk.hand import Hand
 from benchtool.web.desk.news import Connection, Said
 from benchtool.web.desk.outbox import Outbox
 from benchtool.web.desk.recording import record
@@ -94,12 +94,11 @@ class Session:
                     self._turn(guarded)
                 bench.read(LOOK_S)
             except AskedToStop as stopped:
-                self._hand.cut()
+                self._hand.cut(str(stopped))
                 bench.stop()
                 self._outbox.tell(Said(text=str(stopped)))
             self._watch.note(
                 armed=self._armed,
-                let_go=self._hand.cuts,
                 weighed=self._weighing.weighed,
             )
 
@@ -140,11 +139,11 @@ class Session:
             bench.move_plate(ask.z_m)
             self._watch.note(busy="")
         elif isinstance(ask, Sweep):
-            self._hand.cut()
+            self._hand.cut("a sweep begins")
             bench.stop()
             self._sweeping.run(bench, self._rig, ask)
         elif isinstance(ask, Record):
-            self._hand.cut()
+            self._hand.cut("a recording begins")
             bench.stop()
             record(bench, self._rig, ask, self._sweeping)
 
@@ -153,18 +152,14 @@ class Session:
         now_s = time.monotonic()
         wanted = self._hand.wanted(now_s)
         if wanted is not None and not self._armed:
-            self._hand.cut()
             text = f"motors are not armed; type {CONFIRMATION} first"
+            self._hand.cut(text)
             self._outbox.tell(Said(text=text, is_error=True))
             wanted = None
-        if self._hand.fell_silent:
-            self._hand.fell_silent = False
-            text = f"the throttle let go: its page was silent for {1e3 * PATIENCE_S:.0f} ms"
-            self._outbox.tell(Said(text=text))
         try:
             self._throttle.follow(bench, wanted, now_s)
         except InputError as error:
-            self._hand.cut()
+            self._hand.cut(str(error))
             self._outbox.tell(Said(text=str(error), is_error=True))
 
     def _calibrate(

@@ -15,33 +15,36 @@ def test_a_hand_that_is_heard_of_holds_on() -> None:
 
 
 def test_silence_lets_go_and_a_late_beat_of_that_press_does_not_come_back() -> None:
-    hand = Hand()
+    ended: list[tuple[str, str]] = []
+    hand = Hand(lambda press, reason: ended.append((press, reason)))
     hand.hold(FIRST, 0.0)
     assert hand.wanted(0.99 * PATIENCE_S) is FIRST
-    assert not hand.fell_silent
-    assert hand.wanted(1.01 * PATIENCE_S) is None
-    assert hand.fell_silent
-    assert hand.cuts == 1
-    hand.hold(FIRST, 0.3)
-    assert hand.wanted(0.3) is None
-    hand.hold(SECOND, 0.4)
-    assert hand.wanted(0.4) is SECOND
+    assert ended == []
+    assert hand.wanted(1.5 * PATIENCE_S) is None
+    hand.hold(FIRST, 2.0 * PATIENCE_S)
+    assert hand.wanted(2.0 * PATIENCE_S) is None
+    ((press, reason),) = ended
+    assert press == "a 1"
+    assert f"for {1500.0 * PATIENCE_S:.0f} ms" in reason
+    hand.hold(SECOND, 3.0 * PATIENCE_S)
+    assert hand.wanted(3.0 * PATIENCE_S) is SECOND
 
 
 def test_a_stop_ends_the_press_that_is_still_held() -> None:
-    hand = Hand()
+    ended: list[tuple[str, str]] = []
+    hand = Hand(lambda press, reason: ended.append((press, reason)))
     hand.hold(FIRST, 0.0)
-    hand.cut()
-    hand.cut()
-    assert hand.cuts == 1
+    hand.cut("stopped from the page")
+    hand.cut("stopped from the page")
     hand.hold(FIRST, 0.05)
     assert hand.wanted(0.06) is None
-    assert not hand.fell_silent
+    assert ended == [("a 1", "stopped from the page")]
 
 
 def test_a_hand_that_lets_go_by_itself_is_not_cut() -> None:
-    hand = Hand()
+    ended: list[tuple[str, str]] = []
+    hand = Hand(lambda press, reason: ended.append((press, reason)))
     hand.hold(FIRST, 0.0)
     hand.release()
     assert hand.wanted(0.01) is None
-    assert hand.cuts == 0
+    assert ended == []

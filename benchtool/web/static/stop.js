@@ -1,0 +1,122 @@
+// Stop, and the hand on the throttle, over a websocket of their own. The page's first script: its
+// listeners are the first on the window, so no other script can keep an event from them.
+"use strict";
+(() => {
+  const RETRY_MS = 500, BEAT_MS = 50;
+  const page = document.currentScript.dataset.page;
+  const tab = (sessionStorage.benchtoolTab ||= crypto.getRandomValues(new Uint32Array(3)).join("-"));
+  let socket, held, holder, beats, press = Math.floor(performance.timeOrigin % 1e6) * 100, stoppedAt = -1, dark;
+
+  function send(word) {
+    if (socket.readyState !== WebSocket.OPEN) return false;
+    socket.send(word);
+    return true;
+  }
+
+  function connect() {
+    const scheme = location.protocol === "https:" ? "wss" : "ws";
+    socket = new WebSocket(`${scheme}://${location.host}/control?page=${page}&tab=${tab}`);
+    socket.onopen = () => {
+      mark("cut-off", false);
+      dark = undefined;
+      sayDark();
+    };
+    socket.onmessage = (event) => {
+      if (event.data === "stopped") flash();
+      else if (event.data.startsWith("let go ")) release();
+    };
+    socket.onclose = () => {
+      mark("cut-off", true);
+      setTimeout(connect, RETRY_MS);
+    };
+  }
+
+  function stop(event) {
+    event.preventDefault();
+    // One press can be a pointer, a touch and a mouse event, all with the same time.
+    if (event.timeStamp === stoppedAt) return;
+    stoppedAt = event.timeStamp;
+    release();
+    if (!send("stop")) fetch("/stop", { method: "POST", keepalive: true }).then((reply) => reply.ok && flash());
+  }
+
+  // By place, not by target: whatever lies over the button, or takes pointers away from everything
+  // (Quasar does while something is dragged), does not keep a hand from it.
+  function isOnStop({ clientX, clientY }) {
+    return [...document.querySelectorAll(".stop-button")].some((button) => {
+      const { left, right, top, bottom, width } = button.getBoundingClientRect();
+      return width > 0 && left <= clientX && clientX <= right && top <= clientY && clientY <= bottom;
+    });
+  }
+
+  function hold(button, event) {
+    release();
+    if (button.disabled || (event.button ?? 0) !== 0) return;
+    press += 1;
+    held = button;
+    holder = event.pointerId ?? event.key;
+    held.classList.add("held");
+    beats = setInterval(beat, BEAT_MS);
+    beat();
+  }
+
+  function beat() {
+    const { pulse, rotors } = held.dataset;
+    if (!held.isConnected || !send(`hold ${press} ${pulse} ${rotors}`)) release();
+  }
+
+  function release() {
+    if (!held) return;
+    clearInterval(beats);
+    held.classList.remove("held");
+    held = undefined;
+    send("release");
+  }
+
+  function flash() {
+    mark("pressed", true);
+    setTimeout(() => mark("pressed", false), 400);
+  }
+
+  function mark(name, on) {
+    document.querySelectorAll(".stop-button").forEach((button) => button.classList.toggle(name, on));
+  }
+
+  function sayDark() {
+    const now = document.body.classList.contains("body--dark");
+    if (now !== dark && send(`dark ${Number(now)}`)) dark = now;
+  }
+
+  function typesText(field) {
+    return field.isContentEditable || (/^(INPUT|TEXTAREA|SELECT)$/.test(field.tagName) &&
+      !/^(checkbox|radio|button|range)$/.test(field.type) && !field.readOnly);
+  }
+
+  const on = (names, listen) => names.forEach((name) => addEventListener(name, listen, { capture: true, passive: false }));
+  on(["pointerdown"], (event) => {
+    const button = event.target.closest?.(".hold-button");
+    if (isOnStop(event)) stop(event);
+    else if (button) hold(button, event);
+  });
+  // The second button of a mouse has no pointer event of its own; nor has a finger beside one that scrolls.
+  on(["mousedown"], (event) => isOnStop(event) && stop(event));
+  on(["touchstart"], (event) => [...event.changedTouches].some(isOnStop) && stop(event));
+  // A click without a pointer: Enter on the button, or a screen reader.
+  on(["click"], (event) => event.detail === 0 && event.target.closest?.(".stop-button") && stop(event));
+  on(["keydown"], (event) => {
+    const field = event.target;
+    if (event.key === "Enter" && field.classList?.contains("hold-button")) {
+      event.preventDefault();
+      if (!event.repeat) hold(field, event);
+    } else if (event.key === "Escape" || (event.key === " " && !typesText(field))) stop(event);
+  });
+  // A hand that leaves the button, the key or the page has let go; another finger has not.
+  on(["pointerup", "pointercancel", "keyup"], (event) => (event.pointerId ?? event.key) === holder && release());
+  on(["blur", "contextmenu", "pagehide"], release);
+  document.addEventListener("visibilitychange", release);
+  addEventListener("DOMContentLoaded", () => {
+    new MutationObserver(sayDark).observe(document.body, { attributeFilter: ["class"] });
+    sayDark();
+  });
+  connect();
+})();

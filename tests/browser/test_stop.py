@@ -1,0 +1,223 @@
+"""STOP against everything that lies over the page: drags, menus, dialogs, notes.
+
+A finger holds the throttle, so that the pulse of the device is above zero whenever STOP is pressed.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.browser.conftest import Web, connect, go_to
+from tests.browser.device import Device
+
+if TYPE_CHECKING:
+    from playwright.sync_api import CDPSession, Locator, Page
+
+STOPPED_S = 1.0
+"""Whether STOP works is the question here; the processor is shared with the tool that presses, and
+how quick STOP is stands in `test_bench_page.py`."""
+
+NOWHERE = (640.0, 890.0)
+"""A place of the page where nothing is."""
+
+HOLDING, STOPPING = 0, 1
+"""Fingers."""
+
+
+class Hands:
+    """Touch a page with several fingers, and press STOP in every way."""
+
+    def __init__(self, page: Page, device: Device) -> None:
+        self._page, self._device = page, device
+        self._line: CDPSession = page.context.new_cdp_session(page)
+        self._fingers: dict[int, tuple[float, float]] = {}
+
+    def centre(self, element: Locator) -> tuple[float, float]:
+        box = element.bounding_box()
+        assert box is not None
+        return box["x"] + box["width"] / 2.0, box["y"] + box["height"] / 2.0
+
+    def touch(self, finger: int, place: tuple[float, float]) -> None:
+        self._fingers[finger] = place
+        self._send("touchStart")
+
+    def lift(self, finger: int) -> None:
+        self._fingers.pop(finger, None)
+        self._send("touchEnd")
+
+    def _send(self, kind: str) -> None:
+        points = [{"id": finger, "x": x, "y": y} for finger, (x, y) in self._fingers.items()]
+        self._line.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+
+    def stop_by(self, way: str) -> None:
+        """Press STOP once, and do not let go."""
+        place = self.centre(self._page.locator(".stop-button"))
+        if way == "mouse":
+            self._page.mouse.move(*place)
+            self._page.mouse.down()
+        elif way == "second mouse button":
+            self._page.mouse.move(*place)
+            self._page.mouse.down(button="right")
+        elif way == "touch":
+            self.touch(STOPPING, place)
+        else:
+            self._page.keyboard.down(way)
+
+    def let_go(self) -> None:
+        self._page.mouse.up()
+        self._page.mouse.up(button="right")
+        for finger in list(self._fingers):
+            self.lift(finger)
+        for key in ("Escape", " "):
+            self._page.keyboard.up(key)
+
+    @contextmanager
+    def turning(self) -> Iterator[None]:
+        """Hold the throttle with a finger until motors turn; lift it at the end."""
+        button = self._page.locator(".hold-button:not([disabled])")
+        button.wait_for()
+        for _ in range(6):
+            self.touch(HOLDING, self.centre(button))
+            deadline = time.monotonic() + 2.0
+            while time.monotonic() < deadline and self._device.turning_us() < 1100.0:
+                self._page.wait_for_timeout(20)
+            if self._device.turning_us() >= 1100.0:
+                break
+            self.lift(HOLDING)
+        assert self._device.turning_us() >= 1100.0, self._device.orders[-5:]
+        yield
+        self.let_go()
+
+    def stops(self, way: str) -> None:
+        """Press STOP, and see the device's pulse at zero, also while the fingers stay."""
+        pressed = time.time()
+        self.stop_by(way)
+        assert self._device.stopped_after(pressed) < STOPPED_S, way
+        self._page.wait_for_timeout(100)
+        assert self._device.turning_us() <= 1000.0, way
+
+
+@pytest.fixture
+def hands(page: Page, device: Device) -> Hands:
+    """Give hands on a page that is connected to a device."""
+    connect(page, device.address)
+    return Hands(page, device)
+
+
+def test_the_slider_sets_the_pulse_and_stop_works_while_it_is_dragged(
+    page: Page, device: Device, hands: Hands
+) -> None:
+    pulse = page.get_by_role("spinbutton", name="Pulse, us")
+    slider = page.locator(".q-slider[aria-label=Pulse], .q-slider").first
+    x, y = hands.centre(slider)
+    before = float(pulse.input_value())
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x + 5.0, y)
+    page.wait_for_function(
+        "before => Number(document.querySelector('[type=number][aria-label^=Pulse]').value)"
+        " > before + 100",
+        arg=before,
+    )
+    page.mouse.move(x - 60.0, y)
+    moved = "[type=number][aria-label^=Pulse]"
+    page.wait_for_function(f"Number(document.querySelector('{moved}').value) < 1450")
+    # In mid-drag everything on the page is without pointer events.
+    for way in ("second mouse button", "Escape"):
+        pressed = time.time()
+        hands.stop_by(way)
+        assert device.stopped_after(pressed) < STOPPED_S
+        hands.let_go()
+        page.mouse.move(x - 60.0, y)
+        page.mouse.down()
+        page.mouse.move(x - 62.0, y)
+    page.mouse.up()
+    wanted = float(pulse.input_value())
+    assert 1050.0 < wanted < 1450.0
+    for way in ("mouse", "touch", "Escape"):
+        with hands.turning():
+            page.wait_for_timeout(800)
+            assert device.turning_us() == wanted
+            hands.stops(way)
+
+
+def visible(page: Page, selector: str) -> list[Locator]:
+    return [each for each in page.locator(selector).all() if each.is_visible()]
+
+
+def click(element: Locator) -> None:
+    """Click without a pointer: one finger is on the throttle."""
+    element.evaluate("element => element.click()")
+
+
+def overlays(page: Page) -> Iterator[tuple[str, Callable[[], None]]]:
+    """Give the name of everything that lies over the page or drags, and what brings it up."""
+    for tab in ("Bench", "Sweep", "Runs", "Fit", "Simulate", "Explain"):
+        go_to(page, tab)
+        page.wait_for_timeout(700)
+        for number, select in enumerate(visible(page, ".q-select")):
+            yield f"{tab}: list {number}", lambda select=select: click(select)
+        for number, slider in enumerate(visible(page, ".q-slider")):
+            yield f"{tab}: slider {number}", lambda slider=slider: drag(page, slider)
+        if tab == "Bench":
+            find = page.get_by_role("button", name="Find")
+            yield "Bench: menu", lambda find=find: click(find)
+            page.get_by_label("Plate distance, mm", exact=True).fill("")
+            move = page.get_by_role("button", name="Move")
+            yield "Bench: notes", lambda move=move: [click(move) for _ in range(12)] and None
+        elif tab == "Sweep":
+            for name in ("Start the sweep", "Go on with a stopped run"):
+                button = page.get_by_role("button", name=name)
+                yield f"Sweep: dialog {name}", lambda button=button: click(button)
+
+
+def drag(page: Page, slider: Locator) -> None:
+    """Begin to drag a slider."""
+    slider.scroll_into_view_if_needed()
+    box = slider.bounding_box()
+    assert box is not None
+    x, y = box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"]
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x + 8.0, y)
+
+
+WAYS = ("touch", "mouse", "Escape")
+
+
+def test_stop_works_over_every_list_menu_dialog_note_and_dragged_slider(
+    page: Page, web: Web, device: Device, hands: Hands
+) -> None:
+    stopped = web.runs / "stopped"
+    stopped.mkdir(parents=True)
+    (stopped / "metadata.json").write_text('{"state": "stopped"}', "utf-8")
+    (stopped / "plan.toml").write_text("", "utf-8")
+    seen = []
+    for number, (name, bring_up) in enumerate(overlays(page)):
+        ways = WAYS[number % 3 :] + WAYS[: number % 3]
+        tab = name.partition(":")[0]
+        if tab in ("Bench", "Sweep"):
+            go_to(page, "Bench")
+            with hands.turning():
+                click(page.get_by_role("tab", name=tab))
+                bring_up()
+                page.wait_for_timeout(250)
+                for way in ways:
+                    hands.stops(way)
+        else:
+            bring_up()
+            page.wait_for_timeout(250)
+            hands.stops(ways[0])
+            hands.let_go()
+        seen.append(name)
+        page.mouse.click(*NOWHERE)
+        for dialog in visible(page, ".q-dialog"):
+            dialog.get_by_role("button", name="Cancel").click()
+    assert len(seen) >= 20, seen
+    for kind in ("list", "slider", "menu", "notes", "dialog"):
+        assert any(kind in name for name in seen)
