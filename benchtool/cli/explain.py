@@ -105,7 +105,7 @@ def command(
     answer = replace(answer, seconds=time.monotonic() - began)
     written = Written()
     if out is not None:
-        written = write_folder(out, answer, question.rig_file, question.effects_file)
+        written = write_folder(out, answer, question.effects_file)
     if json_file is not None:
         write_json(json_file, answer, written)
     with for_a_reader():

@@ -24,6 +24,10 @@ def command(
     recipe: Annotated[
         Path | None, typer.Option(help="Run the recipe.toml of this folder (as in fits/).")
     ] = None,
+    rig: Annotated[
+        str | None,
+        typer.Option(help="Rig of a CSV: shipped name or path; a run folder carries its own."),
+    ] = None,
     columns: Annotated[
         str | None, typer.Option(help="Mapping file: our channel = their column, unit, sign.")
     ] = None,
@@ -88,6 +92,7 @@ def command(
             "name": Path(data[0]).stem,
             "data": data,
             "model": model,
+            "rig": rig,
             "columns": columns,
             "where": where or [],
             "basis": basis,

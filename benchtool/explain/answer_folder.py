@@ -10,6 +10,7 @@ from benchtool.explain.answer import Answer
 from benchtool.explain.answer_figures import answer_figures
 from benchtool.explain.answer_file import Written, answer_tables, next_file
 from benchtool.explain.answer_page import answer_page
+from benchtool.library import rig_beside
 from benchtool.report.files import save_figure, write_whole
 from benchtool.report.html import write_report
 from benchtool.store.atomic import replace_json, replace_text
@@ -33,7 +34,6 @@ def refuse_taken(folder: Path | None, json_file: Path | None) -> None:
 def write_folder(
     folder: Path,
     answer: Answer,
-    rig_file: Path | None = None,
     effects_file: Path | None = None,
     called: Path | None = None,
 ) -> Written:
@@ -42,7 +42,6 @@ def write_folder(
     Args:
         folder: made where it is not there; files of these names are replaced.
         answer: what is written.
-        rig_file: the rig beside the parent's model file, where it is one; copied.
         effects_file: the user's own effects; copied beside a model that has one of them.
         called: the name that the folder will have; its present one when None.
     """
@@ -51,13 +50,12 @@ def write_folder(
     model = ""
     if answer.has_model:
         own = effects_file if own_names(answer) else None
-        for file in (rig_file, own):
-            if file is not None:
-                write_whole(folder / file.name, file.read_bytes())
-        text = added_model(
-            answer, rig_file.name if rig_file else "", own.name if own is not None else ""
-        )
-        replace_text(folder / MODEL, text)
+        if own is not None:
+            write_whole(folder / own.name, own.read_bytes())
+        rig, rig_text = rig_beside(answer.loaded.model.rig)
+        if rig_text:
+            replace_text(folder / rig, rig_text)
+        replace_text(folder / MODEL, added_model(answer, rig, own.name if own is not None else ""))
         model = str(known / MODEL)
     name, text = next_file(answer)
     if name:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from benchtool.core.rig import Rig
 from benchtool.effects.effect import BenchKind, Effect
 from benchtool.errors import InputError, MissingColumn
 from benchtool.explain.pitch_log import PitchLog, pitch_log
@@ -22,6 +23,7 @@ from benchtool.explain.sweep_subject import SweepSubject
 from benchtool.library import LoadedModel, load_model, model_names
 from benchtool.library.own_code import CodePermit, refuse_code
 from benchtool.library.own_effects import own_effects
+from benchtool.store import rig_of_data
 from benchtool.store.digest import file_hash
 
 
@@ -35,7 +37,6 @@ class Asked:
         model_given: as it was typed.
         effects_given: where the user's own effects are, as it was typed; empty without.
         model_sha256: of its file; empty for a shipped one.
-        rig_file: the rig's file where it stands beside the model's.
         effects_file: Python file of the user's own effects, where it is one.
         own: those effects.
         learn, check: recordings.
@@ -46,7 +47,6 @@ class Asked:
     model_given: str
     effects_given: str
     model_sha256: str
-    rig_file: Path | None
     effects_file: Path | None
     own: tuple[Effect, ...]
     learn: tuple[Source, ...]
@@ -101,7 +101,7 @@ def asked(
     loaded: LoadedModel | None = None
     own: tuple[Effect, ...] = ()
     try:
-        loaded = _model(model, permit)
+        loaded = _model(model, rig_of_data((*learn, *check)), permit)
     except InputError as error:
         wrong.append(error)
     try:
@@ -112,8 +112,6 @@ def asked(
     if wrong or loaded is None:
         raise _together(wrong)
     file = Path(model) if Path(model).suffix == ".toml" and Path(model).is_file() else None
-    rig = file.parent / loaded.rig_name if file is not None else Path(loaded.rig_name)
-    beside = rig.suffix == ".toml" and rig.is_file()
     given = Path(effects) if effects and effects.endswith(".py") else None
     if given is None and loaded.effects_file and file is not None:
         given = file.parent / loaded.effects_file
@@ -127,7 +125,6 @@ def asked(
         model_given=model,
         effects_given=effects or "",
         model_sha256=file_hash(file) if file is not None else "",
-        rig_file=rig if beside else None,
         effects_file=given,
         own=own,
         learn=tuple(sources),
@@ -135,9 +132,9 @@ def asked(
     )
 
 
-def _model(name_or_path: str, permit: CodePermit) -> LoadedModel:
+def _model(name_or_path: str, rig: Rig | None, permit: CodePermit) -> LoadedModel:
     if name_or_path:
-        return load_model(name_or_path, permit=permit)
+        return load_model(name_or_path, rig, permit=permit)
     real = [name for name in model_names() if not name.startswith("virtual_")]
     raise InputError(
         f"which model? give --model with the path of a model file or one of: {', '.join(real)}"

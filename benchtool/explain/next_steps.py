@@ -12,6 +12,7 @@ from benchtool.explain.added_model import MODEL, own_names
 from benchtool.explain.answer import Answer
 from benchtool.explain.answer_file import next_file
 from benchtool.explain.recordings import Source
+from benchtool.library import rig_beside
 
 RICHER: dict[BenchKind, str] = {
     "pitch": (
@@ -76,8 +77,9 @@ def next_steps(answer: Answer, folder: str = "") -> tuple[Step, ...]:
         words = ["simulate", "pitch", "--model", new, "--out", f"{folder}-simulated"]
         return (again, Step("simulate with the new model", _typed(words)))
     fit = ["fit", *_paths(answer.learn), "--model", new, "--out", f"{folder}-fit"]
-    rig = answer.loaded.model.rig.name
-    sweep = ["sweep", f"sim:{rig}?truth={new}", "--z-over-r", "0.6,1,2,4", "--pwm", "1500,1600"]
+    rig, own = rig_beside(answer.loaded.model.rig)
+    place = str(Path(folder) / rig) if own else rig
+    sweep = ["sweep", f"sim:{place}?truth={new}", "--z-over-r", "0.6,1,2,4", "--pwm", "1500,1600"]
     return (
         again,
         Step("fit what was found, with its uncertainty", _typed(fit)),

@@ -9,10 +9,11 @@ from benchtool.library.model_file import (
     model_to_toml,
     read_columns,
 )
-from benchtool.library.rig_file import rig_named, rig_names, rig_to_dict
+from benchtool.library.rig_file import RIG_FILE, rig_beside, rig_named, rig_names, rig_to_dict
 from benchtool.library.schedule_file import schedule_named, schedule_names, schedule_to_toml
 
 __all__ = [
+    "RIG_FILE",
     "Gains",
     "LoadedModel",
     "columns_to_toml",
@@ -22,6 +23,7 @@ __all__ = [
     "model_names",
     "model_to_toml",
     "read_columns",
+    "rig_beside",
     "rig_named",
     "rig_names",
     "rig_to_dict",

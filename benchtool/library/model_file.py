@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
-from math import inf, isfinite, isnan
+from math import inf, isclose, isfinite, isnan
 from pathlib import Path
 from typing import Any
 
@@ -55,7 +55,7 @@ class _ModelFile(FiniteTable):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _ParameterTable(FileTable):
-    value: float
+    value: float | None = None
     lower: float | None = None
     upper: float | None = None
     free: bool = False
@@ -108,7 +108,7 @@ def load_model(
 
     Args:
         name_or_path: shipped name or path. A path's rig may be a path beside it.
-        rig: use this rig in place of the one that the file names.
+        rig: of the data; it goes before the one that the file names (`_for_rig`).
         permit: called with the file of own effects before it is run.
     """
     text, where = read_named("model", "models", name_or_path)
@@ -139,8 +139,11 @@ def model_from_toml(
         FileFormatError: a value of the wrong type or range.
     """
     read = build(_ModelFile, parse_toml(text, where), where)
+    baseline = _flattened(read.parameters)
     chosen = rig if rig is not None else _rig_beside(read.model.rig, where)
     try:
+        if rig is not None:
+            baseline = _for_rig(rig, read.model.rig, baseline, where)
         model = replace(
             Model.single(chosen, read.model.name),
             wake_rule=read.model.wake_rule,
@@ -159,7 +162,7 @@ def model_from_toml(
             model = model.with_effect(effect)
             given = {key: table for key, table in tables.items() if key != "settings"}
             model = _set(model, {f"{name}.{key}": table for key, table in given.items()}, where)
-        model = _set(model, _flattened(read.parameters), where)
+        model = _set(model, baseline, where)
     except InputError as error:
         if isinstance(error, FileFormatError):
             raise
@@ -269,15 +272,64 @@ def _rig_beside(name: str, where: str) -> Rig:
     return rig_named(beside if name.endswith(".toml") and beside.exists() else name)
 
 
+def _for_rig(rig: Rig, name: str, tables: Mapping[str, Any], where: str) -> dict[str, Any]:
+    """Return a file's baseline tables for a rig that may be another than the file's own.
+
+    The baseline (k, R_m, inertia) belongs to a vehicle. Where the two rigs differ in one of these
+    numbers, the rig's own replaces a start value and a number that only repeats the file's rig.
+
+    Args:
+        rig: of the data.
+        name: of the file's rig, or its path beside the file.
+        tables: of parameters by full name.
+        where: the model file.
+
+    Raises:
+        InputError: a number held, or a prior stated, for another vehicle.
+    """
+    ours = Model.single(rig).parameters
+    try:
+        named = _rig_beside(name, where)
+    except InputError:  # a fit may have been brought here without its rig
+        if name == rig.name:
+            return dict(tables)
+        theirs = None
+    else:
+        theirs = Model.single(named).parameters
+    out = dict(tables)
+    for key in ("k", "R_m", "inertia_kgm2"):
+        own, other = ours[key].value, None if theirs is None else theirs[key].value
+        if key not in tables or (other is not None and isclose(own, other, rel_tol=1e-9)):
+            continue
+        table = tables[key] if isinstance(tables[key], Mapping) else {"value": tables[key]}
+        value = table.get("value")
+        repeats = {own, other, None}
+        if not table.get("free", False) and value not in repeats:
+            raise InputError(
+                f"{key} is held at {value:g}, a number of rig {name!r}, but the data are of rig "
+                f"{rig.name!r} ({key} {own:g}); free it, or take its value out of the file"
+            )
+        if "prior" in table:
+            raise InputError(
+                f"{key} has a prior for rig {name!r}, but the data are of rig {rig.name!r} "
+                f"({key} {own:g}); take the prior out of the file, or state one for that rig"
+            )
+        out[key] = {"free": bool(table.get("free", False))}
+    return out
+
+
 def _flattened(tables: Mapping[str, Any]) -> dict[str, Any]:
     """Return {"noise": {"scale": 1}} as {"noise.scale": 1}, leaving parameter tables whole."""
     flat: dict[str, Any] = {}
     for key, table in tables.items():
-        if isinstance(table, Mapping) and "value" not in table:
+        if isinstance(table, Mapping) and not set(table) & _KEYS:
             flat.update({f"{key}.{name}": item for name, item in table.items()})
         else:
             flat[key] = table
     return flat
+
+
+_KEYS = {item.name for item in fields(_ParameterTable)}
 
 
 def _set(model: Model, tables: Mapping[str, Any], where: str) -> Model:
@@ -294,7 +346,7 @@ def _set(model: Model, tables: Mapping[str, Any], where: str) -> Model:
             name,
             replace(
                 present,
-                value=read.value,
+                value=present.value if read.value is None else read.value,
                 lower=present.lower if read.lower is None else read.lower,
                 upper=present.upper if read.upper is None else read.upper,
                 free=read.free,

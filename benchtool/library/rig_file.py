@@ -7,6 +7,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+import tomli_w
+
 from benchtool.core.rig import Rig
 from benchtool.core.toml_text import (
     Sources,
@@ -73,6 +75,47 @@ def _check(rig: Rig, where: str) -> None:
             "propulsion needs pwm_stop_us <= pwm_start_us < pwm_max_us, got "
             f"{propulsion.pwm_stop_us:g}, {propulsion.pwm_start_us:g}, {propulsion.pwm_max_us:g}",
         )
+
+
+RIG_FILE = "rig.toml"
+"""Name of a rig's file beside the model that names it."""
+
+
+def rig_beside(rig: Rig) -> tuple[str, str]:
+    """Return how a new model file names a rig, and the text of the file `RIG_FILE` beside it.
+
+    The text is empty for a rig that benchtool ships with these very numbers.
+    """
+    if rig.name in rig_names():
+        shipped = replace(_packaged_rig(rig.name), sources=rig.sources, assumed=rig.assumed)
+        if shipped == rig:
+            return rig.name, ""
+    return RIG_FILE, rig_to_toml(rig)
+
+
+def rig_to_toml(rig: Rig) -> str:
+    """Return a rig as TOML text that reads back to the same rig."""
+    tables = asdict(rig)
+    del tables["sources"], tables["assumed"]
+    return tomli_w.dumps(
+        {key: _with_source(value, key, rig) for key, value in tables.items() if value is not None}
+    )
+
+
+def _with_source(value: Any, key: str, rig: Rig) -> Any:
+    """Return a value of a rig with its numbers written as quantities, by its dotted key."""
+    if isinstance(value, dict):
+        return {
+            name: _with_source(item, f"{key}.{name}", rig)
+            for name, item in value.items()
+            if item is not None
+        }
+    if isinstance(value, list | tuple):
+        return [_with_source(item, f"{key}[{place}]", rig) for place, item in enumerate(value)]
+    if isinstance(value, str):
+        return value
+    source = rig.sources.get(key) or "the rig of the run"
+    return {"value": value, "source": source, "assumed": key in rig.assumed}
 
 
 def rig_to_dict(rig: Rig) -> dict[str, Any]:

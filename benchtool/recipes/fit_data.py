@@ -15,11 +15,12 @@ from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
 from benchtool.effects.conditions import Conditions
 from benchtool.errors import InputError
-from benchtool.library import LoadedModel, load_model, read_columns
+from benchtool.library import LoadedModel, load_model, read_columns, rig_named
 from benchtool.library.own_code import CodePermit, refuse_code
 from benchtool.recipes.recipe import Recipe
-from benchtool.store import code_of, data_hash, is_run, read_points, read_table
+from benchtool.store import code_of, data_hash, is_run, read_points, read_table, rig_of_data
 from benchtool.store.ratios import ratios, relative_speed_error
+from benchtool.store.run_rig import differences
 
 Array = NDArray[np.float64]
 
@@ -71,8 +72,12 @@ class FitData:
 
 
 def recipe_model(recipe: Recipe, permit: CodePermit = refuse_code) -> LoadedModel:
-    """Return the recipe's model with its parameters freed and fixed as it says."""
-    loaded = load_model(recipe.model, permit=permit)
+    """Return the recipe's model on its data's rig, parameters freed and fixed as it says.
+
+    Raises:
+        InputError: runs of two vehicles, or a model that holds numbers of another one.
+    """
+    loaded = load_model(recipe.model, rig_of_recipe(recipe), permit=permit)
     model = loaded.model.freed(*recipe.free)
     for name, value in recipe.fix.items():
         model = model.fixed(name, value)
@@ -82,6 +87,20 @@ def recipe_model(recipe: Recipe, permit: CodePermit = refuse_code) -> LoadedMode
         # A ratio does not know the thrust coefficient, nor what a load cell adds.
         model = model.fixed("k")
     return replace(loaded, model=model)
+
+
+def rig_of_recipe(recipe: Recipe) -> Rig | None:
+    """Return the rig of a recipe's data: the runs' own, else the one that it names, else None."""
+    own = rig_of_data(recipe.data)
+    if recipe.rig is None:
+        return own
+    given = rig_named(recipe.rig)
+    if own is not None and (different := differences(own, given)):
+        raise InputError(
+            f"--rig {recipe.rig} is not the rig that the run was recorded on ({different[0]}), and "
+            f"the run's own is taken; leave --rig out"
+        )
+    return given if own is None else own
 
 
 def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:

@@ -60,7 +60,17 @@ def words_of_recipe(recipe: Recipe, *, out: str = "", profile: bool = False) -> 
     """
     usual = {item.name: item.default for item in fields(Recipe)}
     words = ["fit", *recipe.data, "--model", recipe.model]
-    single = ("columns", "basis", "noise", "loss", "min_z_over_R", "walkers", "max_steps", "seed")
+    single = (
+        "rig",
+        "columns",
+        "basis",
+        "noise",
+        "loss",
+        "min_z_over_R",
+        "walkers",
+        "max_steps",
+        "seed",
+    )
     for key in single:
         value = getattr(recipe, key)
         if value != usual[key]:

@@ -122,13 +122,14 @@ def sentence(output: FitOutput) -> str:
     return sentence_of(
         output.results[0],
         model=output.loaded.model.name,
+        rig=output.loaded.model.rig.name,
         basis=output.recipe.basis,
         used=len(output.data.rows),
         read=len(output.data.points),
     )
 
 
-def sentence_of(first: FitResult, *, model: str, basis: str, used: int, read: int) -> str:
+def sentence_of(first: FitResult, *, model: str, rig: str, basis: str, used: int, read: int) -> str:
     """Say in one or two sentences what a result found from so many points of so many read."""
     if first.outcome.status != "converged":
         return f"No answer to use from {used} of {read} points: {first.outcome.message}."
@@ -151,7 +152,8 @@ def sentence_of(first: FitResult, *, model: str, basis: str, used: int, read: in
         f"{first.chi2_per_dof:.3g}.",
     }.get(str(first.facts.get("verdict")), "")
     shown = "thrust itself (joint fit)" if basis == "joint" else basis
-    return f"{used} of {read} points, model {model}, basis {shown}: {said}.{judged}"
+    on = f" on rig {rig}" if rig else ""
+    return f"{used} of {read} points, model {model}{on}, basis {shown}: {said}.{judged}"
 
 
 def comparison_table(comparison: Comparison) -> Table:

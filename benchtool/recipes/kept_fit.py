@@ -29,6 +29,7 @@ class KeptFit:
     Attributes:
         recipe: what was asked, as the file has it.
         model: its name.
+        rig: name of the rig that it was fitted on; empty where the file does not say.
         basis: see `Recipe`.
         simulated: whether any of the data came from no physical bench.
         read, used: how many points.
@@ -39,6 +40,7 @@ class KeptFit:
 
     recipe: Mapping[str, Any]
     model: str
+    rig: str
     basis: str
     simulated: bool
     read: int
@@ -51,7 +53,12 @@ class KeptFit:
     def sentence(self) -> str:
         """What the fit found, in one or two sentences."""
         return sentence_of(
-            self.results[0], model=self.model, basis=self.basis, used=self.used, read=self.read
+            self.results[0],
+            model=self.model,
+            rig=self.rig,
+            basis=self.basis,
+            used=self.used,
+            read=self.read,
         )
 
     @property
@@ -108,6 +115,7 @@ def _from_tables(tables: Mapping[str, Any], where: str) -> KeptFit:
         return KeptFit(
             recipe=tables["recipe"],
             model=str(tables["model"]),
+            rig=str(tables.get("rig", "")),
             basis=str(tables["basis"]),
             simulated=bool(tables["simulated"]),
             read=int(points["read"]),

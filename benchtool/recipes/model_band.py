@@ -15,6 +15,7 @@ from benchtool.errors import InputError
 from benchtool.library import load_model
 from benchtool.library.own_code import CodePermit, refuse_code
 from benchtool.recipes.result_file import read_result
+from benchtool.store.run_rig import differences
 
 Array = NDArray[np.float64]
 
@@ -70,10 +71,10 @@ def believed(name: str, rig: Rig, permit: CodePermit = refuse_code) -> Believed:
 
 def _fitted(path: Path, rig: Rig, permit: CodePermit) -> Believed:
     loaded = load_model(str(path), permit=permit)
-    if loaded.model.rig.name != rig.name:
+    if different := differences(loaded.model.rig, rig):
         raise InputError(
-            f"{path} was fitted on rig {loaded.model.rig.name!r}, but the run is of {rig.name!r}; "
-            f"name a model of this rig"
+            f"{path} was fitted on another rig than the run's ({different[0]}); name a model that "
+            f"was fitted on this one"
         )
     tables = read_result(path.parent)
     result = next(iter(tables["results"].values()))

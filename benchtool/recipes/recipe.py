@@ -27,6 +27,7 @@ class Recipe(FiniteTable):
         data: run folders or CSV files; in a recipe file relative to that file.
         model: a shipped model or the path of a model file.
         description: what question it answers.
+        rig: of tables, by name or path; a run folder carries its own.
         columns: a mapping file whose `[columns]` overrides the model's.
         where: rows to keep, as COLUMN=VALUE.
         basis: see `Basis`.
@@ -48,6 +49,7 @@ class Recipe(FiniteTable):
     data: Annotated[tuple[str, ...], Len(1)]
     model: str
     description: str = ""
+    rig: str | None = None
     columns: str | None = None
     where: tuple[str, ...] = ()
     basis: Basis = "joint"
@@ -88,6 +90,7 @@ def read_recipe(folder: Path) -> Recipe:
         recipe,
         data=tuple(str(folder / name) for name in recipe.data),
         model=beside(recipe.model),
+        rig=None if recipe.rig is None else beside(recipe.rig),
         columns=None if recipe.columns is None else str(folder / recipe.columns),
         compare=tuple(beside(name) for name in recipe.compare),
     )

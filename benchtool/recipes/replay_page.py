@@ -26,6 +26,7 @@ from benchtool.report.page import (
     Warnings,
 )
 from benchtool.report.replay import ReplayTrace, closer_figure, replay_figure
+from benchtool.store import rig_of_data
 
 Array = NDArray[np.float64]
 
@@ -62,7 +63,8 @@ def _pitch_sections(
     replay: Replay | None = None
     warned = list(track.remarks)
     if beside.model:
-        replay, lacks = replayed(track, beside, recorded.provenance)
+        rig = rig_of_data([str(recorded.path)])
+        replay, lacks = replayed(track, beside, recorded.provenance, rig)
         warned = [*lacks, *warned]
     trace = trace_of(track, replay)
     simulated = recorded.recording.simulated

@@ -126,14 +126,20 @@ def known_control(provenance: Mapping[str, str], beside: Beside) -> PitchControl
 
 
 def replayed(
-    track: PitchTrack, beside: Beside, provenance: Mapping[str, str]
+    track: PitchTrack, beside: Beside, provenance: Mapping[str, str], rig: Rig | None = None
 ) -> tuple[Replay | None, list[str]]:
     """Return the simulated run, or None with what it lacks; and what a reader must know.
+
+    Args:
+        track: the recording.
+        beside: what to simulate beside it.
+        provenance: of the recording.
+        rig: of a run folder, which goes before the model's; None for a file.
 
     Raises:
         InputError: a model whose rig has other rotors than the recording.
     """
-    model = load_model(model_file(beside.model), permit=beside.permit).model
+    model = load_model(model_file(beside.model), rig, permit=beside.permit).model
     control = known_control(provenance, beside)
     duration_s = len(track) / track.rate_Hz
     if duration_s > LONGEST_S:

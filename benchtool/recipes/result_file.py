@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from benchtool.core.fit_result import FitResult
-from benchtool.library import LoadedModel, model_to_toml
+from benchtool.library import LoadedModel, model_to_toml, rig_beside
 from benchtool.recipes.run_recipe import FitOutput
 from benchtool.store.atomic import json_ready, replace_json, replace_text
 from benchtool.store.entry import FIT_FILE, FIT_FORMAT
@@ -22,6 +22,7 @@ def result_tables(output: FitOutput) -> dict[str, Any]:
         "format": FIT_FORMAT,
         "recipe": _paths_as_names(output),
         "model": output.loaded.model.name,
+        "rig": output.loaded.model.rig.name,
         "basis": output.recipe.basis,
         "simulated": output.data.points.simulated,
         "points": {
@@ -49,7 +50,10 @@ def write_result(folder: Path, output: FitOutput) -> None:
     fitted = LoadedModel(
         model=output.fitted, columns=output.loaded.columns, row_filter=output.loaded.row_filter
     )
-    replace_text(folder / "model.toml", model_to_toml(fitted))
+    rig, text = rig_beside(output.fitted.rig)
+    if text:
+        replace_text(folder / rig, text)
+    replace_text(folder / "model.toml", model_to_toml(fitted, rig))
     for result in output.results:
         if len(result.samples):
             header = ",".join(estimate.name for estimate in result.estimates)

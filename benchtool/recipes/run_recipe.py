@@ -8,7 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from benchtool import __version__
+from benchtool.core.counted import counted
 from benchtool.core.fit_result import FitResult
+from benchtool.core.rig import Rig
 from benchtool.effects.model import Model
 from benchtool.estimate.compare import Comparison, compare
 from benchtool.estimate.derived import Derived, area_factors, with_derived
@@ -18,9 +20,9 @@ from benchtool.estimate.least_squares import fit_least_squares
 from benchtool.estimate.model_problem import problem_from_model
 from benchtool.estimate.problem import Problem
 from benchtool.estimate.profile import with_profile
-from benchtool.library import LoadedModel, load_model
+from benchtool.library import LoadedModel, load_model, model_names
 from benchtool.library.own_code import CodePermit, refuse_code
-from benchtool.recipes.fit_data import FitData, read_fit_data, recipe_model
+from benchtool.recipes.fit_data import FitData, read_fit_data, recipe_model, rig_of_recipe
 from benchtool.recipes.recipe import Recipe
 
 Progress = Callable[[str, int, int], None]
@@ -60,7 +62,8 @@ class FitOutput:
             if estimate.name in parameters and not estimate.name.startswith("noise."):
                 item = parameters[estimate.name]
                 value = float(np.clip(estimate.value, item.lower, item.upper))
-                parameters = parameters.replaced(estimate.name, item.at(value))
+                fitted = replace(item.at(value), source=f"fitted: {self.recipe.name}")
+                parameters = parameters.replaced(estimate.name, fitted)
         return model.at(parameters)
 
 
@@ -87,15 +90,23 @@ def run_recipe(
     data = read_fit_data(recipe, loaded)
     loaded = replace(loaded, model=_with_noise(loaded.model, recipe, data.errors))
     problem = _problem(loaded.model, recipe, data)
+    told = _rig_told(recipe, loaded.model.rig)
     results = tuple(
-        _named(loaded.model, data, problem, _estimate(problem, recipe, method, progress, profile))
+        _named(
+            loaded.model,
+            data,
+            problem,
+            _estimate(problem, recipe, method, progress, profile),
+            told,
+        )
         for method in recipe.methods
     )
     comparison = None
     if recipe.compare:
         names = list(dict.fromkeys((recipe.model, *recipe.compare)))
+        rig = loaded.model.rig
         others = [
-            _as_compared(load_model(name, permit=permit).model, loaded.model, recipe)
+            _as_compared(load_model(name, rig, permit=permit).model, loaded.model, recipe)
             for name in names[1:]
         ]
         problems = [problem, *(_problem(other, recipe, data) for other in others)]
@@ -143,8 +154,7 @@ def _problem(model: Model, recipe: Recipe, data: FitData) -> Problem:
 
 
 def _as_compared(other: Model, model: Model, recipe: Recipe) -> Model:
-    """Return another model on the same rig, with the same noise and the same nuisances free."""
-    other = replace(other, rig=model.rig)
+    """Return another model of the same rig, with the same noise and the same nuisances free."""
     own = {effect.name for effect in other.effects}
     for effect in model.effects:
         is_nuisance = effect.stage in ("sensor", "plate")
@@ -181,7 +191,20 @@ def _estimate(
     )
 
 
-def _named(model: Model, data: FitData, problem: Problem, result: FitResult) -> FitResult:
+def _rig_told(recipe: Recipe, rig: Rig) -> tuple[str, ...]:
+    """Say which vehicle a shipped model brought along, where data and options name none."""
+    if rig_of_recipe(recipe) is not None or recipe.model not in model_names():
+        return ()
+    rotors = counted(rig.n_rotors, "rotor")
+    return (
+        f"the data name no rig, so that of model {recipe.model} was taken: {rig.name}, {rotors} of "
+        f"radius {rig.propulsion.radius_m:g} m; if yours is another, give it with --rig FILE",
+    )
+
+
+def _named(
+    model: Model, data: FitData, problem: Problem, result: FitResult, rig_told: tuple[str, ...]
+) -> FitResult:
     """Return the result with its diagnosis, derived quantities, what was left out, hashes."""
     free = {estimate.name for estimate in result.estimates}
     quantities: list[Derived] = []
@@ -196,5 +219,6 @@ def _named(model: Model, data: FitData, problem: Problem, result: FitResult) -> 
         "simulated": data.points.simulated,
         **{f"sha256.{path}": digest for path, digest in data.hashes.items()},
     }
-    result = replace(result, facts=facts, warnings=(*data.left_out, *result.warnings))
+    warnings = (*rig_told, *data.left_out, *result.warnings)
+    result = replace(result, facts=facts, warnings=warnings)
     return with_derived(with_diagnosis(problem, result), quantities)

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
-from benchtool.core.toml_text import build
 from benchtool.errors import FileFormatError, InputError
 from benchtool.store import (
     Event,
@@ -23,6 +22,7 @@ from benchtool.store import (
     read_events,
     read_points,
     read_samples,
+    run_rig,
     word_of,
 )
 from benchtool.store.columns import speed_columns
@@ -131,9 +131,6 @@ def read_swept(path: Path) -> Swept:
     """
     run = Run.open(path)
     metadata = run.metadata
-    where = str(path / "metadata.json")
-    if "rig" not in metadata:
-        raise FileFormatError(where, "it names no rig; restore it from a copy")
     points = read_points(path)
     settings = aggregate(points)
     basis, ratio, error = _ratio(points, settings)
@@ -141,7 +138,7 @@ def read_swept(path: Path) -> Swept:
         path=path,
         metadata=metadata,
         plan_text=run.plan_text,
-        rig=build(Rig, metadata["rig"], f"{where}: rig"),
+        rig=run_rig(path, metadata),
         points=points,
         tares=_tares(path),
         samples=read_samples(path) if (path / "samples.csv").is_file() else None,

@@ -10,6 +10,7 @@ from benchtool.store.points import Point
 from benchtool.store.read import is_run, read_points, read_samples, read_settings
 from benchtool.store.recording_file import read_recording, write_recording
 from benchtool.store.run import Run, free_run_path
+from benchtool.store.run_rig import rig_of_data, run_rig
 from benchtool.store.run_writer import RunWriter
 from benchtool.store.settings import aggregate
 from benchtool.store.table import Where, read_table
@@ -37,6 +38,8 @@ __all__ = [
     "read_samples",
     "read_settings",
     "read_table",
+    "rig_of_data",
+    "run_rig",
     "word_of",
     "write_recording",
 ]

@@ -25,7 +25,7 @@ from benchtool.bench.simulated import SimulatedBench
 from benchtool.bench.stage import DeviceStage
 from benchtool.core.rig import Rig
 from benchtool.effects.model import Model
-from benchtool.library import load_model
+from benchtool.library import load_model, rig_to_dict
 from benchtool.recipes.recipe import Method, Recipe
 from benchtool.recipes.run_recipe import run_recipe
 from benchtool.simulate.imperfections import Imperfections
@@ -105,7 +105,7 @@ def _swept(made: Model, rig: Rig, flaws: Imperfections, seed: int, path: Path) -
         settle=SettlePart(window_s=0.6),
         tare=TarePart(every_minutes=0.0),
     ).resolved(rig)
-    run = Run.create(path, plan_to_toml(plan), {"simulated": True, "rig": {"name": rig.name}})
+    run = Run.create(path, plan_to_toml(plan), {"simulated": True, "rig": rig_to_dict(rig)})
     bench = SimulatedBench("sim:pquad", rig, made, seed=seed, rate_Hz=RATE_HZ, imperfections=flaws)
     with GuardedBench(bench, rig) as guarded:
         run_sweep(guarded, OneSidedStage(DeviceStage(guarded), rig.plate), plan, rig, run)

@@ -84,7 +84,7 @@ def explained(tell: Tell, question: Question, out: Path, words: Sequence[str]) -
     tell("drawing the figures", DRAWN_FROM)
     aside = unfinished(out)
     shutil.rmtree(aside, ignore_errors=True)
-    write_folder(aside, answer, asked_for.rig_file, asked_for.effects_file, called=out)
+    write_folder(aside, answer, asked_for.effects_file, called=out)
     figures = answer_figures(answer)
     report = answer_page(answer, figures, next_file(answer)[0])
     # Whether it is written changes under the page, which says so beside its own button.

@@ -129,7 +129,7 @@ def test_a_rig_beside_the_parent_goes_with_the_model(tmp_path: Path) -> None:
     parent = tmp_path / "model.toml"
     parent.write_text(MODEL.read_text("utf-8").replace('"beam"', '"mine.toml"'), encoding="utf-8")
     out = tmp_path / "out"
-    write_folder(out, answer(loaded=load_model(parent)), rig_file=rig)
+    write_folder(out, answer(loaded=load_model(parent)))
     assert load_model(out / "model.toml").model.rig.name == "mine"
 
 
