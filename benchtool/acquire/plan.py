@@ -12,6 +12,7 @@ from annotated_types import Ge, Gt, Le, Len
 
 from benchtool.core.rig import Rig
 from benchtool.core.toml_text import FiniteTable, read_strict
+from benchtool.core.user_file import read_text
 from benchtool.errors import FileFormatError
 
 Positive = Annotated[float, Gt(0.0)]
@@ -174,14 +175,7 @@ class Plan(FiniteTable):
 
 def read_plan(path: Path) -> Plan:
     """Return the plan in a TOML file."""
-    try:
-        text = path.read_text("utf-8-sig")
-    except FileNotFoundError:
-        problem = "there is no such plan; check the path, or give the plan as options"
-        raise FileFormatError(str(path), problem) from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise FileFormatError(str(path), f"it cannot be read as text ({error})") from error
-    return plan_from_toml(text, str(path))
+    return plan_from_toml(read_text(path), str(path))
 
 
 def plan_from_toml(text: str, where: str) -> Plan:

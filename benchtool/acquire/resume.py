@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,7 @@ from benchtool.bench.bench import Identity
 from benchtool.core.counted import counted
 from benchtool.core.rig import Rig
 from benchtool.core.toml_text import build
+from benchtool.core.user_file import read_file
 from benchtool.errors import FileFormatError, InputError
 from benchtool.store import KINDS, Run, code_of, read_points, read_samples
 from benchtool.store.samples import mark_interrupted
@@ -122,9 +124,9 @@ def _points_on_disk(run: Run) -> set[int]:
             away what it says, so a person has to look.
     """
     path = run.path / "points.csv"
-    if not path.is_file():
+    if not os.path.lexists(path):
         return set()
-    whole_lines = path.read_text("utf-8", "replace").split("\n")[1:-1]
+    whole_lines = read_file(path).decode("utf-8", "replace").split("\n")[1:-1]
     if all(line.split(",")[1:2] == ["tare"] for line in whole_lines):
         return set()
     return {int(point) for point in read_points(run.path).column("point")}

@@ -14,6 +14,7 @@ from benchtool.bench.motor_map import MotorMap, read_motor_map
 from benchtool.bench.tcp_socket import TcpSocket
 from benchtool.bench.transport import Transport
 from benchtool.bench.udp_socket import UdpSocket
+from benchtool.core.user_file import read_file
 from benchtool.errors import InputError, UnknownChoice
 
 if TYPE_CHECKING:
@@ -26,6 +27,8 @@ DEFAULT_BAUD = 115_200
 """Usual rate of a telemetry port over USB; radios have 57600."""
 
 KEY_BYTES = 32
+MOST_KEY_BYTES = 4096
+"""Longest pass phrase; a choice."""
 
 LEAST_HZ, MOST_HZ = 10.0, 1000.0
 """Rates at which outputs are asked for: too rarely, and nobody sees soon what they do."""
@@ -135,15 +138,10 @@ def read_key(path: Path) -> bytes:
     """Read a signing key: 32 bytes, 64 hexadecimal digits, or a pass phrase (its SHA-256).
 
     Raises:
-        InputError: the file cannot be read or is empty.
+        FileFormatError: the file cannot be read.
+        InputError: it is empty.
     """
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise InputError(
-            f"the key {path} cannot be read ({error.strerror}); give a file with 32 bytes, 64 "
-            f"hexadecimal digits or a pass phrase"
-        ) from error
+    data = read_file(path, MOST_KEY_BYTES)
     if len(data) == KEY_BYTES:
         return data
     text = data.strip()

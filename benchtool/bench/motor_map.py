@@ -11,7 +11,8 @@ from typing import Annotated
 from annotated_types import Ge, Le, Len
 
 from benchtool.core.toml_text import FiniteTable, read_strict
-from benchtool.errors import FileFormatError, InputError
+from benchtool.core.user_file import read_text
+from benchtool.errors import FileFormatError
 
 MotorNumber = Annotated[int, Ge(1), Le(12)]
 Place = Annotated[int, Ge(0), Le(16)]
@@ -49,15 +50,14 @@ def read_motor_map(path: Path) -> MotorMap:
     """Read a map of motors.
 
     Raises:
-        InputError: there is no such file.
-        FileFormatError: it does not say what it must.
+        FileFormatError: there is no such file, or it does not say what it must.
     """
     try:
-        text = path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise InputError(
-            f"the map of motors {path} cannot be read ({error.strerror}); make it with "
-            f"benchtool bench map"
+        text = read_text(path)
+    except FileFormatError as error:
+        raise FileFormatError(
+            f"the map of motors {error.where}",
+            f"{error.problem}; make one with benchtool bench map",
         ) from error
     found = read_strict(MotorMap, text, str(path))
     if not len(found.motors) == len(found.outputs) == len(found.escs):

@@ -7,7 +7,7 @@ which holds already. Time is virtual: `read(10.0)` returns the next ten seconds 
 from __future__ import annotations
 
 import csv
-import json
+import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, NoReturn
@@ -19,6 +19,8 @@ from benchtool.bench.bench import Identity, Readings
 from benchtool.bench.opened import Opened
 from benchtool.core.channel import Channel, unit_told_by
 from benchtool.core.counted import counted
+from benchtool.core.parsed_text import parse_json
+from benchtool.core.user_file import MOST_DATA_BYTES, MOST_FACTS_BYTES, read_text
 from benchtool.errors import CommandRefused, FileFormatError, LinkLost
 
 Array = NDArray[np.float64]
@@ -53,7 +55,7 @@ class ReplayBench(Opened):
         Raises:
             FileFormatError: there is no such file, or a line of it cannot be read.
         """
-        path = run / "samples.csv" if run.is_dir() else run
+        path = run / "samples.csv" if os.path.isdir(run) else run
         names, table = _read_samples(path)
         columns = dict(zip(names, table.T, strict=True))
         for name in _NOT_STREAMED[:2]:
@@ -115,12 +117,7 @@ class ReplayBench(Opened):
 
 def _read_samples(path: Path) -> tuple[list[str], Array]:
     """Return column names and (n, columns) numbers; words and empty cells are nan."""
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise FileFormatError(
-            str(path), f"it cannot be read ({error}); name a run folder that holds samples.csv"
-        ) from error
+    text = read_text(path, MOST_DATA_BYTES)
     # What follows the last line break was cut short when the run was killed.
     rows = csv.reader(text[: text.rfind("\n") + 1].splitlines())
     names = next(rows, [])
@@ -164,14 +161,9 @@ def _identity(address: str, path: Path, channels: tuple[Channel, ...], time_s: A
 
 
 def _metadata(path: Path) -> Mapping[str, Any]:
-    try:
-        facts = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
+    if not os.path.lexists(path):
         return {}
-    except (OSError, ValueError) as error:
-        raise FileFormatError(str(path), f"it cannot be read ({error}); mend or remove it") from (
-            error
-        )
+    facts = parse_json(read_text(path, MOST_FACTS_BYTES), str(path))
     if not isinstance(facts, dict):
         raise FileFormatError(str(path), "it is not a table of facts; mend or remove it")
     return facts

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import tomllib
 import types
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -24,6 +23,7 @@ from typing import (
     get_type_hints,
 )
 
+from benchtool.core.parsed_text import parse_toml
 from benchtool.errors import FileFormatError, InputError, UnknownChoice
 
 if TYPE_CHECKING:
@@ -56,14 +56,6 @@ class Sources:
     by_key: dict[str, str] = field(default_factory=dict)
     assumed: list[str] = field(default_factory=list)
     missing: list[str] = field(default_factory=list)
-
-
-def parse_toml(text: str, where: str) -> dict[str, Any]:
-    """Return the tables of TOML text, or say where it breaks."""
-    try:
-        return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise FileFormatError(where, f"this is not valid TOML: {error}; mend that line") from error
 
 
 def unwrap_quantities(data: Mapping[str, Any], found: Sources) -> dict[str, Any]:

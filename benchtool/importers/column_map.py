@@ -8,8 +8,10 @@ from typing import Any
 
 from benchtool.core.channel import require_known_channel, unit_told_by
 from benchtool.core.column_source import ColumnSource
-from benchtool.core.toml_text import build, parse_toml
+from benchtool.core.parsed_text import parse_toml
+from benchtool.core.toml_text import build
 from benchtool.core.units import UNITS
+from benchtool.core.user_file import read_text
 from benchtool.errors import FileFormatError, InputError, UnknownChoice
 from benchtool.importers.finding import Finding
 from benchtool.importers.foreign_units import Conversion, conversion
@@ -34,14 +36,7 @@ def read_by_map(data: bytes, where: str, map_path: Path, provenance: Mapping[str
 
 
 def _entries(path: Path) -> Mapping[str, Any]:
-    try:
-        text = path.read_text(encoding="utf-8")
-    except OSError as error:
-        reason = (error.strerror or "it cannot be read").lower()
-        raise FileFormatError(str(path), f"{reason}; name a column map") from error
-    except UnicodeDecodeError as error:
-        raise FileFormatError(str(path), "this is not a TOML text file") from error
-    data = parse_toml(text, str(path))
+    data = parse_toml(read_text(path), str(path))
     entries = data.get("columns", data)
     if not isinstance(entries, dict) or not entries:
         raise FileFormatError(

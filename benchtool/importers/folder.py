@@ -6,6 +6,9 @@ import shlex
 from collections.abc import Callable
 from pathlib import Path
 
+from benchtool.core.user_file import open_file
+from benchtool.errors import FileFormatError
+
 HEAD_BYTES = 1 << 16
 """A file's beginning tells its format: a header and some rows."""
 
@@ -36,9 +39,9 @@ def told_of_folder(folder: Path, can_import: Callable[[bytes, str], bool]) -> st
 
 def _head_of(path: Path) -> bytes:
     try:
-        with path.open("rb") as file:
+        with open_file(path) as file:
             head = file.read(HEAD_BYTES)
-    except OSError:
+    except (OSError, FileFormatError):
         return b""
     if len(head) < HEAD_BYTES:
         return head

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
+from benchtool.core.user_file import read_file
 from benchtool.errors import FileFormatError, InputError
 from benchtool.importers.as_told import as_told
 from benchtool.importers.column_map import read_by_map
@@ -34,10 +36,10 @@ def import_file(path: str | Path, options: Options | None = None) -> Imported:
         FileFormatError: no such file, nothing readable in it, or columns that nobody knows.
     """
     where, options = Path(path), options or Options()
-    if where.is_dir():
+    if os.path.isdir(where):
         words = told_of_folder(where, lambda head, name: _can_import(head, name, options))
         raise FileFormatError(str(path), words)
-    return import_bytes(_bytes_of(where), str(path), options)
+    return import_bytes(read_file(where), str(path), options)
 
 
 def import_files(paths: Sequence[str | Path], options: Options | None = None) -> list[Imported]:
@@ -111,13 +113,3 @@ def _read_table(data: bytes, where: str, options: Options, facts: dict[str, str]
     if is_uiuc(first):
         return read_uiuc(data, where, facts, options.air_density_kg_m3)
     return read_named(data, where, facts)
-
-
-def _bytes_of(path: Path) -> bytes:
-    try:
-        return path.read_bytes()
-    except FileNotFoundError:
-        raise FileFormatError(str(path), "there is no such file; check the path") from None
-    except OSError as error:
-        reason = (error.strerror or "it cannot be read").lower()
-        raise FileFormatError(str(path), f"{reason}; check the file") from error

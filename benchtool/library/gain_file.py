@@ -10,11 +10,11 @@ from typing import Annotated, Any, get_type_hints
 
 from annotated_types import Ge, Gt
 
+from benchtool.core.parsed_text import parse_toml
 from benchtool.core.toml_text import (
     FiniteTable,
     Sources,
     build,
-    parse_toml,
     require_sources,
     unwrap_quantities,
 )

@@ -14,8 +14,9 @@ from benchtool.aero.body_lift import BodyDistance
 from benchtool.core.channel import require_known_channel
 from benchtool.core.column_source import ColumnSource
 from benchtool.core.parameter import Parameter, Prior
+from benchtool.core.parsed_text import parse_toml
 from benchtool.core.rig import Rig
-from benchtool.core.toml_text import FileTable, FiniteTable, build, parse_toml
+from benchtool.core.toml_text import FileTable, FiniteTable, build
 from benchtool.effects.catalogue import effect_named
 from benchtool.effects.effect import Effect
 from benchtool.effects.model import Model

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 from importlib import resources
 from pathlib import Path
 
+from benchtool.core.user_file import read_text, shown_name
 from benchtool.errors import FileFormatError, UnknownChoice
 
 
@@ -32,16 +34,12 @@ def read_named(kind: str, folder: str, name_or_path: str | Path) -> tuple[str, s
         item = resources.files("benchtool.library") / folder / f"{given}.toml"
         return item.read_text(encoding="utf-8"), f"{folder}/{given}.toml"
     path = Path(given)
-    if path.suffix != ".toml" and not path.exists():
-        raise UnknownChoice(f"{kind} (and no file of that name)", given, packaged_names(folder))
-    if path.is_dir():
+    if path.suffix != ".toml" and not os.path.exists(path):
+        shown = shown_name(given)
+        raise UnknownChoice(f"{kind} (and no file of that name)", shown, packaged_names(folder))
+    if os.path.isdir(path):
         inside = ", ".join(str(item) for item in sorted(path.glob("*.toml"))[:6])
         raise FileFormatError(
             given, f"this is a folder; name a TOML file{f' in it: {inside}' if inside else ''}"
         )
-    try:
-        return path.read_text(encoding="utf-8"), given
-    except FileNotFoundError as error:
-        raise FileFormatError(given, "there is no such file; check the path") from error
-    except (OSError, UnicodeDecodeError) as error:
-        raise FileFormatError(given, f"it cannot be read as text ({error})") from error
+    return read_text(path), given

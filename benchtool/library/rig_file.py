@@ -9,11 +9,11 @@ from typing import Any
 
 import tomli_w
 
+from benchtool.core.parsed_text import parse_toml
 from benchtool.core.rig import Rig
 from benchtool.core.toml_text import (
     Sources,
     build,
-    parse_toml,
     require_sources,
     unwrap_quantities,
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -11,6 +12,7 @@ from annotated_types import Ge, Len
 
 from benchtool.aero.validity import VALIDITY_Z_OVER_R
 from benchtool.core.toml_text import FiniteTable, read_strict
+from benchtool.core.user_file import read_text
 from benchtool.errors import FileFormatError
 from benchtool.estimate.model_problem import Basis as Basis
 
@@ -74,17 +76,15 @@ class _RecipeFile(FiniteTable):
 def read_recipe(folder: Path) -> Recipe:
     """Return the recipe of `folder/recipe.toml`, its paths made relative to the present folder."""
     path = folder / "recipe.toml"
-    try:
-        text = path.read_text(encoding="utf-8")
-    except OSError as error:
+    if not os.path.lexists(path):
         raise FileFormatError(
             str(path), "there is no recipe to read; name a folder that holds a recipe.toml"
-        ) from error
-    recipe = read_strict(_RecipeFile, text, str(path)).recipe
+        )
+    recipe = read_strict(_RecipeFile, read_text(path), str(path)).recipe
 
     def beside(name: str) -> str:
         own = folder / name
-        return str(own) if own.exists() else name
+        return str(own) if os.path.exists(own) else name
 
     return replace(
         recipe,

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Sequence
 
 import numpy as np
 
 from benchtool import __version__
 from benchtool.core.counted import counted
+from benchtool.core.parsed_text import parse_toml
+from benchtool.errors import FileFormatError
 from benchtool.recipes.calibration_drawn import calibration_drawn
 from benchtool.recipes.model_band import Believed
 from benchtool.recipes.swept import Swept
@@ -245,8 +246,8 @@ def _order(run: Swept) -> list[Block]:
 
 def _residual_N(plan_text: str) -> float:
     try:
-        return float(tomllib.loads(plan_text)["tare"]["residual_N"])
-    except (tomllib.TOMLDecodeError, KeyError, TypeError, ValueError):
+        return float(parse_toml(plan_text, "plan.toml")["tare"]["residual_N"])
+    except (FileFormatError, KeyError, TypeError, ValueError):
         return float("nan")
 
 

@@ -12,6 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from benchtool.core.parsed_text import parse_json
+from benchtool.core.user_file import MOST_FACTS_BYTES, read_text
 from benchtool.errors import FileFormatError
 
 
@@ -51,13 +53,7 @@ def json_ready(value: Any) -> Any:
 
 def read_json(path: Path) -> dict[str, Any]:
     """Return the JSON object in a file, or say where it breaks."""
-    try:
-        data = json.loads(path.read_text("utf-8"))
-    except FileNotFoundError:
-        raise FileFormatError(str(path), "there is no such file; check the path") from None
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        problem = f"this is not valid JSON ({error}); restore the file from a copy"
-        raise FileFormatError(str(path), problem) from error
+    data = parse_json(read_text(path, MOST_FACTS_BYTES), str(path))
     if not isinstance(data, dict):
         raise FileFormatError(str(path), "a JSON object is needed; restore the file from a copy")
     return data

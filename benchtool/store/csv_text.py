@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from benchtool.core.user_file import read_file
 from benchtool.errors import FileFormatError
 
 _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+(?:[eE][+-]?\d+)?")
@@ -41,16 +42,7 @@ def read_csv_text(path: Path, *, own: bool = False) -> CsvTable:
         own: the file is one of ours: a last line without its line end was cut by a kill and is
             left out, even when it looks whole.
     """
-    try:
-        data = path.read_bytes()
-    except FileNotFoundError:
-        raise FileFormatError(str(path), "there is no such file; check the path") from None
-    except IsADirectoryError:
-        raise FileFormatError(str(path), "this is a folder; name a CSV file in it") from None
-    except OSError as error:
-        reason = (error.strerror or "it cannot be read").lower()
-        raise FileFormatError(str(path), f"{reason}; check the file") from error
-    return parse_csv(data, str(path), own=own)
+    return parse_csv(read_file(path), str(path), own=own)
 
 
 def no_rows(where: str, header: Sequence[str]) -> FileFormatError:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from pathlib import Path
 
+from benchtool.core.user_file import open_file
 from benchtool.errors import FileFormatError
 
 DATA_FILES: tuple[str, ...] = ("points.csv", "samples.csv")
@@ -13,7 +14,7 @@ DATA_FILES: tuple[str, ...] = ("points.csv", "samples.csv")
 
 def file_hash(path: Path) -> str:
     """Return the SHA-256 of a file's bytes, in hex."""
-    with open(path, "rb") as file:
+    with open_file(path) as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from benchtool.core.counted import counted
+from benchtool.core.user_file import open_file
 from benchtool.errors import BenchtoolError, FileFormatError
 from benchtool.store.atomic import read_json
 from benchtool.store.columns import KINDS
@@ -219,7 +220,7 @@ def _recording(entry: Entry, path: Path) -> Entry:
 
 
 def _csv(entry: Entry, path: Path) -> Entry:
-    with open(path, "rb") as file:
+    with open_file(path) as file:
         beginning = file.read(HEAD_BYTES)
     if b"\n" in beginning:
         beginning = beginning[: beginning.rindex(b"\n") + 1]

@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import json
+import os
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
+from benchtool.core.parsed_text import parse_json
+from benchtool.core.toml_text import build
+from benchtool.core.user_file import MOST_FACTS_BYTES, read_text
+from benchtool.errors import InputError
 from benchtool.store.append import AppendFile
 
 
@@ -48,14 +53,13 @@ class EventLog:
 
 
 def read_events(path: Path) -> tuple[Event, ...]:
-    """Return the events of a run, oldest first; a line cut by a kill is left out."""
-    if not path.exists():
+    """Return the events of a run, oldest first; a line that is no event is left out."""
+    if not os.path.lexists(path):
         return ()
     events = []
-    for line in path.read_text("utf-8").splitlines():
+    for line in read_text(path, MOST_FACTS_BYTES).splitlines():
         try:
-            data = json.loads(line)
-            events.append(Event(**data))
-        except (json.JSONDecodeError, TypeError):
+            events.append(build(Event, parse_json(line, str(path)), str(path)))
+        except InputError:
             continue
     return tuple(events)

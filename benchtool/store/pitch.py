@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 
 from benchtool.core.channel import Channel
 from benchtool.core.recording import Recording
+from benchtool.core.user_file import open_file
 from benchtool.errors import FileFormatError
 from benchtool.store.columns import code_of
 from benchtool.store.read import read_samples
 
 NEEDED = ("theta_ref_rad", "theta_rad", "gyro_rad_s")
 """Channels without which a run is no pitch experiment."""
+
+LONGEST_HEADER = 1 << 16
+"""Bytes of the first line that are looked at; a choice."""
 
 _OTHERS = re.compile(r"pwm\d+_us|rpm\d+|plate_z_m|torque_Nm|disturbance_Nm|voltage_V|thrust_N")
 
@@ -47,7 +52,8 @@ def read_pitch(path: str | Path) -> Recording:
 def is_pitch_run(path: str | Path) -> bool:
     """Tell whether a run folder holds a pitch experiment, by the channels of its samples."""
     file = Path(path) / "samples.csv"
-    if not file.is_file():
+    if not os.path.lexists(file):
         return False
-    with open(file, encoding="utf-8", errors="replace") as lines:
-        return "theta_rad" in lines.readline().strip().split(",")
+    with open_file(file) as lines:
+        first = lines.readline(LONGEST_HEADER)
+    return b"theta_rad" in first.strip().split(b",")

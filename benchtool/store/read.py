@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import warnings
 from collections.abc import Iterable
 from dataclasses import replace
@@ -22,7 +23,7 @@ from benchtool.store.table import numbers_in
 
 def is_run(path: str | Path) -> bool:
     """Tell whether a path is a run folder."""
-    return (Path(path) / "metadata.json").is_file()
+    return os.path.lexists(Path(path) / "metadata.json")
 
 
 def read_points(
@@ -73,11 +74,11 @@ def read_samples(path: str | Path) -> Recording:
 
 def _file(path: str | Path, name: str) -> Path:
     path = Path(path)
-    if not path.exists():
+    if not os.path.lexists(path):
         raise FileFormatError(str(path), "there is no such run or file; check the path")
-    if path.is_file():
+    if not os.path.isdir(path):
         return path
-    if not (path / name).is_file():
+    if not os.path.lexists(path / name):
         inside = ", ".join(sorted(item.name for item in path.iterdir())[:8]) or "nothing"
         advice = "close the run with benchtool sweep --resume" if is_run(path) else "name a run"
         raise FileFormatError(str(path), f"there is no {name} in it (it holds: {inside}); {advice}")

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from benchtool.core.channel import Channel
+from benchtool.core.user_file import read_text
 from benchtool.errors import (
     FileFormatError,
     InputError,
@@ -81,11 +82,7 @@ class Run:
     @property
     def plan_text(self) -> str:
         """The plan as it was when the run began."""
-        try:
-            return (self.path / "plan.toml").read_text("utf-8")
-        except FileNotFoundError:
-            where = str(self.path / "plan.toml")
-            raise FileFormatError(where, "the plan is missing; restore it from a copy") from None
+        return read_text(self.path / "plan.toml")
 
     @property
     def metadata(self) -> dict[str, Any]:

@@ -27,7 +27,9 @@ from typing import Any
 
 import numpy as np
 
-from benchtool.core.toml_text import FileTable, build, parse_toml
+from benchtool.core.parsed_text import parse_toml
+from benchtool.core.toml_text import FileTable, build
+from benchtool.core.user_file import read_text
 from benchtool.errors import FileFormatError, InputError
 from benchtool.simulate.environment import ALWAYS, Block, Environment
 from benchtool.simulate.height_grid import HeightGrid
@@ -72,14 +74,8 @@ def read_map(path: Path) -> Environment:
     """
     if path.suffix.lower() == ".csv":
         return Environment(grid=read_grid(path), name=path.stem)
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise FileFormatError(
-            str(path), f"it cannot be read ({error}); give a TOML or CSV map"
-        ) from error
     where = str(path)
-    read = build(_MapFile, parse_toml(text, where), where)
+    read = build(_MapFile, parse_toml(read_text(path), where), where)
     tables = [
         build(_BlockTable, table, f"{where}: blocks[{k}]") for k, table in enumerate(read.blocks)
     ]

@@ -206,7 +206,7 @@ def test_a_dry_run_makes_nothing(capsys: pytest.CaptureFixture[str]) -> None:
         (["sim:pquad", "--repeats", "0"], "--repeats is 0"),
         (["sim:pquad", "--rotors", "1.5"], "name rotors by number"),
         (["sim:pquad", "--rotors", "7"], "names rotor 7"),
-        (["sim:pquad", "--plan", "absent.toml"], "there is no such plan"),
+        (["sim:pquad", "--plan", "absent.toml"], "there is no such file"),
         (
             ["sim:pquad", "--humidity", "4500", "--yes"],
             "--humidity is 4500 percent, outside 0 to 100",

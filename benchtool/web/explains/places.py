@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from benchtool.core.toml_text import parse_toml
+from benchtool.core.parsed_text import parse_toml
+from benchtool.core.user_file import MOST_TEXT_BYTES, read_text
 from benchtool.errors import BenchtoolError
 from benchtool.store.entry import Entry
 from benchtool.store.run_list import list_entries
@@ -107,14 +108,10 @@ def _model_files(folder: RunsFolder) -> list[str]:
 
 
 def _is_model(file: Path) -> bool:
-    if file.name.startswith(".") or file.stat().st_size > MOST_BYTES:
+    if file.name.startswith(".") or file.stat().st_size > MOST_TEXT_BYTES:
         return False
     try:
-        head = parse_toml(file.read_text("utf-8"), file.name).get("model")
-    except (OSError, UnicodeDecodeError, BenchtoolError):
+        head = parse_toml(read_text(file), file.name).get("model")
+    except BenchtoolError:
         return False
     return isinstance(head, dict) and "rig" in head
-
-
-MOST_BYTES = 1_000_000
-"""No model file is larger; a choice."""

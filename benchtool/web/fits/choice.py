@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path, PurePosixPath
 
-from benchtool.core.toml_text import parse_toml
-from benchtool.errors import FileFormatError, InputError
+from benchtool.core.parsed_text import parse_toml
+from benchtool.core.user_file import read_text
+from benchtool.errors import InputError
 from benchtool.library import LoadedModel, load_model, model_names
 from benchtool.library.own_code import refuse_code
 from benchtool.library.rig_file import rig_names
@@ -77,11 +78,7 @@ def model_path(folder: RunsFolder, chosen: str) -> str:
 
 
 def _refuse_outside(folder: RunsFolder, chosen: str, path: Path) -> None:
-    try:
-        text = path.read_text(encoding="utf-8")
-    except UnicodeDecodeError as error:
-        raise FileFormatError(chosen, "this is not a TOML text file") from error
-    head = parse_toml(text, chosen).get("model", {})
+    head = parse_toml(read_text(path), chosen).get("model", {})
     if isinstance(head, dict) and head.get("effects_file"):
         refuse_code(f"{PurePosixPath(chosen).parent}/{head['effects_file']}")
     named = str(head.get("rig", "")) if isinstance(head, dict) else ""

@@ -34,8 +34,8 @@ def test_links() -> None:
         ("mavlink:udpin:14550?system=0", "outside 1 to 255"),
         ("mavlink:udpin:14550?mode=yaw", "unknown mode of address"),
         ("mavlink:udpin:14550?rate=5", "outside 10 to 1000"),
-        ("mavlink:udpin:14550?map=no-such-file.toml", "make it with benchtool bench map"),
-        ("mavlink:udpin:14550?key=no-such-file", "the key no-such-file cannot be read"),
+        ("mavlink:udpin:14550?map=no-such-file.toml", "make one with benchtool bench map"),
+        ("mavlink:udpin:14550?key=no-such-file", "no-such-file: there is no such file"),
         ("mavlink:udpin:14550?colour=red", "known: arm, cell, distance"),
     ],
 )

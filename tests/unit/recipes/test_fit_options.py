@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from benchtool.cli import fit
+from benchtool.cli.announce_code import announce_code
 from benchtool.cli.app import main
 from benchtool.errors import InputError
 from benchtool.recipes.fit_options import recipe_of_options, words_of_recipe
@@ -41,7 +42,7 @@ def test_the_words_ask_for_the_same_recipe(recipe: Recipe, monkeypatch: pytest.M
     monkeypatch.setattr(fit, "_run", lambda *given: asked.append(given))
     with pytest.raises(SystemExit):
         main(words_of_recipe(recipe, out="fits/new", profile=recipe.seed == 7))
-    assert asked == [(recipe, Path("fits/new"), recipe.seed == 7)]
+    assert asked == [(recipe, Path("fits/new"), recipe.seed == 7, announce_code)]
 
 
 def test_what_is_usual_is_left_out() -> None:

@@ -1,0 +1,93 @@
+"""Parse TOML and JSON text from outside, within bounds on depth and on numbers."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from math import isfinite
+from typing import Any
+
+from benchtool.errors import FileFormatError
+
+MOST_DEPTH = 32
+"""Deepest nesting of tables and lists; the deepest of our own files has six levels."""
+
+LARGEST_WHOLE = 2**63 - 1
+"""Largest whole number, as TOML has it."""
+
+
+def parse_toml(text: str, where: str) -> dict[str, Any]:
+    """Return the tables of TOML text, or say where it breaks."""
+    try:
+        data = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        problem = f"this is not valid TOML: {error}; mend that line"
+        raise FileFormatError(where, problem) from error
+    except RecursionError as error:
+        raise _too_deep(where) from error
+    except ValueError as error:  # a number with thousands of digits
+        raise _too_large(where) from error
+    _check_bounds(data, where)
+    return data
+
+
+def parse_json(text: str | bytes, where: str) -> Any:
+    """Return what JSON text holds, or say where it breaks; nan and infinity are not JSON."""
+    try:
+        data = json.loads(text, parse_constant=_no_constant)
+    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+        problem = f"this is not valid JSON ({error}); restore it from a copy"
+        raise FileFormatError(where, problem) from error
+    except _NoNumber as error:
+        problem = f"this is not valid JSON ({error} is no number); restore it from a copy"
+        raise FileFormatError(where, problem) from error
+    except RecursionError as error:
+        raise _too_deep(where) from error
+    except ValueError as error:
+        raise _too_large(where) from error
+    _check_bounds(data, where, finite=True)
+    return data
+
+
+class _NoNumber(Exception):
+    """A word that JavaScript has for a number and JSON has not."""
+
+
+def _no_constant(word: str) -> None:
+    raise _NoNumber(word)
+
+
+def _check_bounds(data: Any, where: str, *, finite: bool = False) -> None:
+    """Refuse what is nested too deeply, and numbers and texts that no file of ours holds."""
+    level, depth = [data], 0
+    while level:
+        depth += 1
+        if depth > MOST_DEPTH + 1:
+            raise _too_deep(where)
+        below: list[Any] = []
+        for item in level:
+            if isinstance(item, dict):
+                below.extend(item.keys())
+                below.extend(item.values())
+            elif isinstance(item, list):
+                below.extend(item)
+            elif isinstance(item, str):
+                if not item.isascii() and any("\ud800" <= letter <= "\udfff" for letter in item):
+                    raise FileFormatError(where, f"{item!r:.60} is no text; restore it from a copy")
+            elif isinstance(item, int) and abs(item) > LARGEST_WHOLE:
+                raise _too_large(where)
+            elif finite and isinstance(item, float) and not isfinite(item):
+                raise FileFormatError(where, "a number in it is beyond 1.8e308; correct it")
+        level = below
+
+
+def _too_deep(where: str) -> FileFormatError:
+    return FileFormatError(
+        where, f"it is nested deeper than {MOST_DEPTH} levels; write it with fewer"
+    )
+
+
+def _too_large(where: str) -> FileFormatError:
+    return FileFormatError(
+        where, f"a whole number in it is beyond {LARGEST_WHOLE} (64 bits); correct it"
+    )

@@ -1,0 +1,124 @@
+"""Open a file that somebody named: a regular file of bounded size, or a sentence that refuses it.
+
+Every path that stands in a command, an address, a file or a run folder is opened here. A FIFO, a
+device or a socket in place of a file would hang the program or fill its memory.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import stat
+from io import BufferedReader
+from pathlib import Path
+
+from benchtool.errors import FileFormatError
+
+MOST_TEXT_BYTES = 1 << 20
+"""Largest file of settings (plan, rig, model, map): hundreds of times what ships. A choice."""
+
+MOST_FACTS_BYTES = 1 << 26
+"""Largest JSON file: a result with every draw is below a tenth of it. A choice."""
+
+MOST_DATA_BYTES = 1 << 32
+"""Largest file of data: a day of flight logs. A choice."""
+
+_KINDS = (
+    (stat.S_ISDIR, "this is a folder"),
+    (stat.S_ISFIFO, "this is a pipe"),
+    (stat.S_ISCHR, "this is a device"),
+    (stat.S_ISBLK, "this is a device"),
+    (stat.S_ISSOCK, "this is a socket"),
+)
+
+_REASONS = {
+    errno.ENOENT: "there is no such file; check the path",
+    errno.ENOTDIR: "there is no such file; check the path",
+    errno.EISDIR: "this is a folder; name a file",
+    errno.ENAMETOOLONG: "the name is longer than the system allows; name another file",
+    errno.EACCES: "permission denied; make the file readable for this user, or name another",
+    errno.EPERM: "permission denied; make the file readable for this user, or name another",
+    errno.ENXIO: "this is a pipe or a socket; name a regular file",
+}
+
+
+def open_file(path: str | Path, *, follow: bool = True) -> BufferedReader:
+    """Open a regular file for reading bytes; nothing else blocks or is read.
+
+    Args:
+        path: as somebody named it.
+        follow: whether a symbolic link in place of the file is followed.
+
+    Raises:
+        FileFormatError: it cannot be opened, or is no regular file.
+    """
+    flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+    if not follow:
+        flags |= getattr(os, "O_NOFOLLOW", 0)
+    try:
+        handle = os.open(path, flags)
+    except (OSError, ValueError) as error:
+        raise FileFormatError(shown_name(path), _reason(error, path)) from error
+    mode = os.fstat(handle).st_mode
+    if not stat.S_ISREG(mode):
+        os.close(handle)
+        kind = next((words for is_kind, words in _KINDS if is_kind(mode)), "this is no file")
+        raise FileFormatError(shown_name(path), f"{kind}; name a regular file")
+    return os.fdopen(handle, "rb")
+
+
+def read_file(path: str | Path, most_bytes: int = MOST_DATA_BYTES, *, follow: bool = True) -> bytes:
+    """Return the bytes of a regular file.
+
+    Raises:
+        FileFormatError: it cannot be opened or read, is no regular file, or is too large.
+    """
+    with open_file(path, follow=follow) as file:
+        size = os.fstat(file.fileno()).st_size
+        if size <= most_bytes:
+            try:
+                data = file.read(most_bytes + 1)
+            except OSError as error:
+                raise FileFormatError(shown_name(path), _reason(error, path)) from error
+            if len(data) <= most_bytes:
+                return data
+            size = len(data)
+    raise FileFormatError(
+        shown_name(path),
+        f"it has {size:,} bytes, limit {most_bytes:,}; name a smaller file of this kind",
+    )
+
+
+def read_text(path: str | Path, most_bytes: int = MOST_TEXT_BYTES, *, follow: bool = True) -> str:
+    """Return the text of a regular UTF-8 file, without a byte order mark.
+
+    Raises:
+        FileFormatError: as `read_file`, or the bytes are not UTF-8.
+    """
+    data = read_file(path, most_bytes, follow=follow)
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise FileFormatError(
+            shown_name(path),
+            f"this is not UTF-8 text (byte {error.start} is 0x{data[error.start]:02x}); save it "
+            f"as UTF-8, or name a text file",
+        ) from error
+
+
+def shown_name(path: str | Path) -> str:
+    """Return a path for a message: whole, but for a name that no system has."""
+    text = str(path)
+    text = text if len(text) <= 300 else f"{text[:60]}... ({len(text)} characters)"
+    return text.encode("utf-8", "backslashreplace").decode().replace("\0", "\\0")
+
+
+def _reason(error: OSError | ValueError, path: str | Path) -> str:
+    if not isinstance(error, OSError):  # a NUL, or a letter that no file name has
+        return "no file can have this name; name another"
+    if error.errno == errno.ELOOP:
+        is_link = os.path.islink(path)
+        link = "this is a symbolic link, which is not followed here"
+        return f"{link if is_link else 'its links lead in a circle'}; name the file itself"
+    said = (error.strerror or "it cannot be read").lower()
+    return _REASONS.get(error.errno or 0, f"{said}; check the file")
