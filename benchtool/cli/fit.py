@@ -116,7 +116,7 @@ def _run(recipe: Recipe, out: Path | None, profile: bool, permit: CodePermit) ->
     import sys
 
     from benchtool.cli.show_fit import print_fit, working
-    from benchtool.estimate.ensemble import require_converged
+    from benchtool.estimate.diagnose import refusal
     from benchtool.recipes.fit_folder import refuse_full, write_fit
     from benchtool.recipes.run_recipe import run_recipe
 
@@ -125,8 +125,10 @@ def _run(recipe: Recipe, out: Path | None, profile: bool, permit: CodePermit) ->
     with working() as tell:
         output = run_recipe(recipe, tell, profile=profile, permit=permit)
     print_fit(output)
+    problem = refusal(output.results)
     if out is not None:
         page = write_fit(out, output, [shlex.join(["benchtool", *sys.argv[1:]])])
-        print(f"written: {page} and, beside it, result.json, model.toml and the figures")
-    for result in output.results:
-        require_converged(result)
+        model = "model.toml" if (out / "model.toml").is_file() else "no model (there is no answer)"
+        print(f"written: {page} and, beside it, result.json, {model} and the figures")
+    if problem is not None:
+        raise problem

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from benchtool.core.counted import counted
 from benchtool.core.fit_result import FitResult
+from benchtool.errors import BenchtoolError, EstimationError, ModelRejected, NotConverged
 from benchtool.estimate.confusion import Confusion, confusions
 from benchtool.estimate.likelihood import residuals, split_values
 from benchtool.estimate.problem import NOISE_SCALE, Problem
@@ -122,6 +124,28 @@ def with_diagnosis(problem: Problem, result: FitResult) -> FitResult:
             "chi2_chance": found.chance,
             "outliers": len(found.outliers),
         },
+    )
+
+
+def refusal(results: Sequence[FitResult]) -> BenchtoolError | None:
+    """Return why results are no answer (`EstimationError`) or reject their model; None otherwise.
+
+    A model is rejected where the chance of its chi2 at the stated errors is below `UNLIKELY`, or,
+    with a noise parameter free, where points scatter more than `SCATTER` times as much as stated.
+    """
+    for result in results:
+        status, said = result.outcome.status, f"{result.method}: {result.outcome.message}"
+        if status == "not_converged":
+            return NotConverged(said)
+        if status != "converged":
+            return EstimationError(said)
+    first = results[0]
+    if first.facts.get("verdict") != "rejected":
+        return None
+    return ModelRejected(
+        f"the data reject model {first.model!r}: points scatter {times_as_much(first)} as much as "
+        f"their stated errors (chi2/dof = {first.chi2_per_dof:.3g}); do not use its numbers before "
+        f"benchtool explain has said what it lacks"
     )
 
 

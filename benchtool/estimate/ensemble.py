@@ -11,7 +11,7 @@ from emcee import EnsembleSampler
 from numpy.typing import NDArray
 
 from benchtool.core.fit_result import FitResult, Outcome
-from benchtool.errors import EstimationError, InputError, NotConverged
+from benchtool.errors import EstimationError, InputError
 from benchtool.estimate.convergence import (
     RHAT_LIMIT,
     TAU_LENGTHS,
@@ -54,7 +54,7 @@ def fit_ensemble(
     """Sample the posterior until four independently started ensembles agree.
 
     The number of steps follows from the autocorrelation time. A result whose outcome is
-    `not_converged` says what to change; `require_converged` refuses it.
+    `not_converged` says what to change.
 
     Args:
         problem: what to fit.
@@ -80,13 +80,6 @@ def fit_ensemble(
         sampler = sampler_of(probability, start, ENSEMBLES, int(rng.integers(2**32)))
         chains, verdict = _run(sampler, start, walkers, max_steps, progress)
     return _result(problem, near, sampler, chains, verdict, walkers, seed, max_steps)
-
-
-def require_converged(result: FitResult) -> FitResult:
-    """Return the result, or refuse one whose sampler has not converged."""
-    if result.outcome.status == "not_converged":
-        raise NotConverged(result.outcome.message)
-    return result
 
 
 def sampler_of(

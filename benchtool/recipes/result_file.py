@@ -2,24 +2,32 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from benchtool.core.fit_result import FitResult
+from benchtool.errors import BenchtoolError, EstimationError, ModelRejected
+from benchtool.estimate.diagnose import refusal
 from benchtool.library import LoadedModel, model_to_toml, rig_beside
 from benchtool.recipes.run_recipe import FitOutput
 from benchtool.store.atomic import json_ready, replace_json, replace_text
 from benchtool.store.entry import FIT_FILE, FIT_FORMAT
 from benchtool.store.entry import read_result as read_result
 
+Answer = Literal["given", "model rejected", "none"]
+"""Whether a fit has an answer, and whether the data reject its model."""
+
 
 def result_tables(output: FitOutput) -> dict[str, Any]:
     """Return the contents of result.json."""
+    problem = refusal(output.results)
     tables: dict[str, Any] = {
         "format": FIT_FORMAT,
+        "answer": _answer(problem),
+        "problem": "" if problem is None else str(problem),
         "recipe": _paths_as_names(output),
         "model": output.loaded.model.name,
         "rig": output.loaded.model.rig.name,
@@ -45,20 +53,39 @@ def result_tables(output: FitOutput) -> dict[str, Any]:
 
 
 def write_result(folder: Path, output: FitOutput) -> None:
-    """Write result.json, the fitted model and the posterior samples into a folder."""
-    replace_json(folder / FIT_FILE, result_tables(output))
-    fitted = LoadedModel(
-        model=output.fitted, columns=output.loaded.columns, row_filter=output.loaded.row_filter
-    )
-    rig, text = rig_beside(output.fitted.rig)
-    if text:
-        replace_text(folder / rig, text)
-    replace_text(folder / "model.toml", model_to_toml(fitted, rig))
+    """Write result.json, the fitted model and the posterior samples into a folder.
+
+    A fit without an answer has no model to write.
+    """
+    tables = result_tables(output)
+    replace_json(folder / FIT_FILE, tables)
+    if tables["answer"] != "none":
+        _write_model(folder, output)
     for result in output.results:
         if len(result.samples):
             header = ",".join(estimate.name for estimate in result.estimates)
             path = folder / "samples.csv"
             np.savetxt(path, result.samples, delimiter=",", header=header, comments="", fmt="%.9g")
+
+
+def _answer(problem: BenchtoolError | None) -> Answer:
+    if isinstance(problem, EstimationError):
+        return "none"
+    return "model rejected" if isinstance(problem, ModelRejected) else "given"
+
+
+def _write_model(folder: Path, output: FitOutput) -> None:
+    problem = refusal(output.results)
+    model = output.fitted
+    if problem is not None:
+        model = replace(model, provenance={**model.provenance, "rejected": str(problem)})
+    fitted = LoadedModel(
+        model=model, columns=output.loaded.columns, row_filter=output.loaded.row_filter
+    )
+    rig, text = rig_beside(model.rig)
+    if text:
+        replace_text(folder / rig, text)
+    replace_text(folder / "model.toml", model_to_toml(fitted, rig))
 
 
 def _result(result: FitResult) -> dict[str, Any]:

@@ -86,7 +86,10 @@ def corner_figure(
     handles = [Line2D([], [], color=BLUE, label="posterior: 1 and 2 sd; dashed: 16, 50, 84 %")]
     for (label, values), (color, dashes) in zip(marked.items(), _REFERENCE_LOOKS, strict=False):
         at = [None if np.isnan(value) else float(value) for value in values]
-        corner.overplot_lines(figure, at, color=color, linestyle=dashes, linewidth=1.2)
+        if n > 1:
+            corner.overplot_lines(figure, at, color=color, linestyle=dashes, linewidth=1.2)
+        elif at[0] is not None:  # corner marks nothing on a single histogram
+            figure.axes[0].axvline(at[0], color=color, linestyle=dashes, linewidth=1.2)
         handles.append(Line2D([], [], color=color, linestyle=dashes, label=label))
     top = 1.0 - 0.42 / size_in
     figure.legend(handles=handles, loc="upper right", bbox_to_anchor=(0.99, top))

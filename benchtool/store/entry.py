@@ -188,11 +188,13 @@ def _fit(entry: Entry, path: Path) -> Entry:
     results = _table(facts, "results")
     outcomes = [str(_table(_table(results, method), "outcome")["status"]) for method in results]
     worst = next((status for status in outcomes if status != "converged"), "converged")
+    rejected = facts.get("answer") == "model rejected"
+    state = "model rejected" if rejected else worst.replace("_", " ")
     recipe = _table(facts, "recipe")
     return replace(
         entry,
         rig=str(facts["model"]),
-        state=worst.replace("_", " "),
+        state=state,
         simulated=bool(facts["simulated"]),
         said=f"{', '.join(map(str, recipe['data']))}; "
         f"{counted(_table(facts, 'points')['used'], 'point')}",

@@ -42,7 +42,9 @@ def offers(entry: Entry) -> tuple[Offer, ...]:
     if entry.kind == "recording":
         return (*reports(flat), Offer(label="Recording", file=flat, path=entry.name))
     if entry.kind in ("fit", "explanation"):
-        kept = (FIT_FILE if entry.kind == "fit" else ANSWER_FILE, "model.toml")
+        kept = [FIT_FILE if entry.kind == "fit" else ANSWER_FILE]
+        if entry.state not in ("stopped early", "not converged"):
+            kept.append("model.toml")
         return (
             *reports(flat),
             *(

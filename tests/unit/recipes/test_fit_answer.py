@@ -1,0 +1,76 @@
+"""A fit without an answer, or whose model the data reject, never ends like a good one."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from benchtool.cli.app import main
+from benchtool.library import load_model
+from benchtool.store.entry import entry_of
+from benchtool.store.runs_folder import RunsFolder
+
+FAR = "rpm1,thrust_N,thrust_se_N\n4000,1.81,0.01\n5000,2.83,0.01\n6000,4.08,0.01\n7000,5.56,0.01\n"
+NEAR = """plate_z_m,rpm1,thrust_N,thrust_se_N
+0.07,5500,4.6,0.001
+0.12,5500,3.2,0.001
+0.18,5500,3.9,0.001
+0.24,5500,3.1,0.001
+0.36,5500,3.6,0.001
+0.60,5500,3.4,0.001
+"""
+
+
+def fitted(folder: Path, table: str, *words: str) -> int:
+    (folder / "table.csv").write_text(table)
+    out = str(folder / "fit")
+    with pytest.raises(SystemExit) as left:
+        main(["fit", str(folder / "table.csv"), "--model", "single", "--out", out, *words])
+    return int(left.value.code or 0)
+
+
+def test_no_answer_is_exit_6_and_no_model(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert fitted(tmp_path, FAR) == 6
+    said = capsys.readouterr()
+    assert "these data do not determine R_m" in said.err
+    assert "no model (there is no answer)" in said.out
+    names = {path.name for path in (tmp_path / "fit").iterdir()}
+    assert {"result.json", "report.html", "residuals.svg"} <= names
+    assert "model.toml" not in names
+    result = json.loads((tmp_path / "fit" / "result.json").read_text())
+    assert result["answer"] == "none"
+    assert result["problem"].startswith("least_squares: these data do not determine R_m")
+    assert "No answer to use from 4 of 4 points" in (tmp_path / "fit" / "report.html").read_text()
+    assert entry_of(RunsFolder(tmp_path), "fit").state == "stopped early"
+
+
+def test_a_second_method_without_an_answer_counts_too(tmp_path: Path) -> None:
+    words = ["--method", "least_squares", "--method", "emcee", "--max-steps", "100"]
+    assert fitted(tmp_path, FAR, "--fix", "R_m", *words) == 6
+    assert not (tmp_path / "fit" / "model.toml").exists()
+
+
+def test_a_rejected_model_is_exit_9_and_says_so_in_every_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert fitted(tmp_path, NEAR) == 9
+    said = capsys.readouterr()
+    assert "the data reject model 'single': points scatter" in said.err
+    assert "explain" in said.err
+    result = json.loads((tmp_path / "fit" / "result.json").read_text())
+    assert result["answer"] == "model rejected"
+    model = load_model(tmp_path / "fit" / "model.toml").model
+    assert model.provenance["rejected"].startswith("the data reject model 'single'")
+    assert "The model is rejected" in (tmp_path / "fit" / "report.html").read_text()
+    assert entry_of(RunsFolder(tmp_path), "fit").state == "model rejected"
+
+
+def test_a_good_fit_is_exit_0(tmp_path: Path) -> None:
+    assert fitted(tmp_path, FAR, "--fix", "R_m") == 0
+    result = json.loads((tmp_path / "fit" / "result.json").read_text())
+    assert (result["answer"], result["problem"]) == ("given", "")
+    assert "rejected" not in load_model(tmp_path / "fit" / "model.toml").model.provenance
