@@ -33,7 +33,11 @@ class Outcome:
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """One fitted parameter: value, standard deviation and intervals in its own unit."""
+    """One fitted parameter: value, standard deviation and intervals in its own unit.
+
+    Attributes:
+        bound: "at its upper bound" and the like, printed wherever the value is; empty inside.
+    """
 
     name: str
     unit: str
@@ -41,6 +45,7 @@ class Estimate:
     sd: float
     interval_68: tuple[float, float]
     interval_95: tuple[float, float]
+    bound: str = ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

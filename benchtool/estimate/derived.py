@@ -47,7 +47,29 @@ def with_derived(result: FitResult, quantities: Sequence[Derived]) -> FitResult:
         else _from_covariance(quantity, names, result)
         for quantity in quantities
     )
-    return replace(result, derived=(*result.derived, *own))
+    said = (_bounds_of(quantity, result) for quantity in quantities)
+    cut = (replace(item, bound=bound) for item, bound in zip(own, said, strict=True))
+    return replace(result, derived=(*result.derived, *cut))
+
+
+class _Looked(dict[str, float]):
+    """Remember which values a quantity is computed from."""
+
+    def __init__(self, values: Mapping[str, float]) -> None:
+        super().__init__(values)
+        self.names: set[str] = set()
+
+    def __getitem__(self, name: str) -> float:
+        self.names.add(name)
+        return super().__getitem__(name)
+
+
+def _bounds_of(quantity: Derived, result: FitResult) -> str:
+    """Return which estimates behind a quantity ended at a bound, in words."""
+    values = _Looked({item.name: item.value for item in result.estimates})
+    quantity.function(values)
+    hit = [item for item in result.estimates if item.bound and item.name in values.names]
+    return "; ".join(f"{item.name} {item.bound}" for item in hit)
 
 
 def area_factors(share_names: Sequence[str]) -> tuple[Derived, ...]:

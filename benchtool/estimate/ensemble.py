@@ -10,7 +10,7 @@ import numpy as np
 from emcee import EnsembleSampler
 from numpy.typing import NDArray
 
-from benchtool.core.fit_result import FitResult, Outcome
+from benchtool.core.fit_result import Estimate, FitResult, Outcome
 from benchtool.errors import EstimationError, InputError
 from benchtool.estimate.convergence import (
     RHAT_LIMIT,
@@ -154,7 +154,9 @@ def _result(
     draws = chains[::thin].reshape(-1, n)
     kept = chains[:: max(thin, -(-chains.shape[0] * per_step // MOST_DRAWS))].reshape(-1, n)
     estimates = tuple(
-        from_draws(name, problem.parameters[name].unit, draws[:, i])
+        from_draws(
+            name, problem.parameters[name].unit, draws[:, i], _bound(problem, name, draws[:, i])
+        )
         for i, name in enumerate(problem.free_names)
     )
     log_probs = sampler.get_log_prob(flat=True)
@@ -175,7 +177,12 @@ def _result(
         dof=problem.dof,
         log_likelihood=quality.log_likelihood,
         outcome=_outcome(problem, verdict, steps, max_steps, per_step),
-        warnings=_bound_warnings(problem, draws),
+        warnings=tuple(
+            f"the posterior of {item.name} {item.bound} {_at(problem, item)} and is cut there, and "
+            f"other numbers lean on it: widen the bound or fix the parameter"
+            for item in estimates
+            if item.bound
+        ),
         samples=np.ascontiguousarray(kept),
         facts={
             **problem.facts,
@@ -193,19 +200,21 @@ def _result(
     )
 
 
-def _bound_warnings(problem: Problem, draws: Array) -> tuple[str, ...]:
-    """Return a sentence for each bound that the posterior piles up against."""
-    told = []
-    for name, own in zip(problem.free_names, draws.T, strict=True):
-        item = problem.parameters[name]
-        near = BOUND_REACH * float(np.std(own))
-        for side, bound in (("lower", item.lower), ("upper", item.upper)):
-            if np.mean(np.abs(own - bound) < near) > BOUND_SHARE:
-                told.append(
-                    f"the posterior of {name} reaches its {side} bound {bound:g} {item.unit} and "
-                    f"is cut there: widen the bound or fix the parameter"
-                )
-    return tuple(told)
+def _bound(problem: Problem, name: str, draws: Array) -> str:
+    """Return which bound a posterior (n,) piles up against, in words; empty where none."""
+    item = problem.parameters[name]
+    near = BOUND_REACH * float(np.std(draws))
+    for side, bound in (("lower", item.lower), ("upper", item.upper)):
+        if np.mean(np.abs(draws - bound) < near) > BOUND_SHARE:
+            return f"reaches its {side} bound"
+    return ""
+
+
+def _at(problem: Problem, estimate: Estimate) -> str:
+    """Return the bound that an estimate reaches, with its unit."""
+    item = problem.parameters[estimate.name]
+    bound = item.lower if "lower" in estimate.bound else item.upper
+    return f"{bound:g} {item.unit}".removesuffix(" 1")
 
 
 def _outcome(

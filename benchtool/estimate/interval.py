@@ -36,6 +36,19 @@ def chi2_limits(dof: int) -> tuple[tuple[float, float], tuple[float, float]]:
     return one, two
 
 
+NEAR_BOUND = 1e-3
+"""A value nearer to a bound than this part of its standard deviation is at the bound."""
+
+
+def bound_hit(parameter: Parameter, value: float, sd: float) -> str:
+    """Return at which of its bounds a value ended, in words; empty where it lies inside."""
+    near = NEAR_BOUND * sd if np.isfinite(sd) else 0.0
+    for side, bound in (("lower", parameter.lower), ("upper", parameter.upper)):
+        if np.isfinite(bound) and abs(value - bound) <= near:
+            return f"at its {side} bound"
+    return ""
+
+
 def around(
     name: str, parameter: Parameter, value: float, sd: float, widths: tuple[float, float]
 ) -> Estimate:
@@ -47,11 +60,12 @@ def around(
         else (low, high)
         for width in widths
     )
-    return Estimate(name, parameter.unit, float(value), float(sd), one, two)
+    hit = bound_hit(parameter, value, sd)
+    return Estimate(name, parameter.unit, float(value), float(sd), one, two, hit)
 
 
-def from_draws(name: str, unit: str, draws: Array) -> Estimate:
+def from_draws(name: str, unit: str, draws: Array, bound: str = "") -> Estimate:
     """Return an estimate from posterior draws (n,): median, deviation, equal-tailed intervals."""
     levels = [0.5 + 0.5 * sign * p for p in PROBABILITIES for sign in (-1.0, 1.0)]
     median, a, b, c, d = (float(q) for q in np.quantile(draws, [0.5, *levels]))
-    return Estimate(name, unit, median, float(np.std(draws, ddof=1)), (a, b), (c, d))
+    return Estimate(name, unit, median, float(np.std(draws, ddof=1)), (a, b), (c, d), bound)

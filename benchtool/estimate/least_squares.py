@@ -18,9 +18,6 @@ from benchtool.estimate.solve import LOSSES, Loss, Solution, solve
 
 Array = NDArray[np.float64]
 
-NEAR_BOUND = 1e-3
-"""A value nearer to a bound than this part of its standard deviation is at the bound."""
-
 SAME_COST = 1e-6
 """Two starts found the same minimum when their costs differ by less than this part."""
 
@@ -207,17 +204,16 @@ def _outcome(best: Solution, undetermined: Sequence[str]) -> Outcome:
 
 
 def _bound_warnings(problem: Problem, estimates: Sequence[Estimate]) -> tuple[str, ...]:
-    told = []
-    for estimate in estimates:
-        item = problem.parameters[estimate.name]
-        near = NEAR_BOUND * estimate.sd if np.isfinite(estimate.sd) else 0.0
-        for side, bound in (("lower", item.lower), ("upper", item.upper)):
-            if abs(estimate.value - bound) <= near:
-                told.append(
-                    f"{estimate.name} ended at its {side} bound {bound:g} {item.unit}; its "
-                    f"intervals are cut there: widen the bound or fix the parameter"
-                )
-    return tuple(told)
+    return tuple(
+        f"{item.name} ended {item.bound} {item.value:g}{_unit(item)}; its intervals are cut there, "
+        f"and other numbers lean on it: widen the bound or fix the parameter"
+        for item in estimates
+        if item.bound
+    )
+
+
+def _unit(item: Estimate) -> str:
+    return "" if item.unit == "1" else f" {item.unit}"
 
 
 def _start_warnings(starts: int, agreeing: int) -> tuple[str, ...]:

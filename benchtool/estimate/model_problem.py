@@ -90,7 +90,7 @@ def problem_from_model(
     columns |= {name: column[kept] for name, column in (covariates or {}).items()}
     return Problem(
         model=model.name,
-        parameters=_with_room(model.parameters, standard_error[kept]),
+        parameters=model.parameters,
         predict=_thrust(model, conditions) if basis == "joint" else _ratio(model, conditions, far),
         observed=np.asarray(observed, float)[kept],
         standard_error=np.asarray(standard_error, float)[kept],
@@ -114,15 +114,6 @@ def plate_settings(conditions: Conditions) -> IntArray:
         ]
     )
     return np.unique(table, axis=0, return_inverse=True)[1].reshape(-1).astype(np.intp)
-
-
-def _with_room(parameters: Parameters, standard_error: Array) -> Parameters:
-    """Return parameters whose free noise.scale is not bounded where errors are only relative."""
-    item = parameters["noise.scale"]
-    if item.free and np.all(standard_error == 1.0):
-        item = type(item)("scale", "1", item.value, lower=0.0, free=True, prior=item.prior)
-        return parameters.replaced("noise.scale", item)
-    return parameters
 
 
 def _telling(columns: Mapping[str, Array]) -> dict[str, Array]:

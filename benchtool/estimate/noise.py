@@ -9,7 +9,7 @@ where chi2 meets its own quantiles.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -18,7 +18,7 @@ from scipy.optimize import brentq
 from benchtool.core.counted import counted
 from benchtool.core.fit_result import Estimate
 from benchtool.errors import EstimationError
-from benchtool.estimate.interval import chi2_limits
+from benchtool.estimate.interval import bound_hit, chi2_limits
 from benchtool.estimate.problem import NOISE_SCALE, Problem
 from benchtool.estimate.solve import Solution
 
@@ -36,12 +36,10 @@ class Noise:
     Attributes:
         estimate: value and intervals.
         solution: with rows weighted by the fitted noise.
-        at_bound: "lower" or "upper" when the bound stopped it.
     """
 
     estimate: Estimate
     solution: Solution
-    at_bound: str = ""
 
 
 def fit_noise(problem: Problem, first: Solution, refit: Refit, robust: bool) -> Noise:
@@ -107,22 +105,21 @@ def _searched(problem: Problem, name: str, first: Solution, refit: Refit) -> Noi
         latest = refit(noise, latest)
         return latest.chi2 / target - 1.0
 
-    def where(target: float) -> tuple[float, str]:
+    def where(target: float) -> float:
         if excess(lower, target) <= 0.0:
-            return lower, "lower"
+            return lower
         low, high = lower, unit
         while excess(high, target) > 0.0:
             if high >= item.upper or high > 1e9 * unit:
-                return min(high, item.upper), "upper"
+                return min(high, item.upper)
             low, high = high, min(2.0 * high, item.upper)
         root = brentq(partial(excess, target=target), low, high, rtol=1e-9, xtol=1e-9 * unit)
-        return float(root), ""
+        return float(root)
 
-    value, bound = where(float(problem.dof))
+    value = where(float(problem.dof))
     solution = refit(value, latest)
-    ends = [
-        tuple(where(limit)[0] for limit in (high, low)) for low, high in chi2_limits(problem.dof)
-    ]
+    ends = [tuple(where(limit) for limit in (high, low)) for low, high in chi2_limits(problem.dof)]
     one, two = ((low, high) for low, high in ends)
-    estimate = Estimate(name, item.unit, value, 0.5 * (one[1] - one[0]), one, two)
-    return Noise(estimate, solution, bound)
+    sd = 0.5 * (one[1] - one[0])
+    hit = bound_hit(replace(item, lower=lower), value, sd)
+    return Noise(Estimate(name, item.unit, value, sd, one, two, hit), solution)

@@ -14,9 +14,8 @@ from benchtool.recipes.fit_figures import fit_figures, fitted_curve, ratio_point
 from benchtool.recipes.fit_page import comparison_table, fit_sections
 from benchtool.recipes.recipe import Method, Recipe
 from benchtool.recipes.run_recipe import FitOutput, Progress, run_recipe
-from benchtool.report.fit_tables import methods_table
+from benchtool.report.fit_tables import methods_table, printed
 from benchtool.report.ground_effect import Curve, ratio_figure
-from benchtool.report.numbers import value_with_sd
 from benchtool.report.page import Commands, Figure, FigureBlock, Paragraph, Report, Section
 from benchtool.report.sweep import SweepTraces, sweep_figure
 from benchtool.store import read_samples
@@ -69,7 +68,7 @@ def verdict(story: Story) -> str:
     return (
         f"One rotor follows eq. (2): chi2/dof = {single.chi2_per_dof:.2g}. Four rotors do not "
         f"follow eq. (3): chi2/dof = {eq3.chi2_per_dof:.3g}. With the body lift of eq. (4) it is "
-        f"{eq4.chi2_per_dof:.2g}, and K_b = {value_with_sd(lift.value, lift.sd)} (the virtual "
+        f"{eq4.chi2_per_dof:.2g}, and K_b = {printed(lift)} (the virtual "
         f"bench was made with {true:g})."
     )
 
@@ -129,8 +128,8 @@ def story_page(
         simulated=True,
         made=made or f"benchtool {__version__}",
         highlights={
-            "K_b": value_with_sd(eq4["body_lift.K_b"].value, eq4["body_lift.K_b"].sd),
-            "R [m]": value_with_sd(eq4["R_m"].value, eq4["R_m"].sd),
+            "K_b": printed(eq4["body_lift.K_b"]),
+            "R [m]": printed(eq4["R_m"]),
             "chi2/dof, eq. (3)": f"{story.eq3.results[0].chi2_per_dof:.3g}",
             "chi2/dof, eq. (4)": f"{eq4.chi2_per_dof:.2g}",
         },

@@ -263,6 +263,7 @@ def _corner(output: FitOutput, result: FitResult, simulated: bool) -> Figure:
         title=f"Posterior: {output.recipe.name}",
         simulated=simulated,
         references=references,
+        notes=[estimate.bound for estimate in result.estimates],
     )
 
 

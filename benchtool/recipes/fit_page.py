@@ -10,7 +10,7 @@ from benchtool.core.fit_result import Estimate, FitResult
 from benchtool.estimate.compare import Comparison
 from benchtool.estimate.diagnose import lacks_something, times_as_much
 from benchtool.recipes.run_recipe import FitOutput
-from benchtool.report.fit_tables import estimates_table, methods_table
+from benchtool.report.fit_tables import estimates_table, methods_table, printed
 from benchtool.report.numbers import unit_for_people, value_with_sd
 from benchtool.report.page import (
     Block,
@@ -94,7 +94,7 @@ def fit_page(output: FitOutput, figures: Mapping[str, Figure], commands: Sequenc
         sections=(*fit_sections(output, figures), Section("Made with", [Commands(commands)])),
         simulated=output.data.points.simulated,
         made=f"benchtool {__version__}",
-        highlights={item.name: value_with_sd(item.value, item.sd) for item in _telling(first)},
+        highlights={item.name: printed(item) for item in _telling(first)},
     )
 
 
@@ -136,6 +136,7 @@ def sentence_of(first: FitResult, *, model: str, rig: str, basis: str, used: int
     said = ", ".join(
         f"{item.name} = {value_with_sd(item.value, item.sd)}"
         + ("" if item.unit == "1" else f" {unit_for_people(item.unit)}")
+        + (f" ({item.bound})" if item.bound else "")
         for item in first.estimates
         if not item.name.startswith("noise.")
     )

@@ -97,6 +97,7 @@ def _result(result: FitResult) -> dict[str, Any]:
                 "sd": item.sd,
                 "interval_68": list(item.interval_68),
                 "interval_95": list(item.interval_95),
+                "bound": item.bound,
             }
             for item in items
         }

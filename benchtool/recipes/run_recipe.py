@@ -62,7 +62,8 @@ class FitOutput:
             if estimate.name in parameters and not estimate.name.startswith("noise."):
                 item = parameters[estimate.name]
                 value = float(np.clip(estimate.value, item.lower, item.upper))
-                fitted = replace(item.at(value), source=f"fitted: {self.recipe.name}")
+                told = ", ".join(filter(None, (self.recipe.name, estimate.bound)))
+                fitted = replace(item.at(value), source=f"fitted: {told}")
                 parameters = parameters.replaced(estimate.name, fitted)
         return model.at(parameters)
 

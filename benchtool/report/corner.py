@@ -38,6 +38,7 @@ def corner_figure(
     title: str,
     simulated: bool,
     references: Mapping[str, Sequence[float]] | None = None,
+    notes: Sequence[str] = (),
 ) -> Figure:
     """Draw posterior draws pair by pair.
 
@@ -48,6 +49,7 @@ def corner_figure(
         simulated: whether the fitted data is simulated.
         references: up to three marked points by name ("truth", "least squares"), each
             (n_parameters,); nan where a value is not known.
+        notes: (n_parameters,) words below each value, such as the bound that it reaches.
     """
     marked = dict(references or {})
     n = len(names)
@@ -82,7 +84,7 @@ def corner_figure(
         max_n_ticks=4,
         hist_kwargs={"linewidth": 1.3},
     )
-    _tidy(figure, samples, n)
+    _tidy(figure, samples, n, notes or [""] * n)
     handles = [Line2D([], [], color=BLUE, label="posterior: 1 and 2 sd; dashed: 16, 50, 84 %")]
     for (label, values), (color, dashes) in zip(marked.items(), _REFERENCE_LOOKS, strict=False):
         at = [None if np.isnan(value) else float(value) for value in values]
@@ -106,7 +108,7 @@ def _ranges(samples: Array, marked: Mapping[str, Sequence[float]]) -> list[tuple
     return list(zip(low - 0.04 * span, high + 0.04 * span, strict=True))
 
 
-def _tidy(figure: Figure, samples: Array, n: int) -> None:
+def _tidy(figure: Figure, samples: Array, n: int, notes: Sequence[str]) -> None:
     """Give room to labels and titles, and say the median with its spread over each histogram."""
     height_in = figure.get_figheight()
     figure.subplots_adjust(
@@ -121,7 +123,8 @@ def _tidy(figure: Figure, samples: Array, n: int) -> None:
     for index in range(n):
         axes = figure.axes[index * n + index]
         half = 0.5 * (middle[2, index] - middle[0, index])
-        axes.set_title(value_with_sd(middle[1, index], half), loc="center", fontsize=8.6)
+        shown = "\n".join(filter(None, (value_with_sd(middle[1, index], half), notes[index])))
+        axes.set_title(shown, loc="center", fontsize=8.6)
     for axes in figure.axes:
         box = axes.get_position()
         axes.xaxis.set_label_coords(0.5, -0.68 / (box.height * height_in))

@@ -25,7 +25,11 @@ def estimates_table(result: FitResult, caption: str = "") -> Table:
     return Table(
         caption or f"Fitted values of {result.model}, {METHODS[result.method]}.",
         ("parameter", "unit", "value", "sd", "68 % interval", "95 % interval"),
-        [_estimate_row(item) for item in (*result.estimates, *result.derived)],
+        [
+            (*row[:2], row[2] + _bound(item), *row[3:])
+            for item in (*result.estimates, *result.derived)
+            for row in (_estimate_row(item),)
+        ],
         text_columns=2,
     )
 
@@ -35,13 +39,22 @@ def short_table(result: FitResult) -> Table:
     rows = []
     for item in (*result.estimates, *result.derived):
         row = _estimate_row(item)
-        rows.append((row[0], row[1], f"{row[2]} ± {row[3]}", row[5]))
+        rows.append((row[0], row[1], f"{row[2]} ± {row[3]}{_bound(item)}", row[5]))
     return Table(
         f"{result.model}, {METHODS[result.method]}",
         ("parameter", "unit", "value ± sd", "95 % interval"),
         rows,
         text_columns=2,
     )
+
+
+def printed(item: Estimate) -> str:
+    """Return an estimate as people read it, with the bound that it ended at."""
+    return f"{value_with_sd(item.value, item.sd)}{_bound(item)}"
+
+
+def _bound(item: Estimate) -> str:
+    return f" ({item.bound})" if item.bound else ""
 
 
 def _estimate_row(item: Estimate) -> tuple[str, ...]:
@@ -76,7 +89,7 @@ def methods_table(
         cells = [name]
         for result in results:
             found = next((item for item in result.estimates if item.name == name), None)
-            cells.append(value_with_sd(found.value, found.sd) if found else "–")
+            cells.append(printed(found) if found else "–")
         if truth is not None:
             cells.append(value_with_sd(truth[name], float("nan")) if name in truth else "–")
         rows.append(cells)

@@ -218,6 +218,7 @@ def test_undetermined_parameters_fill_their_bounds() -> None:
     assert result.samples.max() <= 2.0
     assert result["a"].sd > 0.3
     assert any("posterior of a reaches its lower bound 0.5" in text for text in result.warnings)
+    assert result["a"].bound == "reaches its lower bound"
 
 
 def test_a_posterior_away_from_its_bounds_has_no_warning() -> None:
