@@ -19,15 +19,15 @@ from benchtool.bench.device_clock import DeviceClock
 from benchtool.bench.mavlink_dialect import Message
 from benchtool.bench.mavlink_drive import Drive, PitchDrive, TestDrive
 from benchtool.bench.mavlink_frames import MavlinkFrames
-from benchtool.bench.mavlink_health import Health, silence_of
+from benchtool.bench.mavlink_health import Health
 from benchtool.bench.mavlink_identity import identity_of
 from benchtool.bench.mavlink_learn import Learnt, learn
-from benchtool.bench.mavlink_pilots import AUTOPILOT_INVALID
 from benchtool.bench.mavlink_plate import move_virtual_plate
 from benchtool.bench.mavlink_quality import LinkQuality
 from benchtool.bench.mavlink_rows import MavlinkRows
 from benchtool.bench.mavlink_settings import LEAST_HZ, MOST_HZ, MavlinkSettings
 from benchtool.bench.mavlink_streams import (
+    OUTPUT_MESSAGES,
     ask_for,
     check_fit,
     fitted,
@@ -37,6 +37,7 @@ from benchtool.bench.mavlink_streams import (
     wishes,
 )
 from benchtool.bench.mavlink_talk import MavlinkTalk
+from benchtool.bench.mavlink_watch import RunWatch
 from benchtool.bench.mavlink_wiring import channels_of
 from benchtool.bench.opened import Opened
 from benchtool.bench.read_ahead import Listener, ReadAhead
@@ -45,7 +46,6 @@ from benchtool.bench.transport import Transport
 from benchtool.core.channel import Channel
 from benchtool.errors import (
     BenchError,
-    DeviceStopped,
     InputError,
     LinkLost,
     StageError,
@@ -55,9 +55,6 @@ Array = NDArray[np.float64]
 
 TARE_S = 1.0
 """A tare takes the mean of the load cell over so long (bench time); a choice: 80 readings."""
-
-PAUSE_S = 0.15
-"""Nobody read for longer than this: the silence was ours, not that of the autopilot."""
 
 
 class MavlinkBench(Opened):
@@ -100,8 +97,7 @@ class MavlinkBench(Opened):
         )
 
     def now_s(self) -> float:
-        speed = self._learnt.speed if self._learnt else 1.0
-        return self._opened_s + (self._clock() - self._opened_s) * speed
+        return self._opened_s + (self._clock() - self._opened_s) * self._speed
 
     def open(self) -> None:
         if self._learnt is not None:
@@ -109,18 +105,15 @@ class MavlinkBench(Opened):
         settings = self._settings
         frames = MavlinkFrames(key=settings.key, now_s=self._since_1970_s())
         self._talk = talk = MavlinkTalk(self._transport, self.address, self._clock, frames)
-        self._opened_s = self._pumped_s = self._heard_s = self._clock()
+        self._opened_s = self._stamped_s = self._clock()
         self._device_clock = DeviceClock()
         self._quality = LinkQuality()
         self._counts: Counter[str] = Counter()
         self._messages: list[str] = [settings.warning] if settings.warning else []
-        self._stopped: str | None = None
-        self._told = False
         self._zero_N = 0.0
         self._given_us = -1
         self._ahead.take()
         self._plate_state: list[float] = []
-        self._said = ""
         try:
             if self._cell is not None:
                 self._cell.open()
@@ -141,7 +134,13 @@ class MavlinkBench(Opened):
                 self._clock, learnt.speed,
             )  # fmt: skip
             self._choose_channels(learnt)
-            self._talk.frames.take_losses(talk.system)
+            talk.frames.take_counts(talk.system)
+            self._watch = RunWatch(self.address, talk, self._health, self._drive, self._rows)
+            self._watch.ask_again = [
+                interval(name, self._rate_Hz)
+                for name in OUTPUT_MESSAGES
+                if self._became.get(name) == "comes"
+            ]
             self._learnt = learnt
         except BaseException:
             for port in self._ports:
@@ -165,7 +164,7 @@ class MavlinkBench(Opened):
 
     def set_pwm(self, pwm_us: Array) -> None:
         learnt = self._known()
-        self._raise_if_stopped()
+        self._watch.raise_if_stopped()
         pulses = np.asarray(pwm_us, float).ravel()
         if len(pulses) != learnt.wiring.n_rotors or not np.isfinite(pulses).all():
             raise InputError(
@@ -190,7 +189,7 @@ class MavlinkBench(Opened):
 
     def move_plate(self, z_m: float, x_m: float = 0.0, tilt_rad: float = 0.0) -> None:
         learnt = self._known()
-        self._raise_if_stopped()
+        self._watch.raise_if_stopped()
         if not learnt.simulated:
             raise StageError(
                 "an autopilot does not move the plate; give --stage hand or --stage grbl:PORT"
@@ -231,7 +230,7 @@ class MavlinkBench(Opened):
                 f"a stream of {rate_Hz:g} Hz is not possible; ask for {LEAST_HZ:g} to {MOST_HZ:g}"
             )
         check_fit(self._settings, rate_Hz, self._known().wiring.n_rotors, self._baud)
-        for name in ("SERVO_OUTPUT_RAW", "ACTUATOR_OUTPUT_STATUS", "ATTITUDE", "ATTITUDE_TARGET"):
+        for name in (*OUTPUT_MESSAGES, "ATTITUDE", "ATTITUDE_TARGET"):
             if self._became.get(name) == "comes":
                 self._talk.exchange(interval(name, rate_Hz))
         self._rate_Hz = rate_Hz
@@ -248,12 +247,13 @@ class MavlinkBench(Opened):
             if len(readings):
                 return readings
             # What was read before a stop is handed out first: no sample is lost to its news.
-            if not self._told:
-                self._raise_if_stopped()
+            self._watch.raise_if_stopped(again=False)
             left_s = deadline_s - self._clock()
             if left_s <= 0.0:
                 return readings
-            self._pump(left_s)
+            self._watch.pump(left_s)
+            if self._cell is not None:
+                self._cell.poll()
 
     def outputs_us(self) -> tuple[int, ...]:
         """Return the pulse of every output, 0 where there is none."""
@@ -265,7 +265,7 @@ class MavlinkBench(Opened):
 
     def last_text(self) -> str:
         """Return what the autopilot said last."""
-        return self._said or "it does not say why"
+        return self._health.refusal or "it does not say why"
 
     def _known(self) -> Learnt:
         if self._learnt is None:
@@ -281,81 +281,54 @@ class MavlinkBench(Opened):
         require_outputs(self._became, self._talk.system)
         n = learnt.wiring.n_rotors
         every = channels_of(n)
-        _, seen = self._rows.take_rows()
-        alive = np.isfinite(seen).any(axis=0) | (np.arange(len(every)) < n)
+        self._rows.take_rows()
+        alive = np.isin(np.arange(len(every)), self._rows.live_columns()) | (
+            np.arange(len(every)) < n
+        )
         if self._cell is not None:
             alive |= [channel.name in ("thrust_N", "thrust_raw") for channel in every]
         self._columns = np.flatnonzero(alive)
         self._channels = tuple(every[index] for index in self._columns.tolist())
         names = [channel.name for channel in self._channels]
         self._thrust = names.index("thrust_N") if "thrust_N" in names else -1
+        # What it says of messages that it does not have is told once, below.
+        denied = "No ap_message for mavlink id"
+        self._health.texts[:] = [t for t in self._health.texts if not t.startswith(denied)]
         for name, became in self._became.items():
             if became not in ("comes", "comes unasked"):
                 self._messages.append(f"{name}: {became}")
 
-    def _pump(self, timeout_s: float) -> None:
-        """Send what must be sent again, take what arrives, and look for what ends a run."""
-        now_s = self._clock()
-        if (pause_s := now_s - self._pumped_s) > PAUSE_S:
-            self._health.skip(pause_s)
-            self._heard_s += pause_s
-        self._pumped_s = now_s
-        fault = self._drive.keep_on(now_s)
-        if self._talk.pump(timeout_s):
-            self._heard_s = self._clock()
-        if self._cell is not None:
-            self._cell.poll()
-        now_s = self._clock()
-        if self._rows.time.rebooted:
-            self._rows.time.rebooted = False
-            self._health.rebooted()
-        fault = fault or self._health.take_fault()
-        fault = fault or self._drive.fault(self._rows.outputs_us, now_s)
-        if fault is not None and self._stopped is None:
-            self._halt(fault)
-        silence = silence_of(self.address, now_s - self._heard_s, self._health.silence_s(now_s))
-        if silence is not None:
-            raise silence
-
-    def _halt(self, fault: str) -> None:
-        """Stop the motors before anybody is told why."""
-        self._stopped = fault
-        try:
-            self._drive.stop()
-        except LinkLost:
-            pass  # They stop by their time-out.
-
     def _take(self, message: Message, arrived_s: float) -> None:
         """Take one message of the autopilot."""
-        name = message.msgname
+        name, own = message.msgname, self._talk.is_own(message)
         self._counts[name] += 1
-        if name == "HEARTBEAT":
-            # A gimbal or a companion of the same system has a heartbeat of its own.
-            if message.autopilot != AUTOPILOT_INVALID:
-                self._health.beat(message, arrived_s)
-        elif name == "STATUSTEXT":
-            self._health.text(message)
-            self._said = (self._health.texts or [""])[-1]
+        if name == "STATUSTEXT":
+            self._health.text(message, own)
+        elif not own:
+            self._rows.take(message, self._device_us(arrived_s))
+        elif name == "HEARTBEAT":
+            self._health.beat(message, arrived_s, self._drive.shown())
         elif name == "NAMED_VALUE_FLOAT" and message.name == "plate_mov":
             self._plate_state.append(float(message.value))
         else:
             self._rows.take(message)
-            if name in ("SERVO_OUTPUT_RAW", "ACTUATOR_OUTPUT_STATUS"):
+            if name in OUTPUT_MESSAGES:
+                self._stamped_s = arrived_s
                 found = self._drive.seen(self._rows.outputs_us, arrived_s)
                 if found is not None:
                     self._rows.wire(*found)
                     self._messages.append(f"rotor {found[0]} hangs on output {found[1]}")
                 device_s = 1e-6 * self._rows.time.last_us
-                speed = self._learnt.speed if self._learnt else 1.0
-                self._quality.arrived(arrived_s, device_s / speed)
+                self._quality.arrived(arrived_s, device_s / self._speed)
 
-    def _raise_if_stopped(self) -> None:
-        if self._stopped is not None:
-            self._told = True
-            raise DeviceStopped(
-                f"the run was ended: {self._stopped}; motors were stopped; remove the cause and "
-                f"start again"
-            )
+    def _device_us(self, arrived_s: float) -> int:
+        """Return the autopilot's time at which something of another component arrived."""
+        since_s = max(arrived_s - self._stamped_s, 0.0) * self._speed
+        return self._rows.time.last_us + round(1e6 * since_s)
+
+    @property
+    def _speed(self) -> float:
+        return self._learnt.speed if self._learnt else 1.0
 
     def _readings(self) -> Readings:
         """Return the rows that have come, on the host's clock."""
@@ -376,8 +349,8 @@ class MavlinkBench(Opened):
             self._given_us = int(times_us[-1])
         if self._thrust >= 0:
             values[:, self._thrust] -= self._zero_N
-        counted = self._talk.frames.take_losses(self._talk.system)
-        self._quality.count(*counted)
+        counted = self._talk.frames.take_counts(self._talk.system)
+        self._quality.count(counted)
         self._messages += self._health.texts
         self._messages += self._rows.speeds.take_news()
         self._health.texts.clear()
@@ -388,8 +361,8 @@ class MavlinkBench(Opened):
             time_s=self._device_clock.host_time_s(times_us),
             device_time_us=times_us.astype(float),
             values=values,
-            lost=counted[1],
-            corrupt=counted[2],
+            lost=counted.lost,
+            corrupt=counted.corrupt,
             messages=messages,
         )
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
+from collections import OrderedDict
+from dataclasses import dataclass, field
 
 from benchtool.bench.mavlink_dialect import Message, dialect
 
@@ -13,6 +14,10 @@ AUTOPILOT_COMPONENT = 1
 
 SEQUENCE_MODULUS = 256
 
+WINDOW = 64
+"""A frame may come so many frames late and is still that one: a link that reorders is off by a few,
+an autopilot that started again by any number. A choice, a quarter of the modulus."""
+
 MAVLINK_2, SIGNED = 0xFD, 1
 """First byte of a frame of MAVLink 2, and the bit of its third that says that it is signed."""
 
@@ -20,11 +25,75 @@ SIGNING_EPOCH_S = 1_420_070_400.0
 """Signing counts tens of microseconds since 2015-01-01 UTC (MAVLink 2 message signing)."""
 
 
+@dataclass(frozen=True, slots=True)
+class LinkCounts:
+    """Count frames since the last look.
+
+    Attributes:
+        messages: received, without duplicates.
+        lost: that the sequence numbers miss, over all components of a system.
+        corrupt: thrown away for checksum or signature.
+        duplicates: that came a second time and were dropped.
+        reordered: that came after a later one.
+    """
+
+    messages: int = 0
+    lost: int = 0
+    corrupt: int = 0
+    duplicates: int = 0
+    reordered: int = 0
+
+
+@dataclass(slots=True)
+class _Source:
+    """Follow the sequence numbers of one component; each counts its own."""
+
+    last: int | None = None
+    lately: OrderedDict[int, bytes] = field(default_factory=OrderedDict)
+    missing: set[int] = field(default_factory=set)
+    messages: int = 0
+    lost: int = 0
+    duplicates: int = 0
+    reordered: int = 0
+
+    def take(self, number: int, frame: bytes) -> bool:
+        """Note a frame; tell whether it is a new one.
+
+        A component that numbers all its frames alike has none that could be missed, and a frame
+        that differs from the one of the same number is no duplicate of it.
+        """
+        if self.lately.get(number) == frame:
+            self.duplicates += 1
+            return False
+        step = 0 if self.last is None else (number - self.last) % SEQUENCE_MODULUS
+        if step >= SEQUENCE_MODULUS - WINDOW and number in self.missing:
+            self.missing.discard(number)
+            self.lost -= 1
+            self.reordered += 1
+        else:
+            if 1 < step < SEQUENCE_MODULUS - WINDOW:
+                # A number that counts from its beginning anew has lost what lies between as well.
+                self.lost += step - 1
+                self.missing |= {
+                    (number - back) % SEQUENCE_MODULUS for back in range(1, min(step, WINDOW))
+                }
+            self.last = number
+            if self.missing:
+                ages = {back: (number - back) % SEQUENCE_MODULUS for back in self.missing}
+                self.missing = {back for back, age in ages.items() if 0 < age < WINDOW}
+        self.messages += 1
+        self.lately[number] = frame
+        self.lately.move_to_end(number)
+        if len(self.lately) > WINDOW:
+            self.lately.popitem(last=False)
+        return True
+
+
 class MavlinkFrames:
     """Pack and parse messages in the name of one system.
 
     Attributes:
-        corrupt: frames thrown away since the last `take_losses`, for checksum or signature.
+        corrupt: frames thrown away since the last `take_counts`, for checksum or signature.
         unsigned: how many of all corrupt frames so far were refused for their signature.
         heard: whether any whole frame was understood yet.
         signs: whether what is sent bears a signature, and what comes must.
@@ -46,9 +115,8 @@ class MavlinkFrames:
         words = dialect()
         self.corrupt = self.unsigned = 0
         self.heard = False
-        self._lost: defaultdict[int, int] = defaultdict(int)
-        self._count: defaultdict[int, int] = defaultdict(int)
-        self._last: dict[tuple[int, int], int] = {}
+        self._sources: dict[tuple[int, int], _Source] = {}
+        self._owed: dict[int, int] = {}
         self._bad = words.MAVLink_bad_data
         self._mav = words.MAVLink(None, system, component)
         self._mav.robust_parsing = True
@@ -71,33 +139,34 @@ class MavlinkFrames:
         if not found:
             return []
         good = []
-        last, bad = self._last, self._bad
         for message in found:
-            if type(message) is bad:
+            if type(message) is self._bad:
                 self._refuse(message)
                 continue
             source = (message.get_srcSystem(), message.get_srcComponent())
-            number = message.get_seq()
-            before = last.get(source)
-            if before is not None:
-                skipped = (number - before - 1) % SEQUENCE_MODULUS
-                if skipped:
-                    self._lost[source[0]] += skipped
-            last[source] = number
-            self._count[source[0]] += 1
-            good.append(message)
+            state = self._sources.setdefault(source, _Source())
+            if state.take(message.get_seq(), bytes(message.get_msgbuf())):
+                good.append(message)
         self.heard = self.heard or bool(good)
         return good
 
-    def take_losses(self, system: int) -> tuple[int, int, int]:
-        """Return messages received and lost of a system, and corrupt frames, since the last call.
+    def take_counts(self, system: int) -> LinkCounts:
+        """Return what came and what did not, of every component of a system, since the last call.
 
-        Lost is what the sequence numbers say; they count modulo 256, so that a gap of 256 and more
-        counts as less than it was.
+        Sequence numbers count modulo 256, so that a gap of 256 and more counts as less than it was.
         """
-        counts = self._count.pop(system, 0), self._lost.pop(system, 0), self.corrupt
-        self.corrupt = 0
-        return counts
+        counts = dict.fromkeys(("messages", "lost", "duplicates", "reordered"), 0)
+        for (owner, _), state in self._sources.items():
+            if owner == system:
+                for name in counts:
+                    counts[name] += getattr(state, name)
+                    setattr(state, name, 0)
+        # One that was late is given back by the look in which it came, or by the next ones.
+        counts["lost"] += self._owed.get(system, 0)
+        self._owed[system] = min(counts["lost"], 0)
+        counts["lost"] = max(counts["lost"], 0)
+        corrupt, self.corrupt = self.corrupt, 0
+        return LinkCounts(corrupt=corrupt, **counts)
 
     def _refuse(self, message: Message) -> None:
         """Count a frame that is none; text and boot messages before the first one do not count."""

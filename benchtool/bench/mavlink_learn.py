@@ -59,12 +59,12 @@ def learn(
         )
     simulated = bool(beat.base_mode & HIL)
     speedup = ("SIM_SPEEDUP",) if simulated else ()
-    parameters = talk.parameters((*pilot.asked, *speedup))
+    parameters = talk.parameters((*pilot.asked, *speedup), pilot.required)
     device_id, version = _version(talk, clock)
     return Learnt(
         pilot=pilot,
         pulses=pilot.pulses(parameters),
-        wiring=_wiring(pilot.n_motors(parameters), settings, talk.system),
+        wiring=_wiring(pilot.n_motors(parameters), settings, talk.system, simulated),
         device_id=device_id,
         firmware=f"{pilot.name} {version}".strip(),
         simulated=simulated,
@@ -72,7 +72,7 @@ def learn(
     )
 
 
-def _wiring(told: int | None, settings: MavlinkSettings, system: int) -> Wiring:
+def _wiring(told: int | None, settings: MavlinkSettings, system: int, simulated: bool) -> Wiring:
     known = settings.motor_map
     n = settings.rotors or (len(known.motors) if known else told)
     if not n:
@@ -91,7 +91,8 @@ def _wiring(told: int | None, settings: MavlinkSettings, system: int) -> Wiring:
         escs=known.escs if known else straight,
         thrust=NO_THRUST if settings.cell else settings.thrust,
         thrust_scale_N=settings.thrust_scale_N,
-        orientation=settings.orientation,
+        orientation=settings.orientation if settings.distance else None,
+        virtual=simulated,
     )
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from math import sqrt
 
+from benchtool.bench.mavlink_frames import LinkCounts
+
 
 class LinkQuality:
     """Count messages and measure how unevenly they arrive.
@@ -13,16 +15,18 @@ class LinkQuality:
     """
 
     def __init__(self) -> None:
-        self.messages = self.lost = self.corrupt = 0
+        self.messages = self.lost = self.corrupt = self.duplicates = self.reordered = 0
         self._steps = 0
         self._squares_s2 = 0.0
         self._before: tuple[float, float] | None = None
 
-    def count(self, messages: int, lost: int, corrupt: int) -> None:
+    def count(self, counts: LinkCounts) -> None:
         """Add what came, what the sequence numbers miss, and what was thrown away."""
-        self.messages += messages
-        self.lost += lost
-        self.corrupt += corrupt
+        self.messages += counts.messages
+        self.lost += counts.lost
+        self.corrupt += counts.corrupt
+        self.duplicates += counts.duplicates
+        self.reordered += counts.reordered
 
     def arrived(self, arrived_s: float, device_s: float) -> None:
         """Note when a message came and when it was made, each on its own clock."""
@@ -47,12 +51,7 @@ class LinkQuality:
         """Return it in words, for a run's facts."""
         return {
             "link_lost": f"{self.lost} of {self.messages + self.lost} messages",
+            "link_duplicates": str(self.duplicates),
+            "link_reordered": str(self.reordered),
             "link_jitter_ms": f"{1e3 * self.jitter_s:.2f}",
         }
-
-    def sentence(self) -> str:
-        """Return it as one line."""
-        return (
-            f"link: {self.messages} messages, {self.lost} lost ({100.0 * self.lost_share:.2f} %), "
-            f"{self.corrupt} corrupt, jitter {1e3 * self.jitter_s:.1f} ms"
-        )

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from benchtool.bench.mavlink_dialect import Message
 from benchtool.bench.mavlink_speeds import SpeedSources
-from benchtool.bench.mavlink_time import BootTime
-from benchtool.bench.mavlink_wiring import Wiring, channels_of
+from benchtool.bench.mavlink_time import BootTime, CompanionTime
+from benchtool.bench.mavlink_wiring import DOWN, Wiring, channels_of
 
 Array = NDArray[np.float64]
 
@@ -23,6 +23,9 @@ UNKNOWN_U16 = 65535
 """What batteries say of a voltage that nobody measures."""
 
 OUTPUTS = 16
+
+DISTANCES = ("virtual world", "DISTANCE_SENSOR", "RANGEFINDER")
+"""What tells the plate's distance, the best first."""
 
 _RAW = attrgetter(*(f"servo{number + 1}_raw" for number in range(OUTPUTS)))
 
@@ -56,7 +59,9 @@ class MavlinkRows:
         self._escs_of = list(wiring.escs)
         self.speeds_rpm: dict[int, float] = {}
         self._counts: dict[int, int] = {}
-        self._distance_known = False
+        self._best_distance = ""
+        self._told: set[int] = set()
+        self._companions: dict[int, CompanionTime] = {}
         self._row: list[float] = []
         self._row_us = -1
         self._rows: list[list[float]] = []
@@ -64,8 +69,6 @@ class MavlinkRows:
         self._take: dict[str, Callable[[Message], None]] = {
             "SERVO_OUTPUT_RAW": self._servo,
             "ACTUATOR_OUTPUT_STATUS": self._actuators,
-            "DISTANCE_SENSOR": self._distance,
-            "RANGEFINDER": self._rangefinder,
             "BATTERY_STATUS": self._battery,
             "SYS_STATUS": self._power,
             "ATTITUDE": self._attitude,
@@ -74,6 +77,12 @@ class MavlinkRows:
             wiring.thrust.message: self._thrust,
             "NAMED_VALUE_FLOAT": self._named,
         }
+        self._take_from_others: dict[str, Callable[[Message, int], None]] = {
+            wiring.thrust.message: self._thrust
+        }
+        if wiring.orientation is not None:
+            self._take |= {"DISTANCE_SENSOR": self._distance, "RANGEFINDER": self._rangefinder}
+            self._take_from_others["DISTANCE_SENSOR"] = self._distance
         if with_speeds:
             self._take |= {
                 "ESC_TELEMETRY_1_TO_4": lambda message: self._telemetry(message, 0),
@@ -84,10 +93,36 @@ class MavlinkRows:
                 "RPM": self._rpm,
             }
 
-    def take(self, message: Message) -> None:
-        """Note what a message says; those that say nothing about the bench are passed over."""
-        if (take := self._take.get(message.msgname)) is not None:
-            take(message)
+    def live_columns(self) -> NDArray[np.intp]:
+        """Return the columns that have had a value so far.
+
+        Rotors whose output is not known yet get ESCs that tell something: at rest all read 0.
+        """
+        n = self._wiring.n_rotors
+        unknown = [rotor for rotor, output in enumerate(self._wiring.outputs) if not output]
+        silent = [rotor for rotor in unknown if self._escs_of[rotor] not in self.speeds_rpm]
+        free = [esc for esc in sorted(self.speeds_rpm) if esc not in self._escs_of]
+        for rotor, esc in zip(silent, free, strict=False):
+            self._escs_of[rotor] = esc
+        heard = {n + i for i in unknown if self._escs_of[i] in self.speeds_rpm}
+        return np.array(sorted(self._told | heard), np.intp)
+
+    def take(self, message: Message, arrived_us: int | None = None) -> None:
+        """Note what a message says; those that say nothing about the bench are passed over.
+
+        Args:
+            message: of the autopilot, or of a companion of the same system.
+            arrived_us: the autopilot's time when a companion's message arrived; None for the
+                autopilot's own, whose stamps are its time.
+        """
+        if arrived_us is None:
+            if (take := self._take.get(message.msgname)) is not None:
+                take(message)
+        elif (other := self._take_from_others.get(message.msgname)) is not None:
+            source = message.get_srcComponent()
+            clock = self._companions.setdefault(source, CompanionTime())
+            stamp_ms = getattr(message, "time_boot_ms", 0)
+            other(message, clock.us(stamp_ms, arrived_us) if stamp_ms else arrived_us)
 
     def wire(self, rotor: int, output: int) -> None:
         """Note which output drives a rotor (both from 1), found out while it turned alone.
@@ -116,12 +151,14 @@ class MavlinkRows:
         if self._row and time_us // 1000 <= self._row_us // 1000:
             if self._row[column] != self._row[column]:
                 self._row[column] = value
+                self._told.add(column)
                 return
             # Told twice within a millisecond, or late: next to the row that it belongs to.
             time_us = self._row_us + 1
         self._row = self._blank.copy()
         self._row_us = max(time_us, self._row_us + 1)
         self._row[column] = value
+        self._told.add(column)
         self._rows.append(self._row)
         self._times_us.append(self._row_us)
 
@@ -137,26 +174,25 @@ class MavlinkRows:
     def _outputs(self, time_us: int, pulses: tuple[int, ...]) -> None:
         self.outputs_us = pulses
         for rotor, output in enumerate(self._outputs_of):
-            if pulses[output - 1]:
-                self._put(time_us, rotor, float(pulses[output - 1]))
+            # 0 is no pulse at all: the safety switch is on, or the start is not over.
+            self._put(time_us, rotor, float(pulses[output - 1]))
 
     def _named(self, message: Message) -> None:
         """Take a value under a name: thrust, or the distance that a virtual world knows exactly."""
-        if message.name == "plate_z":
-            self._distance_known = True
-            time_us = self.time.ms32(message.time_boot_ms)
-            self._put(time_us, self._at["plate_z_m"], message.value)
+        if self._wiring.virtual and message.name == "plate_z":
+            self._plate(message.value, self.time.ms32(message.time_boot_ms), "virtual world")
         elif self._wiring.thrust.message == "NAMED_VALUE_FLOAT":
             self._thrust(message)
 
-    def _thrust(self, message: Message) -> None:
+    def _thrust(self, message: Message, at_us: int | None = None) -> None:
         wanted = self._wiring.thrust
         if message.name != wanted.name:
             return
         if wanted.message == "NAMED_VALUE_FLOAT":
-            time_us, raw = self.time.ms32(message.time_boot_ms), message.value
+            time_us = self.time.ms32(message.time_boot_ms) if at_us is None else at_us
+            raw = message.value
         else:
-            time_us = self.time.us64(message.time_usec)
+            time_us = self.time.us64(message.time_usec) if at_us is None else at_us
             in_array = wanted.message == "DEBUG_FLOAT_ARRAY"
             raw = message.data[int(wanted.part)] if in_array else getattr(message, wanted.part)
         self._put(time_us, self._at["thrust_raw"], raw)
@@ -173,16 +209,17 @@ class MavlinkRows:
 
     def _telemetry(self, message: Message, first: int) -> None:
         time_us = self.time.last_us
-        fresh = False
+        warmest: list[float] = []
         for place in range(4):
-            # An ESC whose packet counter stands still has said nothing new.
+            # An ESC whose packet counter stands still says nothing; the first count may be old.
             esc, count = first + place + 1, message.count[place]
-            if count == 0 or count != self._counts.get(esc):
+            before = self._counts.setdefault(esc, count)
+            if count != before:
                 self._counts[esc] = count
-                fresh = fresh or count > 0
+                warmest.append(float(message.temperature[place]))
                 self._speed("ESC_TELEMETRY", esc, float(message.rpm[place]), time_us)
-        if fresh:
-            self._put(time_us, self._at["temperature_degC"], float(max(message.temperature)))
+        if warmest:
+            self._put(time_us, self._at["temperature_degC"], max(warmest))
 
     def _esc_status(self, message: Message) -> None:
         time_us = self.time.us64(message.time_usec)
@@ -198,15 +235,23 @@ class MavlinkRows:
             if rpm >= 0.0:
                 self._speed("RPM", esc, rpm, self.time.last_us)
 
-    def _distance(self, message: Message) -> None:
-        wanted = self._wiring.orientation
-        if wanted in (None, message.orientation) and not self._distance_known:
-            time_us = self.time.ms32(message.time_boot_ms)
-            self._put(time_us, self._at["plate_z_m"], 0.01 * message.current_distance)
+    def _distance(self, message: Message, at_us: int | None = None) -> None:
+        if message.orientation != self._wiring.orientation:
+            return
+        if message.min_distance <= message.current_distance <= message.max_distance:
+            time_us = self.time.ms32(message.time_boot_ms) if at_us is None else at_us
+            self._plate(0.01 * message.current_distance, time_us, "DISTANCE_SENSOR")
 
     def _rangefinder(self, message: Message) -> None:
-        # Deprecated; it has no stamp, and is asked for only where there is no DISTANCE_SENSOR.
-        self._put(self.time.last_us, self._at["plate_z_m"], message.distance)
+        # Deprecated; it has no stamp and no orientation: ArduPilot sends the one that looks down.
+        if message.distance > 0.0 and self._wiring.orientation == DOWN:
+            self._plate(message.distance, self.time.last_us, "RANGEFINDER")
+
+    def _plate(self, z_m: float, time_us: int, source: str) -> None:
+        """Write the plate's distance from the best source that has told one."""
+        self._best_distance = min(source, self._best_distance or source, key=DISTANCES.index)
+        if source == self._best_distance:
+            self._put(time_us, self._at["plate_z_m"], z_m)
 
     def _battery(self, message: Message) -> None:
         cells = [

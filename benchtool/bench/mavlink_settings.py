@@ -9,7 +9,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from benchtool.bench.mavlink_wiring import THRUST, ThrustSource
+from benchtool.bench.mavlink_wiring import DOWN, THRUST, ThrustSource
 from benchtool.bench.motor_map import MotorMap, read_motor_map
 from benchtool.bench.tcp_socket import TcpSocket
 from benchtool.bench.transport import Transport
@@ -54,7 +54,7 @@ class MavlinkSettings:
         thrust_scale_N: newtons per unit of that message.
         speeds: whether speed messages are taken.
         distance: whether the distance sensor gives the plate's distance.
-        orientation: of that sensor (MAV_SENSOR_ORIENTATION); None takes any.
+        orientation: of that sensor (MAV_SENSOR_ORIENTATION), others are left aside.
         cell: port and baud rate of a load cell beside the autopilot; None where there is none.
         warning: what must be said aloud before it is opened, or nothing.
     """
@@ -70,7 +70,7 @@ class MavlinkSettings:
     thrust_scale_N: float = 1.0
     speeds: bool = True
     distance: bool = False
-    orientation: int | None = None
+    orientation: int = DOWN
     cell: tuple[str, int] | None = None
     warning: str = ""
 
@@ -103,7 +103,7 @@ def settings_of(address: Address) -> MavlinkSettings:
         thrust_scale_N=address.number("thrust_scale", 1.0, -1e6, 1e6),
         speeds=_choice(address, "rpm", "auto", ("auto", "none")) == "auto",
         distance=seen == "on",
-        orientation=address.whole("orientation", 25, 0, 100) if "orientation" in options else None,
+        orientation=address.whole("orientation", DOWN, 0, 100),
         cell=_port_and_baud(options["cell"]) if "cell" in options else None,
         warning=_wide(address.place),
     )  # fmt: skip

@@ -18,6 +18,8 @@ SET_INTERVAL = 511
 SLOW_HZ, BATTERY_HZ = 20.0, 4.0
 """Speeds and distance; battery. ESC telemetry has no more to say (a choice)."""
 
+ESC_TELEMETRY = ("ESC_TELEMETRY_1_TO_4", "ESC_TELEMETRY_5_TO_8", "ESC_TELEMETRY_9_TO_12")
+
 LISTEN_S = 1.2
 """A message that was accepted and has not come after so long is one that never comes."""
 
@@ -25,10 +27,16 @@ LEAST_LISTEN_S = 0.4
 """Wall time that is waited for it even where a virtual autopilot's time runs faster: a busy machine
 can hold a process up for that long."""
 
+NEEDED = dict.fromkeys(ESC_TELEMETRY, 6)
+"""So many of a message must come to know what lives in it: ESCs that tell something have counts
+that move, at 10 Hz and more, and their message comes at 20 Hz."""
+
 ACCEPTED = 0
 
 FRAME_BYTES, SIGNATURE_BYTES = 12, 13
 """Around the payload of a MAVLink 2 frame."""
+
+OUTPUT_MESSAGES = ("SERVO_OUTPUT_RAW", "ACTUATOR_OUTPUT_STATUS")
 
 ALTERNATES = ("ESC_STATUS", "RAW_RPM", "RPM")
 """Speeds that come where ESC_TELEMETRY does not: a line carries one kind."""
@@ -63,11 +71,7 @@ def wishes(settings: MavlinkSettings, n_rotors: int) -> tuple[Wish, ...]:
     elif settings.cell is None:
         found.append(Wish(settings.thrust.message, rate_Hz))
     if settings.speeds:
-        found.append(Wish("ESC_TELEMETRY_1_TO_4", slow_Hz))
-        if n_rotors > 4:
-            found.append(Wish("ESC_TELEMETRY_5_TO_8", slow_Hz))
-        if n_rotors > 8:
-            found.append(Wish("ESC_TELEMETRY_9_TO_12", slow_Hz))
+        found += [Wish(name, slow_Hz) for name in ESC_TELEMETRY[: (n_rotors + 3) // 4]]
         found += [Wish(name, slow_Hz) for name in ("ESC_STATUS", "RAW_RPM", "RPM")]
     if settings.distance:
         found.append(Wish("DISTANCE_SENSOR", slow_Hz))
@@ -166,9 +170,13 @@ def ask_for(
         before = {wish.name: counts(wish.name) for wish in asked}
         until_s = clock() + max(LISTEN_S / speed, LEAST_LISTEN_S)
         watched = {wish.name for wish in asked}
-        while watched and clock() < until_s:
+        waiting = set(watched)
+        while waiting and clock() < until_s:
             talk.pump(0.02)
-            watched -= {name for name in watched if counts(name) > before[name]}
+            watched = {name for name in watched if counts(name) == before[name]}
+            waiting = {
+                name for name in waiting if counts(name) - before[name] < NEEDED.get(name, 1)
+            }
         for wish in taken:
             came = wish.name not in watched
             became[wish.name] = "comes" if came else "accepted, but nothing comes"
@@ -185,9 +193,8 @@ def require_outputs(became: dict[str, Became], system: int) -> None:
     Raises:
         ProtocolError: what became of the messages.
     """
-    outputs = ("SERVO_OUTPUT_RAW", "ACTUATOR_OUTPUT_STATUS")
-    if not any(became.get(name) == "comes" for name in outputs):
-        told = ", ".join(f"{name} {became[name]}" for name in outputs if name in became)
+    if not any(became.get(name) == "comes" for name in OUTPUT_MESSAGES):
+        told = ", ".join(f"{name} {became[name]}" for name in OUTPUT_MESSAGES if name in became)
         raise ProtocolError(
             f"system {system} does not tell its outputs ({told}), so nobody could see what its "
             f"motors do; raise the telemetry port's rate or take another port"

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
+
+from benchtool.bench.device_clock import DeviceClock
+
 MODULUS = 1 << 32
 
 REBOOT_US = 2_000_000
@@ -58,3 +62,29 @@ class BootTime:
             step = 0
         self.last_us = max(self.last_us, self.last_us + step)
         return self.last_us if step > 0 else self.last_us + step
+
+
+class CompanionTime:
+    """Lay the stamps of another component on the autopilot's time.
+
+    It has a clock of its own. What it stamps arrives no sooner than it was sent, so that the
+    smallest delay lately seen tells how far the two clocks are apart.
+    """
+
+    def __init__(self) -> None:
+        self._boot, self._clock = BootTime(), DeviceClock()
+
+    def us(self, stamp_ms: int, arrived_us: int) -> int:
+        """Return a stamp of 32 bits in ms as the autopilot's us.
+
+        Args:
+            stamp_ms: of the component.
+            arrived_us: the autopilot's time when it arrived.
+        """
+        sent_us = self._boot.ms32(stamp_ms)
+        if self._boot.rebooted:
+            self._boot, self._clock = BootTime(), DeviceClock()
+            sent_us = self._boot.ms32(stamp_ms)
+        self._clock.learn(sent_us, 1e-6 * arrived_us)
+        at_s = self._clock.host_time_s(np.array([sent_us], np.int64))[0]
+        return min(round(1e6 * float(at_s)), arrived_us)

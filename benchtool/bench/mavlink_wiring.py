@@ -10,6 +10,9 @@ from benchtool.errors import InputError
 
 THRUST_MESSAGES = ("NAMED_VALUE_FLOAT", "DEBUG_VECT", "DEBUG_FLOAT_ARRAY")
 
+DOWN = 25
+"""MAV_SENSOR_ROTATION_PITCH_270: a distance sensor that looks down, where the plate is."""
+
 _THRUST = re.compile(r"(?P<name>[^.\[\]]{1,10})(?:\.(?P<axis>[xyz])|\[(?P<index>\d{1,2})\])?")
 
 
@@ -64,7 +67,8 @@ class Wiring:
         escs: (n_rotors,) place of each rotor in speed messages, from 1.
         thrust: message of the load cell.
         thrust_scale_N: newtons per unit of that message.
-        orientation: of the distance sensor that looks at the plate; None takes any.
+        orientation: of the distance sensor that looks at the plate; None takes no distance.
+        virtual: whether the autopilot's world is virtual and knows the plate's distance exactly.
     """
 
     motors: tuple[int, ...]
@@ -73,6 +77,7 @@ class Wiring:
     thrust: ThrustSource = THRUST
     thrust_scale_N: float = 1.0
     orientation: int | None = None
+    virtual: bool = False
 
     @property
     def n_rotors(self) -> int:

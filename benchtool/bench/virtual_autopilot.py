@@ -1,9 +1,10 @@
 """A virtual autopilot: what ArduPilot or PX4 answers, in front of simulated physics. Pure.
 
 Quiet until it is asked; acknowledges what it does not do; turns motors for as long as a test's
-time-out says. Wall time is handed in; time-outs run on it, readings on the device's own time. The
-heartbeat shows "hardware in the loop": no motor turns. Three named values are the virtual world's
-own: `plate_z`, `plate_x`, `plate_tilt` sent to it move the plate, `plate_mov` tells how that goes.
+time-out says, disarmed or not; forgets at a restart what it was asked for. Wall time is handed in;
+time-outs run on it, readings on the device's own time. The heartbeat shows "hardware in the loop":
+no motor turns. Three named values are the virtual world's own: `plate_z`, `plate_x`, `plate_tilt`
+sent to it move the plate, `plate_mov` tells how that goes.
 """
 
 from __future__ import annotations
@@ -16,11 +17,13 @@ import numpy as np
 from benchtool.bench.autopilot_orders import (
     ACCEPTED,
     AUTOPILOTS,
-    DELAY_S,
+    CRITICAL,
     DENIED,
     FAILED,
+    INFO,
     UNSUPPORTED,
-    Tests,
+    WARNING,
+    Said,
     orders_of,
 )
 from benchtool.bench.autopilot_streams import Streams
@@ -29,13 +32,18 @@ from benchtool.bench.firmware import Firmware
 from benchtool.bench.mavlink_dialect import Message, dialect
 from benchtool.bench.mavlink_frames import AUTOPILOT_COMPONENT, MavlinkFrames
 from benchtool.bench.mavlink_health import ARMED, HIL
-from benchtool.bench.mavlink_pilots import ARM_DISARM
+from benchtool.bench.mavlink_pilots import ARM_DISARM, MOTOR_TEST
 from benchtool.core.counted import counted
 
 BEAT_S = 1.0
-WARNING, CRITICAL = 4, 2
-SET_INTERVAL, REQUEST_MESSAGE = 511, 512
-"""MAV_CMD_SET_MESSAGE_INTERVAL, MAV_CMD_REQUEST_MESSAGE."""
+SET_INTERVAL, REQUEST_MESSAGE, REBOOT = 511, 512, 246
+"""MAV_CMD_SET_MESSAGE_INTERVAL, MAV_CMD_REQUEST_MESSAGE, MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN."""
+
+SILENT_S, READY_S = 1.0, 2.4
+"""After a restart: until the first heartbeat, and until motor tests are taken (as recorded)."""
+
+FASTEST_HZ = 400.0
+"""Rate of the main loop, which bounds that of streams (SCHED_LOOP_RATE)."""
 
 PLATE_US = 50_000
 """The virtual world tells its plate's distance twenty times a second; a choice."""
@@ -82,11 +90,11 @@ class VirtualAutopilot:
         self._orders = orders_of(kind, hello)
         silent = (words.MAVLINK_MSG_ID_RPM,)
         self._streams = Streams(hello.channels, self._orders.outputs, silent)
-        self._tests = Tests(
-            hello.n_rotors, hello.pwm_stop_us, kind == "ardupilot", DELAY_S / hello.speed
-        )
+        self._booted_s: float | None = None
+        self._boot_us = 0
+        self._key, self._since_1970_s = key, now_s
         self._hover_us = hover_us
-        self._armed = False
+        self._armed = self._shows_armed = False
         self._every_us: dict[int, float] = {}
         self._due_us: dict[int, float] = {}
         self._beat_s = -BEAT_S
@@ -102,6 +110,8 @@ class VirtualAutopilot:
 
     def receive(self, data: bytes, now_s: float) -> bytes:
         self.firmware.hear(now_s)
+        if self._booting(now_s, SILENT_S):
+            return b""
         answers = [
             answer
             for message in self._frames.parse(data)
@@ -115,6 +125,12 @@ class VirtualAutopilot:
         self._drive(now_s)
         rows = self.firmware.advance(n, now_s)
         told = [*self._events(), *self._take_news()]
+        if self._booting(now_s, SILENT_S):
+            return b"", []
+        if self._booted_s is not None and not self._booting(now_s, READY_S):
+            self._booted_s = None
+            told += self._text("ArduPilot Ready", INFO)
+            self._show()
         if now_s - self._beat_s >= BEAT_S:
             self._beat_s = now_s
             told.append(self._heartbeat())
@@ -139,6 +155,7 @@ class VirtualAutopilot:
     def _sample(self, time_us: int, row: list[float]) -> list[bytes]:
         streams, made = self._streams, []
         streams.hold(row)
+        time_us -= self._boot_us
         for number, due_us in self._due_us.items():
             if time_us >= due_us:
                 every_us = self._every_us[number]
@@ -176,6 +193,8 @@ class VirtualAutopilot:
     def _command(self, message: Message, now_s: float) -> tuple[int, list[Message]]:
         given = tuple(getattr(message, f"param{number}") for number in range(1, 8))
         command = message.command
+        if command == REBOOT:
+            return self._reboot(now_s)
         if command == SET_INTERVAL:
             return self._set_interval(int(given[0]), given[1])
         if command == REQUEST_MESSAGE:
@@ -183,18 +202,50 @@ class VirtualAutopilot:
             return (ACCEPTED, [self._version()]) if asked else (UNSUPPORTED, [])
         if command == ARM_DISARM:
             return self._arm(given[0] > 0.5, now_s)
-        result, text = self._orders.order(self._tests, command, given, now_s)
-        return result, self._text(text) if text else []
+        if command == MOTOR_TEST and self._booted_s is not None:
+            return FAILED, self._text("Motor Test: Board initialising", CRITICAL)
+        before = self._orders.running
+        result = self._orders.order(command, given, now_s)
+        self._shows_armed = self._shows_armed or (self._orders.running and not before)
+        said = self._take_said()
+        self._drive(now_s)
+        return result, said
+
+    def _reboot(self, now_s: float) -> tuple[int, list[Message]]:
+        """Start anew, unless a motor turns."""
+        if self._orders.running or self._armed:
+            return FAILED, []
+        self.restart(now_s)
+        return ACCEPTED, []
+
+    def restart(self, now_s: float) -> None:
+        """Begin anew as after a loss of power: nothing that was asked for is known any more."""
+        self._orders = orders_of(self.kind, self.firmware.hello)
+        self._frames = MavlinkFrames(
+            self._system, AUTOPILOT_COMPONENT, self._key, self._since_1970_s
+        )
+        self._every_us, self._due_us = {}, {}
+        self._booted_s, self._boot_us = now_s, self.firmware.device_time_us
+        self._armed, self._beat_s, self._plate_us = False, -BEAT_S, 0
+        self.firmware.execute(Stop(), now_s)
+        self._pulses = np.array(self.firmware.pwm_us)
+        self._streams.outputs_us[:] = [0] * 16
+
+    def _booting(self, now_s: float, lasts_s: float) -> bool:
+        return self._booted_s is not None and now_s - self._booted_s < lasts_s
 
     def _set_interval(self, number: int, every_us: float) -> tuple[int, list[Message]]:
         if number not in self._streams.known or number in self._orders.lacks:
             text = f"No ap_message for mavlink id ({number})"
-            return DENIED, self._text(text) if self.kind == "ardupilot" else []
+            return DENIED, self._text(text, INFO) if self.kind == "ardupilot" else []
+        if 0.0 < every_us < 1e6 / FASTEST_HZ:
+            text = f"Requested rate for message ID {number} too fast. Increase SCHED_LOOP_RATE"
+            return DENIED, self._text(text, INFO)
         self._every_us.pop(number, None)
         self._due_us.pop(number, None)
         if every_us > 0.0:
             self._every_us[number] = every_us
-            self._due_us[number] = float(self.firmware.device_time_us)
+            self._due_us[number] = float(self.firmware.device_time_us - self._boot_us)
         return ACCEPTED, []
 
     def _arm(self, wanted: bool, now_s: float) -> tuple[int, list[Message]]:
@@ -207,9 +258,10 @@ class VirtualAutopilot:
                 return FAILED, self._text(f"Arm: {reply.reason}", CRITICAL)
             self._armed = True
         else:
-            self._armed = False
-            self._tests.end()
-            self.firmware.execute(Stop(), now_s)
+            # Disarming ends no motor test.
+            if self._armed:
+                self.firmware.execute(Stop(), now_s)
+            self._armed, self._shows_armed = False, False
         self._beat_s = -BEAT_S
         return ACCEPTED, []
 
@@ -220,28 +272,45 @@ class VirtualAutopilot:
                 self._arm(False, now_s)
                 self._news += self._text("GCS Failsafe", CRITICAL)
             return
-        pulses = self._tests.pulses_us(now_s)
-        if not np.array_equal(pulses, self._pulses):
-            reply = self.firmware.execute(SetPwm(tuple(pulses.tolist())), now_s)
+        hello = self.firmware.hello
+        pulses = self._orders.pulses_us(now_s)
+        self._news += self._take_said()
+        # What reaches an output is not what the bench behind it can do.
+        within = np.clip(pulses, hello.pwm_stop_us, hello.limits.get("pwm_us", np.inf))
+        within = np.where(self._orders.safe, hello.pwm_stop_us, within)
+        if not np.array_equal(within, self.firmware.pwm_us):
+            reply = self.firmware.execute(SetPwm(tuple(within.tolist())), now_s)
             if not reply.ok:
-                self._tests.end()
+                self._orders.end()
                 self._news += self._text(f"Motor Test: {reply.reason}", CRITICAL)
-            self._pulses = np.array(self.firmware.pwm_us)
-            self._show()
+                pulses = np.array(self.firmware.pwm_us)
+        self._pulses = pulses
+        self._show()
 
     def _show(self) -> None:
         """Put pulses on the outputs that drive them; those of a frame's other motors stand."""
-        for output in range(self._orders.n_outputs):
-            self._streams.outputs_us[output] = round(self.firmware.hello.pwm_stop_us)
-        for output, pulse_us in zip(self._orders.outputs, self.firmware.pwm_us, strict=True):
-            self._streams.outputs_us[output - 1] = round(float(pulse_us))
+        shown = self._streams.outputs_us
+        if self._booted_s is not None or self._orders.safe:
+            shown[:] = [0] * 16
+            return
+        stop_us = round(self.firmware.hello.pwm_stop_us)
+        shown[: self._orders.n_outputs] = [stop_us] * self._orders.n_outputs
+        pulses = self.firmware.pwm_us if self._armed else self._pulses
+        for output, pulse_us in zip(self._orders.outputs, pulses, strict=True):
+            shown[output - 1] = round(float(pulse_us))
+
+    def _take_said(self) -> list[Message]:
+        """Return what was said of motors."""
+        said: list[Said] = self._orders.said.copy()
+        self._orders.said.clear()
+        return [message for severity, text in said for message in self._text(text, severity)]
 
     def _events(self) -> list[Message]:
         """Tell in an autopilot's words what the bench behind it reports."""
         told: list[Message] = []
         for event in self.firmware.take_events():
             if event.stops_motors:
-                self._tests.end()
+                self._orders.end()
                 self._armed = False
                 self._pulses = np.array(self.firmware.pwm_us)
                 self._show()
@@ -269,7 +338,8 @@ class VirtualAutopilot:
 
     def _plate(self, state: float) -> Message:
         """Return how the plate's move goes: 1 on its way, 0 there, -1 refused."""
-        return self._streams.named("plate_mov", state, self.firmware.device_time_us)
+        time_us = self.firmware.device_time_us - self._boot_us
+        return self._streams.named("plate_mov", state, time_us)
 
     def _text(self, text: str, severity: int = WARNING) -> list[Message]:
         """Return a text as one message, or as several under one number where it is longer."""
@@ -285,7 +355,9 @@ class VirtualAutopilot:
 
     def _heartbeat(self) -> Message:
         # A quadrotor (2), or whatever has as few rotors; custom modes (1) as both autopilots have.
-        armed = self._armed or (self.kind == "ardupilot" and self._tests.running)
+        testing = self.kind == "ardupilot" and self._orders.running
+        self._shows_armed = self._shows_armed and testing
+        armed = self._armed or self._shows_armed
         mode = 1 | HIL | (ARMED if armed else 0)
         return self._words.MAVLink_heartbeat_message(2, AUTOPILOTS[self.kind], mode, 0, 3, 3)
 

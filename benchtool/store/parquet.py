@@ -2,20 +2,12 @@
 
 from __future__ import annotations
 
-from math import nan
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchtool.core.recording import Recording
-from benchtool.core.table_bounds import check_decoded
-from benchtool.core.user_file import open_file
-from benchtool.errors import FileFormatError, UnknownChoice
-from benchtool.store.columns import WORDS, channel_called, code_of
-
-Array = NDArray[np.float64]
+from benchtool.store.columns import WORDS, channel_called
 
 
 def write_parquet(path: Path, samples: Recording) -> None:
@@ -39,61 +31,17 @@ def write_parquet(path: Path, samples: Recording) -> None:
 
 
 def read_parquet(path: Path) -> Recording:
-    """Return the samples of a Parquet file that `write_parquet` wrote.
-
-    It is read in pieces into one array, so that little more memory is taken than that array's.
-
-    Raises:
-        FileFormatError: it is no Parquet file, is too large when read, or holds a column that is
-            neither of numbers nor of our own words.
-    """
-    import pyarrow as pa
+    """Return the samples of a Parquet file that `write_parquet` wrote."""
     import pyarrow.parquet as pq
 
-    where = str(path)
-    try:
-        with open_file(path) as opened, pq.ParquetFile(opened) as file:
-            facts = file.metadata
-            groups = [facts.row_group(index) for index in range(facts.num_row_groups)]
-            packed_bytes = sum(group.total_byte_size for group in groups)
-            check_decoded(facts.num_rows, facts.num_columns, packed_bytes, where)
-            names = file.schema_arrow.names
-            for field in file.schema_arrow:
-                _check_type(field, where)
-            values = np.empty((facts.num_rows, len(names)))
-            at = 0
-            for batch in file.iter_batches(use_threads=False):
-                rows = slice(at, at + batch.num_rows)
-                for index, name in enumerate(names):
-                    values[rows, index] = _numbers(name, batch.column(index))
-                at = rows.stop
-    except UnknownChoice as error:
-        raise FileFormatError(where, str(error)) from error
-    except MemoryError:
-        raise
-    except (pa.ArrowException, OSError, ValueError) as error:
-        problem = " ".join(str(error).split())[:200]
-        problem = f"it cannot be read as Parquet ({problem}); restore it from a copy"
-        raise FileFormatError(where, problem) from error
-    return Recording(tuple(channel_called(name) for name in names), values[:at])
-
-
-def _check_type(field: Any, where: str) -> None:
-    from pyarrow import types
-
-    kind = field.type
-    if field.name in WORDS and (types.is_string(kind) or types.is_dictionary(kind)):
-        return
-    if not (types.is_floating(kind) or types.is_integer(kind) or types.is_boolean(kind)):
-        raise FileFormatError(
-            where, f"column {field.name!r} holds {kind}, not numbers; restore it from a copy"
-        )
-
-
-def _numbers(name: str, column: Any) -> Array:
-    if name not in WORDS:
-        return np.asarray(column.to_numpy(zero_copy_only=False), float)
-    coded = column if hasattr(column, "dictionary") else column.dictionary_encode()
-    codes = np.array([code_of(name, str(word)) for word in coded.dictionary.to_pylist()] + [nan])
-    numbers: Array = codes[coded.indices.fill_null(len(codes) - 1).to_numpy()]
-    return numbers
+    table = pq.read_table(path)
+    pairs = []
+    for name in table.column_names:
+        column = table.column(name).combine_chunks()
+        if name in WORDS:
+            position = {word: float(index) for index, word in enumerate(WORDS[name])}
+            values = np.array([position[word] for word in column.to_pylist()], float)
+        else:
+            values = column.to_numpy(zero_copy_only=False).astype(float)
+        pairs.append((channel_called(name), values))
+    return Recording.from_columns(pairs)

@@ -14,11 +14,11 @@ import numpy as np
 from benchtool.core.recording import Recording
 from benchtool.errors import FileFormatError
 from benchtool.store.atomic import read_json
-from benchtool.store.columns import check_numbers, code_of
+from benchtool.store.columns import channel_called, code_of
 from benchtool.store.csv_text import read_csv_text
 from benchtool.store.digest import data_hash, file_hash
 from benchtool.store.parquet import read_parquet
-from benchtool.store.table import columns_of
+from benchtool.store.table import numbers_in
 
 
 def is_run(path: str | Path) -> bool:
@@ -64,9 +64,7 @@ def read_samples(path: str | Path) -> Recording:
         stated = read_json(path / "metadata.json").get("samples", {})
         problem = _mismatch(parquet, path / "samples.csv", stated)
         if not problem:
-            recording = read_parquet(parquet)
-            check_numbers(recording, str(parquet))
-            return _with_provenance(recording, parquet, path, ())
+            return _with_provenance(read_parquet(parquet), parquet, path, ())
         warnings.warn(f"{parquet}: {problem}; samples.csv was read instead", stacklevel=2)
         recording = _read(path / "samples.csv", path)
         said = "; ".join(filter(None, (recording.provenance["repairs"], problem)))
@@ -89,9 +87,9 @@ def _file(path: str | Path, name: str) -> Path:
 
 def _read(file: Path, path: Path) -> Recording:
     table = read_csv_text(file, own=True)
-    recording = Recording.from_columns(columns_of(table))
-    check_numbers(recording, str(file))
-    return _with_provenance(recording, file, path, table.repairs)
+    rows = range(len(table.rows))
+    pairs = [(channel_called(name), numbers_in(table, name, rows)) for name in table.header]
+    return _with_provenance(Recording.from_columns(pairs), file, path, table.repairs)
 
 
 def _with_provenance(

@@ -13,10 +13,11 @@ from benchtool.core.channel import Channel
 from benchtool.core.recording import Recording
 from benchtool.errors import FileFormatError, WouldOverwrite
 from benchtool.store.atomic import read_json, replace_json
+from benchtool.store.columns import channel_called
 from benchtool.store.csv_text import read_csv_text
 from benchtool.store.digest import file_hash
 from benchtool.store.parquet import read_parquet, write_parquet
-from benchtool.store.table import columns_of
+from benchtool.store.table import numbers_in
 
 FORMAT = "benchtool-recording-1"
 
@@ -78,7 +79,9 @@ def read_recording(path: str | Path) -> Recording:
         )
     if path.suffix.lower() == ".csv":
         table = read_csv_text(path, own=True)
-        recording = Recording.from_columns(columns_of(table))
+        rows = range(len(table.rows))
+        pairs = [(channel_called(name), numbers_in(table, name, rows)) for name in table.header]
+        recording = Recording.from_columns(pairs)
     else:
         recording = read_parquet(path)
     units = {str(item["name"]): str(item["unit"]) for item in facts["channels"]}

@@ -75,7 +75,8 @@ def test_a_quiet_autopilot_is_found_by_its_heartbeat_and_asked() -> None:
 
 def test_an_acknowledgement_that_got_lost_is_asked_for_again() -> None:
     host, device = Side(255, 190), Side(1, 1)
-    turn_it = ArduPilot().turn({2: 1150.0}, ArduPilot().pulses({}))[0]
+    pulses = ArduPilot().pulses({"MOT_PWM_MIN": 1000.0, "MOT_PWM_MAX": 2000.0})
+    turn_it = ArduPilot().turn({2: 1150.0}, pulses)[0]
     assert turn_it.parameters == (2.0, 1.0, 1150.0, 0.25, 1.0, 0.0, 0.0)
     said = WORDS.MAVLink_statustext_message(6, b"something else", 0, 0)
     talk, link = met(host=host, device=device)
@@ -93,8 +94,9 @@ def test_no_acknowledgement_at_all_is_a_lost_link() -> None:
     assert stop.parameters[3] == 0.0
     talk, link = met(host=host, device=device)
     link._turns += [Turn(host.says(command(stop))) for _ in range(4)]
-    with pytest.raises(LinkLost, match=r"did not acknowledge command 209 in 4 tries"):
-        talk.exchange(stop)
+    said = r"did not acknowledge command 209, sent 4 times in 0\.4 s"
+    with pytest.raises(LinkLost, match=said):
+        talk.exchange(stop, (0.1,) * 4)
     link.check_finished()
 
 

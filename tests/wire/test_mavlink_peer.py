@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 from benchtool.bench.mavlink_dialect import dialect
-from benchtool.bench.mavlink_frames import MavlinkFrames
+from benchtool.bench.mavlink_frames import LinkCounts, MavlinkFrames
 
 ROOT = Path(__file__).parents[2]
 NODE = shutil.which("node")
@@ -121,7 +121,7 @@ def test_we_read_what_the_peer_sends(key: bytes | None) -> None:
     heard = [message for frame in frames for message in ours.parse(bytes.fromhex(frame))]
     assert [message.msgname for message in heard] == [one["name"] for one in RECEIVED]
     assert {message.get_srcSystem() for message in heard} == {42}
-    assert ours.take_losses(42) == (len(RECEIVED), 0, 0)
+    assert ours.take_counts(42) == LinkCounts(messages=len(RECEIVED))
     for message, one in zip(heard, RECEIVED, strict=True):
         for name, value in one["fields"].items():
             assert getattr(message, name) == value

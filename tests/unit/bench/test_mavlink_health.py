@@ -84,10 +84,10 @@ def test_a_long_text_is_one() -> None:
     assert health.take_fault() == "x" * 44 + " failsafe: battery"
 
 
-def test_a_reboot_ends_it() -> None:
+def test_a_restart_ends_it() -> None:
     health = driven()
-    health.rebooted()
-    assert health.take_fault() == "the autopilot rebooted"
+    health.restarted()
+    assert health.take_fault() == "the autopilot restarted"
 
 
 def test_our_own_pause_is_nobodys_fault() -> None:

@@ -76,8 +76,9 @@ def telemetry(rpm: list[int], count: int) -> object:
 
 
 def test_speeds_of_every_message() -> None:
-    assert rows_of(telemetry([3000, 0, 4000, 0], 7))["rpm1"] == [4000.0]
-    assert rows_of(telemetry([3000, 0, 4000, 0], 7))["temperature_degC"] == [30.0]
+    told = rows_of(telemetry([0, 0, 0, 0], 6), telemetry([3000, 0, 4000, 0], 7))
+    assert told["rpm1"] == [4000.0]
+    assert told["temperature_degC"] == [30.0]
     esc = W.mavlink_map[ESC_STATUS](0, 5000, [-3000, 0, 4000, 0], [12.0] * 4, [1.0] * 4)
     assert rows_of(esc)["rpm2"] == [3000.0]
     assert rows_of(W.MAVLink_raw_rpm_message(2, 4100.0))["rpm1"] == [4100.0]
@@ -88,7 +89,17 @@ def test_speeds_of_every_message() -> None:
 
 def test_an_esc_that_has_said_nothing_new_is_not_repeated() -> None:
     told = rows_of(*[telemetry([3000, 0, 4000, 0], count) for count in (7, 7, 8, 8)])
-    assert told["rpm1"] == [4000.0, 4000.0]
+    assert told["rpm1"] == [4000.0]
+
+
+def test_an_esc_that_never_says_anything_has_no_speed() -> None:
+    counts = [[3, 3, 25_198 + step, 3] for step in range(5)]
+    some = [telemetry([0] * 4, 0) for _ in counts]
+    for message, count in zip(some, counts, strict=True):
+        message.count = count
+    told = rows_of(*some)
+    assert told["rpm1"] == [0.0] * 4
+    assert told["rpm2"] == []
 
 
 def test_battery_attitude_and_distance() -> None:
@@ -125,7 +136,10 @@ def test_unknown_voltages_are_left_out() -> None:
 def test_a_rotor_changes_places_when_its_output_is_found() -> None:
     rows = MavlinkRows(Wiring(motors=(1, 2), outputs=(0, 0), escs=(1, 2)), idle_us=1100.0)
     rows.wire(1, 2)
-    for message in (servo(1000, 1000, 1500), telemetry([0, 4000, 0, 0], 3), servo(20_000, 9)):
+    for message in (
+        telemetry([0, 0, 0, 0], 2), servo(1000, 1000, 1500), telemetry([0, 4000, 0, 0], 3),
+        servo(20_000, 9),
+    ):  # fmt: skip
         rows.take(message)
     _, values = rows.take_rows()
     assert values[0, :4].tolist() == [1500.0, 1000.0, 4000.0, 0.0]
