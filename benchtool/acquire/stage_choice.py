@@ -69,7 +69,8 @@ def stage_for(
 
 
 def _grbl(place: str, rig: Rig, opening: Pause = lambda duration_s: None) -> Stage:
-    from benchtool.bench.grbl_stage import GrblAxis, GrblStage
+    from benchtool.bench.grbl_stage import GrblStage
+    from benchtool.bench.grbl_way import GrblAxis
     from benchtool.bench.serial_port import SerialPort
 
     port, _, query = place.partition("?")

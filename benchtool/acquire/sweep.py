@@ -230,6 +230,8 @@ class _Sweep:
         by_hand = self._stage.facts["stage"] == "hand"
         facts = dict(self._stage.facts) | {"measured": self._plate.measured}
         self._run.update_metadata(plate=facts | {"tolerance_m": self._plate.tolerance_m})
+        if remark := facts.get("remark"):
+            self._recorder.note("plate", str(remark))
         if not self._plate.measured:
             source = "typed by the operator" if by_hand else "commanded"
             text = f"no channel reads where the plate stands: distances are {source}, not measured"

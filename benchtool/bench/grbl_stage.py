@@ -5,59 +5,36 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 
 from benchtool.bench.grbl_link import ANSWER_S, ASK_S, GrblLink
-from benchtool.bench.grbl_words import (
-    HOLD,
-    HOME,
-    RESET,
-    RESUME,
-    UNLOCK,
-    WAIT_UNTIL_MOVED,
-    move_line,
-)
+from benchtool.bench.grbl_settings import GrblSettings
+from benchtool.bench.grbl_way import ARRIVED_MM, GrblAxis, Way
+from benchtool.bench.grbl_words import HOLD, HOME, RESET, RESUME, UNLOCK, Report, move_line
 from benchtool.bench.stage import Pause
 from benchtool.bench.transport import Transport
 from benchtool.errors import BenchtoolError, StageError
 
-HOME_S = 90.0
-"""Longest homing; a stage says nothing meanwhile, for seconds to tens of seconds."""
-
 SPARE_S = 10.0
-"""Time for speeding up, slowing down and answering, on top of way over feed."""
+"""Time for answering and for short blocks, on top of way over feed and of slowing down."""
 
-ARRIVED_MM = 0.02
-"""A stage that stands this far off has lost steps; two steps of a common 100 per mm."""
+IDLE_S = 2.0
+"""A stage that says Idle elsewhere than at the target for so long does not move there any more."""
+
+HELD_S = 5.0
+"""A feed hold by the stage's own button may last so long. A choice: time to press cycle start."""
+
+AFTER_HOMING_S = 0.6
+"""A homing that failed restarts the stage 0.5 s after its `ok` (measured on Grbl 1.1h)."""
+
+OTHER_STATES = ("Check", "Door", "Sleep", "Jog", "Home")
+"""States that only somebody else can have brought about during a move."""
 
 STILL_S = 5.0
+"""Margin on the time that slowing down takes."""
 
 
 def _no_pause(duration_s: float) -> None:
     """Listen to nothing else meanwhile."""
-
-
-@dataclass(frozen=True, slots=True)
-class GrblAxis:
-    """Relate one axis of the stage to the plate.
-
-    Attributes:
-        letter: axis of the stage, in G-code.
-        zero_m: plate coordinate (distance, or lateral position) at machine position 0.
-        direction: +1 when the coordinate grows with machine position, -1 when it falls.
-    """
-
-    letter: str
-    zero_m: float
-    direction: int = 1
-
-    def to_mm(self, coordinate_m: float) -> float:
-        """Return the machine position of a plate coordinate."""
-        return self.direction * 1e3 * (coordinate_m - self.zero_m)
-
-    def to_m(self, position_mm: float) -> float:
-        """Return the plate coordinate of a machine position."""
-        return self.zero_m + self.direction * 1e-3 * position_mm
 
 
 class GrblStage:
@@ -101,6 +78,8 @@ class GrblStage:
             "direction": distance.direction,
         }
         self._held = False
+        self._letters = distance.letter + (lateral.letter if lateral else "")
+        self._settings: GrblSettings | None = None
 
     @property
     def facts(self) -> Mapping[str, str | float]:
@@ -110,20 +89,14 @@ class GrblStage:
         self._link.open()
         try:
             self._link.wake()
-            self._home_or_reset()
+            self._held = False
+            self._settings = self._link.settings(self._opening)
+            self._settings.check(self._link.name, self._letters)
+            if remark := self._settings.remarks(self._letters, self._feed_mm_min, 2.0 * ARRIVED_MM):
+                self._facts["remark"] = remark
+            self.home(self._opening)
         except BaseException:
             self.close()
-            raise
-
-    def _home_or_reset(self) -> None:
-        """Home; a homing that nobody waits for any more goes on until a reset ends it."""
-        try:
-            self.home(self._opening)
-        except StageError:  # the stage has answered, or cannot
-            raise
-        except BaseException:
-            with suppress(BenchtoolError):
-                self._link.send(RESET)
             raise
 
     def close(self) -> None:
@@ -131,7 +104,14 @@ class GrblStage:
 
     def home(self, pause: Pause = _no_pause) -> None:
         """Find the machine zero; the stage is silent until it has."""
-        self._link.order(HOME, "homing", HOME_S, pause)
+        try:
+            self._link.order(HOME, "homing", self._known().homing_s, pause)
+        except BaseException:
+            if self._link.unanswered:  # a homing that nobody waits for goes on until a reset
+                with suppress(BenchtoolError):
+                    self._link.send(RESET)
+            raise
+        self._link.listen(AFTER_HOMING_S, "homing", pause)
         self._link.locked, self._link.homed = False, True
 
     def move(self, z_m: float, x_m: float, tilt_rad: float, pause: Pause) -> float:
@@ -139,25 +119,8 @@ class GrblStage:
         self._make_ready(pause)
         what = f"the move to {z_m:g} m"
         start_mm = self._link.position_mm(pause)
-        self._check_axes(start_mm)
-        self._link.order(move_line(targets_mm, self._feed_mm_min), what, ANSWER_S, pause)
-        way_mm = sum(abs(target - start_mm[letter]) for letter, target in targets_mm.items())
-        longest_s = SPARE_S + 60.0 * way_mm / self._feed_mm_min
-        if not self._link.order_watched(WAIT_UNTIL_MOVED, what, longest_s, pause):
-            self.hold()
-            raise StageError(
-                f"{self._link.name} did not finish {what} within {longest_s:.0f} s and was held; "
-                f"look for a feed hold or for what blocks it"
-            )
-        self._until(lambda state: state == "Idle", what, pause)
-        stands_mm = self._link.position_mm(pause)
-        for letter, target in targets_mm.items():
-            if abs(stands_mm[letter] - target) > ARRIVED_MM:
-                self._link.homed = False
-                raise StageError(
-                    f"{self._link.name} stands at {letter} {stands_mm[letter]:.3f} mm instead of "
-                    f"{target:.3f} mm after {what}; home it and start again"
-                )
+        way = Way(start_mm, targets_mm, {a: self._known().steps_mm(a) for a in targets_mm})
+        stands_mm = self._until_there(way, what, pause)
         return self._distance.to_m(stands_mm[self._distance.letter])
 
     def hold(self) -> None:
@@ -167,15 +130,46 @@ class GrblStage:
 
     def resume(self, pause: Pause = _no_pause) -> None:
         """Go on with the move after a hold; `~` is ignored until the stage stands still."""
-        self._until(lambda state: state not in ("Run", "Hold:1"), "the hold", pause)
+        self._until_held(pause)
         self._link.send(RESUME)
         self._held = False
 
+    def _until_there(self, way: Way, what: str, pause: Pause) -> dict[str, float]:
+        """Send the plate on its way and return where it stands at the end: Idle at the target."""
+        line = move_line(way.target_mm, self._feed_mm_min)
+        longest_s = SPARE_S + 60.0 * way.length_mm / self._allowed_mm_min()
+        longest_s += self._stopping_s()
+        begun_s = since_s = self._clock()
+        state = ""
+        for report in self._link.watched(line, what, pause):
+            now_s = self._clock()
+            if report.state != state:
+                state, since_s = report.state, now_s
+            place_mm = self._link.place_mm(report)
+            if state == "Idle" and place_mm is not None and not way.missed_at(place_mm):
+                self._link.unanswered = False
+                return place_mm
+            problem = _problem(way, report, place_mm, now_s - since_s)
+            if not problem and now_s - begun_s > longest_s:
+                problem = (
+                    f"did not arrive within {longest_s:.0f} s; look for what blocks it or for a "
+                    f"feed override"
+                )
+            if problem:
+                held = ""
+                if state != "Idle":
+                    self.hold()
+                    held = " and was held"
+                self._link.homed = False
+                raise StageError(f"{self._link.name} did not finish {what}{held}: it {problem}")
+        raise AssertionError("reports never end")
+
     def _make_ready(self, pause: Pause) -> None:
-        """Leave a hold, a lock, or a lost position behind."""
+        """Leave a hold, half a line, a lock, or a lost position behind."""
         if self._held:
             # A reset throws the rest of the move away and keeps the position, once all stands.
-            self._until(lambda state: state not in ("Run", "Hold:1"), "the hold", pause)
+            self._until_held(pause)
+        if self._held or self._link.unanswered:
             self._link.wake()
             self._held = False
         if not self._link.homed:
@@ -184,20 +178,29 @@ class GrblStage:
             self._link.order(UNLOCK, "unlocking", ANSWER_S, pause)
             self._link.locked = False
 
-    def _until(self, reached: Callable[[str], bool], what: str, pause: Pause) -> None:
-        """Ask for the state until it is one that was waited for."""
-        deadline_s = self._clock() + STILL_S
-        while True:
-            report = self._link.ask(pause)
-            state = report.state + ("" if report.substate is None else f":{report.substate}")
-            if reached(state):
-                return
+    def _until_held(self, pause: Pause) -> None:
+        """Ask for the state until a hold stands; `~` is ignored until then, a reset loses steps."""
+        longest_s = STILL_S + self._stopping_s()
+        deadline_s = self._clock() + longest_s
+        while (report := self._link.ask(pause)).words in ("Run", "Hold:1"):
             if self._clock() > deadline_s:
                 raise StageError(
-                    f"{self._link.name} still says {state} {STILL_S:g} s after {what}; look at it "
-                    f"and start again"
+                    f"{self._link.name} still says {report.words} {longest_s:.0f} s after the "
+                    f"hold; switch its power off"
                 )
             pause(ASK_S)
+
+    def _allowed_mm_min(self) -> float:
+        """Return the feed at which the stage really moves."""
+        return min(self._feed_mm_min, self._known().fastest_mm_min(self._letters))
+
+    def _stopping_s(self) -> float:
+        return self._known().stopping_s(self._letters, self._allowed_mm_min())
+
+    def _known(self) -> GrblSettings:
+        if self._settings is None:
+            raise StageError(f"{self._link.name} is not open; open it first")
+        return self._settings
 
     def _targets_mm(self, z_m: float, x_m: float, tilt_rad: float) -> dict[str, float]:
         if tilt_rad:
@@ -214,10 +217,31 @@ class GrblStage:
             )
         return targets
 
-    def _check_axes(self, present: dict[str, float]) -> None:
-        for axis in (self._distance, self._lateral):
-            if axis is not None and axis.letter not in present:
-                raise StageError(
-                    f"{self._link.name} reports no axis {axis.letter}, only {' '.join(present)}; "
-                    f"name one of those"
-                )
+
+def _problem(way: Way, report: Report, place_mm: Mapping[str, float] | None, since_s: float) -> str:
+    """Return what is wrong with a report that no good move makes; empty for a good one.
+
+    Args:
+        way: of the move.
+        report: a new one.
+        place_mm: where it says that the stage is, None where it cannot be known.
+        since_s: how long it has been in this state.
+    """
+    if report.state == "Idle":
+        # A single wrong digit in a report at rest does no harm: the next one is right.
+        if since_s < IDLE_S or place_mm is None:
+            return ""
+        return f"stands at {way.missed_at(place_mm)}; home it and start again"
+    if report.state in OTHER_STATES:
+        return f"says {report.words}; reset it and start again"
+    if report.state == "Hold" and since_s >= HELD_S:
+        return (
+            f"says {report.words} for {HELD_S:g} s, which its feed-hold button or noise on that "
+            f"pin brings about; release it and start again"
+        )
+    if place_mm is not None and (where := way.left_at(place_mm)):
+        return (
+            f"is at {where}: a digit was wrong on the line; check cable and grounding, then home "
+            f"it and start again"
+        )
+    return ""

@@ -1,4 +1,4 @@
-"""What GRBL 1.1 says and is told: lines to values and back, pure.
+"""What GRBL 1.1 says and what it takes: lines to values and back, pure.
 
 Texts of alarms and errors after the tables of the Grbl 1.1 documentation (gnea/grbl, doc/csv), in
 our words; numbers that forks add are shown as they come.
@@ -7,6 +7,7 @@ our words; numbers that forks add are shown as they come.
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 RESET = b"\x18"
@@ -15,8 +16,7 @@ HOLD = b"!"
 RESUME = b"~"
 UNLOCK = b"$X\n"
 HOME = b"$H\n"
-WAIT_UNTIL_MOVED = b"G4 P0\n"
-"""`ok` to a move means queued; `ok` to a dwell of no length means that all before it is done."""
+SETTINGS = b"$$\n"
 
 ALARMS: dict[int, str] = {
     1: "a limit switch was hit and the position is lost; free the stage and home it",
@@ -27,7 +27,9 @@ ALARMS: dict[int, str] = {
     6: "homing was reset before it was done; home it again",
     7: "the safety door was opened while homing; close it and home again",
     8: "the limit switch did not release at the end of homing; check it or raise $27",
-    9: "no limit switch was found while homing; check the switches and $23, $25, $130 to $132",
+    9: "no limit switch was found while homing; check the switches and $23, $25, $130 to $132 "
+    "(unmodified Grbl homes X and Y too: a single axis needs switches or links there, or a "
+    "firmware that homes Z alone)",
 }
 
 ERRORS: dict[int, str] = {
@@ -107,6 +109,14 @@ class Note:
 
 
 @dataclass(frozen=True, slots=True)
+class Setting:
+    """One numbered setting, such as `$132=1500.000`."""
+
+    number: int
+    value: float
+
+
+@dataclass(frozen=True, slots=True)
 class Report:
     """One status report as it stands: positions in mm, those that it does not carry None."""
 
@@ -116,17 +126,23 @@ class Report:
     work_mm: tuple[float, ...] | None
     offset_mm: tuple[float, ...] | None
 
+    @property
+    def words(self) -> str:
+        """The state as the stage says it, `Hold:0`."""
+        return self.state + ("" if self.substate is None else f":{self.substate}")
+
 
 @dataclass(frozen=True, slots=True)
 class Other:
-    """Anything else: settings, parameters, noise."""
+    """Anything else: parameters, noise."""
 
     text: str
 
 
-Word = Ok | Error | Alarm | Banner | Note | Report | Other
+Word = Ok | Error | Alarm | Banner | Note | Setting | Report | Other
 
 _NUMBERED = re.compile(r"(error|ALARM):(\d+)")
+_SETTING = re.compile(r"\$(\d+)=(\d+(?:\.\d*)?)(?: .*)?")
 _BANNER = re.compile(r"Grbl(?:HAL)? (\S+) \[", re.IGNORECASE)
 _REPORT = re.compile(r"<([A-Za-z]+)(?::(\d+))?((?:\|[^|>]*)*)>")
 
@@ -139,6 +155,8 @@ def word_of(line: str) -> Word:
     if found := _NUMBERED.fullmatch(line):
         number = int(found[2])
         return Error(number) if found[1] == "error" else Alarm(number)
+    if found := _SETTING.fullmatch(line):
+        return Setting(int(found[1]), float(found[2]))
     if found := _REPORT.fullmatch(line):
         return _report(found) or Other(line)
     if found := _BANNER.match(line):
@@ -195,7 +213,7 @@ class Ear:
         return tuple(a + b for a, b in zip(report.work_mm, self._offset_mm, strict=True))
 
 
-def move_line(targets_mm: dict[str, float], feed_mm_min: float) -> bytes:
+def move_line(targets_mm: Mapping[str, float], feed_mm_min: float) -> bytes:
     """Return a straight move in machine coordinates: absolute, millimetres, at a stated feed."""
     words = "".join(f" {letter}{value:.3f}" for letter, value in targets_mm.items())
     return f"G21 G90 G53 G1{words} F{feed_mm_min:.1f}\n".encode("ascii")

@@ -18,6 +18,12 @@ HOMING_S = 4.0
 SLOWING_S = 0.1
 """From `!` to standstill; a guess, a stage at 100 mm/s with 1000 mm/s2."""
 
+SETTINGS: dict[int, float] = {
+    10: 1, 13: 0, 20: 1, 21: 0, 22: 1, 23: 0, 24: 300, 25: 3000, 26: 25, 27: PULL_OFF_MM,
+    100: 100, 101: 100, 102: 100, 110: 9000, 111: 9000, 112: 9000, 120: 500, 121: 500, 122: 500,
+}  # fmt: skip
+"""Of the stage whose conversations were recorded."""
+
 OFFSET_EVERY = 10
 """Every so many reports the work offset is told."""
 
@@ -122,6 +128,9 @@ class VirtualGrbl:
             self._locked = False
         elif line == "$I":
             self._said += ["[VER:1.1h.20190830:virtual]", "[OPT:V,15,128]", "ok"]
+        elif line == "$$" and not self._queue:
+            settings = SETTINGS | {130 + i: mm for i, mm in enumerate(self._travel_mm.values())}
+            self._said += [*(f"${number}={value:g}" for number, value in settings.items()), "ok"]
         elif line.startswith("$"):
             self._said.append("error:8" if self._queue else "ok")
         elif self._locked:

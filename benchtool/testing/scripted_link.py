@@ -57,6 +57,10 @@ class ScriptedLink:
         """Return the conversation's time in seconds."""
         return self.now_s
 
+    def pause(self, duration_s: float) -> None:
+        """Let time pass."""
+        self.now_s += duration_s
+
     def open(self) -> None:
         if self._refuses is not None:
             raise self._refuses

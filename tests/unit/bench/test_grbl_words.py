@@ -11,6 +11,7 @@ from benchtool.bench.grbl_words import (
     Ok,
     Other,
     Report,
+    Setting,
     move_line,
     word_of,
 )
@@ -25,7 +26,7 @@ from benchtool.bench.grbl_words import (
         ("Grbl 1.1h ['$' for help]", Banner("1.1h")),
         ("GrblHAL 1.1f ['$' or '$HELP' for help]", Banner("1.1f")),
         ("[MSG:Caution: Unlocked]", Note("MSG:Caution: Unlocked")),
-        ("$110=500.000", Other("$110=500.000")),
+        ("$110=500.000", Setting(110, 500.0)),
         (
             "<Idle|MPos:0.000,0.000,0.000|FS:0,0|WCO:0.000,0.000,0.000>",
             Report("Idle", None, (0.0, 0.0, 0.0), None, (0.0, 0.0, 0.0)),

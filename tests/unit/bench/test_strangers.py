@@ -8,7 +8,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from benchtool.bench.grbl_stage import GrblAxis, GrblStage
+from benchtool.bench.grbl_stage import GrblStage
+from benchtool.bench.grbl_way import GrblAxis
 from benchtool.bench.link import frame
 from benchtool.bench.mavlink_dialect import dialect
 from benchtool.bench.mavlink_frames import MavlinkFrames

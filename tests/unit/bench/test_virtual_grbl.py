@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from benchtool.bench.grbl_stage import GrblAxis, GrblStage
+from benchtool.bench.grbl_stage import GrblStage
+from benchtool.bench.grbl_way import GrblAxis
 from benchtool.bench.virtual_grbl import VirtualGrbl
 from benchtool.errors import StageError
 
@@ -110,7 +111,7 @@ def test_a_reset_on_the_way_loses_the_position(line: bytes, alarm: bytes) -> Non
         (b"G2 Z-10 F60\n", b"error:20"),
         (b"G1 Z F60\n", b"error:2"),
         (b"10\n", b"error:1"),
-        (b"$$\n", b"ok"),
+        (b"$#\n", b"ok"),
     ],
 )
 def test_lines_are_refused_by_number(line: bytes, said: bytes) -> None:
