@@ -22,9 +22,9 @@ from benchtool.store.append import AppendFile
 from benchtool.store.atomic import read_json, replace_json, replace_text
 from benchtool.store.digest import file_hash
 from benchtool.store.events import EventLog
-from benchtool.store.parquet import write_parquet
+from benchtool.store.parquet import seal
 from benchtool.store.points import PointWriter
-from benchtool.store.read import is_run, read_points, read_samples
+from benchtool.store.read import is_run, read_points
 from benchtool.store.samples import SampleWriter
 from benchtool.store.settings import aggregate
 from benchtool.store.write import write_table
@@ -181,7 +181,7 @@ class Run:
     def _seal_samples(self) -> None:
         parquet = self.path / "samples.parquet"
         parquet.unlink(missing_ok=True)
-        write_parquet(parquet, read_samples(self.path))
+        seal(self.path / "samples.csv", parquet)
         stated = {
             "parquet_sha256": file_hash(parquet),
             "csv_sha256": file_hash(self.path / "samples.csv"),
