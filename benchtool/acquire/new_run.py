@@ -8,6 +8,7 @@ from pathlib import Path
 from benchtool.acquire.air import Air
 from benchtool.acquire.calibration import Calibration
 from benchtool.acquire.metadata import run_metadata
+from benchtool.acquire.order import visits_of
 from benchtool.acquire.pitch_experiment import PitchExperiment
 from benchtool.acquire.plan import Plan, plan_to_toml
 from benchtool.bench.bench import Identity
@@ -44,6 +45,7 @@ def new_run(
     facts = run_metadata(
         plan, rig, identity, operator=operator, air=air, calibration=calibration, started=now
     )
+    facts["visits"] = len(visits_of(plan, rig))
     return Run.create(path, plan_to_toml(plan), facts)
 
 

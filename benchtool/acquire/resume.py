@@ -18,8 +18,7 @@ from benchtool.core.rig import Rig
 from benchtool.core.toml_text import build
 from benchtool.core.user_file import read_file
 from benchtool.errors import FileFormatError, InputError
-from benchtool.store import KINDS, Run, code_of, read_points, read_samples
-from benchtool.store.samples import mark_interrupted
+from benchtool.store import KINDS, Run, code_of, read_points
 
 GAP_S = 1.0
 """Time of the run that stands for the break, however long it was; the event tells the real one."""
@@ -46,7 +45,6 @@ def unfinished(run: Run) -> Unfinished:
     """Read what a run has and what it lacks; nothing is changed.
 
     Raises:
-        InputError: nothing is left to measure.
         FileFormatError: a file of the run cannot be read.
     """
     facts = run.metadata
@@ -58,11 +56,6 @@ def unfinished(run: Run) -> Unfinished:
     calibration = facts.get("calibration")
     visits = {visit.point for visit in visits_of(plan, rig)}
     done = frozenset(_points_on_disk(run)) & visits
-    if done == visits:
-        raise InputError(
-            f"nothing is left to resume of {run.path}: {counted(len(visits), 'visit')}, and all "
-            f"measured already"
-        )
     return Unfinished(
         run,
         plan,
@@ -74,14 +67,43 @@ def unfinished(run: Run) -> Unfinished:
     )
 
 
-def reopen(unfinished: Unfinished, identity: Identity) -> Start:
-    """Make a run ready to be gone on with on the bench that answers, and say where it starts.
+def close_run(run: Run) -> bool:
+    """Close a run of any kind and return whether anything was missing; see `Run.close`."""
+    if "visits" in run.metadata or run.metadata.get("experiment") == "pitch":
+        return run.close()
+    rest = unfinished(run)
+    return run.close(len(rest.done) + rest.left)
 
-    Samples of a visit that was cut short keep their rows and become `interrupted`.
+
+def prepare(unfinished: Unfinished) -> Start:
+    """Read where a run goes on and make its files ready, before its bench is opened.
+
+    Samples of a visit that was cut short will keep their rows and become `interrupted`. A run
+    with nothing left to measure is closed where it is not; else nothing of it changes yet.
 
     Raises:
-        InputError: another device than the one that began the run.
+        InputError: nothing is left to measure, or another process measures the run.
+        FileFormatError: a file of the run cannot be read.
+        ResourceExhausted: the run cannot be written.
     """
+    run = unfinished.run
+    if not unfinished.left:
+        visits = counted(len(unfinished.done), "visit")
+        written = "; it was not closed, and is now" if run.close(len(unfinished.done)) else ""
+        raise InputError(
+            f"nothing is left to resume of {run.path}: {visits}, and all measured already{written}"
+        )
+    found = run.ready_samples(unfinished.done)
+    if not found.rows:
+        return Start(unfinished.done)
+    link = run.metadata.get("link") or {}
+    quality = LinkQuality(found.rows, link.get("lost", 0), link.get("corrupt", 0))
+    unsettled, tares = _counts(run, unfinished.done)
+    return Start(unfinished.done, found.last_s + GAP_S, unsettled, tares, quality)
+
+
+def require_same_device(unfinished: Unfinished, identity: Identity) -> None:
+    """Refuse another device than the one that began the run."""
     run = unfinished.run
     began = run.metadata.get("device_id")
     if began != identity.device_id:
@@ -89,20 +111,6 @@ def reopen(unfinished: Unfinished, identity: Identity) -> Start:
             f"run {run.path} was begun on device {began!r}, but {identity.address} is "
             f"{identity.device_id!r}; connect the first one, or start a new run"
         )
-    run.reopen()
-    samples = run.path / "samples.csv"
-    if not samples.is_file() or not samples.stat().st_size:
-        run.update_metadata(state="running", reason=None)
-        return Start(unfinished.done)
-    recording = read_samples(run.path)
-    numbers = {int(point) for point in recording.column("point")} - {0}
-    mark_interrupted(samples, frozenset(numbers - unfinished.done))
-    last_s = float(recording.column("time_s").max()) if len(recording) else 0.0
-    run.update_metadata(state="running", reason=None)
-    counted = run.metadata.get("link") or {}
-    link = LinkQuality(len(recording), counted.get("lost", 0), counted.get("corrupt", 0))
-    unsettled, tares = _counts(run, unfinished.done)
-    return Start(unfinished.done, last_s + GAP_S, unsettled, tares, link)
 
 
 def _counts(run: Run, done: frozenset[int]) -> tuple[int, int]:

@@ -24,6 +24,7 @@ COMMANDS: dict[str, str] = {
     "demo": "Sweep two virtual benches, fit, and write a report",
     "sweep": "Sweep plate distance and throttle into a run folder",
     "record": "Record a pitch experiment from a bench into a run folder",
+    "runs": "Close runs whose program ended before it could",
     "calibrate": "Calibrate a load cell with known masses",
     "recalibrate": "Apply a calibration to a run, its raw data untouched",
     "import": "Import flight logs and other makers' files, every repair told",

@@ -53,7 +53,7 @@ def command(
     from benchtool.acquire.sweep_options import rig_for
     from benchtool.bench.address import open_bench
     from benchtool.cli.announce_code import announce_code
-    from benchtool.errors import WouldOverwrite
+    from benchtool.store.run import refuse_taken
 
     stands = rig_for(address, rig)
     experiment = PitchExperiment(
@@ -64,8 +64,8 @@ def command(
         schedule=schedule,
     )
     expected = check_experiment(experiment, stands)
-    if out is not None and out.exists():
-        raise WouldOverwrite(str(out))
+    if out is not None:
+        refuse_taken(out)
     if dry_run:
         open_bench(address, announce_code)  # refuses what it names wrongly; opens nothing yet
         print(arming_text(experiment, stands, expected))

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from benchtool.acquire.check_plan import Expected
     from benchtool.acquire.plan import Plan
     from benchtool.acquire.resume import Unfinished
+    from benchtool.acquire.sweep import Start
     from benchtool.bench.bench import Bench, Identity
     from benchtool.bench.guard import GuardedBench
     from benchtool.core.rig import Rig
@@ -71,15 +72,15 @@ def command(
     from benchtool.acquire.calibration_file import read_calibration
     from benchtool.acquire.check_plan import check_plan
     from benchtool.acquire.plan import Plan, read_plan
-    from benchtool.acquire.resume import unfinished
+    from benchtool.acquire.resume import prepare, unfinished
     from benchtool.acquire.stage_choice import check_stage
     from benchtool.acquire.sweep_options import air_of, rig_for, with_options
     from benchtool.bench.address import open_bench
     from benchtool.cli.announce_code import announce_code
-    from benchtool.errors import InputError, WouldOverwrite
+    from benchtool.errors import InputError
     from benchtool.library.own_code import refuse_code
     from benchtool.store import Run
-    from benchtool.store.run import check_run_name
+    from benchtool.store.run import check_run_name, refuse_taken
 
     given = {
         "z_m": z_m,
@@ -103,6 +104,8 @@ def command(
                 f"--{option} and --resume are both given; a resumed run keeps the plan that it has"
             )
         rest = unfinished(Run.open(resume))
+        if not rest.left and not dry_run:
+            prepare(rest)  # closes it and says that nothing is left
         resolved, stands = rest.plan, rest.rig
         permit = announce_code if address else refuse_code
         address = address or str(rest.run.metadata.get("address", ""))
@@ -113,8 +116,8 @@ def command(
         rest, permit = None, announce_code
         stands = rig_for(address, rig)
         resolved = with_options(read_plan(plan) if plan else Plan(), given).resolved(stands)
-        if out is not None and out.exists():
-            raise WouldOverwrite(str(out))
+        if out is not None:
+            refuse_taken(out)
         check_run_name(resolved.name)
     # Everything that was typed is looked at before anything is printed or opened.
     air = air_of(temperature, pressure, humidity)
@@ -128,7 +131,8 @@ def command(
         print("dry run: nothing was opened, nothing spins")
         return
     folder = (runs, out)
-    _sweep(bench, resolved, stands, rest, folder, operator, air, calibration, stage, yes)
+    start = prepare(rest) if rest else None
+    _sweep(bench, resolved, stands, rest, start, folder, operator, air, calibration, stage, yes)
 
 
 def _show_plan(plan: Plan, rig: Rig, expected: Expected, rest: Unfinished | None) -> None:
@@ -167,6 +171,7 @@ def _sweep(
     plan: Plan,
     rig: Rig,
     rest: Unfinished | None,
+    start: Start | None,
     folder: tuple[Path, Path | None],
     operator: str,
     air: Air,
@@ -178,7 +183,7 @@ def _sweep(
     from benchtool.acquire.calibration_file import calibration_for
     from benchtool.acquire.check_plan import check_plan
     from benchtool.acquire.new_run import new_run
-    from benchtool.acquire.resume import reopen
+    from benchtool.acquire.resume import require_same_device
     from benchtool.acquire.stage_choice import stage_for
     from benchtool.acquire.sweep import run_sweep
     from benchtool.bench.closing_signals import ClosingSignals
@@ -203,9 +208,9 @@ def _sweep(
                 _arm(bench, plan, rig, expected, scale, yes)
                 mover.open()
                 try:
-                    start = None
                     if rest:
-                        run, start = rest.run, reopen(rest, identity)
+                        require_same_device(rest, identity)
+                        run = rest.run
                     else:
                         run = new_run(
                             folder,

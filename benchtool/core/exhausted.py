@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import errno
 
+from benchtool.errors import ResourceExhausted
+
 _WORDS: dict[int, tuple[str, str]] = {
     errno.ENOSPC: ("the disk is full", "make room on the disk"),
     getattr(errno, "EDQUOT", -1): (
@@ -29,8 +31,27 @@ _WORDS: dict[int, tuple[str, str]] = {
 }
 
 
-def exhaustion(error: OSError | MemoryError) -> tuple[str, str] | None:
-    """Return what is used up or refused and what to do, None for an error of another kind."""
+def exhaustion(error: OSError | MemoryError) -> tuple[str, str]:
+    """Return what is used up, refused or failed, and what to do."""
     if isinstance(error, MemoryError):
         return _WORDS[errno.ENOMEM]
-    return _WORDS.get(error.errno or 0)
+    said = (error.strerror or str(error) or type(error).__name__).lower()
+    return _WORDS.get(error.errno or 0, (said, "look at the disk and its permissions"))
+
+
+def is_exhaustion(error: OSError | MemoryError) -> bool:
+    """Tell whether something is used up or refused, not merely wrong (a folder for a file)."""
+    return isinstance(error, MemoryError) or error.errno in _WORDS
+
+
+def exhausted(error: OSError | MemoryError, subject: str, then: str = "") -> ResourceExhausted:
+    """Return the error for people.
+
+    Args:
+        error: of the system.
+        subject: what could not be done ("run cannot be closed").
+        then: what to do after its cause is mended.
+    """
+    what, advice = exhaustion(error)
+    name = f" ({error.filename})" if isinstance(error, OSError) and error.filename else ""
+    return ResourceExhausted("; ".join(filter(None, (f"{subject}: {what}{name}", advice, then))))

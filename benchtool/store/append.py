@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import errno
 import os
+import stat
+import sys
 from pathlib import Path
+
+from benchtool.errors import FileFormatError, InputError
 
 
 class AppendFile:
@@ -19,8 +24,39 @@ class AppendFile:
         self.fragment = b""
         self._unwritten: bytearray | None = None
         flags = os.O_RDWR | os.O_CREAT | getattr(os, "O_BINARY", 0)
-        self._handle: int | None = os.open(path, flags, 0o644)
+        flags |= getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
+        try:
+            self._handle: int | None = os.open(path, flags, 0o666)
+        except OSError as error:
+            if error.errno != errno.ELOOP:
+                raise
+            raise _no_file(path, "a symbolic link") from error
+        if not stat.S_ISREG(os.fstat(self._handle).st_mode):
+            os.close(self._handle)
+            raise _no_file(path, "no regular file")
         self._cut_back()
+
+    def lock(self) -> None:
+        """Keep other processes from locking the file, until it is closed or the process ends.
+
+        Where the system has no such locks (Windows, some network drives) nothing is kept.
+
+        Raises:
+            InputError: another one has locked it.
+        """
+        if sys.platform == "win32" or self._handle is None:
+            return
+        import fcntl
+
+        try:
+            fcntl.flock(self._handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise InputError(
+                f"another process measures or closes the run {self.path.parent} now; wait until "
+                f"it has ended"
+            ) from None
+        except OSError:
+            pass
 
     def write(self, data: bytes) -> None:
         """Hand all of `data` to the operating system, or, on a full disk, nothing of it."""
@@ -94,6 +130,12 @@ class AppendFile:
             self.fragment = tail[whole - start :]
             os.ftruncate(self._handle, whole)
         os.lseek(self._handle, whole, os.SEEK_SET)
+
+
+def _no_file(path: Path, what: str) -> FileFormatError:
+    return FileFormatError(
+        str(path), f"this is {what}, and nothing is written through it; put the file itself there"
+    )
 
 
 def _read_exactly(handle: int, count: int) -> bytes:

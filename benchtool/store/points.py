@@ -7,6 +7,7 @@ from math import isnan, nan
 from pathlib import Path
 
 from benchtool.core.counted import counted
+from benchtool.core.user_file import open_file
 from benchtool.errors import FileFormatError
 from benchtool.store.append import AppendFile
 
@@ -109,7 +110,7 @@ class PointWriter:
             self.file.write(header)
             self.file.sync()
             return
-        with open(path, "rb") as file:
+        with open_file(path, follow=False) as file:
             if file.readline() != header:
                 self.file.close()
                 raise FileFormatError(

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import re
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from benchtool.core.channel import Channel
+from benchtool.core.exhausted import exhausted, is_exhaustion
+from benchtool.core.recording import Recording
 from benchtool.core.user_file import read_text
 from benchtool.errors import (
+    BenchtoolError,
     FileFormatError,
     InputError,
     ResourceExhausted,
@@ -19,15 +24,15 @@ from benchtool.errors import (
     WouldOverwrite,
 )
 from benchtool.store.append import AppendFile
-from benchtool.store.atomic import read_json, replace_json, replace_text
-from benchtool.store.digest import file_hash
+from benchtool.store.atomic import read_json, replace_json, replace_text, sync_folder
+from benchtool.store.closing import LEFT_OVER, close_run, has_rows, remove_left_overs
 from benchtool.store.events import EventLog
-from benchtool.store.parquet import seal
+from benchtool.store.interrupted import SamplesFound, scan_samples, write_marked
 from benchtool.store.points import PointWriter
 from benchtool.store.read import is_run, read_points
+from benchtool.store.read import read_settings as read_written_settings
 from benchtool.store.samples import SampleWriter
 from benchtool.store.settings import aggregate
-from benchtool.store.write import write_table
 
 RUN_FORMAT = "benchtool-run-1"
 
@@ -53,22 +58,30 @@ class Run:
 
         Raises:
             WouldOverwrite: something of that name exists.
+            ResourceExhausted: there is no room or no right to make it; nothing is left of it.
         """
-        if path.exists():
-            raise WouldOverwrite(str(path))
+        refuse_taken(path)
+        beside = path.with_name(f".{path.name}.{os.getpid()}.new")
         try:
-            path.mkdir(parents=True)
-        except FileExistsError:
-            raise WouldOverwrite(str(path)) from None
+            path.parent.mkdir(parents=True, exist_ok=True)
+            beside.mkdir()
+            replace_text(beside / "plan.toml", plan_text)
+            replace_json(beside / "metadata.json", {"format": RUN_FORMAT, **metadata})
+            if path.is_dir():
+                shutil.rmtree(path)
+            os.rename(beside, path)
+            sync_folder(path.parent)
         except OSError as error:
-            raise InputError(
-                f"the run folder {path} cannot be made ({error.strerror}); choose another place "
-                f"with --out"
-            ) from error
-        run = cls(path)
-        replace_text(path / "plan.toml", plan_text)
-        replace_json(path / "metadata.json", {"format": RUN_FORMAT, **metadata})
-        return run
+            shutil.rmtree(beside, ignore_errors=True)
+            if error.errno == errno.ENOTEMPTY:
+                raise WouldOverwrite(str(path)) from None
+            subject = f"the run folder {path} cannot be made"
+            if not is_exhaustion(error):
+                raise InputError(
+                    f"{subject} ({error.strerror}); choose another place with --out"
+                ) from error
+            raise exhausted(error, subject, "or choose another place with --out") from error
+        return cls(path)
 
     @classmethod
     def open(cls, path: Path) -> Run:
@@ -161,39 +174,116 @@ class Run:
         """Open events.jsonl for appending."""
         return EventLog(self.path / "events.jsonl")
 
-    def close(self) -> None:
-        """Write settings.csv and the hashed Parquet from what is on disk.
+    def close(self, visits: int | None = None) -> bool:
+        """Mend what a killed process left, and write settings.csv and the hashed Parquet.
 
-        A sweep that has no point yet is left as it is; a pitch experiment has none ever.
+        Safe to call again and to kill anywhere; see `closing.close_run`.
+
+        Args:
+            visits: how many the plan has; as the metadata say where left out.
+
+        Returns:
+            Whether anything was missing.
+
+        Raises:
+            InputError: another process measures or closes it.
+            FileFormatError: a file of it cannot be read.
+            ResourceExhausted: it cannot be written.
         """
-        self.check_in_place()
-        if self.metadata.get("experiment") == "pitch":
-            if (self.path / "samples.csv").is_file():
-                self._seal_samples()
-            return
         try:
-            points = read_points(self.path)
-        except FileFormatError:
-            return
-        write_table(self.path / "settings.csv", aggregate(points))
-        self._seal_samples()
+            return close_run(self, visits)
+        except (OSError, MemoryError) as error:
+            raise exhausted(
+                error, f"{self.path} cannot be closed", f"then: benchtool runs close {self.path}"
+            ) from error
 
-    def _seal_samples(self) -> None:
-        parquet = self.path / "samples.parquet"
-        parquet.unlink(missing_ok=True)
-        seal(self.path / "samples.csv", parquet)
-        stated = {
-            "parquet_sha256": file_hash(parquet),
-            "csv_sha256": file_hash(self.path / "samples.csv"),
-        }
-        self.update_metadata(samples=stated)
+    def ready_samples(self, done: frozenset[int]) -> SamplesFound:
+        """Say what samples there are, and make ready to mark those of visits cut short.
 
-    def reopen(self) -> None:
-        """Take away what `close` made, before the run goes on."""
+        The run itself is as it was until a `RunWriter` goes on with it.
+
+        Args:
+            done: visits that have their points.
+
+        Raises:
+            InputError: another process measures or closes it.
+            FileFormatError: its samples cannot be read.
+            ResourceExhausted: it cannot be written.
+        """
+        samples = self.path / "samples.csv"
+        try:
+            with self.locked():
+                remove_left_overs(self.path)
+                if not os.path.lexists(samples):
+                    return SamplesFound(0, 0.0, done, None)
+                found = scan_samples(samples, done)
+                write_marked(samples, found)
+                return found
+        except (OSError, MemoryError) as error:
+            raise exhausted(error, f"{self.path} cannot be gone on with") from error
+
+    def unseal(self) -> None:
+        """Take away what `close` made, before samples or points change."""
         for name in ("samples.parquet", "settings.csv"):
             (self.path / name).unlink(missing_ok=True)
-        if "samples" in self.metadata:
+        if self.metadata.get("samples"):
             self.update_metadata(samples={})
+
+    @contextmanager
+    def locked(self) -> Iterator[EventLog]:
+        """Keep other processes from measuring or closing the run; gives its event log.
+
+        Raises:
+            InputError: another one does so now.
+        """
+        log = self.event_log()
+        try:
+            log.file.lock()
+            yield log
+        finally:
+            log.close()
+
+
+def refuse_taken(path: Path) -> None:
+    """Refuse a path where something is, but for a run folder that was never begun.
+
+    Raises:
+        WouldOverwrite: something is there.
+    """
+    if os.path.lexists(path) and not _never_begun(path):
+        raise WouldOverwrite(str(path))
+
+
+def _never_begun(path: Path) -> bool:
+    """Tell whether a folder holds no more than a run that has neither a sample nor a point."""
+    if path.is_symlink() or not path.is_dir():
+        return False
+    names = {item.name for item in path.iterdir() if not LEFT_OVER.fullmatch(item.name)}
+    if not names <= {"plan.toml", "metadata.json", "events.jsonl", "samples.csv", "points.csv"}:
+        return False
+    if any(has_rows(path / name) for name in ("samples.csv", "points.csv")):
+        return False
+    if "events.jsonl" not in names:
+        return True
+    try:
+        with Run(path).locked():
+            return True
+    except InputError:
+        return False
+
+
+def read_settings(path: str | Path) -> Recording:
+    """Return the settings of a run folder, which is closed first where it must be, or of any file.
+
+    A run that is being measured, or that cannot be written, is left as it is.
+    """
+    folder = Path(path)
+    if is_run(folder) and not (folder / "settings.csv").is_file():
+        try:
+            Run.open(folder).close()
+        except BenchtoolError:
+            return aggregate(read_points(folder))
+    return read_written_settings(path)
 
 
 def check_run_name(name: str) -> None:

@@ -11,9 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.channel import Channel
-from benchtool.core.exhausted import exhaustion
+from benchtool.core.exhausted import exhausted, exhaustion
 from benchtool.errors import BenchtoolError, ResourceExhausted, RunStopped
+from benchtool.store.append import AppendFile
+from benchtool.store.atomic import sync_folder
 from benchtool.store.events import Event
+from benchtool.store.interrupted import take_marked
 from benchtool.store.points import Point
 from benchtool.store.run import Run, free_path
 from benchtool.store.state import state_folder
@@ -38,11 +41,26 @@ class RunWriter:
         self.run = run
         self.fault: BenchtoolError | None = None
         self._advice = ""
-        run.watch()
-        self._events = run.event_log()
-        self._samples = run.sample_writer(channels)
-        self._points = run.point_writer(n_rotors)
-        self._files = [part.file for part in (self._events, self._samples, self._points)]
+        self._files: list[AppendFile] = []
+        try:
+            run.watch()
+            self._events = run.event_log()
+            self._files.append(self._events.file)
+            self._events.file.lock()
+            run.unseal()
+            take_marked(run.path / "samples.csv")
+            if run.metadata.get("state") != "running":
+                run.update_metadata(state="running", reason=None)
+            self._samples = run.sample_writer(channels)
+            self._files.append(self._samples.file)
+            self._points = run.point_writer(n_rotors)
+            self._files.append(self._points.file)
+            sync_folder(run.path)
+        except BaseException as error:
+            self.close()
+            if isinstance(error, OSError):
+                raise exhausted(error, f"{run.path} cannot be written", "then go on") from error
+            raise
 
     @property
     def fragments(self) -> dict[str, str]:
@@ -57,8 +75,13 @@ class RunWriter:
         self._attempt(lambda: self._samples.append(point, phase, time_s, device_time_us, values))
 
     def point(self, point: Point) -> None:
-        """Append one point and force it to the disk."""
-        self._attempt(lambda: self._points.append(point))
+        """Append one point and force it to the disk, its samples before it."""
+
+        def write() -> None:
+            self._samples.sync()
+            self._points.append(point)
+
+        self._attempt(write)
 
     def event(self, event: Event) -> None:
         """Append one event and force it to the disk."""
@@ -125,8 +148,8 @@ class RunWriter:
                 self._look()
         except OSError as error:
             if self.fault is None:
-                what, advice = exhaustion(error) or (error.strerror or str(error), "")
-                self._advice = f"; {advice}, then go on" if advice else ""
+                what, advice = exhaustion(error)
+                self._advice = f"; {advice}, then go on"
                 self.fault = ResourceExhausted(f"{self.run.path} cannot be written: {what}")
                 raise self.fault from error
         except BenchtoolError as error:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.core.user_file import open_file
 from benchtool.errors import FileFormatError
 from benchtool.store.columns import WORDS
 
@@ -27,7 +28,7 @@ class WholeLines(io.RawIOBase):
     """
 
     def __init__(self, path: Path) -> None:
-        self._file = open(path, "rb", buffering=0)  # noqa: SIM115 -- closed by `close`
+        self._file = open_file(path, follow=False)
         self.lines, end, size = -1, 0, 0
         while block := self._file.read(1 << 20):
             self.lines += block.count(b"\n")

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.channel import Channel
+from benchtool.core.user_file import open_file
 from benchtool.errors import FileFormatError
 from benchtool.store.append import AppendFile
-from benchtool.store.atomic import replace_text
 from benchtool.store.columns import SAMPLE_START
 
 Array = NDArray[np.float64]
@@ -30,8 +30,9 @@ class SampleWriter:
         self.file = AppendFile(path)
         if path.stat().st_size == 0:
             self.file.write(header)
+            self.file.sync()
             return
-        with open(path, "rb") as file:
+        with open_file(path, follow=False) as file:
             if file.readline() != header:
                 self.file.close()
                 raise FileFormatError(
@@ -73,21 +74,3 @@ class SampleWriter:
     def close(self) -> None:
         """Force to the disk and close; safe to call twice."""
         self.file.close()
-
-
-def mark_interrupted(path: Path, points: frozenset[int]) -> int:
-    """Give the samples of visits that were cut short the phase `interrupted`; return how many.
-
-    The file is replaced in one step; nothing but the phase of those rows changes.
-    """
-    lines = path.read_text("utf-8").split("\n")
-    marked = 0
-    # The last item is what stands behind the last line end: nothing, or a line that was cut.
-    for index, line in enumerate(lines[1:-1], 1):
-        cells = line.split(",", 4)
-        if len(cells) == 5 and cells[2] != "0" and int(cells[2]) in points:
-            lines[index] = ",".join([*cells[:3], "interrupted", cells[4]])
-            marked += 1
-    if marked:
-        replace_text(path, "\n".join(lines))
-    return marked

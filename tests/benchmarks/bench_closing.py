@@ -38,9 +38,9 @@ STATEMENTS = {
     "nothing but imports": "from benchtool.store import Run, read_samples",
     "close": "from benchtool.store import Run; Run.open(run).close()",
     "read for --resume": (
-        "from benchtool.store.interrupted import scan_samples, mark_interrupted\n"
+        "from benchtool.store.interrupted import scan_samples, take_marked, write_marked\n"
         "found = scan_samples(run / 'samples.csv', frozenset(range(1, 100)))\n"
-        "mark_interrupted(run / 'samples.csv', found)"
+        "write_marked(run / 'samples.csv', found); take_marked(run / 'samples.csv')"
     ),
     "mean thrust of closed samples": (
         "from benchtool.store import read_samples\n"
@@ -78,9 +78,7 @@ def make_run(path: Path, rows: int) -> None:
                 for _ in CHANNELS
             ]
             table = pa.table(columns, names=names)
-            csv.write_csv(
-                table, file, csv.WriteOptions(include_header=False, quoting_style="none")
-            )
+            csv.write_csv(table, file, csv.WriteOptions(include_header=False, quoting_style="none"))
     points = run.point_writer(4)
     four = (1500.0,) * 4
     for number in range(1, VISITS):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import queue
 import signal
 import threading
+from concurrent.futures import ProcessPoolExecutor
 from contextlib import suppress
 from dataclasses import replace
 from datetime import datetime
@@ -16,9 +17,9 @@ from benchtool.acquire.calibration_file import calibration_for
 from benchtool.acquire.check_plan import check_plan
 from benchtool.acquire.new_run import new_run
 from benchtool.acquire.order import Visit
-from benchtool.acquire.resume import reopen, unfinished
+from benchtool.acquire.resume import prepare, require_same_device, unfinished
 from benchtool.acquire.stage_choice import stage_for
-from benchtool.acquire.sweep import run_sweep
+from benchtool.acquire.sweep import Start, run_sweep
 from benchtool.bench.bench import Identity
 from benchtool.bench.guard import GuardedBench
 from benchtool.core.counted import counted
@@ -36,6 +37,15 @@ def close_run(path: Path) -> None:
     """Close a run; a process of its own does this."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     Run.open(path).close()
+
+
+def prepare_run(path: Path) -> Start | str:
+    """Return where a run goes on, or why it does not; a process of its own does this."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        return prepare(unfinished(Run.open(path)))
+    except BenchtoolError as error:
+        return str(error)
 
 
 def require_armed(typed: str, identity: Identity, rig: Rig) -> None:
@@ -111,10 +121,13 @@ class Sweeping:
         chosen = ask.stage or (rest.stage if rest else None)
         stage = stage_for(chosen, bench, rig, lambda text: self._ask(bench, text))
         require_armed(ask.typed, identity, rig)
+        start = None
+        if rest is not None:
+            require_same_device(rest, identity)
+            start = self._prepared(bench, rest.run.path)
         stage.open()
         run: Run | None = None
         try:
-            start = reopen(rest, identity) if rest else None
             run = rest.run if rest else new_run(
                 (ask.runs, None), plan, rig, identity,
                 operator=ask.operator, air=ask.air, calibration=scale,
@@ -160,6 +173,18 @@ class Sweeping:
             self.tell(status="paused")
         elif event.event == "went_on":
             self.tell(status="running")
+
+    def _prepared(self, bench: GuardedBench, run: Path) -> Start:
+        """Read where a run goes on, in a process of its own while the bench is read on."""
+        with ProcessPoolExecutor(1, get_context("spawn")) as pool:
+            reading = pool.submit(prepare_run, run)
+            while not reading.done():
+                bench.listen(LOOK_S)
+            bench.take_kept()
+            start = reading.result()
+        if isinstance(start, str):
+            raise InputError(start)
+        return start
 
     def _waits(self) -> bool:
         return self._paused.is_set()

@@ -20,7 +20,7 @@ from benchtool.store import (
     read_samples,
     read_settings,
 )
-from benchtool.store.samples import mark_interrupted
+from benchtool.store.interrupted import scan_samples, take_marked, write_marked
 from tests.unit.store.run_of import CHANNELS, point, small_run
 
 
@@ -142,7 +142,12 @@ def test_another_bench_cannot_go_on_with_a_run(tmp_path: Path) -> None:
 def test_interrupted_visits_keep_their_rows(tmp_path: Path) -> None:
     run = small_run(tmp_path / "run")
     before = read_samples(run.path)
-    assert mark_interrupted(run.path / "samples.csv", frozenset({1})) == 10
+    found = scan_samples(run.path / "samples.csv", frozenset())
+    assert (found.rows, found.last_s) == (10, 0.045)
+    write_marked(run.path / "samples.csv", found)
+    assert scan_samples(run.path / "samples.csv", frozenset()) == found
+    take_marked(run.path / "samples.csv")
+    assert scan_samples(run.path / "samples.csv", frozenset()).from_byte is None
     after = read_samples(run.path)
     assert set(after.column("phase")) == {code_of("phase", "interrupted")}
     np.testing.assert_array_equal(after.column("thrust_N"), before.column("thrust_N"))
