@@ -112,7 +112,9 @@
   });
   // A hand that leaves the button, the key or the page has let go; another finger has not.
   on(["pointerup", "pointercancel", "keyup"], (event) => (event.pointerId ?? event.key) === holder && release());
-  on(["blur", "contextmenu", "pagehide"], release);
+  on(["contextmenu", "pagehide"], release);
+  // A field that loses the focus to the button tells of it here, too: only the window's own counts.
+  on(["blur"], (event) => event.target === window && release());
   document.addEventListener("visibilitychange", release);
   addEventListener("DOMContentLoaded", () => {
     new MutationObserver(sayDark).observe(document.body, { attributeFilter: ["class"] });
