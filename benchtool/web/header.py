@@ -12,6 +12,7 @@ from benchtool.web.tell import say
 STOP = (
     '<button class="stop-button" type="button" aria-keyshortcuts="Space Escape">STOP'
     "<small>space bar or Esc</small></button>"
+    '<span class="stop-note" role="alert"></span>'
 )
 
 LOOK_S = 0.5

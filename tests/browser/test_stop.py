@@ -146,6 +146,33 @@ def test_the_slider_sets_the_pulse_and_stop_works_while_it_is_dragged(
             hands.stops(way)
 
 
+def test_a_key_that_stops_says_so_and_does_nothing_else(
+    page: Page, device: Device, hands: Hands
+) -> None:
+    note = page.locator(".stop-note")
+    box = page.get_by_role("checkbox").first
+    box.focus()
+    before = box.get_attribute("aria-checked")
+    pressed = time.time()
+    page.keyboard.press(" ")
+    assert device.stopped_after(pressed) < STOPPED_S
+    note.get_by_text("The space bar is STOP wherever no text is typed").wait_for()
+    assert box.get_attribute("aria-checked") == before
+    # Nobody types a space into a number.
+    page.get_by_role("spinbutton", name="Pulse, us").focus()
+    pressed = time.time()
+    page.keyboard.press(" ")
+    assert device.stopped_after(pressed) < STOPPED_S
+    page.get_by_role("button", name="Find").click()
+    page.get_by_text("simulated at 1 kHz").first.wait_for()
+    pressed = time.time()
+    page.keyboard.press("Escape")
+    assert device.stopped_after(pressed) < STOPPED_S
+    note.get_by_text("Esc is STOP everywhere").wait_for()
+    page.wait_for_timeout(300)
+    assert page.get_by_text("simulated at 1 kHz").first.is_visible()
+
+
 def visible(page: Page, selector: str) -> list[Locator]:
     return [each for each in page.locator(selector).all() if each.is_visible()]
 

@@ -2,10 +2,12 @@
 // listeners are the first on the window, so no other script can keep an event from them.
 "use strict";
 (() => {
-  const RETRY_MS = 500, BEAT_MS = 50;
+  const RETRY_MS = 500, BEAT_MS = 50, NOTE_MS = 8000;
+  const SPACE = "The space bar is STOP wherever no text is typed, and does nothing else. Use Enter or a click instead.";
+  const ESC = "Esc is STOP everywhere, and does nothing else. Close menus with a click beside them, dialogs with their buttons.";
   const page = document.currentScript.dataset.page;
   const tab = (sessionStorage.benchtoolTab ||= crypto.getRandomValues(new Uint32Array(3)).join("-"));
-  let socket, held, holder, beats, press = Math.floor(performance.timeOrigin % 1e6) * 100, stoppedAt = -1, dark;
+  let socket, held, holder, beats, press = Math.floor(performance.timeOrigin % 1e6) * 100, stoppedAt = -1, stopping, noted, dark;
 
   function send(word) {
     if (socket.readyState !== WebSocket.OPEN) return false;
@@ -78,6 +80,13 @@
     setTimeout(() => mark("pressed", false), 400);
   }
 
+  // Say something beside the button, at once.
+  function say(text) {
+    document.querySelectorAll(".stop-note").forEach((note) => (note.textContent = text));
+    clearTimeout(noted);
+    noted = setTimeout(() => say(""), NOTE_MS);
+  }
+
   function mark(name, on) {
     document.querySelectorAll(".stop-button").forEach((button) => button.classList.toggle(name, on));
   }
@@ -89,7 +98,7 @@
 
   function typesText(field) {
     return field.isContentEditable || (/^(INPUT|TEXTAREA|SELECT)$/.test(field.tagName) &&
-      !/^(checkbox|radio|button|range)$/.test(field.type) && !field.readOnly);
+      !/^(checkbox|radio|button|range|number|file)$/.test(field.type) && !field.readOnly);
   }
 
   const on = (names, listen) => names.forEach((name) => addEventListener(name, listen, { capture: true, passive: false }));
@@ -108,7 +117,21 @@
     if (event.key === "Enter" && field.classList?.contains("hold-button")) {
       event.preventDefault();
       if (!event.repeat) hold(field, event);
-    } else if (event.key === "Escape" || (event.key === " " && !typesText(field))) stop(event);
+    } else if (event.key === "Escape" || (event.key === " " && !typesText(field))) {
+      // A key that stops does nothing else: no menu closes, no checkbox changes, now or when it comes up.
+      event.stopImmediatePropagation();
+      event.preventDefault();
+      if (event.repeat && stopping === event.key) return;
+      stopping = event.key;
+      stop(event);
+      say(stopping === " " ? SPACE : ESC);
+    }
+  });
+  on(["keypress", "keyup"], (event) => {
+    if (event.key !== stopping) return;
+    event.stopImmediatePropagation();
+    event.preventDefault();
+    if (event.type === "keyup") stopping = undefined;
   });
   // A hand that leaves the button, the key or the page has let go; another finger has not.
   on(["pointerup", "pointercancel", "keyup"], (event) => (event.pointerId ?? event.key) === holder && release());
