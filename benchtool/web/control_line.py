@@ -11,11 +11,13 @@ from nicegui import app, background_tasks, ui
 
 from benchtool.web.context import Context, Shared
 from benchtool.web.desk.asks import Hold, Release
+from benchtool.web.desk.hand import SILENCE_S
 from benchtool.web.desk.news import PressEnded
 
 LONGEST_NAME = 64
 
-_HOLD = re.compile(r"hold (\d{1,9}) (\d{1,5}(?:\.\d{1,3})?) (\d{1,2}(?:,\d{1,2}){0,15})")
+_HOLD = re.compile(r"hold (\d{1,15}) (\d{1,5}) (\d{1,2}(?:,\d{1,2}){0,15}) (\d{1,6})")
+_RELEASE = re.compile(r"release (\d{1,15})")
 
 
 PAGES: dict[str, Context] = {}
@@ -30,21 +32,21 @@ def add_control_line(context: Context) -> None:
     client = ui.context.client
     PAGES[client.id] = context
     client.on_delete(lambda: PAGES.pop(client.id, None))
-    ui.add_head_html(f'<script src="/static/stop.js" data-page="{client.id}"></script>')
+    facts = f'data-page="{client.id}" data-silence-ms="{1e3 * SILENCE_S:.0f}"'
+    ui.add_head_html(f'<script src="/static/stop.js" {facts}></script>')
 
 
 def hear(shared: Shared, tab: str, word: str) -> None:
-    """Hand on what the hand on the throttle says: `hold PRESS PULSE ROTORS` or `release`.
+    """Hand on what the hand on the throttle says.
 
-    Anything else is left unheard, and a hand that is not heard has let go.
+    Known are `hold PRESS PULSE ROTORS AGE_MS` and `release PRESS`. Anything else is left unheard,
+    and a hand that is not heard has let go.
     """
-    if word == "release":
-        shared.bench.ask(Release())
-        return
-    match = _HOLD.fullmatch(word)
-    if match is not None:
+    if (match := _RELEASE.fullmatch(word)) is not None:
+        shared.bench.ask(Release(tab, int(match[1])))
+    elif (match := _HOLD.fullmatch(word)) is not None:
         rotors = tuple(int(number) for number in match[3].split(","))
-        shared.bench.ask(Hold(f"{tab} {match[1]}", float(match[2]), rotors))
+        shared.bench.ask(Hold(tab, int(match[1]), float(match[2]), rotors, 1e-3 * float(match[4])))
 
 
 async def _send(socket: WebSocket, word: str) -> None:
@@ -58,9 +60,8 @@ def serve_control_line(shared: Shared) -> None:
     lines: set[tuple[str, WebSocket]] = set()
 
     def press_ended(ended: PressEnded) -> None:
-        tab = ended.press.partition(" ")[0]
-        for line_tab, socket in lines:
-            if line_tab == tab:
+        for tab, socket in lines:
+            if tab == ended.tab:
                 background_tasks.create(_send(socket, f"let go {ended.reason}"))
 
     shared.bench.press_ended = press_ended
@@ -87,10 +88,20 @@ def serve_control_line(shared: Shared) -> None:
         except WebSocketDisconnect:
             pass
         finally:
-            if shared.seat.controls(tab):
-                shared.bench.ask(Release())
             lines.discard((tab, socket))
             shared.seat.leave(tab, monotonic())
+
+    @app.websocket("/hold")
+    async def hold(socket: WebSocket, tab: str) -> None:
+        """Take the beats of the page's worker."""
+        await socket.accept()
+        tab = tab[:LONGEST_NAME]
+        with suppress(WebSocketDisconnect):
+            while True:
+                word = await socket.receive_text()
+                if shared.seat.controls(tab):
+                    hear(shared, tab, word)
+        shared.bench.ask(Release(tab))
 
     @app.post("/stop")
     def stop() -> str:

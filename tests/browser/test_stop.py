@@ -173,6 +173,10 @@ def test_a_key_that_stops_says_so_and_does_nothing_else(
     assert page.get_by_text("simulated at 1 kHz").first.is_visible()
 
 
+TABS = {"Bench": 2, "Sweep": 3, "Runs": 1, "Fit": 4, "Simulate": 9, "Explain": 3}
+"""Tabs, with how many lists and sliders each shows at least."""
+
+
 def visible(page: Page, selector: str) -> list[Locator]:
     return [each for each in page.locator(selector).all() if each.is_visible()]
 
@@ -184,9 +188,14 @@ def click(element: Locator) -> None:
 
 def overlays(page: Page) -> Iterator[tuple[str, Callable[[], None]]]:
     """Give the name of everything that lies over the page or drags, and what brings it up."""
-    for tab in ("Bench", "Sweep", "Runs", "Fit", "Simulate", "Explain"):
+    for tab, count in TABS.items():
         go_to(page, tab)
-        page.wait_for_timeout(700)
+        # NiceGUI builds a tab when it is first shown.
+        page.wait_for_function(
+            "count => [...document.querySelectorAll('.q-select, .q-slider')]"
+            ".filter((each) => each.checkVisibility()).length >= count",
+            arg=count,
+        )
         for number, select in enumerate(visible(page, ".q-select")):
             yield f"{tab}: list {number}", lambda select=select: click(select)
         for number, slider in enumerate(visible(page, ".q-slider")):
@@ -228,7 +237,7 @@ def test_stop_works_over_every_list_menu_dialog_note_and_dragged_slider(
     for number, (name, bring_up) in enumerate(overlays(page)):
         ways = WAYS[number % 3 :] + WAYS[: number % 3]
         tab = name.partition(":")[0]
-        if tab in ("Bench", "Sweep"):
+        if tab == "Bench" or "dialog" in name:
             go_to(page, "Bench")
             with hands.turning():
                 click(page.get_by_role("tab", name=tab))

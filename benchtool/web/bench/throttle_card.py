@@ -31,6 +31,7 @@ class ThrottleCard:
                 self._hold.props("type=button")
                 with self._hold:
                     self._said = ui.label("Hold to turn")
+                    ui.html('<small class="hold-why" role="status"></small>', sanitize=False)
             with ui.row(wrap=False).classes("items-end w-full") as self._arming:
                 self._typed = ui.input(f"Type {CONFIRMATION} to arm").classes("grow")
                 ui.button("Arm", on_click=self._arm).props("outline color=warning")

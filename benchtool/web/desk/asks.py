@@ -54,19 +54,26 @@ class Hold:
     """Say that a hand still holds the throttle; sent again and again.
 
     Attributes:
-        press: name of this press; one that has ended does not come back.
+        tab: name of the browser's tab.
+        press: number of this press, growing in a tab; one that has ended does not come back.
         pulse_us: what is wanted.
         rotors: numbers of the rotors that shall turn, from 1.
+        age_s: time since the page knew that the button was held.
     """
 
-    press: str
+    tab: str
+    press: int
     pulse_us: float
     rotors: tuple[int, ...]
+    age_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class Release:
-    """Say that the hand let go."""
+    """Say that the hand let go; with no number, that its page is gone."""
+
+    tab: str
+    press: int | None = None
 
 
 @dataclass(frozen=True, slots=True)

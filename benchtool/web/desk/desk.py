@@ -67,9 +67,7 @@ class Desk:
         self._pipe = pipe
         self._outbox = Outbox(pipe)
         self._asks: queue.SimpleQueue[Ask] = queue.SimpleQueue()
-        self._hand = Hand(
-            lambda press, reason: self._outbox.tell(PressEnded(press=press, reason=reason))
-        )
+        self._hand = Hand(lambda tab, reason: self._outbox.tell(PressEnded(tab, reason)))
         self._sweeping = Sweeping(self._outbox)
         self._bench: StoppableBench | None = None
         self._pace: PacedBench | None = None
@@ -103,7 +101,7 @@ class Desk:
             elif isinstance(ask, Hold):
                 self._hand.hold(ask, time.monotonic())
             elif isinstance(ask, Release):
-                self._hand.release()
+                self._hand.release(ask)
             elif isinstance(ask, Pause):
                 self._sweeping.pause(ask.on)
             elif isinstance(ask, Answer):

@@ -2,59 +2,72 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 
-from benchtool.web.desk.asks import Hold
+from benchtool.web.desk.asks import Hold, Release
 
-PATIENCE_S = 0.2
-"""A hand that was not heard of for so long has let go. The page says it every 50 ms; with what the
-loop and the wire need, motors are at zero within 0.3 s."""
+SILENCE_S = 0.5
+"""Dead-man time: motors go to zero so long after the page's last word that the button is held."""
 
 
 class Hand:
-    """Remember the last word of the hand; called from two threads, each call replaces one value.
+    """Remember the last word of the hand; called from two threads.
 
     Args:
-        ended: called with the name of a press and the reason when it ends, but not by the hand.
-        patience_s: dead-man time.
+        ended: called with a tab and the reason when its press ends, but not by the hand.
+        silence_s: dead-man time.
     """
 
     def __init__(
         self,
-        ended: Callable[[str, str], object] = lambda press, reason: None,
-        patience_s: float = PATIENCE_S,
+        ended: Callable[[str, str], object] = lambda tab, reason: None,
+        silence_s: float = SILENCE_S,
     ) -> None:
-        self._ended, self._patience_s = ended, patience_s
+        self._ended, self._silence_s = ended, silence_s
         self._last: tuple[Hold, float] | None = None
-        self._over = ""
+        self._over: dict[str, int] = {}
+        self._lock = threading.Lock()
 
     def hold(self, hold: Hold, now_s: float) -> None:
         """Hear that the hand holds on. A press that was ended does not come back by being late."""
-        if hold.press != self._over:
-            self._last = (hold, now_s)
+        with self._lock:
+            if hold.press > self._over.get(hold.tab, -1):
+                self._last = (hold, now_s)
 
-    def release(self) -> None:
-        """End the present press."""
-        last, self._last = self._last, None
-        if last is not None:
-            self._over = last[0].press
+    def release(self, release: Release) -> None:
+        """End a press, also one whose first word is still on its way."""
+        with self._lock:
+            held = self._last[0] if self._last is not None else None
+            ours = held is not None and held.tab == release.tab
+            if held is not None and ours and held.press <= (release.press or held.press):
+                self._last = None
+                self._end(held.tab, held.press)
+            if release.press is not None:
+                self._end(release.tab, release.press)
+
+    def _end(self, tab: str, press: int) -> None:
+        self._over[tab] = max(press, self._over.get(tab, -1))
 
     def cut(self, reason: str) -> None:
         """End the present press although the hand may still hold on."""
         if (last := self._last) is not None:
-            self.release()
-            self._ended(last[0].press, reason)
+            self.release(Release(last[0].tab, last[0].press))
+            self._ended(last[0].tab, reason)
 
     def wanted(self, now_s: float) -> Hold | None:
         """Return what the hand wants; None when there is no hand, or it fell silent."""
         last = self._last
         if last is None:
             return None
-        silent_s = now_s - last[1]
-        if silent_s > self._patience_s:
-            self.cut(
-                f"nothing was heard of the button for {1e3 * silent_s:.0f} ms, allowed are "
-                f"{1e3 * self._patience_s:.0f} ms; the browser or the line to it is too slow"
-            )
-            return None
-        return last[0]
+        hold, heard_s = last
+        line_s = now_s - heard_s
+        silent_s = line_s + hold.age_s
+        if silent_s <= self._silence_s:
+            return hold
+        where = "the page is too busy" if hold.age_s > line_s else "no beat came from the browser"
+        self.cut(
+            f"the button was not heard of for {1e3 * silent_s:.0f} ms, allowed are "
+            f"{1e3 * self._silence_s:.0f} ms: {where}"
+        )
+        return None

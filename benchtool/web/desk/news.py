@@ -116,7 +116,7 @@ class Happened:
 class PressEnded:
     """Tell that a press of the throttle has ended, but not by the hand itself."""
 
-    press: str
+    tab: str
     reason: str
 
 

@@ -2,12 +2,14 @@
 // listeners are the first on the window, so no other script can keep an event from them.
 "use strict";
 (() => {
-  const RETRY_MS = 500, BEAT_MS = 50, NOTE_MS = 8000;
+  const RETRY_MS = 500, NOTE_MS = 8000;
   const SPACE = "The space bar is STOP wherever no text is typed, and does nothing else. Use Enter or a click instead.";
   const ESC = "Esc is STOP everywhere, and does nothing else. Close menus with a click beside them, dialogs with their buttons.";
-  const page = document.currentScript.dataset.page;
+  const { page, silenceMs } = document.currentScript.dataset;
   const tab = (sessionStorage.benchtoolTab ||= crypto.getRandomValues(new Uint32Array(3)).join("-"));
-  let socket, held, holder, beats, press = Math.floor(performance.timeOrigin % 1e6) * 100, stoppedAt = -1, stopping, noted, dark;
+  const server = `${location.protocol === "https:" ? "wss" : "ws"}://${location.host}`;
+  const worker = new Worker("/static/hold_worker.js");
+  let socket, held, holder, press = Math.floor(performance.timeOrigin), stoppedAt = -1, stopping, noted, dark;
 
   function send(word) {
     if (socket.readyState !== WebSocket.OPEN) return false;
@@ -16,8 +18,7 @@
   }
 
   function connect() {
-    const scheme = location.protocol === "https:" ? "wss" : "ws";
-    socket = new WebSocket(`${scheme}://${location.host}/control?page=${page}&tab=${tab}`);
+    socket = new WebSocket(`${server}/control?page=${page}&tab=${tab}`);
     socket.onopen = () => {
       mark("cut-off", false);
       dark = undefined;
@@ -25,7 +26,7 @@
     };
     socket.onmessage = (event) => {
       if (event.data === "stopped") flash();
-      else if (event.data.startsWith("let go ")) release();
+      else if (event.data.startsWith("let go ")) release(event.data.slice(7));
     };
     socket.onclose = () => {
       mark("cut-off", true);
@@ -38,7 +39,7 @@
     // One press can be a pointer, a touch and a mouse event, all with the same time.
     if (event.timeStamp === stoppedAt) return;
     stoppedAt = event.timeStamp;
-    release();
+    release("STOP was pressed");
     if (!send("stop")) fetch("/stop", { method: "POST", keepalive: true }).then((reply) => reply.ok && flash());
   }
 
@@ -58,21 +59,34 @@
     held = button;
     holder = event.pointerId ?? event.key;
     held.classList.add("held");
-    beats = setInterval(beat, BEAT_MS);
-    beat();
+    explain("");
+    confirm();
   }
 
-  function beat() {
+  // Tell the worker that the button is held; only this thread knows.
+  function confirm() {
     const { pulse, rotors } = held.dataset;
-    if (!held.isConnected || !send(`hold ${press} ${pulse} ${rotors}`)) release();
+    if (held.isConnected) worker.postMessage({ press, pulse, rotors, at: performance.timeOrigin + performance.now() });
+    else release("the button is gone");
   }
 
-  function release() {
+  worker.onmessage = ({ data }) => {
+    if (held && data.asks === press) confirm();
+    else if (held && data.ended === press) release(data.why);
+  };
+
+  // End the press; why, unless the hand itself let go.
+  function release(why) {
     if (!held) return;
-    clearInterval(beats);
+    worker.postMessage({ released: press });
+    send(`release ${press}`);
     held.classList.remove("held");
+    if (why) explain(`let go: ${why}`);
     held = undefined;
-    send("release");
+  }
+
+  function explain(text) {
+    document.querySelectorAll(".hold-why").forEach((place) => (place.textContent = text));
   }
 
   function flash() {
@@ -134,14 +148,18 @@
     if (event.type === "keyup") stopping = undefined;
   });
   // A hand that leaves the button, the key or the page has let go; another finger has not.
-  on(["pointerup", "pointercancel", "keyup"], (event) => (event.pointerId ?? event.key) === holder && release());
-  on(["contextmenu", "pagehide"], release);
+  const isHolder = (event) => (event.pointerId ?? event.key) === holder;
+  on(["pointerup", "keyup"], (event) => isHolder(event) && release());
+  on(["pointercancel"], (event) => isHolder(event) && release("the browser took the touch for a gesture"));
+  on(["contextmenu"], () => release("a menu of the browser was opened"));
+  on(["pagehide"], () => release("the page was left"));
   // A field that loses the focus to the button tells of it here, too: only the window's own counts.
-  on(["blur"], (event) => event.target === window && release());
-  document.addEventListener("visibilitychange", release);
+  on(["blur"], (event) => event.target === window && release("the window lost the focus"));
+  document.addEventListener("visibilitychange", () => release("the page was hidden"));
   addEventListener("DOMContentLoaded", () => {
     new MutationObserver(sayDark).observe(document.body, { attributeFilter: ["class"] });
     sayDark();
   });
   connect();
+  worker.postMessage({ url: `${server}/hold?tab=${tab}`, silenceMs: Number(silenceMs) });
 })();

@@ -142,11 +142,11 @@ def test_asks_that_do_not_fit_are_refused_with_a_sentence(desk: Other) -> None:
 def test_a_hand_turns_motors_only_while_it_is_heard_of(desk: Other) -> None:
     desk.connect("sim:pquad_single")
     for _ in range(30):
-        desk.ask(Hold("a 1", 1300.0, (1,)))
+        desk.ask(Hold("a", 1, 1300.0, (1,)))
         time.sleep(0.05)
     turning = desk.wait_for(Live, lambda news: max(news.pulses_us, default=0.0) > 1100.0)
     assert len(turning.pulses_us) == 1
-    desk.wait_for(PressEnded, lambda news: "nothing was heard of the button" in news.reason)
+    desk.wait_for(PressEnded, lambda news: "the button was not heard of" in news.reason)
     desk.wait_for(Live, lambda news: max(news.pulses_us) == 1000.0)
 
 
@@ -156,7 +156,7 @@ def test_masses_are_weighed_on_a_bench_that_cannot_turn(desk: Other) -> None:
     desk.ask(Weigh(0.0, seconds=0.2))
     live = desk.wait_for(Live, lambda news: len(news.weighed) == 1)
     assert live.weighed[0][0] == 0.0
-    desk.ask(Hold("a 1", 1300.0, (1,)))
+    desk.ask(Hold("a", 1, 1300.0, (1,)))
     desk.ask(Sweep(plan=PLAN))
     assert "held for masses only" in desk.wait_for(Said).text
     desk.ask(Weigh(1e6))
