@@ -46,6 +46,8 @@ def run_metadata(
             "watchdog_s": identity.watchdog_s,
             "limits": dict(identity.limits),
             "channels": {channel.name: channel.unit for channel in identity.channels},
+            "channel_hash": identity.channel_hash,
+            "orders_protected": identity.orders_protected,
             "facts": dict(identity.facts),
         },
         "rig": rig_to_dict(rig),

@@ -27,6 +27,7 @@ class LinkQuality:
     samples: int = 0
     lost: int = 0
     corrupt: int = 0
+    repeated: int = 0
 
 
 class Recorder:
@@ -83,6 +84,7 @@ class Recorder:
         self.quality.samples += len(readings)
         self.quality.lost += readings.lost
         self.quality.corrupt += readings.corrupt
+        self.quality.repeated += readings.repeated
         if len(readings):
             self._writer.samples(point, phase, time_s, readings.device_time_us, readings.values)
         else:
@@ -116,8 +118,8 @@ class Recorder:
     def link(self) -> dict[str, Any]:
         """Return how good the link was, for metadata.json.
 
-        Samples, lost, corrupt; a bench that measures more (messages, jitter) tells it in facts
-        that begin with `link_`.
+        Samples, lost, corrupt, repeated; a bench that measures more (messages, jitter) tells it
+        in facts that begin with `link_`.
         """
         quality = self.quality
         told = self.bench.identity.facts
@@ -125,6 +127,7 @@ class Recorder:
             "samples": quality.samples,
             "lost": quality.lost,
             "corrupt": quality.corrupt,
+            "repeated": quality.repeated,
             **{name: text for name, text in told.items() if name.startswith("link_")},
         }
 

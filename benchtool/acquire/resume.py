@@ -97,7 +97,8 @@ def prepare(unfinished: Unfinished) -> Start:
     if not found.rows:
         return Start(unfinished.done)
     link = run.metadata.get("link") or {}
-    quality = LinkQuality(found.rows, link.get("lost", 0), link.get("corrupt", 0))
+    counts = (link.get(name, 0) for name in ("lost", "corrupt", "repeated"))
+    quality = LinkQuality(found.rows, *counts)
     unsettled, tares = _counts(run, unfinished.done)
     return Start(unfinished.done, found.last_s + GAP_S, unsettled, tares, quality)
 

@@ -28,7 +28,7 @@ class Identity:
         address: as the user gave it.
         device_id: the device's own unchanging name (serial number).
         firmware: name and version in the device's words.
-        protocol: protocol name and version ("benchtool-1", "replay").
+        protocol: protocol name and version ("benchtool-2", "replay").
         channels: what the stream carries, in order, without the two times.
         rate_Hz: present stream rate.
         n_rotors: how many motors can be commanded.
@@ -42,6 +42,9 @@ class Identity:
         outputs_measured: `pwm1_us` and so on are outputs that were read back, not the host's own
             commands repeated.
         speed: bench seconds per wall second, above 1 for a virtual bench that runs faster.
+        orders_protected: whether the device refuses an order that comes late, as after a stop.
+        channel_hash: CRC of names and units of the channels, as the device repeats it when it is
+            armed; empty where the device knows none.
         facts: anything else worth keeping with a run; for people, no decision hangs on them.
     """
 
@@ -61,6 +64,8 @@ class Identity:
     pwm_idle_us: float | None = None
     outputs_measured: bool = False
     speed: float = 1.0
+    orders_protected: bool = False
+    channel_hash: str = ""
     facts: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -75,6 +80,8 @@ class Readings:
             new value at that instant.
         lost: samples that the sequence numbers say were lost since the last read.
         corrupt: frames thrown away for a wrong checksum since the last read.
+        repeated: samples left out since the last read because they came twice, or too late to be
+            put in order.
         messages: what the device said of itself (events, warnings), oldest first.
     """
 
@@ -84,6 +91,7 @@ class Readings:
     lost: int = 0
     corrupt: int = 0
     messages: tuple[str, ...] = ()
+    repeated: int = 0
 
     def __len__(self) -> int:
         return len(self.time_s)

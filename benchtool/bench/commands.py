@@ -11,8 +11,8 @@ from math import isfinite
 
 from benchtool.errors import InputError, ProtocolError, UnknownChoice
 
-PROTOCOL_VERSION = 1
-"""The version that this library speaks; a device with another one is refused."""
+PROTOCOL_VERSION = 2
+"""The version that this library speaks; of a device of version 1 the hello is asked twice."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,10 +70,18 @@ class Stop:
 
 @dataclass(frozen=True, slots=True)
 class Clear:
-    """Lift the latch that a watchdog or a limit has set; motors stay at zero."""
+    """Stop, and lift the latch that a watchdog or a limit has set."""
 
 
-Command = AskHello | SetPwm | MovePlate | AskPlate | Tare | SetRate | SetLimit | Stop | Clear
+@dataclass(frozen=True, slots=True)
+class Arm:
+    """Let the device obey pulses above stop and moves of the plate until the next stop.
+
+    Acknowledged with the hash of the channel map.
+    """
+
+
+Command = AskHello | SetPwm | MovePlate | AskPlate | Tare | SetRate | SetLimit | Stop | Clear | Arm
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,6 +131,7 @@ _PARSERS: Mapping[str, Callable[[Sequence[str]], Command]] = {
     "limit": _parse_limit,
     "stop": lambda fields: Stop(*_take("stop", fields, 0)),
     "clear": lambda fields: Clear(*_take("clear", fields, 0)),
+    "arm": lambda fields: Arm(*_take("arm", fields, 0)),
 }
 
 COMMAND_NAMES: tuple[str, ...] = tuple(_PARSERS)
@@ -157,6 +166,8 @@ def fields_of(command: Command) -> tuple[str, ...]:
             return ("stop",)
         case Clear():
             return ("clear",)
+        case Arm():
+            return ("arm",)
 
 
 def command_from(fields: Sequence[str]) -> Command:

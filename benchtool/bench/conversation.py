@@ -3,18 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import inf
 
-from benchtool.bench.commands import AskHello, Command, Reply, Stop, fields_of
+from benchtool.bench.commands import (
+    PROTOCOL_VERSION,
+    AskHello,
+    AskPlate,
+    Command,
+    Reply,
+    Stop,
+    fields_of,
+)
 from benchtool.bench.firmware import Event
-from benchtool.bench.hello import Hello, hello_from
+from benchtool.bench.hello import Hello
+from benchtool.bench.hello_reader import HelloReader
 from benchtool.bench.link import (
     HEARTBEAT,
-    SEQUENCE_MODULUS,
     Batch,
     Decoder,
     Message,
     frame_command,
+    frame_version_1,
 )
+from benchtool.bench.sample_order import TIME_MODULUS_US, signed_step
 from benchtool.bench.strangers import not_a_bench
 from benchtool.bench.transport import Transport
 from benchtool.errors import LinkLost, NoDevice, PortBusy, ProtocolError
@@ -29,6 +40,13 @@ ANSWER_S = 0.1
 TRIES = 5
 HEARTBEAT_S = 0.08
 """A third of the 250 ms watchdog: two heartbeats may get lost."""
+
+FRESH_S = 0.1
+"""An order repeats a device time that was read no longer ago; a fifth of the age at which the
+device refuses it."""
+
+LAST_NUMBER_1 = 65535
+"""Largest number of a command in version 1, where they start over."""
 
 LONGEST_WAIT_S = 0.02
 _SHOWN_BYTES = 200
@@ -57,12 +75,15 @@ class Conversation:
         self._clock = clock
         self._take = take
         self._decoder = Decoder()
+        self._reader = HelloReader()
+        self._version = 1
         self._number = 0
         self._sent_s = 0.0
+        self._device_us = 0  # newest device time that was read, wrapped
+        self._device_read_s = -inf
         self._events: list[Event] = []
         self._replies: dict[int, Reply] = {}
-        self._told: dict[tuple[str, ...], None] = {}
-        self._lost = self._corrupt = 0
+        self._losses = (0, 0, 0)
         self._heard = b""
 
     def open(self) -> Hello:
@@ -73,12 +94,14 @@ class Conversation:
             ProtocolError: what answers speaks something else.
         """
         self._decoder = Decoder()
-        self._number = 0
-        self._told, self._heard = {}, b""
+        self._reader = HelloReader()
+        self._number, self._device_read_s = 0, -inf
+        self._heard = b""
         self.transport.open()
         hello = self._ask_hello()
+        self._version = hello.version
         self._decoder.expect(len(hello.channels))
-        self._lost = self._corrupt = 0
+        self._losses = (0, 0, 0)
         self._events = []
         return hello
 
@@ -89,12 +112,21 @@ class Conversation:
     def exchange(self, command: Command, tries: int = TRIES) -> Reply:
         """Send a command until it is answered; the device carries each number out once.
 
+        All tries are the same line: the age of an order is counted from the first.
+
         Raises:
             LinkLost: no answer to any try.
         """
-        number = self._number = self._number % (SEQUENCE_MODULUS - 1) + 1
+        aged = self._version > 1 and not isinstance(command, AskPlate | Stop)
+        if aged and self._clock() > self._device_read_s + FRESH_S:
+            self.exchange(AskPlate(), tries)  # Its answer brings the device's time.
+        number = self._number = self._number + 1
+        if self._version > 1:
+            line = frame_command(number, command, self._device_us)
+        else:
+            number = (number - 1) % LAST_NUMBER_1 + 1
+            line = frame_version_1(number, command)
         self._replies.clear()
-        line = frame_command(number, command)
         for _ in range(tries):
             if (reply := self._try(number, line, ANSWER_S)) is not None:
                 return reply
@@ -107,12 +139,15 @@ class Conversation:
     def halt(self) -> None:
         """Send a stop without waiting for its answer; another thread may be in an exchange.
 
-        Its number, 0, is one that `exchange` never takes.
-
         Raises:
             LinkLost: the other end went away or takes nothing.
         """
-        self.transport.write(frame_command(0, Stop()))
+        if self._version == 1:
+            # Far from the numbers in use: a device of version 1 carries no number out twice.
+            far = (self._number + LAST_NUMBER_1 // 2) % LAST_NUMBER_1 + 1
+            self.transport.write(frame_version_1(far, Stop()))
+        else:
+            self.transport.write(frame_command(0, Stop()))
 
     def pump(self, timeout_s: float) -> bool:
         """Send a heartbeat when one is due and take what arrives within a short wait.
@@ -129,12 +164,13 @@ class Conversation:
         if len(self._heard) < _SHOWN_BYTES:
             self._heard = (self._heard + data)[:_SHOWN_BYTES]
         batch = self._decoder.feed(data)
-        self._lost += batch.lost
-        self._corrupt += batch.corrupt
+        lost, corrupt, repeated = self._losses
+        self._losses = lost + batch.lost, corrupt + batch.corrupt, repeated + batch.repeated
         arrived_s = self._clock()
         for message in batch.messages:
             self._sort(message)
         if len(batch.device_time_us):
+            self._note_time(str(int(batch.device_time_us[-1]) % TIME_MODULUS_US))
             self._take(arrived_s, batch)
         return True
 
@@ -143,10 +179,9 @@ class Conversation:
         events, self._events = self._events, []
         return events
 
-    def take_losses(self) -> tuple[int, int]:
-        """Return lost samples and corrupt lines since the last call."""
-        losses = self._lost, self._corrupt
-        self._lost = self._corrupt = 0
+    def take_losses(self) -> tuple[int, int, int]:
+        """Return lost samples, corrupt lines and repeated samples since the last call."""
+        losses, self._losses = self._losses, (0, 0, 0)
         return losses
 
     def _try(self, number: int, line: bytes, wait_s: float) -> Reply | None:
@@ -162,24 +197,42 @@ class Conversation:
 
     def _ask_hello(self) -> Hello:
         deadline_s = self._clock() + HELLO_S
+        version = PROTOCOL_VERSION
         while self._clock() < deadline_s:
             self._number += 1
-            reply = self._try(self._number, frame_command(self._number, AskHello()), HELLO_TRY_S)
-            if reply is None:
-                continue
-            if not reply.ok:
-                raise ProtocolError(
-                    f"{self._address} refused the hello: {reply.reason}; update its firmware"
-                )
-            # Lines that got lost on the way show as a count that is short: ask again.
-            if reply.fields[:1] == (str(len(self._told)),):
-                return hello_from(self._told)
+            self._reader.begin()
+            self._send(frame_command(self._number, AskHello(version)))
+            try_s = self._clock() + HELLO_TRY_S
+            answered = False
+            while not answered and (left_s := try_s - self._clock()) > 0.0:
+                self.pump(left_s)
+                while self._replies:
+                    number, reply = self._replies.popitem()
+                    if not reply.ok and version == 1:
+                        raise ProtocolError(
+                            f"{self._address} refused the hello: {reply.reason}; update its "
+                            f"firmware"
+                        )
+                    version = version if reply.ok else 1
+                    # On a slow line this answers an earlier try; lines with an index are as good.
+                    answered = number == self._number
+                    indexed = len(reply.fields) > 1
+                    if (answered or indexed) and (hello := self._reader.hello(reply.fields)):
+                        return hello
         if not self._heard:
             raise NoDevice(
                 f"{self._address} is open, but nothing answered for {HELLO_S:g} s; check power, "
                 f"firmware and baud rate (`benchtool doctor` tries each cause)"
             )
         raise ProtocolError(f"{self._address} {not_a_bench(self._heard, self._address)}")
+
+    def _note_time(self, text: str) -> None:
+        """Note a device time that was read, unless it is older than what is known."""
+        if not (text.isdecimal() and int(text) < TIME_MODULUS_US):
+            return
+        first = self._device_read_s == -inf
+        if first or signed_step(int(text), self._device_us, TIME_MODULUS_US) > 0:
+            self._device_us, self._device_read_s = int(text), self._clock()
 
     def _send(self, data: bytes) -> None:
         self.transport.write(data)
@@ -188,11 +241,16 @@ class Conversation:
     def _sort(self, message: Message) -> None:
         letter, fields = message.letter, message.fields
         if letter == "A" and len(fields) >= 2 and fields[0].isdecimal():
+            self._note_time(fields[1])
             self._replies[int(fields[0])] = Reply(True, fields=fields[2:])
         elif letter == "N" and len(fields) >= 2 and fields[0].isdecimal():
-            self._replies[int(fields[0])] = Reply(False, ",".join(fields[1:]))
+            # In version 1 a refusal carries no time.
+            aged = len(fields) > 2 and fields[1].isdecimal()
+            if aged:
+                self._note_time(fields[1])
+            self._replies[int(fields[0])] = Reply(False, ",".join(fields[1 + aged :]))
         elif letter == "H":
-            self._told[fields] = None
+            self._reader.take(fields)
         elif letter == "E" and fields:
             event = Event(fields[0], ",".join(fields[1:]))
             if event.kind == "busy":

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.bench.commands import (
+    Arm,
     AskHello,
     AskPlate,
     Clear,
@@ -160,8 +161,11 @@ class Firmware:
         self.hear(now_s)
         match command:
             case AskHello():
+                self._zero()
                 self.rate_Hz = 0.0
                 return Reply(True)
+            case Arm():
+                return self._refuse_latched() or Reply(True, fields=(self.hello.channel_hash,))
             case SetPwm(pwm_us):
                 return self._set_pwm(np.array(pwm_us, float))
             case MovePlate(z_m, x_m, tilt_rad):
@@ -261,14 +265,19 @@ class Firmware:
         if np.any((pwm_us < stop_us) | (pwm_us > max_us)):
             return Reply(False, f"pulses must lie from {stop_us:g} to {max_us:g} us")
         if np.any(pwm_us > stop_us):
-            if self.latched is not None:
-                why = f"{self.latched.kind}: {self.latched.text}"
-                return Reply(False, f"stopped by {why}; send clear first")
+            if refused := self._refuse_latched():
+                return refused
             if self._moving and np.any(pwm_us > self.hello.pwm_idle_us):
                 return Reply(False, "the plate is moving; wait until it has arrived")
         self.pwm_us = pwm_us
         self._plant.command_pwm(pwm_us)
         return Reply(True)
+
+    def _refuse_latched(self) -> Reply | None:
+        if self.latched is None:
+            return None
+        why = f"{self.latched.kind}: {self.latched.text}"
+        return Reply(False, f"stopped by {why}; send clear first")
 
     def _move(self, z_m: float, x_m: float, tilt_rad: float) -> Reply:
         if not self.hello.moves_plate:

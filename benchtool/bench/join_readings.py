@@ -20,4 +20,5 @@ def joined(parts: Sequence[Readings]) -> Readings:
         lost=sum(part.lost for part in parts),
         corrupt=sum(part.corrupt for part in parts),
         messages=tuple(message for part in parts for message in part.messages),
+        repeated=sum(part.repeated for part in parts),
     )

@@ -13,15 +13,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.bench.commands import Command, fields_of
+from benchtool.bench.commands import AskHello, Command, fields_of
+from benchtool.bench.sample_order import SEQUENCE_MODULUS, TIME_MODULUS_US, SampleOrder
 
 Array = NDArray[np.float64]
 
 CRC_START = 0xFFFF
 """Start value of CRC-16/CCITT-FALSE (polynomial 0x1021, no reflection, no final xor)."""
 
-SEQUENCE_MODULUS = 1 << 16
-TIME_MODULUS_US = 1 << 32
 MAX_LINE_BYTES = 512
 """Longest line that a receiver keeps; a longer one is thrown away as a whole."""
 
@@ -36,10 +35,15 @@ def frame(payload: bytes) -> bytes:
     return b"$%b*%04X\n" % (payload, crc16(payload))
 
 
-def frame_fields(letter: str, fields: Iterable[str]) -> bytes:
-    """Wrap text fields as a line; what would break the line becomes a blank."""
+def payload_of(letter: str, fields: Iterable[str]) -> bytes:
+    """Return text fields as a payload; what would break the line becomes a blank."""
     text = ",".join((letter, *fields))
-    return frame(text.translate(_UNSAFE).encode("ascii", "replace"))
+    return text.translate(_UNSAFE).encode("ascii", "replace")
+
+
+def frame_fields(letter: str, fields: Iterable[str]) -> bytes:
+    """Wrap text fields as a line."""
+    return frame(payload_of(letter, fields))
 
 
 _UNSAFE = str.maketrans({"$": " ", "*": " ", "\n": " ", "\r": " "})
@@ -48,8 +52,15 @@ HEARTBEAT = frame(b"B")
 """The line that only says that the host lives."""
 
 
-def frame_command(number: int, command: Command) -> bytes:
-    """Wrap a command with its number, 0 to 65535."""
+def frame_command(number: int, command: Command, time_us: int = 0) -> bytes:
+    """Wrap a command with its number and the last device time that the host has read."""
+    name, *arguments = fields_of(command)
+    time = () if isinstance(command, AskHello) else (str(time_us % TIME_MODULUS_US),)
+    return frame_fields("C", (str(number), name, *time, *arguments))
+
+
+def frame_version_1(number: int, command: Command) -> bytes:
+    """Wrap a command for a device of version 1; its numbers run from 1 to 65535."""
     return frame_fields("C", (str(number), *fields_of(command)))
 
 
@@ -71,6 +82,7 @@ class Batch:
         messages: every other line, in order.
         lost: samples missing by their sequence numbers.
         corrupt: lines thrown away.
+        repeated: samples left out because they came twice or too late to be sorted.
     """
 
     device_time_us: NDArray[np.int64]
@@ -78,6 +90,7 @@ class Batch:
     messages: tuple[Message, ...]
     lost: int
     corrupt: int
+    repeated: int = 0
 
 
 class Decoder:
@@ -96,13 +109,12 @@ class Decoder:
         self._rest = b""
         self._overlong = False
         self._synchronised = False
-        self._last: NDArray[np.int64] | None = None
-        self._time_us = 0
+        self._order = SampleOrder()
 
     def expect(self, n_channels: int) -> None:
         """Take samples of so many values from now on, with a fresh count."""
         self._n_channels = n_channels
-        self._last = None
+        self._order = SampleOrder()
 
     def feed(self, data: bytes) -> Batch:
         """Decode what `data` completes."""
@@ -151,21 +163,9 @@ class Decoder:
             rows = [row for one in samples if (row := _table([one], width)) is not None]
             corrupt += len(samples) - len(rows)
             table = np.concatenate(rows) if rows else np.empty((0, width))
-        times_us, lost = self._follow(table[:, :2].astype(np.int64))
-        return Batch(times_us, table[:, 2:], tuple(messages), lost, corrupt)
-
-    def _follow(self, stamps: NDArray[np.int64]) -> tuple[NDArray[np.int64], int]:
-        """Unwrap the device time and count the gaps in stamps (m, 2): sequence number, us."""
-        if not len(stamps):
-            return stamps[:, 1], 0
-        steps = np.empty_like(stamps)
-        steps[1:] = stamps[1:] - stamps[:-1]
-        # The very first sample starts both counts.
-        steps[0] = (1, 0) if self._last is None else stamps[0] - self._last
-        first_us = int(stamps[0, 1]) if self._last is None else self._time_us
-        unwrapped = first_us + np.cumsum(steps[:, 1] % TIME_MODULUS_US)
-        self._last, self._time_us = stamps[-1], int(unwrapped[-1])
-        return unwrapped, int(((steps[:, 0] - 1) % SEQUENCE_MODULUS).sum())
+        found = self._order.sort(table[:, :2].astype(np.int64))
+        values = table[found.rows, 2:]
+        return Batch(found.time_us, values, tuple(messages), found.lost, corrupt, found.repeated)
 
 
 def _search(line: bytes) -> list[bytes]:

@@ -12,14 +12,13 @@ from benchtool.bench.device_link import DeviceLink
 from benchtool.bench.faults import Fault, LinkFaults
 from benchtool.bench.faulty_plant import FaultyPlant
 from benchtool.bench.firmware import Firmware
-from benchtool.bench.hello import Hello
+from benchtool.bench.hello import LARGEST_SPEED, Hello
 from benchtool.bench.hidden_effect import with_hidden
 from benchtool.bench.pitch_plant import PitchPlant
 from benchtool.bench.served_device import ServedDevice
 from benchtool.bench.server import BenchServer
 from benchtool.bench.server_links import ServerLink
 from benchtool.bench.virtual_device import device_limits
-from benchtool.bench.virtual_server import LARGEST_SPEED
 from benchtool.control.pitch import pitch_controller
 from benchtool.core.rig import Rig
 from benchtool.effects.model import Model

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from benchtool.bench.baud import check_rate, highest_rate_Hz
 from benchtool.bench.bench import Identity, Readings
 from benchtool.bench.commands import (
+    Arm,
     AskPlate,
     Clear,
     Command,
@@ -41,6 +42,7 @@ from benchtool.errors import (
     DeviceStopped,
     LinkLost,
     NoDevice,
+    ProtocolError,
     StageError,
 )
 
@@ -92,6 +94,7 @@ class SerialBench(Opened):
         self._silent_since_s: float | None = None
         self._stopped: str | None = None
         self._told = False
+        self._armed = False
         self._arrived = False
         self._stage_fault: str | None = None
 
@@ -156,9 +159,17 @@ class SerialBench(Opened):
 
     def set_pwm(self, pwm_us: Array) -> None:
         self._raise_if_stopped()
-        self._order(SetPwm(tuple(np.asarray(pwm_us, float).ravel().tolist())))
+        pulses = np.asarray(pwm_us, float).ravel()
+        if (pulses > self._known().pwm_stop_us).any():
+            self._arm()
+        try:
+            self._order(SetPwm(tuple(pulses.tolist())))
+        except CommandRefused:
+            self._armed = False  # Perhaps by a stop from another thread; the next order arms anew.
+            raise
 
     def stop(self) -> None:
+        self._armed = False
         self._order(Stop())
 
     def halt(self) -> None:
@@ -171,9 +182,11 @@ class SerialBench(Opened):
 
     def move_plate(self, z_m: float, x_m: float = 0.0, tilt_rad: float = 0.0) -> None:
         self._raise_if_stopped()
+        self._arm()
         self._arrived, self._stage_fault = False, None
         reply = self._talk.exchange(MovePlate(z_m, x_m, tilt_rad))
         if not reply.ok:
+            self._armed = False
             raise StageError(f"the stage refused to move to {z_m:g} m: {reply.reason}")
         started_s = asked_s = self._clock()
         while not self._arrived:
@@ -184,7 +197,7 @@ class SerialBench(Opened):
                 raise StageError(f"the stage did not reach {z_m:g} m: {self._stage_fault}")
             now_s = self._clock()
             if (now_s - started_s) * self._known().speed > self._arrive_s:
-                self._order(Stop())
+                self.stop()
                 raise StageError(
                     f"the plate did not reach {z_m:g} m within {self._arrive_s:g} s and was "
                     f"halted; look for what blocks it"
@@ -208,6 +221,7 @@ class SerialBench(Opened):
 
     def clear(self) -> None:
         """Lift the latch of a device that stopped by itself; its motors stay at zero."""
+        self._armed = False
         self._order(Clear())
         self._note()
         self._stopped, self._told = None, False
@@ -250,6 +264,27 @@ class SerialBench(Opened):
         reply = self._talk.exchange(command)
         if not reply.ok:
             raise CommandRefused(",".join(fields_of(command)), reply.reason)
+
+    def _arm(self) -> None:
+        """Arm a device that was stopped since, and compare its channels with those of the hello.
+
+        Raises:
+            ProtocolError: it streams other channels by now.
+            CommandRefused: the device stopped by itself and was not cleared.
+        """
+        hello = self._known()
+        if self._armed or hello.version < 2:
+            return
+        reply = self._talk.exchange(Arm())
+        if not reply.ok:
+            raise CommandRefused("arm", reply.reason)
+        if reply.fields != (hello.channel_hash,):
+            self.stop()
+            raise ProtocolError(
+                f"{self.address} has a channel map of hash {''.join(reply.fields) or 'none'}, at "
+                f"its hello {hello.channel_hash}; its channels cannot be told apart; open it anew"
+            )
+        self._armed = True
 
     def _start_stream(self, rate_Hz: float) -> None:
         self._order(SetRate(rate_Hz))
@@ -296,7 +331,7 @@ class SerialBench(Opened):
     def _readings(self, batch: Batch | None = None) -> Readings:
         """Return a batch's samples, or none, with messages and losses that nobody was told yet."""
         messages, self._messages = tuple(self._messages), []
-        lost, corrupt = self._talk.take_losses()
+        lost, corrupt, repeated = self._talk.take_losses()
         if batch is None:
             times_us = np.empty(0, np.int64)
             values = np.empty((0, len(self._known().channels)))
@@ -309,4 +344,5 @@ class SerialBench(Opened):
             lost=lost,
             corrupt=corrupt,
             messages=messages,
+            repeated=repeated,
         )

@@ -12,6 +12,7 @@ from benchtool.bench.device_link import DeviceLink
 from benchtool.bench.faults import Fault, LinkFaults
 from benchtool.bench.faulty_plant import FaultyPlant
 from benchtool.bench.firmware import Firmware
+from benchtool.bench.hello import LARGEST_SPEED
 from benchtool.bench.served_device import ServedDevice
 from benchtool.bench.server import BenchServer
 from benchtool.bench.server_links import ServerLink
@@ -20,8 +21,6 @@ from benchtool.core.rig import Rig
 from benchtool.effects.model import Model
 from benchtool.errors import InputError
 from benchtool.simulate.imperfections import Imperfections
-
-LARGEST_SPEED = 1000.0
 
 
 def standard_truth(rig: Rig) -> str:

@@ -9,22 +9,28 @@ from pathlib import Path
 
 import pytest
 
-from benchtool.bench.hello import hello_from
+from benchtool.bench.hello_reader import HelloReader
 from benchtool.bench.link import Decoder, Message, frame
 from benchtool.bench.serial_port import SerialPort
 from tests.avr.avr_bench import BAUD, AvrBench
 
 PAGE = Path(__file__).parents[2] / "docs/reference/bench-protocol.md"
+UNKNOWN = "unknown command; known:"
 NO_STAGE = "this device does not move the plate"
 
 
 class Wire:
-    """Say lines and collect what comes back."""
+    """Say lines and collect what comes back.
+
+    Attributes:
+        time: the device time of the last answer, as it came.
+    """
 
     def __init__(self, port: SerialPort) -> None:
         self._port = port
         self._decoder = Decoder()
         self.heard: list[Message] = []
+        self.time = "0"
 
     def say(self, line: bytes) -> None:
         self._port.write(line)
@@ -55,9 +61,16 @@ class Wire:
         raise AssertionError(f"{count} lines of {letters} wanted; heard {come}")
 
     def answer(self, payload: str) -> Message:
-        """Return the answer to a command."""
+        """Return the answer to a command, without its device time."""
         (found,) = (message for message in self.ask(payload) if message.letter in "AN")
-        return found
+        number, self.time, *fields = found.fields
+        return Message(found.letter, (number, *fields))
+
+    def order(self, number: int, command: str, time: str | None = None) -> Message:
+        """Return the answer to an order that repeats the present device time."""
+        self.answer("C,1,where,0")
+        name, comma, values = command.partition(",")
+        return self.answer(f"C,{number},{name},{time or self.time}{comma}{values}")
 
 
 def wired(bench: AvrBench) -> Iterator[Wire]:
@@ -96,8 +109,13 @@ def answers_of_the_page() -> list[tuple[str, list[str]]]:
 
 
 def without_numbers(message: Message) -> str:
-    """Return letter and words; times and the milliseconds of a silence differ from run to run."""
+    """Return letter and words; times and the milliseconds of a silence differ from run to run.
+
+    The hash of the channels and the sum over the hello are those of other channels.
+    """
     fields = list(message.fields)
+    if message.letter in "AN":
+        del fields[1]
     if message.letter == "A":
         del fields[1:]
     return re.sub(r"no line for \d+ ms", "no line for N ms", ",".join((message.letter, *fields)))
@@ -111,23 +129,37 @@ def as_messages(payloads: list[str]) -> list[Message]:
 def test_the_pages_conversation(pair_wire: Wire) -> None:
     told: list[str] = []
     expected: list[str] = []
+    times: dict[str, str] = {}  # of this device, by those of the page
     for line, page in answers_of_the_page():
-        pair_wire.say(line.encode() + b"\n")
-        heard = pair_wire.listen_for("ANE", len(page))
-        told += [without_numbers(message) for message in heard if message.letter in "ANE"]
-        if ",plate," in line:
+        letter, *fields = line[1:-5].split(",")
+        name = fields[1] if letter == "C" else ""
+        if name not in ("", "hello"):
+            fields[2] = times.get(fields[2]) or max(times.values(), key=int)
+        pair_wire.say(frame(",".join((letter, *fields)).encode()))
+        heard = pair_wire.listen_for("ANE", len(page)) if page else []
+        heard = [message for message in heard if message.letter in "ANE"]
+        told += [without_numbers(message) for message in heard]
+        if name == "plate":
             # The page's device has a stage, this one has none.
-            page = [f"N,{line.split(',')[1]},{NO_STAGE}", *page[1:]]
-        expected += [without_numbers(message) for message in as_messages(page)]
+            page = [f"N,{fields[0]},{page[0].split(',')[2]},{NO_STAGE}", *page[1:]]
+        said = as_messages(page)
+        expected += [without_numbers(message) for message in said]
+        if said:
+            times[said[0].fields[1]] = heard[0].fields[1]
     assert told == expected
     assert any("watchdog" in text for text in told)
+    assert any("late" in text for text in told)
 
 
 def test_the_hello_is_whole_and_true(wire: Wire) -> None:
-    come = wire.ask("C,1,hello,1")
-    lines = [message.fields for message in come if message.letter == "H"]
-    assert come[-1].fields[2] == str(len(lines))
-    hello = hello_from(lines)
+    come = wire.ask("C,1,hello,2")
+    reader = HelloReader()
+    for message in come[:-1]:
+        assert message.letter == "H"
+        reader.take(message.fields)
+    hello = reader.hello(come[-1].fields[2:])
+    assert hello is not None
+    assert hello.version == 2
     assert hello.device_id == "bench-avr"
     assert [channel.name for channel in hello.channels] == [
         *("pwm1_us", "rpm1", "thrust_N", "thrust_raw", "voltage_V"),
@@ -135,21 +167,52 @@ def test_the_hello_is_whole_and_true(wire: Wire) -> None:
     assert hello.limits == {"pwm_us": 1950, "thrust_N": 12, "rpm": 9800, "voltage_min_V": 9.6}
     assert (hello.pwm_stop_us, hello.pwm_idle_us, hello.watchdog_s) == (1000, 1050, 0.25)
     assert (hello.simulated, hello.moves_plate, hello.baud) == (True, False, BAUD)
+    assert wire.order(2, "arm") == Message("A", ("2", hello.channel_hash))
+
+
+def test_a_host_of_version_1_is_refused(wire: Wire) -> None:
+    answer = wire.answer("C,1,hello,1")
+    assert answer == Message("N", ("1", "this device speaks protocol version 2; update benchtool"))
 
 
 def test_a_number_is_carried_out_once(wire: Wire) -> None:
-    first = wire.answer("C,7,limit,rpm,5000")
-    assert wire.answer("C,7,limit,rpm,4000") == first
-    assert wire.answer("C,8,limit,rpm,6000").fields[1] == "wider than 5000; only narrower ones"
+    first = wire.order(7, "limit,rpm,5000")
+    assert wire.answer("C,7,limit,0,rpm,4000") == first
+    assert wire.order(8, "limit,rpm,6000").fields[1] == "wider than 5000; only narrower ones"
     # A hello starts the numbers anew.
-    wire.ask("C,8,hello,1")
-    assert wire.answer("C,8,limit,rpm,4000").letter == "A"
+    wire.ask("C,8,hello,2")
+    assert wire.order(8, "limit,rpm,4000").fields[1] == "late: number 8 comes after 8"
+    assert wire.order(9, "limit,rpm,4000").letter == "A"
+
+
+def test_late_orders_are_refused(wire: Wire, bench: AvrBench) -> None:
+    wire.ask("C,1,hello,2")
+    disarmed = "not armed since the last stop; send arm first"
+    assert wire.order(2, "pwm,1200") == Message("N", ("2", disarmed))
+    assert wire.order(3, "arm").letter == "A"
+    before = wire.time
+    assert wire.answer("C,0,stop,0").letter == "A"
+    assert wire.answer(f"C,4,arm,{before}").fields[1] == "late: given before the last stop"
+    assert wire.order(5, "arm").letter == "A"
+    assert wire.order(4, "pwm,1200").fields[1] == "late: number 4 comes after 5"
+    slept_us = bench.state.time_us
+    bench.wait(lambda state: state.time_us > slept_us + 0.6e6)
+    reason = wire.answer(f"C,6,pwm,{wire.time},1200").fields[1]
+    assert re.fullmatch(r"late: [56789]\d\d ms old; limit 500 ms", reason)
+    # A time to come, and none.
+    for bad, words in (("4294967295", "late: "), ("soon", "no device time; "), ("", "no device")):
+        assert wire.answer(f"C,6,pwm,{bad},1200").fields[1].startswith(words)
+    assert bench.state.pulses_us[0] == pytest.approx(1000.0, abs=0.5)
+    assert wire.order(6, "pwm,1200").letter == "A"
+    bench.wait(lambda state: state.pulses_us[0] == pytest.approx(1200.0, abs=0.5))
+    assert wire.answer("C,3,stop").letter == "A"  # whatever its number, and without a time
+    bench.wait(lambda state: state.pulses_us[0] == pytest.approx(1000.0, abs=0.5))
 
 
 @pytest.mark.parametrize(
     ("command", "reason"),
     [
-        ("spin,1200", "unknown command; known: hello pwm plate where tare rate limit stop clear"),
+        ("spin,1200", f"{UNKNOWN} hello pwm plate where tare rate limit stop clear arm"),
         ("pwm", "1 fields needed; 0 given"),
         ("pwm,1200,1200", "1 fields needed; 2 given"),
         ("pwm,1,2,3,4,5,6", "too many fields"),
@@ -167,12 +230,13 @@ def test_a_number_is_carried_out_once(wire: Wire) -> None:
     ],
 )
 def test_what_it_refuses(wire: Wire, command: str, reason: str) -> None:
-    assert wire.answer(f"C,65535,{command}") == Message("N", ("65535", reason))
+    assert wire.order(4294967295, command) == Message("N", ("4294967295", reason))
 
 
 def test_where_and_numbers_with_exponents(wire: Wire) -> None:
-    assert wire.answer("C,1,where").fields[2:] == ("0", "", "", "")
-    assert wire.answer("C,2,pwm,1.2e3").letter == "A"
+    assert wire.answer("C,1,where").fields[1:] == ("0", "", "", "")
+    wire.order(2, "arm")
+    assert wire.order(3, "pwm,1.2e3").letter == "A"
 
 
 def test_noise_is_thrown_away(wire: Wire) -> None:
@@ -184,7 +248,7 @@ def test_noise_is_thrown_away(wire: Wire) -> None:
         b"x" * 700 + whole,
         whole.replace(b"3", b"4"),
         b"$C,3,where*" + b"\n",
-        frame(b"C,,where") + frame(b"C,0,where") + frame(b"C,70000,where") + frame(b"C"),
+        frame(b"C,,where") + frame(b"C,-1,where") + frame(b"C,4294967296,where") + frame(b"C"),
         frame(b"C," + b"0" * 60 + b"1,where") + frame(b"A,1,2") + frame(b""),
         bytes(range(256)) + b"\n",
     ):

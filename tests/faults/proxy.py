@@ -169,6 +169,7 @@ class Follower:
     def __init__(self) -> None:
         self.seen = Seen()
         self.phase = ""
+        self._version = 2
         self._pulse_us = 0.0
         self._changed_s = 0.0
         self._has_turned = False
@@ -186,11 +187,15 @@ class Follower:
         """Learn from a line on its way."""
         fields = fields_in(line)
         if way == "device" and fields[:1] == ["C"]:
-            self._command(fields[2], fields[3:], now_s)
-        elif way == "host" and fields[:1] == ["H"] and "channel" in fields[1:3]:
-            name = fields[fields.index("channel") + 1]
-            if name not in self.seen.channels:
-                self.seen.channels.append(name)
+            # In version 2 the time stands between name and values.
+            aged = self._version == 2 and fields[2] != "hello"
+            self._command(fields[2], fields[3 + aged :], now_s)
+        elif way == "host" and fields[:1] == ["H"]:
+            self._version = 2 if fields[1].isdecimal() else 1
+            if "channel" in fields[1:3]:
+                name = fields[fields.index("channel") + 1]
+                if name not in self.seen.channels:
+                    self.seen.channels.append(name)
         elif way == "host" and fields[:1] == ["S"]:
             self._sample(int(fields[2]), fields[3:], now_s)
 
@@ -331,8 +336,11 @@ class Proxy:
     def _ignored(self, fault: Fault, line: bytes) -> list[bytes]:
         fields = fields_in(line)
         # A rate of 0 is swallowed as well, so that the samples go on saying what the motors do.
-        commands = ("pwm", "stop", "clear", "plate")
-        if fields[:1] != ["C"] or not (fields[2] in commands or fields[2:4] == ["rate", "0"]):
+        swallowed = fields[:1] == ["C"] and (
+            fields[2] in ("pwm", "stop", "clear", "plate")
+            or (fields[2] == "rate" and fields[-1] == "0")
+        )
+        if not swallowed:
             fault.hit -= 1
             return [line]
         self._send("host", framed(f"A,{fields[1]},0"))

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from benchtool.bench.commands import (
+    Arm,
     AskHello,
+    AskPlate,
     Clear,
     MovePlate,
     SetPwm,
@@ -14,7 +16,14 @@ from benchtool.bench.commands import (
     Stop,
 )
 from benchtool.bench.hello import hello_lines
-from benchtool.bench.link import HEARTBEAT, frame, frame_command, frame_fields
+from benchtool.bench.link import (
+    HEARTBEAT,
+    crc16,
+    frame,
+    frame_command,
+    frame_fields,
+    payload_of,
+)
 from benchtool.bench.serial_bench import SerialBench
 from benchtool.errors import (
     CommandRefused,
@@ -36,7 +45,13 @@ def ack(number: int, *fields: str, time_us: int = 0) -> bytes:
 
 def hello_answer(number: int, **changes: object) -> bytes:
     lines = hello_lines(still_hello(**changes))
-    return b"".join(frame_fields("H", line) for line in lines) + ack(number, str(len(lines)))
+    payloads = [payload_of("H", (str(index), *line)) for index, line in enumerate(lines)]
+    whole = crc16(b"".join(payload + b"\n" for payload in payloads))
+    return b"".join(map(frame, payloads)) + ack(number, str(len(lines)), f"{whole:04X}")
+
+
+def arm(number: int, time_us: int = 0) -> Turn:
+    return Turn(frame_command(number, Arm(), time_us), ack(number, still_hello().channel_hash))
 
 
 def sample(sequence: int, thrust: str = "1.5") -> bytes:
@@ -48,10 +63,6 @@ OPENING = (
     Turn(HELLO, hello_answer(1)),
     Turn(frame_command(2, Clear()), ack(2)),
     Turn(frame_command(3, SetRate(100.0)), ack(3)),
-)
-CLOSING = (
-    Turn(frame_command(4, Stop()), ack(4)),
-    Turn(frame_command(5, SetRate(0.0)), ack(5)),
 )
 
 
@@ -68,14 +79,19 @@ def opened(*turns: Turn, then: LinkLost | None = None) -> tuple[SerialBench, Scr
 
 def test_open_read_close() -> None:
     stream = Turn(frame_command(3, SetRate(100.0)), ack(3) + sample(0) + sample(1, ""))
-    link = ScriptedLink(*OPENING[:2], stream, *CLOSING)
+    link = ScriptedLink(
+        *OPENING[:2],
+        stream,
+        Turn(frame_command(4, Stop(), 10_000), ack(4, time_us=11_000)),
+        Turn(frame_command(5, SetRate(0.0), 11_000), ack(5)),
+    )
     with bench_on(link) as bench:
         identity = bench.identity
         readings = bench.read(0.1)
     link.check_finished()
     assert (link.opened, link.closed) == (1, 1)
     assert identity.device_id == "bench-0042"
-    assert identity.protocol == "benchtool-1"
+    assert identity.protocol == "benchtool-2"
     assert identity.rate_Hz == 100.0
     assert identity.facts["load_cell"] == "HX711 no 7"
     np.testing.assert_array_equal(readings.device_time_us, [0, 10_000])
@@ -95,8 +111,8 @@ def test_answers_may_come_byte_by_byte() -> None:
 
 
 def test_a_lost_acknowledgement_is_asked_for_with_the_same_number() -> None:
-    spin = frame_command(4, SetPwm((1200.0, 1100.0)))
-    bench, link = opened(Turn(spin), Turn(HEARTBEAT), Turn(spin, ack(4)))
+    spin = frame_command(5, SetPwm((1200.0, 1100.0)))
+    bench, link = opened(arm(4), Turn(spin), Turn(HEARTBEAT), Turn(spin, ack(5)))
     bench.set_pwm(np.array([1200.0, 1100.0]))
     link.check_finished()
 
@@ -116,8 +132,8 @@ def test_no_answer_at_all_is_a_lost_link() -> None:
 
 
 def test_a_refusal_carries_the_devices_words() -> None:
-    answer = frame(b"N,4,pulses must lie from 1000, and up to 1900 us")
-    bench, link = opened(Turn(frame_command(4, SetPwm((1200.0, 2500.0))), answer))
+    answer = frame(b"N,5,70,pulses must lie from 1000, and up to 1900 us")
+    bench, link = opened(arm(4), Turn(frame_command(5, SetPwm((1200.0, 2500.0))), answer))
     with pytest.raises(CommandRefused) as caught:
         bench.set_pwm(np.array([1200.0, 2500.0]))
     assert caught.value.command == "pwm,1200,2500"
@@ -186,13 +202,16 @@ def test_a_port_where_something_else_answers() -> None:
 
 def test_another_protocol_version_is_refused() -> None:
     link = ScriptedLink(Turn(HELLO, hello_answer(1, version=7)))
-    with pytest.raises(ProtocolError, match="protocol version 7, this program version 1"):
+    with pytest.raises(ProtocolError, match="protocol version 7, this program versions 1 and 2"):
         bench_on(link).open()
     assert link.closed == 1
 
 
 def test_a_refused_hello() -> None:
-    link = ScriptedLink(Turn(HELLO, frame(b"N,1,not today")))
+    link = ScriptedLink(
+        Turn(HELLO, frame(b"N,1,not today")),
+        Turn(frame_command(2, AskHello(1)), frame(b"N,2,not today")),
+    )
     with pytest.raises(ProtocolError, match="refused the hello: not today"):
         bench_on(link).open()
 
@@ -246,12 +265,74 @@ def test_samples_before_a_stop_are_handed_out_before_its_news() -> None:
     link.check_finished()
 
 
+def test_an_order_repeats_the_last_device_time() -> None:
+    spin = SetPwm((1200.0, 1200.0))
+    bench, link = opened(
+        Turn(HEARTBEAT, sample(7)),
+        arm(4, 70_000),
+        Turn(frame_command(5, spin, 70_000), ack(5, time_us=75_000)),
+        Turn(frame_command(6, spin, 75_000), ack(6)),
+    )
+    assert len(bench.read(0.1)) == 1
+    bench.set_pwm(np.array(spin.pwm_us))
+    bench.set_pwm(np.array(spin.pwm_us))
+    link.check_finished()
+
+
+def test_a_host_that_has_read_nothing_lately_asks_for_the_time_first() -> None:
+    bench, link = opened(
+        Turn(frame_command(4, AskPlate()), ack(4, "0", "", "", "", time_us=900_000)),
+        arm(5, 900_000),
+        Turn(frame_command(6, SetPwm((1200.0, 1200.0)), 900_000), ack(6)),
+    )
+    link.now_s += 0.8
+    bench.set_pwm(np.array([1200.0, 1200.0]))
+    link.check_finished()
+
+
+def test_arming_compares_the_channel_map() -> None:
+    other = ack(4, "0BAD")
+    bench, link = opened(
+        Turn(frame_command(4, Arm()), other), Turn(frame_command(5, Stop()), ack(5))
+    )
+    with pytest.raises(ProtocolError, match="channel map of hash 0BAD, at its hello 2E39"):
+        bench.set_pwm(np.array([1200.0, 1200.0]))
+    link.check_finished()
+
+
+def test_after_a_stop_the_next_order_arms_anew() -> None:
+    spin = SetPwm((1200.0, 1200.0))
+    bench, link = opened(
+        *(arm(4), Turn(frame_command(5, spin), ack(5))),
+        Turn(frame_command(6, Stop()), ack(6)),
+        Turn(frame_command(7, SetPwm((1000.0, 1000.0))), ack(7)),
+        *(arm(8), Turn(frame_command(9, spin), ack(9))),
+    )
+    bench.set_pwm(np.array(spin.pwm_us))
+    bench.stop()
+    bench.set_pwm(np.array([1000.0, 1000.0]))  # the stop pulse needs no arming
+    bench.set_pwm(np.array(spin.pwm_us))
+    link.check_finished()
+
+
+def test_an_order_that_is_refused_since_another_thread_stopped_is_not_armed_by_itself() -> None:
+    spin = frame_command(5, SetPwm((1200.0, 1200.0)))
+    refused = frame(b"N,5,0,not armed since the last stop; send arm first")
+    bench, link = opened(arm(4), Turn(frame_command(0, Stop())), Turn(spin, ack(0) + refused))
+    bench._arm()
+    bench.halt()
+    with pytest.raises(CommandRefused, match="not armed since the last stop"):
+        bench.set_pwm(np.array([1200.0, 1200.0]))
+    link.check_finished()
+
+
 def test_clear_lifts_a_stop() -> None:
     event = frame(b"E,watchdog,no line for 260 ms; motors stopped")
     bench, link = opened(
         Turn(HEARTBEAT, event),
         Turn(frame_command(4, Clear()), event + ack(4)),
-        Turn(frame_command(5, SetPwm((1200.0, 1200.0))), ack(5)),
+        arm(5),
+        Turn(frame_command(6, SetPwm((1200.0, 1200.0))), ack(6)),
     )
     with pytest.raises(DeviceStopped, match="watchdog"):
         bench.read(0.1)
@@ -291,9 +372,10 @@ def test_a_pulled_cable_passes_through_and_close_stays_quiet() -> None:
 
 
 def test_the_plate_arrives() -> None:
-    move = frame_command(4, MovePlate(0.2, 0.0, 0.1))
+    move = frame_command(5, MovePlate(0.2, 0.0, 0.1))
     bench, link = opened(
-        Turn(move, ack(4) + sample(0)),
+        arm(4),
+        Turn(move, ack(5) + sample(0)),
         Turn(HEARTBEAT, sample(1) + frame(b"E,arrived,0.2,0,0.1")),
     )
     bench.move_plate(0.2, tilt_rad=0.1)
@@ -302,12 +384,11 @@ def test_the_plate_arrives() -> None:
 
 
 def test_a_plate_whose_arrival_got_lost_is_asked_for() -> None:
-    move = frame_command(4, MovePlate(0.2))
-    where = frame(b"C,5,where")
     bench, link = opened(
-        Turn(move, ack(4)),
+        arm(4),
+        Turn(frame_command(5, MovePlate(0.2)), ack(5)),
         *[Turn(HEARTBEAT)] * 5,
-        Turn(where, ack(5, "0", "0.2", "0", "0")),
+        Turn(frame_command(6, AskPlate()), ack(6, "0", "0.2", "0", "0")),
     )
     bench.move_plate(0.2)
     link.check_finished()
@@ -316,12 +397,12 @@ def test_a_plate_whose_arrival_got_lost_is_asked_for() -> None:
 @pytest.mark.parametrize(
     ("answer", "words"),
     [
-        (frame(b"N,4,stage alarm"), "refused to move to 0.2 m: stage alarm"),
-        (ack(4) + frame(b"E,stage,hard limit"), "did not reach 0.2 m: hard limit"),
+        (frame(b"N,5,0,stage alarm"), "refused to move to 0.2 m: stage alarm"),
+        (ack(5) + frame(b"E,stage,hard limit"), "did not reach 0.2 m: hard limit"),
     ],
 )
 def test_a_stage_that_fails(answer: bytes, words: str) -> None:
-    bench, _ = opened(Turn(frame_command(4, MovePlate(0.2)), answer))
+    bench, _ = opened(arm(4), Turn(frame_command(5, MovePlate(0.2)), answer))
     with pytest.raises(StageError, match=words):
         bench.move_plate(0.2)
 

@@ -2,6 +2,7 @@
 
 #include "commands.h"
 
+#include <ctype.h>
 #include <math.h>
 #include <stdbool.h>
 #include <stdint.h>
@@ -21,9 +22,18 @@
 #define LARGEST 1e6 /* keeps every text shorter than its room */
 #define LEAST_RATE_HZ 0.1f
 
-static char answer[130];      /* to the last number, for when it comes again */
-static const char *number;    /* of the command in hand, as it came */
-static uint16_t last_number;  /* 0 before the first */
+#define OLDEST_US 500000UL /* the host waits 5 x 100 ms for an answer, then commands a stop */
+
+#define LONGEST_ANSWER 130
+
+static char answer[LONGEST_ANSWER];
+static char last_answer[LONGEST_ANSWER]; /* to the last order in time, should it come again */
+static uint32_t last_number;             /* of that order, or of the hello */
+static const char *number;               /* of the command in hand, as it came */
+static uint32_t now_us;                  /* when it was taken; its answer says so, too */
+static bool armed;                       /* pulses above stop are obeyed */
+static bool stopped_lately;              /* so that an order may be older than the stop */
+static uint32_t stopped_us;
 
 static void begin(char letter)
 {
@@ -31,11 +41,13 @@ static void begin(char letter)
     answer[1] = ',';
     strcpy(answer + 2, number);
     add_words(answer, ",");
+    add_count(answer, now_us);
 }
 
 static bool refuse_P(PGM_P reason)
 {
     begin('N');
+    add_words(answer, ",");
     strcat_P(answer, reason);
     return false;
 }
@@ -46,6 +58,7 @@ static bool numbers(char **fields, uint8_t count, float *values, uint8_t wanted)
 {
     if (count != wanted) {
         begin('N');
+        add_words(answer, ",");
         add_number(answer, wanted, 0);
         add_words(answer, " fields needed; ");
         add_number(answer, count, 0);
@@ -61,14 +74,54 @@ static bool numbers(char **fields, uint8_t count, float *values, uint8_t wanted)
     return true;
 }
 
+/* What was ordered before a stop is late from now on, and nothing turns until armed anew. */
+static bool stop(char **fields, uint8_t count)
+{
+    (void)fields, (void)count;
+    motors_zero();
+    armed = false;
+    stopped_lately = true;
+    stopped_us = now_us;
+    return true;
+}
+
 static bool hello(char **fields, uint8_t count)
 {
     float version;
     if (!numbers(fields, count, &version, 1))
         return false;
+    if (version < 2.0f)
+        return refuse("this device speaks protocol version 2; update benchtool");
+    stop(fields, count);
     stream_rate(0.0f);
+    last_number = strtoul(number, NULL, 10);
+    last_answer[0] = '\0';
+    hello_send(answer);
+    return true;
+}
+
+static bool refuse_latched(void)
+{
+    refuse("stopped by ");
+    char *reason = answer + strlen(answer);
+    strcpy(reason, guard_reason());
+    char *comma = strchr(reason, ',');
+    *comma = ':';
+    memmove(comma + 2, comma + 1, strlen(comma));
+    comma[1] = ' ';
+    add_words(answer, "; send clear first");
+    return false;
+}
+
+static bool arm(char **fields, uint8_t count)
+{
+    if (!numbers(fields, count, NULL, 0))
+        return false;
+    if (guard_latched())
+        return refuse_latched();
+    armed = true;
     add_words(answer, ",");
-    add_count(answer, hello_send());
+    add_hex(answer, stream_hash());
     return true;
 }
 
@@ -91,18 +144,11 @@ static bool pwm(char **fields, uint8_t count)
     }
     if (!above_stop) {
         motors_zero();
-    } else if (!guard_set_motors(pulses_us)) {
-        refuse("stopped by ");
-        char *reason = answer + strlen(answer);
-        strcpy(reason, guard_reason());
-        char *comma = strchr(reason, ',');
-        *comma = ':';
-        memmove(comma + 2, comma + 1, strlen(comma));
-        comma[1] = ' ';
-        add_words(answer, "; send clear first");
-        return false;
+        return true;
     }
-    return true;
+    if (!armed)
+        return refuse("not armed since the last stop; send arm first");
+    return guard_set_motors(pulses_us) || refuse_latched();
 }
 
 static bool plate(char **fields, uint8_t count)
@@ -170,14 +216,6 @@ static bool limit(char **fields, uint8_t count)
     return true;
 }
 
-/* Whatever comes with them, these two are done. */
-static bool stop(char **fields, uint8_t count)
-{
-    (void)fields, (void)count;
-    motors_zero();
-    return true;
-}
-
 static bool clear(char **fields, uint8_t count)
 {
     guard_clear();
@@ -189,7 +227,7 @@ static const struct {
     bool (*run)(char **fields, uint8_t count);
 } commands[] = {
     {"hello", hello}, {"pwm", pwm},     {"plate", plate}, {"where", where}, {"tare", tare},
-    {"rate", rate},   {"limit", limit}, {"stop", stop},   {"clear", clear},
+    {"rate", rate},   {"limit", limit}, {"stop", stop},   {"clear", clear}, {"arm", arm},
 };
 #define COMMANDS (sizeof commands / sizeof *commands)
 
@@ -215,30 +253,74 @@ static void carry_out(const char *name, char **fields, uint8_t count)
     while (index < COMMANDS && strcmp(name, commands[index].name))
         index++;
     begin('A');
-    add_count(answer, clock_us());
     if (index == COMMANDS)
-        refuse("unknown command; known: hello pwm plate where tare rate limit stop clear");
+        refuse("unknown command; known: hello pwm plate where tare rate limit stop clear arm");
     else if (count > MOST_FIELDS)
         refuse("too many fields");
     else
         commands[index].run(fields, count);
 }
 
+/* Read a whole number of at most 32 bits. */
+static bool whole(const char *text, uint32_t *value)
+{
+    char *end;
+    *value = strtoul(text, &end, 10);
+    return isdigit(text[0]) && !*end && strlen(text) <= 10 &&
+           (strlen(text) < 10 || strcmp(text, "4294967295") <= 0);
+}
+
+/* Whether an order comes late: by its number, its age, or a stop after it was given. */
+static bool late(uint32_t counted, const char *time)
+{
+    uint32_t then_us;
+    if (counted <= last_number) {
+        refuse("late: number ");
+        add_count(answer, counted);
+        add_words(answer, " comes after ");
+        add_count(answer, last_number);
+    } else if (!whole(time, &then_us)) {
+        refuse("no device time; repeat that of the last sample or answer");
+    } else if (now_us - then_us > OLDEST_US) {
+        refuse("late: ");
+        add_count(answer, (now_us - then_us) / 1000);
+        add_words(answer, " ms old; limit 500 ms");
+    } else if (stopped_lately && now_us - then_us > now_us - stopped_us) {
+        refuse("late: given before the last stop");
+    } else {
+        return false;
+    }
+    return true;
+}
+
 void commands_take(char *payload)
 {
-    char *fields[3 + MOST_FIELDS], *end;
-    uint8_t count = split(payload, fields, 3 + MOST_FIELDS);
+    /* Number, name, time; a hello has its version in the place of the time. */
+    char *fields[4 + MOST_FIELDS];
+    uint32_t counted;
+    uint8_t count = split(payload, fields, 4 + MOST_FIELDS);
     guard_hear();
-    if (count < 3 || fields[0][0] != 'C' || fields[0][1])
+    /* Heartbeats come all the time: the counter has not gone round since the stop. */
+    now_us = clock_us();
+    stopped_lately &= now_us - stopped_us <= OLDEST_US;
+    if (count < 3 || fields[0][0] != 'C' || fields[0][1] || !whole(fields[1], &counted))
         return;
-    uint32_t counted = strtoul(fields[1], &end, 10);
-    if (*end || strlen(fields[1]) > 5 || counted == 0 || counted > UINT16_MAX)
+    number = fields[1];
+    const char *name = fields[2];
+    bool greeting = !strcmp_P(name, PSTR("hello"));
+    /* These turn nothing and are obeyed whenever they come. */
+    bool any_time = greeting || !strcmp_P(name, PSTR("stop")) || !strcmp_P(name, PSTR("where"));
+    if (!any_time && counted == last_number && last_answer[0]) {
+        line_send(last_answer);
         return;
-    /* A hello is always carried out. */
-    if (counted != last_number || !strcmp_P(fields[2], PSTR("hello"))) {
-        number = fields[1];
-        carry_out(fields[2], fields + 3, count - 3);
-        last_number = (uint16_t)counted;
+    }
+    if (any_time || !late(counted, count > 3 ? fields[3] : "")) {
+        uint8_t first = greeting ? 3 : 4;
+        carry_out(name, fields + first, count > first ? count - first : 0);
+        if (!any_time) {
+            last_number = counted;
+            strcpy(last_answer, answer);
+        }
     }
     line_send(answer);
 }

@@ -124,6 +124,8 @@ bool guard_set_motors(const float *pulses_us)
     return set;
 }
 
+bool guard_latched(void) { return latched; }
+
 const char *guard_reason(void)
 {
     guard_report();

@@ -24,6 +24,9 @@ void guard_report(void);
 /* Set all motors unless the latch holds; tells whether they were set. */
 bool guard_set_motors(const float *pulses_us);
 
+/* Whether they are held at the stop pulse. */
+bool guard_latched(void);
+
 /* Why the motors are held, as "kind,text"; empty before the first time. */
 const char *guard_reason(void);
 

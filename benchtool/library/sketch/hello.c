@@ -7,13 +7,16 @@
 #include "stream.h"
 #include "text.h"
 
-static char payload[64];
+static char payload[70];
 static uint8_t lines;
+static uint16_t whole;
 
 static void begin(PGM_P key)
 {
     payload[0] = '\0';
     add_words(payload, "H,");
+    add_count(payload, lines);
+    add_words(payload, ",");
     strcat_P(payload, key);
     add_words(payload, ",");
 }
@@ -21,6 +24,7 @@ static void begin(PGM_P key)
 static void end(void)
 {
     line_send(payload);
+    whole = crc_over(crc_over(whole, payload), "\n");
     lines++;
 }
 
@@ -38,10 +42,11 @@ static void tell(PGM_P key, float value)
     end();
 }
 
-uint8_t hello_send(void)
+void hello_send(char *answer)
 {
     lines = 0;
-    tell(PSTR("protocol"), 1);
+    whole = CRC_START;
+    tell(PSTR("protocol"), 2);
     say(PSTR("device"), PSTR(DEVICE_NAME));
     say(PSTR("firmware"), PSTR(FIRMWARE));
     tell(PSTR("rotors"), MOTORS);
@@ -69,5 +74,8 @@ uint8_t hello_send(void)
     add_words(payload, "thrust_raw_N_per_count,");
     add_number(payload, NEWTON_PER_COUNT, 9);
     end();
-    return lines;
+    add_words(answer, ",");
+    add_count(answer, lines);
+    add_words(answer, ",");
+    add_hex(answer, whole);
 }

@@ -3,5 +3,5 @@
 
 #include <stdint.h>
 
-/* Send the lines of the hello; returns how many. */
-uint8_t hello_send(void);
+/* Send the lines of the hello, and append their count and the CRC over them to its answer. */
+void hello_send(char *answer);

@@ -5,6 +5,7 @@
 #include <string.h>
 #include <util/crc16.h>
 
+#include "text.h"
 #include "uart.h"
 
 #define LONGEST 100 /* commands have fewer bytes; a longer line is thrown away */
@@ -13,10 +14,9 @@
 static char line[LONGEST + 1];
 static uint8_t length;
 
-/* CRC-16/CCITT-FALSE: of 123456789 it is 29B1. */
-static uint16_t crc16(const char *text)
+/* Of 123456789 it is 29B1. */
+uint16_t crc_over(uint16_t crc, const char *text)
 {
-    uint16_t crc = 0xFFFF;
     while (*text)
         crc = _crc_xmodem_update(crc, (uint8_t)*text++);
     return crc;
@@ -24,10 +24,8 @@ static uint16_t crc16(const char *text)
 
 void line_send(const char *payload)
 {
-    char digits[5], tail[WRAPPING] = "*";
-    utoa(crc16(payload), digits, 16);
-    strcat(tail, &"000"[strlen(digits) - 1]);
-    strcat(tail, strupr(digits));
+    char tail[WRAPPING] = "*";
+    add_hex(tail, crc_over(CRC_START, payload));
     strcat(tail, "\n");
     uart_send("$");
     uart_send(payload);
@@ -50,7 +48,7 @@ static char *checked(char *text)
         return NULL;
     uint16_t told = (uint16_t)strtoul(star + 1, &end, 16);
     *star = '\0';
-    return *end == '\0' && crc16(start + 1) == told ? start + 1 : NULL;
+    return *end == '\0' && crc_over(CRC_START, start + 1) == told ? start + 1 : NULL;
 }
 
 char *line_take(void)

@@ -4,6 +4,10 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+/* Go on with a CRC-16/CCITT-FALSE over a text; it starts at CRC_START. */
+#define CRC_START 0xFFFF
+uint16_t crc_over(uint16_t crc, const char *text);
+
 /* Send a payload as a line. */
 void line_send(const char *payload);
 

@@ -44,6 +44,18 @@ uint8_t stream_channels(void) { return sizeof channels / sizeof *channels; }
 
 const char *stream_channel(uint8_t index) { return channels[index]; }
 
+uint16_t stream_hash(void)
+{
+    uint16_t crc = CRC_START;
+    for (uint8_t index = 0; index < stream_channels(); index++) {
+        char line[sizeof *channels + 1];
+        strcpy_P(line, channels[index]);
+        strcpy(strrchr(line, ','), "\n"); /* without its rate */
+        crc = crc_over(crc, line);
+    }
+    return crc;
+}
+
 void stream_rate(float rate_Hz)
 {
     wanted = rate_Hz > 0.0f;

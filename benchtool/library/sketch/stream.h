@@ -13,5 +13,8 @@ void stream_poll(void);
 uint8_t stream_channels(void);
 const char *stream_channel(uint8_t index);
 
+/* The CRC over names and units of the channels. */
+uint16_t stream_hash(void);
+
 /* The longest sample line in bytes. */
 #define FRAME_BYTES (56 + 15 * MOTORS)

@@ -18,3 +18,11 @@ void add_number(char *text, float value, uint8_t decimals)
 void add_whole(char *text, int32_t value) { ltoa(value, text + strlen(text), 10); }
 
 void add_count(char *text, uint32_t value) { ultoa(value, text + strlen(text), 10); }
+
+void add_hex(char *text, uint16_t value)
+{
+    char digits[5];
+    utoa(value, digits, 16);
+    strcat(text, &"000"[strlen(digits) - 1]);
+    strcat(text, strupr(digits));
+}

@@ -14,3 +14,6 @@ void add_number(char *text, float value, uint8_t decimals);
 /* Append a whole number; a float has digits for seven places only. */
 void add_whole(char *text, int32_t value);
 void add_count(char *text, uint32_t value);
+
+/* Append a number as four hexadecimal digits. */
+void add_hex(char *text, uint16_t value);

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchtool.bench.commands import SetPwm
+from benchtool.bench.commands import AskHello, SetPwm
 from benchtool.bench.link import (
     HEARTBEAT,
     MAX_LINE_BYTES,
@@ -19,6 +19,7 @@ from benchtool.bench.link import (
     frame,
     frame_command,
     frame_fields,
+    frame_version_1,
 )
 
 
@@ -28,9 +29,10 @@ def test_checksum_of_the_test_vector() -> None:
 
 def test_lines_as_sent() -> None:
     assert HEARTBEAT == b"$B*8976\n"
-    assert frame_command(6, SetPwm((1200.0, 1200.5))) == b"$C,6,pwm,1200,1200.5*%04X\n" % crc16(
-        b"C,6,pwm,1200,1200.5"
-    )
+    spin = SetPwm((1200.0, 1200.5))
+    assert frame_command(6, spin, (1 << 32) + 70) == frame(b"C,6,pwm,70,1200,1200.5")
+    assert frame_version_1(6, spin) == frame(b"C,6,pwm,1200,1200.5")
+    assert frame_command(1, AskHello()) == frame_version_1(1, AskHello()) == frame(b"C,1,hello,2")
 
 
 def test_text_cannot_break_a_line() -> None:
@@ -135,20 +137,35 @@ def _result(chunks: list[bytes]) -> tuple[object, ...]:
     )
 
 
-PIECES = st.lists(
-    st.one_of(
-        st.binary(max_size=40),
-        st.sampled_from([b"$", b"*", b"\n", b"\r\n", HEARTBEAT, HEARTBEAT[:-1], b"x" * 600]),
-        st.integers(0, 9).map(lambda i: frame(b"S,%d,%d,%d,2" % (i, i * 1000, i))),
-    ),
-    max_size=12,
+def _sample(i: int) -> bytes:
+    return frame(b"S,%d,%d,%d,2" % (i, i * 1000, i))
+
+
+NOISE = st.one_of(
+    st.binary(max_size=40),
+    st.sampled_from([b"$", b"*", b"\n", b"\r\n", HEARTBEAT, HEARTBEAT[:-1], b"x" * 600]),
 )
+CUTS = st.lists(st.integers(0, 2000), max_size=20)
 
 
-@given(PIECES, st.lists(st.integers(0, 2000), max_size=20))
-def test_any_chunking_gives_the_same(pieces: list[bytes], cuts: list[int]) -> None:
-    data = b"".join(pieces)
+@given(st.lists(st.one_of(NOISE, st.integers(1, 9)), max_size=12), CUTS)
+def test_any_chunking_gives_the_same(pieces: list[bytes | int], cuts: list[int]) -> None:
+    number, data = 0, b""
+    for piece in pieces:
+        number += piece if isinstance(piece, int) else 0
+        data += _sample(number) if isinstance(piece, int) else piece
     assert _result([data]) == _result(_cut(data, cuts)) == _result([bytes([b]) for b in data])
+
+
+@given(st.lists(st.integers(0, 9), min_size=1, max_size=12), CUTS)
+def test_samples_in_any_order_come_out_in_order(numbers: list[int], cuts: list[int]) -> None:
+    decoder = Decoder(2)
+    batches = [decoder.feed(data) for data in _cut(b"".join(map(_sample, numbers)), cuts)]
+    found = [int(row[0]) for batch in batches for row in batch.values]
+    assert found == sorted(set(found))
+    assert set(found) <= set(numbers)
+    assert len(found) + sum(batch.repeated for batch in batches) == len(numbers)
+    assert len(found) + sum(batch.lost for batch in batches) == found[-1] - found[0] + 1
 
 
 @given(st.lists(st.tuples(st.binary(max_size=60), st.booleans()), min_size=1, max_size=8))

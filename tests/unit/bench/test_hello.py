@@ -1,0 +1,152 @@
+"""A hello: its text, the range of every field, and lines that get lost, doubled or exchanged."""
+
+from __future__ import annotations
+
+import random
+
+import pytest
+
+from benchtool.bench.hello import Hello, channel_hash, hello_from, hello_lines
+from benchtool.bench.hello_reader import MOST_LINES, HelloReader
+from benchtool.bench.link import crc16, payload_of
+from benchtool.errors import ProtocolError
+from tests.wire.still_plant import StillPlant, still_hello
+
+LINES = hello_lines(still_hello())
+
+
+def test_a_hello_survives_its_text() -> None:
+    hello = still_hello(speed=20.0, simulated=True, baud=115200, watchdog_s=0.1)
+    lines = hello_lines(hello)
+    assert hello_from(lines) == hello
+    assert hello_from([*lines, ("novelty", "1", "2")]) == hello
+
+
+def changed(key: str, *values: str) -> list[tuple[str, ...]]:
+    """Return the lines with one changed, or added where there is none of that key."""
+    others = [line for line in LINES if line[0] != key]
+    return [*others, (key, *values)]
+
+
+BAD_NUMBERS = ("nan", "inf", "-inf", "-1", "1e400", "9" * 400, "", "ten", "0x10")
+
+
+@pytest.mark.parametrize("text", BAD_NUMBERS)
+@pytest.mark.parametrize(
+    "key", ["speed", "watchdog", "rate", "rotors", "frame", "baud", "plate", "simulated"]
+)
+def test_every_number_has_a_range(key: str, text: str) -> None:
+    with pytest.raises(ProtocolError, match=rf"hello makes no sense: {key} is .*, not a number"):
+        hello_from(changed(key, text))
+
+
+@pytest.mark.parametrize("text", BAD_NUMBERS)
+@pytest.mark.parametrize(
+    ("line", "name"),
+    [
+        (("limit", "thrust_N", "?"), "limit thrust_N"),
+        (("limit", "plate_z_min_m", "?"), "limit plate_z_min_m"),
+        (("channel", "current_A", "A", "?"), "rate of current_A"),
+        (("pwm", "?", "1050"), "stop pulse"),
+        (("pwm", "1000", "?"), "idle pulse"),
+    ],
+)
+def test_so_has_every_number_of_a_list(line: tuple[str, ...], name: str, text: str) -> None:
+    wrong = tuple(text if field == "?" else field for field in line)
+    others = [each for each in LINES if each[0] != "pwm" or line[0] != "pwm"]
+    with pytest.raises(ProtocolError, match=f"{name} is .*, not a number from"):
+        hello_from([*others, wrong])
+
+
+@pytest.mark.parametrize(
+    ("key", "values", "words"),
+    [
+        ("speed", ["0"], "speed is '0', not a number from 0.001 to 1000"),
+        ("limit", ["rpm", "0"], "limit rpm is '0', not a number from 1e-09"),
+        ("watchdog", ["0"], "watchdog is '0', not a number from 100 to 10000"),
+        ("rotors", ["2.5"], "rotors is '2.5', not a whole number"),
+        ("pwm", ["1100", "1050"], "idle pulse is '1050', not a number from 1100"),
+        ("protocol", ["3"], "protocol version 3, this program versions 1 and 2"),
+        ("device", [""], "device is '', not a text of 1 to 100 characters"),
+        ("firmware", ["x" * 101], "not a text of 1 to 100 characters"),
+        ("device", ["bench\x1b[2J"], "holds what cannot be printed"),
+        ("channel", ["way", "furlong", "1"], "unknown unit 'furlong'"),
+        ("channel", ["way"], "too few fields"),
+    ],
+)
+def test_what_else_makes_no_sense(key: str, values: list[str], words: str) -> None:
+    with pytest.raises(ProtocolError, match=words.replace("[", r"\[")):
+        hello_from(changed(key, *values))
+
+
+def test_a_stage_may_have_no_room_sideways() -> None:
+    assert hello_from([*LINES, ("limit", "plate_x_max_m", "0")]).limits["plate_x_max_m"] == 0.0
+
+
+def test_what_is_missing_or_comes_twice() -> None:
+    with pytest.raises(ProtocolError, match="no line 'device'"):
+        hello_from([line for line in LINES if line[0] != "device"])
+    with pytest.raises(ProtocolError, match="channel 'thrust_N' comes twice"):
+        hello_from([*LINES, ("channel", "thrust_N", "N", "80")])
+
+
+def test_the_hash_goes_by_names_units_and_order() -> None:
+    channels = StillPlant.channels
+    assert channel_hash(channels) == still_hello().channel_hash == "2E39"
+    assert channel_hash(channels[::-1]) != "2E39"
+    assert crc16(b"pwm1_us,pwm_us\nthrust_N,N\n") == int(channel_hash(channels[0:3:2]), 16)
+
+
+INDEXED = [(str(index), *line) for index, line in enumerate(LINES)]
+WHOLE = crc16(b"".join(payload_of("H", line) + b"\n" for line in INDEXED))
+ANSWER = (str(len(LINES)), f"{WHOLE:04X}")
+
+
+def read(
+    lines: list[tuple[str, ...]], answer: tuple[str, ...], reader: HelloReader
+) -> Hello | None:
+    reader.begin()
+    for line in lines:
+        reader.take(line)
+    return reader.hello(answer)
+
+
+def test_lines_in_any_order_and_twice_give_the_same_hello() -> None:
+    mixed = INDEXED * 2
+    random.Random(3).shuffle(mixed)
+    assert read(mixed, ANSWER, HelloReader()) == still_hello()
+
+
+def test_a_line_that_got_lost_may_come_with_the_next_try() -> None:
+    reader = HelloReader()
+    assert read(INDEXED[:7] + INDEXED[8:], ANSWER, reader) is None
+    assert read(INDEXED[7:9], ANSWER, reader) == still_hello()
+
+
+def test_a_wrong_sum_over_all_lines_starts_over() -> None:
+    reader = HelloReader()
+    damaged = [*INDEXED[:3], ("3", "rotors", "7"), *INDEXED[4:]]
+    assert read(damaged, ANSWER, reader) is None
+    assert read(INDEXED[:3], ANSWER, reader) is None
+    assert read(INDEXED[3:], ANSWER, reader) == still_hello()
+
+
+def test_a_device_of_version_1_is_believed_when_two_answers_agree() -> None:
+    lines = list(hello_lines(still_hello(version=1)))
+    count, reader = (str(len(lines)),), HelloReader()
+    exchanged = [*lines[:12], lines[13], lines[12], *lines[14:]]
+    assert read(lines, count, reader) is None
+    assert read(exchanged, count, reader) is None
+    assert read(lines[:-1], count, reader) is None
+    assert read(exchanged[:-1] + lines[:1], count, reader) is None
+    assert read(lines, count, reader) is None
+    assert read(lines, count, reader) == still_hello(version=1)
+
+
+def test_a_hello_without_end_is_not_stored() -> None:
+    reader = HelloReader()
+    for index in range(10_000):
+        reader.take((str(index), "fact", "a", "b"))
+        reader.take(("fact", str(index), "b"))
+    assert len(reader._indexed) == MOST_LINES
+    assert len(reader._listed) == MOST_LINES + 1
