@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.errors import UnknownChoice
+from benchtool.core.parameter import full_name
 
 Array = NDArray[np.float64]
 
@@ -82,11 +82,8 @@ class FitResult:
     facts: Mapping[str, str | int | float | bool | None] = field(default_factory=dict)
 
     def __getitem__(self, name: str) -> Estimate:
-        for estimate in (*self.estimates, *self.derived):
-            if estimate.name == name:
-                return estimate
-        known = [estimate.name for estimate in (*self.estimates, *self.derived)]
-        raise UnknownChoice("fitted parameter", name, known)
+        known = {estimate.name: estimate for estimate in (*self.estimates, *self.derived)}
+        return known[full_name(name, known, "fitted parameter")]
 
     @property
     def values(self) -> Array:

@@ -93,6 +93,29 @@ class Parameter:
         return self.neutral is not None and self.value == self.neutral
 
 
+def full_name(
+    name: str, known: Iterable[str], kind: str = "parameter", others: Iterable[str] = ()
+) -> str:
+    """Return the full name that somebody means who typed one, or its last part alone.
+
+    Args:
+        name: as typed: "body_lift.K_b", or "K_b" where no other name ends so.
+        known: full names.
+        kind: what is named, for the refusal.
+        others: names of another sort that would have been taken, for the refusal.
+
+    Raises:
+        UnknownChoice: no such name, or a last part that several names share.
+    """
+    names = list(known)
+    if name in names:
+        return name
+    alike = [each for each in names if each.rpartition(".")[2] == name]
+    if len(alike) == 1:
+        return alike[0]
+    raise UnknownChoice(kind, name, alike or [*names, *others])
+
+
 class Parameters(Mapping[str, Parameter]):
     """Hold parameters by their full names, in a fixed order, and pack the free ones."""
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from benchtool.aero.body_lift import BodyDistance, body_images, centre_distances_m
 from benchtool.aero.images import neighbour_images, partial_factor, self_image, thrust_factor
 from benchtool.aero.wake_rules import WAKE_RULES
-from benchtool.core.parameter import Parameter, Parameters, Prior
+from benchtool.core.parameter import Parameter, Parameters, Prior, full_name
 from benchtool.core.rig import Rig
 from benchtool.effects.catalogue import effect_named
 from benchtool.effects.conditions import Conditions
@@ -179,15 +179,19 @@ class Model:
         return replace(self, parameters=parameters)
 
     def freed(self, *names: str) -> Model:
-        """Return the model with those parameters free and the others as they are."""
+        """Return the model with those parameters free and the others as they are.
+
+        A name's last part is enough where no other parameter has it.
+        """
         parameters = self.parameters
-        for name in names:
+        for name in (full_name(each, self.parameters) for each in names):
             parameters = parameters.replaced(name, parameters[name].freed())
         return self.at(parameters)
 
     def fixed(self, name: str, value: float | None = None) -> Model:
-        """Return the model with one parameter fixed, at `value` when given."""
-        return self.at(self.parameters.replaced(name, self.parameters[name].fixed(value)))
+        """Return the model with one parameter fixed, at `value` when given; named as in `freed`."""
+        full = full_name(name, self.parameters)
+        return self.at(self.parameters.replaced(full, self.parameters[full].fixed(value)))
 
     # --- predicting -----------------------------------------------------------------------
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from benchtool.core.column_source import ColumnSource
 from benchtool.core.counted import counted
+from benchtool.core.parameter import Parameters, full_name
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
 from benchtool.effects.conditions import Conditions
@@ -78,6 +79,7 @@ def recipe_model(recipe: Recipe, permit: CodePermit = refuse_code) -> LoadedMode
         InputError: runs of two vehicles, or a model that holds numbers of another one.
     """
     loaded = load_model(recipe.model, rig_of_recipe(recipe), permit=permit)
+    _refuse_twice(recipe, loaded.model.parameters)
     model = loaded.model.freed(*recipe.free)
     for name, value in recipe.fix.items():
         model = model.fixed(name, value)
@@ -87,6 +89,16 @@ def recipe_model(recipe: Recipe, permit: CodePermit = refuse_code) -> LoadedMode
         # A ratio does not know the thrust coefficient, nor what a load cell adds.
         model = model.fixed("k")
     return replace(loaded, model=model)
+
+
+def _refuse_twice(recipe: Recipe, parameters: Parameters) -> None:
+    """Refuse a parameter that a recipe both frees and holds, or holds twice."""
+    named: set[str] = set()
+    for typed in (*recipe.free, *recipe.fix, *recipe.hold):
+        name = full_name(typed, parameters)
+        if name in named:
+            raise InputError(f"{name} is named twice; free it, or fix it at one value")
+        named.add(name)
 
 
 def rig_of_recipe(recipe: Recipe) -> Rig | None:

@@ -125,10 +125,13 @@ def run_recipe(
 def _with_noise(model: Model, recipe: Recipe, errors: str) -> Model:
     """Return the model with the noise parameter free that the recipe asks for."""
     kind = recipe.noise
+    typed = {name.rpartition(".")[2] for name in (*recipe.free, *recipe.fix, *recipe.hold)}
     if kind == "auto":
-        kind = "stated" if errors == "stated" else "scale"
+        kind = "stated" if errors == "stated" or typed & {"scale", "sd_N"} else "scale"
     for name in ("noise.scale", "noise.sd_N"):
         wanted = {"noise.scale": "scale", "noise.sd_N": "add"}[name] == kind
+        if name.rpartition(".")[2] in typed:  # named by itself, which goes before the kind
+            wanted = model.parameters[name].free
         item = model.parameters[name]
         if wanted and name == "noise.sd_N" and item.value == 0.0:
             item = item.at(1e-3)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from benchtool.control.pitch import Feedforward, PitchControl, pitch_controller
+from benchtool.core.parameter import full_name
 from benchtool.core.schedule import FARTHEST_PLATE, Schedule
 from benchtool.effects.catalogue import EFFECTS
 from benchtool.effects.model import Model
@@ -184,7 +185,7 @@ def _with_gain(control: PitchControl, name: str, value: float) -> PitchControl:
 
 
 def _with_parameter(model: Model, name: str, value: float) -> Model:
-    full = full_name(model, name)
+    full = _full_name(model, name)
     if full in SENSIBLE:
         refuse_outside(full, value, *SENSIBLE[full])
     if full == "motor_lag.tau_s" and 0.0 < value < LEAST_LAG_S:
@@ -197,19 +198,11 @@ def _with_parameter(model: Model, name: str, value: float) -> Model:
     return model.fixed(full, value)
 
 
-def full_name(model: Model, name: str) -> str:
-    """Return a parameter's full name for what somebody typed, or refuse it with the known ones."""
-    known = list(model.parameters)
-    known += [
-        f"{effect.name}.{item.name}"
-        for effect in EFFECTS.values()
-        for item in effect.parameters
-        if f"{effect.name}.{item.name}" not in known
-    ]
-    if name in known:
-        return name
-    alike = [each for each in known if each.rpartition(".")[2] == name]
-    if len(alike) == 1:
-        return alike[0]
+def _full_name(model: Model, name: str) -> str:
+    """Return a parameter's full name, of the model or of an effect that it may be given."""
+    offered = (
+        f"{effect.name}.{item.name}" for effect in EFFECTS.values() for item in effect.parameters
+    )
+    known = dict.fromkeys((*model.parameters, *offered))
     gains = [f"gains.{table}" for table in GAIN_TABLES]
-    raise UnknownChoice("number to set or vary", name, alike or [*known, *gains, PLATE_DISTANCE])
+    return full_name(name, known, "number to set or vary", (*gains, PLATE_DISTANCE))

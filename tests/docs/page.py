@@ -2,7 +2,8 @@
 
 In order, in one empty folder per page:
 
-- ``console`` and ``sh``: lines that begin with ``$ benchtool`` or ``$ python`` are run. Exit code 0
+- ``console`` and ``sh``: lines that begin with ``$ benchtool`` or ``$ python`` are run by bash, as
+  somebody who copies them does: what is not quoted means what it means to a shell. Exit code 0
   is expected, another one where the line ends in ``# exit CODE``. A line that ends in ``&`` runs
   on until the page ends. Other programs (make, pip, git) and shown output are passed over.
 - ``python``: executed, all blocks of a page in one namespace.
@@ -14,7 +15,6 @@ from __future__ import annotations
 
 import os
 import re
-import shlex
 import subprocess
 import sys
 from contextlib import ExitStack
@@ -28,7 +28,7 @@ BLOCK = re.compile(
     re.MULTILINE | re.DOTALL,
 )
 LONGEST_S = 150.0
-PROGRAMS = {"benchtool": [sys.executable, "-m", "benchtool"], "python": [sys.executable]}
+PROGRAMS = ("benchtool", "python")
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,19 +96,24 @@ def run_page(text: str, name: str, folder: Path) -> list[str]:
 
 def run_command(command: str, folder: Path, until_the_end: ExitStack) -> str | None:
     """Run one command line; say what is wrong with how it ended, or None."""
-    words = shlex.split(command, comments=True)
     expected = int(found[1]) if (found := re.search(r"# exit (\d+)\s*$", command)) else 0
-    arguments = [*PROGRAMS[words[0]], *words[1:]]
+    programs = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
     environment = os.environ | {"MPLBACKEND": "Agg", "COLUMNS": "100", "PYTHONIOENCODING": "utf-8"}
-    if words[-1] == "&":
+    environment["PATH"] = programs
+    bash = ["bash", "-o", "pipefail", "-c"]
+    if command.rstrip().endswith("&"):
         process = subprocess.Popen(
-            arguments[:-1], cwd=folder, env=environment, stdout=subprocess.PIPE, text=True
+            [*bash, f"exec {command.rstrip().removesuffix('&')}"],
+            cwd=folder,
+            env=environment,
+            stdout=subprocess.PIPE,
+            text=True,
         )
         until_the_end.callback(stop, process)
         assert process.stdout is not None
         return None if process.stdout.readline() else "ended without a word"
     ended = subprocess.run(
-        arguments,
+        [*bash, command],
         cwd=folder,
         env=environment,
         stdin=subprocess.DEVNULL,

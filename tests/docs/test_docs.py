@@ -83,6 +83,14 @@ def test_a_wrong_exit_code_is_reported_with_its_line(tmp_path: Path) -> None:
     assert "unknown command" in failure
 
 
+def test_what_is_not_quoted_means_what_it_means_to_a_shell(tmp_path: Path) -> None:
+    words = "import sys; assert sys.argv[1:] == ['a?b&c=1', '--yes']"
+    quoted = f"```sh\n$ python -c \"{words}\" 'a?b&c=1' --yes\n```\n"
+    assert run_page(quoted, "page.md", tmp_path) == []
+    (failure,) = run_page(quoted.replace("'a?b&c=1'", "a?b&c=1"), "page.md", tmp_path)
+    assert "--yes: command not found" in failure
+
+
 def test_a_command_left_running_ends_with_the_page(tmp_path: Path) -> None:
     (tmp_path / "wait.py").write_text("print('up', flush=True)\nimport time\ntime.sleep(60)\n")
     assert run_page("```sh\n$ python wait.py &\n$ python -c 1\n```\n", "page.md", tmp_path) == []
