@@ -33,8 +33,17 @@ what to do next. The numbers are attributes too, so that no caller parses text.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
+
+MOST_SHOWN = 60
+"""Most names that a message lists, and most letters of a name that it repeats. A choice."""
+
+
+def _listed(names: Sequence[str]) -> str:
+    """Return names with commas; of many only the first."""
+    rest = f" and {len(names) - MOST_SHOWN:,} more" if len(names) > MOST_SHOWN else ""
+    return (", ".join(names[:MOST_SHOWN]) or "none") + rest
 
 
 class BenchtoolError(Exception):
@@ -62,13 +71,14 @@ class UnknownChoice(InputError):
         self.kind = kind
         self.name = name
         self.known = tuple(sorted(known))
+        name = name[: 4 * MOST_SHOWN]
         folded = {each.casefold(): each for each in self.known if len(each) > 1}
         close = get_close_matches(name.casefold(), folded, n=1)
         begun = [each for each in sorted(folded, key=len) if each.startswith(name.casefold())]
         close = close or begun[: len(name) > 1]
         hint = f"did you mean {folded[close[0]]!r}? " if close else ""
-        listed = ", ".join(self.known) or "none"
-        super().__init__(f"unknown {kind} {name!r}; {hint}known: {listed}")
+        shown = name if len(name) <= MOST_SHOWN else f"{name[:MOST_SHOWN]}..."
+        super().__init__(f"unknown {kind} {shown!r}; {hint}known: {_listed(self.known)}")
 
 
 class FileFormatError(InputError):
@@ -103,7 +113,7 @@ class MissingColumn(InputError):
         self.column = column
         self.known = tuple(known)
         of = f" of {mapped_by}" if mapped_by else ""
-        listed = ", ".join(name for name in self.known if name) or "none"
+        listed = _listed([name for name in self.known if name])
         super().__init__(
             f"[columns]{of} names {column!r}, which {where} lacks; its columns are {listed}"
         )

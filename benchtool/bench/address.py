@@ -17,6 +17,9 @@ from benchtool.bench.parsed_address import Address
 from benchtool.errors import InputError, UnknownChoice
 from benchtool.library.own_code import CodePermit, refuse_code
 
+LONGEST_ADDRESS = 1024
+"""Longest address, in characters; a choice: a path and some options."""
+
 DEFAULT_BAUD = 2_000_000
 """Rate of a serial address that names none: what the protocol's description recommends."""
 
@@ -37,6 +40,11 @@ def parse_address(text: str) -> Address:
         InputError: no scheme, nothing after it, or an option without a value.
         UnknownChoice: a scheme or an option that does not exist, with the known ones.
     """
+    if len(text) > LONGEST_ADDRESS:
+        raise InputError(
+            f"the address {text[:40]!r}... has {len(text):,} characters, limit "
+            f"{LONGEST_ADDRESS:,}; write for example {SCHEMES['sim'].example}"
+        )
     scheme, colon, rest = text.strip().partition(":")
     if not colon:
         raise InputError(f"{text!r} names no scheme; write it as one of: {', '.join(_examples())}")
@@ -54,6 +62,8 @@ def parse_address(text: str) -> Address:
         raise InputError(
             f"the options of address {text!r} cannot be read; write them as name=value joined by &"
         ) from None
+    if not all(map(str.isprintable, (place, *(value for _, value in pairs)))):
+        raise InputError(f"address {text!r} holds characters that no name has; type it anew")
     for name, _ in pairs:
         if name not in known.options:
             raise UnknownChoice(f"option of {scheme}: addresses", name, known.options)

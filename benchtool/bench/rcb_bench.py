@@ -19,7 +19,7 @@ from benchtool.bench.device_clock import DeviceClock
 from benchtool.bench.opened import Opened
 from benchtool.bench.rcb_settings import RcbSettings
 from benchtool.bench.rcb_talk import RcbTalk
-from benchtool.bench.rcb_words import PULSE, Line, StandClock, words_for
+from benchtool.bench.rcb_words import PULSE, Hello, Line, StandClock, words_for
 from benchtool.bench.read_ahead import Listener, ReadAhead
 from benchtool.bench.transport import Transport
 from benchtool.core.channel import Channel, unit_told_by
@@ -225,7 +225,7 @@ class RcbBench(Opened):
                 self._talk.pump(0.05)
         self._talk.take_lines()
 
-    def _learn(self, hello: Line) -> Identity:
+    def _learn(self, hello: Hello) -> Identity:
         """Listen for a while and return who answers, with the channels that live."""
         seen: dict[str, int] = {}
         until_s = self._clock() + LEARN_S
@@ -251,10 +251,10 @@ class RcbBench(Opened):
     def _note(self) -> None:
         """Sort what has come: readings, losses, why the script stopped the motor."""
         for line in self._talk.take_lines():
-            if line.why and not self._stopped:
-                self._stopped = line.why
-                self._messages.append(line.why)
-            number = line.sequence
+            if line.entry.why and not self._stopped:
+                self._stopped = line.entry.why
+                self._messages.append(line.entry.why)
+            number = line.entry.n
             if number is None:
                 continue
             self._read_s = self._clock()
@@ -264,7 +264,7 @@ class RcbBench(Opened):
             self._expected = number + 1
             self._moving = line.plate_moves
             self._speed = line.speed
-            time_us = self._stand_clock.time_us(line.time_s, float(line.entry["t_ms"]))
+            time_us = self._stand_clock.time_us(line.time_s, line.entry.t_ms)
             self._rows.append((time_us, line))
 
     def _raise_if_stopped(self) -> None:
@@ -317,35 +317,31 @@ class RcbBench(Opened):
 
 
 def _identity(
-    address: str, hello: Line, names: list[str], rate_Hz: float, settings: RcbSettings
+    address: str, hello: Hello, names: list[str], rate_Hz: float, settings: RcbSettings
 ) -> Identity:
     """Return who answers."""
-    entry = hello.entry
     virtual = hello.is_virtual
-    low_us = float(entry["low_us"])
     facts = {
-        "pwm_stop_us": f"{low_us:g}",
-        "output": str(entry["output"]),
-        "rpm_from": str(entry["speed"]),
-        "ramp_ms": f"{entry['ramp_ms']:g}",
+        "pwm_stop_us": f"{hello.low_us:g}",
+        "output": hello.output,
+        "rpm_from": hello.speed,
+        "ramp_ms": f"{hello.ramp_ms:g}",
     }
     if settings.warning:
         facts["warning"] = settings.warning
     if settings.thrust_scale != 1.0:
         facts["thrust_scale"] = f"{settings.thrust_scale:g}"
-    limits = {name: float(value) for name, value in entry["limits"].items()}
     return Identity(
         address=address,
-        device_id=f"rcb-{entry['board']}",
-        firmware=f"RCbenchmark {entry['version']}, firmware {entry['firmware']}, bridge "
-        f"{entry['bridge']}",
-        protocol=f"rcbudp-{entry['bridge']}",
+        device_id=f"rcb-{hello.board}",
+        firmware=f"RCbenchmark {hello.version}, firmware {hello.firmware}, bridge {hello.bridge}",
+        protocol=f"rcbudp-{hello.bridge}",
         channels=tuple(Channel(name, unit_told_by(name)) for name in names),
         rate_Hz=rate_Hz,
         n_rotors=1,
         simulated=virtual,
         moves_plate=virtual,
-        limits={"pwm_us": float(entry["high_us"]), **limits},
-        watchdog_s=1e-3 * float(entry["silence_ms"]),
+        limits={"pwm_us": hello.high_us, **hello.limits},
+        watchdog_s=1e-3 * hello.silence_ms,
         facts=facts,
     )

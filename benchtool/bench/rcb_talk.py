@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from benchtool.bench.rcb_words import Line, RcbEar, words_for
+from benchtool.bench.rcb_words import Hello, Line, RcbEar, words_for
 from benchtool.bench.strangers import not_the_bridge
 from benchtool.bench.transport import Transport
 from benchtool.errors import CommandRefused, LinkLost, NoDevice, ProtocolError
@@ -47,7 +47,7 @@ class RcbTalk:
         self._heard = b""
         self._begin()
 
-    def open(self) -> Line:
+    def open(self) -> Hello:
         """Open the transport and ask who is there until the script answers.
 
         Raises:
@@ -60,11 +60,12 @@ class RcbTalk:
         deadline_s = self._clock() + HELLO_S
         while self._clock() < deadline_s:
             answer = self._try(b"hello", HELLO_TRY_S)
-            if answer is not None and "board" in answer.entry:
-                self.ear.speed = str(answer.entry["speed"])
-                self._low = self._pulse = words_for(float(answer.entry["low_us"]))
+            hello = answer.entry if answer is not None else None
+            if isinstance(hello, Hello):
+                self.ear.speed = hello.speed
+                self._low = self._pulse = words_for(hello.low_us)
                 self.heard_s = self._clock()
-                return answer
+                return hello
         raise self._silence()
 
     def close(self) -> None:
@@ -88,7 +89,7 @@ class RcbTalk:
             answer = self._try(word, min(left_s, ANSWER_S if longest_s < 2.0 else 1.0))
             if answer is None:
                 continue
-            if refused := str(answer.entry.get("refused", "")):
+            if refused := answer.entry.refused:
                 self._pulse = before
                 raise CommandRefused(word.decode(), refused)
             return answer
@@ -113,9 +114,8 @@ class RcbTalk:
             self._heard = (self._heard + data)[:_SHOWN_BYTES]
         for line in self.ear.feed(data):
             self.heard_s = self._clock()
-            to = line.entry.get("to")
-            if isinstance(to, str):
-                self._answers[to.encode("latin-1", "replace")] = line
+            if line.entry.to:
+                self._answers[line.entry.to.encode("latin-1", "replace")] = line
             self._lines.append(line)
         return True
 

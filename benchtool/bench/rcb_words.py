@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import isfinite, nan
-from typing import Any
+from typing import Annotated, Any, ClassVar
+
+from annotated_types import Ge, Gt, Le
 
 from benchtool.core.channel import Channel
+from benchtool.core.parsed_text import parse_json
+from benchtool.core.toml_text import build
 from benchtool.core.units import from_si, to_si, unit_named
-from benchtool.errors import ProtocolError
+from benchtool.errors import FileFormatError, InputError, ProtocolError
 from benchtool.library.bridge_file import FORCE_UNITS
 
 BRIDGE_VERSION = 1
@@ -18,6 +21,9 @@ VIRTUAL_BOARD = "benchtool virtual stand"
 """How the board version of a virtual stand begins."""
 
 LONGEST_LINE = 65536
+
+LARGEST_SPEED = 1000.0
+"""Most stand seconds per wall second that a virtual stand is believed."""
 
 SPEED, PULSE = "rpm1", "pwm1_us"
 
@@ -49,39 +55,74 @@ UNITS: dict[str, str] = {
 STANDARD_GRAVITY_M_S2 = unit_named("kgf").factor
 
 
+Pulse = Annotated[float, Ge(0.0), Le(1e4)]
+Time = Annotated[float, Ge(0.0), Le(1e13)]
+_FINITE: dict[str, Any] = {"allow_inf_nan": False}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Entry:
+    """What the script itself says with every line.
+
+    Attributes:
+        bridge: version of the script.
+        t_ms: its own clock.
+        us: the pulse that the output holds.
+        n: number of these readings, None for an answer.
+        to: the word that this answers.
+        refused: why the word was refused, empty when it was not.
+        why: why the script has stopped the motor, empty when it has not.
+    """
+
+    __pydantic_config__: ClassVar[dict[str, Any]] = _FINITE
+    bridge: int
+    t_ms: Time
+    us: Pulse
+    n: Annotated[int, Ge(0)] | None = None
+    to: str = ""
+    refused: str = ""
+    why: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Hello(Entry):
+    """The answer to a hello: which stand, which limits the script watches, when it stops."""
+
+    __pydantic_config__: ClassVar[dict[str, Any]] = _FINITE
+    board: str
+    version: str
+    firmware: str
+    output: str
+    speed: str
+    low_us: Pulse
+    high_us: Pulse
+    silence_ms: Annotated[float, Gt(0.0), Le(1e5)]
+    ramp_ms: Annotated[float, Ge(0.0), Le(1e5)]
+    limits: Mapping[str, Annotated[float, Ge(0.0), Le(1e9)]]
+
+    @property
+    def is_virtual(self) -> bool:
+        """Whether this comes from a stand of benchtool's, not the maker's."""
+        return self.version.startswith(VIRTUAL_BOARD)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Line:
     """One line of the bridge.
 
     Attributes:
-        entry: what the script itself says, empty for a line that is not from it.
+        entry: what the script itself says.
         values: readings by channel name, in the channel's unit; nan where there is none.
         time_s: the stand's own time of the readings, nan where there is none.
         plate_moves: whether the plate of a virtual stand is on its way.
         speed: stand seconds per wall second; 1 on every physical stand.
     """
 
-    entry: Mapping[str, Any] = field(default_factory=dict)
+    entry: Entry
     values: Mapping[str, float] = field(default_factory=dict)
     time_s: float = nan
     plate_moves: bool = False
     speed: float = 1.0
-
-    @property
-    def is_virtual(self) -> bool:
-        """Whether this answer to a hello comes from a stand of benchtool's, not the maker's."""
-        return str(self.entry.get("version", "")).startswith(VIRTUAL_BOARD)
-
-    @property
-    def sequence(self) -> int | None:
-        """Number of these readings, None for an answer."""
-        number = self.entry.get("n")
-        return number if isinstance(number, int) else None
-
-    @property
-    def why(self) -> str:
-        """Why the script has stopped the motor, empty when it has not."""
-        return str(self.entry.get("why", ""))
 
 
 class RcbEar:
@@ -116,8 +157,8 @@ class RcbEar:
             return None
         try:
             # The GUI's helper cuts every letter to a byte: the degree sign comes as Latin 1.
-            said = json.loads(text.decode("latin-1"))
-        except ValueError:
+            said = parse_json(text.decode("latin-1"), "a line of the bridge script")
+        except FileFormatError:
             self.corrupt += 1
             return None
         entry = said.get("benchtool") if isinstance(said, dict) else None
@@ -130,20 +171,25 @@ class RcbEar:
                 f"the bridge script in the GUI has version {entry.get('bridge')}, this program "
                 f"needs {BRIDGE_VERSION}; write it anew with benchtool bench bridge"
             )
-        if "n" not in entry:
-            return Line(entry=entry)
+        kind = Hello if entry.get("to") == "hello" else Entry
+        try:
+            read = build(kind, entry, "the bridge script's line")
+        except InputError as error:
+            raise ProtocolError(f"{error}; write it anew with benchtool bench bridge") from error
+        if read.n is None:
+            return Line(entry=read)
         values = {
             channel.name: _reading(said, name, channel.unit) for name, channel in CHANNELS.items()
         }
         values[SPEED] = _reading(said, self.speed, "rpm")
-        values[PULSE] = float(entry.get("us", nan))
+        values[PULSE] = read.us
         speed = _reading(said, "simulationSpeed", "1")
         return Line(
-            entry=entry,
+            entry=read,
             values=values,
             time_s=_reading(said, "time", "s"),
             plate_moves=_reading(said, "plateMoving", "1") == 1.0,
-            speed=speed if speed > 0.0 else 1.0,
+            speed=speed if 0.0 < speed <= LARGEST_SPEED else 1.0,
         )
 
 

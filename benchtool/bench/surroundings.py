@@ -127,7 +127,7 @@ def _programs() -> frozenset[str]:
 
 def _driver(short: str) -> str | None:
     link = _TTY / short / "device" / "driver"
-    return os.path.basename(os.path.realpath(link)) if link.exists() else None
+    return os.path.basename(os.path.realpath(link)) if os.path.exists(link) else None
 
 
 def _number(path: Path) -> int | None:

@@ -8,6 +8,7 @@ appear in the help by their line in `COMMANDS`.
 
 from __future__ import annotations
 
+import errno
 import os
 import sys
 from collections.abc import Callable, Sequence
@@ -18,7 +19,8 @@ import typer
 from typer.core import TyperGroup
 
 from benchtool import __version__
-from benchtool.errors import BenchtoolError, UnknownChoice
+from benchtool.core.user_file import shown_name
+from benchtool.errors import BenchtoolError, InputError, UnknownChoice
 
 COMMANDS: dict[str, str] = {
     "demo": "Sweep two virtual benches, fit, and write a report",
@@ -49,6 +51,9 @@ first line of the command's docstring."""
 _KEYWORDS = {"import": "import_file"}
 """Commands whose name Python keeps for itself, and the module that holds them."""
 
+_OF_A_NAME = {errno.ENAMETOOLONG, errno.ENOTDIR, errno.EISDIR, errno.EEXIST, errno.ELOOP}
+"""What the system says of a path that cannot be one; where it was typed does not matter."""
+
 UNEXPECTED = 70
 """Exit code of a fault in benchtool itself (EX_SOFTWARE of BSD's sysexits.h)."""
 
@@ -65,6 +70,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if reconfigure := getattr(stream, "reconfigure", None):
             reconfigure(errors="replace")
     try:
+        _check_text(words)
         code = build(words)(args=words, prog_name="benchtool", standalone_mode=False)
         sys.exit(code if isinstance(code, int) else 0)
     except typer.TyperException as error:
@@ -81,8 +87,22 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except Exception as error:
         if os.environ.get("BENCHTOOL_DEBUG"):
             raise
+        if isinstance(error, OSError) and error.errno in _OF_A_NAME and error.filename:
+            said = (error.strerror or "it cannot be used").lower()
+            print(f"benchtool: {shown_name(error.filename)}: {said}; name another", file=sys.stderr)
+            sys.exit(InputError.exit_code)
         print(f"benchtool: {_describe_fault(error)}", file=sys.stderr)
         sys.exit(UNEXPECTED)
+
+
+def _check_text(words: Sequence[str]) -> None:
+    """Refuse a word that is no UTF-8 text: it could be neither stored nor shown."""
+    for word in words:
+        try:
+            word.encode()
+        except UnicodeEncodeError:
+            shown = word[:60].encode("ascii", "backslashreplace").decode()
+            raise InputError(f"the word {shown} is not UTF-8 text; write it otherwise") from None
 
 
 def build(words: Sequence[str]) -> typer.Typer:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -38,9 +39,9 @@ class Recording:
                 f"but its values have shape {self.values.shape}"
             )
         names = [channel.name for channel in self.channels]
-        twice = sorted({name for name in names if names.count(name) > 1})
-        if twice:
-            raise InputError(f"channel {twice[0]!r} stands twice in one recording; rename one")
+        if len(set(names)) < len(names):
+            twice = min(name for name, count in Counter(names).items() if count > 1)
+            raise InputError(f"channel {twice!r} stands twice in one recording; rename one")
 
     def __len__(self) -> int:
         return int(self.values.shape[0])

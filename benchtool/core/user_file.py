@@ -23,6 +23,8 @@ MOST_FACTS_BYTES = 1 << 26
 MOST_DATA_BYTES = 1 << 32
 """Largest file of data: a day of flight logs. A choice."""
 
+_PIECE_BYTES = 1 << 20
+
 _KINDS = (
     (stat.S_ISDIR, "this is a folder"),
     (stat.S_ISFIFO, "this is a pipe"),
@@ -75,17 +77,19 @@ def read_file(path: str | Path, most_bytes: int = MOST_DATA_BYTES, *, follow: bo
     """
     with open_file(path, follow=follow) as file:
         size = os.fstat(file.fileno()).st_size
-        if size <= most_bytes:
-            try:
-                data = file.read(most_bytes + 1)
-            except OSError as error:
-                raise FileFormatError(shown_name(path), _reason(error, path)) from error
-            if len(data) <= most_bytes:
-                return data
-            size = len(data)
+        try:
+            # One byte more than is stated: a file that grows, or of /proc, states too little.
+            data = file.read(min(size, most_bytes) + 1)
+            while len(data) <= most_bytes and (more := file.read(_PIECE_BYTES)):
+                data += more
+        except OSError as error:
+            raise FileFormatError(shown_name(path), _reason(error, path)) from error
+    if len(data) <= most_bytes:
+        return data
     raise FileFormatError(
         shown_name(path),
-        f"it has {size:,} bytes, limit {most_bytes:,}; name a smaller file of this kind",
+        f"it has {max(size, len(data)):,} bytes, limit {most_bytes:,}; name a smaller file of "
+        f"this kind",
     )
 
 

@@ -8,6 +8,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
+from benchtool.core.table_bounds import MOST_LOG_BYTES
 from benchtool.core.user_file import read_file
 from benchtool.errors import FileFormatError, InputError
 from benchtool.importers.as_told import as_told
@@ -39,7 +40,7 @@ def import_file(path: str | Path, options: Options | None = None) -> Imported:
     if os.path.isdir(where):
         words = told_of_folder(where, lambda head, name: _can_import(head, name, options))
         raise FileFormatError(str(path), words)
-    return import_bytes(read_file(where), str(path), options)
+    return import_bytes(read_file(where, MOST_LOG_BYTES), str(path), options)
 
 
 def import_files(paths: Sequence[str | Path], options: Options | None = None) -> list[Imported]:

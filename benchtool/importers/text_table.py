@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.core.table_bounds import check_columns
 from benchtool.errors import FileFormatError
 from benchtool.importers.even_rows import evened
 from benchtool.importers.finding import Finding
@@ -69,6 +70,7 @@ def lay_out(data: bytes, where: str) -> TextTable:
     line_of = None
     if b'"' in data:
         first, body, line_of = _unquoted(first, data[rest_at:], delimiter, where)
+    check_columns(first.count(delimiter) + 1, where)
     names = tuple(cell.strip() for cell in first.split(delimiter))
     if not any(names):
         raise FileFormatError(where, "the first line names no columns; add a header line")

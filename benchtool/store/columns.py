@@ -5,8 +5,11 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 
+import numpy as np
+
 from benchtool.core.channel import Channel, unit_told_by
-from benchtool.errors import UnknownChoice
+from benchtool.core.recording import Recording
+from benchtool.errors import FileFormatError, UnknownChoice
 
 KINDS: tuple[str, ...] = ("measure", "reference", "anchor", "tare")
 """Kinds of points; in a `Recording` the channel `kind` holds the position in this tuple.
@@ -43,6 +46,41 @@ _SPEED = re.compile(r"rpm\d+|pwm\d+_us")
 def speed_columns(names: Iterable[str], family: str = "") -> list[str]:
     """Return the columns of rotor speeds and pulses, or only those that begin with `family`."""
     return [name for name in names if _SPEED.fullmatch(name) and name.startswith(family)]
+
+
+WHOLE: tuple[str, ...] = ("point", "setting", "repeat", "n_samples", "n_repeats", "settled")
+"""Columns of our own files that hold whole numbers from 0."""
+
+LONGEST_S = 1e8
+"""Three years: no run is longer. A choice."""
+
+_PIECE = 1 << 16
+
+
+def check_numbers(recording: Recording, where: str) -> None:
+    """Refuse numbers that none of our own files holds.
+
+    Raises:
+        FileFormatError: an infinite number, a time that is none, a number of a visit that is not
+            whole.
+    """
+    for name in recording.names:
+        column = recording.column(name)
+        for start in range(0, len(column), _PIECE):  # a few bytes a row, not three copies
+            values = column[start : start + _PIECE]
+            wrong = np.isinf(values)
+            if name in WHOLE:
+                wrong |= ~((values >= 0.0) & (values < 2.0**53) & (values == np.floor(values)))
+            elif name == "time_s":
+                wrong |= ~(np.abs(values) <= LONGEST_S)
+            elif name == "device_time_us":
+                wrong |= np.isnan(values)
+            if wrong.any():
+                row = int(np.argmax(wrong))
+                raise FileFormatError(
+                    f"{where}, row {start + row + 1}",
+                    f"{name} is {values[row]:g}, which no run holds; restore the file from a copy",
+                )
 
 
 def channel_called(name: str) -> Channel:

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from benchtool.core.table_bounds import MOST_TABLE_BYTES, check_cells, check_columns
 from benchtool.core.user_file import read_file
 from benchtool.errors import FileFormatError
 
@@ -42,7 +43,7 @@ def read_csv_text(path: Path, *, own: bool = False) -> CsvTable:
         own: the file is one of ours: a last line without its line end was cut by a kill and is
             left out, even when it looks whole.
     """
-    return parse_csv(read_file(path), str(path), own=own)
+    return parse_csv(read_file(path, MOST_TABLE_BYTES), str(path), own=own)
 
 
 def no_rows(where: str, header: Sequence[str]) -> FileFormatError:
@@ -68,6 +69,8 @@ def parse_csv(data: bytes, where: str, *, own: bool = False) -> CsvTable:
     delimiter = max(",;\t", key=first.count)
     if delimiter != ",":
         repairs.append(f"cells are separated by {delimiter!r}, not ','")
+    check_columns(first.count(delimiter) + 1, where)
+    check_cells(text.count(delimiter) + text.count("\n"), where)
     reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter)
     try:
         header = [cell.strip() for cell in next(reader, [])]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from pathlib import Path
 
 from benchtool.core.user_file import open_file
@@ -21,7 +22,7 @@ def file_hash(path: Path) -> str:
 def data_hash(path: str | Path) -> str:
     """Return the SHA-256 of a data file, or of a run folder's points and samples, in hex."""
     path = Path(path)
-    if path.is_file():
+    if os.path.lexists(path) and not os.path.isdir(path):
         return file_hash(path)
     present = [path / name for name in DATA_FILES if (path / name).is_file()]
     if not present:

@@ -11,9 +11,14 @@ from typing import Any
 import numpy as np
 
 from benchtool.core.recording import Recording
+from benchtool.core.table_bounds import check_columns, check_decoded
+from benchtool.core.user_file import open_file
+from benchtool.errors import FileFormatError
 from benchtool.store.atomic import sync_folder
 from benchtool.store.columns import WORDS, channel_called
 from benchtool.store.sample_stream import WholeLines, codes_of, sample_batches
+
+_BATCH_ROWS = 1 << 13
 
 
 def write_parquet(path: Path, samples: Recording) -> None:
@@ -54,22 +59,54 @@ def read_parquet(path: Path, names: Sequence[str] | None = None) -> Recording:
     Args:
         path: of the file.
         names: of the columns to read, those that are not in the file left out; all when left out.
+
+    Raises:
+        FileFormatError: it is no Parquet file, is too large when read, or holds a column that is
+            neither of numbers nor of our own words.
     """
+    import pyarrow as pa
     import pyarrow.parquet as pq
 
-    with pq.ParquetFile(path) as file:
-        present = [name for name in file.schema_arrow.names if names is None or name in names]
-        values = np.empty((file.metadata.num_rows, len(present)))
-        at = 0
-        for batch in file.iter_batches(columns=present, use_threads=False):
-            end = at + batch.num_rows
-            for column, name in enumerate(present):
-                cells = batch.column(column)
-                if name in WORDS:
-                    cells = codes_of(name, cells.dictionary_decode(), path)
-                values[at:end, column] = cells.to_numpy(zero_copy_only=False)
-            at = end
-    return Recording(tuple(channel_called(name) for name in present), values)
+    where = str(path)
+    try:
+        with open_file(path, follow=False) as opened, pq.ParquetFile(opened) as file:
+            schema = file.schema_arrow
+            check_columns(len(schema.names), where)
+            present = [name for name in schema.names if names is None or name in names]
+            for name in present:
+                _check_type(schema.field(name), where)
+            check_decoded(file.metadata.num_rows, len(present), where)
+            values = np.empty((file.metadata.num_rows, len(present)))
+            at = 0
+            for batch in file.iter_batches(_BATCH_ROWS, columns=present, use_threads=False):
+                end = at + batch.num_rows
+                for column, name in enumerate(present):
+                    cells = batch.column(column)
+                    if name in WORDS:
+                        cells = codes_of(name, cells.cast(pa.string()), path)
+                    values[at:end, column] = cells.to_numpy(zero_copy_only=False)
+                at = end
+    except MemoryError:
+        raise
+    except (pa.ArrowException, KeyError, OSError, ValueError) as error:
+        problem = " ".join(str(error).split())[:200]
+        problem = f"it cannot be read as Parquet ({problem}); restore it from a copy"
+        raise FileFormatError(where, problem) from error
+    return Recording(tuple(channel_called(name) for name in present), values[:at])
+
+
+def _check_type(field: Any, where: str) -> None:
+    from pyarrow import types
+
+    kind = field.type
+    if field.name in WORDS:
+        good = types.is_string(kind) or types.is_dictionary(kind)
+    else:
+        good = types.is_floating(kind) or types.is_integer(kind) or types.is_boolean(kind)
+    if not good:
+        raise FileFormatError(
+            where, f"column {field.name!r} holds {kind}, not what it must; restore it from a copy"
+        )
 
 
 @contextmanager

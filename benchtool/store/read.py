@@ -14,12 +14,12 @@ import numpy as np
 from benchtool.core.recording import Recording
 from benchtool.errors import BenchtoolError, FileFormatError
 from benchtool.store.atomic import read_json
-from benchtool.store.columns import channel_called, code_of
+from benchtool.store.columns import channel_called, check_numbers, code_of
 from benchtool.store.csv_text import read_csv_text
 from benchtool.store.digest import data_hash, file_hash
 from benchtool.store.parquet import read_parquet
 from benchtool.store.sample_stream import WholeLines, read_stream
-from benchtool.store.table import numbers_in
+from benchtool.store.table import columns_of
 
 
 def is_run(path: str | Path) -> bool:
@@ -70,7 +70,9 @@ def read_samples(path: str | Path, names: Sequence[str] | None = None) -> Record
         stated = read_json(path / "metadata.json").get("samples", {})
         problem = _mismatch(parquet, path / "samples.csv", stated)
         if not problem:
-            return _with_provenance(read_parquet(parquet, names), parquet, path, ())
+            recording = read_parquet(parquet, names)
+            check_numbers(recording, str(parquet))
+            return _with_provenance(recording, parquet, path, ())
         warnings.warn(f"{parquet}: {problem}; samples.csv was read instead", stacklevel=2)
         recording = _read_samples(path / "samples.csv", path, names)
         said = "; ".join(filter(None, (recording.provenance["repairs"], problem)))
@@ -99,9 +101,9 @@ def _file(path: str | Path, name: str) -> Path:
 
 def _read(file: Path, path: Path) -> Recording:
     table = read_csv_text(file, own=True)
-    rows = range(len(table.rows))
-    pairs = [(channel_called(name), numbers_in(table, name, rows)) for name in table.header]
-    return _with_provenance(Recording.from_columns(pairs), file, path, table.repairs)
+    recording = Recording.from_columns(columns_of(table))
+    check_numbers(recording, str(file))
+    return _with_provenance(recording, file, path, table.repairs)
 
 
 def _read_samples(file: Path, path: Path, names: Sequence[str] | None) -> Recording:
@@ -115,6 +117,7 @@ def _read_samples(file: Path, path: Path, names: Sequence[str] | None) -> Record
         columns = [recording.index(name) for name in present]
         channels = tuple(recording.channels[index] for index in columns)
         return replace(recording, channels=channels, values=recording.values[:, columns])
+    check_numbers(recording, str(file))
     repairs = ("the last line was cut short and left out",) if cut else ()
     return _with_provenance(recording, file, path, repairs)
 

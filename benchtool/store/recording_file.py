@@ -11,13 +11,14 @@ import numpy as np
 
 from benchtool.core.channel import Channel
 from benchtool.core.recording import Recording
-from benchtool.errors import FileFormatError, WouldOverwrite
+from benchtool.errors import BenchtoolError, FileFormatError, WouldOverwrite
 from benchtool.store.atomic import read_json, replace_json
 from benchtool.store.columns import channel_called
 from benchtool.store.csv_text import read_csv_text
 from benchtool.store.digest import file_hash
 from benchtool.store.parquet import read_parquet, write_parquet
-from benchtool.store.table import numbers_in
+from benchtool.store.sample_stream import read_stream
+from benchtool.store.table import columns_of
 
 FORMAT = "benchtool-recording-1"
 
@@ -78,10 +79,7 @@ def read_recording(path: str | Path) -> Recording:
             str(path), "it has changed since it was written; import it again, or restore it"
         )
     if path.suffix.lower() == ".csv":
-        table = read_csv_text(path, own=True)
-        rows = range(len(table.rows))
-        pairs = [(channel_called(name), numbers_in(table, name, rows)) for name in table.header]
-        recording = Recording.from_columns(pairs)
+        recording = _read_csv(path)
     else:
         recording = read_parquet(path)
     units = {str(item["name"]): str(item["unit"]) for item in facts["channels"]}
@@ -91,6 +89,14 @@ def read_recording(path: str | Path) -> Recording:
         provenance={str(key): str(value) for key, value in facts["provenance"].items()},
         simulated=bool(facts["simulated"]),
     )
+
+
+def _read_csv(path: Path) -> Recording:
+    try:
+        names, values, _ = read_stream(path, None)
+        return Recording(tuple(map(channel_called, names)), values)
+    except BenchtoolError:  # words, or not as it was written: refused with the line
+        return Recording.from_columns(columns_of(read_csv_text(path, own=True)))
 
 
 def _write_csv(path: Path, recording: Recording) -> None:

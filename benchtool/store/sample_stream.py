@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.core.table_bounds import check_columns, check_decoded
 from benchtool.core.user_file import open_file
 from benchtool.errors import FileFormatError
 from benchtool.store.columns import WORDS
@@ -116,6 +117,8 @@ def read_stream(path: Path, names: Sequence[str] | None) -> tuple[tuple[str, ...
     """
     with WholeLines(path) as lines:
         present = tuple(name for name in lines.names if names is None or name in names)
+        check_columns(len(lines.names), str(path))
+        check_decoded(max(lines.lines, 0), len(present), str(path))
         values: NDArray[np.float64] = np.empty((max(lines.lines, 0), len(present)))
         at = 0
         for batch in sample_batches(lines, path, present):

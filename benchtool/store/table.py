@@ -96,9 +96,9 @@ def read_table(
     return Recording.from_columns(pairs, provenance)
 
 
-def numbers_in(table: CsvTable, name: str, rows: Sequence[int]) -> Array:
+def numbers_in(table: CsvTable, index: int, rows: Sequence[int]) -> Array:
     """Return one column (n,) of those rows as numbers; a blank cell is nan."""
-    index = table.header.index(name)
+    name = table.header[index]
     words = WORDS.get(name)
     values = np.empty(len(rows))
     for position, row in enumerate(rows):
@@ -118,6 +118,15 @@ def numbers_in(table: CsvTable, name: str, rows: Sequence[int]) -> Array:
                 f"it empty",
             ) from None
     return values
+
+
+def columns_of(table: CsvTable) -> list[tuple[Channel, Array]]:
+    """Return every column of one of our own files with its channel."""
+    rows = range(len(table.rows))
+    return [
+        (channel_called(name), numbers_in(table, index, rows))
+        for index, name in enumerate(table.header)
+    ]
 
 
 def _filtered(table: CsvTable, filters: Sequence[Where]) -> list[int]:
@@ -169,7 +178,7 @@ def _mapped(
         if source.column.strip() not in table.header:
             raise MissingColumn(table.where, source.column, table.header)
         index = _index(table, source.column)
-        values = numbers_in(table, table.header[index], rows)
+        values = numbers_in(table, index, rows)
     values = source.sign * source.factor * values
     if unit != channel.unit:
         values = np.asarray(from_si(to_si(values, unit), channel.unit), float)
@@ -178,11 +187,11 @@ def _mapped(
 
 def _own_names(table: CsvTable, rows: Sequence[int]) -> list[tuple[Channel, Array]]:
     pairs = []
-    for name in table.header:
+    for index, name in enumerate(table.header):
         try:
-            pairs.append((channel_called(name), numbers_in(table, name, rows)))
+            pairs.append((channel_called(name), numbers_in(table, index, rows)))
         except FileFormatError:
-            texts = {table.rows[row][table.header.index(name)].strip() for row in rows}
+            texts = {table.rows[row][index].strip() for row in rows}
             if any(_is_number(text) for text in texts):
                 raise
     if not pairs:

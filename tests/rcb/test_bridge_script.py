@@ -9,6 +9,7 @@ import socket
 import subprocess
 import sys
 import time
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -230,6 +231,6 @@ def test_script_and_imitation_say_the_same(tmp_path: Path) -> None:
                 answer: dict = {}
                 while answer.get("to") != word.decode():
                     for line in RcbEar().feed(own.recv(65536)):
-                        answer = dict(line.entry)
+                        answer = asdict(line.entry)
                 (ours,) = RcbEar().feed(imitated.receive(word, 0.0))
-                assert told(answer) == told(dict(ours.entry)), word
+                assert told(answer) == told(asdict(ours.entry)), word

@@ -28,7 +28,7 @@ def test_working_values_are_read_in_whatever_unit_they_come() -> None:
         current=(4.0, "A"), motorOpticalSpeed=(5000, "RPM"), vibration=(2.0, "g"),
     )  # fmt: skip
     (told,) = RcbEar().feed(line)
-    assert told.sequence == 7
+    assert told.entry.n == 7
     assert told.time_s == 12.5
     assert told.values["thrust_N"] == pytest.approx(9.80665)
     assert told.values["torque_Nm"] == 0.12
@@ -75,6 +75,42 @@ def test_the_makers_example_is_told_from_the_bridge() -> None:
     assert (ear.foreign, ear.corrupt) == (1, 0)
     assert ear.feed(b"Hi from RCbenchmark script!\n") == []
     assert (ear.foreign, ear.corrupt) == (1, 1)
+
+
+HELLO = {
+    "to": "hello", "board": "b", "version": "v", "firmware": "f", "output": "esc", "speed": "s",
+    "low_us": 1000, "high_us": 2000, "silence_ms": 250, "ramp_ms": 500, "limits": {"thrust_N": 12},
+    "bridge": 1, "t_ms": 0, "us": 1000,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("entry", "says"),
+    [
+        ({**ENTRY, "us": None}, "us is null"),
+        ({**ENTRY, "us": [1]}, "us is"),
+        ({**ENTRY, "t_ms": "x"}, "t_ms is"),
+        ({**ENTRY, "n": True}, "n is true"),
+        ({"bridge": 1, "n": 1, "us": 1000}, "t_ms is missing"),
+        ({**HELLO, "limits": []}, "limits is"),
+        ({**HELLO, "limits": {"thrust_N": -1}}, "limits.thrust_N is -1"),
+        ({**HELLO, "silence_ms": "x"}, "silence_ms is"),
+        ({**HELLO, "silence_ms": 0}, "silence_ms is 0"),
+        ({**HELLO, "high_us": 1e300}, "high_us is"),
+        ({key: value for key, value in HELLO.items() if key != "low_us"}, "low_us is missing"),
+    ],
+    ids=str,
+)
+def test_a_line_out_of_its_ranges_is_refused(entry: dict[str, object], says: str) -> None:
+    with pytest.raises(ProtocolError, match=says):
+        RcbEar().feed(json.dumps({"benchtool": entry}).encode() + b"\n")
+
+
+@pytest.mark.parametrize("line", [b"[" * 3000, b"1" * 4400, b'{"benchtool":{"us":NaN}}'])
+def test_a_line_beyond_the_bounds_of_json_is_corrupt(line: bytes) -> None:
+    ear = RcbEar()
+    assert ear.feed(line + b"\n") == []
+    assert ear.corrupt == 1
 
 
 def test_another_version_of_the_script_is_refused() -> None:

@@ -1,0 +1,49 @@
+"""How large a table from outside may be, said in one sentence where one is larger."""
+
+from __future__ import annotations
+
+from benchtool.errors import FileFormatError
+
+MOST_COLUMNS = 4096
+"""Most columns of any table; the widest logs have some hundred. A choice."""
+
+MOST_CELLS = 4_000_000
+"""Most cells of a table that is read as text: about 0.4 GB of memory. A choice."""
+
+MOST_TABLE_BYTES = 1 << 28
+"""Largest file of such a table."""
+
+MOST_LOG_BYTES = 1 << 30
+"""Largest file that is imported: hours of an autopilot's log. A choice."""
+
+MOST_DECODED_BYTES = 1 << 31
+"""Most memory that the numbers of one recording take: 10^7 rows of 25 channels. A choice."""
+
+
+def check_columns(count: int, where: str) -> None:
+    """Refuse a table with more columns than anybody would map."""
+    if count > MOST_COLUMNS:
+        raise FileFormatError(
+            where, f"it has {count:,} columns, limit {MOST_COLUMNS:,}; keep those that you need"
+        )
+
+
+def check_cells(count: int, where: str) -> None:
+    """Refuse a table whose cells would not fit into memory as text."""
+    if count > MOST_CELLS:
+        raise FileFormatError(
+            where,
+            f"it has {count:,} cells, limit {MOST_CELLS:,}; keep the rows and columns that you "
+            f"need",
+        )
+
+
+def check_decoded(rows: int, columns: int, where: str) -> None:
+    """Refuse numbers of eight bytes each that take too much memory when they are read."""
+    decoded = 8 * rows * columns
+    if decoded > MOST_DECODED_BYTES:
+        raise FileFormatError(
+            where,
+            f"its {rows:,} rows of {columns} columns take {decoded / 1e9:.1f} GB when they are "
+            f"read, limit {MOST_DECODED_BYTES / 1e9:.1f} GB; write fewer rows or columns",
+        )
