@@ -45,6 +45,7 @@ class Streams:
             w.MAVLINK_MSG_ID_ESC_TELEMETRY_5_TO_8: lambda us: self._telemetry(4),
             w.MAVLINK_MSG_ID_DISTANCE_SENSOR: self._distance,
             w.MAVLINK_MSG_ID_BATTERY_STATUS: lambda us: self._battery(),
+            w.MAVLINK_MSG_ID_SYS_STATUS: lambda us: self._power(),
             w.MAVLINK_MSG_ID_SYSTEM_TIME: self._time,
             w.MAVLINK_MSG_ID_RPM: lambda us: w.MAVLink_rpm_message(-1.0, -1.0),
             ESC_STATUS: self._esc_status,
@@ -122,6 +123,13 @@ class Streams:
         centiamperes = round(100.0 * self._known("current_A"))
         return self._words.MAVLink_battery_status_message(
             0, 0, 0, 32767, [whole_mV] + [65535] * 9, centiamperes, -1, -1, -1
+        )
+
+    def _power(self) -> Message:
+        whole_mV = round(1000.0 * self._known("voltage_V")) or 65535
+        centiamperes = round(100.0 * self._known("current_A"))
+        return self._words.MAVLink_sys_status_message(
+            0, 0, 0, 0, whole_mV, centiamperes, -1, 0, 0, 0, 0, 0, 0
         )
 
     def _attitude(self, time_us: int) -> Message:

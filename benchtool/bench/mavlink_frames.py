@@ -55,14 +55,21 @@ class _Source:
     lost: int = 0
     duplicates: int = 0
     reordered: int = 0
+    unnumbered: bool = False
 
     def take(self, number: int, frame: bytes) -> bool:
         """Note a frame; tell whether it is a new one.
 
-        A component that numbers all its frames alike has none that could be missed, and a frame
-        that differs from the one of the same number is no duplicate of it.
+        A component that numbers all its frames alike, as some scripts do, has none that could be
+        missed or be there twice.
         """
-        if self.lately.get(number) == frame:
+        before = self.lately.get(number, frame)
+        if number == self.last and frame != before:
+            self.unnumbered = True
+        if self.unnumbered:
+            self.messages += 1
+            return True
+        if number in self.lately and frame == before:
             self.duplicates += 1
             return False
         step = 0 if self.last is None else (number - self.last) % SEQUENCE_MODULUS

@@ -249,6 +249,8 @@ class VirtualAutopilot:
         return ACCEPTED, []
 
     def _arm(self, wanted: bool, now_s: float) -> tuple[int, list[Message]]:
+        if wanted and self._orders.running:
+            return ACCEPTED, []  # A motor test has armed it.
         if wanted and self._hover_us is None:
             return FAILED, self._text("Arm: Throttle too high", CRITICAL)
         if wanted and self._hover_us is not None:
