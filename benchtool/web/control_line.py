@@ -81,6 +81,8 @@ def serve_control_line(shared: Shared) -> None:
                 if word == "stop":
                     shared.bench.stop("the page")
                     await socket.send_text("stopped")
+                elif word == "ping":
+                    await socket.send_text("pong")
                 elif word in ("dark 0", "dark 1") and context is not None:
                     context.dark = word == "dark 1"
                 elif shared.seat.controls(tab):

@@ -6,6 +6,7 @@ from time import monotonic
 
 from nicegui import ui
 
+from benchtool.web.bench_link import BenchLink
 from benchtool.web.context import Context
 from benchtool.web.tell import say
 
@@ -40,6 +41,7 @@ class Header:
                 self._theme = ui.button(on_click=self._next_theme).props("flat round dense")
                 self._theme.props('aria-label="Light, dark, or as the system has it"')
                 ui.html(STOP, sanitize=False)
+                self._known = ui.label().classes("known")
             self.tabs_place = ui.row().classes("w-full")
         self._show_theme()
         self.refresh()
@@ -51,6 +53,7 @@ class Header:
         connection = self._context.bench.connection
         words = {"off": "no bench", "opening": f"opening {connection.address}"}
         self._state.set_text(words.get(connection.status, connection.address))
+        self._known.set_text(known(self._context.bench))
         in_control = self._context.in_control()
         self._seat.set_text("at the controls" if in_control else "watching")
         free = self._context.shared.seat.is_free(monotonic())
@@ -71,3 +74,18 @@ class Header:
 
     def _show_theme(self) -> None:
         self._theme.props(f"icon={_THEMES[self._context.theme][0]}")
+
+
+def known(bench: BenchLink) -> str:
+    """Return what is known of motors and run, for a page that loses its server."""
+    if bench.connection.status == "off":
+        motors = "no bench is connected"
+    elif bench.live.pulses_us:
+        motors = f"{bench.connection.address}, motors ordered to {max(bench.live.pulses_us):.0f} us"
+    else:
+        motors = f"{bench.connection.address}, motors not ordered to turn"
+    swept = bench.swept
+    if swept.status == "none":
+        return f"{motors}."
+    done = "" if swept.pitch else f", {swept.done} of {swept.visits} visits"
+    return f"{motors}; {'recording' if swept.pitch else 'sweep'} {swept.run} {swept.status}{done}."

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import signal
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -158,6 +159,28 @@ def test_a_server_that_dies_with_the_throttle_held_stops_motors(
     died = time.time()
     web.process.kill()
     assert device.stopped_after(died) < STOPPED_S
+    note = page.locator(".stop-note")
+    note.get_by_text("No connection to benchtool since").wait_for()
+    said = note.inner_text()
+    assert f"Last known: {device.address}, motors ordered to 1" in said
+    assert "cut the power" in said
+    content = "getComputedStyle(document.querySelector('.q-page-container'))"
+    assert page.evaluate(f"{content}.filter") == "grayscale(1)"
+    page.mouse.up()
+    page.keyboard.press("Escape")
+    note.get_by_text("STOP did not reach benchtool. Cut the power.").wait_for()
+
+
+def test_a_server_that_hangs_greys_the_page_until_it_answers_again(page: Page, web: Web) -> None:
+    web.process.send_signal(signal.SIGSTOP)
+    note = page.locator(".stop-note")
+    try:
+        note.get_by_text("Last known: no bench is connected.").wait_for()
+        assert page.locator("body.server-lost").count() == 1
+    finally:
+        web.process.send_signal(signal.SIGCONT)
+    note.get_by_text("The connection to benchtool was lost at").wait_for()
+    assert page.locator("body.server-lost").count() == 0
 
 
 def test_of_two_pages_one_is_at_the_controls(

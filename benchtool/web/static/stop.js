@@ -2,14 +2,14 @@
 // listeners are the first on the window, so no other script can keep an event from them.
 "use strict";
 (() => {
-  const RETRY_MS = 500, NOTE_MS = 8000;
+  const RETRY_MS = 500, NOTE_MS = 8000, PING_MS = 1000, LOST_PINGS = 3;
   const SPACE = "The space bar is STOP wherever no text is typed, and does nothing else. Use Enter or a click instead.";
   const ESC = "Esc is STOP everywhere, and does nothing else. Close menus with a click beside them, dialogs with their buttons.";
   const { page, silenceMs } = document.currentScript.dataset;
   const tab = (sessionStorage.benchtoolTab ||= crypto.getRandomValues(new Uint32Array(3)).join("-"));
   const server = `${location.protocol === "https:" ? "wss" : "ws"}://${location.host}`;
   const worker = new Worker("/static/hold_worker.js");
-  let socket, held, holder, press = Math.floor(performance.timeOrigin), stoppedAt = -1, stopping, noted, dark;
+  let socket, held, holder, press = Math.floor(performance.timeOrigin), stoppedAt = -1, stopping, noted, dark, unanswered = 0;
 
   function send(word) {
     if (socket.readyState !== WebSocket.OPEN) return false;
@@ -20,18 +20,46 @@
   function connect() {
     socket = new WebSocket(`${server}/control?page=${page}&tab=${tab}`);
     socket.onopen = () => {
-      mark("cut-off", false);
+      unanswered = 0;
       dark = undefined;
       sayDark();
+      ping();
     };
-    socket.onmessage = (event) => {
-      if (event.data === "stopped") flash();
-      else if (event.data.startsWith("let go ")) release(event.data.slice(7));
+    socket.onmessage = ({ data }) => {
+      unanswered = 0;
+      found();
+      if (data === "stopped") flash();
+      else if (data.startsWith("let go ")) release(data.slice(7));
     };
-    socket.onclose = () => {
-      mark("cut-off", true);
-      setTimeout(connect, RETRY_MS);
-    };
+    socket.onclose = lose;
+  }
+
+  // A line that is cut can be silent instead of closed, and so is a server that hangs.
+  function ping() {
+    if (send("ping") && ++unanswered > LOST_PINGS) lose();
+  }
+
+  const known = () => document.querySelector(".known")?.textContent ?? "";
+
+  function lose() {
+    socket.onclose = socket.onmessage = null;
+    socket.close();
+    setTimeout(connect, RETRY_MS);
+    release("the line to the server is lost");
+    if (document.body.classList.contains("server-lost")) return;
+    document.body.classList.add("server-lost");
+    const before = (sessionStorage.benchtoolLost = `at ${new Date().toLocaleTimeString()}. Last known: ${known()}`);
+    say(`No connection to benchtool since ${before.slice(3)} If benchtool web has ended, its bench process orders ` +
+      "the motors to zero and closes the run, which can be gone on with. If only the line is cut, a run goes on without this page, and STOP " +
+      "here does not reach it. Look at the motors; if they turn, cut the power.", Infinity);
+  }
+
+  function found() {
+    document.body.classList.remove("server-lost");
+    const before = sessionStorage.benchtoolLost;
+    if (!before || !known()) return;
+    delete sessionStorage.benchtoolLost;
+    say(`The connection to benchtool was lost ${before} Now: ${known()}`, 30000);
   }
 
   function stop(event) {
@@ -40,7 +68,9 @@
     if (event.timeStamp === stoppedAt) return;
     stoppedAt = event.timeStamp;
     release("STOP was pressed");
-    if (!send("stop")) fetch("/stop", { method: "POST", keepalive: true }).then((reply) => reply.ok && flash());
+    if (!send("stop")) fetch("/stop", { method: "POST", keepalive: true })
+      .then((reply) => reply.ok && flash())
+      .catch(() => say("STOP did not reach benchtool. Cut the power.", Infinity));
   }
 
   // By place, not by target: whatever lies over the button, or takes pointers away from everything
@@ -95,10 +125,10 @@
   }
 
   // Say something beside the button, at once.
-  function say(text) {
+  function say(text, milliseconds = NOTE_MS) {
     document.querySelectorAll(".stop-note").forEach((note) => (note.textContent = text));
     clearTimeout(noted);
-    noted = setTimeout(() => say(""), NOTE_MS);
+    if (text && milliseconds < Infinity) noted = setTimeout(() => say(""), milliseconds);
   }
 
   function mark(name, on) {
@@ -161,5 +191,6 @@
     sayDark();
   });
   connect();
+  setInterval(ping, PING_MS);
   worker.postMessage({ url: `${server}/hold?tab=${tab}`, silenceMs: Number(silenceMs) });
 })();
