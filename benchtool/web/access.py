@@ -59,8 +59,7 @@ class Access:
                 f"address that benchtool web has printed"
             )
         if asked.origin:
-            origin = urlsplit(asked.origin)
-            if origin.scheme not in ("http", "https") or origin.netloc != asked.host:
+            if asked.origin not in (f"http://{asked.host}", f"https://{asked.host}"):
                 return f"a page of {asked.origin!r} may not use this one; open this one by itself"
         elif asked.is_socket or (not asked.reads_only and asked.site != "same-origin"):
             return "a request that does not say from which page it comes is refused; use a browser"
@@ -90,8 +89,13 @@ class Access:
 
 
 def host_name(host: str) -> str:
-    """Return the name in a Host header, lower case, without port and brackets."""
-    return (urlsplit(f"//{host}").hostname or "") if _plain(host) else ""
+    """Return the name in a Host header, lower case, without port or brackets; or ""."""
+    if not _plain(host):
+        return ""
+    try:
+        return urlsplit(f"//{host}").hostname or ""
+    except ValueError:
+        return ""
 
 
 def _plain(host: str) -> bool:
