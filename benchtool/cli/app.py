@@ -19,6 +19,7 @@ import typer
 from typer.core import TyperGroup
 
 from benchtool import __version__
+from benchtool.cli.exhausted_output import exhaustion_behind, flush_output, say_error
 from benchtool.core.user_file import shown_name
 from benchtool.errors import BenchtoolError, InputError, UnknownChoice
 
@@ -72,15 +73,16 @@ def main(arguments: Sequence[str] | None = None) -> None:
     try:
         _check_text(words)
         code = build(words)(args=words, prog_name="benchtool", standalone_mode=False)
+        flush_output()
         sys.exit(code if isinstance(code, int) else 0)
     except typer.TyperException as error:
-        print(f"benchtool: {_describe_misuse(error)}", file=sys.stderr)
+        say_error(_describe_misuse(error))
         sys.exit(error.exit_code)
     except typer.Abort:
-        print("benchtool: aborted; nothing was answered", file=sys.stderr)
+        say_error("aborted; nothing was answered")
         sys.exit(1)
     except BenchtoolError as error:
-        print(f"benchtool: {error}", file=sys.stderr)
+        say_error(str(error))
         sys.exit(error.exit_code)
     except KeyboardInterrupt:
         sys.exit(130)
@@ -89,9 +91,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
             raise
         if isinstance(error, OSError) and error.errno in _OF_A_NAME and error.filename:
             said = (error.strerror or "it cannot be used").lower()
-            print(f"benchtool: {shown_name(error.filename)}: {said}; name another", file=sys.stderr)
+            say_error(f"{shown_name(error.filename)}: {said}; name another")
             sys.exit(InputError.exit_code)
-        print(f"benchtool: {_describe_fault(error)}", file=sys.stderr)
+        if (exhausted := exhaustion_behind(error)) is not None:
+            say_error(str(exhausted))
+            sys.exit(exhausted.exit_code)
+        say_error(_describe_fault(error))
         sys.exit(UNEXPECTED)
 
 
@@ -198,10 +203,13 @@ def _describe_fault(error: Exception) -> str:
     import tempfile
     import traceback
 
-    handle, path = tempfile.mkstemp(prefix="benchtool-fault-", suffix=".txt", text=True)
-    with os.fdopen(handle, "w", encoding="utf-8") as file:
-        file.write(f"benchtool {__version__}, python {sys.version}\n{sys.argv}\n")
-        traceback.print_exception(error, file=file)
+    try:
+        handle, path = tempfile.mkstemp(prefix="benchtool-fault-", suffix=".txt", text=True)
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            file.write(f"benchtool {__version__}, python {sys.version}\n{sys.argv}\n")
+            traceback.print_exception(error, file=file)
+    except OSError:
+        path = "these words"
     summary = " ".join(str(error).split())
     return (
         f"a fault in benchtool itself, {type(error).__name__}: {summary}; please report it with "

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import sys
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
+from benchtool.cli.exhausted_output import say_error
 from benchtool.errors import BenchtoolError
 
 if TYPE_CHECKING:
@@ -21,6 +22,7 @@ def close_stopped(run: Run, advice: str = "") -> None:
     try:
         run.close()
     except (BenchtoolError, OSError, MemoryError) as error:
-        print(f"benchtool: {run.path} could not be closed: {error}", file=sys.stderr)
+        say_error(f"{run.path} was not closed: {error}")
         return
-    print("; ".join(filter(None, (f"what was recorded is in {run.path}", advice))))
+    with suppress(OSError):
+        print("; ".join(filter(None, (f"what was recorded is in {run.path}", advice))))

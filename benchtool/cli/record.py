@@ -92,7 +92,9 @@ def _record(
     from benchtool.bench.guard import GuardedBench
     from benchtool.cli.announce_code import announce_code
     from benchtool.cli.closing import close_stopped
+    from benchtool.store.parquet import load_library
 
+    load_library()
     run: Run | None = None
     with ClosingSignals() as closing:
         try:

@@ -192,7 +192,9 @@ def _sweep(
     from benchtool.cli.sweep_display import display_for
     from benchtool.cli.sweep_operator import LOOK_S, answer_to
     from benchtool.core.counted import counted
+    from benchtool.store.parquet import load_library
 
+    load_library()
     run: Run | None = None
     measured = False
     with ClosingSignals() as closing:

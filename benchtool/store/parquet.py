@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,14 @@ from benchtool.store.columns import WORDS, channel_called
 from benchtool.store.sample_stream import WholeLines, codes_of, sample_batches
 
 _BATCH_ROWS = 1 << 13
+
+
+def load_library() -> None:
+    """Import what closing a run needs, so that it cannot fail once motors turn."""
+    # Arrow's own allocator takes 1 GB of addresses at once, which a limit on them may not allow.
+    os.environ.setdefault("ARROW_DEFAULT_MEMORY_POOL", "system")
+    for name in ("pyarrow.compute", "pyarrow.csv", "pyarrow.parquet"):
+        import_module(name)
 
 
 def write_parquet(path: Path, samples: Recording) -> None:
@@ -39,6 +48,7 @@ def write_parquet(path: Path, samples: Recording) -> None:
 
 def seal(csv: Path, path: Path) -> None:
     """Write the rows of samples.csv as Parquet in one step, a batch at a time."""
+    load_library()
     import pyarrow as pa
 
     with WholeLines(csv) as lines:
