@@ -43,7 +43,7 @@ SEPARATED_BY: Mapping[frozenset[str], str] = {
     frozenset({"k", "R_m"}): "reference points without the plate",
     frozenset({"k", "body_lift.K_b"}): "reference points without the plate",
     frozenset({"k", "tare_offset.thrust_N"}): "several throttle levels, among them a low one",
-    frozenset({"k", "thrust_exponent.exponent"}): "several throttle levels, far apart",
+    frozenset({"k", "thrust_exponent.excess"}): "several throttle levels, far apart",
     frozenset({"k", "calibration.scale"}): "with a better calibration of the load cell",
     frozenset({"tare_offset.thrust_N", "load_cell_drift.rate_N_per_s"}): (
         "anchor points repeated over a longer time since the tare"

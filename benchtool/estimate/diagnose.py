@@ -17,8 +17,10 @@ from benchtool.estimate.likelihood import residuals, split_values
 from benchtool.estimate.problem import NOISE_SCALE, Problem
 from benchtool.estimate.residual_structure import (
     UNLIKELY,
+    Bend,
     Runs,
     Trend,
+    bend_along,
     chi2_chance,
     outliers,
     runs_along,
@@ -51,7 +53,7 @@ class Diagnosis:
         rows: (m,) residuals over their fitted standard errors, observed less predicted.
         confusions: parameters that cannot be told apart.
         runs: along each covariate and along the order of measurement.
-        trends: the same.
+        bends, trends: the same.
         outliers: (k,) points far out.
         sentences: all of it that a user should read.
     """
@@ -63,6 +65,7 @@ class Diagnosis:
     rows: Array
     confusions: tuple[Confusion, ...]
     runs: tuple[Runs, ...]
+    bends: tuple[Bend, ...]
     trends: tuple[Trend, ...]
     outliers: tuple[int, ...]
     sentences: tuple[str, ...]
@@ -80,6 +83,7 @@ def diagnose(problem: Problem, result: FitResult) -> Diagnosis:
     verdict = _verdict(problem, result, chance)
     columns = _columns(problem)
     runs = tuple(runs_along(name, column, rows) for name, column in columns.items())
+    bends = tuple(bend_along(name, column, rows) for name, column in columns.items())
     trends = tuple(trend_along(name, column, rows) for name, column in columns.items())
     # Outliers are far out against the scatter that is there, be it the stated one or not.
     spread = max(1.0, float(1.4826 * np.median(np.abs(rows_alone))))
@@ -88,7 +92,7 @@ def diagnose(problem: Problem, result: FitResult) -> Diagnosis:
     sentences = (
         *(str(item) for item in confused),
         *_of_verdict(verdict, result, chance),
-        *_of_structure(runs, trends, problem.parameters.free_names),
+        *_of_structure(runs, bends, trends, problem.parameters.free_names),
         *_of_outliers(problem, rows_alone / spread, far),
     )
     return Diagnosis(
@@ -99,6 +103,7 @@ def diagnose(problem: Problem, result: FitResult) -> Diagnosis:
         rows=rows,
         confusions=confused,
         runs=runs,
+        bends=bends,
         trends=trends,
         outliers=far,
         sentences=tuple(sentences),
@@ -200,13 +205,24 @@ def lacks_something(result: FitResult) -> bool:
 
 
 def _of_structure(
-    runs: tuple[Runs, ...], trends: tuple[Trend, ...], free: tuple[str, ...]
+    runs: tuple[Runs, ...],
+    bends: tuple[Bend, ...],
+    trends: tuple[Trend, ...],
+    free: tuple[str, ...],
 ) -> list[str]:
+    bent = [bend for bend in bends if bend.chance < UNLIKELY]
+    curved = [
+        f"residuals form {'a U' if bend.curvature > 0.0 else 'an arch'} over {bend.column}: the "
+        f"model is {'below' if bend.curvature > 0.0 else 'above'} the points at both ends and "
+        f"{'above' if bend.curvature > 0.0 else 'below'} them between, so it misses a curve in "
+        f"{bend.column}; {_hint(bend.column, free)}"
+        for bend in bent
+    ]
     curves = [
         f"residuals keep their sign along {run.column}: {run.runs} runs where "
         f"{run.expected:.0f} are expected; the model misses a curve in {run.column}"
         for run in runs
-        if run.chance < UNLIKELY
+        if run.chance < UNLIKELY and run.column not in {bend.column for bend in bent}
     ]
     slopes = [
         f"residuals {'rise' if trend.correlation > 0 else 'fall'} with {trend.column} "
@@ -214,15 +230,17 @@ def _of_structure(
         for trend in trends
         if trend.chance < UNLIKELY
     ]
-    return curves + slopes
+    return curved + curves + slopes
 
 
 CAUSES = {
     "load_cell_drift.rate_N_per_s": ("a drift", ("order", "time_s", "elapsed_s")),
     "plate_offset.dz_m": ("the plate offset", ("z_over_R",)),
     "body_lift.K_b": ("the body lift", ("z_over_R",)),
+    "thrust_exponent.excess": ("the thrust exponent", ("speed_rad_s",)),
+    "tare_offset.thrust_N": ("the tare offset", ("speed_rad_s",)),
 }
-"""Parameters whose absence makes residuals rise or fall with some columns, with their words."""
+"""Parameters whose absence shows in residuals over some columns, with their words."""
 
 
 def _hint(column: str, free: tuple[str, ...]) -> str:

@@ -86,7 +86,11 @@ def problem_from_model(
     if basis != "joint":
         model, held = _without_reading(model)
         facts["held"] = ", ".join(held)
-    columns = {"z_over_R": distance[kept], "time_s": conditions.time_s}
+    columns = {
+        "z_over_R": distance[kept],
+        "speed_rad_s": _levels(conditions.speed_rad_s.max(axis=0)),
+        "time_s": conditions.time_s,
+    }
     columns |= {name: column[kept] for name, column in (covariates or {}).items()}
     return Problem(
         model=model.name,
@@ -114,6 +118,17 @@ def plate_settings(conditions: Conditions) -> IntArray:
         ]
     )
     return np.unique(table, axis=0, return_inverse=True)[1].reshape(-1).astype(np.intp)
+
+
+SAME_LEVEL = 0.02
+"""Speeds within this part of the fastest belong to one throttle level: a pack that sags would else
+put the speeds of a level in the order of time."""
+
+
+def _levels(speed_rad_s: Array) -> Array:
+    """Return speeds (m,) rounded to throttle levels."""
+    step = SAME_LEVEL * float(speed_rad_s.max()) or 1.0
+    return np.asarray(np.round(speed_rad_s / step) * step, float)
 
 
 def _telling(columns: Mapping[str, Array]) -> dict[str, Array]:

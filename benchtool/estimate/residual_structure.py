@@ -33,6 +33,37 @@ class Trend:
     chance: float
 
 
+@dataclass(frozen=True, slots=True)
+class Bend:
+    """Curvature of residuals over a column: above 0 for a U, below 0 for an arch."""
+
+    column: str
+    curvature: float
+    chance: float
+
+
+def bend_along(column: str, order: Array, rows: Array) -> Bend:
+    """Return the curvature of weighted residuals (m,) over a column (m,).
+
+    It is that of a parabola through them, over the half width of the column; the chance is that of
+    Student's t for its last coefficient. Counting runs cannot see a U in ten points; this can.
+    """
+    width = 0.5 * np.ptp(order) if len(order) else 0.0
+    if len(rows) < 5 or width == 0.0 or len(np.unique(order)) < 4:
+        return Bend(column, 0.0, 1.0)
+    x = (order - order.min()) / width - 1.0
+    powers = np.stack([np.ones_like(x), x, x * x], axis=1)
+    inverse = np.linalg.pinv(powers.T @ powers)
+    found = inverse @ (powers.T @ rows)
+    left = rows - powers @ found
+    dof = len(rows) - 3
+    sd = float(np.sqrt(left @ left / dof * inverse[2, 2]))
+    if sd <= 1e-12 * abs(found[2]):
+        return Bend(column, float(found[2]), 0.0 if abs(found[2]) > 1e-9 else 1.0)
+    chance = 2.0 * float(stdtr(dof, -abs(found[2]) / sd))
+    return Bend(column, float(found[2]), chance)
+
+
 def runs_along(column: str, order: Array, rows: Array) -> Runs:
     """Count runs of equal sign of weighted residuals (m,) along a column (m,).
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,6 +26,8 @@ from benchtool.report.thrust import ThrustSeries, thrust_figure
 from benchtool.store import code_of
 
 Array = NDArray[np.float64]
+
+LINE_POINTS = 120
 
 SHOWN_DRAWS = 400
 """Parameter draws behind a curve's band."""
@@ -189,11 +193,24 @@ def _thrust(output: FitOutput, simulated: bool) -> Figure:
                 data.observed[at],
                 data.standard_error[at] if data.errors != "none" else np.full(len(at), np.nan),
                 predicted[at],
+                *_line(output, at[-1]),
             )
         )
     return thrust_figure(
         series, title=f"Thrust against rotor speed: {output.recipe.name}", simulated=simulated
     )
+
+
+def _line(output: FitOutput, fastest: int) -> tuple[Array, Array]:
+    """Return the fitted model from standstill to a point's speeds (l,): rad/s, N.
+
+    Plate, tare and drift are those of that point, and its rotors keep their ratios of speed.
+    """
+    here = output.data.conditions.select(np.full(LINE_POINTS, fastest))
+    share = np.linspace(0.0, 1.03, LINE_POINTS)
+    turning = replace(here, speed_rad_s=here.speed_rad_s * share)
+    speeds = turning.speed_rad_s[here.speed_rad_s[:, 0] > 0.0]
+    return np.sqrt((speeds**2).mean(axis=0)), output.fitted.thrust_N(turning)
 
 
 def _area(output: FitOutput, simulated: bool) -> Figure:

@@ -33,7 +33,10 @@ CAPTIONS: dict[str, str] = {
         "repeats; solid line: the fitted model with its 68 % and 95 % bands; dashed: the closed "
         "image formulae (PFI)."
     ),
-    "thrust": "Thrust against rotor speed at each plate distance, and what the model leaves over.",
+    "thrust": (
+        "Thrust against rotor speed at each plate distance (lines: the fitted model), and what the "
+        "model leaves over."
+    ),
     "area": "How much of the full increment a partly covered disc makes.",
     "residuals": (
         "Measured minus model over the standard error: against distance, in the order of "

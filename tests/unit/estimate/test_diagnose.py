@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.special import stdtr
 
 from benchtool.effects.model import Model
 from benchtool.estimate.diagnose import _hint, diagnose, with_diagnosis
@@ -13,7 +14,7 @@ from benchtool.estimate.ensemble import fit_ensemble
 from benchtool.estimate.least_squares import fit_least_squares
 from benchtool.estimate.model_problem import problem_from_model
 from benchtool.estimate.problem import Problem
-from benchtool.estimate.residual_structure import outliers, runs_along, trend_along
+from benchtool.estimate.residual_structure import bend_along, outliers, runs_along, trend_along
 from tests.unit.estimate.cases import (
     line_problem,
     quad_conditions,
@@ -148,6 +149,7 @@ def test_a_drift_shows_in_the_order() -> None:
 def test_what_is_free_is_never_told_to_be_freed() -> None:
     assert _hint("z_over_R", ()) == "free the plate offset or the body lift"
     assert _hint("z_over_R", ("body_lift.K_b",)) == "free the plate offset"
+    assert _hint("speed_rad_s", ()) == "free the thrust exponent or the tare offset"
     both = ("body_lift.K_b", "plate_offset.dz_m")
     assert _hint("z_over_R", both) == "look for an effect that depends on it"
     assert _hint("order", ()) == "free a drift, or look at the anchor points"
@@ -173,6 +175,24 @@ def test_runs_are_counted_as_by_hand() -> None:
     repeated = runs_along("x", np.repeat(np.arange(8.0), 5), np.repeat(rows, 5))
     assert repeated.runs == 4
     assert runs_along("x", np.arange(4.0), np.ones(4)).chance == 1.0
+
+
+def test_a_bend_is_the_last_coefficient_of_a_parabola_with_students_chance() -> None:
+    rng = np.random.default_rng(5)
+    x = np.linspace(2.0, 6.0, 14)
+    rows = 0.4 * (x - 4.0) ** 2 + rng.standard_normal(14)
+    coefficients, covariance = np.polyfit((x - 4.0) / 2.0, rows, 2, cov=True)
+    bend = bend_along("x", x, rows)
+    assert bend.curvature == pytest.approx(coefficients[0])
+    t = coefficients[0] / np.sqrt(covariance[0, 0])
+    assert bend.chance == pytest.approx(2.0 * stdtr(11, -abs(t)), rel=1e-6)
+    # A U in ten points is seen, which no count of runs can see; noise alone is told as it should.
+    u = (np.arange(10.0) - 4.5) ** 2 - 8.25 + 0.5 * rng.standard_normal(10)
+    assert bend_along("x", np.arange(10.0), u).chance < 1e-6
+    assert runs_along("x", np.arange(10.0), u).chance > 1e-3
+    noise = [bend_along("x", x, rng.standard_normal(14)).chance for _ in range(2000)]
+    assert np.mean(np.array(noise) < 0.05) == pytest.approx(0.05, abs=0.015)
+    assert bend_along("x", np.repeat([1.0, 2.0, 3.0], 4), np.tile([1.0, -1.0], 6)).chance == 1.0
 
 
 def test_rank_correlation_follows_ranks_not_values() -> None:
