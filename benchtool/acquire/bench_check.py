@@ -32,6 +32,10 @@ SPEED_BAND = (0.65, 1.5)
 pole count (a factor of 2 or more) does not."""
 
 
+SAME_US = 3.0
+"""Rounding of pulses on their way to an output; a choice."""
+
+
 @dataclass(frozen=True, slots=True)
 class Finding:
     """Say what was checked, whether it passed, and the numbers in one sentence."""
@@ -63,7 +67,8 @@ def check_bench(bench: Bench, rig: Rig) -> Iterator[Finding]:
             f"{name} {told} at zero command, limit {STANDSTILL_RPM:g} rpm; stop that rotor or mend "
             f"its tachometer before anything is armed"
         )
-    yield Finding("standstill", True, "no rotor turns at zero command")
+    silent = [rotor for rotor in range(rig.n_rotors) if f"rpm{rotor + 1}" not in names]
+    yield Finding("standstill", True, _standstill_text(silent, rig.n_rotors))
     _wait(bench, ARMING_S)
     yield Finding("arming", True, f"stop pulse of {stop_us[0]:g} us held for {ARMING_S:g} s")
     low_us = low_throttle_us(rig)
@@ -74,17 +79,43 @@ def check_bench(bench: Bench, rig: Rig) -> Iterator[Finding]:
         _wait(bench, SPIN_S)
         seen = _means(bench, names, LOOK_S)
         bench.set_pwm(stop_us)
-        yield from _judge(rotor, low_us, seen, still, rig)
+        if rotor in silent and bench.identity.outputs_measured:
+            yield _judge_output(rotor, low_us, seen)
+        else:
+            yield from _judge_speed(rotor, low_us, seen, rig)
+        yield from _judge_thrust(rotor, low_us, seen, still, rig)
         _wait(bench, SPIN_S)
     bench.stop()
 
 
-def _judge(
-    rotor: int, low_us: float, seen: dict[str, float], still: dict[str, float], rig: Rig
-) -> Iterator[Finding]:
-    p = rig.propulsion
+def _standstill_text(silent: list[int], n_rotors: int) -> str:
+    if not silent:
+        return "no rotor turns at zero command"
+    listed = ", ".join(str(rotor + 1) for rotor in silent)
+    rest = "" if len(silent) == n_rotors else "no other rotor turns at zero command, but "
+    return f"{rest}no channel measures the speed of rotors {listed}: see that they stand"
+
+
+def _judge_output(rotor: int, low_us: float, seen: dict[str, float]) -> Finding:
+    """Judge a rotor without a speed by the outputs that were read back."""
+    own = f"pwm{rotor + 1}_us"
+    others = [
+        name
+        for name, value in seen.items()
+        if _is_pulse(name) and name != own and abs(value - low_us) <= SAME_US
+    ]
+    told = f"{own} reads {seen.get(own, nan):.0f} us of {low_us:g} us; its speed is not measured"
+    if others:
+        told = (
+            f"{others[0]} shows the pulse of motor {rotor + 1} as well; look at the map of outputs"
+        )
+    shown = abs(seen.get(own, nan) - low_us) <= SAME_US
+    return Finding(f"rotor {rotor + 1} output", bool(shown and not others), told)
+
+
+def _judge_speed(rotor: int, low_us: float, seen: dict[str, float], rig: Rig) -> Iterator[Finding]:
     own = f"rpm{rotor + 1}"
-    expected_rpm = p.speed_per_us_rad_s * (low_us - p.pwm_start_us) * 30.0 / pi
+    expected_rpm = _expected_rpm(low_us, rig)
     others = {
         name: value
         for name, value in seen.items()
@@ -103,16 +134,27 @@ def _judge(
     else:
         text = f"only {own} answers to pwm{rotor + 1}_us"
     yield Finding(f"rotor {rotor + 1} channel", not others and rpm >= STANDSTILL_RPM, text)
+
+
+def _judge_thrust(
+    rotor: int, low_us: float, seen: dict[str, float], still: dict[str, float], rig: Rig
+) -> Iterator[Finding]:
     if "thrust_N" not in still:
         # A pitch bench has no load cell.
         return
     thrust_N = seen.get("thrust_N", nan) - still["thrust_N"]
-    expected_N = p.thrust_coefficient_N_s2 * (expected_rpm * pi / 30.0) ** 2
+    p = rig.propulsion
+    expected_N = p.thrust_coefficient_N_s2 * (_expected_rpm(low_us, rig) * pi / 30.0) ** 2
     yield Finding(
         f"rotor {rotor + 1} thrust",
         bool(thrust_N > 0.25 * expected_N),
         f"thrust rose by {thrust_N:+.3f} N, expected about {expected_N:+.3f} N",
     )
+
+
+def _expected_rpm(low_us: float, rig: Rig) -> float:
+    p = rig.propulsion
+    return p.speed_per_us_rad_s * (low_us - p.pwm_start_us) * 30.0 / pi
 
 
 def low_throttle_us(rig: Rig) -> float:
@@ -140,3 +182,7 @@ def _means(bench: Bench, names: list[str], seconds: float) -> dict[str, float]:
 
 def _is_rpm(name: str) -> bool:
     return name.rstrip("0123456789") == "rpm"
+
+
+def _is_pulse(name: str) -> bool:
+    return name.startswith("pwm") and name.endswith("_us")

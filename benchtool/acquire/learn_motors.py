@@ -40,7 +40,7 @@ class Mapped(Protocol):
 def learn_motors(
     bench: Bench,
     rig: Rig,
-    motors: tuple[int, ...],
+    rotor_of: Callable[[int], int],
     told: Callable[[str], None],
 ) -> MotorMap:
     """Turn each motor alone at low throttle and note its output and its ESC.
@@ -48,7 +48,8 @@ def learn_motors(
     Args:
         bench: open, within its limits, opened without a map.
         rig: what stands on it.
-        motors: number of each rotor (n_rotors,) in the autopilot's motor test.
+        rotor_of: gives the rotor (from 0) that a motor test (from 1) has turned; asked when the
+            motor stands again, each rotor once.
         told: hears of each rotor in a sentence.
 
     Raises:
@@ -63,7 +64,7 @@ def learn_motors(
     found = MotorMap(
         rig=rig.name,
         autopilot=bench.identity.facts["autopilot"],
-        motors=motors,
+        motors=tuple(range(1, rig.n_rotors + 1)),
         outputs=(0,) * rig.n_rotors,
         escs=(0,) * rig.n_rotors,
     )
@@ -74,15 +75,16 @@ def learn_motors(
         _wait(bench, SPIN_S)
         output, esc = _driven(device, motor, low_us), _turning(device)
         bench.set_pwm(stop_us)
-        rotor = motors.index(motor)
+        _wait(bench, REST_S)
+        rotor = rotor_of(motor)
         name = f"rotor {rotor + 1} ({rig.rotors[rotor].name})"
         told(f"motor {motor} drives output {output}, {name}; " + _esc_words(esc))
         found = replace(
             found,
+            motors=_with(found.motors, rotor, motor),
             outputs=_with(found.outputs, rotor, output),
             escs=_with(found.escs, rotor, esc),
         )
-        _wait(bench, REST_S)
     bench.stop()
     return found
 

@@ -135,6 +135,8 @@ class TestDrive:
         if not turn or (stopping and not learnt.pilot.together):
             stopping = wiring.motors
         if stopping:
+            # A heartbeat that shows disarmed from here on is what was ordered.
+            self._health.drive(False, self._clock())
             self._expect({}, self._clock())
             self._stop(stopping)
             self._turning = {m: us for m, us in self._turning.items() if m not in stopping}

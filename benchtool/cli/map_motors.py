@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+if TYPE_CHECKING:
+    from benchtool.bench.bench import Bench
+    from benchtool.core.rig import Rig
 
 
 def map_motors(
@@ -16,7 +20,10 @@ def map_motors(
     ] = None,
     motors: Annotated[
         str | None,
-        typer.Option(help="Test number of each rotor, in the rig's order: 1,4,3,2."),
+        typer.Option(
+            help="Test number of each rotor, in the rig's order: 1,4,3,2; asked for each motor "
+            "that has turned when left out."
+        ),
     ] = None,
     yes: Annotated[
         bool, typer.Option("--yes", help="No typed confirmation; simulated benches only.")
@@ -34,7 +41,7 @@ def map_motors(
     from benchtool.errors import InputError, WouldOverwrite
 
     stands = rig_for(address, rig)
-    numbers = _numbers(motors, stands.n_rotors)
+    numbers = _numbers(motors, stands, yes)
     parsed = parse_address(address)
     if parsed.scheme != "mavlink" or "map" in parsed.options:
         raise InputError(
@@ -55,7 +62,8 @@ def map_motors(
             confirm_arming(text, CONFIRMATION, bench)
         elif not bench.identity.simulated:
             raise InputError("--yes is for simulated benches only; leave it out and type ARM")
-        found = learn_motors(bench, stands, numbers, lambda told: print(told, flush=True))
+        which = numbers.index if numbers else _Asked(stands, bench)
+        found = learn_motors(bench, stands, which, lambda told: print(told, flush=True))
     try:
         target.write_text(found.to_toml(), encoding="utf-8")
     except OSError as error:
@@ -66,12 +74,48 @@ def map_motors(
     print(f"written to {target}; from now on use {address}{joint}map={target}")
 
 
-def _numbers(text: str | None, n_rotors: int) -> tuple[int, ...]:
-    """Return the motor of every rotor: as given, or numbered as the rotors are."""
+class _Asked:
+    """Ask the operator which rotor has turned; nothing but eyes can tell."""
+
+    def __init__(self, rig: Rig, bench: Bench) -> None:
+        self._names = [rotor.name for rotor in rig.rotors]
+        self._bench = bench
+        self._left = set(range(rig.n_rotors))
+
+    def __call__(self, motor: int) -> int:
+        from benchtool.cli.sweep_operator import LOOK_S, answer_to
+
+        while len(self._left) > 1:
+            listed = ", ".join(f"{rotor + 1} {self._names[rotor]}" for rotor in sorted(self._left))
+            question = f"motor {motor} has turned; which rotor was it? ({listed}): "
+            answer = answer_to(question, lambda: self._bench.read(LOOK_S)).strip()
+            rotor = int(answer) - 1 if answer.isdecimal() else -1
+            if rotor in self._left:
+                self._left.remove(rotor)
+                return rotor
+        return self._left.pop()
+
+
+def _numbers(text: str | None, rig: Rig, unattended: bool) -> tuple[int, ...]:
+    """Return the motor of every rotor; none where the operator must be asked.
+
+    The order is never guessed: ArduPilot counts motors clockwise from the front, rigs
+    counter-clockwise.
+    """
     from benchtool.errors import InputError
 
+    n_rotors = rig.n_rotors
     if text is None:
-        return tuple(range(1, n_rotors + 1))
+        if n_rotors == 1:
+            return (1,)
+        if unattended:
+            names = ", ".join(rotor.name for rotor in rig.rotors)
+            raise InputError(
+                f"--yes leaves nobody to say which rotor a motor turns; give --motors, the test "
+                f"number of each rotor in the order {names} (ArduPilot counts clockwise from the "
+                f"front), or leave --yes out"
+            )
+        return ()
     given = [int(part) if part.strip().isdecimal() else 0 for part in text.split(",")]
     if sorted(given) != list(range(1, n_rotors + 1)):
         raise InputError(

@@ -24,7 +24,11 @@ def test_a_map_is_learnt_and_the_checked_bench_uses_it(
     link = f"mavlink:udpin:127.0.0.1:{free_port()}"
     with serving(link, environment, "--rig", "pquad", "--speed", "10") as address:
         words = ["bench", "map", address, "--rig", "pquad", "--yes", "--out", str(out)]
-        learnt = run([*words, "--motors", "1,4,3,2"], environment)
+        guessed = run(words, environment)
+        assert guessed.returncode == 2
+        assert "nobody to say which rotor a motor turns; give --motors" in guessed.stderr
+        words += ["--motors", "1,4,3,2"]
+        learnt = run(words, environment)
         assert learnt.returncode == 0, learnt.stderr
         found = read_motor_map(out)
         assert found.motors == (1, 4, 3, 2)

@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchtool.acquire.bench_check import Finding, check_bench
+from benchtool.acquire.learn_motors import learn_motors
 from benchtool.bench.bench import Readings
 from benchtool.bench.mavlink_bench import MavlinkBench
 from benchtool.bench.mavlink_dialect import Message
@@ -16,6 +18,7 @@ from benchtool.bench.mavlink_pilots import MOTOR_TEST
 from benchtool.bench.mavlink_settings import MavlinkSettings
 from benchtool.bench.motor_map import MotorMap
 from benchtool.errors import BenchError, CommandRefused, DeviceStopped, LinkLost
+from benchtool.library import rig_named
 from tests.wire.recorded_autopilot import (
     RecordedPeer,
     chunks_of,
@@ -228,3 +231,40 @@ def test_only_escs_that_tell_something_have_a_speed(folder: Path) -> None:
     with bench:
         names = {channel.name for channel in bench.identity.channels}
     assert {"rpm1", "rpm2", "rpm3", "rpm4", "voltage_V", "current_A"} <= names
+
+
+def check_of(folder: Path, name: str, **given: object) -> list[Finding]:
+    """Give the findings of a bench check with the peer of a conversation."""
+    _, bench = opened(folder, name, **given)
+    with bench:
+        return list(check_bench(bench, rig_named("pquad")))
+
+
+def test_a_bench_check_passes_with_speeds(folder: Path) -> None:
+    findings = check_of(folder, "a1_check_with_telemetry_patched", speeds=True)
+    assert len(findings) == 2 + 2 * 4
+    assert [finding.text for finding in findings if not finding.passed] == []
+
+
+def test_a_bench_check_passes_without_speeds_and_says_so(folder: Path) -> None:
+    findings = check_of(folder, "a2_check_rpm_none_patched")
+    assert [finding.text for finding in findings if not finding.passed] == []
+    assert "no channel measures the speed of rotors 1, 2, 3, 4" in findings[0].text
+    assert findings[2].text == "pwm1_us reads 1185 us of 1185 us; its speed is not measured"
+
+
+@pytest.mark.parametrize(
+    ("name", "asked", "motors"),
+    [
+        ("b1_map_without_motors_patched", [0, 3, 2, 1], (1, 4, 3, 2)),
+        ("b2_map_with_motors_patched", [0, 3, 2, 1], (1, 4, 3, 2)),
+    ],
+)
+def test_the_map_is_what_eyes_and_outputs_say(
+    folder: Path, name: str, asked: list[int], motors: tuple[int, ...]
+) -> None:
+    _, bench = opened(folder, name, motor_map=None, speeds=True, rotors=4)
+    with bench:
+        found = learn_motors(bench, rig_named("pquad"), lambda motor: asked[motor - 1], print)
+    assert found.motors == motors
+    assert found.outputs == (3, 2, 4, 1)
