@@ -56,7 +56,7 @@ class ReplayBench(Opened):
             FileFormatError: there is no such file, or a line of it cannot be read.
         """
         path = run / "samples.csv" if os.path.isdir(run) else run
-        names, table = _read_samples(path)
+        names, table = _read_samples(path, follow=path is run)
         columns = dict(zip(names, table.T, strict=True))
         for name in _NOT_STREAMED[:2]:
             if name not in columns:
@@ -115,9 +115,9 @@ class ReplayBench(Opened):
         raise CommandRefused(command, "a replay takes no commands; name a bench to drive one")
 
 
-def _read_samples(path: Path) -> tuple[list[str], Array]:
+def _read_samples(path: Path, *, follow: bool) -> tuple[list[str], Array]:
     """Return column names and (n, columns) numbers; words and empty cells are nan."""
-    text = read_text(path, MOST_DATA_BYTES)
+    text = read_text(path, MOST_DATA_BYTES, follow=follow)
     # What follows the last line break was cut short when the run was killed.
     rows = csv.reader(text[: text.rfind("\n") + 1].splitlines())
     names = next(rows, [])

@@ -21,7 +21,8 @@ def replace_text(path: Path, text: str) -> None:
     """Write text beside `path`, force it to the disk, and put it in place in one step."""
     beside = path.with_name(f".{path.name}.{os.getpid()}.new")
     try:
-        with open(beside, "w", encoding="utf-8", newline="\n") as file:
+        beside.unlink(missing_ok=True)
+        with open(beside, "x", encoding="utf-8", newline="\n") as file:
             file.write(text)
             file.flush()
             os.fsync(file.fileno())
@@ -51,9 +52,9 @@ def json_ready(value: Any) -> Any:
     return value
 
 
-def read_json(path: Path) -> dict[str, Any]:
+def read_json(path: Path, *, follow: bool = True) -> dict[str, Any]:
     """Return the JSON object in a file, or say where it breaks."""
-    data = parse_json(read_text(path, MOST_FACTS_BYTES), str(path))
+    data = parse_json(read_text(path, MOST_FACTS_BYTES, follow=follow), str(path))
     if not isinstance(data, dict):
         raise FileFormatError(str(path), "a JSON object is needed; restore the file from a copy")
     return data

@@ -100,11 +100,11 @@ def _seal(folder: Path, facts: dict[str, Any]) -> dict[str, Any]:
     csv, parquet = folder / "samples.csv", folder / "samples.parquet"
     if not has_rows(csv):
         return {}
-    stated, csv_hash = facts.get("samples") or {}, file_hash(csv)
+    stated, csv_hash = facts.get("samples") or {}, file_hash(csv, follow=False)
     if (
         stated.get("csv_sha256") == csv_hash
         and parquet.is_file()
-        and stated.get("parquet_sha256") == file_hash(parquet)
+        and stated.get("parquet_sha256") == file_hash(parquet, follow=False)
     ):
         return {}
     seal(csv, parquet)

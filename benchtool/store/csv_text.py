@@ -35,15 +35,16 @@ class CsvTable:
     repairs: tuple[str, ...]
 
 
-def read_csv_text(path: Path, *, own: bool = False) -> CsvTable:
+def read_csv_text(path: Path, *, own: bool = False, follow: bool = True) -> CsvTable:
     """Return the cells of a CSV file, mended with words or refused with words.
 
     Args:
         path: the file.
         own: the file is one of ours: a last line without its line end was cut by a kill and is
             left out, even when it looks whole.
+        follow: whether a symbolic link in place of the file is followed.
     """
-    return parse_csv(read_file(path, MOST_TABLE_BYTES), str(path), own=own)
+    return parse_csv(read_file(path, MOST_TABLE_BYTES, follow=follow), str(path), own=own)
 
 
 def no_rows(where: str, header: Sequence[str]) -> FileFormatError:

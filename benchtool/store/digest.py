@@ -13,9 +13,9 @@ DATA_FILES: tuple[str, ...] = ("points.csv", "samples.csv")
 """Files of a run folder whose bytes make its hash."""
 
 
-def file_hash(path: Path) -> str:
+def file_hash(path: Path, *, follow: bool = True) -> str:
     """Return the SHA-256 of a file's bytes, in hex."""
-    with open_file(path) as file:
+    with open_file(path, follow=follow) as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
@@ -29,5 +29,5 @@ def data_hash(path: str | Path) -> str:
         raise FileFormatError(str(path), "neither a file nor a run folder; check the path")
     total = hashlib.sha256()
     for file in present:
-        total.update(f"{file.name} {file_hash(file)}\n".encode())
+        total.update(f"{file.name} {file_hash(file, follow=False)}\n".encode())
     return total.hexdigest()

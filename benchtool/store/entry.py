@@ -150,7 +150,7 @@ def _run(entry: Entry, path: Path) -> Entry:
         raise FileFormatError(
             entry.name, "there is no metadata.json in it, so nothing tells its rig; restore it"
         )
-    facts = read_json(path / "metadata.json")
+    facts = read_json(path / "metadata.json", follow=False)
     if facts.get("format") != RUN_FORMAT:
         raise FileFormatError(
             f"{entry.name}/metadata.json",

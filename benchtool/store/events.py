@@ -57,7 +57,7 @@ def read_events(path: Path) -> tuple[Event, ...]:
     if not os.path.lexists(path):
         return ()
     events = []
-    for line in read_text(path, MOST_FACTS_BYTES).splitlines():
+    for line in read_text(path, MOST_FACTS_BYTES, follow=False).splitlines():
         try:
             events.append(build(Event, parse_json(line, str(path)), str(path)))
         except InputError:

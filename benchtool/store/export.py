@@ -7,6 +7,7 @@ from tempfile import TemporaryDirectory
 from typing import Literal
 
 from benchtool.core.recording import Recording
+from benchtool.core.user_file import read_file
 from benchtool.errors import FileFormatError, UnknownChoice
 from benchtool.store.columns import KINDS
 from benchtool.store.parquet import write_parquet
@@ -33,7 +34,7 @@ def exported(run: Path, table: str, suffix: str) -> bytes:
         raise UnknownChoice("format of a table", suffix, SUFFIXES)
     file = run / f"{table}{suffix}"
     if file.is_file():
-        return file.read_bytes()
+        return read_file(file, follow=False)
     recording = _recording(run, table)
     with TemporaryDirectory() as folder:
         made = Path(folder) / file.name

@@ -133,11 +133,13 @@ def _writer(path: Path, units: dict[str, str]) -> Iterator[Any]:
     beside = path.with_name(f".{path.name}.new")
     try:
         dictionary = [name for name in units if name in WORDS]
-        with pq.ParquetWriter(
-            beside, schema, compression="zstd", use_dictionary=dictionary
-        ) as writer:
-            yield writer
-        with open(beside, "rb+") as file:
+        beside.unlink(missing_ok=True)
+        with open(beside, "xb") as file:
+            with pq.ParquetWriter(
+                file, schema, compression="zstd", use_dictionary=dictionary
+            ) as writer:
+                yield writer
+            file.flush()
             os.fsync(file.fileno())
         os.replace(beside, path)
     except BaseException:

@@ -54,6 +54,6 @@ def is_pitch_run(path: str | Path) -> bool:
     file = Path(path) / "samples.csv"
     if not os.path.lexists(file):
         return False
-    with open_file(file) as lines:
+    with open_file(file, follow=False) as lines:
         first = lines.readline(LONGEST_HEADER)
     return b"theta_rad" in first.strip().split(b",")

@@ -67,7 +67,7 @@ def read_samples(path: str | Path, names: Sequence[str] | None = None) -> Record
     path = Path(path)
     parquet = path / "samples.parquet"
     if is_run(path) and parquet.is_file():
-        stated = read_json(path / "metadata.json").get("samples", {})
+        stated = read_json(path / "metadata.json", follow=False).get("samples", {})
         problem = _mismatch(parquet, path / "samples.csv", stated)
         if not problem:
             recording = read_parquet(parquet, names)
@@ -100,7 +100,7 @@ def _file(path: str | Path, name: str) -> Path:
 
 
 def _read(file: Path, path: Path) -> Recording:
-    table = read_csv_text(file, own=True)
+    table = read_csv_text(file, own=True, follow=not path.is_dir())
     recording = Recording.from_columns(columns_of(table))
     check_numbers(recording, str(file))
     return _with_provenance(recording, file, path, table.repairs)
@@ -126,7 +126,9 @@ def _with_provenance(
     recording: Recording, file: Path, path: Path, repairs: tuple[str, ...]
 ) -> Recording:
     folder = path if path.is_dir() else path.parent
-    facts: dict[str, Any] = read_json(folder / "metadata.json") if is_run(folder) else {}
+    facts: dict[str, Any] = (
+        read_json(folder / "metadata.json", follow=False) if is_run(folder) else {}
+    )
     simulated = bool(facts.get("simulated", False))
     rig, calibration = (_told(facts, key, folder) for key in ("rig", "calibration"))
     provenance = {
@@ -154,8 +156,8 @@ def _told(facts: dict[str, Any], key: str, folder: Path) -> dict[str, Any]:
 
 
 def _mismatch(parquet: Path, csv: Path, stated: dict[str, Any]) -> str:
-    if stated.get("parquet_sha256") != file_hash(parquet):
+    if stated.get("parquet_sha256") != file_hash(parquet, follow=False):
         return "its hash is not the one in metadata.json"
-    if csv.is_file() and stated.get("csv_sha256") != file_hash(csv):
+    if csv.is_file() and stated.get("csv_sha256") != file_hash(csv, follow=False):
         return "samples.csv has changed since it was written"
     return ""

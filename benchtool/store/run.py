@@ -95,12 +95,12 @@ class Run:
     @property
     def plan_text(self) -> str:
         """The plan as it was when the run began."""
-        return read_text(self.path / "plan.toml")
+        return read_text(self.path / "plan.toml", follow=False)
 
     @property
     def metadata(self) -> dict[str, Any]:
         """The facts about the run."""
-        return read_json(self.path / "metadata.json")
+        return read_json(self.path / "metadata.json", follow=False)
 
     def update_metadata(self, **facts: Any) -> None:
         """Replace some facts; the file changes in one step."""
