@@ -10,13 +10,18 @@ TESTING := $(VENV)/.testing-installed
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 PROJECT := pyproject.toml benchtool/__init__.py
 
-.PHONY: demo test lint bench blind soak coverage-truth requirements wheel clean
+.PHONY: demo test test-all lint bench blind soak coverage-truth requirements wheel clean
 
 demo: $(RUNTIME)
 	$(BIN)/benchtool demo
 
+# One process for each processor; minutes on two cores.
 test: $(TESTING)
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n logical --dist worksteal -m "not slow and not soak"
+
+# Everything but `make soak`. The slow suites talk to devices in real time, so one after the other.
+test-all: test
+	$(BIN)/python -m pytest -m "slow and not soak"
 
 lint: $(TESTING)
 	$(BIN)/ruff check .
@@ -31,7 +36,7 @@ bench: $(TESTING)
 
 # How often the intervals hold the truth over 400 simulated sweeps; minutes long.
 coverage-truth: $(TESTING)
-	$(BIN)/python -m pytest -m slow --timeout 0 -s tests/truth
+	$(BIN)/python -m pytest -m soak --timeout 0 -s tests/truth
 
 # How often `benchtool explain` is right, on records with hidden effects whose physics is not ours.
 # Takes about an hour; a run that was cut short goes on where it was.
@@ -41,7 +46,7 @@ blind: $(TESTING)
 
 # Everything that takes minutes.
 soak: $(TESTING)
-	$(BIN)/python -m pytest -m slow --timeout 0 -s
+	$(BIN)/python -m pytest -m soak --timeout 0 -s
 
 wheel: $(TESTING)
 	$(BIN)/python -m pip --disable-pip-version-check wheel --quiet --no-deps \

@@ -44,18 +44,26 @@ def _own_state(tmp_path_factory: pytest.TempPathFactory) -> None:
     os.environ["BENCHTOOL_STATE"] = str(tmp_path_factory.mktemp("state"))
 
 
+SLOW = ("tests/avr/", "tests/blind/", "tests/browser/", "tests/docs/test_docs", "tests/rcb/",
+        "tests/system/", "tests/truth/")  # fmt: skip
+"""Suites that `make test` leaves out and `make test-all` runs."""
+
 REAL_TIME = ("tests/avr/", "tests/browser/", "tests/rcb/", "tests/system/test_bench_link",
              "tests/system/test_mavlink", "tests/system/test_pitch_recorded",
              "tests/system/test_sweep_killed", "tests/system/test_sweep_staged")  # fmt: skip
 """Tests that talk to a device over a link in real time."""
 
 
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Let what runs in real time try again.
+    """Mark the slow suites, and let what runs in real time try again.
 
     A machine that stands still for a quarter of a second looks like a host that died: the device's
     watchdog rightly stops the motors, and the run rightly ends with another reason than the test's.
     """
     for item in items:
-        if any(part in item.path.as_posix() for part in REAL_TIME):
+        path = item.path.as_posix()
+        if any(part in path for part in SLOW):
+            item.add_marker(pytest.mark.slow)
+        if any(part in path for part in REAL_TIME):
             item.add_marker(pytest.mark.flaky(reruns=2, reruns_delay=2))

@@ -36,6 +36,8 @@ def page() -> str:
     """Return the text of `exit-codes.md`."""
     rows = [(code, *words) for code, words in OTHERS.items()]
     for kind in family(errors.BenchtoolError):
+        if kind.__module__ != errors.__name__:
+            continue
         meaning = (kind.__doc__ or "").strip().splitlines()[0]
         rows.append((kind.exit_code, f"`{kind.__name__}`", meaning))
     rows.sort(key=lambda row: row[0])

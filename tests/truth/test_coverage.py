@@ -46,7 +46,7 @@ def test_a_sample_of_sweeps_holds_the_truth() -> None:
     assert far < 4.0
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
     with ProcessPoolExecutor(os.cpu_count()) as pool:
         trials = list(pool.map(partial(run_trial, methods=BOTH), SCORED, chunksize=4))

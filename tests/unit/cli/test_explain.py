@@ -100,7 +100,7 @@ def test_the_new_model_explains_the_recordings_within_their_noise(
     assert found["model_out"] is None
 
 
-@pytest.mark.slow  # a new law is compiled
+@pytest.mark.soak  # a new law is compiled
 def test_an_effect_of_the_users_own_is_tried_and_goes_with_the_model(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
