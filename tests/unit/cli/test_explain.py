@@ -198,6 +198,7 @@ def test_every_word_behind_check_is_a_check_recording(words: str, meant: str) ->
     assert spread(words.split()) == meant.split()
 
 
+@pytest.mark.slow
 def test_a_record_of_another_simulator_is_explained_as_it_stands(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, reference_data: Path
 ) -> None:
@@ -212,6 +213,7 @@ def test_a_record_of_another_simulator_is_explained_as_it_stands(
     assert (tmp_path / "out" / "report.html").is_file()
 
 
+@pytest.mark.slow
 def test_a_reader_who_leaves_early_loses_no_file(tmp_path: Path) -> None:
     """As `benchtool explain ... | head -1` does."""
     words = [shortened(tmp_path, "a.csv", 8.0), "--model", str(MODEL), "--check", CHECK]

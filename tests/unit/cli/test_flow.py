@@ -16,6 +16,7 @@ def run(*words: str) -> int:
     return int(leaving.value.code or 0)
 
 
+@pytest.mark.slow
 def test_table_and_picture(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run("table") == 0
     printed = capsys.readouterr().out.splitlines()

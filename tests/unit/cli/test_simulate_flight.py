@@ -153,10 +153,10 @@ def test_a_controller_of_ones_own(
         ("no_module_of_mine:Law", "No module named"),
     ):
         assert run("--duration-s", "2", "--controller", name) == 2
-        error = capsys.readouterr().err
-        assert says in error
-        assert error.count("\n") == 1
-        assert ("flownlaw.py line" in error) is (name in ("flownlaw:Bad", "flownlaw:Breaks"))
+        code_file, sentence = capsys.readouterr().err.splitlines()
+        assert code_file.startswith("runs Python code of your own: ")
+        assert says in sentence
+        assert ("flownlaw.py line" in sentence) is (name in ("flownlaw:Bad", "flownlaw:Breaks"))
 
 
 def test_a_vehicle_that_turns_over_is_told(capsys: pytest.CaptureFixture[str]) -> None:

@@ -46,6 +46,7 @@ def test_least_squares_holds_k_radius_and_body_lift() -> None:
     check_held([fit_least_squares(problem) for problem in problems(300)], QUAD_TRUTH)
 
 
+@pytest.mark.slow
 def test_profiles_hold_them_too() -> None:
     check_held([with_profile(p, fit_least_squares(p)) for p in problems(24)], QUAD_TRUTH)
 
@@ -55,5 +56,6 @@ def test_least_squares_holds_a_scale_it_estimates() -> None:
     check_held(results, LINE_TRUTH)
 
 
+@pytest.mark.slow
 def test_emcee_holds_k_radius_and_body_lift() -> None:
     check_held([fit_ensemble(problem) for problem in problems(12)], QUAD_TRUTH)

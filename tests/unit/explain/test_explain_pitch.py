@@ -87,6 +87,7 @@ def test_small_imperfections_are_nothing(model: Model) -> None:
     assert verdict.probabilities["none"] > 0.8
 
 
+@pytest.mark.slow
 def test_what_the_library_does_not_have_is_unknown(model: Model) -> None:
     """A cable is no candidate: it pulls once its slack is used up."""
     truth = model.with_effect("cable", stiffness_Nm_per_rad=1.5, slack_rad=0.12)

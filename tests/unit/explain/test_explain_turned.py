@@ -32,6 +32,7 @@ def judged(model: Model, truth: Model) -> Verdict:
     return explain(subject, draws=32).verdict
 
 
+@pytest.mark.slow
 def test_friction_is_named_from_measured_speeds_with_its_size(model: Model) -> None:
     """With the speeds shifted within a tick it came out a tenth too small."""
     verdict = judged(model, model.fixed("coulomb_friction.torque_Nm", 0.011))

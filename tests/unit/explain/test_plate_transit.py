@@ -58,6 +58,7 @@ def test_a_plate_whose_pace_is_said_loses_no_more_than_it_takes(
     assert len(visited) - len(brief.logged) == 3 * 2 * 50
 
 
+@pytest.mark.slow
 def test_what_is_left_is_as_white_as_what_is_told(model: Model, visited: Recording) -> None:
     """Taken for all in or all out on its way, the plate left two and a half times as much."""
     sizes = []

@@ -36,6 +36,7 @@ def test_every_recipe_is_here() -> None:
     assert set(RECIPES) == set(TRUTH)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", RECIPES)
 def test_a_recipe_gives_its_result_again_and_holds_the_truth(name: str) -> None:
     committed = read_result(FITS / name)

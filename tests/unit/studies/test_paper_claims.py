@@ -93,6 +93,7 @@ def test_the_table_as_text_and_as_csv() -> None:
     assert len(VERDICTS) == 4
 
 
+@pytest.mark.slow
 def test_every_figure_is_there_and_says_when_it_is_simulated(flights: Flights) -> None:
     drawn: dict[str, Figure] = dict(paper_figures(flights))
     numbers = {name[3:5] for name in drawn if name.startswith("fig")}

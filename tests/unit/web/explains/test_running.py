@@ -41,6 +41,7 @@ def question(tmp_path_factory: pytest.TempPathFactory) -> Question:
     return Question(learn=(learn,), check=(check,), model=MODEL)
 
 
+@pytest.mark.slow
 def test_an_effect_is_named_and_kept_in_a_new_model(tmp_path: Path, question: Question) -> None:
     out = tmp_path / "runs" / "answer"
     words = question.words(out)
