@@ -218,6 +218,8 @@ class Conversation:
                     answered = number == self._number
                     indexed = len(reply.fields) > 1
                     if (answered or indexed) and (hello := self._reader.hello(reply.fields)):
+                        if not answered:
+                            self._device_read_s = -inf  # The next try stops the device once more.
                         return hello
         if not self._heard:
             raise NoDevice(

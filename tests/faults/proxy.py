@@ -88,6 +88,7 @@ class Seen:
         channels: in the device's order.
         phases: when each phase first began.
         commands: time and words of each command, its number left out.
+        refused: time and reason of each refusal.
         dropped: samples that a fault kept from the host.
     """
 
@@ -97,6 +98,7 @@ class Seen:
     channels: list[str] = field(default_factory=list)
     phases: dict[str, float] = field(default_factory=dict)
     commands: list[tuple[float, str]] = field(default_factory=list)
+    refused: list[tuple[float, str]] = field(default_factory=list)
     dropped: int = 0
 
 
@@ -196,6 +198,8 @@ class Follower:
                 name = fields[fields.index("channel") + 1]
                 if name not in self.seen.channels:
                     self.seen.channels.append(name)
+        elif way == "host" and fields[:1] == ["N"]:
+            self.seen.refused.append((now_s, ",".join(fields[3:])))
         elif way == "host" and fields[:1] == ["S"]:
             self._sample(int(fields[2]), fields[3:], now_s)
 

@@ -1,0 +1,102 @@
+"""Noise while the device says who it is costs time, and never a channel's name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from unittest import mock
+
+import pytest
+
+from benchtool.bench.hello import Hello, hello_lines
+from tests.faults.loop import ADDRESS, Outcome, World, command, plan, sweep
+from tests.faults.proxy import Fault, Kind, Phase
+from tests.wire.version_1 import VersionOne
+
+NO_HELLO = "speaks the bench protocol, but gave no hello that can be read"
+
+
+def channels_recorded(outcome: Outcome) -> list[str]:
+    header = (outcome.folder / "run/samples.csv").read_text().partition("\n")[0]
+    return header.split(",")[4:]
+
+
+@pytest.mark.parametrize("name", ["current_A", "thrust_raw", "plate_x_m", "plate_z_m", "thrust_N"])
+def test_a_line_lost_once_leaves_the_channels_as_they_are(tmp_path: Path, name: str) -> None:
+    lost = Fault("drop", phase="connect", way="host", only=f",channel,{name},", times=1)
+    outcome = sweep(tmp_path, plan(), [lost])
+    assert lost.hit == 1
+    assert outcome.code == 0, outcome.said
+    assert channels_recorded(outcome) == outcome.seen.channels
+    (point,) = outcome.points()
+    assert 10.0 < float(point["voltage_V"]) < 13.0
+    assert float(point["temperature_degC"]) > 10.0
+    assert outcome.metadata["device"]["channel_hash"]
+    assert outcome.metadata["device"]["orders_protected"] is True
+
+
+@pytest.mark.parametrize(("phase", "seed"), [("connect", 0), ("hello", 1)])
+@pytest.mark.parametrize(
+    ("kind", "p"), [("drop", 0.1), ("truncate", 0.05), ("corrupt", 0.05), ("reorder", 0.3)]
+)
+def test_noise_in_the_hello(tmp_path: Path, phase: Phase, kind: Kind, p: float, seed: int) -> None:
+    noise = Fault(kind, phase=phase, for_s=1.0, p=p, seed=seed)
+    outcome = sweep(tmp_path, plan(), [noise])
+    assert noise.hit >= 3
+    assert outcome.code == 0, outcome.said
+    assert channels_recorded(outcome) == outcome.seen.channels
+    assert float(outcome.points()[0]["voltage_V"]) > 10.0
+
+
+def version_1(faults: list[Fault]) -> World:
+    world = World(faults)
+    device = VersionOne(world.device.firmware)
+    world.device = world._server._device = device
+    return world
+
+
+WORDS = ["sweep", ADDRESS, "--rig", "pquad_single", "--plan", "plan.toml", "--yes", "--out", "run"]
+
+
+def test_a_device_of_version_1_is_named_as_unprotected_before_it_is_armed(tmp_path: Path) -> None:
+    (tmp_path / "plan.toml").write_text(plan())
+    outcome = command(WORDS, tmp_path, version_1([]))
+    assert outcome.code == 0, outcome.said
+    warning = outcome.said.index("unprotected against late orders")
+    assert warning < outcome.said.index("rotors that will turn")
+    assert outcome.metadata["device"]["orders_protected"] is False
+
+
+@pytest.mark.parametrize(("kind", "p"), [("drop", 0.1), ("truncate", 0.05), ("corrupt", 0.05)])
+def test_noise_in_the_hello_of_version_1(tmp_path: Path, kind: Kind, p: float) -> None:
+    """Two whole answers that agree may not come; then that is said."""
+    (tmp_path / "plan.toml").write_text(plan())
+    noise = Fault(kind, phase="connect", for_s=3.0, p=p, seed=1)
+    outcome = command(WORDS, tmp_path, version_1([noise]))
+    assert noise.hit >= 3
+    if outcome.code == 0:
+        assert channels_recorded(outcome) == outcome.seen.channels
+    else:
+        assert (outcome.code, NO_HELLO in outcome.last_line) == (3, True), outcome.said
+
+
+@pytest.mark.parametrize("value", ["-1", "0", "nan", "inf", "-inf", "1e999", "9" * 400])
+@pytest.mark.parametrize("key", [("speed",), ("watchdog",), ("limit", "rpm")])
+def test_a_number_out_of_its_range_ends_in_one_sentence(
+    tmp_path: Path, key: tuple[str, ...], value: str
+) -> None:
+    said: list[tuple[str, ...]] = []
+
+    def lines(hello: Hello) -> list[tuple[str, ...]]:
+        true = hello_lines(hello)
+        said[:] = [(*key, value) if line[: len(key)] == key else line for line in true]
+        assert said != list(true)
+        return said
+
+    with mock.patch("benchtool.bench.device_link.hello_lines", lines):
+        outcome = sweep(tmp_path, plan(), [])
+    assert (*key, value) in said
+    assert outcome.code == 3
+    assert f"the device's hello makes no sense: {' '.join(key)} is " in outcome.last_line
+    assert "not a number from" in outcome.last_line
+    assert max(us for _, us in outcome.pulses) == 1000.0
+    assert not (tmp_path / "run").exists()
