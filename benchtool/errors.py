@@ -190,7 +190,7 @@ class CommandRefused(BenchError):
 
 
 class LimitExceeded(BenchError):
-    """A reading went beyond its limit; the motors were stopped.
+    """A reading went beyond its limit; zero was commanded to the motors.
 
     Args:
         channel: channel name with its unit suffix.
@@ -205,7 +205,9 @@ class LimitExceeded(BenchError):
         self.channel = channel
         self.value = value
         self.limit = limit
-        super().__init__(f"{channel} read {value:.6g}, limit {limit:.6g}; motors stopped; {advice}")
+        super().__init__(
+            f"{channel} read {value:.6g}, limit {limit:.6g}; zero was commanded; {advice}"
+        )
 
 
 class StageError(BenchError):

@@ -14,12 +14,11 @@ from benchtool.acquire.motors import RAMP_DOWN_S, Motors
 from benchtool.acquire.pitch_experiment import RATE_LIMIT_RAD_S, PitchExperiment, require_pitch
 from benchtool.acquire.progress import Progress, Silent, Unwatched
 from benchtool.acquire.record import Recorder
-from benchtool.bench.after_stop import after_stop
-from benchtool.bench.bench import Bench, Readings
+from benchtool.bench.bench import Readings
 from benchtool.bench.guard import GuardedBench
 from benchtool.core.counted import counted
 from benchtool.core.rig import Rig
-from benchtool.errors import BenchtoolError, LimitExceeded
+from benchtool.errors import BenchtoolError, LimitExceeded, StandstillNotSeen
 from benchtool.store import Run
 
 Array = NDArray[np.float64]
@@ -48,7 +47,9 @@ class PitchSummary:
 class PitchRecorder(Recorder):
     """Record, and stop when the beam turns too far or too fast."""
 
-    def __init__(self, bench: Bench, run: Run, progress: Progress, pitch_limit_rad: float) -> None:
+    def __init__(
+        self, bench: GuardedBench, run: Run, progress: Progress, pitch_limit_rad: float
+    ) -> None:
         super().__init__(bench, run, progress)
         self._limits = {"theta_rad": pitch_limit_rad, "gyro_rad_s": RATE_LIMIT_RAD_S}
         self._watched = [
@@ -83,7 +84,7 @@ class PitchRecorder(Recorder):
 
 
 def record_pitch(
-    bench: Bench,
+    bench: GuardedBench,
     rig: Rig,
     experiment: PitchExperiment,
     run: Run,
@@ -96,7 +97,7 @@ def record_pitch(
     again; only a normal end ramps down. The link is closed by who opened it.
 
     Args:
-        bench: open, within its limits (a guarded bench).
+        bench: open, within its limits.
         rig: on the hinge.
         experiment: what to record.
         run: its folder, just created.
@@ -104,12 +105,12 @@ def record_pitch(
         left: told the seconds that are left, about every second.
 
     Raises:
+        StandstillNotSeen: motors may still turn; leaving the guarded bench raises this too.
         BenchError, RunStopped: why it ended early.
     """
     require_pitch(bench.identity)
-    if isinstance(bench, GuardedBench):
-        bench.spare(Recorder.read, _stop_at_once)
-        bench.expect_loop()
+    bench.spare(Recorder.read, _stop_at_once)
+    bench.expect_loop()
     recorder = PitchRecorder(
         bench, run, Unwatched(progress or Silent()), experiment.pitch_limit_rad
     )
@@ -124,6 +125,8 @@ def record_pitch(
             summary = _collect(recorder, experiment.seconds, left)
             motors.ramp_to(motors.stop_us, RAMP_DOWN_S, "end")
             bench.stop()
+            recorder.see_standstill()
+            bench.require_standstill(ends_normally=True)
             # All that is on the disk, the ramps too.
             summary.samples, summary.lost = recorder.quality.samples, recorder.quality.lost
             recorder.note("ended", f"{summary.seconds:g} s are recorded")
@@ -169,12 +172,13 @@ def _stop_at_once(recorder: PitchRecorder, error: BaseException) -> BaseExceptio
     interrupted = isinstance(error, KeyboardInterrupt)
     reason = "stopped by Ctrl-C" if interrupted else str(error) or type(error).__name__
     with suppress(BenchtoolError, OSError):
-        if isinstance(bench, GuardedBench) and (kept := bench.take_kept()):
+        if kept := bench.take_kept():
             recorder.keep(kept, "end")
-    device = bench.bench if isinstance(bench, GuardedBench) else bench
     with suppress(BenchtoolError, OSError):
-        for readings in after_stop(device, TAIL_S):
-            recorder.keep(readings, "end")
+        if not isinstance(error, StandstillNotSeen):
+            recorder.see_standstill(TAIL_S)
+    if not isinstance(error, StandstillNotSeen):
+        reason = bench.with_standstill(reason)
     with suppress(BenchtoolError, OSError):
         recorder.note("stopped", reason)
         recorder.finish("stopped", reason)

@@ -9,9 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.acquire.progress import Progress
-from benchtool.bench.bench import Bench, Readings
+from benchtool.bench.bench import Readings
+from benchtool.bench.guard import GuardedBench
+from benchtool.bench.standstill import Standstill
 from benchtool.core.channel import Channel
 from benchtool.core.recording import Recording
+from benchtool.errors import BenchtoolError
 from benchtool.store import Event, Run, RunWriter
 
 Array = NDArray[np.float64]
@@ -34,7 +37,7 @@ class Recorder:
     """Own the files of a run while a sweep appends to them.
 
     Args:
-        bench: open.
+        bench: open, within its limits.
         run: the folder.
         progress: hears of events.
         start_s: time of the run at which this part of it begins; above 0 for a resumed one.
@@ -43,7 +46,7 @@ class Recorder:
 
     def __init__(
         self,
-        bench: Bench,
+        bench: GuardedBench,
         run: Run,
         progress: Progress,
         start_s: float = 0.0,
@@ -108,6 +111,30 @@ class Recorder:
         return Recording(
             (Channel("time_s", "s"), *self._channels), np.column_stack([time_s, values])
         )
+
+    def see_standstill(self, at_least_s: float = 0.0) -> Standstill:
+        """Read on until the rotors were seen to stand; put samples and what was seen on the disk.
+
+        Args:
+            at_least_s: read on for so long in any case.
+
+        Raises:
+            RunStopped, ResourceExhausted: they could not be written; after the look.
+        """
+        failed: list[BenchtoolError] = []
+
+        def take(readings: Readings) -> None:
+            try:
+                self.keep(readings, "end")
+            except BenchtoolError as error:
+                failed.append(error)
+
+        state = self.bench.see_standstill(take, at_least_s)
+        if state.text:
+            self.note("standstill" if state.seen else "not_seen_to_stand", state.text)
+        if failed:
+            raise failed[0]
+        return state
 
     def note(self, event: str, text: str, point: int = 0) -> None:
         """Put an event on the disk and tell it."""

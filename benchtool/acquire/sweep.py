@@ -22,15 +22,14 @@ from benchtool.acquire.record import LinkQuality, Recorder
 from benchtool.acquire.rest import rest_if_needed
 from benchtool.acquire.settle import is_settled
 from benchtool.acquire.tare import Tared, tare, tare_point
-from benchtool.bench.after_stop import after_stop
-from benchtool.bench.bench import Bench, Readings
+from benchtool.bench.bench import Readings
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.plate_check import PlateCheck
 from benchtool.bench.stage import Stage
 from benchtool.core.counted import counted
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
-from benchtool.errors import BenchtoolError, InputError
+from benchtool.errors import BenchtoolError, InputError, StandstillNotSeen
 from benchtool.store import Point, Run
 
 SETTLE_CHECK_S = 0.1
@@ -74,7 +73,7 @@ class Summary:
 
 
 def run_sweep(
-    bench: Bench,
+    bench: GuardedBench,
     stage: Stage,
     plan: Plan,
     rig: Rig,
@@ -91,7 +90,7 @@ def run_sweep(
     again; only a normal end ramps down. The link is closed by who opened it.
 
     Args:
-        bench: open, within its limits (a guarded bench).
+        bench: open, within its limits.
         stage: moves the plate, open.
         plan: resolved for the rig.
         rig: what stands on the bench.
@@ -103,6 +102,7 @@ def run_sweep(
             read on.
 
     Raises:
+        StandstillNotSeen: motors may still turn; leaving the guarded bench raises this too.
         BenchError, RunStopped: why it ended early.
     """
     channels = {channel.name for channel in bench.identity.channels}
@@ -132,7 +132,7 @@ class _Sweep:
 
     def __init__(
         self,
-        bench: Bench,
+        bench: GuardedBench,
         stage: Stage,
         plan: Plan,
         rig: Rig,
@@ -145,8 +145,7 @@ class _Sweep:
         self._bench, self._stage, self._plan, self._rig = bench, stage, plan, rig
         self._run, self._progress, self._start = run, progress, start
         self._calibration, self._waits = calibration, waits
-        if isinstance(bench, GuardedBench):
-            bench.spare(Recorder.read, _Sweep._stop_at_once)
+        bench.spare(Recorder.read, _Sweep._stop_at_once)
         self._recorder = Recorder(bench, run, progress, start.time_s, start.link)
         self._motors = Motors(self._recorder, rig)
         self._drift = DriftWatch(plan.tare.drift_N)
@@ -167,6 +166,8 @@ class _Sweep:
                 self._visit_all()
                 self._motors.ramp_to(self._motors.stop_us, RAMP_DOWN_S, "end")
                 self._bench.stop()
+                recorder.see_standstill()
+                self._bench.require_standstill(ends_normally=True)
                 summary = self._summary()
                 recorder.note("ended", f"all is measured: {counted(summary.measured, 'visit')}")
                 recorder.finish("ended")
@@ -299,21 +300,19 @@ class _Sweep:
         interrupted = isinstance(error, KeyboardInterrupt)
         reason = "stopped by Ctrl-C" if interrupted else str(error) or type(error).__name__
         with suppress(BenchtoolError, OSError):
-            if isinstance(self._bench, GuardedBench) and (kept := self._bench.take_kept()):
+            if kept := self._bench.take_kept():
                 self._recorder.keep(kept, "end")
-        self._record_tail()
+        with suppress(BenchtoolError, OSError):
+            # How the rotors slow down, and what waited in the link.
+            if not isinstance(error, StandstillNotSeen):
+                self._recorder.see_standstill(TAIL_S)
+        if not isinstance(error, StandstillNotSeen):
+            reason = self._bench.with_standstill(reason)
         with suppress(BenchtoolError, OSError):
             self._recorder.finish("stopped", reason)
         with suppress(BenchtoolError, OSError):
             self._recorder.note("stopped", reason)
         return self._recorder.rescue(error)
-
-    def _record_tail(self) -> None:
-        """Put on the disk what waited in the link, and how the rotors slow down."""
-        bench = self._bench.bench if isinstance(self._bench, GuardedBench) else self._bench
-        with suppress(BenchtoolError, OSError):
-            for readings in after_stop(bench, TAIL_S):
-                self._recorder.keep(readings, "end")
 
     def _summary(self) -> Summary:
         quality = self._recorder.quality

@@ -38,6 +38,7 @@ class Identity:
         watchdog_s: the device stops its motors after so long without a heartbeat.
         has_loop: a control loop on the bench makes the pulses once it is armed.
         armed_by_operator: somebody else than the host may arm that loop, as with a transmitter.
+        pwm_stop_us: pulse at which the motors stand still; None where the device gives none.
         pwm_idle_us: longest pulse at which the plate may move; None where the device gives none.
         outputs_measured: `pwm1_us` and so on are outputs that were read back, not the host's own
             commands repeated.
@@ -61,6 +62,7 @@ class Identity:
     watchdog_s: float = 0.25
     has_loop: bool = False
     armed_by_operator: bool = False
+    pwm_stop_us: float | None = None
     pwm_idle_us: float | None = None
     outputs_measured: bool = False
     speed: float = 1.0
@@ -102,7 +104,7 @@ class Bench(Protocol):
     """Command motors and plate, and read the stream; every method blocks at most its timeout.
 
     A bench is a context manager: leaving it commands zero, closes the link and never raises over
-    the error that is already on its way.
+    the error that is already on its way, except StandstillNotSeen with that error as its cause.
     """
 
     @property

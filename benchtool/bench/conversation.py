@@ -132,8 +132,8 @@ class Conversation:
                 return reply
         raise LinkLost(
             f"{self._address} did not answer {','.join(fields_of(command))!r} in {tries} tries of "
-            f"{1000.0 * ANSWER_S:.0f} ms; the device stops its motors by itself; check cable and "
-            f"power, then start again"
+            f"{1000.0 * ANSWER_S:.0f} ms; the device should stop its motors by its watchdog; check "
+            f"cable and power, then start again"
         )
 
     def halt(self) -> None:

@@ -3,24 +3,26 @@
 A `GuardedBench` is itself a bench. Entered as a context manager it ends in one of two ways: the
 body came to its end, and the motors ramp down within a second; or anything else (an error, a
 limit, Ctrl-C, SIGTERM, a closed terminal, a lost link), and zero is commanded at once, the plate
-halted, the link closed, the reason kept. Signals that arrive meanwhile cannot interrupt that.
+halted, the reason kept. Either way the bench is then read until its rotors were seen to stand, and
+the link closed. Signals that arrive meanwhile cannot interrupt that.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import ExitStack
-from math import isfinite
 from types import TracebackType
 from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.bench.bench import Bench, Identity, Readings
+from benchtool.bench.bench import Bench, Readings
+from benchtool.bench.driven import DrivenBench
 from benchtool.bench.join_readings import joined
 from benchtool.bench.limit_check import LimitCheck
 from benchtool.bench.plate_check import PlateCheck
+from benchtool.bench.plate_permission import check_travel, wait_for_idle, wait_for_plate
 from benchtool.bench.stop_signals import StopSignals
 from benchtool.core.counted import counted
 from benchtool.core.rig import Limits, Rig
@@ -30,7 +32,6 @@ from benchtool.errors import (
     InputError,
     LinkLost,
     RunStopped,
-    StageError,
 )
 
 Array = NDArray[np.float64]
@@ -40,17 +41,8 @@ RAMP_S = 0.9
 
 RAMP_STEPS = 10
 
-SPIN_DOWN_S = 4.0
-"""Rotors that are told to stop stand still by then; measured on none, small rotors need about 1."""
 
-LOOK_S = 0.05
-
-PLATE_S = 2.0
-"""A position reading may lag behind the plate for so long after a move. A choice: range finders are
-averaged over about a second."""
-
-
-class GuardedBench:
+class GuardedBench(DrivenBench):
     """Watch over a bench.
 
     Args:
@@ -63,32 +55,14 @@ class GuardedBench:
     def __init__(
         self, bench: Bench, rig: Rig, limits: Limits | None = None, stale_s: float = 1.0
     ) -> None:
-        self.bench = bench
-        self.reason: str | None = None
-        self.troubles: list[str] = []
-        self._rig = rig
+        super().__init__(bench, rig)
         self._limits = rig.limits if limits is None else limits
         self._stale_s = stale_s
         self._check: LimitCheck | None = None
         self._plate: PlateCheck | None = None
         self._kept: list[Readings] = []
-        self._pwm_us: Array = np.full(rig.n_rotors, rig.propulsion.pwm_stop_us)
-        self._commanded_s = 0.0
-        self._stopped = False
         whole = (GuardedBench.__exit__, GuardedBench._halt, GuardedBench.listen)
         self._signals = StopSignals(self._note_reason, whole)
-
-    @property
-    def identity(self) -> Identity:
-        return self.bench.identity
-
-    @property
-    def pwm_us(self) -> Array:
-        """The last commanded pulses (n_rotors,): us."""
-        return self._pwm_us.copy()
-
-    def now_s(self) -> float:
-        return self.bench.now_s()
 
     def open(self) -> None:
         self.bench.open()
@@ -97,7 +71,7 @@ class GuardedBench:
                 f"rig {self._rig.name!r} has {counted(self._rig.n_rotors, 'rotor')}, but the "
                 f"bench {self.identity.address} drives {present}; name the rig that stands on it"
             )
-        self._commanded_s = self.now_s()
+        self._begin()
         self._check = LimitCheck(
             self.identity.channels, self._rig, self._limits, self._stale_s, self.now_s()
         )
@@ -110,11 +84,12 @@ class GuardedBench:
 
         A bench that says of itself that it is a pitch bench is judged so from the beginning.
         """
-        if self._check is not None:
+        if self._check is not None and self._watch is not None:
+            self._watch.expect_loop()
             self._check.expect_loop(self.now_s(), armed_else=self.identity.armed_by_operator)
 
     def close(self) -> None:
-        self._check = None
+        self._check = self._watch = None
         self.bench.close()
 
     def set_pwm(self, pwm_us: Array) -> None:
@@ -137,20 +112,16 @@ class GuardedBench:
                 f"{self._limits.pwm_us:g} us; lower it or raise limits.pwm_us"
             )
         # Noted before it is sent: an acknowledgement that is lost may leave the motors turning.
-        before, self._pwm_us, self._commanded_s = self._pwm_us, pulses, self.now_s()
+        before = self._pwm_us
+        self._note_command(pulses)
         try:
             self.bench.set_pwm(pulses)
         except CommandRefused:
-            self._pwm_us = before
+            self._note_command(before)
             raise
         except BenchError as error:
             self._halt(error)
             raise
-
-    def stop(self) -> None:
-        self._pwm_us = np.full(self._rig.n_rotors, self._rig.propulsion.pwm_stop_us)
-        self._commanded_s = self.now_s()
-        self.bench.stop()
 
     def move_plate(self, z_m: float, x_m: float = 0.0, tilt_rad: float = 0.0) -> None:
         self.ready_for_move(z_m, x_m, tilt_rad)
@@ -176,16 +147,10 @@ class GuardedBench:
         """
         if self._plate is None or not self._plate.measured:
             return
-        self._plate.arrives()
-        until_s = self.now_s() + PLATE_S
-        while True:
-            self.listen(LOOK_S)
-            problem = self._plate.problem(target_m, stage_m, more_m)
-            if problem is None:
-                return
-            if self.now_s() > until_s:
-                self._halt(problem)
-                raise problem
+        problem = wait_for_plate(self, self._plate, target_m, stage_m, more_m)
+        if problem is not None:
+            self._halt(problem)
+            raise problem
 
     def ready_for_move(self, z_m: float, x_m: float = 0.0, tilt_rad: float = 0.0) -> None:
         """Allow the plate to move there: at idle throttle only, never inside the minimum gap.
@@ -198,27 +163,8 @@ class GuardedBench:
                 plate's travel.
         """
         self._refuse_after_stop("plate")
-        plate = self._rig.plate
-        if not plate.z_min_m <= z_m <= plate.z_max_m:
-            raise StageError(
-                f"the plate was not moved to {z_m:g} m, outside {plate.z_min_m:g} to "
-                f"{plate.z_max_m:g} m of rig {self._rig.name!r}; choose a distance in between"
-            )
-        if not abs(x_m) <= self._rig.plate_x_max_m:
-            raise StageError(
-                f"the plate was not moved sideways to {x_m:g} m, limit {self._rig.plate_x_max_m:g} "
-                f"m of rig {self._rig.name!r} to either side; choose a position in between"
-            )
-        if not isfinite(tilt_rad):
-            raise StageError(f"the plate was not tilted to {tilt_rad:g} rad; give a finite angle")
-        idle_us = self._idle_us()
-        if (self._pwm_us > idle_us).any():
-            motor = int(np.argmax(self._pwm_us))
-            raise StageError(
-                f"the plate was not moved: motor {motor + 1} is commanded {self._pwm_us[motor]:g} "
-                f"us, above idle at {idle_us:g} us; command idle first"
-            )
-        self._wait_until_slow(idle_us)
+        check_travel(self._rig, z_m, x_m, tilt_rad)
+        wait_for_idle(self, self._rig)
         if self._plate is not None:
             self._plate.departs()
 
@@ -255,6 +201,8 @@ class GuardedBench:
         except BenchError as error:
             self._halt(error)
             raise
+        assert self._watch is not None
+        self._watch.take(readings.time_s, readings.values)
         self._check.commanded(self._pwm_us, self._commanded_s)
         breach = self._check.breach(readings.time_s, readings.values)
         if breach is not None:
@@ -271,6 +219,7 @@ class GuardedBench:
         For whoever waits for something else, as for an operator. A signal is raised by the next
         call, so that it cannot come between a sample and its keeping.
         """
+        self._signals.raise_if_asked()
         readings = self._read_checked(timeout_s)
         self._kept.append(readings)
         return readings
@@ -317,39 +266,16 @@ class GuardedBench:
         trace: TracebackType | None,
     ) -> None:
         with ExitStack() as way_out:
-            # Run in reverse: zero, then the link, then the signals, whatever fails in between.
+            # Run in reverse: zero, standstill, the link, the signals, whatever fails in between.
             way_out.callback(self._signals.restore)
             way_out.callback(self._quietly, self.close, "closing the link")
-            way_out.callback(self._halt_unless_still, error)
-            if error is None and self._check is not None and not self._stopped:
-                self.ramp_down()
-
-    def _halt_unless_still(self, error: BaseException | None) -> None:
-        """Command zero, unless a normal end has brought the motors there."""
-        turning = bool((self._pwm_us > self._rig.propulsion.pwm_stop_us).any())
-        if error is not None or turning:
-            self._halt(error)
-
-    def _halt(self, error: BaseException | None) -> None:
-        """Command zero at once, and only once; note why."""
-        if error is not None:
-            self._note_reason(_words(error))
-        if self._stopped:
-            return
-        self._stopped = True
-        self._pwm_us = np.full(self._rig.n_rotors, self._rig.propulsion.pwm_stop_us)
-        self._quietly(self.bench.stop, "commanding zero")
-
-    def _quietly(self, action: Callable[[], None], what: str) -> None:
-        """Act without raising over the error that is already on its way."""
-        try:
-            action()
-        except Exception as error:  # noqa: BLE001 -- nothing may skip the rest of the way out
-            self.troubles.append(f"{what} failed: {_words(error)}")
-
-    def _note_reason(self, reason: str) -> None:
-        if self.reason is None:
-            self.reason = reason
+            try:
+                if error is None and self._check is not None and not self._stopped:
+                    self.ramp_down()
+            except BaseException as failed:
+                self._end(failed)
+                raise
+            self._end(error)
 
     def _refuse_after_stop(self, command: str) -> None:
         self._signals.raise_if_asked()
@@ -357,38 +283,3 @@ class GuardedBench:
             raise RunStopped(
                 f"{command} was not sent: the bench was stopped ({self.reason}); open it anew"
             )
-
-    def _idle_us(self) -> float:
-        """Return the longest pulse that counts as idle: the device's own word, else the rig's."""
-        idle_us = self.identity.pwm_idle_us
-        return self._rig.propulsion.pwm_start_us if idle_us is None else idle_us
-
-    def _wait_until_slow(self, idle_us: float) -> None:
-        pulse = self._rig.propulsion
-        at_idle_rad_s = pulse.speed_per_us_rad_s * max(idle_us - pulse.pwm_start_us, 0.0)
-        slow_rpm = 1.5 * at_idle_rad_s * 30.0 / np.pi + 60.0
-        names = [channel.name for channel in self.identity.channels]
-        columns = [i for i, name in enumerate(names) if name.rstrip("0123456789") == "rpm"]
-        if not columns:
-            return
-        until_s = self.now_s() + SPIN_DOWN_S
-        while True:
-            self._signals.raise_if_asked()
-            readings = self.listen(LOOK_S)
-            rpm = readings.values[:, columns]
-            whole = np.flatnonzero(np.isfinite(rpm).all(axis=1))
-            if len(whole) and (rpm[whole[-1]] <= slow_rpm).all():
-                return
-            if self.now_s() > until_s:
-                fastest = float(np.max(rpm[whole[-1]])) if len(whole) else float("nan")
-                raise StageError(
-                    f"the plate was not moved: a rotor still turns at {fastest:.0f} rpm "
-                    f"{SPIN_DOWN_S:g} s after idle was commanded, limit {slow_rpm:.0f} rpm; look "
-                    f"at its ESC and its rpm channel"
-                )
-
-
-def _words(error: BaseException) -> str:
-    if isinstance(error, KeyboardInterrupt):
-        return "stopped by Ctrl-C"
-    return " ".join(str(error).split()) or type(error).__name__

@@ -102,6 +102,7 @@ class Hello:
             limits=dict(self.limits),
             watchdog_s=self.watchdog_s,
             has_loop=self.has_loop,
+            pwm_stop_us=self.pwm_stop_us,
             pwm_idle_us=self.pwm_idle_us,
             speed=self.speed,
             orders_protected=self.version >= 2,

@@ -71,6 +71,7 @@ def identity_of(
         watchdog_s=TIMEOUT_S,
         has_loop=settings.mode == "pitch",
         armed_by_operator=settings.mode == "pitch" and settings.arm == "operator",
+        pwm_stop_us=pulses.stop_us,
         pwm_idle_us=pulses.idle_us,
         outputs_measured=True,
         speed=learnt.speed,

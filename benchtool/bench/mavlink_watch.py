@@ -88,7 +88,7 @@ class RunWatch:
             return
         self._told = True
         raise DeviceStopped(
-            f"the run was ended: {self._stopped}; motors were stopped; remove the cause and start "
+            f"the run was ended: {self._stopped}; zero was commanded; remove the cause and start "
             f"again"
         )
 

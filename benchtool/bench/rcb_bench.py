@@ -285,7 +285,7 @@ class RcbBench(Opened):
             "the bridge script answers, but brings no readings; look at the stand's USB cable and "
             "at the GUI"
             if alive_s < ALIVE_S
-            else "the script stops the motor by itself unless the GUI has gone as well; look at "
+            else "the script should stop the motor unless the GUI has gone as well; look at "
             "the GUI and at the motor, then start the script again"
         )
         raise LinkLost(

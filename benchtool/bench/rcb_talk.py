@@ -95,7 +95,7 @@ class RcbTalk:
             return answer
         raise LinkLost(
             f"{self._address} did not answer {word.decode()!r} within {longest_s:g} s; the script "
-            f"stops the motor by itself unless the GUI has gone as well; look at both, then start "
+            f"should stop the motor unless the GUI has gone as well; look at both, then start "
             f"the script again"
         )
 

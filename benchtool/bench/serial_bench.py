@@ -299,7 +299,8 @@ class SerialBench(Opened):
         if self._rate_Hz > 0.0 and silent_s > max(STALE_S, 3.0 / self._rate_Hz):
             raise LinkLost(
                 f"{self.address} sent nothing for {silent_s:.1f} s, limit {STALE_S:g} s; the "
-                f"device stops its motors by itself; check cable and power, then start again"
+                f"device should stop its motors by its watchdog; check cable and power, then start "
+                f"again"
             )
 
     def _note(self) -> None:

@@ -23,15 +23,14 @@ def check(
     from benchtool.bench.address import open_bench
     from benchtool.bench.guard import GuardedBench
     from benchtool.cli.announce_code import announce_code
-    from benchtool.cli.sweep_operator import confirm_arming
+    from benchtool.cli.sweep_operator import confirm_arming, say_of_bench, say_of_end
     from benchtool.errors import BenchError, InputError
 
     stands = rig_for(address, rig)
     findings = []
     with GuardedBench(open_bench(address, announce_code), stands) as bench:
         identity = bench.identity
-        if warning := identity.facts.get("warning"):
-            print(f"warning: {warning}")
+        say_of_bench(identity, stands)
         text = (
             f"rotors 1 to {stands.n_rotors} of rig {stands.name} will turn one after another at "
             f"{low_throttle_us(stands):g} us"
@@ -46,6 +45,7 @@ def check(
         for finding in check_bench(bench, stands):
             findings.append(finding)
             print(f"{'ok  ' if finding.passed else 'FAIL'} {finding.name}: {finding.text}")
+    say_of_end(bench)
     failed = [finding for finding in findings if not finding.passed]
     if failed:
         raise BenchError(

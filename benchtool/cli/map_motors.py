@@ -37,7 +37,7 @@ def map_motors(
     from benchtool.bench.address import open_bench, parse_address
     from benchtool.bench.guard import GuardedBench
     from benchtool.cli.announce_code import announce_code
-    from benchtool.cli.sweep_operator import confirm_arming
+    from benchtool.cli.sweep_operator import confirm_arming, say_of_bench, say_of_end
     from benchtool.errors import InputError, WouldOverwrite
 
     stands = rig_for(address, rig)
@@ -52,8 +52,7 @@ def map_motors(
     if target.exists():
         raise WouldOverwrite(str(target))
     with GuardedBench(open_bench(address, announce_code), stands) as bench:
-        if warning := bench.identity.facts.get("warning"):
-            print(f"warning: {warning}")
+        say_of_bench(bench.identity, stands)
         text = (
             f"motors 1 to {stands.n_rotors} will turn one after another at "
             f"{low_throttle_us(stands):g} us; see which rotor each one is"
@@ -64,6 +63,7 @@ def map_motors(
             raise InputError("--yes is for simulated benches only; leave it out and type ARM")
         which = numbers.index if numbers else _Asked(stands, bench)
         found = learn_motors(bench, stands, which, lambda told: print(told, flush=True))
+    say_of_end(bench)
     try:
         target.write_text(found.to_toml(), encoding="utf-8")
     except OSError as error:

@@ -92,6 +92,7 @@ def _record(
     from benchtool.bench.guard import GuardedBench
     from benchtool.cli.announce_code import announce_code
     from benchtool.cli.closing import close_stopped
+    from benchtool.cli.sweep_operator import say_of_bench, say_of_end
     from benchtool.store.parquet import load_library
 
     load_library()
@@ -100,14 +101,14 @@ def _record(
         try:
             with GuardedBench(open_bench(address, announce_code), rig) as bench:
                 identity = bench.identity
-                if warning := identity.facts.get("warning"):
-                    print(f"warning: {warning}")
+                say_of_bench(identity, rig)
                 require_pitch(identity)
                 _arm(bench, rig, experiment, yes)
                 run = new_pitch_run(folder, experiment, rig, identity, operator=operator)
                 print(f"run {run.path}", flush=True)
                 closing.begin()
                 summary = record_pitch(bench, rig, experiment, run)
+            say_of_end(bench)
         except BaseException:
             if run is not None:
                 close_stopped(run)

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from benchtool.acquire.plan import Plan
     from benchtool.acquire.resume import Unfinished
     from benchtool.acquire.sweep import Start
-    from benchtool.bench.bench import Bench, Identity
+    from benchtool.bench.bench import Bench
     from benchtool.bench.guard import GuardedBench
     from benchtool.core.rig import Rig
     from benchtool.store import Run
@@ -190,7 +190,7 @@ def _sweep(
     from benchtool.bench.guard import GuardedBench
     from benchtool.cli.closing import close_stopped
     from benchtool.cli.sweep_display import display_for
-    from benchtool.cli.sweep_operator import LOOK_S, answer_to
+    from benchtool.cli.sweep_operator import LOOK_S, answer_to, say_of_bench
     from benchtool.core.counted import counted
     from benchtool.store.parquet import load_library
 
@@ -201,7 +201,7 @@ def _sweep(
         try:
             with GuardedBench(device, rig) as bench:
                 identity = bench.identity
-                _say_speed(identity)
+                say_of_bench(identity, rig)
                 expected = check_plan(plan, rig, identity.limits)
                 scale = rest.calibration if rest else calibration_for(calibration, identity)
                 mover = stage_for(
@@ -243,14 +243,6 @@ def _sweep(
         f"{counted(summary.tares, 'tare')}, {counted(summary.samples, 'sample')}, {summary.lost} "
         f"lost; in {run.path}"
     )
-
-
-def _say_speed(identity: Identity) -> None:
-    if warning := identity.facts.get("warning"):
-        print(f"warning: {warning}")
-    if identity.speed != 1.0:
-        speed = f"{identity.speed:g} times the speed of life"
-        print(f"this bench runs at {speed}; all times are the bench's own")
 
 
 def _arm(

@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING
 from benchtool.errors import InputError, RunStopped
 
 if TYPE_CHECKING:
-    from benchtool.bench.bench import Bench
+    from benchtool.bench.bench import Bench, Identity
+    from benchtool.bench.guard import GuardedBench
+    from benchtool.core.rig import Rig
 
 LOOK_S = 0.05
 
@@ -32,6 +34,24 @@ def answer_to(question: str, meanwhile: Callable[[], object] | None = None) -> s
         meanwhile()
         reader.join(LOOK_S)
     return _line(typed[0] if typed else "")
+
+
+def say_of_bench(identity: Identity, rig: Rig) -> None:
+    """Print what a person must know of a bench before arming it."""
+    from benchtool.bench.standstill import unmeasured_rotors
+
+    for warning in (identity.facts.get("warning"), unmeasured_rotors(identity, rig)):
+        if warning:
+            print(f"warning: {warning}")
+    if identity.speed != 1.0:
+        speed = f"{identity.speed:g} times the speed of life"
+        print(f"this bench runs at {speed}; all times are the bench's own")
+
+
+def say_of_end(bench: GuardedBench) -> None:
+    """Print which rotors were not seen to stand at a normal end."""
+    if (state := bench.standstill) is not None and not state.seen:
+        print(f"warning: {state.text}")
 
 
 def confirm_arming(text: str, word: str, bench: Bench) -> None:

@@ -173,7 +173,7 @@ def test_a_silent_link_and_a_beam_that_turns_too_far_end_it(
     tmp_path: Path, environment: dict[str, str]
 ) -> None:
     for name, faults, options, code, told in (
-        ("silent", ["--fault", "silence:at_s=1,for_s=30"], [], 3, "the device stops its motors"),
+        ("silent", ["--fault", "silence:at_s=1,for_s=30"], [], 8, "not seen to stand"),
         ("far", [], ["--limit-deg", "1"], 4, "theta_rad"),
     ):
         run = tmp_path / name

@@ -224,7 +224,7 @@ def test_a_second_sweep_on_the_port_is_refused(
         ("over_thrust:at_s=25", 4, "limit 12"),
         # While the plate makes its first move of 13 s.
         ("over_thrust:at_s=8", 4, "limit 12"),
-        ("silence:at_s=1,for_s=30", 3, "the device stops its motors by itself"),
+        ("silence:at_s=1,for_s=30", 3, "the device should stop its motors by its watchdog"),
         ("unplug:at_s=1", 3, "check cable and power"),
     ],
 )

@@ -165,7 +165,7 @@ def test_a_limit_stops_the_sweep_at_once(capsys: pytest.CaptureFixture[str]) -> 
     assert call(*words) == 4
     told = capsys.readouterr()
     assert "temperature_degC read 2" in told.err
-    assert "limit 23; motors stopped" in told.err
+    assert "limit 23; zero was commanded" in told.err
     assert "benchtool sweep --resume run" in told.out
     stopped = read_events(Path("run/events.jsonl"))[-1]
     assert stopped.event == "stopped"

@@ -142,6 +142,9 @@ class Desk:
             )
             with stoppable if ask.weighs else GuardedBench(stoppable, rig) as bench:
                 session.run(bench)
+            state = bench.standstill if isinstance(bench, GuardedBench) else None
+            if state is not None and not state.seen:
+                self._outbox.tell(Said(text=state.text, is_error=True))
         except BenchtoolError as error:
             reason = str(error)
             self._outbox.tell(Said(text=reason, is_error=True))

@@ -58,6 +58,8 @@ class Live:
         speed: of a virtual clock, 0 where the clock is the wall's.
         weighed: (mass in kg, counts) so far, for a calibration.
         busy: what is being done that takes a while, empty when nothing is.
+        standstill: which rotors were seen to stand since zero was commanded, in a sentence; empty
+            while a motor is driven.
     """
 
     pulses_us: tuple[float, ...] = ()
@@ -70,6 +72,7 @@ class Live:
     speed: float = 0.0
     weighed: tuple[tuple[float, float], ...] = ()
     busy: str = ""
+    standstill: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

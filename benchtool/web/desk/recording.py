@@ -32,6 +32,7 @@ def record(bench: GuardedBench, rig: Rig, ask: Record, sweeping: Sweeping) -> No
         )
         sweeping.close(run, "ended", summary_line(summary))
     except BenchtoolError as error:
-        sweeping.close(run, "stopped", str(error))
+        sweeping.close(run, "stopped", bench.with_standstill(str(error)))
+        bench.require_standstill(ends_normally=True)
         if isinstance(error, BenchError):
             raise

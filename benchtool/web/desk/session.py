@@ -93,6 +93,8 @@ class Session:
                 if guarded is not None:
                     self._turn(guarded)
                 bench.read(LOOK_S)
+                if guarded is not None:
+                    guarded.check_standstill()
             except AskedToStop as stopped:
                 self._hand.cut(str(stopped))
                 bench.stop()

@@ -145,7 +145,8 @@ class Sweeping:
             self.close(run, "ended", reason)
         except BenchtoolError as error:
             if run is not None:
-                self.close(run, "stopped", str(error))
+                self.close(run, "stopped", bench.with_standstill(str(error)))
+                bench.require_standstill(ends_normally=True)
             if run is None or isinstance(error, BenchError):
                 raise
         finally:

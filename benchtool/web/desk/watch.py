@@ -101,6 +101,7 @@ class Watch:
         low, high = split(self._looked)
         self._looked, self._since_look = None, 0
         pulses = tuple(self._guarded.pwm_us.tolist()) if self._guarded else ()
+        seen = self._guarded.standstill if self._guarded else None
         rate_Hz = self._live.rate_Hz
         if newest_s is not None:
             if self._counted_s and newest_s > self._counted_s:
@@ -112,5 +113,6 @@ class Watch:
             rate_Hz=rate_Hz,
             near=near_limits(self._names, low, high, pulses, self._rig.limits),
             speed=self._speed(),
+            standstill=seen.text if seen else "",
         )
         self._outbox.tell(self._live)

@@ -89,7 +89,11 @@ def test_it_begins_at_rest_and_ends_with_motors_that_stand_still(tmp_path: Path)
     assert samples.column("pwm1_us")[-1] <= 1100.0
     assert run.metadata["state"] == "ended"
     assert run.metadata["samples"]["parquet_sha256"]
-    assert [event.event for event in read_events(run.path / "events.jsonl")] == ["armed", "ended"]
+    assert [event.event for event in read_events(run.path / "events.jsonl")] == [
+        "armed",
+        "standstill",
+        "ended",
+    ]
     assert summary.lost == 0
     # The ramps are in the file, too: what is told is what it holds.
     assert summary.samples == len(samples) == run.metadata["link"]["samples"] > 500
@@ -136,8 +140,8 @@ class Interrupted:
 def test_ctrl_c_commands_zero_at_once(tmp_path: Path) -> None:
     run = Run.create(tmp_path / "run", HOVER.to_toml(), {"state": "running"})
     bench = Interrupted(KeyboardInterrupt(), 3.0)
-    with pytest.raises(KeyboardInterrupt), bench._bench:
-        record_pitch(bench, RIG, HOVER, run)  # type: ignore[arg-type]
+    with pytest.raises(KeyboardInterrupt), GuardedBench(bench, RIG) as guarded:  # type: ignore[arg-type]
+        record_pitch(guarded, RIG, HOVER, run)
     assert bench.stops >= 1
     assert "Ctrl-C" in run.metadata["reason"]
     assert run.metadata["state"] == "stopped"

@@ -13,6 +13,7 @@ from benchtool.acquire.order import visits_of
 from benchtool.acquire.plan import Plan, plan_from_toml, plan_to_toml
 from benchtool.acquire.recalibrate import recalibrate
 from benchtool.acquire.sweep import Summary, run_sweep
+from benchtool.bench.guard import GuardedBench
 from benchtool.bench.stage import DeviceStage
 from benchtool.errors import (
     BenchError,
@@ -20,6 +21,7 @@ from benchtool.errors import (
     LinkLost,
     ResourceExhausted,
     RunStopped,
+    StandstillNotSeen,
     WouldOverwrite,
 )
 from benchtool.library import rig_named
@@ -81,7 +83,9 @@ def sweep(
     run = Run.create(
         path, plan_to_toml(resolved), run_metadata(resolved, RIG, bench.identity, operator="me")
     )
-    summary = run_sweep(bench, DeviceStage(bench), resolved, RIG, run, watcher, **more)
+    with GuardedBench(bench, RIG) as guarded:
+        stage = DeviceStage(guarded)
+        summary = run_sweep(guarded, stage, resolved, RIG, run, watcher, **more)
     return summary, run
 
 
@@ -115,7 +119,7 @@ def test_the_plate_moves_only_with_zero_commanded_and_the_end_ramps_down(tmp_pat
     end = pulses[-16:]
     assert end == sorted(end, reverse=True)
     assert 1000.0 < end[5] < 1400.0
-    assert bench.log[-1] == ("stop", None)
+    assert bench.log[-2:] == [("stop", None), ("close", None)]
 
 
 def test_samples_of_points_are_those_of_the_phase(tmp_path: Path) -> None:
@@ -143,14 +147,16 @@ def test_whatever_ends_it_zero_comes_first_and_the_reason_is_kept(
     bench = FakeBench()
 
     def fail() -> None:
+        bench.log.append(("failed", None))
         raise error
 
     bench.at.append((12.0, fail))
     with pytest.raises(type(error)):
         sweep(bench, tmp_path / "run")
-    assert bench.log[-1] == ("stop", None)
-    assert bench.log[-2] == ("stop", None)
-    assert bench.log[-3][0] != "stop"
+    words = [what for what, _ in bench.log]
+    assert words[words.index("failed") + 1] == "stop"
+    assert set(words[words.index("failed") + 1 : -1]) == {"stop"}
+    assert words[-1] == "close"
     stopped = read_events(tmp_path / "run" / "events.jsonl")[-1]
     reason = str(error) or "stopped by Ctrl-C"
     assert (stopped.event, stopped.text) == ("stopped", reason)
@@ -203,7 +209,7 @@ def test_a_full_disk_ends_it_in_one_sentence_and_keeps_what_was_measured(
     ):
         sweep(bench, run)
     assert str(run / "samples.csv") in full
-    assert bench.log[-1] == ("stop", None)
+    assert bench.log[-2:] == [("stop", None), ("close", None)]
     # On the full disk whole rows, in the other folder the rest as well, without a gap.
     assert (run / "samples.csv").read_bytes().endswith(b"\n")
     samples = read_samples(saved)
@@ -219,8 +225,9 @@ def test_a_tare_that_leaves_too_much_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_rotor_that_turns_at_zero_is_refused(tmp_path: Path) -> None:
-    bench = FakeBench(idle_rpm=312.0)
-    with pytest.raises(BenchError, match="rpm1 still reads 312 rpm 10 s after zero"):
+    bench = FakeBench(idle_rpm=250.0)
+    said = "MOTORS MAY STILL TURN: rpm1 250.*rpm1 still reads 250 rpm 10 s after zero"
+    with pytest.raises(StandstillNotSeen, match=said):
         sweep(bench, tmp_path / "run")
     assert ("tare", None) not in bench.log
 
@@ -230,7 +237,7 @@ def test_a_thrust_that_creeps_is_taken_and_marked(tmp_path: Path) -> None:
     plan = replace(PLAN, settle=replace(PLAN.settle, timeout_s=2.0))
 
     def creep() -> None:
-        bench.offset_N += 0.02
+        bench.offset_N += 0.003
         bench.at.append((bench.now_s() + 0.1, creep))
 
     bench.at.append((3.0, creep))
@@ -253,7 +260,7 @@ def test_an_anchor_that_has_drifted_asks_for_a_tare(tmp_path: Path) -> None:
     assert summary.tares == 2
     drifts = [e for e in read_events(run.path / "events.jsonl") if e.event == "drift"]
     assert len(drifts) == 1
-    assert "anchor 2 has moved by +0.09998 N since the first" in drifts[0].text
+    assert "anchor 2 has moved by +0.0999" in drifts[0].text
     assert len(read_points(run.path, ["tare"])) == 2
 
 

@@ -133,7 +133,8 @@ def test_without_a_position_channel_distances_are_called_commanded(tmp_path: Pat
         def move(self, z_m: float, x_m: float, tilt_rad: float, pause: object) -> float:
             return z_m
 
-    run_sweep(bench, Beside(bench_beside()), plan, RIG, run)
+    with GuardedBench(bench, RIG) as guarded:
+        run_sweep(guarded, Beside(bench_beside()), plan, RIG, run)
     first = read_events(run.path / "events.jsonl")[0]
     assert first.text == (
         "no channel reads where the plate stands: distances are commanded, not measured"

@@ -13,7 +13,10 @@ K = RIG.propulsion.thrust_coefficient_N_s2
 
 
 class FakeBench:
-    """Write every command down; rotors follow at once; `spoil` changes what is read."""
+    """Write every command down; rotors follow at once; `spoil` changes what is read until a stop.
+
+    `tail_rpm` is a speed that no command changes.
+    """
 
     def __init__(self):
         self.did = []
@@ -22,6 +25,7 @@ class FakeBench:
         self.spoil = lambda time_s, row: row
         self.failing = {}
         self.tail_rpm = 0.0
+        self.stopped_s = 0.0
 
     identity = Identity(
         address="fake:",
@@ -54,6 +58,8 @@ class FakeBench:
         self.pwm_us = pwm_us
 
     def stop(self):
+        if "stop" not in self.did:
+            self.stopped_s = self.clock_s
         self._do("stop")
         self.pwm_us = np.array([1000.0])
 
@@ -79,7 +85,10 @@ class FakeBench:
             wobble = 0.003 * np.sin(700.0 * self.clock_s)
             row = {"thrust_N": K * rad_s**2 + wobble, "rpm1": rpm + 1000.0 * wobble * (rpm > 0)}
             row |= {"voltage_V": 11.0, "current_A": 1.0, "temperature_degC": 30.0}
-            rows.append((self.clock_s, *self.spoil(self.clock_s, row).values()))
+            if "stop" not in self.did:
+                row = self.spoil(self.clock_s, row)
+            shown = [row.get(channel.name, np.nan) for channel in self.identity.channels]
+            rows.append((self.clock_s, *shown))
         table = np.array(rows).reshape(n, 1 + len(self.identity.channels))
         return Readings(table[:, 0], table[:, 0] * 1e6, table[:, 1:])
 

@@ -4,12 +4,20 @@
 
 import os
 import signal
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from benchtool.bench.guard import GuardedBench
-from benchtool.errors import DeviceStopped, LimitExceeded, LinkLost, RunStopped
+from benchtool.bench.spin_down import SPIN_DOWN_S
+from benchtool.errors import (
+    DeviceStopped,
+    LimitExceeded,
+    LinkLost,
+    RunStopped,
+    StandstillNotSeen,
+)
 from tests.unit.bench.guarded_fake import RIG, check_zeroed_once_then_closed
 
 
@@ -119,16 +127,96 @@ def test_an_ignored_signal_stays_ignored(fake):
 
 @pytest.mark.parametrize("error", [LinkLost("gone"), DeviceStopped("watchdog: no line")])
 def test_a_lost_link_closes_and_keeps_the_reason(fake, error):
-    with pytest.raises(type(error)), GuardedBench(fake, RIG) as guard:
+    with pytest.raises(StandstillNotSeen) as ended, GuardedBench(fake, RIG) as guard:
         guard.set_pwm(np.array([1600.0]))
         fake.failing = {"read": error, "stop": LinkLost("no answer"), "close": LinkLost("dead")}
         guard.read(0.1)
-    check_zeroed_once_then_closed(fake)
+    assert ended.value.__cause__ is error
+    said = "rotor 1 was not seen to stand: no reading came after zero was commanded; cut the power"
+    assert str(ended.value) == f"{said}; the run ended because: {error}"
+    assert fake.did[-2:] == ["stop", "close"]
     assert guard.reason == str(error)
     assert guard.troubles == [
         "commanding zero failed: no answer",
         "closing the link failed: dead",
     ]
+
+
+def test_a_link_lost_after_the_rotors_were_seen_to_stand_is_only_that(fake):
+    with pytest.raises(LinkLost, match="gone"), GuardedBench(fake, RIG) as guard:
+        guard.set_pwm(np.array([1600.0]))
+        guard.read(1.0)
+        guard.stop()
+        guard.read(1.0)
+        fake.failing = {"read": LinkLost("gone")}
+        guard.read(0.1)
+    assert guard.standstill.seen
+
+
+def test_a_motor_that_ignores_the_end_is_said_and_commanded_again(fake):
+    fake.tail_rpm = 0.0
+
+    def ignored(pwm_us=None):
+        fake.did.append("ignored")
+
+    with pytest.raises(StandstillNotSeen) as ended, GuardedBench(fake, RIG) as guard:
+        guard.set_pwm(np.array([1600.0]))
+        guard.read(1.0)
+        fake.set_pwm = fake.stop = ignored
+        before_s = fake.clock_s
+    assert str(ended.value).startswith("MOTORS MAY STILL TURN: rpm1 55")
+    assert "cut the power" in str(ended.value)
+    assert ended.value.rpm == pytest.approx(5515.0, abs=5.0)
+    assert ended.value.exit_code == 8
+    # The ramp of 0.9 s, its stop, one each second of the spin-down time, and one at its end.
+    assert fake.did.count("ignored") == 10 + 1 + 3 + 1
+    assert SPIN_DOWN_S <= fake.clock_s - before_s <= SPIN_DOWN_S + 1.0
+    assert fake.did[-1] == "close"
+
+
+def test_whoever_reads_on_after_a_stop_hears_of_a_rotor_that_goes_on(fake):
+    def ignored():
+        fake.did.append("ignored")
+
+    turning = pytest.raises(StandstillNotSeen, match=r"MOTORS MAY STILL TURN: rpm1 55.* 4\.[01] s")
+    with turning as ended, GuardedBench(fake, RIG) as guard:
+        guard.set_pwm(np.array([1600.0]))
+        guard.read(1.0)
+        guard.check_standstill()
+        fake.stop = ignored
+        guard.stop()
+        for _ in range(60):
+            guard.read(0.1)
+            guard.check_standstill()
+    assert ended.value.__cause__ is None
+    # Said at once, and not looked for a second time.
+    assert fake.did.count("ignored") == 2
+    assert fake.clock_s == pytest.approx(5.1, abs=0.11)
+
+
+def test_a_bench_without_speeds_ends_normally_and_says_so(fake):
+    fake.identity = replace(fake.identity, channels=fake.identity.channels[:1])
+    with GuardedBench(fake, RIG) as guard:
+        guard.set_pwm(np.array([1600.0]))
+        guard.read(0.5)
+    assert "rotor 1 was not seen to stand: this bench measures no speed" in guard.standstill.text
+
+
+def test_a_bench_without_speeds_that_is_stopped_early_was_not_seen_to_stand(fake):
+    fake.identity = replace(fake.identity, channels=fake.identity.channels[:1])
+    unseen = pytest.raises(StandstillNotSeen, match=r"not seen to stand.*by Ctrl-C")
+    with unseen as ended, GuardedBench(fake, RIG) as guard:
+        guard.set_pwm(np.array([1600.0]))
+        guard.read(0.5)
+        signal.raise_signal(signal.SIGINT)
+        guard.read(0.5)
+    assert isinstance(ended.value.__cause__, RunStopped)
+
+
+def test_nothing_is_asked_of_a_bench_whose_motors_were_not_driven(fake):
+    fake.identity = replace(fake.identity, channels=fake.identity.channels[:1])
+    with pytest.raises(ZeroDivisionError), GuardedBench(fake, RIG):
+        _ = 1 / 0
 
 
 def test_a_link_lost_on_a_command_counts_as_sent(fake):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchtool.bench.guard import GuardedBench
-from benchtool.errors import CommandRefused, InputError, StageError
+from benchtool.errors import CommandRefused, InputError, StageError, StandstillNotSeen
 from benchtool.library import rig_named
 from tests.unit.bench.guarded_fake import RIG
 
@@ -84,7 +84,10 @@ def test_the_plate_waits_for_rotors_that_still_turn_and_keeps_what_is_read(fake)
 def test_the_plate_is_refused_when_a_rotor_does_not_stop(fake):
     fake.tail_rpm = 900.0
     fake.spoil = lambda time_s, row: row | {"thrust_N": 0.05 * np.sin(time_s * 99.0)}
-    with pytest.raises(StageError, match="still turns at 90"), GuardedBench(fake, RIG) as guard:
+    with (
+        pytest.raises(StandstillNotSeen, match="still turns at 90"),
+        GuardedBench(fake, RIG) as guard,
+    ):
         guard.move_plate(0.5)
     assert "plate 0.5" not in fake.did
 

@@ -9,7 +9,7 @@ from benchtool.bench.firmware import Firmware
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.serial_bench import SerialBench
 from benchtool.bench.virtual_device import hello_of, virtual_plant
-from benchtool.errors import BenchtoolError, DeviceStopped, LimitExceeded, LinkLost, StageError
+from benchtool.errors import BenchtoolError, LimitExceeded, StageError, StandstillNotSeen
 from benchtool.library import load_model, rig_named
 from benchtool.testing.loopback_link import LoopbackLink
 
@@ -40,9 +40,17 @@ def drive(bench, seconds=12.0):
     ("fault", "error", "said"),
     [
         ("stuck:channel=thrust_N,at_s=2,for_s=99", LimitExceeded, "all the time"),
-        ("stuck:channel=rpm2,at_s=0,for_s=99", LimitExceeded, "does not fit a pulse of 1500 us"),
+        (
+            "stuck:channel=rpm2,at_s=0,for_s=99",
+            StandstillNotSeen,
+            "rotor 2 was not seen to stand: .* does not fit a pulse of 1500 us",
+        ),
         ("over_thrust:at_s=2,for_s=1,thrust_N=60", BenchtoolError, "thrust_N"),
-        ("silence:at_s=2,for_s=99", (LinkLost, DeviceStopped), "."),
+        (
+            "silence:at_s=2,for_s=99",
+            StandstillNotSeen,
+            "rotors 1, 2, 3 and 4 were not seen to stand: no reading",
+        ),
         ("corrupt:p=0.0005", None, ""),
         ("drop:p=0.0002", None, ""),
     ],

@@ -10,7 +10,7 @@ import pytest
 
 from benchtool.bench.guard import GuardedBench
 from benchtool.core.channel import Channel
-from benchtool.errors import LimitExceeded
+from benchtool.errors import LimitExceeded, StandstillNotSeen
 from tests.unit.bench.guarded_fake import RIG, check_zeroed_once_then_closed
 
 
@@ -45,11 +45,11 @@ def test_one_sample_beyond_a_limit_stops_before_it_is_raised(fake, name, value, 
 def test_thrust_that_rpm_does_not_explain_stops_after_a_while(fake):
     fake.spoil = lambda time_s, row: row | ({"rpm1": 0.0} if time_s > 1.0 else {})
     said = "not plausible for 0 rpm"
-    with pytest.raises(LimitExceeded, match=said), GuardedBench(fake, RIG) as guard:
+    with pytest.raises(StandstillNotSeen, match=said), GuardedBench(fake, RIG) as guard:
         guard.set_pwm(np.array([1900.0]))
         guard.read(1.5)
         guard.read(0.5)
-    assert fake.clock_s == pytest.approx(2.0)
+    assert fake.stopped_s == pytest.approx(2.0)
 
 
 def test_thrust_that_lags_behind_rpm_for_a_moment_is_no_fault(fake):
@@ -69,7 +69,7 @@ def test_a_channel_without_new_values_is_dead(fake, name, after_s):
         guard.set_pwm(np.array([1500.0]))
         for _ in range(200):
             guard.read(0.1)
-    assert fake.clock_s == pytest.approx(2.0 + after_s, abs=0.21)
+    assert fake.stopped_s == pytest.approx(2.0 + after_s, abs=0.21)
 
 
 def test_a_slow_channel_is_not_dead(fake):
@@ -96,27 +96,27 @@ def test_a_load_cell_that_repeats_itself_is_stuck(fake):
         guard.set_pwm(np.array([1500.0]))
         for _ in range(100):
             guard.read(0.1)
-    assert fake.clock_s == pytest.approx(4.0, abs=0.21)
+    assert fake.stopped_s == pytest.approx(4.0, abs=0.21)
 
 
 def test_a_motor_that_does_not_follow_its_pulse_stops_the_run(fake):
     fake.spoil = lambda time_s, row: row | {"rpm1": 40.0, "thrust_N": 0.01 * (time_s % 0.02)}
     said = "rpm1 read 40, .* does not fit a pulse of 1500 us after 2"
-    with pytest.raises(LimitExceeded, match=said), GuardedBench(fake, RIG) as guard:
+    with pytest.raises(StandstillNotSeen, match=said), GuardedBench(fake, RIG) as guard:
         guard.set_pwm(np.array([1500.0]))
         for _ in range(100):
             guard.read(0.1)
-    assert fake.clock_s == pytest.approx(2.0, abs=0.11)
+    assert fake.stopped_s == pytest.approx(2.0, abs=0.11)
 
 
 def test_a_motor_that_turns_without_a_command_stops_the_run(fake):
     fake.tail_rpm = 900.0
     fake.spoil = lambda time_s, row: row | {"thrust_N": 0.05 * np.sin(time_s * 99.0)}
     said = "rpm1 read 9.*, limit 300; .* a pulse of 1000 us"
-    with pytest.raises(LimitExceeded, match=said), GuardedBench(fake, RIG) as guard:
+    with pytest.raises(StandstillNotSeen, match=said), GuardedBench(fake, RIG) as guard:
         for _ in range(100):
             guard.read(0.1)
-    assert fake.clock_s == pytest.approx(5.0, abs=0.21)
+    assert fake.stopped_s == pytest.approx(5.0, abs=0.21)
 
 
 @pytest.mark.parametrize(("has_loop", "facts"), [(True, {}), (False, {"mode": "pitch"})])
@@ -132,7 +132,9 @@ def test_only_the_typed_field_says_that_a_loop_makes_the_pulses(fake, has_loop, 
             "pwm1_us": 1000.0,
         }
     )
-    judged = nullcontext() if has_loop else pytest.raises(LimitExceeded, match="1500 us after 2")
+    judged = (
+        nullcontext() if has_loop else pytest.raises(StandstillNotSeen, match="1500 us after 2")
+    )
     with judged, GuardedBench(fake, RIG) as guard:
         guard.set_pwm(np.array([1500.0]))
         for _ in range(40):

@@ -147,7 +147,10 @@ def test_a_hand_turns_motors_only_while_it_is_heard_of(desk: Other) -> None:
     turning = desk.wait_for(Live, lambda news: max(news.pulses_us, default=0.0) > 1100.0)
     assert len(turning.pulses_us) == 1
     desk.wait_for(PressEnded, lambda news: "the button was not heard of" in news.reason)
-    desk.wait_for(Live, lambda news: max(news.pulses_us) == 1000.0)
+    assert turning.standstill == ""
+    standing = desk.wait_for(Live, lambda news: "was seen" in news.standstill)
+    assert max(standing.pulses_us) == 1000.0
+    assert standing.standstill.startswith("rotor 1 was seen to stand")
 
 
 def test_masses_are_weighed_on_a_bench_that_cannot_turn(desk: Other) -> None:

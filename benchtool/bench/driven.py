@@ -1,0 +1,189 @@
+"""What the motors of a bench were told, zero at once, and whether their rotors then stood."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.bench.bench import Bench, Identity, Readings
+from benchtool.bench.spin_down import SPIN_DOWN_S, see_standstill
+from benchtool.bench.standstill import Standstill, StandstillWatch
+from benchtool.core.rig import Rig
+from benchtool.errors import StandstillNotSeen
+
+Array = NDArray[np.float64]
+
+
+class DrivenBench:
+    """Remember what the motors were told and stop them for good.
+
+    Attributes:
+        bench: the one on the wire.
+        reason: why zero was commanded, the first of all reasons.
+        troubles: what failed on the way out.
+
+    Args:
+        bench: that one.
+        rig: what stands on it.
+    """
+
+    def __init__(self, bench: Bench, rig: Rig) -> None:
+        self.bench = bench
+        self.reason: str | None = None
+        self.troubles: list[str] = []
+        self._rig = rig
+        self._watch: StandstillWatch | None = None
+        self._looked: Standstill | None = None
+        self._pwm_us = self._zero_us()
+        self._commanded_s = 0.0
+        self._stopped = False
+
+    def _begin(self) -> None:
+        """Begin anew with a bench that was opened."""
+        self._commanded_s = self.now_s()
+        self._watch = StandstillWatch(self.identity, self._rig, self.now_s())
+        self._looked = None
+
+    @property
+    def identity(self) -> Identity:
+        return self.bench.identity
+
+    @property
+    def pwm_us(self) -> Array:
+        """The last commanded pulses (n_rotors,): us."""
+        return self._pwm_us.copy()
+
+    @property
+    def standstill(self) -> Standstill | None:
+        """What was seen of the rotors since zero was commanded; None while a motor is driven."""
+        if self._looked is not None or self._watch is None or self._turning:
+            return self._looked
+        return self._watch.state(self.now_s())
+
+    @property
+    def _turning(self) -> bool:
+        return bool((self._pwm_us > self._rig.propulsion.pwm_stop_us).any())
+
+    def now_s(self) -> float:
+        return self.bench.now_s()
+
+    def stop(self) -> None:
+        self._note_command(self._zero_us())
+        self.bench.stop()
+
+    def see_standstill(
+        self, take: Callable[[Readings], object] | None = None, at_least_s: float = 0.0
+    ) -> Standstill:
+        """Command zero and read on until the rotors were seen to stand; never raises.
+
+        Leaving the guard does this by itself unless it was done since a motor was driven last.
+        Limits are not checked any more: there is nothing left to stop.
+
+        Args:
+            take: is given every block that is read.
+            at_least_s: read on for so long in any case.
+        """
+        assert self._watch is not None
+        if self._turning:
+            self._note_command(self._zero_us())
+            self._quietly(self.bench.stop, "commanding zero")
+        self._looked = see_standstill(self.bench, self._watch, take, at_least_s)
+        return self._looked
+
+    def require_standstill(self, ends_normally: bool = False) -> None:
+        """Refuse to call motors stopped that were not seen to stand.
+
+        Args:
+            ends_normally: rotors that no channel measures are then no error.
+
+        Raises:
+            StandstillNotSeen: what was seen, and why the run ended.
+        """
+        state = self._looked
+        if state is None or state.seen or (ends_normally and state.only_unmeasured):
+            return
+        unseen = StandstillNotSeen(self.with_standstill(self.reason or ""), state.rpm)
+        self._halt(unseen)
+        raise unseen
+
+    def check_standstill(self) -> None:
+        """Refuse to go on with a rotor that does not stand `SPIN_DOWN_S` after zero was commanded.
+
+        For whoever reads on after a stop. Rotors that no channel measures pass.
+
+        Raises:
+            StandstillNotSeen: what was seen; zero was commanded again.
+        """
+        if self._turning or self._watch is None or self._looked is not None:
+            return
+        now_s = self.now_s()
+        state = self._watch.state(now_s)
+        if now_s - self._watch.zero_s < SPIN_DOWN_S or state.seen or state.only_unmeasured:
+            return
+        self._looked = state
+        self.require_standstill()
+
+    def with_standstill(self, reason: str) -> str:
+        """Return why a run ended, after the rotors that were not seen to stand."""
+        state = self._looked
+        if state is None or state.seen:
+            return reason
+        return f"{state.text}; the run ended because: {reason}" if reason else state.text
+
+    def _end(self, error: BaseException | None) -> None:
+        """Command zero unless it is, and look until the rotors stand.
+
+        Raises:
+            StandstillNotSeen: they were not seen to stand; the error is its cause.
+        """
+        if error is not None or self._turning:
+            self._halt(error)
+        if self._watch is None:
+            return
+        if self._looked is None:
+            self.see_standstill()
+        if isinstance(error, StandstillNotSeen):
+            return
+        try:
+            self.require_standstill(ends_normally=error is None)
+        except StandstillNotSeen as unseen:
+            raise unseen from error
+
+    def _halt(self, error: BaseException | None) -> None:
+        """Command zero at once, and only once; note why."""
+        if error is not None:
+            self._note_reason(_words(error))
+        if self._stopped:
+            return
+        self._stopped = True
+        self._note_command(self._zero_us())
+        self._quietly(self.bench.stop, "commanding zero")
+
+    def _zero_us(self) -> Array:
+        return np.full(self._rig.n_rotors, self._rig.propulsion.pwm_stop_us)
+
+    def _note_command(self, pulses_us: Array) -> None:
+        self._pwm_us, self._commanded_s = pulses_us, self.now_s()
+        if self._watch is not None:
+            self._watch.commanded(pulses_us, self._commanded_s)
+        if self._turning:
+            self._looked = None
+
+    def _quietly(self, action: Callable[[], None], what: str) -> None:
+        """Act without raising over the error that is already on its way."""
+        try:
+            action()
+        except Exception as error:  # noqa: BLE001 -- nothing may skip the rest of the way out
+            self.troubles.append(f"{what} failed: {_words(error)}")
+
+    def _note_reason(self, reason: str) -> None:
+        if self.reason is None:
+            self.reason = reason
+
+
+def _words(error: BaseException) -> str:
+    if isinstance(error, KeyboardInterrupt):
+        return "stopped by Ctrl-C"
+    return " ".join(str(error).split()) or type(error).__name__
