@@ -27,18 +27,20 @@ from benchtool.bench.mavlink_quality import LinkQuality
 from benchtool.bench.mavlink_rows import MavlinkRows
 from benchtool.bench.mavlink_settings import LEAST_HZ, MOST_HZ, MavlinkSettings
 from benchtool.bench.mavlink_streams import (
+    LATE_S,
     OUTPUT_MESSAGES,
     ask_for,
     check_fit,
     fitted,
     interval,
     require_outputs,
+    switch_off_others,
     told,
     wishes,
 )
 from benchtool.bench.mavlink_talk import MavlinkTalk
 from benchtool.bench.mavlink_watch import RunWatch
-from benchtool.bench.mavlink_wiring import channels_of
+from benchtool.bench.mavlink_wiring import THRUST_MESSAGES, channels_of
 from benchtool.bench.opened import Opened
 from benchtool.bench.read_ahead import Listener, ReadAhead
 from benchtool.bench.side_cell import SideCell, in_order
@@ -133,6 +135,13 @@ class MavlinkBench(Opened):
                 talk, wishes(asked, n), self._counts.__getitem__,
                 self._clock, learnt.speed,
             )  # fmt: skip
+            if self._baud:
+                self._messages += switch_off_others(talk, self._counts, self._became)
+            if talk.slowest_s > LATE_S:
+                self._messages.append(
+                    f"acknowledgements take up to {talk.slowest_s:.1f} s: the link carries more "
+                    f"than it can; ask for less (rate=, rpm=none), or raise its baud rate"
+                )
             self._choose_channels(learnt)
             talk.frames.take_counts(talk.system)
             self._watch = RunWatch(self.address, talk, self._health, self._drive, self._rows)
@@ -301,7 +310,8 @@ class MavlinkBench(Opened):
     def _take(self, message: Message, arrived_s: float) -> None:
         """Take one message of the autopilot."""
         name, own = message.msgname, self._talk.is_own(message)
-        self._counts[name] += 1
+        if own or name in THRUST_MESSAGES:
+            self._counts[name] += 1
         if name == "STATUSTEXT":
             self._health.text(message, own)
         elif not own:

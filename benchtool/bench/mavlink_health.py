@@ -8,8 +8,9 @@ from typing import Literal
 from benchtool.bench.mavlink_dialect import Message
 from benchtool.errors import LinkLost
 
-HEARTBEAT_LOST_S = 3.0
-"""Heartbeats come every second; three missing ones are a dead autopilot. A choice."""
+HEARTBEAT_LOST_S = 5.5
+"""Heartbeats come every second; five missing ones, beside streams that go on, are a dead autopilot.
+A choice: of a link that loses every tenth frame five in a row are missing once in a day."""
 
 ARMED = 128
 HIL = 32

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
 from benchtool.bench.baud import BITS_PER_BYTE
 from benchtool.bench.mavlink_dialect import ESC_STATUS, dialect
-from benchtool.bench.mavlink_pilots import Order
+from benchtool.bench.mavlink_pilots import RESEND_S, Order
 from benchtool.bench.mavlink_settings import LEAST_HZ, MavlinkSettings
 from benchtool.bench.mavlink_talk import MavlinkTalk
 from benchtool.bench.mavlink_wiring import THRUST_MESSAGES
 from benchtool.errors import InputError, ProtocolError
 
 SET_INTERVAL = 511
+COMMAND_ACK = 77
 SLOW_HZ, BATTERY_HZ = 20.0, 4.0
 """Speeds and distance; battery. ESC telemetry has no more to say (a choice)."""
 
@@ -43,6 +44,14 @@ ALTERNATES = ("ESC_STATUS", "RAW_RPM", "RPM")
 
 RATES_HZ = (200.0, 125.0, 100.0, 50.0, 40.0, 25.0, 20.0, LEAST_HZ)
 """Rates that are tried where a slow line does not carry what was asked for; a choice."""
+
+UNBIDDEN = {"HEARTBEAT", "STATUSTEXT", "COMMAND_ACK", "PARAM_VALUE", "AUTOPILOT_VERSION",
+            "TIMESYNC", "SYSTEM_TIME", *THRUST_MESSAGES}  # fmt: skip
+"""Messages that come as they are needed, or from others: no stream that could be switched off."""
+
+LATE_S = 0.5
+"""Acknowledgements that take longer say that a link carries more than it can; a choice, a hundred
+times what ArduPilot needs."""
 
 Became = Literal["comes", "denied", "accepted, but nothing comes", "comes unasked"]
 
@@ -125,7 +134,9 @@ def _bytes_per_s(settings: MavlinkSettings, rate_Hz: float, n_rotors: int) -> fl
     """Return the bytes per second of first choices; what is denied makes it less."""
     signature = SIGNATURE_BYTES if settings.key else 0
     known = dialect().mavlink_map
-    return float(
+    # Every order to turn that is sent again is acknowledged.
+    acks = float(known[COMMAND_ACK].unpacker.size + FRAME_BYTES + signature) / RESEND_S
+    return acks + float(
         sum(
             wish.rate_Hz * (known[number_of(wish.name)].unpacker.size + FRAME_BYTES + signature)
             for wish in wishes(replace(settings, rate_Hz=rate_Hz), n_rotors)
@@ -185,6 +196,29 @@ def ask_for(
             if wish.name in THRUST_MESSAGES and wish.name not in watched:
                 became[wish.name] = "comes" if wish in taken else "comes unasked"
     return became
+
+
+def switch_off_others(
+    talk: MavlinkTalk, counts: Mapping[str, int], became: Mapping[str, Became]
+) -> list[str]:
+    """End the streams of a serial port that nobody here asked for; return what must be said.
+
+    Intervals belong to the autopilot's port and outlast the host that asked for them. On a link
+    that others may share they are left alone.
+
+    Args:
+        talk: the conversation.
+        counts: how many of each message of the autopilot itself have come.
+        became: what became of the messages that were asked for.
+    """
+    others = [
+        name
+        for name, count in sorted(counts.items())
+        if count > 1 and name not in UNBIDDEN and became.get(name) != "comes"
+    ]
+    for name in others:
+        talk.exchange(interval(name, 0.0))
+    return [f"switched off, because nobody here asks for it: {' '.join(others)}"] if others else []
 
 
 def require_outputs(became: dict[str, Became], system: int) -> None:

@@ -268,3 +268,27 @@ def test_the_map_is_what_eyes_and_outputs_say(
         found = learn_motors(bench, rig_named("pquad"), lambda motor: asked[motor - 1], print)
     assert found.motors == motors
     assert found.outputs == (3, 2, 4, 1)
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["k1_57600_check", "k2_57600_serial_check", "k4_57600_uart_check",
+     "k5_57600_uart_serial_check", "l1_through_mavproxy"],
+)  # fmt: skip
+def test_a_slow_line_and_a_router_start_a_motor(folder: Path, name: str) -> None:
+    # What was recorded of them ends here: "starting motor test" had ended the run.
+    _, bench = opened(folder, name, speeds=True)
+    with bench:
+        bench.set_pwm(STOP)
+        read(bench, 0.5)
+        bench.set_pwm(pulse(1, 1185.0))
+        assert bench.outputs_us()[2] in (1000, 1185)
+
+
+def test_an_acknowledgement_that_takes_long_ends_nothing(folder: Path) -> None:
+    # Behind MAVProxy on a busy machine the first one came after the host had given up.
+    peer, bench = opened(folder, "l1_through_mavproxy_patched", speeds=True)
+    with bench:
+        bench.set_pwm(STOP)
+        assert len(orders_of(peer)) > 1
+        read(bench, 0.3)

@@ -1,0 +1,77 @@
+"""Sequence numbers of a link that loses, repeats and reorders frames, component by component."""
+
+from __future__ import annotations
+
+from benchtool.bench.mavlink_dialect import dialect
+from benchtool.bench.mavlink_frames import LinkCounts, MavlinkFrames
+
+WORDS = dialect()
+
+
+def frames_of(count: int, component: int = 1, first: int = 0) -> list[bytes]:
+    """Give frames that are numbered one after another."""
+    sender = MavlinkFrames(1, component)
+    sender._mav.seq = first
+    made = WORDS.MAVLink_named_value_float_message
+    return [sender.pack(made(10 * step, b"thrust", 1.0)) for step in range(count)]
+
+
+def take(*frames: bytes) -> tuple[list[int], LinkCounts]:
+    """Give the stamps of what is taken from frames, and the counts."""
+    ours = MavlinkFrames()
+    taken = [message.time_boot_ms for frame in frames for message in ours.parse(frame)]
+    return taken, ours.take_counts(1)
+
+
+def test_numbers_go_on_over_their_wrap() -> None:
+    frames = frames_of(40, first=240)
+    assert take(*frames) == ([10 * step for step in range(40)], LinkCounts(messages=40))
+
+
+def test_a_gap_is_counted_across_the_wrap() -> None:
+    frames = frames_of(40, first=240)
+    _, counts = take(*frames[:10], *frames[30:])
+    assert counts == LinkCounts(messages=20, lost=20)
+
+
+def test_a_frame_that_comes_twice_is_dropped_and_counted() -> None:
+    frames = frames_of(6)
+    taken, counts = take(*frames[:3], frames[2], frames[1], *frames[3:], frames[5])
+    assert taken == [0, 10, 20, 30, 40, 50]
+    assert counts == LinkCounts(messages=6, duplicates=3)
+
+
+def test_a_frame_that_comes_late_is_not_lost() -> None:
+    frames = frames_of(6)
+    taken, counts = take(frames[0], frames[2], frames[1], *frames[3:])
+    assert sorted(taken) == [0, 10, 20, 30, 40, 50]
+    assert counts == LinkCounts(messages=6, reordered=1)
+
+
+def test_a_late_frame_is_given_back_to_the_count_of_a_later_look() -> None:
+    frames = frames_of(12)
+    ours = MavlinkFrames()
+    ours.parse(frames[0] + frames[2])
+    assert ours.take_counts(1).lost == 1
+    ours.parse(frames[1] + frames[3])
+    assert ours.take_counts(1).lost == 0
+    ours.parse(frames[6] + frames[7])
+    assert ours.take_counts(1).lost == 1  # two are missing, one was counted too many before
+
+
+def test_each_component_counts_for_itself() -> None:
+    own, companion = frames_of(20, 1, first=7), frames_of(20, 191, first=130)
+    mixed = [frame for pair in zip(own, companion, strict=True) for frame in pair]
+    assert take(*mixed)[1] == LinkCounts(messages=40)
+
+
+def test_one_that_numbers_nothing_has_lost_nothing() -> None:
+    same = MavlinkFrames(1, 191)
+    made = WORDS.MAVLink_named_value_float_message
+    frames = []
+    for step in range(20):
+        same._mav.seq = 0
+        frames.append(same.pack(made(20 * step, b"thrust", 1.0)))
+    taken, counts = take(*frames)
+    assert taken == [20 * step for step in range(20)]
+    assert counts == LinkCounts(messages=20)
