@@ -102,13 +102,15 @@ def _words(entry: Entry) -> str:
 
 
 def _model_files(folder: RunsFolder) -> list[str]:
-    """Return the names of model files in a folder and the folders in it."""
-    files = sorted((*folder.root.glob("*.toml"), *folder.root.glob("*/*.toml")))
+    """Return the names of model files in a folder and the folders in it; not of hidden ones, in
+    which fits are still being written.
+    """
+    files = sorted((*folder.root.glob("[!.]*.toml"), *folder.root.glob("[!.]*/[!.]*.toml")))
     return [folder.name_of(file) for file in files if _is_model(file)]
 
 
 def _is_model(file: Path) -> bool:
-    if file.name.startswith(".") or file.stat().st_size > MOST_TEXT_BYTES:
+    if file.stat().st_size > MOST_TEXT_BYTES:
         return False
     try:
         head = parse_toml(read_text(file), file.name).get("model")

@@ -45,6 +45,13 @@ def test_models_are_what_ships_and_model_files_and_nothing_else(places: Places) 
     assert not {"plan.toml", "broken.toml"} & set(found)
 
 
+def test_the_model_of_a_fit_that_is_being_written_is_not_offered(places: Places) -> None:
+    unfinished = places.runs.root / ".fit-2.part"
+    shutil.copytree(places.runs.root / "mine", unfinished)
+    assert (unfinished / "bench.toml").is_file()
+    assert not [name for name in places.choices().models if ".part/" in name]
+
+
 @pytest.mark.parametrize(
     "choice", ["../secret.csv", "/etc/passwd", f"{EXAMPLE}../pyproject.toml", "a\\b", ".hidden"]
 )
