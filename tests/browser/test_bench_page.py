@@ -47,6 +47,11 @@ def test_a_bench_on_a_port_is_seen_live(page: Page, device: Device) -> None:
     page.wait_for_timeout(2000)
     rate_Hz = (page.evaluate(frames) - before) / (time.monotonic() - begun)
     assert rate_Hz > 10.0
+    # Lines of the charts: a gap stays one, slow channels do not fall to pieces.
+    joins = "async (times) => (await import('/static/strip_chart.js')).joins(times)"
+    assert page.evaluate(joins, [0.0, 0.05, 0.1, 2.0, 2.05]) == [False, True, True, False, True]
+    assert page.evaluate(joins, [0.0, 0.5, 1.0, 1.6, 4.0]) == [False, True, True, True, False]
+    assert page.evaluate(joins, []) == []
     assert f"benchtool bench check {device.address} --rig pquad" in page.content()
     assert "0 lost, 0 corrupt" in page.content()
 

@@ -1,6 +1,14 @@
 // Strip charts on one canvas. A frame holds the least and the greatest value of every channel since
 // the last one; frames wait in a ring buffer here, and are drawn once per screen refresh at most.
-const HEAD = 3, PER_SECOND = 20, TOP = 24, LEFT = 58, RIGHT = 12;
+const HEAD = 3, PER_SECOND = 20, TOP = 24, LEFT = 58, RIGHT = 12, GAP_S = 0.1;
+
+// Tell of each time whether a line leads to it from the one before: not over a gap, which is longer
+// than three usual steps of the channel (a median, as slow channels come with every tenth frame).
+export function joins(times) {
+  const steps = times.slice(1).map((time, i) => time - times[i]);
+  const usual = [...steps].sort((a, b) => a - b)[Math.floor(steps.length / 2)] ?? 0;
+  return times.map((time, i) => i > 0 && steps[i - 1] <= 3 * usual + GAP_S);
+}
 
 export default {
   template: '<div class="strips"><canvas role="img" aria-label="Live strip charts"></canvas></div>',
@@ -133,15 +141,18 @@ export default {
         pen.strokeStyle = color;
         pen.lineWidth = 1.4;
         pen.beginPath();
-        let down = false;
+        const slots = [];
         for (let i = first; i < this.count; i++) {
           const slot = i % this.room;
-          if (now - this.times[slot] > this.seconds || Number.isNaN(lows[slot])) continue;
-          const x = toX(this.times[slot]);
-          if (down) pen.lineTo(x, toY(highs[slot])); else pen.moveTo(x, toY(highs[slot]));
-          pen.lineTo(x, toY(lows[slot]));
-          down = true;
+          if (now - this.times[slot] <= this.seconds && !Number.isNaN(lows[slot])) slots.push(slot);
         }
+        const joined = joins(slots.map((slot) => this.times[slot]));
+        slots.forEach((slot, i) => {
+          const x = toX(this.times[slot]);
+          if (joined[i]) pen.lineTo(x, toY(highs[slot])); else pen.moveTo(x, toY(highs[slot]));
+          // A place of its own, so that a single value shows.
+          pen.lineTo(joined[i] ? x : x + 1, toY(lows[slot]));
+        });
         pen.stroke();
       }
     },
