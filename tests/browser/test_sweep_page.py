@@ -79,6 +79,12 @@ def test_a_paused_sweep_stands_still_and_goes_on(
 def test_a_plan_that_breaks_a_limit_is_refused_before_anything_spins(page: Page) -> None:
     connect(page, "sim:pquad")
     go_to(page, "Sweep")
+    # What runs when a field is empty stands in it.
+    distances = page.get_by_label("Plate distances, z/R").get_attribute("placeholder")
+    facts = page.locator(".facts-grid").locator("visible=true").first.inner_text()
+    assert distances is not None
+    assert distances.removeprefix("empty: ").replace(",", ", ") in facts
+    assert page.get_by_label("Repeats").get_attribute("placeholder") == "empty: 5"
     page.get_by_label("Pulses, us").fill("1400,1999")
     page.get_by_text("throttle.pwm_us asks for 1999 us, allowed are").wait_for()
     page.locator("button:disabled", has_text="Start the sweep").wait_for()

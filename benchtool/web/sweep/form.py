@@ -11,6 +11,7 @@ from nicegui import events, ui
 from benchtool.acquire.air import Air
 from benchtool.acquire.plan import Plan, plan_from_toml
 from benchtool.acquire.sweep_options import air_of, with_options
+from benchtool.core.rig import Rig
 from benchtool.errors import FileFormatError, InputError
 from benchtool.web.tell import tells_errors
 
@@ -20,35 +21,66 @@ LARGEST_BYTES = 100_000
 
 @dataclass(frozen=True, slots=True)
 class Field:
-    """Describe one option: name, label, hint, and the type of its value."""
+    """Describe one option.
+
+    Attributes:
+        name, label: of the option.
+        empty: what runs when nothing is typed.
+        kind: type of its value.
+    """
 
     name: str
     label: str
-    hint: str
+    empty: str = "from the rig"
     kind: type = str
 
 
 FIELDS: tuple[Field, ...] = (
-    Field("z_over_r", "Plate distances, z/R", "0.5,1,2,4"),
-    Field("pwm", "Pulses, us", "1400,1600"),
-    Field("repeats", "Repeats", "9 for one rotor, 5 for several", int),
-    Field("rotors", "Rotors that turn", "all, or 1,2"),
-    Field("tilt", "Tilts, deg", "0"),
-    Field("lateral", "Lateral positions, m", "0"),
-    Field("sample_s", "Samples of a point, s", "2", float),
-    Field("anchor_every", "Anchor after so many visits", "20; 0 for never", int),
-    Field("seed", "Seed of the order", "0", int),
-    Field("name", "Name of the run", "sweep"),
+    Field("z_over_r", "Plate distances, z/R"),
+    Field("pwm", "Pulses, us"),
+    Field("repeats", "Repeats", kind=int),
+    Field("rotors", "Rotors that turn"),
+    Field("tilt", "Tilts, deg"),
+    Field("lateral", "Lateral positions, m"),
+    Field("sample_s", "Samples of a point, s", kind=float),
+    Field("anchor_every", "Anchor after so many visits (0: never)", kind=int),
+    Field("seed", "Seed of the order", kind=int),
+    Field("name", "Name of the run"),
 )
 
 SURROUNDINGS: tuple[Field, ...] = (
-    Field("operator", "Operator", "you"),
-    Field("temperature", "Air, degC", "15 assumed", float),
-    Field("pressure", "Pressure here, hPa", "1013.25 assumed", float),
-    Field("humidity", "Humidity, %", "0 assumed", float),
-    Field("calibration", "Calibration", "the device's latest, or none"),
-    Field("stage", "Plate moved by", "device, hand, grbl:PORT"),
+    Field("operator", "Operator", "not recorded"),
+    Field("temperature", "Air, degC", f"{Air().temperature_degC:g} assumed", float),
+    Field("pressure", "Pressure here, hPa", f"{1e-2 * Air().pressure_Pa:g} assumed", float),
+    Field("humidity", "Humidity, %", f"{1e2 * Air().humidity:g} assumed", float),
+    Field("calibration", "Calibration (ID or none)", "the device's latest"),
+    Field("stage", "Plate moved by (device, hand, grbl:PORT)", "as device and rig say"),
 )
+
+
+def values_of(plan: Plan, rig: Rig) -> dict[str, str]:
+    """Return what a plan runs with, by the names of the fields, as it would be typed.
+
+    Args:
+        plan: resolved.
+        rig: that it was resolved for.
+    """
+    ratios = [distance_m / rig.propulsion.radius_m for distance_m in plan.plate.distances_m]
+    lists = {
+        "z_over_r": ratios,
+        "pwm": plan.throttle.pwm_us,
+        "rotors": plan.throttle.rotors_on,
+        "tilt": plan.plate.tilts_deg,
+        "lateral": plan.plate.lateral_m,
+    }
+    return {name: ",".join(f"{value:g}" for value in values) for name, values in lists.items()} | {
+        "repeats": str(plan.repeats),
+        "sample_s": f"{plan.sample_s:g}",
+        "anchor_every": str(plan.order.anchor_every),
+        "seed": str(plan.order.seed),
+        "name": plan.name,
+    }
+
 
 ORDERS = {
     "": "randomised",
@@ -69,7 +101,7 @@ class PlanForm:
         self._base = Plan()
         self._file = ""
         self._inputs: dict[str, ui.input] = {}
-        ui.label("What is left empty is filled in from the rig.").classes("soft")
+        ui.label("A field that is left empty says what runs instead.").classes("soft")
         with ui.element("div").classes("field-grid"):
             for field in FIELDS:
                 self._make(field)
@@ -97,6 +129,14 @@ class PlanForm:
         """
         return with_options(self._base, {**self._given(FIELDS), "order": self._order.value or None})
 
+    def show_values(self, plan: Plan, rig: Rig) -> None:
+        """Say in empty fields what a resolved plan runs with."""
+        for name, text in values_of(plan, rig).items():
+            made, said = self._inputs[name], f"empty: {text}"
+            if made.props["placeholder"] != said:
+                made.props["placeholder"] = said
+                made.update()
+
     def air(self) -> Air:
         """Return the air that was typed."""
         given = self._given(SURROUNDINGS)
@@ -115,7 +155,7 @@ class PlanForm:
         return [*words, *(["--order", self._order.value] if self._order.value else [])]
 
     def _make(self, field: Field) -> None:
-        made = ui.input(field.label, placeholder=field.hint, on_change=self._changed)
+        made = ui.input(field.label, placeholder=f"empty: {field.empty}", on_change=self._changed)
         made.props("dense stack-label debounce=300").mark(field.name)
         self._inputs[field.name] = made
 

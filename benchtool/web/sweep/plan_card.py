@@ -72,7 +72,9 @@ class PlanCard:
         try:
             rig = self._rig()
             limits = connection.identity.limits if connection.identity else None
-            self._preview = preview_of(self._form.plan(), rig, limits)
+            plan = self._form.plan()
+            self._form.show_values(plan.resolved(rig), rig)
+            self._preview = preview_of(plan, rig, limits)
             self._form.air()
         except BenchtoolError as error:
             problem = str(error)

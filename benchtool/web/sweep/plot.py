@@ -19,8 +19,6 @@ _STAMP = {
 """Says on the figure that no motor turned, as every figure of the project does."""
 
 _EMPTY = {
-    "text": "Connect a bench under Bench, then start a sweep:<br>its points come here as they are "
-    "measured.",
     "xref": "paper", "yref": "paper", "x": 0.5, "y": 0.5, "showarrow": False, "font": {"size": 15},
 }  # fmt: skip
 """Stands in a plot that has nothing to show."""
@@ -29,17 +27,21 @@ _ROLES = {"eq. (2)": "formula", "eq. (3)": "quad"}
 
 
 class RatioPlot:
-    """Show the ratios of one run over a model."""
+    """Show the ratios of one run over a model.
 
-    def __init__(self) -> None:
-        self._points = Points()
+    Args:
+        empty: stands there while there is nothing to draw.
+    """
+
+    def __init__(self, empty: str) -> None:
+        self._points, self._empty = Points(), empty
         self._curves: tuple[Curve, ...] = ()
         self._plot = ui.plotly(self._figure(dark=False)).classes("w-full ratio-plot")
         self._why = ui.label().classes("soft")
 
-    def show(self, points: Points, curves: Sequence[Curve], *, dark: bool) -> None:
+    def show(self, points: Points, curves: Sequence[Curve], *, empty: str, dark: bool) -> None:
         """Draw what is known now."""
-        self._points, self._curves = points, tuple(curves)
+        self._points, self._curves, self._empty = points, tuple(curves), empty
         self._plot.update_figure(self._figure(dark=dark))
         self._why.set_text(points.why)
         self._why.set_visibility(bool(points.why))
@@ -68,7 +70,13 @@ class RatioPlot:
             "linecolor": GREY,
             "visible": not empty,
         }
-        notes = [_STAMP] if self._points.simulated else [_EMPTY] if empty else []
+        notes = (
+            [_STAMP]
+            if self._points.simulated
+            else [{**_EMPTY, "text": self._empty}]
+            if empty
+            else []
+        )
         return {
             "data": traces,
             "layout": {

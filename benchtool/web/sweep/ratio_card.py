@@ -10,6 +10,7 @@ from nicegui import ui
 from benchtool.core.rig import Rig
 from benchtool.errors import BenchtoolError
 from benchtool.store.ratios import RATIO_BASES
+from benchtool.web.bench_link import BenchLink
 from benchtool.web.context import Context
 from benchtool.web.sweep.plot import RatioPlot
 from benchtool.web.sweep.work import Curve, Points, measured_points, model_curves
@@ -52,7 +53,7 @@ class RatioCard:
                 models = {"": "no model", **{name: name for name in model_names()}}
                 self._model = ui.select(models, value="", label="Model and its band")
                 self._model.classes("w-52").mark("model")
-            self._plot = RatioPlot()
+            self._plot = RatioPlot(nothing_yet(context.bench))
 
     async def refresh(self) -> None:
         """Draw anew when there is something new."""
@@ -75,6 +76,7 @@ class RatioCard:
             self._model.value,
             self._basis.value,
             dark,
+            nothing_yet(bench),
         )
         if wanted == self._shown:
             return
@@ -87,7 +89,7 @@ class RatioCard:
             self._curves_of = rig.name, self._model.value
             self._curves, why = await self._curves_for(rig)
             points = points if points.rows else Points(why=why)
-        self._plot.show(points, self._curves, dark=dark)
+        self._plot.show(points, self._curves, empty=nothing_yet(bench), dark=dark)
 
     async def _curves_for(self, rig: Rig) -> tuple[tuple[Curve, ...], str]:
         worker = self._context.worker(WORKER)
@@ -95,3 +97,12 @@ class RatioCard:
             return await worker.run(model_curves, self._model.value, rig, SPAN), ""
         except BenchtoolError as error:
             return await worker.run(model_curves, "", rig, SPAN), str(error)
+
+
+def nothing_yet(bench: BenchLink) -> str:
+    """Return what an empty plot says."""
+    if bench.swept.active and not bench.swept.pitch:
+        return "The sweep runs; its points come here as they are measured."
+    if bench.connection.status == "on":
+        return "Start a sweep: its points come here as they are measured."
+    return "Connect a bench under Bench, then start a sweep:<br>its points come here."

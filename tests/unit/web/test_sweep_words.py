@@ -1,0 +1,31 @@
+from __future__ import annotations
+
+from benchtool.acquire.plan import Plan
+from benchtool.acquire.sweep_options import with_options
+from benchtool.library import rig_named
+from benchtool.web.bench_link import BenchLink
+from benchtool.web.desk.news import Connection, Swept
+from benchtool.web.sweep.form import FIELDS, values_of
+from benchtool.web.sweep.ratio_card import nothing_yet
+
+
+def test_an_empty_plot_says_what_comes_next() -> None:
+    bench = BenchLink()
+    assert nothing_yet(bench).startswith("Connect a bench")
+    bench.connection = Connection(status="on")
+    assert nothing_yet(bench).startswith("Start a sweep")
+    bench.swept = Swept(status="running")
+    assert nothing_yet(bench).startswith("The sweep runs")
+    # Also where the bench is gone in mid-sweep.
+    bench.connection = Connection()
+    assert nothing_yet(bench).startswith("The sweep runs")
+
+
+def test_what_an_empty_field_shows_is_what_would_be_typed_for_the_same_plan() -> None:
+    rig = rig_named("pquad")
+    resolved = Plan().resolved(rig)
+    shown = values_of(resolved, rig)
+    assert set(shown) == {field.name for field in FIELDS}
+    kinds = {field.name: field.kind for field in FIELDS}
+    typed = with_options(Plan(), {name: kinds[name](text) for name, text in shown.items()})
+    assert typed.resolved(rig) == resolved
