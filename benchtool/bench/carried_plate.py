@@ -46,7 +46,7 @@ class CarriedPlate:
 
     def tick(self, n: int, now_s: float) -> tuple[bytes, list[bytes]]:
         self._link.write(self._stage.step(self._link.read(), now_s * self.speed))
-        self._firmware.carry_plate(self._plate.z_max_m + 1e-3 * self._stage.position_mm["Z"])
+        self._firmware.carry_plate(self._plate.z_max_m + 1e-3 * self._stage.true_mm["Z"])
         return self._device.tick(n, now_s)
 
     def tell_dropped(self, count: int) -> bytes:

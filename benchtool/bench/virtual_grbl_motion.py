@@ -1,0 +1,97 @@
+"""How a virtual stage moves: along a straight line, with limited feed and acceleration. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import sqrt
+
+STEP_S = 0.002
+
+
+class Motion:
+    """Move axes along one line, from standstill to standstill.
+
+    Attributes:
+        speed_mm_s: at present.
+
+    Args:
+        start_mm: position of each axis.
+        target_mm: where they go.
+        feed_mm_s: along the line.
+        accel_mm_s2: along the line.
+    """
+
+    def __init__(
+        self,
+        start_mm: Mapping[str, float],
+        target_mm: Mapping[str, float],
+        feed_mm_s: float,
+        accel_mm_s2: float,
+    ) -> None:
+        self.speed_mm_s = 0.0
+        self._start_mm, self._target_mm = dict(start_mm), dict(target_mm)
+        self._feed_mm_s, self._accel = feed_mm_s, accel_mm_s2
+        ways = (mm - start_mm[axis] for axis, mm in target_mm.items())
+        self._length_mm = sqrt(sum(way * way for way in ways))
+        self._gone_mm = 0.0
+
+    @property
+    def end_mm(self) -> dict[str, float]:
+        """Where it ends."""
+        return self._start_mm | self._target_mm
+
+    @property
+    def done(self) -> bool:
+        """Whether it stands at its end."""
+        return self._gone_mm >= self._length_mm
+
+    @property
+    def place_mm(self) -> dict[str, float]:
+        """Present position of each axis."""
+        if self.done:
+            return self.end_mm
+        share = self._gone_mm / self._length_mm
+        return {
+            axis: mm + share * (self._target_mm.get(axis, mm) - mm)
+            for axis, mm in self._start_mm.items()
+        }
+
+    def goes_on(self, following: Motion) -> bool:
+        """Take a following motion up, where it goes on straight at the same feed."""
+        ways = [end - self.place_mm[axis] for axis, end in self._target_mm.items()]
+        more = [mm - self.end_mm[axis] for axis, mm in following._target_mm.items()]
+        same = self._target_mm.keys() == following._target_mm.keys() and len(ways) == 1
+        if not same or self._feed_mm_s != following._feed_mm_s or ways[0] * more[0] <= 0.0:
+            return False
+        self._target_mm = following._target_mm
+        self._length_mm += abs(more[0])
+        return True
+
+    def advance(self, left_s: float, override: float = 1.0, *, holding: bool = False) -> float:
+        """Move on for at most so long and return the time that is left over: s.
+
+        Args:
+            left_s: time.
+            override: of the feed.
+            holding: slow down and stand.
+        """
+        while left_s > 0.0 and not self.done and not (holding and self.speed_mm_s == 0.0):
+            dt_s = min(left_s, STEP_S)
+            left_mm = self._length_mm - self._gone_mm
+            wanted = 0.0 if holding else min(self._feed_mm_s * override, self._stopping(left_mm))
+            change = self._accel * dt_s
+            before = self.speed_mm_s
+            self.speed_mm_s = min(max(wanted, before - change), before + change)
+            if self.speed_mm_s < 1e-9:
+                self.speed_mm_s = 0.0
+            step_mm = 0.5 * (before + self.speed_mm_s) * dt_s
+            if step_mm >= left_mm - 1e-4 and not holding:
+                self._gone_mm, self.speed_mm_s = self._length_mm, 0.0
+                return left_s - dt_s
+            self._gone_mm += min(step_mm, left_mm)
+            left_s -= dt_s
+        return left_s
+
+    def _stopping(self, left_mm: float) -> float:
+        """Return the speed from which it can still stop in so much way."""
+        return sqrt(2.0 * self._accel * left_mm)
