@@ -39,7 +39,7 @@ def recalibrate(run: Run, calibration: Calibration, *, other_device: bool = Fals
     if not other_device:
         name = f"calibration {calibration.id}"
         require_device(calibration, name, f"run {run.path}", device_id, "--other-device")
-    samples = read_samples(run.path)
+    samples = read_samples(run.path, ["time_s", "point", "phase", "thrust_raw"])
     if "thrust_raw" not in samples or np.isnan(samples.column("thrust_raw")).all():
         raise CalibrationError(
             f"{run.path} holds no raw counts (thrust_raw), so no other calibration can be applied"

@@ -22,8 +22,8 @@ from benchtool.store import (
     read_pitch,
     read_points,
     read_recording,
-    read_samples,
     read_table,
+    sample_names,
 )
 from benchtool.store.csv_text import read_csv_text
 from benchtool.store.recording_file import beside
@@ -220,7 +220,7 @@ def _still(recording: Recording, name: str) -> bool:
 
 def _run(path: str) -> Recording:
     """Return a run's experiment: that of a hinge, or the points of a sweep with its tares."""
-    if TELLS["pitch"] in read_samples(path):
+    if TELLS["pitch"] in sample_names(path):
         return read_pitch(path)
     return read_points(path, KINDS)
 

@@ -23,6 +23,7 @@ from benchtool.store import (
     read_points,
     read_samples,
     run_rig,
+    sample_names,
     word_of,
 )
 from benchtool.store.columns import speed_columns
@@ -41,6 +42,10 @@ FILES = (
     "events.jsonl",
 )
 """Files of a run folder, in the order in which a report lists their hashes."""
+
+
+_HEALTH = ("voltage_V", "current_A", "temperature_degC")
+"""Channels beside thrust and speed whose limits are looked at."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -141,7 +146,7 @@ def read_swept(path: Path) -> Swept:
         rig=run_rig(path, metadata),
         points=points,
         tares=_tares(path),
-        samples=read_samples(path) if (path / "samples.csv").is_file() else None,
+        samples=_samples(path) if (path / "samples.csv").is_file() else None,
         settings=settings,
         thrust_error_N=_larger(settings, "thrust_sd_N", points, points.column("thrust_se_N")),
         ratio=ratio,
@@ -151,6 +156,13 @@ def read_swept(path: Path) -> Swept:
         sha256=data_hash(path),
         files={name: file_hash(path / name) for name in FILES if (path / name).is_file()},
     )
+
+
+def _samples(path: Path) -> Recording:
+    """Return the samples of the columns that pages show; a long run has no room for the others."""
+    names = ("time_s", "point", "phase", "thrust_N", "thrust_raw", "plate_z_m", *_HEALTH)
+    speeds = speed_columns(sample_names(path))
+    return read_samples(path, [*names, *speeds])
 
 
 def _tares(path: Path) -> Recording | None:

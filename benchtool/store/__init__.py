@@ -7,7 +7,7 @@ from benchtool.store.events import Event, read_events
 from benchtool.store.frame import frame
 from benchtool.store.pitch import read_pitch
 from benchtool.store.points import Point
-from benchtool.store.read import is_run, read_points, read_samples
+from benchtool.store.read import is_run, read_points, read_samples, sample_names
 from benchtool.store.recording_file import read_recording, write_recording
 from benchtool.store.run import Run, free_run_path, read_settings
 from benchtool.store.run_rig import rig_of_data, run_rig
@@ -40,6 +40,7 @@ __all__ = [
     "read_table",
     "rig_of_data",
     "run_rig",
+    "sample_names",
     "word_of",
     "write_recording",
 ]

@@ -105,6 +105,23 @@ def read_parquet(path: Path, names: Sequence[str] | None = None) -> Recording:
     return Recording(tuple(channel_called(name) for name in present), values[:at])
 
 
+def parquet_names(path: Path) -> tuple[str, ...]:
+    """Return the columns of a Parquet file.
+
+    Raises:
+        FileFormatError: it is no Parquet file.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        with open_file(path, follow=False) as opened:
+            return tuple(pq.read_schema(opened).names)
+    except (pa.ArrowException, OSError) as error:
+        problem = "it cannot be read as Parquet; restore it from a copy"
+        raise FileFormatError(str(path), problem) from error
+
+
 def _check_type(field: Any, where: str) -> None:
     from pyarrow import types
 

@@ -11,7 +11,7 @@ from benchtool.core.recording import Recording
 from benchtool.core.user_file import open_file
 from benchtool.errors import FileFormatError
 from benchtool.store.columns import code_of
-from benchtool.store.read import read_samples
+from benchtool.store.read import read_samples, sample_names
 
 NEEDED = ("theta_ref_rad", "theta_rad", "gyro_rad_s")
 """Channels without which a run is no pitch experiment."""
@@ -31,19 +31,21 @@ def read_pitch(path: str | Path) -> Recording:
     Args:
         path: a run folder or a samples.csv.
     """
-    samples = read_samples(path)
+    present = sample_names(path)
     for name in NEEDED:
-        if name not in samples:
+        if name not in present:
             raise FileFormatError(
                 str(path), f"there is no {name} in it; name a run of benchtool record"
             )
+    wanted = [name for name in present if _OTHERS.fullmatch(name)]
+    samples = read_samples(path, ["device_time_us", "phase", *NEEDED, *wanted])
     kept = samples.select(samples.column("phase") == code_of("phase", "sample"))
     if not len(kept):
         raise FileFormatError(
             str(path), "it ended before the collective was reached; record it again"
         )
     device_us = kept.column("device_time_us")
-    names = [*NEEDED, *(name for name in kept.names if _OTHERS.fullmatch(name))]
+    names = [*NEEDED, *wanted]
     pairs = [(Channel("time_s", "s"), 1e-6 * (device_us - device_us[0]))]
     pairs += [(kept.channels[kept.index(name)], kept.column(name)) for name in names]
     return Recording.from_columns(pairs, kept.provenance, kept.simulated)

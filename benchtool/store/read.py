@@ -17,8 +17,8 @@ from benchtool.store.atomic import read_json
 from benchtool.store.columns import channel_called, check_numbers, code_of
 from benchtool.store.csv_text import read_csv_text
 from benchtool.store.digest import data_hash, file_hash
-from benchtool.store.parquet import read_parquet
-from benchtool.store.sample_stream import WholeLines, read_stream
+from benchtool.store.parquet import parquet_names, read_parquet
+from benchtool.store.sample_stream import header_of, read_stream
 from benchtool.store.table import columns_of
 
 
@@ -80,10 +80,12 @@ def read_samples(path: str | Path, names: Sequence[str] | None = None) -> Record
     return _read_samples(_file(path, "samples.csv"), path, names)
 
 
-def has_sample_channel(path: str | Path, name: str) -> bool:
-    """Tell whether the samples of a run folder have a channel."""
-    with WholeLines(_file(path, "samples.csv")) as lines:
-        return name in lines.names
+def sample_names(path: str | Path) -> tuple[str, ...]:
+    """Return the columns of the samples of a run folder, or of any samples.csv."""
+    parquet = Path(path) / "samples.parquet"
+    if parquet.is_file() and not os.path.lexists(Path(path) / "samples.csv"):
+        return parquet_names(parquet)
+    return header_of(_file(path, "samples.csv"), follow=not Path(path).is_dir())
 
 
 def _file(path: str | Path, name: str) -> Path:
@@ -94,7 +96,7 @@ def _file(path: str | Path, name: str) -> Path:
         return path
     if not os.path.lexists(path / name):
         inside = ", ".join(sorted(item.name for item in path.iterdir())[:8]) or "nothing"
-        advice = "close the run with benchtool sweep --resume" if is_run(path) else "name a run"
+        advice = "close it with benchtool runs close" if is_run(path) else "name a run"
         raise FileFormatError(str(path), f"there is no {name} in it (it holds: {inside}); {advice}")
     return path / name
 

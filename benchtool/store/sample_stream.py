@@ -39,9 +39,7 @@ class WholeLines(io.RawIOBase):
         self.cut = end < size
         self._left = end
         self._file.seek(0)
-        header = self._file.read(1 << 16).split(b"\n", 1)[0]
-        self.names = tuple(header.decode("utf-8", "replace").rstrip("\r").split(","))
-        self._file.seek(0)
+        self.names = header_of(path)
 
     def readable(self) -> bool:
         return True
@@ -55,6 +53,13 @@ class WholeLines(io.RawIOBase):
     def close(self) -> None:
         self._file.close()
         super().close()
+
+
+def header_of(path: Path, *, follow: bool = False) -> tuple[str, ...]:
+    """Return the names in the first line of a table."""
+    with open_file(path, follow=follow) as file:
+        line = file.readline(1 << 16).decode("utf-8", "replace")
+    return tuple(line.strip("\r\n").split(","))
 
 
 def sample_batches(lines: WholeLines, path: Path, names: Sequence[str]) -> Iterator[Any]:

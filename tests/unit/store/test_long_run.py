@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from benchtool.errors import FileFormatError
-from benchtool.store import Run, read_samples
+from benchtool.store import Run, read_samples, sample_names
 from benchtool.store.interrupted import scan_samples
 from tests.unit.store.run_of import small_run
 
@@ -76,6 +76,9 @@ def test_some_channels_are_those_of_the_whole(tmp_path: Path) -> None:
         for name in some.names:
             np.testing.assert_array_equal(some.column(name), whole.column(name))
         run.close()
+    assert sample_names(run.path) == whole.names
+    (run.path / "samples.csv").unlink()
+    assert sample_names(run.path) == whole.names
 
 
 @pytest.mark.parametrize("time", ["inf", "nan", "", "1.0x"])
