@@ -16,6 +16,8 @@ CHANNEL_NAMES: tuple[str, ...] = (
     "load_direction",
     *("theta_rad", "theta_ref_rad", "gyro_rad_s", "gyro_ref_rad_s", "distance_m"),
     *("roll_rad", "yaw_rad", "roll_ref_rad", "yaw_ref_rad", "roll_rate_rad_s", "yaw_rate_rad_s"),
+    *("roll_rate_ref_rad_s", "yaw_rate_ref_rad_s"),
+    *("pitch_command_share", "roll_command_share", "yaw_command_share", "throttle_command_share"),
     *("rpm#_optical", "pwm_raw", "battery_V", "power_W", "mechanical_power_W", "ct", "cp"),
     *("acc_x_m_s2", "acc_y_m_s2", "acc_z_m_s2", "vibration_m_s2", "servo#_us", "motor#_share"),
 )

@@ -11,6 +11,7 @@ LAYOUTS: dict[str, tuple[str, str]] = {
     "RATE": ("Qffffff", "TimeUS,RDes,R,PDes,P,YDes,Y"),
     "RCOU": ("QHHHH", "TimeUS,C1,C2,C3,C4"),
     "ESC": ("QBfffH", "TimeUS,Instance,RPM,Volt,Curr,Err"),
+    "RPM": ("QBffB", "TimeUS,I,RPM,Qual,H"),
     "RFND": ("QBCBB", "TimeUS,Instance,Dist,Stat,Orient"),
     "BAT": ("QBff", "TimeUS,Inst,Volt,Curr"),
     "PARM": ("QNff", "TimeUS,Name,Value,Default"),
