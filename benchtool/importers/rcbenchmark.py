@@ -48,10 +48,8 @@ CHANNELS: dict[str, str] = {
 }
 """Columns of the stands by name, as in their exports of 2017 to 2023."""
 
-DERIVED = frozenset(
-    {"Motor Efficiency", "Propeller Mech. Efficiency", "Overall Efficiency", "App message"}
-)
-"""Left out: quotients of other columns, and text."""
+DERIVED = ("Motor Efficiency", "Propeller Mech. Efficiency", "Overall Efficiency")
+"""Left out: quotients of other columns."""
 
 
 def is_rcbenchmark(first_line: str) -> bool:
@@ -75,18 +73,24 @@ def read_rcbenchmark(data: bytes, where: str, provenance: Mapping[str, str]) -> 
     findings: list[Finding] = []
     columns: list[Mapped] = []
     others: list[str] = []
+    quotients: list[str] = []
     for position, head in enumerate(heads):
         name = CHANNELS.get(head.name)
         if name is None and head.name.endswith("Temp") and head.unit:
             name = "temperature_degC"
         if name is None or name in {column.name for column in columns}:
-            if head.name and head.name not in DERIVED:
+            if head.name in DERIVED:
+                quotients.append(head.name)
+            elif head.name:
                 others.append(head.name)
             continue
         columns.append(_mapped(table.header[position], head, position, name, findings))
     if others:
         words = f"columns of a script, or unknown: {', '.join(others)}"
         findings.append(Finding("left out", "columns", words, count=len(others)))
+    if quotients:
+        words = f"quotients of thrust, power and torque, which are kept: {', '.join(quotients)}"
+        findings.append(Finding("left out", "efficiencies", words, count=len(quotients)))
     series = series_of({head.name for head in heads})
     facts = {**provenance, "device": f"RCbenchmark {series}"}
     return read_mapped(table, columns, f"RCbenchmark {series}", facts, findings, _one_speed)

@@ -9,6 +9,8 @@ import pytest
 
 from benchtool.errors import FileFormatError
 from benchtool.importers import Imported, Options, import_file, import_files
+from benchtool.importers.headed import head_of
+from benchtool.importers.text_table import lay_out
 from tests.unit.importers.stand_logs import found
 
 ROTOR_PAIRS = """
@@ -87,6 +89,22 @@ def test_every_file_imports_and_nothing_is_lost(reference_data: Path, tmp_path: 
         table.append(f"{name} | {read.tally.kept} of {read.tally.total} | {listed}")
     print("\n".join(table))  # shown with -s
     assert len(table) == len(measured)
+
+
+def test_no_column_of_a_table_is_dropped_without_a_word(
+    reference_data: Path, tmp_path: Path
+) -> None:
+    tables = [path for path in sorted(reference_data.rglob("*.csv")) if is_table(path)]
+    assert len(tables) > 20
+    for path in tables:
+        read = read_one(path, tmp_path)
+        told = " ".join([*read.sources.values(), *(item.words for item in read.findings)])
+        for cell in lay_out(path.read_bytes(), path.name).header:
+            assert head_of(cell).name in told, (path.name, cell, told)
+
+
+def is_table(path: Path) -> bool:
+    return not any(path.match(name) for name in NO_MEASUREMENTS)
 
 
 def test_what_is_no_measurement_is_refused(reference_data: Path) -> None:
