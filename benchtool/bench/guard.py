@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from benchtool.bench.bench import Bench, Readings
 from benchtool.bench.driven import DrivenBench
+from benchtool.bench.host_pause import HostPause
 from benchtool.bench.join_readings import joined
 from benchtool.bench.limit_check import LimitCheck
 from benchtool.bench.plate_check import PlateCheck
@@ -28,7 +29,9 @@ from benchtool.core.counted import counted
 from benchtool.core.rig import Limits, Rig
 from benchtool.errors import (
     BenchError,
+    BenchtoolError,
     CommandRefused,
+    HostPaused,
     InputError,
     LinkLost,
     RunStopped,
@@ -40,6 +43,12 @@ RAMP_S = 0.9
 """A normal end takes this long from any throttle to zero."""
 
 RAMP_STEPS = 10
+
+ANSWER_S = 1.0
+"""A command is answered or given up within this, wall time: twice what the drivers wait."""
+
+LOOP_ANSWER_S = 5.0
+"""The same where a loop on the bench is armed first: autopilots show that once a second."""
 
 
 class GuardedBench(DrivenBench):
@@ -59,6 +68,7 @@ class GuardedBench(DrivenBench):
         self._limits = rig.limits if limits is None else limits
         self._stale_s = stale_s
         self._check: LimitCheck | None = None
+        self._pause: HostPause | None = None
         self._plate: PlateCheck | None = None
         self._kept: list[Readings] = []
         whole = (GuardedBench.__exit__, GuardedBench._halt, GuardedBench.listen)
@@ -72,6 +82,7 @@ class GuardedBench(DrivenBench):
                 f"bench {self.identity.address} drives {present}; name the rig that stands on it"
             )
         self._begin()
+        self._pause = HostPause(self.identity, self.now_s())
         self._check = LimitCheck(
             self.identity.channels, self._rig, self._limits, self._stale_s, self.now_s()
         )
@@ -111,17 +122,22 @@ class GuardedBench(DrivenBench):
                 f"a pulse of {pulses[motor]:g} us for motor {motor + 1} was not sent, limit "
                 f"{self._limits.pwm_us:g} us; lower it or raise limits.pwm_us"
             )
+        self._end_if_paused()
         # Noted before it is sent: an acknowledgement that is lost may leave the motors turning.
         before = self._pwm_us
         self._note_command(pulses)
+        self._expect(wall_s=LOOP_ANSWER_S if self.identity.has_loop else ANSWER_S)
         try:
             self.bench.set_pwm(pulses)
         except CommandRefused:
             self._note_command(before)
             raise
-        except BenchError as error:
+        except (BenchError, HostPaused) as error:
+            self._end_if_paused(error)
             self._halt(error)
             raise
+        self._end_if_paused()
+        self._expect()
 
     def move_plate(self, z_m: float, x_m: float = 0.0, tilt_rad: float = 0.0) -> None:
         self.ready_for_move(z_m, x_m, tilt_rad)
@@ -196,11 +212,16 @@ class GuardedBench(DrivenBench):
     def _read_checked(self, timeout_s: float) -> Readings:
         if self._check is None:
             raise LinkLost("read was asked of a bench that is not open; open it first")
+        self._end_if_paused()
+        self._expect(bench_s=timeout_s)
         try:
             readings = self.bench.read(timeout_s)
-        except BenchError as error:
+        except (BenchError, HostPaused) as error:
+            self._end_if_paused(error)
             self._halt(error)
             raise
+        self._end_if_paused(readings=readings)
+        self._expect()
         assert self._watch is not None
         self._watch.take(readings.time_s, readings.values)
         self._check.commanded(self._pwm_us, self._commanded_s)
@@ -276,6 +297,29 @@ class GuardedBench(DrivenBench):
                 self._end(failed)
                 raise
             self._end(error)
+
+    def _expect(self, wall_s: float = 0.0, bench_s: float = 0.0) -> None:
+        if self._pause is not None:
+            self._pause.expect(self.now_s(), wall_s, bench_s)
+
+    def _end_if_paused(
+        self, error: BenchtoolError | None = None, readings: Readings | None = None
+    ) -> None:
+        """Command zero where the host did not run while motors turned; what came late is kept.
+
+        Raises:
+            HostPaused: instead of whatever the pause made the device say.
+        """
+        paused = self._pause.late(self.now_s()) if self._pause is not None else None
+        if paused is None:
+            return
+        self._expect()
+        if not self._turning:
+            return
+        if readings is not None:
+            self._kept.append(readings)
+        self._halt(paused)
+        raise paused from error
 
     def _refuse_after_stop(self, command: str) -> None:
         self._signals.raise_if_asked()

@@ -1,0 +1,45 @@
+"""A host that did not run for a while says so, and sends no order from before."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.faults.loop import World, plan, sweep
+
+
+@pytest.mark.parametrize("phase", ["ramping", "sampling"])
+def test_a_host_that_was_suspended_says_so(tmp_path: Path, phase: str) -> None:
+    paused_s: list[float] = []
+
+    def pause(world: World) -> None:
+        """Let everything but the host go on for two seconds, as SIGSTOP does."""
+        begun_s = world.proxy.seen.phases.get(phase)
+        if not paused_s and begun_s is not None and world.now_s > begun_s + 0.02:
+            paused_s.append(world.now_s)
+            world.wait(2.0)
+
+    outcome = sweep(tmp_path, plan(sample_s=30.0), [], hooks=[pause])
+    assert paused_s
+    assert outcome.code == 5
+    last = outcome.said.strip().splitlines()[-1]
+    assert "this computer did not run benchtool for 2.0 s" in last
+    assert "rpm1" not in last
+    assert "did not run benchtool" in outcome.metadata["reason"]
+    # Motors stood by the device's watchdog, and no order turned them again.
+    assert not outcome.orders_to_turn_after(paused_s[0] + 0.3)
+
+
+def test_a_pause_with_motors_at_zero_ends_nothing(tmp_path: Path) -> None:
+    paused_s: list[float] = []
+
+    def pause(world: World) -> None:
+        begun_s = world.proxy.seen.phases.get("tare")
+        if not paused_s and begun_s is not None and world.now_s > begun_s + 0.02:
+            paused_s.append(world.now_s)
+            world.wait(0.6)
+
+    outcome = sweep(tmp_path, plan(), [], hooks=[pause])
+    assert paused_s
+    assert outcome.code == 0, outcome.said
