@@ -42,6 +42,8 @@ class Identity:
         pwm_idle_us: longest pulse at which the plate may move; None where the device gives none.
         outputs_measured: `pwm1_us` and so on are outputs that were read back, not the host's own
             commands repeated.
+        longest_delay_s: longest time, on the bench's clock, that an order took so far, where orders
+            carry no age: one may still come so long after a stop. 0 where late orders are refused.
         speed: bench seconds per wall second, above 1 for a virtual bench that runs faster.
         orders_protected: whether the device refuses an order that comes late, as after a stop.
         channel_hash: CRC of names and units of the channels, as the device repeats it when it is
@@ -65,6 +67,7 @@ class Identity:
     pwm_stop_us: float | None = None
     pwm_idle_us: float | None = None
     outputs_measured: bool = False
+    longest_delay_s: float = 0.0
     speed: float = 1.0
     orders_protected: bool = False
     channel_hash: str = ""

@@ -15,6 +15,10 @@ from benchtool.errors import StandstillNotSeen
 
 Array = NDArray[np.float64]
 
+LATER_S = 0.1
+"""Where an order may come late, rotors are watched for so much longer than the longest delay seen;
+a choice."""
+
 
 class DrivenBench:
     """Remember what the motors were told and stop them for good.
@@ -89,6 +93,8 @@ class DrivenBench:
         if self._turning:
             self._note_command(self._zero_us())
             self._quietly(self.bench.stop, "commanding zero")
+        if (delay_s := self.identity.longest_delay_s) > 0.0:
+            at_least_s = max(at_least_s, delay_s + LATER_S)
         self._looked = see_standstill(self.bench, self._watch, take, at_least_s)
         return self._looked
 

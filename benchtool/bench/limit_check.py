@@ -269,6 +269,17 @@ class LimitCheck:
         )
 
 
+def unwatched_limits(channels: Sequence[Channel], n_rotors: int) -> str:
+    """Return in a sentence which limits of a rig no channel of a bench can break; else nothing."""
+    names = {channel.name for channel in channels}
+    wanted = ["thrust_N", *(f"rpm{rotor + 1}" for rotor in range(n_rotors))]
+    wanted += ["voltage_V", "current_A", "temperature_degC"]
+    missing = [name for name in wanted if name not in names]
+    if not missing:
+        return ""
+    return f"no channel brings {', '.join(missing)}: the rig's limits on them are not watched"
+
+
 def _watched(names: Sequence[str], limits: Limits, stale_s: float) -> list[_Watched]:
     thrust_N = min(limits.thrust_N, limits.load_cell_rating_N)
     bounds = {

@@ -40,7 +40,7 @@ from benchtool.bench.mavlink_streams import (
 )
 from benchtool.bench.mavlink_talk import MavlinkTalk
 from benchtool.bench.mavlink_watch import RunWatch
-from benchtool.bench.mavlink_wiring import THRUST_MESSAGES, channels_of
+from benchtool.bench.mavlink_wiring import PITCH_CHANNELS, THRUST_MESSAGES, channels_of
 from benchtool.bench.opened import Opened
 from benchtool.bench.read_ahead import Listener, ReadAhead
 from benchtool.bench.side_cell import SideCell, in_order
@@ -95,7 +95,13 @@ class MavlinkBench(Opened):
         learnt = self._known()
         more = {"system": str(self._talk.system), **told(self._became), **self._quality.facts()}
         return identity_of(
-            self.address, learnt, self._settings, self._channels, self._rate_Hz, more
+            self.address,
+            learnt,
+            self._settings,
+            self._channels,
+            self._rate_Hz,
+            self._talk.slowest_s,
+            more,
         )
 
     def now_s(self) -> float:
@@ -291,9 +297,11 @@ class MavlinkBench(Opened):
         n = learnt.wiring.n_rotors
         every = channels_of(n)
         self._rows.take_rows()
-        alive = np.isin(np.arange(len(every)), self._rows.live_columns()) | (
-            np.arange(len(every)) < n
-        )
+        alive = np.arange(len(every)) < n
+        alive[self._rows.live_columns()] = True
+        if self._settings.mode == "plate":
+            # Where a router asks for attitude, the bench is no pitch bench.
+            alive &= [channel.name not in PITCH_CHANNELS for channel in every]
         if self._cell is not None:
             alive |= [channel.name in ("thrust_N", "thrust_raw") for channel in every]
         self._columns = np.flatnonzero(alive)

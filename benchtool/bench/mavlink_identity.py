@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 from benchtool.bench.bench import Identity
 from benchtool.bench.mavlink_learn import Learnt
+from benchtool.bench.mavlink_outputs import SEEN_S
 from benchtool.bench.mavlink_pilots import TIMEOUT_S
 from benchtool.bench.mavlink_settings import MavlinkSettings
 from benchtool.core.channel import Channel
@@ -27,6 +28,7 @@ def identity_of(
     settings: MavlinkSettings,
     channels: tuple[Channel, ...],
     rate_Hz: float,
+    slowest_s: float,
     more: Mapping[str, str],
 ) -> Identity:
     """Return the identity of an open bench.
@@ -37,6 +39,7 @@ def identity_of(
         settings: what the address says.
         channels: those that live.
         rate_Hz: of the outputs.
+        slowest_s: longest time that an acknowledgement took (wall time).
         more: facts of the link.
     """
     pulses = learnt.pulses
@@ -74,6 +77,7 @@ def identity_of(
         pwm_stop_us=pulses.stop_us,
         pwm_idle_us=pulses.idle_us,
         outputs_measured=True,
+        longest_delay_s=learnt.speed * max(slowest_s, SEEN_S),
         speed=learnt.speed,
         facts=facts,
     )

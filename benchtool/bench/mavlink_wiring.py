@@ -10,6 +10,8 @@ from benchtool.errors import InputError
 
 THRUST_MESSAGES = ("NAMED_VALUE_FLOAT", "DEBUG_VECT", "DEBUG_FLOAT_ARRAY")
 
+PITCH_CHANNELS = ("theta_rad", "gyro_rad_s", "theta_ref_rad")
+
 DOWN = 25
 """MAV_SENSOR_ROTATION_PITCH_270: a distance sensor that looks down, where the plate is."""
 

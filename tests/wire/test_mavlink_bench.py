@@ -466,3 +466,21 @@ def test_pulses_outside_of_the_autopilots_range_are_refused(pulse_us: float) -> 
     made = Bench(motor_map=PLUS)
     with made.bench as bench, pytest.raises(InputError, match="were not sent"):
         bench.set_pwm(pulses(pulse_us, 1000.0))
+
+
+def test_the_longest_delay_of_an_acknowledgement_is_known() -> None:
+    made = Bench(motor_map=PLUS)
+    with made.bench as bench:
+        assert bench.identity.longest_delay_s == pytest.approx(0.3)
+        receive = made.autopilot.receive
+        waiting: list[tuple[float, bytes]] = []
+
+        def late(data: bytes, now_s: float) -> bytes:
+            waiting.append((now_s, receive(data, now_s)))
+            ready = [answer for at_s, answer in waiting if at_s <= now_s - 0.7]
+            waiting[:] = [one for one in waiting if one[0] > now_s - 0.7]
+            return b"".join(ready)
+
+        made.autopilot.receive = late
+        bench.set_pwm(pulses(1000.0, 1000.0))
+        assert 0.7 <= bench.identity.longest_delay_s < 1.5

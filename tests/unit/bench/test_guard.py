@@ -213,6 +213,38 @@ def test_a_bench_without_speeds_that_is_stopped_early_was_not_seen_to_stand(fake
     assert isinstance(ended.value.__cause__, RunStopped)
 
 
+@pytest.mark.parametrize("delay_s", [0.3, 2.5])
+def test_where_orders_may_come_late_rotors_are_watched_for_longer_than_that(fake, delay_s):
+    fake.identity = replace(fake.identity, longest_delay_s=delay_s)
+    with GuardedBench(fake, RIG) as guard:
+        guard.set_pwm(np.array([1600.0]))
+        guard.read(0.5)
+        guard.stop()
+        stopped_s = fake.clock_s
+    assert fake.clock_s - stopped_s > delay_s
+
+
+def test_an_order_that_comes_after_the_stop_is_seen_and_stopped(fake):
+    fake.identity = replace(fake.identity, longest_delay_s=1.0)
+    stop, read = fake.stop, fake.read
+
+    def late(timeout_s):
+        if fake.did.count("stop") == 1 and fake.clock_s > fake.stopped_s + 0.7:
+            fake.tail_rpm = 3000.0
+        return read(timeout_s)
+
+    def stopping():
+        fake.tail_rpm = 0.0
+        stop()
+
+    with GuardedBench(fake, RIG) as guard:
+        guard.set_pwm(np.array([1600.0]))
+        guard.read(0.5)
+        fake.read, fake.stop = late, stopping
+    assert fake.did.count("stop") == 2
+    assert guard.standstill.seen
+
+
 def test_nothing_is_asked_of_a_bench_whose_motors_were_not_driven(fake):
     fake.identity = replace(fake.identity, channels=fake.identity.channels[:1])
     with pytest.raises(ZeroDivisionError), GuardedBench(fake, RIG):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from benchtool.bench.limit_check import LimitCheck
+from benchtool.bench.limit_check import LimitCheck, unwatched_limits
 from benchtool.bench.obedience import speeds_of
 from benchtool.core.channel import Channel
 from benchtool.errors import LimitExceeded
@@ -264,3 +264,14 @@ def test_a_host_that_slept_does_not_stop_a_loop_for_it() -> None:
             rows = slice(start, start + 5)
             values = np.hstack([rpm[rows], told[rows]])
             assert check.breach(time_s[rows], values) is None
+
+
+def test_limits_without_a_channel_are_named() -> None:
+    told = unwatched_limits(LOOP_CHANNELS, RIG.n_rotors)
+    missing = [name for name in ("voltage_V", "current_A", "temperature_degC")
+               if name not in [channel.name for channel in LOOP_CHANNELS]]  # fmt: skip
+    assert told.endswith(f"{', '.join(missing)}: the rig's limits on them are not watched")
+    whole = [Channel(name, "N") for name in ("thrust_N", "voltage_V", "current_A",
+                                             "temperature_degC", "rpm1")]  # fmt: skip
+    assert unwatched_limits(whole, 1) == ""
+    assert unwatched_limits(whole, 2).startswith("no channel brings rpm2: ")
