@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from benchtool.bench.bench import Bench, Identity, Readings
 from benchtool.bench.opened import Opened
 from benchtool.bench.read_ahead import Listener, Overheard
-from benchtool.errors import BenchtoolError, RunStopped
+from benchtool.errors import BenchtoolError, CommandRefused, RunStopped, StageError
 
 Array = NDArray[np.float64]
 
@@ -40,7 +40,7 @@ class StoppableBench(Opened):
 
     `ask_to_stop` sends zero from the thread that asks, where the bench can do that, and lets the
     owner's next call raise AskedToStop once. A pulse that the owner sends in the same moment is
-    taken back.
+    taken back, or refused by a device that the stop had reached before.
 
     Args:
         bench: the one to stop.
@@ -82,7 +82,11 @@ class StoppableBench(Opened):
 
     def set_pwm(self, pwm_us: Array) -> None:
         self._raise_if_asked()
-        self._bench.set_pwm(pwm_us)
+        try:
+            self._bench.set_pwm(pwm_us)
+        except CommandRefused:
+            self._raise_if_asked()
+            raise
         if self._asked is not None:
             self._bench.stop()
             self._raise_if_asked()
@@ -92,7 +96,11 @@ class StoppableBench(Opened):
 
     def move_plate(self, z_m: float, x_m: float = 0.0, tilt_rad: float = 0.0) -> None:
         self._raise_if_asked()
-        self._bench.move_plate(z_m, x_m, tilt_rad)
+        try:
+            self._bench.move_plate(z_m, x_m, tilt_rad)
+        except (CommandRefused, StageError):
+            self._raise_if_asked()
+            raise
 
     def tare(self) -> None:
         self._raise_if_asked()

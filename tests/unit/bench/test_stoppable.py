@@ -8,12 +8,16 @@ import numpy as np
 import pytest
 
 from benchtool.bench.address import open_bench
+from benchtool.bench.firmware import Firmware
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.paced import PacedBench
+from benchtool.bench.serial_bench import SerialBench
 from benchtool.bench.stoppable import AskedToStop, StoppableBench
 from benchtool.errors import LinkLost
 from benchtool.library import rig_named
+from benchtool.testing.loopback_link import LoopbackLink
 from tests.unit.acquire.fake_bench import FakeBench
+from tests.wire.still_plant import StillPlant, still_hello
 
 
 class Haltable(FakeBench):
@@ -67,6 +71,37 @@ def test_a_pulse_that_crosses_the_request_is_taken_back() -> None:
     with pytest.raises(AskedToStop):
         stoppable.set_pwm(np.array([1500.0]))
     assert bench.log[-1][0] == "stop"
+
+
+@pytest.mark.parametrize("order", ["pwm", "plate"])
+def test_an_order_that_a_stopped_device_refuses_is_a_stop_and_no_refusal(order: str) -> None:
+    plant = StillPlant()
+    firmware = Firmware(plant, still_hello())
+    link = LoopbackLink(firmware, lambda: plant.rate_Hz)
+    driver = SerialBench(link, "serial:loop", clock=link.clock)
+    stoppable = StoppableBench(driver)
+    with stoppable:
+        driver._arm()
+        take = link.write
+
+        def halt_before(data: bytes) -> None:
+            """Let another thread stop in the moment in which the order is sent."""
+            link.write = take  # type: ignore[method-assign]
+            stoppable.ask_to_stop("stopped")
+            take(data)
+
+        link.write = halt_before  # type: ignore[method-assign]
+        orders: dict[str, Callable[[], None]] = {
+            "pwm": lambda: stoppable.set_pwm(np.array([1300.0, 1300.0])),
+            "plate": lambda: stoppable.move_plate(0.2),
+        }
+        with pytest.raises(AskedToStop):
+            orders[order]()
+        assert plant.pwm_us.max() == 1000.0
+        assert not plant.plate_moving
+        # What the owner orders after that is an order of its own.
+        stoppable.set_pwm(np.array([1300.0, 1300.0]))
+        assert plant.pwm_us.max() == 1300.0
 
 
 def test_a_link_that_is_gone_does_not_hide_the_request() -> None:
