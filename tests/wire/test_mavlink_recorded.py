@@ -292,3 +292,22 @@ def test_an_acknowledgement_that_takes_long_ends_nothing(folder: Path) -> None:
         bench.set_pwm(STOP)
         assert len(orders_of(peer)) > 1
         read(bench, 0.3)
+
+
+def test_every_conversation_of_ours_opens_with_all_that_its_streams_promise(folder: Path) -> None:
+    opened_ones = 0
+    for name, facts in facts_of(folder).items():
+        command = str(facts.get("command", ""))
+        if "mavlink:" not in command:
+            continue
+        mapped = {} if "bench map" not in command else {"motor_map": None, "rotors": 4}
+        _, bench = opened(folder, name, speeds="rpm=none" not in command, **mapped)
+        with bench:
+            names = {channel.name for channel in bench.identity.channels}
+            parts = read(bench, 0.3)
+        assert {"pwm1_us", "pwm4_us", "voltage_V", "current_A"} <= names, name
+        assert ("thrust_N" in names) is (name[:2] in ("a3", "a4") or name[0] in "cg"), name
+        assert not {"plate_z_m", "theta_rad"} & names, name
+        assert sum(part.lost for part in parts) == 0, name
+        opened_ones += 1
+    assert opened_ones == 44
