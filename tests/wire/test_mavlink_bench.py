@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from benchtool.bench.firmware import Firmware
+from benchtool.bench.guard import GuardedBench
 from benchtool.bench.mavlink_bench import MavlinkBench
 from benchtool.bench.mavlink_frames import MavlinkFrames
 from benchtool.bench.mavlink_pilots import ArduPilot, Order
@@ -23,6 +24,7 @@ from benchtool.errors import (
     ProtocolError,
     StageError,
 )
+from benchtool.library import rig_named
 from benchtool.testing.loopback_link import LoopbackLink
 from tests.wire.still_plant import StillPlant, still_hello
 
@@ -468,19 +470,32 @@ def test_pulses_outside_of_the_autopilots_range_are_refused(pulse_us: float) -> 
         bench.set_pwm(pulses(pulse_us, 1000.0))
 
 
-def test_the_longest_delay_of_an_acknowledgement_is_known() -> None:
-    made = Bench(motor_map=PLUS)
-    with made.bench as bench:
-        assert bench.identity.longest_delay_s == pytest.approx(0.3)
-        receive = made.autopilot.receive
-        waiting: list[tuple[float, bytes]] = []
+def answer_late(made: Bench, delay_s: float) -> None:
+    """Let every answer come so much later than the order is carried out."""
+    receive, tick = made.autopilot.receive, made.autopilot.tick
+    waiting: list[tuple[float, bytes]] = []
 
-        def late(data: bytes, now_s: float) -> bytes:
-            waiting.append((now_s, receive(data, now_s)))
-            ready = [answer for at_s, answer in waiting if at_s <= now_s - 0.7]
-            waiting[:] = [one for one in waiting if one[0] > now_s - 0.7]
-            return b"".join(ready)
+    def late_receive(data: bytes, now_s: float) -> bytes:
+        waiting.append((now_s + delay_s, receive(data, now_s)))
+        return b""
 
-        made.autopilot.receive = late
-        bench.set_pwm(pulses(1000.0, 1000.0))
-        assert 0.7 <= bench.identity.longest_delay_s < 1.5
+    def late_tick(n: int, now_s: float) -> tuple[bytes, list[bytes]]:
+        ready = [answer for due_s, answer in waiting if due_s <= now_s]
+        waiting[:] = [one for one in waiting if one[0] > now_s]
+        news, samples = tick(n, now_s)
+        return b"".join(ready) + news, samples
+
+    made.autopilot.receive, made.autopilot.tick = late_receive, late_tick
+
+
+@pytest.mark.parametrize("delay_s", [0.7, 2.5])
+def test_a_late_acknowledgement_alone_ends_nothing(delay_s: float) -> None:
+    made = Bench(rotors=1)
+    with GuardedBench(made.bench, rig_named("pquad_single")) as guard:
+        assert guard.identity.longest_delay_s == pytest.approx(0.3)
+        answer_late(made, delay_s)
+        guard.set_pwm(pulses(1000.0))
+        assert guard.identity.longest_delay_s == pytest.approx(delay_s, abs=0.1)
+        made.bench.set_pwm(pulses(1300.0))
+        made.read(2.0)
+        assert made.autopilot.outputs_us[2] == 1300
