@@ -115,8 +115,8 @@ class PointWriter:
                 self.file.close()
                 raise FileFormatError(
                     str(path),
-                    f"its columns are not those of a run with {counted(n_rotors, 'rotor')}; go on "
-                    f"with the rig that began the run",
+                    f"its columns are not those of a run with {counted(n_rotors, 'rotor')} of this "
+                    f"version of benchtool; go on with the rig and the version that began the run",
                 )
 
     @property

@@ -145,6 +145,22 @@ def test_a_resumed_run_says_what_was_cut() -> None:
     assert cut[1].endswith("points.csv was cut and left out: 5,meas")
 
 
+def test_a_resumed_run_takes_the_stage_that_moved_the_plate(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert call("sweep", "sim:pquad_single", *SMALL, "--yes", "--out", "run") == 0
+    _cut_back(Path("run"), points=4)
+    facts = json.loads(Path("run/metadata.json").read_text())
+    assert facts["plate"]["stage"] == "device"
+    facts["plate"]["stage"] = "grbl:/dev/ttyS9?zero_mm=1500"
+    Path("run/metadata.json").write_text(json.dumps(facts))
+    assert call("sweep", "--resume", "run", "--yes") == 2
+    said = capsys.readouterr().err
+    assert "sim:pquad_single moves its own plate" in said
+    assert "leave --stage grbl:/dev/ttyS9 out" in said
+    assert call("sweep", "--resume", "run", "--stage", "device", "--yes") == 0
+
+
 def test_another_device_cannot_go_on(capsys: pytest.CaptureFixture[str]) -> None:
     assert call("sweep", "sim:pquad_single?seed=3", *SMALL, "--yes", "--out", "run") == 0
     _cut_back(Path("run"), points=4)

@@ -154,6 +154,14 @@ def test_a_bench_that_moves_its_own_plate_refuses_a_second_stage(option: str) ->
         stage_for(option, bench, RIG, lambda question: "")
 
 
+def test_what_moved_the_plate_can_be_said_again() -> None:
+    with GuardedBench(bench_beside(), RIG) as bench:
+        facts = dict(stage_for(STAGE, bench, RIG, lambda question: "").facts)
+        again = dict(stage_for(str(facts["stage"]), bench, RIG, lambda question: "").facts)
+    assert facts == {"stage": STAGE, "axis": "Z", "zero_mm": 1500.0, "direction": 1}
+    assert again == facts
+
+
 def test_a_resumed_run_names_the_stage_that_moved_the_plate(tmp_path: Path) -> None:
     bench = bench_beside()
     with pytest.raises(BenchtoolError):
