@@ -109,7 +109,6 @@ def record_pitch(
         BenchError, RunStopped: why it ended early.
     """
     require_pitch(bench.identity)
-    bench.spare(Recorder.read, _stop_at_once)
     bench.expect_loop()
     recorder = PitchRecorder(
         bench, run, Unwatched(progress or Silent()), experiment.pitch_limit_rad

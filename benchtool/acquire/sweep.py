@@ -145,7 +145,6 @@ class _Sweep:
         self._bench, self._stage, self._plan, self._rig = bench, stage, plan, rig
         self._run, self._progress, self._start = run, progress, start
         self._calibration, self._waits = calibration, waits
-        bench.spare(Recorder.read, _Sweep._stop_at_once)
         self._recorder = Recorder(bench, run, progress, start.time_s, start.link)
         self._motors = Motors(self._recorder, rig)
         self._drift = DriftWatch(plan.tare.drift_N)

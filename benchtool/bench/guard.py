@@ -4,13 +4,14 @@ A `GuardedBench` is itself a bench. Entered as a context manager it ends in one 
 body came to its end, and the motors ramp down within a second; or anything else (an error, a
 limit, Ctrl-C, SIGTERM, a closed terminal, a lost link), and zero is commanded at once, the plate
 halted, the reason kept. Either way the bench is then read until its rotors were seen to stand, and
-the link closed. Signals that arrive meanwhile cannot interrupt that.
+the link closed. Signals are deferred from entering to leaving: the next command or read raises
+them, so that they interrupt neither a stop nor the way of a sample to the disk.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import AbstractContextManager, ExitStack
 from types import TracebackType
 from typing import Self
 
@@ -72,8 +73,7 @@ class GuardedBench(DrivenBench):
         self._pause: HostPause | None = None
         self._plate: PlateCheck | None = None
         self._kept: list[Readings] = []
-        whole = (GuardedBench.__exit__, GuardedBench._halt, GuardedBench.listen)
-        self._signals = StopSignals(self._note_reason, whole)
+        self._signals = StopSignals(self._note_reason)
 
     def open(self) -> None:
         self.bench.open()
@@ -144,7 +144,8 @@ class GuardedBench(DrivenBench):
     def move_plate(self, z_m: float, x_m: float = 0.0, tilt_rad: float = 0.0) -> None:
         self.ready_for_move(z_m, x_m, tilt_rad)
         try:
-            self.bench.move_plate(z_m, x_m, tilt_rad)
+            with self.interruptible():
+                self.bench.move_plate(z_m, x_m, tilt_rad)
             self.confirm_plate(z_m, z_m)
         except BenchError as error:
             self._halt(error)
@@ -239,17 +240,19 @@ class GuardedBench(DrivenBench):
     def listen(self, timeout_s: float) -> Readings:
         """Read and check as `read` does, and keep the samples for the next `read`.
 
-        For whoever waits for something else, as for an operator. A signal is raised by the next
-        call, so that it cannot come between a sample and its keeping.
+        For whoever waits for something else, as for an operator.
         """
         self._signals.raise_if_asked()
         readings = self._read_checked(timeout_s)
         self._kept.append(readings)
         return readings
 
-    def spare(self, *functions: Callable[..., object]) -> None:
-        """Let signals wait while these functions run; each must read again soon, which raises."""
-        self._signals.spare(*functions)
+    def interruptible(self) -> AbstractContextManager[None]:
+        """Let a signal raise at once within this scope; elsewhere the next command or read does.
+
+        For waits that call neither, such as an operator's answer.
+        """
+        return self._signals.interruptible()
 
     def take_kept(self) -> Readings | None:
         """Return samples that were read but not handed out, such as those that broke a limit."""
@@ -278,7 +281,8 @@ class GuardedBench(DrivenBench):
             on_failure.callback(self._signals.restore)
             self._signals.install()
             on_failure.callback(self.bench.close)
-            self.open()
+            with self.interruptible():
+                self.open()
             on_failure.pop_all()
         return self
 

@@ -1,11 +1,11 @@
-"""Signals that end a run, turned into an error at the place where the program is."""
+"""Signals that end a run, turned into an error where the program can take one."""
 
 from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Callable, Iterable
-from operator import attrgetter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from types import FrameType
 from typing import Any
 
@@ -22,32 +22,29 @@ _WORDS = {
 
 
 class StopSignals:
-    """Hold the handlers of signals for as long as motors may turn.
+    """Be the scope, from `install` to `restore`, in which signals are deferred.
+
+    A signal is only noted, and raised by the next `raise_if_asked`; so it can come neither between
+    a sample and the disk nor into a stop. Within `interruptible` it is raised at once: for waits
+    that call nothing else for long. Each scope raises at most one signal at once.
 
     Outside of the main thread Python allows no handlers; there only exceptions end a run.
 
     Args:
         note: is told the reason at once, in case somebody catches the error.
-        undisturbed: while one of these functions runs, a signal is only noted.
     """
 
-    def __init__(
-        self, note: Callable[[str], None], undisturbed: Iterable[Callable[..., object]] = ()
-    ) -> None:
+    def __init__(self, note: Callable[[str], None]) -> None:
         self._note = note
-        self._undisturbed = set(map(attrgetter("__code__"), undisturbed))
         self._before: dict[signal.Signals, Any] = {}
         self._asked: str | None = None
-
-    def spare(self, *functions: Callable[..., object]) -> None:
-        """Let signals only be noted while these run, too; `raise_if_asked` raises them later."""
-        self._undisturbed.update(map(attrgetter("__code__"), functions))
+        self._raises = False
 
     def install(self) -> None:
         """Take the signals over; those that were ignored stay so (nohup)."""
         if threading.current_thread() is not threading.main_thread():
             return
-        self._asked = None
+        self._asked, self._raises = None, False
         for name in SIGNAL_NAMES:
             number = getattr(signal, name, None)
             if number is None or signal.getsignal(number) in (signal.SIG_IGN, None):
@@ -60,8 +57,19 @@ class StopSignals:
             number, handler = self._before.popitem()
             signal.signal(number, handler)
 
+    @contextmanager
+    def interruptible(self) -> Iterator[None]:
+        """Let a signal raise at once within this inner scope, one that was noted on entering it."""
+        self.raise_if_asked()
+        self._raises = True
+        try:
+            self.raise_if_asked()
+            yield
+        finally:
+            self._raises = False
+
     def raise_if_asked(self) -> None:
-        """Raise again what a signal has raised before, should somebody have swallowed it."""
+        """Raise what a signal has noted, again and again should somebody swallow it."""
         if self._asked is not None:
             raise RunStopped(f"{self._asked}; zero was commanded to the motors")
 
@@ -70,9 +78,6 @@ class StopSignals:
         again = self._asked is not None
         self._asked = self._asked or _WORDS.get(name, f"stopped by {name}")
         self._note(self._asked)
-        while frame is not None:
-            if frame.f_code in self._undisturbed:
-                return
-            frame = frame.f_back
-        if not again:
-            raise RunStopped(f"{self._asked}; zero was commanded to the motors")
+        if self._raises and not again:
+            self._raises = False
+            self.raise_if_asked()

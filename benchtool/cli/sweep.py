@@ -208,7 +208,8 @@ def _sweep(
                     stage, bench, rig, lambda text: answer_to(text, lambda: bench.listen(LOOK_S))
                 )
                 _arm(bench, plan, rig, expected, scale, yes)
-                mover.open()
+                with bench.interruptible():
+                    mover.open()
                 try:
                     if rest:
                         require_same_device(rest, identity)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from benchtool.errors import InputError, RunStopped
 
 if TYPE_CHECKING:
-    from benchtool.bench.bench import Bench, Identity
+    from benchtool.bench.bench import Identity
     from benchtool.bench.guard import GuardedBench
     from benchtool.core.rig import Rig
 
@@ -60,7 +60,7 @@ def say_of_end(bench: GuardedBench) -> None:
         print(f"warning: {state.text}")
 
 
-def confirm_arming(text: str, word: str, bench: Bench) -> None:
+def confirm_arming(text: str, word: str, bench: GuardedBench) -> None:
     """Show what will spin and want a typed confirmation.
 
     Raises:
@@ -70,7 +70,9 @@ def confirm_arming(text: str, word: str, bench: Bench) -> None:
     print(text)
     is_virtual = bench.identity.address.startswith("sim:")
     meanwhile = None if is_virtual else lambda: bench.read(LOOK_S)
-    if answer_to(f"type {word} to arm: ", meanwhile).strip() != word:
+    with bench.interruptible():
+        answer = answer_to(f"type {word} to arm: ", meanwhile)
+    if answer.strip() != word:
         raise RunStopped(f"not armed: {word} was not typed; nothing was spun")
 
 

@@ -125,7 +125,8 @@ class Sweeping:
         if rest is not None:
             require_same_device(rest, identity)
             start = self._prepared(bench, rest.run.path)
-        stage.open()
+        with bench.interruptible():
+            stage.open()
         run: Run | None = None
         try:
             run = rest.run if rest else new_run(

@@ -1,0 +1,88 @@
+"""A scope that defers signals, and an inner one in which they are raised at once."""
+
+# ruff: noqa: PT012 -- what happens after a signal needs the whole body inside `raises`
+
+import signal
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from benchtool.bench.guard import GuardedBench
+from benchtool.bench.stop_signals import StopSignals
+from benchtool.errors import RunStopped
+from tests.unit.bench.guarded_fake import RIG
+
+
+@pytest.fixture
+def signals() -> Iterator[StopSignals]:
+    scope = StopSignals(lambda reason: None)
+    scope.install()
+    yield scope
+    scope.restore()
+
+
+def test_a_signal_is_noted_and_raised_when_asked_for(signals: StopSignals) -> None:
+    signal.raise_signal(signal.SIGTERM)
+    for _ in range(2):
+        with pytest.raises(RunStopped, match="stopped by SIGTERM; zero was commanded"):
+            signals.raise_if_asked()
+
+
+def test_within_the_inner_scope_it_is_raised_at_once(signals: StopSignals) -> None:
+    reached = []
+    with pytest.raises(RunStopped, match="stopped by Ctrl-C"), signals.interruptible():
+        signal.raise_signal(signal.SIGINT)
+        reached.append("after")
+    assert reached == []
+    signal.raise_signal(signal.SIGINT)  # behind it they are deferred again
+
+
+def test_one_that_was_noted_before_is_raised_on_entering(signals: StopSignals) -> None:
+    signal.raise_signal(signal.SIGTERM)
+    with pytest.raises(RunStopped), signals.interruptible():
+        pytest.fail("the body must not run")
+
+
+def test_only_the_first_is_raised_at_once(signals: StopSignals) -> None:
+    with pytest.raises(RunStopped), signals.interruptible():
+        try:
+            signal.raise_signal(signal.SIGINT)
+        finally:
+            signal.raise_signal(signal.SIGTERM)
+
+
+@pytest.mark.parametrize("call", ["set_pwm", "read", "listen", "stop", "close"])
+def test_no_call_of_a_guarded_bench_is_cut_in_two(fake, call) -> None:
+    done = []
+    plain = getattr(fake, "read" if call == "listen" else call)
+
+    def signalled(*words):
+        if not done:
+            signal.raise_signal(signal.SIGINT)
+        done.append(call)
+        return plain(*words)
+
+    setattr(fake, "read" if call == "listen" else call, signalled)
+    stopped = pytest.raises(RunStopped, match="Ctrl-C")
+    with stopped, GuardedBench(fake, RIG) as guard:
+        guard.set_pwm(np.array([1500.0]))
+        guard.listen(0.1)
+        guard.read(0.1)
+        guard.stop()
+        guard.read(0.1)
+        if call == "close":
+            raise RunStopped("Ctrl-C")
+    assert done[0] == call
+    assert fake.did[-1] == "close"
+
+
+def test_a_move_of_the_plate_is_interrupted(fake) -> None:
+    def move(*place):
+        signal.raise_signal(signal.SIGINT)
+        pytest.fail("the move went on")
+
+    fake.move_plate = move
+    with pytest.raises(RunStopped), GuardedBench(fake, RIG) as guard:
+        guard.move_plate(0.5)
+    assert fake.did[-2:] == ["stop", "close"]
