@@ -88,15 +88,19 @@ class AppendFile:
             return False
         return self._handle is not None and os.path.samestat(there, os.fstat(self._handle))
 
-    def copy_to(self, path: Path) -> None:
+    def copy_to(self, path: Path, *, whole: bool) -> None:
         """Write what the file holds, and what could not be written to it, into a new file.
 
         This works for a file that was deleted or moved, too: the handle still leads to it.
+
+        Args:
+            path: of the new file.
+            whole: with what the file holds, not only what could not be written to it.
         """
         assert self._handle is not None
         with open(path, "xb") as copy:
             os.lseek(self._handle, 0, os.SEEK_SET)
-            while part := os.read(self._handle, 1 << 20):
+            while whole and (part := os.read(self._handle, 1 << 20)):
                 copy.write(part)
             copy.write(self._unwritten or b"")
             copy.flush()

@@ -140,13 +140,18 @@ class Run:
         if not os.access(self.path, os.W_OK | os.X_OK, effective_ids=effective):
             raise ResourceExhausted(f"the run folder {self.path} was made read-only")
 
-    def save_as(self, path: Path, facts: Mapping[str, Any], files: Sequence[AppendFile]) -> None:
-        """Write the whole run into a new folder, from memory and open files, and own that one.
+    def save_as(
+        self, path: Path, facts: Mapping[str, Any], files: Sequence[AppendFile], *, whole: bool
+    ) -> None:
+        """Write the run into a new folder, from memory and open files.
+
+        A whole run is owned there from then on.
 
         Args:
             path: of the new folder.
             facts: to replace in the metadata.
             files: that grow while the run is measured.
+            whole: with what they hold, not only what could not be written to them.
 
         Raises:
             OSError: there is no room either; nothing is left there.
@@ -154,13 +159,14 @@ class Run:
         path.mkdir()
         try:
             for file in files:
-                file.copy_to(path / file.path.name)
+                file.copy_to(path / file.path.name, whole=whole)
             replace_text(path / "plan.toml", self._plan_text)
             replace_json(path / "metadata.json", {**self._facts, **facts})
         except BaseException:
             shutil.rmtree(path, ignore_errors=True)
             raise
-        self.path, self._opened = path, None
+        if whole:
+            self.path, self._opened = path, None
 
     def sample_writer(self, channels: tuple[Channel, ...]) -> SampleWriter:
         """Open samples.csv for appending."""

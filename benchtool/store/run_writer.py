@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import product
 from pathlib import Path
 from tempfile import gettempdir
 from typing import Any
@@ -108,28 +109,27 @@ class RunWriter:
         """After a fault save the whole run in a folder of its own and name it in `fault`.
 
         The run's path is that folder from then on. It stands beside the run, else in the folder
-        for lasting state, else in the one for temporary files.
+        for lasting state, else in the one for temporary files. Where none has room for all of the
+        run, what could not be written to it is saved alone.
         """
         if self.fault is None:
             return
-        said = str(self.fault)
         lost = self.run.path
-        for folder in (lost.parent, state_folder() / "rescued", Path(gettempdir())):
+        places = (lost.parent, state_folder() / "rescued", Path(gettempdir()))
+        where = "what was recorded could not be saved anywhere else"
+        for whole, folder in product((True, False), places):
             try:
                 if folder != lost.parent:
                     folder.mkdir(parents=True, exist_ok=True)
                 path = free_path(folder / f"{lost.name}-rescued")
-                self.run.save_as(path, {"rescued_from": str(lost)}, self._files)
+                self.run.save_as(path, {"rescued_from": str(lost)}, self._files, whole=whole)
             except (OSError, MemoryError):
                 continue
-            self.fault = type(self.fault)(
-                f"{said}; zero was commanded to the motors; what was recorded is saved in "
-                f"{path}{self._advice}"
-            )
-            return
+            what = "what was recorded" if whole else f"what is not in {lost}, and only that,"
+            where = f"{what} is saved in {path}"
+            break
         self.fault = type(self.fault)(
-            f"{said}; zero was commanded to the motors; what was recorded could not be saved "
-            f"anywhere else{self._advice}"
+            f"{self.fault}; zero was commanded to the motors; {where}{self._advice}"
         )
 
     def close(self) -> None:

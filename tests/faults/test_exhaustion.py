@@ -7,6 +7,7 @@ import resource
 import subprocess
 import sys
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -81,6 +82,15 @@ def test_a_file_that_may_not_grow_leaves_a_run_that_can_be_closed(tmp_path: Path
     code, said = benchtool(tmp_path, *SWEEP, "run", limit=(resource.RLIMIT_FSIZE, 60 << 10))
     assert "run cannot be written: the file may not grow any further; zero was commanded" in said
     assert code == 10
+    # No file may hold the whole run, so that only what was in memory is saved.
+    assert "what is not in run, and only that, is saved in run-rescued" in said
+    begun = (tmp_path / "run/samples.csv").read_text()
+    rest = (tmp_path / "run-rescued/samples.csv").read_text()
+    assert begun.endswith("\n")
+    assert rest.endswith("\n")
+    lines = (begun + rest).splitlines()[1:]
+    times_us = [int(line.split(",")[1]) for line in lines]
+    assert {b - a for a, b in pairwise(times_us)} == {5000}
     assert Run.open(tmp_path / "run").metadata["state"] == "stopped"
     code, said = benchtool(tmp_path, "runs", "close", "run")
     assert (code, said) == (0, "")
