@@ -14,11 +14,11 @@ from scipy.signal import savgol_filter
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
 from benchtool.core.schedule import PARKED_M
+from benchtool.effects.rotor_count import refuse_other_rotors
 from benchtool.errors import InputError
 from benchtool.explain.pitch_clock import HELD_S, UNSEEN_S, EvenRows, blank_for, even_rows
 from benchtool.explain.pitch_doubts import refuse_doubtful, standing_still
 from benchtool.explain.plate_transit import READ_S, TRANSIT_S, on_its_way
-from benchtool.explain.rotor_count import refuse_other_rotors
 from benchtool.simulate import pitch_track as t
 from benchtool.simulate.pitch_follow import LoggedPitch
 from benchtool.simulate.pitch_replay import PARKED_FROM_M

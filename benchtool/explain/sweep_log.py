@@ -12,8 +12,8 @@ from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig, Sensor
 from benchtool.effects.conditions import FAR_AWAY_M, Conditions
 from benchtool.effects.load_direction import SAME_PLACE
+from benchtool.effects.rotor_count import refuse_other_rotors
 from benchtool.errors import InputError
-from benchtool.explain.rotor_count import refuse_other_rotors
 from benchtool.explain.sweep_power import Power, power_of
 from benchtool.store.columns import code_of
 from benchtool.store.ratios import relative_speed_error

@@ -15,6 +15,7 @@ from benchtool.core.parameter import Parameters, full_name
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
 from benchtool.effects.conditions import Conditions
+from benchtool.effects.rotor_count import refuse_other_rotors
 from benchtool.errors import InputError
 from benchtool.library import LoadedModel, load_model, read_columns, rig_named
 from benchtool.library.own_code import CodePermit, refuse_code
@@ -126,6 +127,8 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
     points = _joined(parts)
     _need_thrust(points)
     model = loaded.model
+    for path, part in zip(recipe.data, parts, strict=True):
+        refuse_other_rotors(part, model.rig, path)
     conditions = Conditions.from_recording(points, model.rig)
     if recipe.basis == "joint":
         observed, error, errors = _thrust_with_error(points, all(map(is_run, recipe.data)))

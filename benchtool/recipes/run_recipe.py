@@ -206,6 +206,24 @@ def _rig_told(recipe: Recipe, rig: Rig) -> tuple[str, ...]:
     )
 
 
+FAR_FROM_RIG = 3.0
+"""A thrust coefficient this many times off the rig's is a slip of units or another vehicle: grams
+for newtons make 102, rad/s for rpm 91, poles for pairs 4; a choice."""
+
+
+def _far_from_rig(model: Model, result: FitResult) -> tuple[str, ...]:
+    """Say when the fitted thrust coefficient cannot be that of the rig's motors."""
+    own = model.rig.propulsion.thrust_coefficient_N_s2
+    found = next((item.value for item in result.estimates if item.name == "k"), own)
+    if found > 0.0 and 1.0 / FAR_FROM_RIG < found / own < FAR_FROM_RIG:
+        return ()
+    return (
+        f"k is {found / own:.3g} times the thrust coefficient of rig {model.rig.name} ({own:g} "
+        f"N/(rad/s)2): check the units of thrust and speed, the motors' pole count, and that the "
+        f"rig is yours",
+    )
+
+
 def _named(
     model: Model, data: FitData, problem: Problem, result: FitResult, rig_told: tuple[str, ...]
 ) -> FitResult:
@@ -223,6 +241,6 @@ def _named(
         "simulated": data.points.simulated,
         **{f"sha256.{path}": digest for path, digest in data.hashes.items()},
     }
-    warnings = (*rig_told, *data.left_out, *result.warnings)
+    warnings = (*rig_told, *_far_from_rig(model, result), *data.left_out, *result.warnings)
     result = replace(result, facts=facts, warnings=warnings)
     return with_derived(with_diagnosis(problem, result), quantities)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import nan
@@ -15,7 +16,7 @@ from benchtool.core.channel import Channel
 from benchtool.core.column_source import ColumnSource
 from benchtool.core.recording import Recording
 from benchtool.core.toml_text import build
-from benchtool.core.units import from_si, same_dimension, to_si
+from benchtool.core.units import UNITS, from_si, same_dimension, to_si
 from benchtool.errors import FileFormatError, InputError, MissingColumn, UnknownChoice
 from benchtool.store.columns import WORDS, channel_called, code_of
 from benchtool.store.csv_text import CsvTable, no_rows, read_csv_text
@@ -177,12 +178,32 @@ def _mapped(
     else:
         if source.column.strip() not in table.header:
             raise MissingColumn(table.where, source.column, table.header)
+        if source.unit is None and source.factor == 1.0:
+            _refuse_other_unit(name, source.column, channel.unit)
         index = _index(table, source.column)
         values = numbers_in(table, index, rows)
     values = source.sign * source.factor * values
     if unit != channel.unit:
         values = np.asarray(from_si(to_si(values, unit), channel.unit), float)
     return channel, values
+
+
+_UNIT_IN_BRACKETS = re.compile(r"[(\[]\s*([^()\[\]]+?)\s*[)\]]\s*$")
+
+_FOREIGN_UNITS = frozenset({"lb", "lbf", "oz", "ozf", "in", "inch", "ft", "mv", "ma", "kn"})
+
+
+def _refuse_other_unit(name: str, column: str, unit: str) -> None:
+    """Refuse a map without a unit for a column whose own name carries another one than ours."""
+    found = _UNIT_IN_BRACKETS.search(column)
+    theirs = found[1] if found else unit
+    known = {symbol.casefold() for symbol in UNITS} | _FOREIGN_UNITS
+    if theirs.casefold() in known and theirs.casefold() != unit.casefold():
+        raise InputError(
+            f"column {column!r} names the unit {theirs!r}, and {name} without one is read in "
+            f"{unit}; write its unit in [columns]: {name} = {{ column = {column!r}, unit = '?' }} "
+            f"(grams of a scale are gf)"
+        )
 
 
 def _own_names(table: CsvTable, rows: Sequence[int]) -> list[tuple[Channel, Array]]:

@@ -198,3 +198,26 @@ def test_a_table_on_a_shipped_model_says_whose_rig_was_taken(tmp_path: Path) -> 
     own = run_recipe(replace(recipe(str(table), model="single"), rig=str(rig)))
     assert own.fitted.rig.name == "five_inch"
     assert not any("names no rig" in line for line in own.results[0].warnings)
+
+
+def table(folder: Path, text: str) -> str:
+    file = folder / "points.csv"
+    file.write_text(text)
+    return str(file)
+
+
+def test_more_rotors_than_the_rig_has_are_refused(tmp_path: Path) -> None:
+    head, *rows = TABLE.splitlines()
+    turning = [f"{row},{15000 + place}" for place, row in enumerate(rows)]
+    data = table(tmp_path, "\n".join([f"{head},rpm2", *turning]))
+    with pytest.raises(InputError, match=r"speeds of 2 rotors, and the model 1 \(rig"):
+        run_recipe(recipe(data, model="single"))
+
+
+def test_a_thrust_coefficient_far_from_the_rigs_is_told(tmp_path: Path) -> None:
+    grams = table(tmp_path, "rpm1,thrust_N\n4000,185\n5000,289\n6000,416\n7000,567\n")
+    warned = run_recipe(replace(recipe(grams, model="single"), hold=("R_m",))).results[0].warnings
+    assert any("times the thrust coefficient of rig pquad_single" in line for line in warned)
+    newtons = table(tmp_path, "rpm1,thrust_N\n4000,1.81\n5000,2.84\n6000,4.08\n7000,5.56\n")
+    calm = run_recipe(replace(recipe(newtons, model="single"), hold=("R_m",))).results[0].warnings
+    assert not any("times the thrust coefficient" in line for line in calm)

@@ -86,3 +86,20 @@ def test_a_header_alone_is_refused(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text("thrust_N\n")
     with pytest.raises(FileFormatError, match="no row below it"):
         read_table(tmp_path / "a.csv")
+
+
+def test_a_unit_in_the_name_of_a_column_is_not_passed_over(tmp_path: Path) -> None:
+    file = tmp_path / "stand.csv"
+    file.write_text("Thrust (g),RPM [rpm],Gap (mean)\n38,9000,0.1\n")
+    with pytest.raises(InputError, match=r"names the unit 'g', and thrust_N without one is read"):
+        read_table(file, {"thrust_N": "Thrust (g)"})
+    found = read_table(
+        file,
+        {
+            "thrust_N": {"column": "Thrust (g)", "unit": "gf"},
+            "rpm1": "RPM [rpm]",
+            "plate_z_m": "Gap (mean)",
+        },
+    )
+    assert found.column("thrust_N")[0] == pytest.approx(38e-3 * 9.80665)
+    assert (found.column("rpm1")[0], found.column("plate_z_m")[0]) == (9000.0, 0.1)
