@@ -169,7 +169,10 @@ def read_with_readline(port: str, seconds: float, file: IO[str]) -> tuple[int, i
     rows = lost = corrupt = 0
     before: int | None = None
     with serial.Serial(port, 2_000_000, timeout=1.0, exclusive=True) as link:
-        link.write(frame_command(1, AskHello()) + frame_command(2, SetRate(RATE_HZ)))
+        link.write(frame_command(1, AskHello()))
+        while not (answer := link.readline()).startswith(b"$A,1,"):
+            pass
+        link.write(frame_command(2, SetRate(RATE_HZ), int(answer.split(b",")[2])))
         end_s = time.monotonic() + seconds
         while time.monotonic() < end_s:
             line = link.readline().strip()
