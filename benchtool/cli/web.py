@@ -26,11 +26,18 @@ def command(
     """Serve a page to watch, sweep, fit and explain in a browser."""
     from benchtool.web.serve import serve
 
+    opened: list[Path | None] = []
+
     def announce(address: str) -> None:
         print(address, flush=True)
         if browser:
-            import webbrowser
+            from benchtool.web.open_page import open_page
 
-            webbrowser.open(address)
+            opened.append(open_page(address))
 
-    serve(runs, host, port, announce, wants_token=token)
+    try:
+        serve(runs, host, port, announce, wants_token=token)
+    finally:
+        for file in opened:
+            if file is not None:
+                file.unlink(missing_ok=True)

@@ -26,6 +26,9 @@ RECONNECT_S = 15.0
 """A page that was silent for so long is forgotten; loaded again, it starts anew. A choice: busy
 machines make browsers wait for seconds."""
 
+MOST_MESSAGE_BYTES = 1_000_000
+"""What a page sends in one message over a websocket; files come as requests."""
+
 
 def run_application(
     runs: Path, listening: socket.socket, access: Access, process: BenchProcess
@@ -60,5 +63,7 @@ def run_application(
         # Without a network between, packing costs more than it saves.
         gzip_middleware_factory=None if access.token is None else GZipMiddleware,
     )  # fmt: skip
-    config = uvicorn.Config(guarded, log_level="warning", ws="wsproto")
+    config = uvicorn.Config(
+        guarded, log_level="warning", ws="wsproto", ws_max_size=MOST_MESSAGE_BYTES
+    )
     uvicorn.Server(config).run(sockets=[listening])

@@ -10,6 +10,7 @@ import psutil
 import pytest
 
 from benchtool.web.desk.hand import SILENCE_S
+from benchtool.web.open_page import open_page as open_address
 from tests.browser.conftest import CHROMIUM, Web, connect, serving
 from tests.browser.device import Device
 
@@ -215,7 +216,10 @@ def test_a_wrong_token_opens_nothing(tmp_path: Path, open_page: Callable[[str], 
             refused = open_page(wrong)
             assert "the token is missing or wrong" in refused.content()
             assert refused.locator(".stop-button").count() == 0
-        opened = open_page(server.url)
+        # As `benchtool web` itself opens it, by way of a file.
+        addresses: list[str] = []
+        open_address(server.url, tmp_path, addresses.append)
+        opened = open_page(addresses[0])
         opened.get_by_text("at the controls").wait_for()
         assert opened.url == address
 

@@ -4,9 +4,13 @@ import asyncio
 from typing import Any
 
 from benchtool.web.access import Access
-from benchtool.web.doorman import Doorman
+from benchtool.web.doorman import MOST_BODY_BYTES, MOST_WAITING, WRONG_TOKEN_S, Doorman
 
 HOST = (b"host", b"127.0.0.1:8460")
+
+
+async def slept(seconds: float) -> None:
+    """Wait for no time at all."""
 
 
 def ask(access: Access, scope: dict[str, Any]) -> tuple[list[dict[str, Any]], list[str]]:
@@ -28,7 +32,7 @@ def ask(access: Access, scope: dict[str, Any]) -> tuple[list[dict[str, Any]], li
     async def send(message: Any) -> None:
         sent.append(message)
 
-    asyncio.run(Doorman(app, access, "benchtool-1")(scope, receive, send))
+    asyncio.run(Doorman(app, access, "benchtool-1", slept)(scope, receive, send))
     return sent, behind
 
 
@@ -51,7 +55,11 @@ def test_what_is_let_in_cannot_be_framed() -> None:
     assert behind == ["/"]
     assert sent[0]["status"] == 200
     assert headers_of(sent)[b"x-frame-options"] == b"DENY"
-    assert headers_of(sent)[b"content-security-policy"] == b"frame-ancestors 'none'"
+    policy = headers_of(sent)[b"content-security-policy"].decode()
+    assert "frame-ancestors 'none'" in policy
+    assert "default-src 'none'" in policy
+    assert "connect-src 'self' ws://127.0.0.1:8460 wss://127.0.0.1:8460;" in policy
+    assert "http" not in policy
 
 
 def test_what_is_refused_never_reaches_the_page() -> None:
@@ -66,8 +74,8 @@ def test_the_right_token_becomes_a_cookie_and_leaves_the_address() -> None:
     access = Access(token="right")
     sent, behind = ask(access, http("/", b"token=right&tab=sweep"))
     assert behind == []
-    assert sent[0]["status"] == 303
-    assert headers_of(sent)[b"location"] == b"/?tab=sweep"
+    assert sent[0]["status"] == 200
+    assert b"url=/?tab=sweep" in sent[1]["body"]
     cookie = headers_of(sent)[b"set-cookie"].decode().lower()
     assert cookie.startswith("benchtool-1=right")
     assert "httponly" in cookie
@@ -101,3 +109,66 @@ def test_a_socket_of_another_page_is_closed_before_it_opens() -> None:
 
 def test_start_and_end_of_the_server_pass() -> None:
     assert ask(Access(), {"type": "lifespan"}) == ([], ["lifespan"])
+
+
+def test_wrong_tokens_wait_for_each_other_and_the_right_one_for_nobody() -> None:
+    answered: list[tuple[int, float]] = []
+    clock_s = 0.0
+
+    async def app(scope: Any, receive: Any, send: Any) -> None:
+        await send({"type": "http.response.start", "status": 200, "headers": []})
+
+    async def sleep(seconds: float) -> None:
+        nonlocal clock_s
+        await asyncio.sleep(0)
+        clock_s += seconds
+
+    async def receive() -> dict[str, Any]:
+        return {"type": "http.request"}
+
+    async def send(message: Any) -> None:
+        if message["type"] == "http.response.start":
+            answered.append((message["status"], clock_s))
+
+    async def guess() -> None:
+        doorman = Doorman(app, Access(token="right"), "benchtool-1", sleep)
+        wrong = [
+            doorman(http("/", b"", (b"cookie", b"benchtool-1=guess%d" % i)), receive, send)
+            for i in range(MOST_WAITING + 5)
+        ]
+        right = doorman(http("/", b"", (b"cookie", b"benchtool-1=right")), receive, send)
+        await asyncio.gather(*wrong, right)
+
+    asyncio.run(guess())
+    assert [at for status, at in answered if status == 200] == [0.0]
+    assert [at for status, at in answered if status == 429] == 5 * [0.0]
+    late = [at for status, at in answered if status == 403]
+    assert late == [WRONG_TOKEN_S * (i + 1) for i in range(MOST_WAITING)]
+
+
+def test_a_body_is_refused_while_it_arrives() -> None:
+    part = b"x" * 1_000_000
+    taken, sent = 0, []
+
+    async def app(scope: Any, receive: Any, send: Any) -> None:
+        try:
+            while (await receive()).get("more_body"):
+                pass
+        except Exception as error:  # as frameworks do
+            await send({"type": "http.response.start", "status": 500, "headers": []})
+            raise error
+
+    async def receive() -> dict[str, Any]:
+        nonlocal taken
+        taken += len(part)
+        return {"type": "http.request", "body": part, "more_body": True}
+
+    async def send(message: Any) -> None:
+        sent.append(message)
+
+    scope = {**http(), "method": "POST"}
+    scope["headers"] = [HOST, (b"sec-fetch-site", b"same-origin")]
+    asyncio.run(Doorman(app, Access(), "benchtool-1")(scope, receive, send))
+    assert [message.get("status") for message in sent] == [413, None]
+    assert b"were sent; send less" in sent[1]["body"]
+    assert taken <= MOST_BODY_BYTES + len(part)
