@@ -28,6 +28,9 @@ def load_library() -> None:
     os.environ.setdefault("ARROW_DEFAULT_MEMORY_POOL", "system")
     for name in ("pyarrow.compute", "pyarrow.csv", "pyarrow.parquet"):
         import_module(name)
+    import pyarrow as pa
+
+    pa.array([0])  # Arrow imports pandas with its first array
 
 
 def write_parquet(path: Path, samples: Recording) -> None:

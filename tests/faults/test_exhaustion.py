@@ -132,3 +132,45 @@ def test_a_read_only_folder_is_not_closed_and_said_so(tmp_path: Path) -> None:
     said = (tmp_path / "said").read_text()
     assert said.startswith("run cannot be closed: permission is denied")
     assert said.endswith("then: benchtool runs close run")
+
+
+IMPORTS = """
+import sys
+from benchtool.bench.guard import GuardedBench
+from benchtool.cli.app import main
+
+turning, imported = [], []
+sys.addaudithook(
+    lambda name, what: imported.append(what[0])
+    if name == "import" and turning and what[0] not in sys.modules
+    else None
+)
+order = GuardedBench.set_pwm
+
+def watched(bench, pulses_us):
+    turning.extend(us for us in pulses_us if us > 1100.0)
+    return order(bench, pulses_us)
+
+GuardedBench.set_pwm = watched
+try:
+    main(sys.argv[1:])
+except SystemExit as ended:
+    assert ended.code == 0
+assert turning
+print("imported:", *imported)
+"""
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        (*SWEEP, "run"),
+        ("record", "sim:pquad?mode=pitch", "--seconds", "1", "--yes", "--out", "run"),
+    ],
+    ids=["sweep", "record"],
+)
+def test_nothing_is_imported_once_motors_turn(tmp_path: Path, words: tuple[str, ...]) -> None:
+    run = [sys.executable, "-c", IMPORTS, *words]
+    done = subprocess.run(run, cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1].strip() == "imported:"
+    assert (tmp_path / "run/samples.parquet").is_file()
