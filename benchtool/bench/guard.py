@@ -139,6 +139,8 @@ class GuardedBench(DrivenBench):
             self._halt(error)
             raise
         self._end_if_paused()
+        # Speeds are held against pulses from the acknowledgement on, which may take long.
+        self._commanded_s = self.now_s()
         self._expect()
 
     def move_plate(self, z_m: float, x_m: float = 0.0, tilt_rad: float = 0.0) -> None:

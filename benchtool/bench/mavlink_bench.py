@@ -18,12 +18,10 @@ from benchtool.bench.bench import Identity, Readings
 from benchtool.bench.device_clock import DeviceClock
 from benchtool.bench.mavlink_dialect import Message
 from benchtool.bench.mavlink_drive import Drive, PitchDrive, TestDrive
-from benchtool.bench.mavlink_frames import MavlinkFrames
+from benchtool.bench.mavlink_frames import LinkQuality, MavlinkFrames
 from benchtool.bench.mavlink_health import Health
-from benchtool.bench.mavlink_identity import identity_of
-from benchtool.bench.mavlink_learn import Learnt, learn
+from benchtool.bench.mavlink_learn import Learnt, identity_of, learn
 from benchtool.bench.mavlink_plate import move_virtual_plate
-from benchtool.bench.mavlink_quality import LinkQuality
 from benchtool.bench.mavlink_rows import MavlinkRows
 from benchtool.bench.mavlink_settings import LEAST_HZ, MOST_HZ, MavlinkSettings
 from benchtool.bench.mavlink_streams import (
