@@ -18,9 +18,10 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-PLATE_S = 2.0
+PLATE_S = 5.0
 """A position reading may lag behind the plate for so long after a move. A choice: range finders are
-averaged over about a second."""
+averaged over about a second, and the seconds of a virtual bench may pass 20 times faster than those
+of its link."""
 
 
 def check_travel(rig: Rig, z_m: float, x_m: float, tilt_rad: float) -> None:
