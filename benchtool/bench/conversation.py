@@ -25,10 +25,11 @@ from benchtool.bench.link import (
     frame_command,
     frame_version_1,
 )
+from benchtool.bench.order_check import LATE, OLDEST_S
 from benchtool.bench.sample_order import TIME_MODULUS_US, signed_step
 from benchtool.bench.strangers import not_a_bench
 from benchtool.bench.transport import Transport
-from benchtool.errors import LinkLost, NoDevice, PortBusy, ProtocolError
+from benchtool.errors import HostPaused, LinkLost, NoDevice, PortBusy, ProtocolError
 
 HELLO_S = 5.0
 """How long the hello is repeated: boards that reset when their port is opened boot meanwhile."""
@@ -116,6 +117,8 @@ class Conversation:
 
         Raises:
             LinkLost: no answer to any try.
+            HostPaused: the device refused the order as late, because this computer stood still
+                between reading the device's time and sending the order.
         """
         aged = self._version > 1 and not isinstance(command, AskPlate | Stop)
         if aged and self._clock() > self._device_read_s + FRESH_S:
@@ -127,8 +130,12 @@ class Conversation:
             number = (number - 1) % LAST_NUMBER_1 + 1
             line = frame_version_1(number, command)
         self._replies.clear()
+        began_s = self._clock()
         for _ in range(tries):
             if (reply := self._try(number, line, ANSWER_S)) is not None:
+                paused_s = self._clock() - began_s
+                if reply.reason.startswith(LATE) and paused_s > OLDEST_S + ANSWER_S:
+                    raise HostPaused(paused_s, OLDEST_S)
                 return reply
         raise LinkLost(
             f"{self._address} did not answer {','.join(fields_of(command))!r} in {tries} tries of "

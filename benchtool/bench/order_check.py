@@ -13,6 +13,9 @@ OLDEST_S = 0.5
 """Orders are refused from this age on: a host waits 5 x 100 ms for an answer and then commands a
 stop, so that an older order has been given up."""
 
+LATE = "late: "
+"""How the reason of such a refusal begins."""
+
 
 class OrderCheck:
     """Know which orders are late.
@@ -54,12 +57,12 @@ class OrderCheck:
             now_us: device time, not wrapped.
         """
         if number <= self.number:
-            return f"late: number {number} comes after {self.number}"
+            return f"{LATE}number {number} comes after {self.number}"
         if not (time.isdecimal() and len(time) <= 10 and int(time) < TIME_MODULUS_US):
             return f"{time!r} is no device time; repeat that of the last sample or answer"
         age_us = (now_us - int(time)) % TIME_MODULUS_US
         if age_us > self._oldest_us:
-            return f"late: {age_us / 1000:.0f} ms old; limit {self._oldest_us / 1000:.0f} ms"
+            return f"{LATE}{age_us / 1000:.0f} ms old; limit {self._oldest_us / 1000:.0f} ms"
         if now_us - age_us < self._stopped_us:
-            return "late: given before the last stop"
+            return f"{LATE}given before the last stop"
         return ""

@@ -9,7 +9,7 @@ from benchtool.bench.faults import Corrupt, Delay, Drop, Fault, LinkFaults, Sile
 from benchtool.bench.firmware import Firmware
 from benchtool.bench.link import HEARTBEAT
 from benchtool.bench.serial_bench import SerialBench
-from benchtool.errors import DeviceStopped, LinkLost
+from benchtool.errors import DeviceStopped, HostPaused, LinkLost
 from benchtool.testing.loopback_link import LoopbackLink
 from tests.wire.still_plant import StillPlant, still_hello
 
@@ -119,3 +119,22 @@ def test_a_fast_bench_runs_on_its_own_time() -> None:
         assert link.now_s < 4.0
         readings = bench.read(0.5)
         assert readings.time_s[-1] == pytest.approx(bench.now_s(), abs=0.3)
+
+
+def test_an_order_that_a_pause_of_the_host_made_old_is_refused_and_the_pause_is_named() -> None:
+    bench, link = wired()
+    with bench:
+        bench.set_pwm(np.array([1300.0, 1300.0]))
+        bench.set_pwm(np.array([1000.0, 1000.0]))
+        send = link.write
+
+        def stand_still(data: bytes) -> None:
+            """Let the computer be suspended between building the line and sending it."""
+            link.write = send  # type: ignore[method-assign]
+            link.pass_time(2.0)
+            send(data)
+
+        link.write = stand_still  # type: ignore[method-assign]
+        with pytest.raises(HostPaused, match=r"did not run benchtool for 2\.0 s, limit 0\.5 s"):
+            bench.set_pwm(np.array([1400.0, 1400.0]))
+        assert link.device.firmware.pwm_us.max() == 1000.0
