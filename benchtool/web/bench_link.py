@@ -60,6 +60,10 @@ class BenchLink:
         """Stop the motors and whatever runs."""
         self.ask(Stop(who))
 
+    def seen_to_stand(self) -> None:
+        """Take somebody's word that the motors stand."""
+        self.connection = replace(self.connection, unseen="")
+
     def close(self) -> None:
         """End the process: it stops the motors and closes its run first."""
         self._closing = True
@@ -81,13 +85,17 @@ class BenchLink:
     def _begin_again(self) -> None:
         """Start another process for one that ended by itself."""
         reason = (
-            "the process that held the bench has ended; a device stops its motors by itself then; "
-            "connect it anew"
+            "the process that held the bench has ended; its motors were not seen to stand: look, "
+            "cut the power if they turn, then connect it anew"
         )
+        unseen = reason if self.connection.status == "on" else ""
         session = self.connection.session
         self._process = BenchProcess()
         self.start()
-        self.connection, self.live = Connection(reason=reason, session=session), Live()
+        self.connection, self.live = (
+            Connection(reason=reason, session=session, unseen=unseen),
+            Live(),
+        )
         if self.swept.active:
             self.swept = replace(self.swept, status="stopped", reason=reason)
         self.said(Said(text=reason, is_error=True))

@@ -8,7 +8,7 @@ from nicegui import ui
 
 from benchtool.web.bench_link import BenchLink
 from benchtool.web.context import Context
-from benchtool.web.tell import say
+from benchtool.web.tell import say, tells_errors
 
 STOP = (
     '<button class="stop-button" type="button" aria-keyshortcuts="Space Escape">STOP'
@@ -42,6 +42,9 @@ class Header:
                 self._theme.props('aria-label="Light, dark, or as the system has it"')
                 ui.html(STOP, sanitize=False)
                 self._known = ui.label().classes("known")
+            with ui.row(wrap=False).classes("danger items-center w-full") as self._danger:
+                self._unseen = ui.label().classes("grow").props("role=alert")
+                ui.button("I have looked: they stand", on_click=self._seen).props("outline")
             self.tabs_place = ui.row().classes("w-full")
         self._show_theme()
         self.refresh()
@@ -54,6 +57,11 @@ class Header:
         words = {"off": "no bench", "opening": f"opening {connection.address}"}
         self._state.set_text(words.get(connection.status, connection.address))
         self._known.set_text(known(self._context.bench))
+        unseen = connection.unseen
+        self._danger.set_visibility(bool(unseen))
+        if unseen and not unseen.startswith("MOTORS MAY STILL TURN"):
+            unseen = f"MOTORS MAY STILL TURN: {unseen}"
+        self._unseen.set_text(unseen)
         in_control = self._context.in_control()
         self._seat.set_text("at the controls" if in_control else "watching")
         free = self._context.shared.seat.is_free(monotonic())
@@ -62,6 +70,12 @@ class Header:
     def _take_over(self) -> None:
         taken = self._context.shared.seat.take(self._context.tab, monotonic())
         say("this page is at the controls now" if taken else "another page was faster")
+        self.refresh()
+
+    @tells_errors
+    def _seen(self) -> None:
+        self._context.need_control()
+        self._context.bench.seen_to_stand()
         self.refresh()
 
     def _next_theme(self) -> None:
@@ -78,7 +92,9 @@ class Header:
 
 def known(bench: BenchLink) -> str:
     """Return what is known of motors and run, for a page that loses its server."""
-    if bench.connection.status == "off":
+    if bench.connection.unseen:
+        motors = bench.connection.unseen
+    elif bench.connection.status == "off":
         motors = "no bench is connected"
     elif bench.live.pulses_us:
         motors = f"{bench.connection.address}, motors ordered to {max(bench.live.pulses_us):.0f} us"

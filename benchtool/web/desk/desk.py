@@ -18,7 +18,7 @@ from benchtool.bench.address import open_bench
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.paced import PacedBench
 from benchtool.bench.stoppable import StoppableBench
-from benchtool.errors import BenchtoolError
+from benchtool.errors import BenchtoolError, StandstillNotSeen
 from benchtool.web.desk.asks import (
     Answer,
     Ask,
@@ -129,7 +129,7 @@ class Desk:
         self._sessions += 1
         number = self._sessions
         self._outbox.tell(Connection(status="opening", address=ask.address, session=number))
-        reason = ""
+        reason = unseen = ""
         try:
             rig = rig_for(ask.address, ask.rig or None)
             device = open_bench(ask.address)
@@ -147,7 +147,10 @@ class Desk:
                 self._outbox.tell(Said(text=state.text, is_error=True))
         except BenchtoolError as error:
             reason = str(error)
+            unseen = reason if isinstance(error, StandstillNotSeen) else ""
             self._outbox.tell(Said(text=reason, is_error=True))
         finally:
             self._bench = self._pace = None
-            self._outbox.tell(Connection(address=ask.address, session=number, reason=reason))
+            self._outbox.tell(
+                Connection(address=ask.address, session=number, reason=reason, unseen=unseen)
+            )

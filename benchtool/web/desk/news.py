@@ -23,6 +23,7 @@ class Connection:
         calibration: kept for this device, None when there is none.
         weighs: for masses on the load cell only, no motor can turn.
         reason: why there is none, empty when that was asked for.
+        unseen: why motors may still turn, empty unless they were not seen to stand.
     """
 
     status: Literal["off", "opening", "on"] = "off"
@@ -33,6 +34,7 @@ class Connection:
     calibration: Calibration | None = None
     weighs: bool = False
     reason: str = ""
+    unseen: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -60,7 +60,8 @@ class RunCard:
         self._reason.set_text(swept.reason)
         self._reason.set_visibility(bool(swept.reason))
         stopped = swept.status == "stopped"
-        self._reason.classes(**{"add" if stopped else "remove": "warn-box"})
+        warns = stopped or "not seen to stand" in swept.reason
+        self._reason.classes(**{"add" if warns else "remove": "warn-box"})
         self._asking.set_visibility(bool(swept.question))
         self._question.set_text(swept.question)
         shown = [event for event in events if event.event not in QUIET][-SHOWN_EVENTS:]
