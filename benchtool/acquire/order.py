@@ -11,6 +11,10 @@ import numpy as np
 
 from benchtool.acquire.plan import Plan
 from benchtool.core.rig import Rig
+from benchtool.errors import PlanError
+
+MOST_VISITS = 100_000
+"""More take weeks. A choice."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +50,13 @@ class Visit:
 def settings_of(plan: Plan, rig: Rig) -> tuple[Setting, ...]:
     """Return the settings of a resolved plan: every place with every level, references last."""
     plate = plan.plate
+    count = len(plate.tilts_deg) * len(plate.lateral_m) * len(plate.distances_m)
+    count = (count + 1) * len(plan.throttle.pwm_us) * (plan.repeats or 1)
+    if count > MOST_VISITS:
+        raise PlanError(
+            f"the plan has about {count:,} visits, limit {MOST_VISITS:,}; give fewer distances, "
+            f"tilts, places, levels or repeats"
+        )
     places = [
         Place(z_m, x_m, tilt_deg)
         for tilt_deg, x_m, z_m in product(plate.tilts_deg, plate.lateral_m, plate.distances_m)

@@ -15,8 +15,16 @@ from benchtool.core.toml_text import FiniteTable, read_strict
 from benchtool.core.user_file import read_text
 from benchtool.errors import FileFormatError
 
-Positive = Annotated[float, Gt(0.0)]
-NotNegative = Annotated[float, Ge(0.0)]
+Positive = Annotated[float, Gt(0.0), Le(1e6)]
+NotNegative = Annotated[float, Ge(0.0), Le(1e6)]
+Seconds = Annotated[float, Gt(0.0), Le(3600.0)]
+"""An hour at most: nothing that a visit waits for or averages over takes longer. A choice."""
+
+Distance = Annotated[float, Gt(0.0), Le(1000.0)]
+Place = Annotated[float, Ge(-1000.0), Le(1000.0)]
+Pulse = Annotated[float, Gt(0.0), Le(1e4)]
+MOST_LISTED = 1000
+"""Most distances, tilts, places or levels of a plan. A choice."""
 
 REPEATS_SINGLE = 9
 """Tests per distance with one rotor on (paper, section 2.1)."""
@@ -39,10 +47,10 @@ class PlatePart(FiniteTable):
         lateral_m: plate position along x, for partial coverage.
     """
 
-    distances_m: tuple[Positive, ...] = ()
-    distances_over_R: tuple[Positive, ...] = ()
-    tilts_deg: Annotated[tuple[float, ...], Len(1)] = (0.0,)
-    lateral_m: Annotated[tuple[float, ...], Len(1)] = (0.0,)
+    distances_m: Annotated[tuple[Distance, ...], Len(0, MOST_LISTED)] = ()
+    distances_over_R: Annotated[tuple[Distance, ...], Len(0, MOST_LISTED)] = ()
+    tilts_deg: Annotated[tuple[Place, ...], Len(1, MOST_LISTED)] = (0.0,)
+    lateral_m: Annotated[tuple[Place, ...], Len(1, MOST_LISTED)] = (0.0,)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,7 +63,7 @@ class ThrottlePart(FiniteTable):
         ramp_s: time from one level to the next.
     """
 
-    pwm_us: tuple[Positive, ...] = ()
+    pwm_us: Annotated[tuple[Pulse, ...], Len(0, MOST_LISTED)] = ()
     rotors_on: tuple[Annotated[int, Ge(1)], ...] = ()
     ramp_s: Annotated[float, Ge(0.0), Le(10.0)] = 0.3
 
@@ -75,7 +83,7 @@ class OrderPart(FiniteTable):
     kind: Literal["randomised", "counterbalanced", "as_given"] = "randomised"
     seed: Annotated[int, Ge(0)] = 0
     references: bool = True
-    anchor_every: Annotated[int, Ge(0)] = 20
+    anchor_every: Annotated[int, Ge(0), Le(1_000_000)] = 20
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,9 +97,9 @@ class SettlePart(FiniteTable):
         timeout_s: after so long the point is taken anyway, marked unsettled, with an event.
     """
 
-    window_s: Positive = 1.0
+    window_s: Seconds = 1.0
     slope_per_s: Positive = 0.002
-    timeout_s: Positive = 15.0
+    timeout_s: Seconds = 15.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -106,11 +114,11 @@ class TarePart(FiniteTable):
         stop_timeout_s: rotors must stand still so soon after zero was commanded.
     """
 
-    seconds: Positive = 1.0
+    seconds: Seconds = 1.0
     residual_N: Positive | None = None
     every_minutes: NotNegative = 10.0
     drift_N: Positive | None = None
-    stop_timeout_s: Positive = 10.0
+    stop_timeout_s: Seconds = 10.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -129,7 +137,7 @@ class RestPart(FiniteTable):
     until_degC: float = 45.0
     below_V: Positive | None = None
     until_V: NotNegative = 0.0
-    longest_s: Positive = 900.0
+    longest_s: Annotated[float, Gt(0.0), Le(86400.0)] = 900.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -143,8 +151,8 @@ class Plan(FiniteTable):
     """
 
     name: str = "sweep"
-    repeats: Annotated[int, Ge(1)] | None = None
-    sample_s: Positive = 2.0
+    repeats: Annotated[int, Ge(1), Le(1_000_000_000)] | None = None
+    sample_s: Seconds = 2.0
     plate: PlatePart = PlatePart()
     throttle: ThrottlePart = ThrottlePart()
     order: OrderPart = OrderPart()

@@ -21,8 +21,9 @@ from benchtool.report.run_facts import (
     version_facts,
 )
 from benchtool.store import Run, data_hash, read_pitch, read_recording
-from benchtool.store.atomic import read_json
 from benchtool.store.digest import file_hash
+from benchtool.store.facts import read_recording_facts
+from benchtool.store.recording_file import FORMAT
 from benchtool.store.recording_file import beside as facts_beside
 
 MODELLED = ("model", "controller", "gains", "schedule", "seed", "truth", "rig", "device")
@@ -77,7 +78,7 @@ def read_recorded(path: Path) -> Recorded:
     return Recorded(
         path=path,
         recording=recording,
-        facts=read_json(facts_beside(path)),
+        facts=read_recording_facts(facts_beside(path), FORMAT),
         provenance=recording.provenance,
         plan_text="",
         sha256=file_hash(path),

@@ -54,6 +54,9 @@ WHOLE: tuple[str, ...] = ("point", "setting", "repeat", "n_samples", "n_repeats"
 LONGEST_S = 1e8
 """Three years: no run is longer. A choice."""
 
+LONGEST_US = 1e15
+"""Thirty years of a device that was never switched off. A choice."""
+
 _PIECE = 1 << 16
 
 
@@ -74,7 +77,7 @@ def check_numbers(recording: Recording, where: str) -> None:
             elif name == "time_s":
                 wrong |= ~(np.abs(values) <= LONGEST_S)
             elif name == "device_time_us":
-                wrong |= np.isnan(values)
+                wrong |= ~(np.abs(values) <= LONGEST_US)
             if wrong.any():
                 row = int(np.argmax(wrong))
                 raise FileFormatError(

@@ -17,6 +17,7 @@ from benchtool.errors import BenchtoolError, FileFormatError
 from benchtool.store.atomic import read_json
 from benchtool.store.columns import KINDS
 from benchtool.store.csv_text import parse_csv
+from benchtool.store.facts import read_metadata, read_recording_facts
 from benchtool.store.read import is_run, read_points
 from benchtool.store.recording_file import FORMAT as RECORDING_FORMAT
 from benchtool.store.recording_file import beside
@@ -150,7 +151,7 @@ def _run(entry: Entry, path: Path) -> Entry:
         raise FileFormatError(
             entry.name, "there is no metadata.json in it, so nothing tells its rig; restore it"
         )
-    facts = read_json(path / "metadata.json", follow=False)
+    facts = read_metadata(path)
     if facts.get("format") != RUN_FORMAT:
         raise FileFormatError(
             f"{entry.name}/metadata.json",
@@ -213,9 +214,7 @@ def _explanation(entry: Entry, path: Path) -> Entry:
 
 
 def _recording(entry: Entry, path: Path) -> Entry:
-    facts = read_json(beside(path))
-    if facts.get("format") != RECORDING_FORMAT:
-        raise FileFormatError(beside(path).name, f"this is not the JSON of a {RECORDING_FORMAT}")
+    facts = read_recording_facts(beside(path), RECORDING_FORMAT)
     rig = str(_table(facts, "provenance").get("rig", ""))
     said = counted(facts["rows"], "row")
     return replace(entry, rig=rig, simulated=bool(facts["simulated"]), said=said)

@@ -5,12 +5,12 @@ from __future__ import annotations
 import os
 from contextlib import suppress
 from dataclasses import dataclass
-from math import isfinite
 from pathlib import Path
 
 from benchtool.core.user_file import open_file
 from benchtool.errors import FileFormatError
 from benchtool.store.atomic import sync_folder
+from benchtool.store.columns import LONGEST_S, LONGEST_US
 
 _INTERRUPTED = b"interrupted"
 
@@ -53,7 +53,9 @@ def scan_samples(path: Path, done: frozenset[int]) -> SamplesFound:
             cells = line.split(b",", 4)
             try:
                 time_s, point, phase = float(cells[0]), cells[2], cells[3]
-                if not isfinite(time_s) or not point.isdigit():
+                device_us = float(cells[1])
+                in_range = abs(time_s) <= LONGEST_S and abs(device_us) <= LONGEST_US
+                if not (in_range and point.isdigit()):
                     raise ValueError
             except (ValueError, IndexError):
                 raise FileFormatError(

@@ -13,10 +13,10 @@ import numpy as np
 
 from benchtool.core.recording import Recording
 from benchtool.errors import BenchtoolError, FileFormatError
-from benchtool.store.atomic import read_json
 from benchtool.store.columns import channel_called, check_numbers, code_of
 from benchtool.store.csv_text import read_csv_text
 from benchtool.store.digest import data_hash, file_hash
+from benchtool.store.facts import read_metadata
 from benchtool.store.parquet import parquet_names, read_parquet
 from benchtool.store.sample_stream import header_of, read_stream
 from benchtool.store.table import columns_of
@@ -67,7 +67,7 @@ def read_samples(path: str | Path, names: Sequence[str] | None = None) -> Record
     path = Path(path)
     parquet = path / "samples.parquet"
     if is_run(path) and parquet.is_file():
-        stated = read_json(path / "metadata.json", follow=False).get("samples", {})
+        stated = read_metadata(path).get("samples") or {}
         problem = _mismatch(parquet, path / "samples.csv", stated)
         if not problem:
             recording = read_parquet(parquet, names)
@@ -128,11 +128,9 @@ def _with_provenance(
     recording: Recording, file: Path, path: Path, repairs: tuple[str, ...]
 ) -> Recording:
     folder = path if path.is_dir() else path.parent
-    facts: dict[str, Any] = (
-        read_json(folder / "metadata.json", follow=False) if is_run(folder) else {}
-    )
+    facts: dict[str, Any] = read_metadata(folder) if is_run(folder) else {}
     simulated = bool(facts.get("simulated", False))
-    rig, calibration = (_told(facts, key, folder) for key in ("rig", "calibration"))
+    rig, calibration = facts.get("rig") or {}, facts.get("calibration") or {}
     provenance = {
         "file": str(file),
         "sha256": data_hash(folder) if is_run(folder) else file_hash(file),
@@ -146,15 +144,6 @@ def _with_provenance(
         "calibration_relative_sd": str(calibration.get("relative_sd", "")),
     }
     return replace(recording, provenance=provenance, simulated=simulated)
-
-
-def _told(facts: dict[str, Any], key: str, folder: Path) -> dict[str, Any]:
-    """Return one table of the metadata, empty where it is left out."""
-    found = facts.get(key) or {}
-    if not isinstance(found, dict):
-        where = str(folder / "metadata.json")
-        raise FileFormatError(where, f"{key} is {found!r}, not a table; restore the file")
-    return found
 
 
 def _mismatch(parquet: Path, csv: Path, stated: dict[str, Any]) -> str:

@@ -12,10 +12,11 @@ import numpy as np
 from benchtool.core.channel import Channel
 from benchtool.core.recording import Recording
 from benchtool.errors import BenchtoolError, FileFormatError, WouldOverwrite
-from benchtool.store.atomic import read_json, replace_json
+from benchtool.store.atomic import replace_json
 from benchtool.store.columns import channel_called
 from benchtool.store.csv_text import read_csv_text
 from benchtool.store.digest import file_hash
+from benchtool.store.facts import read_recording_facts
 from benchtool.store.parquet import read_parquet, write_parquet
 from benchtool.store.sample_stream import read_stream
 from benchtool.store.table import columns_of
@@ -71,9 +72,7 @@ def read_recording(path: str | Path) -> Recording:
     path = Path(path)
     if not path.is_file():
         raise FileFormatError(str(path), "there is no such recording; check the path")
-    facts = read_json(beside(path))
-    if facts.get("format") != FORMAT:
-        raise FileFormatError(str(beside(path)), f"this is not the JSON of a {FORMAT}")
+    facts = read_recording_facts(beside(path), FORMAT)
     if facts.get("sha256") != file_hash(path):
         raise FileFormatError(
             str(path), "it has changed since it was written; import it again, or restore it"

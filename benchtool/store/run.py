@@ -24,9 +24,10 @@ from benchtool.errors import (
     WouldOverwrite,
 )
 from benchtool.store.append import AppendFile
-from benchtool.store.atomic import read_json, replace_json, replace_text, sync_folder
+from benchtool.store.atomic import replace_json, replace_text, sync_folder
 from benchtool.store.closing import LEFT_OVER, close_run, has_rows, remove_left_overs
 from benchtool.store.events import EventLog
+from benchtool.store.facts import read_metadata
 from benchtool.store.interrupted import SamplesFound, scan_samples, write_marked
 from benchtool.store.points import PointWriter
 from benchtool.store.read import is_run, read_points
@@ -100,7 +101,7 @@ class Run:
     @property
     def metadata(self) -> dict[str, Any]:
         """The facts about the run."""
-        return read_json(self.path / "metadata.json", follow=False)
+        return read_metadata(self.path)
 
     def update_metadata(self, **facts: Any) -> None:
         """Replace some facts; the file changes in one step."""

@@ -9,7 +9,7 @@ from typing import Any
 from benchtool.core.rig import Rig
 from benchtool.core.toml_text import build
 from benchtool.errors import FileFormatError, InputError
-from benchtool.store.atomic import read_json
+from benchtool.store.facts import read_metadata
 from benchtool.store.read import is_run
 
 
@@ -24,7 +24,7 @@ def run_rig(folder: str | Path, metadata: Mapping[str, Any] | None = None) -> Ri
         FileFormatError: metadata without a rig, or with one that lacks something.
     """
     where = str(Path(folder) / "metadata.json")
-    facts = read_json(Path(where), follow=False) if metadata is None else metadata
+    facts = read_metadata(Path(folder)) if metadata is None else metadata
     if not facts.get("rig"):
         raise FileFormatError(where, "it names no rig; restore it from a copy")
     return build(Rig, facts["rig"], f"{where}: rig")

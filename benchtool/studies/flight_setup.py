@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
+from benchtool.core.schedule import LONGEST_S
 from benchtool.errors import InputError, UnknownChoice
 from benchtool.library.gain_file import Gains
 from benchtool.simulate.environment import Environment
@@ -24,6 +25,8 @@ VEHICLE_NUMBERS = (
 MAP_OFFSETS = ("map_offset_x_m", "map_offset_y_m", "map_offset_z_m")
 GAIN_TABLES = ("gains.position", "gains.attitude", "gains.altitude", "gains.yaw", "gains.observer")
 CONTROL_HZ = (1.0, 1e5)
+FARTHEST_M = 1000.0
+"""Farthest goal and offset of a map. A choice."""
 """Rates of control: from slower than any to a thousandfold of an autopilot's (a guess)."""
 
 USUAL_STEP_S, LEAST_STEP_S = 0.001, 1e-6
@@ -65,6 +68,13 @@ class FlightSetup:
     gyro_noise_rad_s: float = 0.0
     map_offset_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     map_strength: float = 1.0
+
+    def __post_init__(self) -> None:
+        for name, values in (("goal_m", self.goal_m or ()), ("map_offset_m", self.map_offset_m)):
+            for value in values:
+                refuse_outside(name, value, -FARTHEST_M, FARTHEST_M)
+        if self.duration_s is not None:
+            refuse_outside("duration_s", self.duration_s, 0.0, LONGEST_S)
 
     def flown(self, control: str, seed: int = 1) -> FlightCase:
         """Return the case for one controller under one noise."""

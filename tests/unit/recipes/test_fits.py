@@ -31,6 +31,12 @@ TRUTH = {
 }
 """Numbers that the virtual benches were made with."""
 
+CALIBRATION = {
+    "id": "cell", "date": "2026-01-31", "device_id": "bench", "slope_N_per_count": 5e-4,
+    "covariance": [[1e-12, 0.0], [0.0, 1e-6]], "relative_sd": 0.01, "straightness": 1e-3,
+    "masses_kg": [0.0, 0.5, 1.0], "gravity_m_s2": 9.81,
+}  # fmt: skip
+
 
 def test_every_recipe_is_here() -> None:
     assert set(RECIPES) == set(TRUTH)
@@ -64,7 +70,7 @@ def test_a_calibrations_uncertainty_reaches_the_thrust_coefficient(tmp_path: Pat
     run = tmp_path / "run"
     shutil.copytree(FITS.parent / "datasets/quad/run", run)
     facts = json.loads((run / "metadata.json").read_text("utf-8"))
-    facts["calibration"] = {"id": "bench-cell", "relative_sd": 0.01}
+    facts["calibration"] = {**CALIBRATION, "id": "bench-cell"}
     (run / "metadata.json").write_text(json.dumps(facts), "utf-8")
     recipe = replace(read_recipe(FITS / "quad"), methods=("least_squares",), compare=())
     plain = run_recipe(recipe).results[0]
@@ -127,6 +133,6 @@ def test_every_run_is_divided_by_its_own_references(tmp_path: Path) -> None:
 
 def test_runs_through_different_calibrations_are_not_mixed(tmp_path: Path) -> None:
     recipe = replace(read_recipe(FITS / "quad"), methods=("least_squares",), compare=())
-    other = copied(tmp_path / "o", 1.01, calibration={"id": "cell-7", "relative_sd": 0.01})
+    other = copied(tmp_path / "o", 1.01, calibration={**CALIBRATION, "id": "cell-7"})
     with pytest.raises(InputError, match=r"calibration none, .* through cell-7; recalibrate"):
         run_recipe(replace(recipe, data=(*recipe.data, other)))

@@ -100,7 +100,7 @@ def test_what_is_broken_is_listed_with_its_reason(folder: RunsFolder) -> None:
         "format": "its format is 'benchtool-run-9', this version reads 'benchtool-run-1'",
         "points": "line 2: column 'kind' holds 'bogus'",
         "none": "there is no metadata.json in it",
-        "rig": "rig is 3, not a table",
+        "rig": "rig is 3: input should be a table",
         "empty": "it holds: nothing",
         "fits/quad": "there is no 'model' in its JSON",
         "answer": "a JSON object is needed",
