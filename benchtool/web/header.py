@@ -44,7 +44,9 @@ class Header:
                 self._known = ui.label().classes("known")
             with ui.row(wrap=False).classes("danger items-center w-full") as self._danger:
                 self._unseen = ui.label().classes("grow").props("role=alert")
-                ui.button("I have looked: they stand", on_click=self._seen).props("outline")
+                ui.button("I have looked: they stand", on_click=self._seen).props(
+                    "outline color=white"
+                )
             self.tabs_place = ui.row().classes("w-full")
         self._show_theme()
         self.refresh()
