@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import nan
 
@@ -39,6 +40,29 @@ class ThrustScale:
         return self.calibration.newtons(samples.column("thrust_raw"), self.zero_counts)
 
 
+def shortage(
+    samples: Recording, rates_Hz: Mapping[str, float], seconds: float, share: float
+) -> str:
+    """Return which channel of a point lacks samples, in words; "" where none does.
+
+    Args:
+        samples: of the span.
+        rates_Hz: how often each channel that the point needs should bring a value.
+        seconds: of the span.
+        share: of the values that it needs.
+    """
+    for name, rate_Hz in rates_Hz.items():
+        expected = seconds * rate_Hz
+        count = int(np.isfinite(samples.column(name)).sum())
+        # The span may begin just behind a value.
+        if count < share * expected - 1.0 or not count:
+            return (
+                f"{count} of {expected:.0f} samples of {name} came, at least {100.0 * share:g} % "
+                f"are needed (sample_share)"
+            )
+    return ""
+
+
 def measure(
     samples: Recording,
     visit: Visit,
@@ -46,6 +70,7 @@ def measure(
     tared: Tared,
     scale: ThrustScale,
     settled: bool,
+    now_s: float = nan,
 ) -> Point:
     """Return the point that a visit's samples make.
 
@@ -56,10 +81,12 @@ def measure(
         tared: the last tare.
         scale: how samples become newtons.
         settled: whether the settling test passed.
+        now_s: time of the point where it has no samples.
     """
     place = visit.setting.place
     thrust = average(scale.thrust_N(samples), scale.quantum_N)
-    time_s = float(samples.column("time_s").mean())
+    times_s = samples.column("time_s")
+    time_s = float(times_s.mean()) if len(times_s) else now_s
 
     def average_of(name: str) -> Average:
         return average(samples.column(name)) if name in samples else Average(nan, nan, nan, 0)

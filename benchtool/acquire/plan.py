@@ -148,11 +148,14 @@ class Plan(FiniteTable):
         repeats: visits of each setting; 9 for one rotor on, 5 for several (paper, section 2) when
             left out.
         sample_s: span of the samples that make one point.
+        sample_share: of the samples that this span should bring, a point needs so many. A choice:
+            what is lost at random moves no mean, a loss of a fifth is no longer at random.
     """
 
     name: str = "sweep"
     repeats: Annotated[int, Ge(1), Le(1_000_000_000)] | None = None
     sample_s: Seconds = 2.0
+    sample_share: Annotated[float, Gt(0.0), Le(1.0)] = 0.8
     plate: PlatePart = PlatePart()
     throttle: ThrottlePart = ThrottlePart()
     order: OrderPart = OrderPart()

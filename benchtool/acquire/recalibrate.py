@@ -14,7 +14,15 @@ from benchtool.acquire.calibration import Calibration, calibration_to_dict, requ
 from benchtool.acquire.plan import plan_from_toml
 from benchtool.core.recording import Recording
 from benchtool.errors import CalibrationError, FileFormatError
-from benchtool.store import KINDS, Run, aggregate, code_of, data_hash, read_points, read_samples
+from benchtool.store import (
+    VALID_KINDS,
+    Run,
+    aggregate,
+    code_of,
+    data_hash,
+    read_points,
+    read_samples,
+)
 from benchtool.store.write import write_table
 
 Array = NDArray[np.float64]
@@ -44,7 +52,7 @@ def recalibrate(run: Run, calibration: Calibration, *, other_device: bool = Fals
         raise CalibrationError(
             f"{run.path} holds no raw counts (thrust_raw), so no other calibration can be applied"
         )
-    points = read_points(run.path, KINDS)
+    points = read_points(run.path, VALID_KINDS)
     facts = run.metadata
     plan = plan_from_toml(run.plan_text, str(run.path / "plan.toml"))
     quantum_N = float(facts["rig"].get("sensors", {}).get("thrust_N", {}).get("quantum", 0.0))
@@ -83,7 +91,11 @@ def _recomputed(
             chosen = near & (phase == code_of("phase", "tare"))
             zero = average(raw[chosen]).mean
         else:
-            chosen = (number == points.column("point")[row]) & (phase == code_of("phase", "sample"))
+            own = number == points.column("point")[row]
+            # A visit that was measured again settled before each try; the last one counts.
+            settling = own & (phase == code_of("phase", "settle"))
+            begun_s = time_s[settling].max(initial=-np.inf)
+            chosen = own & (phase == code_of("phase", "sample")) & (time_s > begun_s)
         if np.isnan(zero):
             raise CalibrationError(
                 "the run holds no raw counts of a tare before its first point, so nothing tells "

@@ -18,7 +18,7 @@ from benchtool.core.rig import Rig
 from benchtool.core.toml_text import build
 from benchtool.core.user_file import read_file
 from benchtool.errors import FileFormatError, InputError
-from benchtool.store import KINDS, Run, code_of, read_points
+from benchtool.store import VALID_KINDS, Run, code_of, read_points
 
 GAP_S = 1.0
 """Time of the run that stands for the break, however long it was; the event tells the real one."""
@@ -117,7 +117,7 @@ def require_same_device(unfinished: Unfinished, identity: Identity) -> None:
 def _counts(run: Run, done: frozenset[int]) -> tuple[int, int]:
     """Return how many visits were taken unsettled, and how many tares there are."""
     try:
-        points = read_points(run.path, KINDS)
+        points = read_points(run.path, VALID_KINDS)
     except FileFormatError:
         return 0, 0
     tares = points.column("kind") == code_of("kind", "tare")
@@ -136,6 +136,6 @@ def _points_on_disk(run: Run) -> set[int]:
     if not os.path.lexists(path):
         return set()
     whole_lines = read_file(path).decode("utf-8", "replace").split("\n")[1:-1]
-    if all(line.split(",")[1:2] == ["tare"] for line in whole_lines):
+    if all(line.split(",")[1:2] in (["tare"], ["failed"]) for line in whole_lines):
         return set()
     return {int(point) for point in read_points(run.path).column("point")}

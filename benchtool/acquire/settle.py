@@ -66,8 +66,7 @@ def is_settled(
     if len(time_s) == 0 or time_s[-1] - time_s[0] < 0.98 * window_s:
         return False
     last = time_s >= time_s[-1] - window_s
-    return all(
-        slope_of(time_s[last], channel[last]).settled(tolerance_per_s)
-        for channel in channels
-        if not np.isnan(channel).all()
+    present = [channel[last] for channel in channels if not np.isnan(channel).all()]
+    return bool(present) and all(
+        slope_of(time_s[last], channel).settled(tolerance_per_s) for channel in present
     )

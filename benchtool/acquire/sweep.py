@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import nan, radians
 
 import numpy as np
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from benchtool.acquire.calibration import Calibration
 from benchtool.acquire.drift import DriftWatch
 from benchtool.acquire.duration import expected_duration_s
-from benchtool.acquire.measure import ThrustScale, measure
+from benchtool.acquire.measure import ThrustScale, measure, shortage
 from benchtool.acquire.motors import RAMP_DOWN_S, Motors
 from benchtool.acquire.order import Place, Visit, visits_of
 from benchtool.acquire.plan import Plan
@@ -29,7 +29,7 @@ from benchtool.bench.stage import Stage
 from benchtool.core.counted import counted
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
-from benchtool.errors import BenchtoolError, InputError, StandstillNotSeen
+from benchtool.errors import BenchtoolError, InputError, RunStopped, StandstillNotSeen
 from benchtool.store import Point, Run
 
 SETTLE_CHECK_S = 0.1
@@ -37,6 +37,10 @@ SETTLE_CHECK_S = 0.1
 
 TAIL_S = 0.5
 """After an early stop the run records so long how pulses and speeds fall; a choice."""
+
+TRIES = 3
+"""A visit of which too few samples come is measured so often; a choice: a link that stumbles fails
+one, a bad link all."""
 
 CALM_S = 0.2
 """Time for a plate that has just arrived to come to rest; a choice."""
@@ -153,7 +157,7 @@ class _Sweep:
         self._plate = PlateCheck(bench.identity.channels, rig)
         self._last: Point | None = None
         self._tared: Tared | None = None
-        self._measured = len(start.done)
+        self._measured, self._failed = len(start.done), 0
         self._unsettled, self._tares = start.unsettled, start.tares
         sensor = rig.sensors.get("thrust_N")
         self._quantum_N = sensor.quantum if sensor else 0.0
@@ -167,6 +171,7 @@ class _Sweep:
                 self._bench.stop()
                 recorder.see_standstill()
                 self._bench.require_standstill(ends_normally=True)
+                self._require_all()
                 summary = self._summary()
                 recorder.note("ended", f"all is measured: {counted(summary.measured, 'visit')}")
                 recorder.finish("ended")
@@ -191,11 +196,13 @@ class _Sweep:
             point = self._visit(visit)
             self._recorder.append_point(point)
             self._recorder.sync()
-            self._measured, self._last = self._measured + 1, point
-            self._unsettled += not point.settled
+            self._last = point
+            if point.kind != "failed":
+                self._measured += 1
+                self._unsettled += not point.settled
             left_s = expected_duration_s(self._plan, self._rig, left[index + 1 :], self._place)
             self._progress.measured(point, left_s)
-            if visit.kind == "anchor" and (why := self._drift.asks_for_tare(point)):
+            if point.kind == "anchor" and (why := self._drift.asks_for_tare(point)):
                 self._recorder.note("drift", why, visit.point)
                 self._tared = None
 
@@ -215,15 +222,43 @@ class _Sweep:
         self._go_to(visit.setting.place)
         pulses_us = np.array(visit.setting.pwm_us)
         self._motors.ramp_to(pulses_us, self._plan.throttle.ramp_s, "ramp", visit.point)
-        settled = self._settle(visit)
-        samples = self._recorder.collect("sample", self._plan.sample_s, visit.point)
         assert self._tared is not None
+        for attempt in range(1, TRIES + 1):
+            settled = self._settle(visit)
+            samples = self._recorder.collect("sample", self._plan.sample_s, visit.point)
+            short = shortage(
+                samples, self._rates_Hz(visit), self._plan.sample_s, self._plan.sample_share
+            )
+            if not short:
+                break
+            then = "measured again" if attempt < TRIES else "marked as failed"
+            self._recorder.note("few_samples", f"point {visit.point}: {short}; {then}", visit.point)
         scale = ThrustScale(self._calibration, self._tared.zero_counts, self._quantum_N)
-        point = measure(samples, visit, self._reached_m, self._tared, scale, settled)
+        now_s = self._recorder.now_s
+        point = measure(samples, visit, self._reached_m, self._tared, scale, settled, now_s)
+        if short:
+            self._failed += 1
+            return replace(point, kind="failed", settled=False)
         more_m = self._stage.measures_to_m
         if problem := self._plate.crept(self._reached_m, point.plate_read_z_m, more_m):
             raise problem
         return point
+
+    def _rates_Hz(self, visit: Visit) -> dict[str, float]:
+        """Return how often each channel that a visit needs should bring a value."""
+        assert self._tared is not None
+        identity = self._bench.identity
+        names = [channel.name for channel in identity.channels]
+        # Where the device does not say, thrust comes as often as in the last tare.
+        told = dict(zip(names, identity.channel_rates_Hz, strict=False))
+        seen_Hz = self._tared.rest_N.n / self._plan.tare.seconds
+        rates_Hz = {"thrust_N": told.get("thrust_N", seen_Hz)}
+        for rotor, (us, stop_us) in enumerate(
+            zip(visit.setting.pwm_us, self._motors.stop_us, strict=True), 1
+        ):
+            if us > stop_us and f"rpm{rotor}" in told:
+                rates_Hz[f"rpm{rotor}"] = told[f"rpm{rotor}"]
+        return {name: min(rate_Hz, identity.rate_Hz) for name, rate_Hz in rates_Hz.items()}
 
     def _say_plate(self) -> None:
         """Put on the disk what moves the plate, and whether anything measures where it stands."""
@@ -312,6 +347,19 @@ class _Sweep:
         with suppress(BenchtoolError, OSError):
             self._recorder.note("stopped", reason)
         return self._recorder.rescue(error)
+
+    def _require_all(self) -> None:
+        """Refuse to call a run ended of which visits failed.
+
+        Raises:
+            RunStopped: how many, and how to measure them again.
+        """
+        if self._failed:
+            raise RunStopped(
+                f"{counted(self._failed, 'visit')} failed for want of samples, "
+                f"{self._measured} are measured; look at the link, then measure what failed again "
+                f"with benchtool sweep --resume"
+            )
 
     def _summary(self) -> Summary:
         quality = self._recorder.quality

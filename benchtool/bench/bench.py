@@ -31,6 +31,8 @@ class Identity:
         protocol: protocol name and version ("benchtool-2", "replay").
         channels: what the stream carries, in order, without the two times.
         rate_Hz: present stream rate.
+        channel_rates_Hz: how often each channel has a new value; empty where the device does not
+            say.
         n_rotors: how many motors can be commanded.
         simulated: True when no physical motor turns.
         moves_plate: whether the device moves the plate itself.
@@ -62,6 +64,7 @@ class Identity:
     moves_plate: bool
     limits: Mapping[str, float] = field(default_factory=dict)
     watchdog_s: float = 0.25
+    channel_rates_Hz: tuple[float, ...] = ()
     has_loop: bool = False
     armed_by_operator: bool = False
     pwm_stop_us: float | None = None

@@ -101,6 +101,7 @@ class Hello:
             moves_plate=self.moves_plate,
             limits=dict(self.limits),
             watchdog_s=self.watchdog_s,
+            channel_rates_Hz=self.channel_rates_Hz,
             has_loop=self.has_loop,
             pwm_stop_us=self.pwm_stop_us,
             pwm_idle_us=self.pwm_idle_us,

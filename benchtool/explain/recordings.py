@@ -16,7 +16,7 @@ from benchtool.errors import FileFormatError, InputError
 from benchtool.explain.recording_paths import unreadable
 from benchtool.library import LoadedModel
 from benchtool.store import (
-    KINDS,
+    VALID_KINDS,
     data_hash,
     is_run,
     read_pitch,
@@ -222,7 +222,7 @@ def _run(path: str) -> Recording:
     """Return a run's experiment: that of a hinge, or the points of a sweep with its tares."""
     if TELLS["pitch"] in sample_names(path):
         return read_pitch(path)
-    return read_points(path, KINDS)
+    return read_points(path, VALID_KINDS)
 
 
 def _present(

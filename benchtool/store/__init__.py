@@ -1,7 +1,7 @@
 """Runs on disk and tables from elsewhere."""
 
 from benchtool.core.column_source import ColumnSource
-from benchtool.store.columns import KINDS, PHASES, channel_called, code_of, word_of
+from benchtool.store.columns import KINDS, PHASES, VALID_KINDS, channel_called, code_of, word_of
 from benchtool.store.digest import data_hash
 from benchtool.store.events import Event, read_events
 from benchtool.store.frame import frame
@@ -18,6 +18,7 @@ from benchtool.store.table import Where, read_table
 __all__ = [
     "KINDS",
     "PHASES",
+    "VALID_KINDS",
     "ColumnSource",
     "Event",
     "Point",

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from benchtool.core.counted import counted
-from benchtool.store.columns import KINDS, code_of
+from benchtool.store.columns import VALID_KINDS, code_of
 from benchtool.store.digest import file_hash
 from benchtool.store.events import Event, EventLog, read_events
 from benchtool.store.parquet import seal
@@ -90,7 +90,7 @@ def _state(run: Run, facts: dict[str, Any], visits: int | None, log: EventLog) -
 def _visits_done(folder: Path) -> int:
     if not has_rows(folder / "points.csv"):
         return 0
-    points = read_points(folder, KINDS)
+    points = read_points(folder, VALID_KINDS)
     visited = points.column("kind") != code_of("kind", "tare")
     return len(np.unique(points.column("point")[visited]))
 

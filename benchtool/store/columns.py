@@ -11,11 +11,15 @@ from benchtool.core.channel import Channel, unit_told_by
 from benchtool.core.recording import Recording
 from benchtool.errors import FileFormatError, UnknownChoice
 
-KINDS: tuple[str, ...] = ("measure", "reference", "anchor", "tare")
+VALID_KINDS: tuple[str, ...] = ("measure", "reference", "anchor", "tare")
+"""Kinds of points that measure something."""
+
+KINDS: tuple[str, ...] = (*VALID_KINDS, "failed")
 """Kinds of points; in a `Recording` the channel `kind` holds the position in this tuple.
 
 measure: a setting of the plan; reference: the same throttle with the plate parked, which counts as
-out of ground effect; anchor: one setting repeated to see drift; tare: what was left after a tare.
+out of ground effect; anchor: one setting repeated to see drift; tare: what was left after a tare;
+failed: a visit of which too few samples came, which no reader uses and a resumed run repeats.
 """
 
 PHASES: tuple[str, ...] = (

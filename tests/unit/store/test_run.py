@@ -63,7 +63,7 @@ def test_a_tare_is_no_point_unless_asked_for(tmp_path: Path) -> None:
     assert len(read_points(run.path / "points.csv", ["reference"])) == 2
     with pytest.raises(FileFormatError, match="no point of kind anchor"):
         read_points(run.path, ["anchor"])
-    with pytest.raises(UnknownChoice, match="known: anchor, measure, reference, tare"):
+    with pytest.raises(UnknownChoice, match="known: anchor, failed, measure, reference, tare"):
         read_points(run.path, ["ancor"])
 
 
