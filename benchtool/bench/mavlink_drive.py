@@ -41,7 +41,13 @@ Outputs = tuple[int, ...]
 
 
 class Drive(Protocol):
-    """Turn motors, keep them turning while somebody reads, and stop them."""
+    """Turn motors, keep them turning while somebody reads, and stop them.
+
+    Attributes:
+        renews: whether motors turn by orders that lapse and are sent again.
+    """
+
+    renews: bool
 
     @property
     def highest_us(self) -> float:
@@ -101,6 +107,8 @@ class TestDrive:
     Stopped first is what turns and shall not: on ArduPilot an order for another motor leaves the
     first one turning.
     """
+
+    renews = True
 
     def __init__(
         self,
@@ -282,6 +290,8 @@ class TestDrive:
 
 class PitchDrive:
     """Leave the motors to the autopilot's own loop: arm it or wait for that, and disarm it."""
+
+    renews = False
 
     def __init__(
         self,

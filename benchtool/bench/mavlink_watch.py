@@ -98,7 +98,7 @@ class RunWatch:
         if self._rows.time.rebooted or (gap and gap.from_start and self._health.driven):
             self._rows.time.rebooted = False
             return RESTARTED
-        if gap and self._health.driven:
+        if gap and self._health.driven and self._drive.renews:
             return (
                 f"nothing came from the autopilot for {gap.silent_s:.1f} s while a motor turned, "
                 f"limit {SILENT_S:g} s"

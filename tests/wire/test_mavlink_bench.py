@@ -499,3 +499,31 @@ def test_a_late_acknowledgement_alone_ends_nothing(delay_s: float) -> None:
         made.bench.set_pwm(pulses(1300.0))
         made.read(2.0)
         assert made.autopilot.outputs_us[2] == 1300
+
+
+@pytest.mark.parametrize("mode", ["plate", "pitch"])
+def test_only_orders_that_lapse_end_by_a_short_silence(mode: str) -> None:
+    made = Bench(rotors=1, mode=mode, arm="host")
+    made.autopilot._hover_us = 1300.0
+    with made.bench as bench:
+        bench.set_pwm(pulses(1300.0))
+        made.read(1.0)
+        tick = made.autopilot.tick
+        begun_s = made.link.now_s
+
+        def silent(n: int, now_s: float) -> tuple[bytes, list[bytes]]:
+            said = tick(n, now_s)
+            return said if now_s - begun_s > 0.6 else (b"", [])
+
+        receive = made.autopilot.receive
+
+        def deaf(data: bytes, now_s: float) -> bytes:
+            said = receive(data, now_s)
+            return said if now_s - begun_s > 0.6 else b""
+
+        made.autopilot.tick, made.autopilot.receive = silent, deaf
+        if mode == "plate":
+            with pytest.raises(DeviceStopped, match=r"came from the autopilot for 0\.\d s while a"):
+                made.read(0.9)
+        else:
+            made.read(0.9)
