@@ -17,12 +17,18 @@ Every error is one sentence on standard error, beginning with `benchtool: `.
 |---|---|---|
 """
 
-OTHERS = {
-    0: ("", "The command did what was asked."),
-    UNEXPECTED: ("", "A fault in benchtool itself; the sentence names a file with the traceback."),
-    130: ("", "Ctrl-C, where no motors can turn."),
-}
-"""Codes that belong to no error class: (class, meaning)."""
+OTHERS = (
+    (0, "", "The command did what was asked."),
+    (1, "`typer.Abort`", "A question was not answered; nothing was done."),
+    (
+        2,
+        "`typer.TyperException`",
+        "An unknown option, a missing argument or a wrong value.",
+    ),
+    (UNEXPECTED, "", "A fault in benchtool itself; the sentence names a file with the traceback."),
+    (130, "", "Ctrl-C, where no motors can turn."),
+)
+"""Codes that belong to no error class of ours: (code, class, meaning)."""
 
 
 def family(kind: type[errors.BenchtoolError]) -> Iterator[type[errors.BenchtoolError]]:
@@ -34,7 +40,7 @@ def family(kind: type[errors.BenchtoolError]) -> Iterator[type[errors.BenchtoolE
 
 def page() -> str:
     """Return the text of `exit-codes.md`."""
-    rows = [(code, *words) for code, words in OTHERS.items()]
+    rows = list(OTHERS)
     for kind in family(errors.BenchtoolError):
         if kind.__module__ != errors.__name__:
             continue
