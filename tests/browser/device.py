@@ -30,7 +30,8 @@ from benchtool.simulate import plate_bench
 from benchtool.simulate.load_cell import LoadCell
 
 ROOT = Path(__file__).parents[2]
-ORDER = re.compile(rb"\$C,\d+,(stop|pwm)((?:,[\d.]+)*)\*")
+ORDER = re.compile(rb"\$C,\d+,(stop|pwm)(?:,\d+)?((?:,[\d.]+)*)\*")
+"""Number, command, the device time that the host has read, pulses."""
 NAP_S = 0.001
 
 
