@@ -84,7 +84,8 @@ def _unwrap(value: Any, key: str, source: str, found: Sources) -> Any:
     return value
 
 
-def _note(value: Any, key: str, source: str, assumed: bool | None, found: Sources) -> Any:
+def _note(value: Any, key: str, source: Any, assumed: bool | None, found: Sources) -> Any:
+    source = source if isinstance(source, str) else ""
     if not source:
         found.missing.append(key)
     found.by_key[key] = source

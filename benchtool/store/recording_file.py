@@ -84,7 +84,7 @@ def read_recording(path: str | Path) -> Recording:
     units = {str(item["name"]): str(item["unit"]) for item in facts["channels"]}
     return replace(
         recording,
-        channels=tuple(Channel(name, units[name]) for name in recording.names),
+        channels=tuple(Channel(name, units.get(name, "")) for name in recording.names),
         provenance={str(key): str(value) for key, value in facts["provenance"].items()},
         simulated=bool(facts["simulated"]),
     )

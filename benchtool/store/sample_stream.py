@@ -90,7 +90,7 @@ def sample_batches(lines: WholeLines, path: Path, names: Sequence[str]) -> Itera
                 strings_can_be_null=False,
             ),
         )
-    except pa.ArrowInvalid as error:
+    except pa.ArrowException as error:
         problem = f"{' '.join(str(error).split())[:200]}; mend that line"
         raise FileFormatError(str(path), problem) from error
 
