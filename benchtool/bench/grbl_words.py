@@ -6,6 +6,7 @@ our words; numbers that forks add are shown as they come.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -141,10 +142,10 @@ class Other:
 
 Word = Ok | Error | Alarm | Banner | Note | Setting | Report | Other
 
-_NUMBERED = re.compile(r"(error|ALARM):(\d+)")
-_SETTING = re.compile(r"\$(\d+)=(\d+(?:\.\d*)?)(?: .*)?")
+_NUMBERED = re.compile(r"(error|ALARM):(\d{1,9})")
+_SETTING = re.compile(r"\$(\d{1,9})=(\d{1,15}(?:\.\d*)?)(?: .*)?")
 _BANNER = re.compile(r"Grbl(?:HAL)? (\S+) \[", re.IGNORECASE)
-_REPORT = re.compile(r"<([A-Za-z]+)(?::(\d+))?((?:\|[^|>]*)*)>")
+_REPORT = re.compile(r"<([A-Za-z]+)(?::(\d{1,9}))?((?:\|[^|>]*)*)>")
 
 
 def word_of(line: str) -> Word:
@@ -179,6 +180,8 @@ def _report(found: re.Match[str]) -> Report | None:
         }
     except ValueError:
         return None
+    if not all(math.isfinite(value) for place in places.values() for value in place):
+        return None
     substate = int(found[2]) if found[2] else None
     return Report(found[1], substate, places.get("MPos"), places.get("WPos"), places.get("WCO"))
 
@@ -208,9 +211,10 @@ class Ear:
         """
         if report.machine_mm is not None:
             return report.machine_mm
-        if report.work_mm is None or self._offset_mm is None:
+        work_mm, offset_mm = report.work_mm, self._offset_mm
+        if work_mm is None or offset_mm is None or len(work_mm) != len(offset_mm):
             return None
-        return tuple(a + b for a, b in zip(report.work_mm, self._offset_mm, strict=True))
+        return tuple(a + b for a, b in zip(work_mm, offset_mm, strict=True))
 
 
 def move_line(targets_mm: Mapping[str, float], feed_mm_min: float) -> bytes:

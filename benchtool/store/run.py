@@ -262,10 +262,12 @@ def refuse_taken(path: Path) -> None:
 
 
 def _never_begun(path: Path) -> bool:
-    """Tell whether a folder holds no more than a run that has neither a sample nor a point."""
+    """Return whether a folder is empty or holds a run that has neither a sample nor a point."""
     if path.is_symlink() or not path.is_dir():
         return False
     names = {item.name for item in path.iterdir() if not LEFT_OVER.fullmatch(item.name)}
+    if names and not is_run(path):
+        return False  # a plan that somebody wrote there is no run of ours
     if not names <= {"plan.toml", "metadata.json", "events.jsonl", "samples.csv", "points.csv"}:
         return False
     if any(has_rows(path / name) for name in ("samples.csv", "points.csv")):

@@ -254,9 +254,10 @@ def test_bad_input_gets_one_sentence(
 
 def test_an_existing_folder_is_left_alone(capsys: pytest.CaptureFixture[str]) -> None:
     Path("run").mkdir()
+    Path("run/notes.txt").write_text("mine")
     assert call("sweep", "sim:pquad", "--yes", "--out", "run") == 2
     assert "run exists already" in capsys.readouterr().err
-    assert list(Path("run").iterdir()) == []
+    assert [path.read_text() for path in Path("run").iterdir()] == ["mine"]
 
 
 def test_arming_wants_the_word(

@@ -76,3 +76,24 @@ def test_the_work_offset_is_remembered_until_a_restart():
 
 def test_a_move_is_absolute_in_millimetres_and_machine_coordinates():
     assert move_line({"Z": -12.3456}, 600.0) == b"G21 G90 G53 G1 Z-12.346 F600.0\n"
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "error:" + 4400 * "9",
+        "$110=" + 4400 * "9",
+        "<Idle:" + 4400 * "9" + "|MPos:0.000,0.000,0.000>",
+        "<Idle|MPos:nan,0.000,0.000>",
+        "<Idle|MPos:1e999,0.000,0.000>",
+    ],
+)
+def test_a_number_that_none_can_be_is_no_word_of_a_stage(line):
+    assert word_of(line) == Other(line)
+
+
+def test_an_offset_of_another_number_of_axes_gives_no_position():
+    ear = Ear()
+    ear.feed(b"<Idle|WPos:1.000,2.000,3.000|WCO:0.000,0.000>\n")
+    (report,) = ear.feed(b"<Idle|WPos:1.000,2.000,3.000>\n")
+    assert ear.machine_mm(report) is None

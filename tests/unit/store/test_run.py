@@ -191,3 +191,11 @@ def test_frames_speak_words_and_units(tmp_path: Path) -> None:
     assert table["kind"].tolist() == ["measure", "reference", "reference", "measure"]
     assert table.attrs["units"]["rpm1"] == "rpm"
     assert table.attrs["units"]["thrust_se_N"] == "N"
+
+
+def test_a_plan_that_somebody_wrote_into_a_folder_is_left_alone(tmp_path: Path) -> None:
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "plan.toml").write_text("[plan]\n")
+    with pytest.raises(WouldOverwrite):
+        Run.create(tmp_path / "mine", "", {})
+    assert (tmp_path / "mine" / "plan.toml").read_text() == "[plan]\n"
