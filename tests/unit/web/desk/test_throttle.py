@@ -29,7 +29,7 @@ class Motors:
 
 def test_pulses_rise_slowly_and_only_those_of_the_chosen_rotors() -> None:
     motors, throttle = Motors(), Throttle(RIG)
-    wanted = Hold("a", 1500.0, (1, 3))
+    wanted = Hold("a", 1, 1500.0, (1, 3))
     seen = []
     for step in range(200):
         throttle.follow(motors, wanted, 0.02 * step)  # type: ignore[arg-type]
@@ -52,5 +52,5 @@ def test_without_a_hand_motors_are_stopped_at_once_and_once() -> None:
 def test_a_lower_pulse_is_taken_at_once_and_unknown_rotors_are_left_out() -> None:
     motors, throttle = Motors(), Throttle(RIG)
     motors.set_pwm([1500.0] * 4)
-    throttle.follow(motors, Hold("a", 1200.0, (1, 9)), 1.0)  # type: ignore[arg-type]
+    throttle.follow(motors, Hold("a", 1, 1200.0, (1, 9)), 1.0)  # type: ignore[arg-type]
     assert motors.pwm_us.tolist() == [1200.0, STOP_US, STOP_US, STOP_US]
