@@ -10,6 +10,8 @@ from typing import Any
 from benchtool.acquire.check_plan import Expected
 from benchtool.acquire.plan import Plan
 from benchtool.bench.bench import Identity
+from benchtool.bench.limit_check import unwatched_limits
+from benchtool.bench.standstill import unmeasured_rotors
 from benchtool.core.rig import Rig
 from benchtool.errors import InputError
 from benchtool.store.state import recall, remember
@@ -28,6 +30,16 @@ def arming_text(plan: Plan, rig: Rig, expected: Expected) -> str:
         f"expected thrust: about {expected.thrust_oge_N:.1f} N, near the plate "
         f"{expected.thrust_N:.1f} N, limit {rig.limits.thrust_N:g} N"
     )
+
+
+def arming_warnings(identity: Identity, rig: Rig) -> tuple[str, ...]:
+    """Return what makes a bench more dangerous than others, a sentence each, said before arming."""
+    found = (
+        identity.facts.get("warning"),
+        unmeasured_rotors(identity, rig),
+        "" if identity.simulated else unwatched_limits(identity.channels, rig.n_rotors),
+    )
+    return tuple(warning for warning in found if warning)
 
 
 def require_unattended(identity: Identity, rig: Rig, today: date) -> None:

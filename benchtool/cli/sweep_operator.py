@@ -38,17 +38,10 @@ def answer_to(question: str, meanwhile: Callable[[], object] | None = None) -> s
 
 def say_of_bench(identity: Identity, rig: Rig) -> None:
     """Print what a person must know of a bench before arming it."""
-    from benchtool.bench.limit_check import unwatched_limits
-    from benchtool.bench.standstill import unmeasured_rotors
+    from benchtool.acquire.arming import arming_warnings
 
-    unwatched = unwatched_limits(identity.channels, rig.n_rotors)
-    for warning in (
-        identity.facts.get("warning"),
-        unmeasured_rotors(identity, rig),
-        "" if identity.simulated else unwatched,
-    ):
-        if warning:
-            print(f"warning: {warning}")
+    for warning in arming_warnings(identity, rig):
+        print(f"warning: {warning}")
     if identity.speed != 1.0:
         speed = f"{identity.speed:g} times the speed of life"
         print(f"this bench runs at {speed}; all times are the bench's own")

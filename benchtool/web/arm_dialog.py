@@ -6,7 +6,9 @@ from collections.abc import Callable
 
 from nicegui import ui
 
-from benchtool.acquire.arming import CONFIRMATION
+from benchtool.acquire.arming import CONFIRMATION, arming_warnings
+from benchtool.bench.bench import Identity
+from benchtool.core.rig import Rig
 from benchtool.errors import InputError
 from benchtool.web.context import Context
 from benchtool.web.tell import tells_errors
@@ -23,11 +25,14 @@ def confirm_arming(
         text: what the operator must know.
         begin: called with what was typed, empty on a simulated bench.
     """
-    identity = context.bench.connection.identity
+    connection = context.bench.connection
+    identity, rig = connection.identity, connection.rig
     simulated = identity is not None and identity.simulated
     with ui.dialog() as dialog, ui.card().classes("w-96"):
         ui.label("About to spin").classes("card-title")
         ui.label(text).style("white-space: pre-line")
+        if identity is not None and rig is not None:
+            show_warnings(identity, rig)
         typed = ui.input(f"Type {CONFIRMATION} to arm").classes("w-full")
         typed.set_visibility(not simulated)
         if simulated:
@@ -51,3 +56,9 @@ def confirm_arming(
             ui.button("Cancel", on_click=dialog.close).props("outline")
     dialog.on_value_change(lambda change: None if change.value else dialog.delete())
     dialog.open()
+
+
+def show_warnings(identity: Identity, rig: Rig) -> None:
+    """Show what the command line, too, says of a bench before it is armed."""
+    for warning in arming_warnings(identity, rig):
+        ui.label(f"Warning: {warning}").classes("warn")

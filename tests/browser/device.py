@@ -28,6 +28,7 @@ from benchtool.core.units import STANDARD_GRAVITY_M_S2
 from benchtool.library import load_model, rig_named
 from benchtool.simulate import plate_bench
 from benchtool.simulate.load_cell import LoadCell
+from tests.wire.version_1 import VersionOne
 
 ROOT = Path(__file__).parents[2]
 ORDER = re.compile(rb"\$C,\d+,(stop|pwm)(?:,\d+)?((?:,[\d.]+)*)\*")
@@ -95,11 +96,11 @@ class Device:
 
 @contextmanager
 def served_device(
-    rig: str = "pquad", speed: float = 1.0, rate_Hz: float = 200.0
+    rig: str = "pquad", speed: float = 1.0, rate_Hz: float = 200.0, version: int = 2
 ) -> Iterator[Device]:
-    """Give a device in a process of its own."""
+    """Give a device in a process of its own; one of protocol version 1 tells no orders."""
     process = subprocess.Popen(
-        [sys.executable, "-m", "tests.browser.device", rig, str(speed), str(rate_Hz)],
+        [sys.executable, "-m", "tests.browser.device", rig, str(speed), str(rate_Hz), str(version)],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,
@@ -138,13 +139,18 @@ def hear_of_masses() -> None:
     os._exit(0)
 
 
-def main(rig_name: str, speed: str, rate_Hz: str) -> None:
+def main(rig_name: str, speed: str, rate_Hz: str, version: str) -> None:
     rig = rig_named(rig_name)
     link = PtyLink()
     truth = load_model(standard_truth(rig), rig).model
     with patch.object(plate_bench, "LoadCell", LoadedCell):
         server = virtual_server(
-            rig, truth, link, speed=float(speed), rate_Hz=float(rate_Hz), speak=TellingLink
+            rig,
+            truth,
+            link,
+            speed=float(speed),
+            rate_Hz=float(rate_Hz),
+            speak=TellingLink if version == "2" else VersionOne,
         )
     threading.Thread(target=hear_of_masses, daemon=True).start()
     print(link.address, flush=True)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from benchtool.store import read_points
 from tests.browser.conftest import Web, connect, go_to
-from tests.browser.device import Device
+from tests.browser.device import Device, served_device
 from tests.browser.sweeping import SWEEP_MS, begin, only_run, wait_for_points
 
 if TYPE_CHECKING:
@@ -74,6 +74,19 @@ def test_a_paused_sweep_stands_still_and_goes_on(
     page.get_by_role("button", name="Go on", exact=True).click()
     page.get_by_text(f"ended: {only_run(web).path}").wait_for(timeout=SWEEP_MS)
     assert only_run(web).metadata["state"] == "ended"
+
+
+def test_the_arming_dialog_names_what_the_bench_does_not_protect_from(page: Page) -> None:
+    with served_device(version=1) as device:
+        connect(page, device.address)
+        said = page.get_by_text("Warning: the device speaks protocol version 1 and is unprotected")
+        said.wait_for()  # beside the throttle
+        go_to(page, "Sweep")
+        page.get_by_label("Pulses, us").fill("1500")
+        page.get_by_role("button", name="Start the sweep").click()
+        page.get_by_text("About to spin").wait_for()
+        assert page.get_by_role("dialog").locator(said).is_visible()
+        page.get_by_role("button", name="Cancel").click()
 
 
 def test_a_plan_that_breaks_a_limit_is_refused_before_anything_spins(page: Page) -> None:

@@ -7,6 +7,7 @@ from nicegui import ui
 from benchtool.acquire.arming import CONFIRMATION
 from benchtool.acquire.bench_check import low_throttle_us
 from benchtool.core.rig import Rig
+from benchtool.web.arm_dialog import show_warnings
 from benchtool.web.context import Context
 from benchtool.web.desk.asks import Arm
 from benchtool.web.tell import tells_errors
@@ -32,6 +33,7 @@ class ThrottleCard:
                 with self._hold:
                     self._said = ui.label("Hold to turn")
                     ui.html('<small class="hold-why" role="status"></small>', sanitize=False)
+            self._warnings = ui.column().classes("gap-1")
             with ui.row(wrap=False).classes("items-end w-full") as self._arming:
                 self._typed = ui.input(f"Type {CONFIRMATION} to arm").classes("grow")
                 ui.button("Arm", on_click=self._arm).props("outline color=warning")
@@ -41,13 +43,18 @@ class ThrottleCard:
     def refresh(self) -> None:
         """Show what is so now."""
         connection, live = self._context.bench.connection, self._context.bench.live
-        rig = connection.rig if connection.identity is not None else None
-        self._card.set_visibility(rig is not None and not connection.weighs)
-        if rig is None:
+        identity, rig = connection.identity, connection.rig
+        self._card.set_visibility(
+            identity is not None and rig is not None and not connection.weighs
+        )
+        if identity is None or rig is None:
             return
         if connection.session != self._shown:
             self._shown = connection.session
             self._fit(rig)
+            self._warnings.clear()
+            with self._warnings:
+                show_warnings(identity, rig)
         busy = self._context.bench.swept.active
         may = live.armed and not busy and self._context.in_control()
         self._hold.props(add="" if may else "disabled", remove="disabled" if may else "")
