@@ -8,6 +8,7 @@ from functools import lru_cache
 from pathlib import Path, PurePosixPath
 
 from benchtool.core.parsed_text import parse_toml
+from benchtool.core.rig import Rig
 from benchtool.core.user_file import read_text
 from benchtool.errors import InputError
 from benchtool.library import LoadedModel, load_model, model_names
@@ -92,11 +93,12 @@ def _refuse_outside(folder: RunsFolder, chosen: str, path: Path) -> None:
     folder.file_of(f"{PurePosixPath(chosen).parent}/{named}")
 
 
-def adjustables(model: str) -> tuple[Adjustable, ...]:
+def adjustables(model: str, rig: Rig | None = None) -> tuple[Adjustable, ...]:
     """Return the numbers of a model; those of the noise follow from the option for it.
 
     Args:
         model: as `model_path` gives it.
+        rig: of the data, which goes before the one that the model file names.
     """
     return tuple(
         Adjustable(
@@ -108,21 +110,31 @@ def adjustables(model: str) -> tuple[Adjustable, ...]:
             upper=item.upper,
             source=item.source,
         )
-        for name, item in loaded(model).model.parameters.items()
+        for name, item in loaded(model, rig).model.parameters.items()
         if not name.startswith("noise.")
     )
 
 
-def loaded(model: str) -> LoadedModel:
-    """Return a model, read anew only where its file has changed."""
+def loaded(model: str, rig: Rig | None = None) -> LoadedModel:
+    """Return a model on a rig, by default its own; read anew only where its file has changed."""
     path = Path(model)
-    return _read(model, path.stat().st_mtime_ns if path.is_file() else 0)
+    return _read(model, path.stat().st_mtime_ns if path.is_file() else 0, _ByValue(rig))
+
+
+@dataclass(frozen=True, slots=True)
+class _ByValue:
+    """Make a rig a key of the cache: what a rig holds cannot be hashed, but compared."""
+
+    rig: Rig | None
+
+    def __hash__(self) -> int:
+        return hash(self.rig.name if self.rig else None)
 
 
 @lru_cache(maxsize=8)
-def _read(model: str, stamp: int) -> LoadedModel:
+def _read(model: str, stamp: int, on: _ByValue) -> LoadedModel:
     del stamp  # another one after every change on the disk
-    return load_model(model)
+    return load_model(model, on.rig)
 
 
 def wished(numbers: Sequence[Adjustable], wishes: Mapping[str, Wish]) -> dict[str, object]:

@@ -7,9 +7,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from benchtool.core.rig import Rig
 from benchtool.errors import InputError
 from benchtool.recipes.fit_options import recipe_of_options, words_of_recipe
 from benchtool.recipes.recipe import Recipe
+from benchtool.store import rig_of_data
 from benchtool.store.csv_text import read_csv_text
 from benchtool.store.entry import Entry
 from benchtool.store.runs_folder import RunsFolder
@@ -73,10 +75,19 @@ def recipe_for(order: Order, folder: RunsFolder, entries: Mapping[str, Entry]) -
             "data": [str(path) for path in paths],
             "model": model,
             "columns": str(kept[0]) if kept else None,
-            **wished(adjustables(model), order.wishes),
+            **wished(adjustables(model, data_rig(order.data, folder)), order.wishes),
             **order.options,
         }
     )
+
+
+def data_rig(data: Sequence[str], folder: RunsFolder) -> Rig | None:
+    """Return the rig of the runs among some data, None where there is none.
+
+    Raises:
+        InputError: runs of two vehicles.
+    """
+    return rig_of_data([str(folder.path_of(name)) for name in data])
 
 
 def words_for(recipe: Recipe, order: Order, folder: RunsFolder) -> list[str]:

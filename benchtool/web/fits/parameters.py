@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping
 
 from nicegui import ui
 
@@ -21,6 +21,7 @@ class Parameters:
 
     def __init__(self, changed: Callable[[], None]) -> None:
         self._changed = changed
+        self._numbers: tuple[Adjustable, ...] = ()
         self._wishes: dict[str, Wish] = {}
         self._place = ui.element("div").classes("w-full wide")
 
@@ -29,9 +30,13 @@ class Parameters:
         """What the form asks of each number."""
         return dict(self._wishes)
 
-    def show(self, numbers: Sequence[Adjustable]) -> None:
-        """Show another model's numbers, as the model has them."""
-        self._wishes = {number.name: Wish(number.free, number.value) for number in numbers}
+    def show(self, numbers: tuple[Adjustable, ...], wishes: Mapping[str, Wish]) -> None:
+        """Show a model's numbers, each as it is wished, else as the model has it."""
+        self._numbers = numbers
+        self._wishes = {
+            number.name: wishes.get(number.name, Wish(number.free, number.value))
+            for number in numbers
+        }
         self._place.clear()
         with self._place, ui.element("table").classes("shown parameters"):
             with ui.element("thead"), ui.element("tr"):
@@ -42,20 +47,28 @@ class Parameters:
                 for number in numbers:
                     self._row(number)
 
+    def put_on_rig(self, numbers: tuple[Adjustable, ...]) -> None:
+        """Show the same model's numbers on another rig; what somebody changed stays."""
+        if numbers == self._numbers:
+            return
+        shown = {number.name: Wish(number.free, number.value) for number in self._numbers}
+        self.show(numbers, {k: wish for k, wish in self._wishes.items() if wish != shown[k]})
+
     def _row(self, number: Adjustable) -> None:
+        wish = self._wishes[number.name]
         with ui.element("tr"):
             with ui.element("th").props("scope=row"):
                 ui.label(number.name)
             with ui.element("td"):
                 ui.label(unit_for_people(number.unit))
             with ui.element("td"):
-                free = ui.checkbox(value=number.free).props("dense")
+                free = ui.checkbox(value=wish.free).props("dense")
                 free.props(f'aria-label="{number.name} is free"').mark(f"free {number.name}")
             with ui.element("td"):
-                value = ui.number(value=number.value, format="%.6g").props("dense outlined")
+                value = ui.number(value=wish.value, format="%.6g").props("dense outlined")
                 value.props(f'aria-label="{number.name} is held at" step=any').classes("w-32")
                 value.mark(f"value {number.name}")
-                value.set_enabled(not number.free)
+                value.set_enabled(not wish.free)
             with ui.element("td").classes("number soft"):
                 bounds = f"{number.lower:g} … {number.upper:g}"
                 ui.label(bounds.replace("-", "−").replace("inf", "∞"))

@@ -12,11 +12,11 @@ from benchtool.recipes.fit_options import recipe_of_options
 from benchtool.store.runs_folder import RunsFolder
 from benchtool.web.command_row import CommandRow
 from benchtool.web.context import Context
-from benchtool.web.fits.choice import adjustables, model_choices, model_path
+from benchtool.web.fits.choice import Adjustable, adjustables, model_choices, model_path
 from benchtool.web.fits.data import Data
 from benchtool.web.fits.how import How
 from benchtool.web.fits.jobs import view_fit
-from benchtool.web.fits.order import Order, recipe_for, suggested_name, words_for
+from benchtool.web.fits.order import Order, data_rig, recipe_for, suggested_name, words_for
 from benchtool.web.fits.parameters import Parameters
 from benchtool.web.fits.running import FITS, Fitting, start
 from benchtool.web.progress import Progress
@@ -73,10 +73,14 @@ class FitTab:
         """Choose data as the Runs tab asks."""
         await self._data.choose(names)
 
-    @tells_errors
     def _other_model(self) -> None:
-        self._parameters.show(adjustables(model_path(self._folder, self._model.value)))
+        self._parameters.show((), {})
         self._changed()
+
+    def _numbers(self) -> tuple[Adjustable, ...]:
+        """Return the chosen model's numbers on the rig of the chosen data."""
+        model = model_path(self._folder, self._model.value)
+        return adjustables(model, data_rig(self._data.names, self._folder))
 
     def _order(self) -> Order:
         return Order(
@@ -96,8 +100,9 @@ class FitTab:
         if not self._name.value or self._name.value == self._named:
             self._named = suggested
             self._name.set_value(suggested)
-        order = self._order()
         try:
+            self._parameters.put_on_rig(self._numbers())
+            order = self._order()
             recipe = recipe_for(order, self._folder, self._data.entries)
             self._command.show(words_for(recipe, order, self._folder))
             self._hint.set_text("")

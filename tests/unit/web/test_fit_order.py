@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from pathlib import Path
 
 import pytest
 
 from benchtool.errors import BenchtoolError, InputError, WouldOverwrite
+from benchtool.recipes.fit_data import recipe_model
 from benchtool.recipes.kept_fit import read_kept
 from benchtool.recipes.run_recipe import run_recipe
 from benchtool.store.entry import Entry
 from benchtool.store.run_list import list_entries
 from benchtool.store.runs_folder import RunsFolder
 from benchtool.store.upload import columns_file
-from benchtool.web.fits.choice import Wish
-from benchtool.web.fits.order import Order, recipe_for, suggested_name, words_for
+from benchtool.web.fits.choice import Wish, adjustables
+from benchtool.web.fits.order import Order, data_rig, recipe_for, suggested_name, words_for
 from benchtool.web.fits.work import fit_into, unfinished
 
 RUN = Path(__file__).parents[3] / "datasets/single_rotor/run"
@@ -51,6 +53,26 @@ def test_the_form_gives_a_recipe_and_its_words(
         *("--method", "least_squares", "--method", "emcee", "--fix", "R_m=0.13"),
         *("--profile", "--out", str(folder.root / "fit-one")),
     ]
+
+
+def test_the_numbers_shown_are_those_of_the_runs_rig(
+    folder: RunsFolder, entries: dict[str, Entry]
+) -> None:
+    metadata = folder.root / "one" / "metadata.json"
+    facts = json.loads(metadata.read_text("utf-8"))
+    facts["rig"]["propulsion"]["radius_m"] = 0.2
+    metadata.write_text(json.dumps(facts), "utf-8")
+    rig = data_rig(["one", "lab.csv"], folder)
+    assert rig is not None
+    numbers = {number.name: number for number in adjustables("single_bench", rig)}
+    own = {number.name: number for number in adjustables("single_bench")}
+    assert numbers["R_m"].value == 0.2 != own["R_m"].value
+    # What is shown needs no option; the model file's own number is another here, and does.
+    for value, fix in ((0.2, {}), (own["R_m"].value, {"R_m": own["R_m"].value})):
+        recipe = recipe_for(order(wishes={"R_m": Wish(False, value)}), folder, entries)
+        assert recipe.fix == fix
+        assert recipe_model(recipe).model.parameters["R_m"].value == value
+    assert data_rig(["lab.csv"], folder) is None
 
 
 def test_what_the_form_lacks_is_told(folder: RunsFolder, entries: dict[str, Entry]) -> None:
