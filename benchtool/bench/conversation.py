@@ -17,6 +17,7 @@ from benchtool.bench.commands import (
 from benchtool.bench.firmware import Event
 from benchtool.bench.hello import Hello
 from benchtool.bench.hello_reader import HelloReader
+from benchtool.bench.host_pause import Gaps
 from benchtool.bench.link import (
     HEARTBEAT,
     Batch,
@@ -84,6 +85,7 @@ class Conversation:
         self._device_read_s = -inf
         self._events: list[Event] = []
         self._replies: dict[int, Reply] = {}
+        self._gaps = Gaps()
         self._losses = (0, 0, 0)
         self._heard = b""
 
@@ -110,19 +112,31 @@ class Conversation:
         """Give the transport back."""
         self.transport.close()
 
-    def exchange(self, command: Command, tries: int = TRIES) -> Reply:
+    def exchange(self, command: Command, tries: int = TRIES, moves: bool = False) -> Reply:
         """Send a command until it is answered; the device carries each number out once.
 
         All tries are the same line: the age of an order is counted from the first.
 
+        Args:
+            command: what to send.
+            tries: how often.
+            moves: whether something may move by it: then it is not sent after a pause of this
+                computer, also to a device that does not know the age of orders.
+
         Raises:
             LinkLost: no answer to any try.
-            HostPaused: the device refused the order as late, because this computer stood still
-                between reading the device's time and sending the order.
+            HostPaused: this computer stood still meanwhile, and the order moves something or was
+                refused as late.
         """
+        self._gaps.begin(self._clock())
         aged = self._version > 1 and not isinstance(command, AskPlate | Stop)
         if aged and self._clock() > self._device_read_s + FRESH_S:
-            self.exchange(AskPlate(), tries)  # Its answer brings the device's time.
+            self._converse(AskPlate(), tries)  # Its answer brings the device's time.
+        return self._converse(command, tries, moves)
+
+    def _converse(self, command: Command, tries: int, moves: bool = False) -> Reply:
+        if moves:
+            self._raise_if_paused()
         number = self._number = self._number + 1
         if self._version > 1:
             line = frame_command(number, command, self._device_us)
@@ -130,12 +144,11 @@ class Conversation:
             number = (number - 1) % LAST_NUMBER_1 + 1
             line = frame_version_1(number, command)
         self._replies.clear()
-        began_s = self._clock()
         for _ in range(tries):
-            if (reply := self._try(number, line, ANSWER_S)) is not None:
-                paused_s = self._clock() - began_s
-                if reply.reason.startswith(LATE) and paused_s > OLDEST_S + ANSWER_S:
-                    raise HostPaused(paused_s, OLDEST_S)
+            reply = self._try(number, line, ANSWER_S)
+            if moves or (reply is not None and reply.reason.startswith(LATE)):
+                self._raise_if_paused()
+            if reply is not None:
                 return reply
         raise LinkLost(
             f"{self._address} did not answer {','.join(fields_of(command))!r} in {tries} tries of "
@@ -163,9 +176,11 @@ class Conversation:
             whether anything arrived.
         """
         now_s = self._clock()
+        self._gaps.note(now_s)
         if now_s - self._sent_s >= HEARTBEAT_S:
             self._send(HEARTBEAT)
         data = self.transport.read(min(timeout_s, LONGEST_WAIT_S))
+        self._gaps.note(self._clock())
         if not data:
             return False
         if len(self._heard) < _SHOWN_BYTES:
@@ -201,6 +216,10 @@ class Conversation:
             if left_s <= 0.0:
                 return None
             self.pump(left_s)
+
+    def _raise_if_paused(self) -> None:
+        if (paused_s := self._gaps.longest_s) > OLDEST_S:
+            raise HostPaused(paused_s, OLDEST_S)
 
     def _ask_hello(self) -> Hello:
         deadline_s = self._clock() + HELLO_S

@@ -45,8 +45,9 @@ RAMP_S = 0.9
 
 RAMP_STEPS = 10
 
-ANSWER_S = 1.0
-"""A command is answered or given up within this, wall time: twice what the drivers wait."""
+ANSWER_S = 1.5
+"""A command is answered or given up within this, wall time: `where`, `arm` and `pwm`, each waited
+for 5 x 100 ms. A pause of the host within it is noticed by the drivers, who see each round."""
 
 LATE_ANSWER_S = 6.0
 """The same behind an autopilot: a loop that is armed first shows that once a second, and an

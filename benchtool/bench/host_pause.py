@@ -9,6 +9,28 @@ LONGEST_S = 1.0
 """A pause above this ends a run whatever the device's watchdog allows; a choice."""
 
 
+class Gaps:
+    """Notice how long a loop that waits only briefly did not run.
+
+    A command may take long because the line loses answers; its host ran all the while.
+
+    Attributes:
+        longest_s: longest time between two rounds since `begin`.
+    """
+
+    def __init__(self) -> None:
+        self.begin(0.0)
+
+    def begin(self, now_s: float) -> None:
+        """Begin anew."""
+        self._last_s, self.longest_s = now_s, 0.0
+
+    def note(self, now_s: float) -> None:
+        """Note that the loop runs."""
+        self.longest_s = max(self.longest_s, now_s - self._last_s)
+        self._last_s = now_s
+
+
 class HostPause:
     """Compare when the host came back from waiting with when it had to.
 

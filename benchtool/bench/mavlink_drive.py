@@ -138,6 +138,7 @@ class TestDrive:
             if pulse_us > range_us.stop_us and pulse_us >= range_us.low_us
         }
         orders = learnt.pilot.turn(turn, range_us)
+        self._talk.gaps.begin(self._clock())
         self._standing, self.highest_us = (), max(turn.values(), default=0.0)
         stopping = tuple(sorted(set(self._turning) - set(turn)))
         if not turn or (stopping and not learnt.pilot.together):
@@ -250,6 +251,7 @@ class TestDrive:
         for command in waiting:
             self._talk.take_ack(command)
         while waiting:
+            self._raise_if_paused()
             now_s = self._clock()
             silent_s = now_s - max(self._talk.heard_s, begun_s)
             if silent_s > SILENT_S or now_s - begun_s > UNTOLD_S:
@@ -272,7 +274,18 @@ class TestDrive:
                     raise CommandRefused(_shown(orders[0]), self._reason(result))
             if self._outputs.shown and self._outputs.told_since(begun_s):
                 self._acked_s = self._clock()
-                return
+                break
+        self._raise_if_paused()
+
+    def _raise_if_paused(self) -> None:
+        """Refuse orders to turn from before a pause of this computer; those that were sent lapsed.
+
+        Raises:
+            HostPaused: how long it was.
+        """
+        if (paused_s := self._talk.gaps.longest_s) > TIMEOUT_S:
+            self.cease()
+            raise HostPaused(paused_s, TIMEOUT_S)
 
     def _order(self, orders: tuple[Order, ...]) -> None:
         for order in orders:

@@ -6,6 +6,7 @@ import struct
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from benchtool.bench.host_pause import Gaps
 from benchtool.bench.mavlink_dialect import Message, dialect
 from benchtool.bench.mavlink_frames import (
     AUTOPILOT_COMPONENT,
@@ -69,6 +70,7 @@ class MavlinkTalk:
         on_message: is given every message of that system with the wall time of its arrival.
         heard_s: wall time of the autopilot's own last message.
         slowest_s: longest time that an acknowledgement took.
+        gaps: how long `pump` was not called, or did not return.
         clock: monotonic wall clock in seconds.
 
     Args:
@@ -91,6 +93,7 @@ class MavlinkTalk:
         self.component = AUTOPILOT_COMPONENT
         self.heard_s = clock()
         self.slowest_s = 0.0
+        self.gaps = Gaps()
         self.on_message: Callable[[Message, float], None] = _ignore
         self.words = dialect()
         self._address = address
@@ -238,11 +241,13 @@ class MavlinkTalk:
             whether anything arrived.
         """
         now_s = self.clock()
+        self.gaps.note(now_s)
         if now_s - self._beat_s >= HEARTBEAT_S:
             self._beat_s = now_s
             # A ground station (6) without an autopilot of its own, active.
             self.send(self.words.MAVLink_heartbeat_message(6, AUTOPILOT_INVALID, 0, 0, 4, 3))
         data = self.transport.read(min(timeout_s, LONGEST_WAIT_S))
+        self.gaps.note(self.clock())
         if not data:
             return False
         if len(self._heard) < _SHOWN_BYTES:

@@ -160,10 +160,11 @@ class SerialBench(Opened):
     def set_pwm(self, pwm_us: Array) -> None:
         self._raise_if_stopped()
         pulses = np.asarray(pwm_us, float).ravel()
-        if (pulses > self._known().pwm_stop_us).any():
+        turns = bool((pulses > self._known().pwm_stop_us).any())
+        if turns:
             self._arm()
         try:
-            self._order(SetPwm(tuple(pulses.tolist())))
+            self._order(SetPwm(tuple(pulses.tolist())), turns)
         except CommandRefused:
             self._armed = False  # Perhaps by a stop from another thread; the next order arms anew.
             raise
@@ -184,7 +185,7 @@ class SerialBench(Opened):
         self._raise_if_stopped()
         self._arm()
         self._arrived, self._stage_fault = False, None
-        reply = self._talk.exchange(MovePlate(z_m, x_m, tilt_rad))
+        reply = self._talk.exchange(MovePlate(z_m, x_m, tilt_rad), moves=True)
         if not reply.ok:
             self._armed = False
             raise StageError(f"the stage refused to move to {z_m:g} m: {reply.reason}")
@@ -259,9 +260,9 @@ class SerialBench(Opened):
         opened = self._talk.transport.baud
         return min(told, opened) if told and opened else told
 
-    def _order(self, command: Command) -> None:
+    def _order(self, command: Command, moves: bool = False) -> None:
         self._known()
-        reply = self._talk.exchange(command)
+        reply = self._talk.exchange(command, moves=moves)
         if not reply.ok:
             raise CommandRefused(",".join(fields_of(command)), reply.reason)
 
@@ -275,7 +276,7 @@ class SerialBench(Opened):
         hello = self._known()
         if self._armed or hello.version < 2:
             return
-        reply = self._talk.exchange(Arm())
+        reply = self._talk.exchange(Arm(), moves=True)
         if not reply.ok:
             raise CommandRefused("arm", reply.reason)
         if reply.fields != (hello.channel_hash,):

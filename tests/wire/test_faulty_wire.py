@@ -138,3 +138,26 @@ def test_an_order_that_a_pause_of_the_host_made_old_is_refused_and_the_pause_is_
         with pytest.raises(HostPaused, match=r"did not run benchtool for 2\.0 s, limit 0\.5 s"):
             bench.set_pwm(np.array([1400.0, 1400.0]))
         assert link.device.firmware.pwm_us.max() == 1000.0
+
+
+def test_an_order_that_the_pause_of_a_host_made_old_while_it_asked_for_the_time() -> None:
+    bench, link = wired()
+    with bench:
+        bench.stop()
+        link.pass_time(1.0)
+        link.read(0.0)  # What was streamed meanwhile is gone, so that the time must be asked for.
+        send = link.write
+
+        def stand_still(data: bytes) -> None:
+            """Let the computer be suspended when the device has told its time."""
+            send(data)
+            if b",where" in data:
+                link.write = send  # type: ignore[method-assign]
+                told = link._answer
+                link.pass_time(2.0)
+                link._answer = told
+
+        link.write = stand_still  # type: ignore[method-assign]
+        with pytest.raises(HostPaused, match=r"did not run benchtool for 2\.0 s, limit 0\.5 s"):
+            bench.set_pwm(np.array([1400.0, 1400.0]))
+        assert link.device.firmware.pwm_us.max() == 1000.0

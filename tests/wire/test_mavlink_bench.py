@@ -136,6 +136,27 @@ def test_an_order_is_renewed_while_somebody_reads_and_dies_when_nobody_does() ->
         assert max(made.autopilot.outputs_us) == 1000
 
 
+def test_no_order_is_sent_after_a_pause_while_its_acknowledgement_was_waited_for() -> None:
+    made = Bench(motor_map=PLUS)
+    with made.bench as bench:
+        send, sent = made.link.write, []
+
+        def lose_and_stand_still(data: bytes) -> None:
+            """Lose the first order; the computer is suspended while its answer is waited for."""
+            sent.append(data)
+            if len(sent) == 1:
+                made.link.pass_time(2.0)
+
+        made.link.write = lose_and_stand_still  # type: ignore[method-assign]
+        with pytest.raises(HostPaused, match=r"did not run benchtool for 2\.0 s, limit 0\.25 s"):
+            bench.set_pwm(pulses(1300.0, 1000.0))
+        assert len([data for data in sent if data[7:10] == b"L\0\0"]) == 1  # COMMAND_LONG
+        made.link.write = send  # type: ignore[method-assign]
+        bench.stop()
+        made.read(1.0)
+        assert max(made.autopilot.outputs_us) == 1000
+
+
 def test_an_order_that_is_acknowledged_and_ignored_ends_the_run() -> None:
     ninth = MotorMap(rig="two", autopilot="ArduPilot", motors=(9, 2), outputs=(3, 1), escs=(3, 1))
     made = Bench(motor_map=ninth)

@@ -10,7 +10,7 @@ from benchtool.bench.faults import Drop, LinkFaults
 from benchtool.bench.firmware import Firmware
 from benchtool.bench.link import Decoder
 from benchtool.bench.serial_bench import SerialBench
-from benchtool.errors import ProtocolError
+from benchtool.errors import HostPaused, ProtocolError
 from benchtool.testing.loopback_link import LoopbackLink
 from tests.wire.still_plant import StillPlant, still_hello
 from tests.wire.version_1 import VersionOne
@@ -91,3 +91,23 @@ def test_bytes_lost_in_the_hello_never_exchange_channels() -> None:
         assert bench.identity.channels == StillPlant.channels
         assert bench.identity.limits == still_hello().limits
     assert opened > 10
+
+
+def test_no_order_to_turn_is_sent_again_after_a_pause_of_the_host() -> None:
+    bench, link, firmware = wired()
+    with bench:
+        send = link.write
+
+        def lose_and_stand_still(data: bytes) -> None:
+            """Lose the first try; the computer is suspended while its answer is waited for."""
+            if b",pwm," in data:
+                link.write = send  # type: ignore[method-assign]
+                link.pass_time(2.0)
+            else:
+                send(data)
+
+        link.write = lose_and_stand_still  # type: ignore[method-assign]
+        with pytest.raises(HostPaused, match=r"did not run benchtool for 2\.0 s"):
+            bench.set_pwm(np.array([1300.0, 1300.0]))
+        assert firmware.pwm_us.max() == 1000.0
+        assert not [fields for fields in commands(link) if fields[0] == "pwm"]

@@ -5,6 +5,8 @@
 import numpy as np
 import pytest
 
+from benchtool.bench.conversation import ANSWER_S as TRY_S
+from benchtool.bench.conversation import TRIES
 from benchtool.bench.guard import GuardedBench
 from benchtool.errors import DeviceStopped, HostPaused
 from tests.unit.bench.guarded_fake import RIG
@@ -59,5 +61,20 @@ def test_a_short_delay_and_motors_at_zero_are_no_pause(fake):
         fake.clock_s += 60.0
         guard.set_pwm(np.array([1500.0]))
         fake.clock_s += 0.2
+        guard.read(1.0)
+    assert guard.reason is None
+
+
+def test_a_command_whose_answers_get_lost_is_no_pause(fake):
+    set_pwm = fake.set_pwm
+
+    def slow(pwm_us):
+        # `where`, `arm` and `pwm`, each answered at its last try.
+        fake.clock_s += 3.0 * TRIES * TRY_S
+        set_pwm(pwm_us)
+
+    fake.set_pwm = slow
+    with GuardedBench(fake, RIG) as guard:
+        guard.set_pwm(np.array([1500.0]))
         guard.read(1.0)
     assert guard.reason is None
