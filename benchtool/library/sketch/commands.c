@@ -2,16 +2,15 @@
 
 #include "commands.h"
 
-#include <ctype.h>
-#include <math.h>
 #include <stdbool.h>
 #include <stdint.h>
-#include <stdlib.h>
 #include <string.h>
 
+#include "answer.h"
 #include "clock.h"
 #include "guard.h"
 #include "hello.h"
+#include "late.h"
 #include "line.h"
 #include "load_cell.h"
 #include "motors.h"
@@ -19,60 +18,11 @@
 #include "text.h"
 
 #define MOST_FIELDS 3
-#define LARGEST 1e6 /* keeps every text shorter than its room */
 #define LEAST_RATE_HZ 0.1f
 
-#define OLDEST_US 500000UL /* the host waits 5 x 100 ms for an answer, then commands a stop */
-
-#define LONGEST_ANSWER 130
-
-static char answer[LONGEST_ANSWER];
 static char last_answer[LONGEST_ANSWER]; /* to the last order in time, should it come again */
-static uint32_t last_number;             /* of that order, or of the hello */
-static const char *number;               /* of the command in hand, as it came */
-static uint32_t now_us;                  /* when it was taken; its answer says so, too */
+static uint32_t number;                  /* of the command in hand */
 static bool armed;                       /* pulses above stop are obeyed */
-static bool stopped_lately;              /* so that an order may be older than the stop */
-static uint32_t stopped_us;
-
-static void begin(char letter)
-{
-    answer[0] = letter;
-    answer[1] = ',';
-    strcpy(answer + 2, number);
-    add_words(answer, ",");
-    add_count(answer, now_us);
-}
-
-static bool refuse_P(PGM_P reason)
-{
-    begin('N');
-    add_words(answer, ",");
-    strcat_P(answer, reason);
-    return false;
-}
-#define refuse(reason) refuse_P(PSTR(reason))
-
-/* Read fields as finite numbers; refuses another count of them. */
-static bool numbers(char **fields, uint8_t count, float *values, uint8_t wanted)
-{
-    if (count != wanted) {
-        begin('N');
-        add_words(answer, ",");
-        add_number(answer, wanted, 0);
-        add_words(answer, " fields needed; ");
-        add_number(answer, count, 0);
-        add_words(answer, " given");
-        return false;
-    }
-    for (uint8_t index = 0; index < count; index++) {
-        char *end;
-        values[index] = (float)strtod(fields[index], &end);
-        if (end == fields[index] || *end || !(fabs(values[index]) <= LARGEST))
-            return refuse("a field is no number from -1e6 to 1e6");
-    }
-    return true;
-}
 
 /* What was ordered before a stop is late from now on, and nothing turns until armed anew. */
 static bool stop(char **fields, uint8_t count)
@@ -80,8 +30,7 @@ static bool stop(char **fields, uint8_t count)
     (void)fields, (void)count;
     motors_zero();
     armed = false;
-    stopped_lately = true;
-    stopped_us = now_us;
+    late_note_stop(answer_time_us());
     return true;
 }
 
@@ -94,7 +43,7 @@ static bool hello(char **fields, uint8_t count)
         return refuse("this device speaks protocol version 2; update benchtool");
     stop(fields, count);
     stream_rate(0.0f);
-    last_number = strtoul(number, NULL, 10);
+    late_take(number);
     last_answer[0] = '\0';
     hello_send(answer);
     return true;
@@ -252,7 +201,7 @@ static void carry_out(const char *name, char **fields, uint8_t count)
     uint8_t index = 0;
     while (index < COMMANDS && strcmp(name, commands[index].name))
         index++;
-    begin('A');
+    answer_begin('A');
     if (index == COMMANDS)
         refuse("unknown command; known: hello pwm plate where tare rate limit stop clear arm");
     else if (count > MOST_FIELDS)
@@ -261,64 +210,31 @@ static void carry_out(const char *name, char **fields, uint8_t count)
         commands[index].run(fields, count);
 }
 
-/* Read a whole number of at most 32 bits. */
-static bool whole(const char *text, uint32_t *value)
-{
-    char *end;
-    *value = strtoul(text, &end, 10);
-    return isdigit(text[0]) && !*end && strlen(text) <= 10 &&
-           (strlen(text) < 10 || strcmp(text, "4294967295") <= 0);
-}
-
-/* Whether an order comes late: by its number, its age, or a stop after it was given. */
-static bool late(uint32_t counted, const char *time)
-{
-    uint32_t then_us;
-    if (counted <= last_number) {
-        refuse("late: number ");
-        add_count(answer, counted);
-        add_words(answer, " comes after ");
-        add_count(answer, last_number);
-    } else if (!whole(time, &then_us)) {
-        refuse("no device time; repeat that of the last sample or answer");
-    } else if (now_us - then_us > OLDEST_US) {
-        refuse("late: ");
-        add_count(answer, (now_us - then_us) / 1000);
-        add_words(answer, " ms old; limit 500 ms");
-    } else if (stopped_lately && now_us - then_us > now_us - stopped_us) {
-        refuse("late: given before the last stop");
-    } else {
-        return false;
-    }
-    return true;
-}
-
 void commands_take(char *payload)
 {
     /* Number, name, time; a hello has its version in the place of the time. */
     char *fields[4 + MOST_FIELDS];
-    uint32_t counted;
     uint8_t count = split(payload, fields, 4 + MOST_FIELDS);
     guard_hear();
     /* Heartbeats come all the time: the counter has not gone round since the stop. */
-    now_us = clock_us();
-    stopped_lately &= now_us - stopped_us <= OLDEST_US;
-    if (count < 3 || fields[0][0] != 'C' || fields[0][1] || !whole(fields[1], &counted))
+    uint32_t now_us = clock_us();
+    late_forget(now_us);
+    if (count < 3 || fields[0][0] != 'C' || fields[0][1] || !whole_number(fields[1], &number))
         return;
-    number = fields[1];
+    answer_to(fields[1], now_us);
     const char *name = fields[2];
     bool greeting = !strcmp_P(name, PSTR("hello"));
     /* These turn nothing and are obeyed whenever they come. */
     bool any_time = greeting || !strcmp_P(name, PSTR("stop")) || !strcmp_P(name, PSTR("where"));
-    if (!any_time && counted == last_number && last_answer[0]) {
+    if (!any_time && number == late_last_number() && last_answer[0]) {
         line_send(last_answer);
         return;
     }
-    if (any_time || !late(counted, count > 3 ? fields[3] : "")) {
+    if (any_time || !late(number, count > 3 ? fields[3] : "", now_us)) {
         uint8_t first = greeting ? 3 : 4;
         carry_out(name, fields + first, count > first ? count - first : 0);
         if (!any_time) {
-            last_number = counted;
+            late_take(number);
             strcpy(last_answer, answer);
         }
     }

@@ -27,7 +27,7 @@ def test_the_one_parameter_law_is_rejected_for_the_rotor_pair(
     ]
     with pytest.raises(SystemExit) as left:
         main(words)
-    assert left.value.code == 0
+    assert left.value.code == 9
     assert "is rejected" in capsys.readouterr().out
     result = json.loads((tmp_path / "fit/result.json").read_text("utf-8"))
     least = result["results"]["least_squares"]

@@ -71,7 +71,7 @@ def test_the_unit_of_a_name_may_be_left_out_where_one_name_is_left() -> None:
         ("K_b", 99.0, "K_b is 99"),
         ("z_over_R", 0.0, "z/R is 0"),
         ("speed", float("nan"), "speed_m_s is nan"),
-        ("map_offset_x_m", float("inf"), "must be finite"),
+        ("map_offset_x_m", float("inf"), "give -1000 to 1000"),
         ("gains.control_rate_Hz", 0.0, "above 0"),
         ("gains.atitude", 1.0, "did you mean 'attitude'"),
     ],
