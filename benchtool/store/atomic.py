@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping
-from contextlib import suppress
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from math import isfinite
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -17,13 +17,16 @@ from benchtool.core.user_file import MOST_FACTS_BYTES, read_text
 from benchtool.errors import FileFormatError
 
 
-def replace_text(path: Path, text: str) -> None:
-    """Write text beside `path`, force it to the disk, and put it in place in one step."""
-    beside = path.with_name(f".{path.name}.{os.getpid()}.new")
+@contextmanager
+def replacing(path: Path, beside: Path) -> Iterator[BinaryIO]:
+    """Give a new file `beside`; at the end force it to the disk and put it in place of `path`.
+
+    After an error it is removed, and `path` stays as it was.
+    """
     try:
         beside.unlink(missing_ok=True)
-        with open(beside, "x", encoding="utf-8", newline="\n") as file:
-            file.write(text)
+        with open(beside, "xb") as file:
+            yield file
             file.flush()
             os.fsync(file.fileno())
         os.replace(beside, path)
@@ -32,6 +35,12 @@ def replace_text(path: Path, text: str) -> None:
             beside.unlink()
         raise
     sync_folder(path.parent)
+
+
+def replace_text(path: Path, text: str) -> None:
+    """Write text in place of a file in one step, on the disk before it is in place."""
+    with replacing(path, path.with_name(f".{path.name}.{os.getpid()}.new")) as file:
+        file.write(text.encode())
 
 
 def replace_json(path: Path, data: Mapping[str, Any]) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ from benchtool.core.recording import Recording
 from benchtool.core.table_bounds import check_columns, check_decoded
 from benchtool.core.user_file import open_file
 from benchtool.errors import FileFormatError
-from benchtool.store.atomic import sync_folder
+from benchtool.store.atomic import replacing
 from benchtool.store.columns import WORDS, channel_called
 from benchtool.store.sample_stream import WholeLines, codes_of, sample_batches
 
@@ -150,23 +150,12 @@ def _writer(path: Path, units: dict[str, str]) -> Iterator[Any]:
         [(name, word if name in WORDS else pa.float64()) for name in units],
         {f"unit:{name}": unit for name, unit in units.items()},
     )
-    beside = path.with_name(f".{path.name}.new")
-    try:
-        dictionary = [name for name in units if name in WORDS]
-        beside.unlink(missing_ok=True)
-        with open(beside, "xb") as file:
-            with pq.ParquetWriter(
-                file, schema, compression="zstd", use_dictionary=dictionary
-            ) as writer:
-                yield writer
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(beside, path)
-    except BaseException:
-        with suppress(OSError):
-            beside.unlink()
-        raise
-    sync_folder(path.parent)
+    dictionary = [name for name in units if name in WORDS]
+    with (
+        replacing(path, path.with_name(f".{path.name}.new")) as file,
+        pq.ParquetWriter(file, schema, compression="zstd", use_dictionary=dictionary) as writer,
+    ):
+        yield writer
 
 
 def _words(name: str, codes: Any) -> Any:
