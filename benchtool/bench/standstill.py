@@ -35,6 +35,10 @@ the tachometer. A choice."""
 ANSWER_S = 0.5
 """A motor driven for so long must show on its speed channel, or the channel shows no standstill."""
 
+MOMENT_S = 0.15
+"""A motor driven for longer than this turns, be it after it was told to stop: where its channel has
+never shown that, it shows no standstill. A choice: ESCs take 0.1 to 0.3 s to start a motor."""
+
 OUTPUT_SLACK_us = 3.0
 """Rounding of a stop pulse on its way to an output and back; a choice."""
 
@@ -163,7 +167,7 @@ class StandstillWatch:
             why = (
                 "no reading came after zero was commanded"
                 if mute
-                else "the speed channel did not show the motor turning before"
+                else "the speed channel did not show the motor turning"
             )
             parts.append(f"{_rotors(silent)} not seen to stand: {why}; cut the power")
         if unmeasured:
@@ -223,7 +227,7 @@ class _Rotor:
     """Hold what is known of one rotor."""
 
     def __init__(self, now_s: float) -> None:
-        self.driven = False
+        self.driven = self.shown = False
         self.answers = True
         self.zero_s = now_s
         self.speed, self.output = _Seen(), _Seen()
@@ -237,13 +241,19 @@ class _Rotor:
 
     def compare(self, time_s: Array, rpm: Array, expected_rpm: float, limit_rpm: float) -> None:
         """Note whether the speed channel shows a motor that is driven well above standstill."""
+        high = bool((rpm >= limit_rpm).any())
+        self.shown |= high
+        self.answers |= high
         if self.zero_s < inf or not expected_rpm > 2.0 * limit_rpm:
             self._due_s = inf
             return
         self._due_s = min(self._due_s, float(time_s[0]))
+        driven_s = time_s[-1] - self._due_s
         present = rpm[~np.isnan(rpm)]
-        if len(present) and time_s[-1] - self._due_s >= ANSWER_S:
+        if len(present) and driven_s >= ANSWER_S:
             self.answers = bool(present[-1] >= limit_rpm)
+        elif driven_s > MOMENT_S and not self.shown:
+            self.answers = False
 
 
 def unmeasured_rotors(identity: Identity, rig: Rig) -> str:

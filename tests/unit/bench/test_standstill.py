@@ -111,6 +111,18 @@ def test_a_motor_turned_for_a_moment_need_not_have_been_seen() -> None:
     assert state.seen
 
 
+def test_a_channel_that_never_showed_the_motor_shows_no_standstill_after_a_short_turn() -> None:
+    short, stood = (DRIVEN, 0.4, [0.0] * 4), (STOP, 1.0, [0.0] * 4)
+    state = watched(bench(RPM), short, stood).state(1.4)
+    assert not state.seen
+    assert "the speed channel did not show the motor turning" in state.text
+    # One that showed it before, or shows it while the rotor slows down, is believed.
+    before = (DRIVEN, 1.0, [4500.0] * 4)
+    assert watched(bench(RPM), before, (STOP, 1.0, [0.0] * 4), short, stood).state(3.4).seen
+    late = (STOP, 0.2, [300.0] * 4)
+    assert watched(bench(RPM), short, late, stood).state(1.6).seen
+
+
 def test_pulses_that_the_device_repeats_are_no_measurement() -> None:
     state = watched(bench(PWM), (DRIVEN, 1.0, [1500.0] * 4), (STOP, 1.0, [1000.0] * 4)).state(2.0)
     assert (state.seen, state.only_unmeasured, state.unmeasured) == (False, True, (1, 2, 3, 4))
