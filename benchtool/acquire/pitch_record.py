@@ -18,7 +18,7 @@ from benchtool.bench.bench import Readings
 from benchtool.bench.guard import GuardedBench
 from benchtool.core.counted import counted
 from benchtool.core.rig import Rig
-from benchtool.errors import BenchtoolError, LimitExceeded, StandstillNotSeen
+from benchtool.errors import LimitExceeded, StandstillNotSeen
 from benchtool.store import Run
 
 Array = NDArray[np.float64]
@@ -63,24 +63,33 @@ class PitchRecorder(Recorder):
         self._watched = []
 
     def keep(self, readings: Readings, phase: str, point: int = 0) -> Readings:
-        """Write readings, then refuse what lies beyond a limit, once.
+        """Write readings; command zero before that where they lie beyond a limit, once.
 
         Raises:
-            LimitExceeded: the samples that show it are on the disk.
+            LimitExceeded: the samples that show it are on the disk, or wait for `rescue`.
         """
-        kept = super().keep(readings, phase, point)
+        breach = self._breach(readings)
+        if breach is None:
+            return super().keep(readings, phase, point)
+        self.watch_no_more()
+        with suppress(Exception):
+            self.bench.stop()
+        with suppress(Exception):
+            super().keep(readings, phase, point)
+        raise breach
+
+    def _breach(self, readings: Readings) -> LimitExceeded | None:
         for index, name in self._watched:
-            column = kept.values[:, index]
+            column = readings.values[:, index]
             beyond = column[np.abs(column) > self._limits[name]]
             if len(beyond):
-                self.watch_no_more()
-                raise LimitExceeded(
+                return LimitExceeded(
                     name,
                     float(beyond[0]),
                     self._limits[name],
                     "look at gains and mechanics, or raise --limit-deg",
                 )
-        return kept
+        return None
 
 
 def record_pitch(
@@ -163,22 +172,25 @@ def _collect(
 
 
 def _stop_at_once(recorder: PitchRecorder, error: BaseException) -> BaseException:
-    """Command zero before anything else and return the error that ends the recording."""
+    """Command zero before anything else and return the error that ends the recording.
+
+    Nothing that fails on the way hides that error.
+    """
     bench = recorder.bench
-    with suppress(BenchtoolError, OSError):
+    with suppress(Exception):
         bench.stop()
     recorder.watch_no_more()
     interrupted = isinstance(error, KeyboardInterrupt)
     reason = "stopped by Ctrl-C" if interrupted else str(error) or type(error).__name__
-    with suppress(BenchtoolError, OSError):
+    with suppress(Exception):
         if kept := bench.take_kept():
             recorder.keep(kept, "end")
-    with suppress(BenchtoolError, OSError):
+    with suppress(Exception):
         if not isinstance(error, StandstillNotSeen):
             recorder.see_standstill(TAIL_S)
     if not isinstance(error, StandstillNotSeen):
         reason = bench.with_standstill(reason)
-    with suppress(BenchtoolError, OSError):
+    with suppress(Exception):
         recorder.note("stopped", reason)
         recorder.finish("stopped", reason)
     return recorder.rescue(error)

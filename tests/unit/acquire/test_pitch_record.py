@@ -6,6 +6,7 @@ import shutil
 from dataclasses import replace
 from math import radians
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,7 +24,7 @@ from benchtool.bench.bench import Readings
 from benchtool.bench.guard import GuardedBench
 from benchtool.errors import FileFormatError, InputError, LimitExceeded, PlanError, RunStopped
 from benchtool.library import rig_named, schedule_named
-from benchtool.store import Run, read_events, read_pitch, read_samples
+from benchtool.store import Run, RunWriter, read_events, read_pitch, read_samples
 
 RIG = rig_named("pquad")
 HOVER = PitchExperiment(seconds=40.0, collective_us=hover_pulse_us(RIG))
@@ -215,3 +216,26 @@ def test_a_run_of_something_else_is_no_pitch_recording(tmp_path: Path) -> None:
     table.write_text("time_s,device_time_us,point,phase,thrust_N\n0.0,0,0,sample,1.0\n")
     with pytest.raises(FileFormatError, match="theta_ref_rad"):
         read_pitch(table)
+
+
+def test_zero_comes_before_the_samples_of_a_beam_that_turned_too_far_are_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    strict = replace(HOVER, pitch_limit_rad=radians(0.01))
+    did: list[str] = []
+    stop, write = GuardedBench.stop, RunWriter.samples
+
+    def noted_stop(self: GuardedBench) -> None:
+        did.append("stop")
+        stop(self)
+
+    def noted_write(self: RunWriter, *values: Any) -> None:
+        beyond = np.abs(values[-1][:, 1]) > strict.pitch_limit_rad  # theta_rad
+        did.append("beyond" if beyond.any() else "within")
+        write(self, *values)
+
+    monkeypatch.setattr(GuardedBench, "stop", noted_stop)
+    monkeypatch.setattr(RunWriter, "samples", noted_write)
+    with pytest.raises(LimitExceeded, match="theta_rad"):
+        recorded(tmp_path / "run", strict)
+    assert did.index("within") < did.index("stop") < did.index("beyond")
