@@ -29,7 +29,7 @@ from benchtool.bench.stage import Stage
 from benchtool.core.counted import counted
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
-from benchtool.errors import BenchtoolError, InputError, RunStopped, StandstillNotSeen
+from benchtool.errors import InputError, RunStopped, StandstillNotSeen
 from benchtool.store import Point, Run
 
 SETTLE_CHECK_S = 0.1
@@ -326,25 +326,28 @@ class _Sweep:
                 return False
 
     def _stop_at_once(self, error: BaseException) -> BaseException:
-        """Command zero before anything else and return the error that ends the run."""
-        with suppress(BenchtoolError, OSError):
+        """Command zero before anything else and return the error that ends the run.
+
+        Nothing that fails on the way hides that error.
+        """
+        with suppress(Exception):
             self._bench.stop()
-        with suppress(BenchtoolError, OSError):
+        with suppress(Exception):
             self._stage.hold()
         interrupted = isinstance(error, KeyboardInterrupt)
         reason = "stopped by Ctrl-C" if interrupted else str(error) or type(error).__name__
-        with suppress(BenchtoolError, OSError):
+        with suppress(Exception):
             if kept := self._bench.take_kept():
                 self._recorder.keep(kept, "end")
-        with suppress(BenchtoolError, OSError):
+        with suppress(Exception):
             # How the rotors slow down, and what waited in the link.
             if not isinstance(error, StandstillNotSeen):
                 self._recorder.see_standstill(TAIL_S)
         if not isinstance(error, StandstillNotSeen):
             reason = self._bench.with_standstill(reason)
-        with suppress(BenchtoolError, OSError):
+        with suppress(Exception):
             self._recorder.finish("stopped", reason)
-        with suppress(BenchtoolError, OSError):
+        with suppress(Exception):
             self._recorder.note("stopped", reason)
         return self._recorder.rescue(error)
 

@@ -251,6 +251,25 @@ def test_nothing_is_asked_of_a_bench_whose_motors_were_not_driven(fake):
         _ = 1 / 0
 
 
+def test_a_driver_that_breaks_while_it_is_looked_hides_no_reason(fake):
+    read = fake.read
+
+    def breaking(timeout_s):
+        if "stop" in fake.did:
+            raise ValueError("a bug of a driver")
+        return read(timeout_s)
+
+    said = "no reading came after zero .* the run ended because: current_A read 500, limit"
+    with pytest.raises(StandstillNotSeen, match=said) as ended, GuardedBench(fake, RIG) as guard:
+        guard.set_pwm(np.array([1600.0]))
+        guard.read(1.0)
+        fake.read = breaking
+        fake.spoil = lambda time_s, row: row | {"current_A": 500.0}
+        guard.read(0.1)
+    assert isinstance(ended.value.__cause__, LimitExceeded)
+    assert fake.did[-1] == "close"
+
+
 def test_a_link_lost_on_a_command_counts_as_sent(fake):
     with pytest.raises(LinkLost), GuardedBench(fake, RIG) as guard:
         fake.failing = {"pwm": LinkLost("no acknowledgement")}
