@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shlex
 import shutil
@@ -150,6 +151,33 @@ def test_a_fit_gives_the_numbers_of_the_command(filled: Web, open_page: Opens) -
     made = {item.name for item in (filled.runs / "fit-here").iterdir()}
     assert {"result.json", "model.toml", "report.html", "ratio.svg"} <= made
     assert not (filled.runs.parent / "evil").exists()
+
+
+def test_the_form_shows_the_numbers_of_the_runs_own_rig(
+    browser: Browser, tmp_path: Path, open_page: Opens
+) -> None:
+    shutil.copytree(TOP / "datasets" / "quad" / "run", tmp_path / "runs" / "own")
+    metadata = tmp_path / "runs" / "own" / "metadata.json"
+    facts = json.loads(metadata.read_text("utf-8"))
+    facts["rig"]["propulsion"]["radius_m"] = 0.125
+    metadata.write_text(json.dumps(facts), "utf-8")
+    with serving(tmp_path / "runs", tmp_path / "state") as web:
+        page = open_page(f"{web.url}?tab=fit")
+        radius, strength = (
+            page.get_by_label(f"{name} is held at") for name in ("R_m", "neighbour_images.strength")
+        )
+        strength.fill("0.9")
+        assert radius.input_value() == "0.12"
+        page.get_by_label("Runs and tables").click()
+        page.get_by_role("option", name=re.compile("^own")).click()
+        page.locator(".command-text", has_text="runs/own").wait_for()
+        page.wait_for_function(
+            "document.querySelector('[aria-label=\"R_m is held at\"]').value === '0.125'"
+        )
+        # What somebody had changed stays.
+        assert strength.input_value() == "0.9"
+        command = page.locator(".command-text", has_text="--fix neighbour_images.strength=0.9")
+        assert "R_m" not in command.inner_text()
 
 
 def test_a_table_is_handed_over_and_a_bad_cell_is_told(filled: Web, open_page: Opens) -> None:
