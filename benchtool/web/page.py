@@ -12,6 +12,9 @@ from benchtool.web.tab import Tab
 from benchtool.web.tabs import TABS
 from benchtool.web.theme import dress_page
 
+EARLY = '<script type="module">import "nicegui-plotly";</script>'
+"""Runs the plots' library, a second of a busy main thread, before STOP is there to be pressed."""
+
 
 def serve_page(shared: Shared) -> None:
     """Offer the page under /; ?tab=NAME opens it on a tab."""
@@ -21,6 +24,7 @@ def serve_page(shared: Shared) -> None:
         theme = request.cookies.get("benchtool-theme", "")
         context = Context(shared=shared, theme=theme if theme in ("light", "dark") else "")
         add_control_line(context)
+        ui.add_head_html(EARLY)
         header = Header(context, dress_page(theme))
         keys = [one.key for one in TABS]
         with header.tabs_place:

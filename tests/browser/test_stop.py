@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from benchtool.web.desk.hand import SILENCE_S
 from tests.browser.conftest import Web, connect, go_to
 from tests.browser.device import Device
 
@@ -171,6 +172,19 @@ def test_a_key_that_stops_says_so_and_does_nothing_else(
     note.get_by_text("Esc is STOP everywhere").wait_for()
     page.wait_for_timeout(300)
     assert page.get_by_text("simulated at 1 kHz").first.is_visible()
+
+
+def test_no_tab_keeps_stop_waiting_when_it_is_first_shown(page: Page) -> None:
+    page.evaluate(
+        "() => { window.blocked = [0]; new PerformanceObserver((list) => list.getEntries()"
+        ".forEach((task) => window.blocked.push(task.duration))).observe({ type: 'longtask' }); }"
+    )
+    for tab in TABS:
+        go_to(page, tab)
+        if tab == "Sweep":
+            page.locator(".ratio-plot .main-svg").first.wait_for()
+        page.wait_for_timeout(1000)
+        assert page.evaluate("Math.max(...window.blocked)") < 1e3 * SILENCE_S, tab
 
 
 TABS = {"Bench": 2, "Sweep": 3, "Runs": 1, "Fit": 4, "Simulate": 9, "Explain": 3}
