@@ -64,7 +64,7 @@ class DrivenBench:
         """What was seen of the rotors since zero was commanded; None while a motor is driven."""
         if self._looked is not None or self._watch is None or self._turning:
             return self._looked
-        return self._watch.state(self.now_s())
+        return self._watch.state()
 
     @property
     def _turning(self) -> bool:
@@ -125,7 +125,7 @@ class DrivenBench:
         if self._turning or self._watch is None or self._looked is not None:
             return
         now_s = self.now_s()
-        state = self._watch.state(now_s)
+        state = self._watch.state()
         if now_s - self._watch.zero_s < SPIN_DOWN_S or state.seen or state.only_unmeasured:
             return
         self._looked = state

@@ -42,7 +42,7 @@ def see_standstill(
     failures = 0
     while failures < FAILURES:
         now_s = bench.now_s()
-        state = watch.state(now_s)
+        state = watch.state()
         passed_s = now_s - begun_s
         over = state.seen or state.only_unmeasured or passed_s >= SPIN_DOWN_S
         left_s = at_least_s - passed_s
@@ -62,7 +62,7 @@ def see_standstill(
         if take is not None:
             with suppress(Exception):
                 take(readings)
-    return watch.state(bench.now_s())
+    return watch.state()
 
 
 def _command_zero(bench: Bench) -> None:

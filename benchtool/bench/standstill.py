@@ -134,10 +134,10 @@ class StandstillWatch:
                 low = shown <= self._stop_us + OUTPUT_SLACK_us
                 rotor.output.take(time_s, shown, low, rotor.zero_s)
 
-    def state(self, now_s: float) -> Standstill:
+    def state(self) -> Standstill:
         """Return what was seen so far."""
-        after_s = max(now_s - self.zero_s, 0.0)
         turning: list[str] = []
+        read_s = stood_s = self.zero_s  # of the newest readings that say so
         silent, unmeasured, stand, fastest_rpm = [], [], [], nan
         for number, rotor in enumerate(self._rows, 1):
             speed, output = rotor.speed, rotor.output
@@ -145,19 +145,23 @@ class StandstillWatch:
             has_output = self._output[number - 1] is not None
             if speed.high:
                 turning.append(f"rpm{number} {speed.last:.0f}")
+                read_s = max(read_s, speed.last_s)
                 fastest_rpm = max(speed.last, fastest_rpm if fastest_rpm == fastest_rpm else 0.0)
             elif output.high:
                 turning.append(f"output of rotor {number} {output.last:.0f} us")
+                read_s = max(read_s, output.last_s)
             elif not rotor.driven:
                 continue
             elif (speed.low and rotor.answers) or output.low:
                 stand.append(number)
+                stood_s = max(stood_s, *(each.last_s for each in (speed, output) if each.low))
             elif has_speed or has_output:
                 silent.append(number)
             else:
                 unmeasured.append(number)
         parts = []
         if turning:
+            after_s = read_s - self.zero_s
             parts.append(
                 f"MOTORS MAY STILL TURN: {', '.join(turning)}, {after_s:.1f} s after zero was "
                 f"commanded (below {self._limit_rpm:.0f} rpm counts as standing), cut the power"
@@ -176,6 +180,7 @@ class StandstillWatch:
                 f"look before you go near"
             )
         if stand:
+            after_s = stood_s - self.zero_s
             parts.append(f"{_rotors(stand)} seen to stand {after_s:.1f} s after zero was commanded")
         trouble = bool(turning or silent)
         return Standstill(
@@ -193,15 +198,15 @@ class _Seen:
     def __init__(self) -> None:
         self.last = nan
         self._low_s = nan
-        self._last_s = nan
+        self.last_s = nan
 
     def forget(self) -> None:
-        self.last = self._low_s = self._last_s = nan
+        self.last = self._low_s = self.last_s = nan
 
     @property
     def low(self) -> bool:
         """Whether readings stayed low for long enough."""
-        return self._last_s - self._low_s >= HOLD_S - 1e-9
+        return self.last_s - self._low_s >= HOLD_S - 1e-9
 
     @property
     def high(self) -> bool:
@@ -220,7 +225,7 @@ class _Seen:
             fresh_low = fresh
         if len(fresh_low) and self._low_s != self._low_s:
             self._low_s = float(time_s[fresh_low[0]])
-        self.last, self._last_s = float(shown[fresh[-1]]), float(time_s[fresh[-1]])
+        self.last, self.last_s = float(shown[fresh[-1]]), float(time_s[fresh[-1]])
 
 
 class _Rotor:

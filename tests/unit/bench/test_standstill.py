@@ -62,20 +62,20 @@ def test_the_threshold_comes_from_the_rig() -> None:
 
 def test_speeds_that_fall_and_stay_low_are_a_standstill() -> None:
     driven = (DRIVEN, 1.0, [4500.0] * 4)
-    assert not watched(bench(RPM), driven, (STOP, 0.5, [300.0] * 4)).state(1.5).seen
-    state = watched(bench(RPM), driven, (STOP, 0.3, [0.0] * 4)).state(1.3)
+    assert not watched(bench(RPM), driven, (STOP, 0.5, [300.0] * 4)).state().seen
+    state = watched(bench(RPM), driven, (STOP, 0.3, [0.0] * 4)).state()
     assert state.seen
     assert state.text == ("rotors 1, 2, 3 and 4 were seen to stand 0.3 s after zero was commanded")
 
 
 def test_one_low_reading_is_not_enough() -> None:
     watch = watched(bench(RPM), (DRIVEN, 1.0, [4500.0] * 4), (STOP, HOLD_S / 2, [0.0] * 4))
-    assert not watch.state(1.1).seen
+    assert not watch.state().seen
 
 
 def test_a_speed_that_stays_is_named_with_its_rotor() -> None:
     rpm = [0.0, 4479.0, 0.0, 120.0]
-    state = watched(bench(RPM), (DRIVEN, 1.0, [4500.0] * 4), (STOP, 4.0, rpm)).state(5.0)
+    state = watched(bench(RPM), (DRIVEN, 1.0, [4500.0] * 4), (STOP, 4.0, rpm)).state()
     assert (state.seen, state.rpm) == (False, 4479.0)
     assert state.text.startswith(
         "MOTORS MAY STILL TURN: rpm2 4479, rpm4 120, 4.0 s after zero was commanded"
@@ -85,7 +85,7 @@ def test_a_speed_that_stays_is_named_with_its_rotor() -> None:
 
 def test_a_rotor_that_turns_again_does_not_stand() -> None:
     driven, stood = (DRIVEN, 1.0, [4500.0] * 4), (STOP, 1.0, [0.0] * 4)
-    state = watched(bench(RPM), driven, stood, (STOP, 0.1, [0.0, 0.0, 900.0, 0.0])).state(2.1)
+    state = watched(bench(RPM), driven, stood, (STOP, 0.1, [0.0, 0.0, 900.0, 0.0])).state()
     assert "rpm3 900" in state.text
 
 
@@ -95,36 +95,45 @@ def test_readings_from_before_the_command_count_for_nothing(shown: float) -> Non
     watch.commanded(STOP, 1.0)
     late_s = np.linspace(0.9, 1.0, 11)
     watch.take(late_s, np.zeros((11, 4)))
-    assert not watch.state(1.2).seen
-    assert "no reading came after zero was commanded" in watch.state(1.2).text
+    assert not watch.state().seen
+    assert "no reading came after zero was commanded" in watch.state().text
 
 
 def test_a_channel_that_did_not_show_the_motor_turning_shows_no_standstill() -> None:
     dead = [4500.0, 0.0, 4500.0, 4500.0]
-    state = watched(bench(RPM), (DRIVEN, 1.0, dead), (STOP, 1.0, [0.0] * 4)).state(2.0)
+    state = watched(bench(RPM), (DRIVEN, 1.0, dead), (STOP, 1.0, [0.0] * 4)).state()
     assert not state.seen
     assert "rotor 2 was not seen to stand: the speed channel did not show" in state.text
 
 
 def test_a_motor_turned_for_a_moment_need_not_have_been_seen() -> None:
-    state = watched(bench(RPM), (DRIVEN, 0.1, [0.0] * 4), (STOP, 1.0, [0.0] * 4)).state(1.1)
+    state = watched(bench(RPM), (DRIVEN, 0.1, [0.0] * 4), (STOP, 1.0, [0.0] * 4)).state()
     assert state.seen
 
 
 def test_a_channel_that_never_showed_the_motor_shows_no_standstill_after_a_short_turn() -> None:
     short, stood = (DRIVEN, 0.4, [0.0] * 4), (STOP, 1.0, [0.0] * 4)
-    state = watched(bench(RPM), short, stood).state(1.4)
+    state = watched(bench(RPM), short, stood).state()
     assert not state.seen
     assert "the speed channel did not show the motor turning" in state.text
     # One that showed it before, or shows it while the rotor slows down, is believed.
     before = (DRIVEN, 1.0, [4500.0] * 4)
-    assert watched(bench(RPM), before, (STOP, 1.0, [0.0] * 4), short, stood).state(3.4).seen
+    assert watched(bench(RPM), before, (STOP, 1.0, [0.0] * 4), short, stood).state().seen
     late = (STOP, 0.2, [300.0] * 4)
-    assert watched(bench(RPM), short, late, stood).state(1.6).seen
+    assert watched(bench(RPM), short, late, stood).state().seen
+
+
+def test_the_time_that_is_told_is_that_of_the_newest_reading_not_of_the_question() -> None:
+    watch = watched(bench(RPM), (DRIVEN, 1.0, [4500.0] * 4), (STOP, 0.3, [0.0] * 4))
+    watch.take(np.array([60.0]), np.full((1, 4), nan))
+    assert "seen to stand 0.3 s after zero was commanded" in watch.state().text
+    watch = watched(bench(RPM), (DRIVEN, 1.0, [4500.0] * 4), (STOP, 0.2, [900.0] * 4))
+    watch.take(np.array([60.0]), np.full((1, 4), nan))
+    assert "rpm4 900, 0.2 s after zero was commanded" in watch.state().text
 
 
 def test_pulses_that_the_device_repeats_are_no_measurement() -> None:
-    state = watched(bench(PWM), (DRIVEN, 1.0, [1500.0] * 4), (STOP, 1.0, [1000.0] * 4)).state(2.0)
+    state = watched(bench(PWM), (DRIVEN, 1.0, [1500.0] * 4), (STOP, 1.0, [1000.0] * 4)).state()
     assert (state.seen, state.only_unmeasured, state.unmeasured) == (False, True, (1, 2, 3, 4))
     assert "not seen to stand: this bench measures no speed there" in state.text
     assert "stopped" not in state.text
@@ -133,24 +142,24 @@ def test_pulses_that_the_device_repeats_are_no_measurement() -> None:
 def test_outputs_that_are_read_back_are_one() -> None:
     identity = bench(PWM, outputs_measured=True, pwm_stop_us=1000.0)
     driven = (DRIVEN, 1.0, [1500.0] * 4)
-    assert watched(identity, driven, (STOP, 0.3, [0.0, 1000.0, 1002.0, 0.0])).state(1.3).seen
-    state = watched(identity, driven, (STOP, 4.0, [1000.0, 1500.0, 1000.0, 1000.0])).state(5.0)
+    assert watched(identity, driven, (STOP, 0.3, [0.0, 1000.0, 1002.0, 0.0])).state().seen
+    state = watched(identity, driven, (STOP, 4.0, [1000.0, 1500.0, 1000.0, 1000.0])).state()
     assert "MOTORS MAY STILL TURN: output of rotor 2 1500 us" in state.text
 
 
 def test_outputs_stand_in_for_a_speed_that_is_silent() -> None:
     identity = bench((*RPM, *PWM), outputs_measured=True)
     driven = (DRIVEN, 1.0, [nan] * 4 + [1500.0] * 4)
-    assert watched(identity, driven, (STOP, 0.3, [nan] * 4 + [1000.0] * 4)).state(1.3).seen
-    turning = watched(identity, driven, (STOP, 0.3, [900.0] * 4 + [1000.0] * 4)).state(1.3)
+    assert watched(identity, driven, (STOP, 0.3, [nan] * 4 + [1000.0] * 4)).state().seen
+    turning = watched(identity, driven, (STOP, 0.3, [900.0] * 4 + [1000.0] * 4)).state()
     assert "rpm1 900" in turning.text
 
 
 def test_only_rotors_that_were_driven_must_be_seen() -> None:
     one = np.array([1000.0, 1500.0, 1000.0, 1000.0])
     names = ("rpm1", "rpm2")
-    assert watched(bench(names), (one, 1.0, [0.0, 4500.0]), (STOP, 1.0, [0.0, 0.0])).state(2.0).seen
-    state = watched(bench(names), (DRIVEN, 1.0, [4500.0] * 2), (STOP, 1.0, [0.0] * 2)).state(2.0)
+    assert watched(bench(names), (one, 1.0, [0.0, 4500.0]), (STOP, 1.0, [0.0, 0.0])).state().seen
+    state = watched(bench(names), (DRIVEN, 1.0, [4500.0] * 2), (STOP, 1.0, [0.0] * 2)).state()
     assert (state.unmeasured, state.only_unmeasured) == ((3, 4), True)
     assert "rotors 3 and 4 were not seen to stand" in state.text
     assert "rotors 1 and 2 were seen to stand" in state.text
@@ -159,13 +168,13 @@ def test_only_rotors_that_were_driven_must_be_seen() -> None:
 def test_a_loop_is_judged_by_the_pulses_that_it_reports() -> None:
     identity = bench((*RPM, *PWM), has_loop=True)
     idle = (DRIVEN, 1.0, [0.0] * 4 + [1050.0] * 4)
-    assert watched(identity, idle, (STOP, 1.0, [0.0] * 4 + [1000.0] * 4)).state(2.0).seen
+    assert watched(identity, idle, (STOP, 1.0, [0.0] * 4 + [1000.0] * 4)).state().seen
     dead = (DRIVEN, 1.0, [0.0] * 4 + [1500.0] * 4)
-    assert not watched(identity, dead, (STOP, 1.0, [0.0] * 4 + [1000.0] * 4)).state(2.0).seen
+    assert not watched(identity, dead, (STOP, 1.0, [0.0] * 4 + [1000.0] * 4)).state().seen
 
 
 def test_nothing_is_said_where_no_motor_was_driven() -> None:
-    assert watched(bench(()), (STOP, 1.0, [])).state(1.0).text == ""
+    assert watched(bench(()), (STOP, 1.0, [])).state().text == ""
 
 
 def test_rotors_without_a_measurement_are_named_before_arming() -> None:
