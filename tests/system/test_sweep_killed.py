@@ -224,17 +224,19 @@ def test_a_second_sweep_on_the_port_is_refused(
         ("over_thrust:at_s=25", 4, "limit 12"),
         # While the plate makes its first move of 13 s.
         ("over_thrust:at_s=8", 4, "limit 12"),
-        ("silence:at_s=1,for_s=30", 3, "the device should stop its motors by its watchdog"),
-        ("unplug:at_s=1", 3, "check cable and power"),
+        # In the middle of a visit that lasts 10 s: nothing shows that the rotor stands.
+        ("silence:at_s=4,for_s=30", 8, "the device should stop its motors by its watchdog"),
+        ("unplug:at_s=4", 8, "check cable and power"),
     ],
 )
 def test_a_fault_ends_it_safely_and_says_why(
     tmp_path: Path, environment: dict[str, str], fault: str, code: int, told: str
 ) -> None:
     run = tmp_path / "run"
+    long = ["--sample-s", "200"] if code == 8 else []
     with serving(tmp_path / "bench", environment, "--fault", fault) as address:
         ended = subprocess.run(
-            [*COMMAND, "sweep", address, *SMALL, "--yes", "--out", str(run)],
+            [*COMMAND, "sweep", address, *SMALL, *long, "--yes", "--out", str(run)],
             capture_output=True,
             text=True,
             env=environment,
@@ -246,6 +248,11 @@ def test_a_fault_ends_it_safely_and_says_why(
     assert f"benchtool sweep --resume {run}" in ended.stdout
     assert read_events(run / "events.jsonl")[-1].event == "stopped"
     assert told in Run.open(run).metadata["reason"]
+    if code == 8:
+        unseen = "rotor 1 was not seen to stand: no reading came after zero was commanded"
+        assert f"benchtool: {unseen}; cut the power; the run ended because: " in ended.stderr
+        assert Run.open(run).metadata["reason"].startswith(unseen)
+        assert "not_seen_to_stand" in [event.event for event in read_events(run / "events.jsonl")]
     samples = read_samples(run)
     assert Run.open(run).metadata["link"]["samples"] == len(samples)
     if fault.startswith("over_thrust"):
