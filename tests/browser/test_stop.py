@@ -203,7 +203,10 @@ def click(element: Locator) -> None:
 def overlays(page: Page) -> Iterator[tuple[str, Callable[[], None]]]:
     """Give the name of everything that lies over the page or drags, and what brings it up."""
     for tab, count in TABS.items():
+        before = page.query_selector_all(".q-select:visible") if tab != "Bench" else []
         go_to(page, tab)
+        for left in before:
+            left.wait_for_element_state("hidden")
         # NiceGUI builds a tab when it is first shown.
         page.wait_for_function(
             "count => [...document.querySelectorAll('.q-select, .q-slider')]"
