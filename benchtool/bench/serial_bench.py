@@ -237,12 +237,13 @@ class SerialBench(Opened):
         deadline_s = self._clock() + timeout_s / speed
         while True:
             self._note()
+            # Before the samples, which later reads return: some of them may already show motors
+            # that stand under the pulse that the host commanded last.
+            if not self._told:
+                self._raise_if_stopped()
             if (kept := self._ahead.take()) is not None:
                 self._silent_since_s = None
                 return kept
-            # What was read before a stop is handed out first: no sample is lost to its news.
-            if not self._told:
-                self._raise_if_stopped()
             left_s = deadline_s - self._clock()
             if left_s <= 0.0:
                 return self._ahead.told(self._readings())

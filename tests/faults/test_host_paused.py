@@ -43,3 +43,25 @@ def test_a_pause_with_motors_at_zero_ends_nothing(tmp_path: Path) -> None:
     outcome = sweep(tmp_path, plan(), [], hooks=[pause])
     assert paused_s
     assert outcome.code == 0, outcome.said
+
+
+@pytest.mark.parametrize("paused_s", [0.252, 0.26, 0.3])
+def test_a_stop_by_the_watchdog_blames_neither_motor_nor_channel(
+    tmp_path: Path, paused_s: float
+) -> None:
+    """Samples of motors that stand arrive together with the device's word that it stopped them."""
+    begun: list[float] = []
+
+    def pause(world: World) -> None:
+        sampling_s = world.proxy.seen.phases.get("sampling")
+        if not begun and sampling_s is not None and world.now_s > sampling_s + 0.02:
+            begun.append(world.now_s)
+            world.wait(paused_s)
+
+    outcome = sweep(tmp_path, plan(sample_s=30.0), [], hooks=[pause])
+    assert begun
+    assert outcome.code in (4, 5), outcome.said
+    last = outcome.said.strip().splitlines()[-1]
+    assert "watchdog: no line for" in last or "this computer did not run benchtool" in last
+    assert "not seen to stand" not in last
+    assert not outcome.orders_to_turn_after(begun[0] + 0.3)

@@ -252,14 +252,14 @@ def test_losses_are_told_once() -> None:
     assert bench.read(0.0).lost == 0
 
 
-def test_samples_before_a_stop_are_handed_out_before_its_news() -> None:
+def test_a_stop_of_the_device_comes_before_the_samples_around_it_and_none_is_lost() -> None:
     event = frame(b"E,limit,thrust_N 31 against limit 30; motors stopped")
-    bench, link = opened(Turn(HEARTBEAT, sample(0) + event))
-    readings = bench.read(0.3)
-    assert len(readings) == 1
-    assert readings.messages == ("limit: thrust_N 31 against limit 30; motors stopped",)
+    bench, link = opened(Turn(HEARTBEAT, sample(0) + event + sample(1)))
     with pytest.raises(DeviceStopped, match="thrust_N 31 against limit 30"):
         bench.read(0.3)
+    readings = bench.read(0.3)
+    assert len(readings) == 2
+    assert readings.messages == ("limit: thrust_N 31 against limit 30; motors stopped",)
     with pytest.raises(DeviceStopped):
         bench.set_pwm(np.array([1200.0, 1200.0]))
     link.check_finished()
