@@ -255,7 +255,7 @@ class HostPaused(RunStopped):
         super().__init__(
             f"this computer did not run benchtool for {paused_s:.1f} s, limit {limit_s:g} s "
             f"(suspended, or busy with other work); zero was commanded to the motors; keep the "
-            f"computer awake and free for the run, then go on with benchtool sweep --resume"
+            f"computer awake and free for the run"
         )
 
 

@@ -22,6 +22,7 @@ def test_no_order_from_before_a_pause_is_sent(fake):
         guard.set_pwm(np.array([1600.0]))
     assert "pwm 1600" not in fake.did
     assert guard.reason.startswith("this computer did not run")
+    assert guard.reason.endswith("keep the computer awake and free for the run")
 
 
 def test_what_a_pause_made_the_device_say_is_its_cause_and_no_more(fake):
