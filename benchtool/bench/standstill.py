@@ -137,7 +137,7 @@ class StandstillWatch:
     def state(self) -> Standstill:
         """Return what was seen so far."""
         turning: list[str] = []
-        read_s = stood_s = self.zero_s  # of the newest readings that say so
+        read_s = stood_s = self.zero_s  # the newest reading that turns, the first that stands
         silent, unmeasured, stand, fastest_rpm = [], [], [], nan
         for number, rotor in enumerate(self._rows, 1):
             speed, output = rotor.speed, rotor.output
@@ -154,7 +154,7 @@ class StandstillWatch:
                 continue
             elif (speed.low and rotor.answers) or output.low:
                 stand.append(number)
-                stood_s = max(stood_s, *(each.last_s for each in (speed, output) if each.low))
+                stood_s = max(stood_s, min(each.stood_s for each in (speed, output) if each.low))
             elif has_speed or has_output:
                 silent.append(number)
             else:
@@ -199,9 +199,10 @@ class _Seen:
         self.last = nan
         self._low_s = nan
         self.last_s = nan
+        self.stood_s = nan  # when readings had first stayed low for long enough
 
     def forget(self) -> None:
-        self.last = self._low_s = self.last_s = nan
+        self.last = self._low_s = self.last_s = self.stood_s = nan
 
     @property
     def low(self) -> bool:
@@ -226,6 +227,11 @@ class _Seen:
         if len(fresh_low) and self._low_s != self._low_s:
             self._low_s = float(time_s[fresh_low[0]])
         self.last, self.last_s = float(shown[fresh[-1]]), float(time_s[fresh[-1]])
+        if len(highs):
+            self.stood_s = nan
+        if self.low and self.stood_s != self.stood_s:
+            stood = time_s[fresh_low] - self._low_s >= HOLD_S - 1e-9
+            self.stood_s = float(time_s[fresh_low[stood][0]])
 
 
 class _Rotor:
