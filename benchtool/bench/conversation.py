@@ -7,10 +7,12 @@ from math import inf
 
 from benchtool.bench.commands import (
     PROTOCOL_VERSION,
+    Arm,
     AskHello,
     AskPlate,
     Command,
     Reply,
+    SetPwm,
     Stop,
     fields_of,
 )
@@ -26,7 +28,7 @@ from benchtool.bench.link import (
     frame_command,
     frame_version_1,
 )
-from benchtool.bench.order_check import LATE, OLDEST_S
+from benchtool.bench.order_check import LATE, OLDEST_S, too_old
 from benchtool.bench.sample_order import TIME_MODULUS_US, signed_step
 from benchtool.bench.strangers import not_a_bench
 from benchtool.bench.transport import Transport
@@ -101,6 +103,7 @@ class Conversation:
         self._number, self._device_read_s = 0, -inf
         self._heard = b""
         self.transport.open()
+        self._gaps.begin(self._clock())
         hello = self._ask_hello()
         self._version = hello.version
         self._decoder.expect(len(hello.channels))
@@ -125,14 +128,21 @@ class Conversation:
 
         Raises:
             LinkLost: no answer to any try.
-            HostPaused: this computer stood still meanwhile, and the order moves something or was
-                refused as late.
+            HostPaused: this computer stood still meanwhile, and the order moves something; or it
+                did so since the order before, and this one was refused as late.
         """
+        before_s = self._gaps.longest_s
         self._gaps.begin(self._clock())
         aged = self._version > 1 and not isinstance(command, AskPlate | Stop)
-        if aged and self._clock() > self._device_read_s + FRESH_S:
+        # After a pause, samples that waited in a buffer are read with old times. Orders to arm and
+        # to turn stay that old, so that a stop on the way outdates them.
+        paused = before_s > FRESH_S and not isinstance(command, Arm | SetPwm)
+        if aged and (paused or self._clock() > self._device_read_s + FRESH_S):
             self._converse(AskPlate(), tries)  # Its answer brings the device's time.
-        return self._converse(command, tries, moves)
+        reply = self._converse(command, tries, moves)
+        if too_old(reply.reason) and before_s > OLDEST_S:
+            raise HostPaused(before_s, OLDEST_S)
+        return reply
 
     def _converse(self, command: Command, tries: int, moves: bool = False) -> Reply:
         if moves:

@@ -17,6 +17,11 @@ LATE = "late: "
 """How the reason of such a refusal begins."""
 
 
+def too_old(reason: str) -> bool:
+    """Return whether an order was refused for its age."""
+    return reason.startswith(LATE) and " ms old" in reason
+
+
 class OrderCheck:
     """Know which orders are late.
 
@@ -35,7 +40,7 @@ class OrderCheck:
     def __init__(self, speed: float = 1.0) -> None:
         self.armed = False
         self.number = 0
-        self._oldest_us = 1e6 * OLDEST_S * speed
+        self._speed = speed
         self._stopped_us = -inf
 
     def greet(self, number: int, now_us: int) -> None:
@@ -61,8 +66,9 @@ class OrderCheck:
         if not (time.isdecimal() and len(time) <= 10 and int(time) < TIME_MODULUS_US):
             return f"{time!r} is no device time; repeat that of the last sample or answer"
         age_us = (now_us - int(time)) % TIME_MODULUS_US
-        if age_us > self._oldest_us:
-            return f"{LATE}{age_us / 1000:.0f} ms old; limit {self._oldest_us / 1000:.0f} ms"
+        age_s = age_us / 1e6 / self._speed
+        if age_s > OLDEST_S:
+            return f"{LATE}{1000.0 * age_s:.0f} ms old; limit {1000.0 * OLDEST_S:.0f} ms"
         if now_us - age_us < self._stopped_us:
             return f"{LATE}given before the last stop"
         return ""

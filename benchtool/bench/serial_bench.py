@@ -34,6 +34,7 @@ from benchtool.bench.device_clock import DeviceClock
 from benchtool.bench.hello import Hello
 from benchtool.bench.link import Batch
 from benchtool.bench.opened import Opened
+from benchtool.bench.order_check import LATE, too_old
 from benchtool.bench.read_ahead import Listener, ReadAhead
 from benchtool.bench.transport import Transport
 from benchtool.errors import (
@@ -188,6 +189,8 @@ class SerialBench(Opened):
         reply = self._talk.exchange(MovePlate(z_m, x_m, tilt_rad), moves=True)
         if not reply.ok:
             self._armed = False
+            if reply.reason.startswith(LATE):  # No fault of the stage.
+                raise _refused(MovePlate(z_m, x_m, tilt_rad), reply.reason)
             raise StageError(f"the stage refused to move to {z_m:g} m: {reply.reason}")
         started_s = asked_s = self._clock()
         while not self._arrived:
@@ -265,7 +268,7 @@ class SerialBench(Opened):
         self._known()
         reply = self._talk.exchange(command, moves=moves)
         if not reply.ok:
-            raise CommandRefused(",".join(fields_of(command)), reply.reason)
+            raise _refused(command, reply.reason)
 
     def _arm(self) -> None:
         """Arm a device that was stopped since, and compare its channels with those of the hello.
@@ -279,7 +282,7 @@ class SerialBench(Opened):
             return
         reply = self._talk.exchange(Arm(), moves=True)
         if not reply.ok:
-            raise CommandRefused("arm", reply.reason)
+            raise _refused(Arm(), reply.reason)
         if reply.fields != (hello.channel_hash,):
             self.stop()
             raise ProtocolError(
@@ -349,3 +352,8 @@ class SerialBench(Opened):
             messages=messages,
             repeated=repeated,
         )
+
+
+def _refused(command: Command, reason: str) -> CommandRefused:
+    late = "; the link delivered it late; check the link and start again" if too_old(reason) else ""
+    return CommandRefused(",".join(fields_of(command)), f"{reason}{late}")

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchtool.bench.commands import MovePlate, Reply
 from benchtool.bench.faults import Corrupt, Delay, Drop, Fault, LinkFaults, Silence
 from benchtool.bench.firmware import Firmware
 from benchtool.bench.link import HEARTBEAT
 from benchtool.bench.serial_bench import SerialBench
-from benchtool.errors import DeviceStopped, HostPaused, LinkLost
+from benchtool.errors import CommandRefused, DeviceStopped, HostPaused, LinkLost
 from benchtool.testing.loopback_link import LoopbackLink
 from tests.wire.still_plant import StillPlant, still_hello
 
@@ -161,3 +162,62 @@ def test_an_order_that_the_pause_of_a_host_made_old_while_it_asked_for_the_time(
         with pytest.raises(HostPaused, match=r"did not run benchtool for 2\.0 s, limit 0\.5 s"):
             bench.set_pwm(np.array([1400.0, 1400.0]))
         assert link.device.firmware.pwm_us.max() == 1000.0
+
+
+def read_all(bench: SerialBench, link: LoopbackLink) -> None:
+    """Read until nothing is left that came before."""
+    begun_s = link.now_s
+    while link.now_s == begun_s:
+        bench.read(0.1)
+
+
+def behind(link: LoopbackLink) -> None:
+    """Let the computer be suspended for 2 s and then read what waited in small blocks."""
+    link.pass_time(2.0)
+
+    def some(timeout_s: float) -> bytes:
+        link.pass_time(1e-4 if link._answer else max(min(timeout_s, 0.005), 1e-6))
+        data, link._answer = link._answer[:1000], link._answer[1000:]
+        return data
+
+    link.read = some  # type: ignore[method-assign]
+
+
+def test_the_plate_moves_although_samples_from_before_a_pause_were_read_just_now() -> None:
+    bench, link = wired(speed=20.0)
+    with bench:
+        bench.set_pwm(np.array([1000.0, 1000.0]))
+        bench.move_plate(0.2)
+        read_all(bench, link)
+        behind(link)
+        bench.read(0.1)
+        bench.move_plate(0.3)
+        assert bench.read(0.1).values[-1, 3] == pytest.approx(0.3)
+
+
+def test_a_pause_before_an_order_to_turn_is_named_where_only_old_samples_were_read() -> None:
+    bench, link = wired()
+    with bench:
+        bench.set_pwm(np.array([1300.0, 1300.0]))
+        bench.set_pwm(np.array([1000.0, 1000.0]))
+        read_all(bench, link)
+        behind(link)
+        bench.read(0.1)
+        with pytest.raises(HostPaused, match=r"did not run benchtool for 2\.0 s, limit 0\.5 s"):
+            bench.set_pwm(np.array([1400.0, 1400.0]))
+        assert link.device.firmware.pwm_us.max() == 1000.0
+
+
+def test_a_plate_order_that_the_link_delivers_late_is_no_fault_of_the_stage() -> None:
+    bench, _ = wired()
+    with bench:
+        bench.move_plate(0.2)
+        refused = Reply(False, "late: 612 ms old; limit 500 ms")
+        exchange = bench._talk.exchange
+        bench._talk.exchange = (  # type: ignore[method-assign]
+            lambda order, *more, **also: (
+                refused if isinstance(order, MovePlate) else exchange(order, *more, **also)
+            )
+        )
+        with pytest.raises(CommandRefused, match=r"612 ms old; .*; the link delivered it late"):
+            bench.move_plate(0.3)
