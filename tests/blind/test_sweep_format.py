@@ -41,7 +41,11 @@ def test_the_sheet_is_that_of_the_rig(layout: Layout) -> None:
 @EACH_LAYOUT
 def test_tables_have_the_columns_of_a_run(layout: Layout, tmp_path: Path) -> None:
     record = make_record(0, "none", excitation="rich", layout=layout.name)
-    assert tuple(record.learn) == point_columns(layout.rotors)
+    # That bench has no stage of its own to compare the plate with.
+    stage = {"plate_stage_z_m", "plate_read_z_m"}
+    columns = point_columns(layout.rotors)
+    assert stage <= set(columns)
+    assert tuple(record.learn) == tuple(name for name in columns if name not in stage)
     learn, check, _ = write_record(record, tmp_path)
     for path, table in ((learn, record.learn), (check, record.check)):
         visits = read_points(path)

@@ -176,6 +176,7 @@ def test_a_host_that_hangs_is_told_so(on_pty: Served) -> None:
         told: list[str] = []
         with pytest.raises(DeviceStopped, match="watchdog"):
             read_on(bench, told)
+        told += bench.read(0.2).messages
     assert any(text.startswith("watchdog: no line for") for text in told)
 
 
