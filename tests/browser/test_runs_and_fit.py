@@ -186,10 +186,10 @@ def test_a_table_is_handed_over_and_a_bad_cell_is_told(filled: Web, open_page: O
     wait_for_seat(page)
     chooser = page.locator("input[type=file]")
     chooser.set_input_files({"name": "x.csv", "mimeType": "text/csv", "buffer": b"\0\1\2"})
-    page.locator(".q-notification__message", has_text="not a text file").wait_for()
+    page.locator(".q-notification", has_text="not a text file").get_by_role("button").click()
     chooser.set_input_files({"name": "../../lab.csv", "mimeType": "text/csv", "buffer": LAB})
     page.get_by_text(re.compile(r"^Columns of .*-lab(-\d)?/lab\.csv")).wait_for()
-    # The note lies over the lists until it goes.
+    # A note lies over the lists until it goes.
     page.locator(".q-notification__message", has_text="kept as").wait_for(state="hidden")
     for channel, column in (("thrust_N (needed)", "F_gf"), ("rpm1 (or that", "speed")):
         page.get_by_label(channel).click()
