@@ -15,10 +15,9 @@ from benchtool.acquire.sweep import Start
 from benchtool.bench.bench import Identity
 from benchtool.core.counted import counted
 from benchtool.core.rig import Rig
-from benchtool.core.toml_text import build
 from benchtool.core.user_file import read_file
 from benchtool.errors import FileFormatError, InputError
-from benchtool.store import VALID_KINDS, Run, code_of, read_points
+from benchtool.store import VALID_KINDS, Run, code_of, read_points, run_rig
 
 GAP_S = 1.0
 """Time of the run that stands for the break, however long it was; the event tells the real one."""
@@ -49,9 +48,7 @@ def unfinished(run: Run) -> Unfinished:
     """
     facts = run.metadata
     where = str(run.path / "metadata.json")
-    if "rig" not in facts:
-        raise FileFormatError(where, "it names no rig; restore it from a copy")
-    rig = build(Rig, facts["rig"], f"{where}: rig")
+    rig = run_rig(run.path, facts)
     plan = plan_from_toml(run.plan_text, str(run.path / "plan.toml"))
     calibration = facts.get("calibration")
     visits = {visit.point for visit in visits_of(plan, rig)}

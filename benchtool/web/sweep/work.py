@@ -46,11 +46,10 @@ def measured_points(run: Path, basis: str) -> Points:
         ratio, error = ratios(points, basis)
     except BenchtoolError as told:
         return Points(why=str(told))
-    from benchtool.core.toml_text import build
-    from benchtool.store import Run
+    from benchtool.store import Run, run_rig
 
     facts = Run.open(run).metadata
-    rig = build(Rig, facts["rig"], str(run))
+    rig = run_rig(run, facts)
     near = points.column("kind") == code_of("kind", "measure")
     near &= np.isfinite(ratio)
     z_over_R = points.column("plate_z_m") / rig.propulsion.radius_m
