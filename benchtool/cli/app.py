@@ -41,13 +41,20 @@ COMMANDS: dict[str, str] = {
     "firmware": "Write the firmware that makes an Arduino a rotor bench",
     "ports": "List serial ports and, with --probe, what answers on them",
     "doctor": "Explain what keeps a serial port from working",
-    "flow": "Picture the flow below a quadrotor; export it to OpenFOAM",
+    "flow": "Picture the flow below a quadrotor",
     "rigs": "List rigs, or show one with the source of every number",
     "models": "List models, or show one with its effects and parameters",
     "effects": "List physical effects, or show one with law and parameters",
 }
 """Name of each command, in the order of the help, and its one line there. The line is also the
 first line of the command's docstring."""
+
+REMOVED: dict[str, str] = {
+    "flow export": "benchtool flow picture draws the flow, benchtool flow table prints it",
+    "simulate attitude": "benchtool simulate paper --out FOLDER draws its curve (fig09-attitude)",
+}
+"""Commands, subcommands and options (``command --option``) of earlier versions, and what does their
+work now."""
 
 _KEYWORDS = {"import": "import_file"}
 """Commands whose name Python keeps for itself, and the module that holds them."""
@@ -72,6 +79,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             reconfigure(errors="replace")
     try:
         _check_text(words)
+        _refuse_removed(words)
         code = build(words)(args=words, prog_name="benchtool", standalone_mode=False)
         flush_output()
         sys.exit(code if isinstance(code, int) else 0)
@@ -108,6 +116,15 @@ def _check_text(words: Sequence[str]) -> None:
         except UnicodeEncodeError:
             shown = word[:60].encode("ascii", "backslashreplace").decode()
             raise InputError(f"the word {shown} is not UTF-8 text; write it otherwise") from None
+
+
+def _refuse_removed(words: Sequence[str]) -> None:
+    """Refuse what earlier versions had, in a sentence that names what does its work now."""
+    for removed, instead in REMOVED.items():
+        *command, last = removed.split()
+        given = words[len(command) :] if list(words[: len(command)]) == command else []
+        if last in (given if last.startswith("--") else given[:1]):
+            raise InputError(f"benchtool {removed} was removed; {instead}")
 
 
 def build(words: Sequence[str]) -> typer.Typer:

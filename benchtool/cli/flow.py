@@ -1,4 +1,4 @@
-"""`benchtool flow`: the flow below a quadrotor as a picture, a table, an OpenFOAM case."""
+"""`benchtool flow`: the flow below a quadrotor as a picture and as a table."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Height = Annotated[float, typer.Option("--z-over-r", help="Height in rotor radii
 
 @app.callback()
 def _group() -> None:
-    """Picture the flow below a quadrotor; export it to OpenFOAM."""
+    """Picture the flow below a quadrotor."""
 
 
 @app.command("table")
@@ -40,23 +40,3 @@ def picture(
 
     for path in save_figure(flow_pictures(spacing_r, z_over_r), out / "fig05-flow"):
         print(f"written: {path}")
-
-
-@app.command("export")
-def export(
-    out: Annotated[Path, typer.Option(help="Folder for the case.")],
-    rig: Annotated[str, typer.Option(help="Quadrotor.")] = "pquad",
-    z_over_r: Height = 2.0,
-    cells_per_radius: Annotated[
-        int, typer.Option(help="Cells to a rotor radius; 10 is half a million cells in all.")
-    ] = 10,
-    iterations: Annotated[int, typer.Option(help="Stop after so many, settled or not.")] = 2000,
-) -> None:
-    """Write an OpenFOAM case: fixed-velocity discs over ground, a quarter of the domain."""
-    from benchtool.library import rig_named
-    from benchtool.studies.flow_case import FlowCase, write_case
-
-    case = FlowCase.of_rig(rig_named(rig), z_over_r, cells_per_radius, iterations)
-    for path in write_case(out, case):
-        print(f"written: {path}")
-    print("run Allrun in that folder where OpenFOAM is installed; benchtool does not run it")

@@ -6,7 +6,7 @@ from importlib import import_module
 
 import typer
 
-SUBCOMMANDS = ("pitch", "flight", "attitude", "paper")
+SUBCOMMANDS = ("pitch", "flight", "paper")
 """Names of the subcommands; each is a module `simulate_<name>` with a function `command`."""
 
 app = typer.Typer(no_args_is_help=True, rich_markup_mode=None, add_completion=False)

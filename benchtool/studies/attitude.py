@@ -15,9 +15,6 @@ from benchtool.simulate.rigid_body import GRAVITY_M_S2
 
 Array = NDArray[np.float64]
 
-HEIGHTS = np.array([1.0, 1.25, 1.5, 2.0, 3.0, 4.0, 5.0])
-TILTS_DEG = (2.0, 5.0, 10.0)
-
 
 def one_rotor_Nm(rig: Rig, z_over_R: float = 2.0) -> float:
     """Return the moment of a level vehicle with one outer disc wholly covered (section 4)."""
@@ -25,30 +22,6 @@ def one_rotor_Nm(rig: Rig, z_over_R: float = 2.0) -> float:
     radius = rig.propulsion.radius_m
     share = rig.body.mass_kg * GRAVITY_M_S2 / rig.n_discs
     return float(arm * share * (single_rotor_factor(radius, z_over_R * radius) - 1.0))
-
-
-def table_lines(rig: Rig, z_over_R: Array = HEIGHTS) -> list[str]:
-    """Return the table: moment in mN m and per cent of hover authority, for every reading."""
-    authority = hover_authority_Nm(rig)
-    lines = [
-        f"hover authority {1e3 * authority:.0f} mN m; one covered rotor at z/R 2: "
-        f"{1e3 * one_rotor_Nm(rig):.1f} mN m",
-        "",
-    ]
-    for reading, words in READINGS.items():
-        moments = restoring_moment(
-            rig,
-            z_over_R,
-            np.radians(TILTS_DEG),
-            reading,  # type: ignore[arg-type]
-        ).moment_Nm
-        heads = "".join(f"tilt {tilt:g} deg".rjust(17) + "  " for tilt in TILTS_DEG)
-        lines += [words, f"   z/R {heads}".rstrip()]
-        for height, row in zip(z_over_R, moments, strict=True):
-            cells = (f"{1e3 * m:>9.1f} ({100.0 * m / authority:>4.1f} %)  " for m in row)
-            lines.append(f"{height:>6g} {''.join(cells)}".rstrip())
-        lines.append("")
-    return lines
 
 
 def attitude_moments(rig: Rig, z_over_R: Array | None = None) -> Figure:

@@ -162,7 +162,6 @@ def test_plans_out_of_range(said: Said, tmp_path: Path, text: str) -> None:
         ["simulate", "flight", "--speed-m-s", "1e308"],
         ["simulate", "flight", "--z-over-r", "1e308"],
         ["simulate", "pitch", "--duration-s", "1e308"],
-        ["simulate", "attitude", "--duration-s", "1e308"],
         ["record", "sim:pquad?mode=pitch", "--seconds", "1e308", "--yes"],
         [*SWEEP, "--sample-s", "1e308", "--dry-run"],
         ["sweep", "sim:pquad_single", "--z-m", "1e308", "--dry-run"],

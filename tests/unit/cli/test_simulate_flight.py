@@ -214,7 +214,7 @@ def test_a_map_that_never_acts_is_told(tmp_path: Path, capsys: pytest.CaptureFix
     )
 
 
-@pytest.mark.parametrize("command", ["pitch", "flight", "attitude", "paper"])
+@pytest.mark.parametrize("command", ["pitch", "flight", "paper"])
 def test_the_list_of_simulations_is_not_cut(
     command: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -225,14 +225,3 @@ def test_the_list_of_simulations_is_not_cut(
     ]
     assert line.endswith(".")
     assert not line.endswith("...")
-
-
-def test_the_columns_of_the_attitude_table_are_tilts(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit):
-        main(["simulate", "attitude"])
-    lines = capsys.readouterr().out.splitlines()
-    heads = [line for line in lines if line.lstrip().startswith("z/R")]
-    assert [line.split("tilt")[1:] for line in heads[:1]] == [
-        [" 2 deg         ", " 5 deg        ", " 10 deg"]
-    ]
-    assert len({head.index("tilt 2 deg") for head in heads}) == 1
