@@ -97,7 +97,17 @@ def compiled(function: Function) -> Function:
     return call  # type: ignore[return-value]
 
 
-def _machine_code(function: Callable[..., Any]) -> Callable[..., Any]:
+def compiled_closure(function: Function, key: str) -> Function:
+    """Compile a closure, kept on disk under a key: what it was made of.
+
+    numba knows a closure by the place of its source alone, which many closures share. Without
+    numba the closure is returned as it stands; without a folder that can be written, or where
+    numba's cache has changed, it compiles anew in every process.
+    """
+    return _machine_code(function, key)  # type: ignore[return-value]
+
+
+def _machine_code(function: Callable[..., Any], key: str = "") -> Callable[..., Any]:
     """Return the compiled form of a function, or the function itself without numba."""
     try:
         compile_expressions()
@@ -106,16 +116,29 @@ def _machine_code(function: Callable[..., Any]) -> Callable[..., Any]:
     import numba
 
     settings: Any = numba.config
-    before = settings.CACHE_DIR
-    settings.CACHE_DIR = str(compiled_folder())
-    machine_code: Callable[..., Any]
+    machine_code: Callable[..., Any] = numba.njit(error_model="numpy", nogil=True)(function)
+    before, settings.CACHE_DIR = settings.CACHE_DIR, str(compiled_folder())
     try:
-        machine_code = numba.njit(cache=True, error_model="numpy", nogil=True)(function)
-    except (OSError, RuntimeError):  # no folder that can be written
-        machine_code = numba.njit(error_model="numpy", nogil=True)(function)
+        if key:
+            machine_code._cache = _cache_under(key)(function)  # type: ignore[attr-defined]  # noqa: SLF001
+        else:
+            machine_code.enable_caching()  # type: ignore[attr-defined]
+    except (ImportError, AttributeError, TypeError, OSError, RuntimeError):
+        pass  # no folder that can be written, or another numba: compile in every process
     finally:
         settings.CACHE_DIR = before
     return machine_code
+
+
+def _cache_under(key: str) -> Any:
+    """Return numba's cache of functions with a key of ours in its index."""
+    from numba.core.caching import FunctionCache
+
+    class KeyedCache(FunctionCache):
+        def _index_key(self, sig: Any, codegen: Any) -> Any:
+            return sig, codegen.magic_tuple(), key
+
+    return KeyedCache
 
 
 @lru_cache(maxsize=1)
