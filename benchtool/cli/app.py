@@ -33,8 +33,7 @@ COMMANDS: dict[str, str] = {
     "import": "Import flight logs and other makers' files, every repair told",
     "fit": "Fit a ground-effect model to run folders or any CSV",
     "explain": "Name the effect that a model lacks, and show the gap shrink",
-    "report": "Write a report page, and PDF, of a run, fit or recording",
-    "figures": "Draw runs in the layout of the paper's figures 3, 4, 6, 8",
+    "report": "Write a report page of a run, fit or recording",
     "simulate": "Simulate benches and flights near surfaces in closed loop",
     "web": "Serve a page to watch, sweep, fit and explain in a browser",
     "bench": "Serve a virtual bench; check a bench before motors spin",
@@ -50,8 +49,10 @@ COMMANDS: dict[str, str] = {
 first line of the command's docstring."""
 
 REMOVED: dict[str, str] = {
+    "figures": "benchtool report --layout paper takes the same options",
     "flow export": "benchtool flow picture draws the flow, benchtool flow table prints it",
     "simulate attitude": "benchtool simulate paper --out FOLDER draws its curve (fig09-attitude)",
+    "report --pdf": "benchtool report writes the page, and a browser prints it to a PDF file",
 }
 """Commands, subcommands and options (``command --option``) of earlier versions, and what does their
 work now."""

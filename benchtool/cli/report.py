@@ -1,4 +1,4 @@
-"""`benchtool report`: one self-contained page, and PDF, of a run, fit, explanation or recording."""
+"""`benchtool report`: one self-contained page of a run, fit, explanation or recording."""
 
 from __future__ import annotations
 
@@ -19,9 +19,22 @@ def command(
     ] = None,
     out: Annotated[
         Path | None,
-        typer.Option(help="The HTML file; report.html in the folder, or beside the recording."),
+        typer.Option(
+            help="The HTML file; report.html in the folder, or beside the recording. With --layout "
+            "paper, the folder of the figures."
+        ),
     ] = None,
-    pdf: Annotated[bool, typer.Option("--pdf", help="Write a PDF beside it, too.")] = False,
+    layout: Annotated[
+        str, typer.Option(help="page, or paper: the paper's figures 3, 4, 6, 8 from recipes.")
+    ] = "page",
+    single: Annotated[Path | None, typer.Option(help="Paper: recipe folder of one rotor.")] = None,
+    second: Annotated[
+        Path | None, typer.Option(help="Paper: recipe folder of one rotor of another rig.")
+    ] = None,
+    three: Annotated[Path | None, typer.Option(help="Paper: recipe folder of 3 rotors.")] = None,
+    quad: Annotated[
+        Path | None, typer.Option(help="Paper: recipe folder of the quadrotor.")
+    ] = None,
     model: Annotated[
         str, typer.Option(help="Model to draw beside the data: name, file or fit folder.")
     ] = "",
@@ -43,16 +56,29 @@ def command(
     # The older name of --overwrite.
     force: Annotated[bool, typer.Option("--force", hidden=True)] = False,
 ) -> None:
-    """Write a report page, and PDF, of a run, fit or recording"""
+    """Write a report page of a run, fit or recording"""
     import sys
 
     from benchtool.cli.announce_code import announce_code
-    from benchtool.cli.show_report import working
-    from benchtool.errors import InputError, WouldOverwrite
+    from benchtool.errors import InputError, UnknownChoice
     from benchtool.recipes.replayed import Beside
-    from benchtool.recipes.report_file import TAKES, print_report, usual_out, write_report
+    from benchtool.recipes.report_file import TAKES, write_report
 
     given, replace = list(paths or []), overwrite or force
+    recipes = {"single": single, "second": second, "three": three, "quad": quad}
+    named = [f"--{name}" for name, folder in recipes.items() if folder is not None]
+    if layout not in ("page", "paper"):
+        raise UnknownChoice("layout", layout, ("page", "paper"))
+    if layout == "paper":
+        if given:
+            raise InputError(
+                f"--layout paper takes recipe folders by --single, --second, --three and --quad, "
+                f"not {given[0]}"
+            )
+        _draw_paper(recipes, out or Path("figures"), replace)
+        return
+    if named:
+        raise InputError(f"{named[0]} needs --layout paper")
     if not given:
         raise InputError(f"nothing to report: name {TAKES}")
     beside = Beside(
@@ -63,33 +89,28 @@ def command(
         motors=_motors(motors),
         permit=announce_code,
     )
-    target = _html(out) if out is not None else None
-    paper = (target or usual_out(given)).with_suffix(".pdf")
-    if pdf and paper.exists() and not replace:
-        # Before the work, so that a page is not written for a refusal.
-        raise WouldOverwrite(str(paper), "--overwrite")
+    if out is not None and out.suffix.lower() not in (".html", ".htm"):
+        raise InputError(f"--out {out} does not end in .html, as the name of a page does")
     page = write_report(
         given,
-        target,
+        out,
         beside=beside,
         commands=[shlex.join(["benchtool", *sys.argv[1:]])],
         replace=replace,
     )
     print(f"report: {page}", flush=True)
-    if pdf:
-        with working(f"printing {page.with_suffix('.pdf').name}") as tell:
-            printed = print_report(page, replace=replace, tell=tell)
-        print(f"report: {printed}")
 
 
-def _html(out: Path) -> Path:
-    from benchtool.errors import InputError
+def _draw_paper(recipes: dict[str, Path | None], out: Path, replace: bool) -> None:
+    from benchtool.recipes.paper_layouts import Series, paper_layouts
+    from benchtool.report.files import refuse_existing, save_figure
 
-    if out.suffix.lower() not in (".html", ".htm"):
-        raise InputError(
-            f"--out {out} does not end in .html; a PDF is written beside it with --pdf"
-        )
-    return out
+    drawn = paper_layouts(Series(**recipes))
+    if not replace:
+        refuse_existing([out / f"{name}.svg" for name in drawn])
+    for name, figure in drawn.items():
+        paths = save_figure(figure, out / name, replace=replace)
+        print(f"written: {paths[0]} and {paths[1].suffix.removeprefix('.')}")
 
 
 def _motors(text: str) -> tuple[int, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
@@ -134,33 +134,6 @@ def write_report(
         raise WouldOverwrite(str(target), "--overwrite")
     write_whole(target, page_text(paths, beside, commands).encode("utf-8"))
     return target
-
-
-def print_report(
-    page: Path,
-    out: Path | None = None,
-    *,
-    replace: bool = False,
-    tell: Callable[[str], None] | None = None,
-) -> Path:
-    """Write a report's HTML file as PDF, beside it when `out` is None; return the PDF's path.
-
-    Args:
-        page: the HTML file.
-        out: the PDF.
-        replace: write over a file of that name.
-        tell: told what is being done.
-
-    Raises:
-        MissingLibrary: Pango is not installed.
-        WouldOverwrite: the file exists.
-    """
-    from benchtool.report.pdf import write_pdf
-
-    target = out or page.with_suffix(".pdf")
-    if target.exists() and not replace:
-        raise WouldOverwrite(str(target), "--overwrite")
-    return write_pdf(target, page.read_text("utf-8"), replace=True, tell=tell)
 
 
 def _made(paths: Sequence[Path], kind: Kind, beside: Beside, commands: Sequence[str]) -> Report:

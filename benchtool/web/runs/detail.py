@@ -20,7 +20,7 @@ from benchtool.web.runs.jobs import (
     view_entry,
     view_part,
 )
-from benchtool.web.runs.offer import Offer, offers, reports
+from benchtool.web.runs.offer import Offer, offers, report_offer
 from benchtool.web.show import show, waiting
 from benchtool.web.shown import Shown
 from benchtool.web.tell import tells_errors
@@ -29,7 +29,7 @@ DRAWER = "figures"
 """The process that reads runs and draws."""
 
 WRITER = "reports"
-"""The process that makes what is taken home; a PDF takes long, and nothing waits behind it."""
+"""The process that writes downloads; a long page takes seconds, and nothing waits behind it."""
 
 
 class RunDetail:
@@ -78,8 +78,7 @@ class RunDetail:
         if self._clear(turn):
             with self._place, ui.card().classes("w-full"):
                 with self._head(shown, ""):
-                    for offer in reports("compared"):
-                        self._button(offer, tuple(names))
+                    self._button(report_offer("compared"), tuple(names))
                 self._body(shown)
 
     def _head(self, shown: Shown, said: str) -> ui.row:
@@ -117,7 +116,7 @@ class RunDetail:
         if offer.path:
             return self._folder.file_of(offer.path)
         if offer.report:
-            return bytes(await self._work(WRITER, report_bytes, names, offer.suffix))
+            return bytes(await self._work(WRITER, report_bytes, names))
         return bytes(await self._work(WRITER, table_bytes, names[0], offer.table, offer.suffix))
 
     def _expansion(self, name: str, part: str) -> None:

@@ -31,17 +31,12 @@ def view_comparison(root: Path, names: Sequence[str]) -> Shown:
     return view.view_comparison(root, names)
 
 
-def report_bytes(root: Path, names: Sequence[str], suffix: str) -> bytes:
-    """Return the report of an entry, or of several sweeps, as an HTML or PDF file."""
+def report_bytes(root: Path, names: Sequence[str]) -> bytes:
+    """Return the report of an entry, or of several sweeps, as an HTML file."""
     from benchtool.recipes.report_file import page_text
 
     folder = RunsFolder(root)
-    page = page_text([folder.path_of(name) for name in names])
-    if suffix != ".pdf":
-        return page.encode("utf-8")
-    from benchtool.report.pdf import pdf_bytes
-
-    return pdf_bytes(page)
+    return page_text([folder.path_of(name) for name in names]).encode("utf-8")
 
 
 def table_bytes(root: Path, name: str, table: str, suffix: str) -> bytes:

@@ -40,13 +40,13 @@ def offers(entry: Entry) -> tuple[Offer, ...]:
     if entry.kind == "table":
         return (Offer(label="CSV", file=flat, path=entry.name),)
     if entry.kind == "recording":
-        return (*reports(flat), Offer(label="Recording", file=flat, path=entry.name))
+        return (report_offer(flat), Offer(label="Recording", file=flat, path=entry.name))
     if entry.kind in ("fit", "explanation"):
         kept = [FIT_FILE if entry.kind == "fit" else ANSWER_FILE]
         if entry.state not in ("stopped early", "not converged"):
             kept.append("model.toml")
         return (
-            *reports(flat),
+            report_offer(flat),
             *(
                 Offer(label=file, file=f"{flat}-{file}", path=f"{entry.name}/{file}")
                 for file in kept
@@ -54,7 +54,7 @@ def offers(entry: Entry) -> tuple[Offer, ...]:
         )
     tables = TABLES if entry.kind == "sweep" else ("samples",)
     return (
-        *reports(flat),
+        report_offer(flat),
         *(
             Offer(label=f"{table}, CSV", file=f"{flat}-{table}.csv", table=table)
             for table in tables
@@ -63,9 +63,6 @@ def offers(entry: Entry) -> tuple[Offer, ...]:
     )
 
 
-def reports(name: str) -> tuple[Offer, ...]:
-    """Return the report of something in each format."""
-    return tuple(
-        Offer(label=f"Report, {kind.upper()}", file=f"{name}-report.{kind}", report=True)
-        for kind in ("html", "pdf")
-    )
+def report_offer(name: str) -> Offer:
+    """Return the report of something."""
+    return Offer(label="Report, HTML", file=f"{name}-report.html", report=True)

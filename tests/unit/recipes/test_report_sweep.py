@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import json
 import shutil
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from benchtool.cli.app import main
-from benchtool.errors import FileFormatError, InputError, MissingLibrary, WouldOverwrite
+from benchtool.errors import FileFormatError, InputError, WouldOverwrite
 from benchtool.recipes.replayed import Beside
-from benchtool.recipes.report_file import kind_of, page_text, print_report, write_report
+from benchtool.recipes.report_file import kind_of, page_text, write_report
 from benchtool.recipes.swept import read_swept
 from benchtool.recipes.swept_compared import common_table
 from benchtool.report.numbers import value_with_sd
@@ -22,8 +21,6 @@ from benchtool.store.digest import file_hash
 from tests.unit.recipes.report_text import (
     check_self_contained,
     facts_of,
-    pdf_pages,
-    pdf_text,
     rows_of,
     words_of,
 )
@@ -173,52 +170,31 @@ def test_several_runs_are_compared_at_common_settings(run: Path, other: Path) ->
     assert page.count("<li><a") == 4
 
 
-def test_nothing_is_written_over_and_the_pdf_holds_the_page(run: Path, tmp_path: Path) -> None:
+def test_nothing_is_written_over_unless_asked(run: Path, tmp_path: Path) -> None:
     out = tmp_path / "page.html"
     write_report([run], out)
     before = out.read_bytes()
     with pytest.raises(WouldOverwrite, match=r"page\.html exists .* replace it with --overwrite"):
         write_report([run], out)
     assert out.read_bytes() == before
-    busy: list[str] = []
-    content = print_report(out, tell=busy.append).read_bytes()
-    assert "creating layout, page 1" in busy
-    assert "creating pdf" in busy
-    with pytest.raises(WouldOverwrite):
-        print_report(out)
-    assert 5 <= pdf_pages(content) <= 15
-    text = pdf_text(content)
-    for words in ("Sweep: one", "Each setting", "Conditions and calibration", "randomised"):
-        assert words in text
-    assert data_hash(run)[:40] in text.replace(" ", "")
-
-
-def test_without_pango_the_page_is_there_and_one_sentence_says_what_to_install(
-    run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    class NoPango:
-        def find_spec(self, name: str, *_: object) -> None:
-            if name == "weasyprint":
-                raise OSError("cannot load library 'libpango-1.0-0'")
-
-    for name in [name for name in sys.modules if name.split(".")[0] == "weasyprint"]:
-        monkeypatch.delitem(sys.modules, name)
-    monkeypatch.setattr(sys, "meta_path", [NoPango(), *sys.meta_path])
-    out = tmp_path / "page.html"
-    assert call("report", str(run), "--out", str(out), "--pdf") == MissingLibrary.exit_code
-    said = capsys.readouterr()
-    assert said.out == f"report: {out}\n"
-    assert "libpango-1.0-0 and libpangoft2-1.0-0" in said.err
-    busy, error = said.err.splitlines()
-    assert busy == "printing page.pdf ..."
-    assert "libpango" in error
-    assert words_of(out.read_text()).startswith("Sweep: one")
-    assert not out.with_suffix(".pdf").exists()
     assert call("report", str(run), "--out", str(out)) == 2
     for replacing in ("--overwrite", "--force"):
         out.write_text("old")
         assert call("report", str(run), "--out", str(out), replacing) == 0
         assert out.read_text() != "old"
+
+
+def test_the_layout_of_the_paper_draws_recipes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    recipe = Path(__file__).parents[3] / "fits" / "three_rotors"
+    words = ["report", "--layout", "paper", "--three", str(recipe), "--out", str(tmp_path)]
+    assert call(*words) == 0
+    drawn = tmp_path / "fig08-three-rotors.svg"
+    assert capsys.readouterr().out == f"written: {drawn} and png\n"
+    assert sorted(tmp_path.iterdir()) == [drawn.with_suffix(".png"), drawn]
+    assert call(*words) == 2
+    assert call(*words, "--overwrite") == 0
 
 
 @pytest.mark.parametrize(
@@ -230,6 +206,11 @@ def test_without_pango_the_page_is_there_and_one_sentence_says_what_to_install(
         (("{table}",), "benchtool import"),
         (("{run}/points.csv",), "name its folder"),
         (("{run}", "--out", "page.pdf"), "does not end in .html"),
+        (("{run}", "--pdf"), "a browser prints it to a PDF file"),
+        (("{run}", "--single", "{empty}"), "--single needs --layout paper"),
+        (("{run}", "--layout", "paper"), "--layout paper takes recipe folders"),
+        (("--layout", "paper"), "nothing to draw: give --three for figure 8"),
+        (("--layout", "poster"), "unknown layout 'poster'"),
         (("{run}", "--motors", "1,1"), "--motors '1,1'"),
         (("{run}", "--controller", "pid"), "a sweep has no controller"),
         (("{run}", "--model", "nomodel"), "unknown model"),

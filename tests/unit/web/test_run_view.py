@@ -69,7 +69,7 @@ def test_a_sweep_shows_its_numbers_and_offers_its_tables(root: Path) -> None:
         view_part(root, "quad", "Nonsense")
     found = offers(entry_of(RunsFolder(root), "quad"))
     assert [offer.file for offer in found] == [
-        *("quad-report.html", "quad-report.pdf", "quad-points.csv", "quad-settings.csv"),
+        *("quad-report.html", "quad-points.csv", "quad-settings.csv"),
         *("quad-samples.csv", "quad-samples.parquet"),
     ]
     assert table_bytes(root, "quad", "points", ".csv") == (root / "quad/points.csv").read_bytes()
@@ -82,7 +82,7 @@ def test_a_fit_shows_what_the_command_prints(root: Path) -> None:
     for said in ("1.891 ± 0.012", "1.867 … 1.916", "95 % interval", "quad is clearly behind"):
         assert said in html
     assert html.count("data:image/svg+xml") == 2
-    assert report_bytes(root, ("fit",), ".html") == b"<!doctype html><p>as written</p>"
+    assert report_bytes(root, ("fit",)) == b"<!doctype html><p>as written</p>"
 
 
 def test_two_sweeps_stand_in_one_plot(root: Path) -> None:
@@ -120,7 +120,7 @@ def test_nothing_outside_is_shown_compared_or_handed_out(root: Path, name: str) 
         lambda: view_entry(root, name),
         lambda: view_part(root, name, "Plan"),
         lambda: view_comparison(root, ("quad", name)),
-        lambda: report_bytes(root, (name,), ".html"),
+        lambda: report_bytes(root, (name,)),
         lambda: table_bytes(root, name, "points", ".csv"),
     ):
         with pytest.raises(BenchtoolError):
