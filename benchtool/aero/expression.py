@@ -62,7 +62,7 @@ def compile_expressions() -> None:
     _asked_to_compile = True
     for function in (*_recorded, *_recorded_parts):
         if id(function) not in _registered:
-            register_jitable(error_model="numpy", forceinline=True)(function)
+            register_jitable(error_model="numpy", forceinline=True, no_cfunc_wrapper=True)(function)
             _registered.add(id(function))
 
 

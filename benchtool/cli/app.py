@@ -52,6 +52,8 @@ REMOVED: dict[str, str] = {
     "figures": "benchtool report --layout paper takes the same options",
     "flow export": "benchtool flow picture draws the flow, benchtool flow table prints it",
     "simulate attitude": "benchtool simulate paper --out FOLDER draws its curve (fig09-attitude)",
+    "simulate pitch --feedforward": "benchtool simulate pitch takes plate distances from the "
+    "schedule, with errors as --set feedforward.height_error_m=0.02 states them",
     "report --pdf": "benchtool report writes the page, and a browser prints it to a PDF file",
 }
 """Commands, subcommands and options (``command --option``) of earlier versions, and what does their

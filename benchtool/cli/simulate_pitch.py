@@ -25,9 +25,6 @@ def command(
     duration_s: options.Duration = 0.0,
     seed: options.Seed = 1,
     settings: options.Settings = None,
-    feedforward: Annotated[
-        str, typer.Option(help="What feedforward knows: distance or range (sensors).")
-    ] = "distance",
     vary: options.Varied = None,
     seeds: options.Seeds = 1,
     samples: options.Samples = 0,
@@ -42,7 +39,7 @@ def command(
 
     from benchtool.cli.announce_code import announce_code
     from benchtool.cli.name_values import name_values
-    from benchtool.control.pitch import PITCH_CONTROLLERS, Feedforward
+    from benchtool.control.pitch import PITCH_CONTROLLERS
     from benchtool.errors import InputError
     from benchtool.studies.own_controllers import controller_class
     from benchtool.studies.pitch import pitch_study, report_lines, write_study
@@ -65,7 +62,6 @@ def command(
             gains=gain_set,
             controllers=built_in or ["pid"],
             schedule=schedule,
-            feedforward=Feedforward(strength=0.9, source=feedforward),
             permit=announce_code,
         )
         setup = changed(setup, given)

@@ -37,7 +37,6 @@ class PitchMeasurement(NamedTuple):
         rate_rad_s: gyro.
         plate_z_m: reading of the plate's distance with the beam level: m.
         speed_rad_s: rotor speeds (n,).
-        range_m: range sensor under each disc (n_discs,); infinite where nothing echoes.
     """
 
     time_s: float
@@ -45,7 +44,6 @@ class PitchMeasurement(NamedTuple):
     rate_rad_s: float
     plate_z_m: float
     speed_rad_s: tuple[float, ...]
-    range_m: tuple[float, ...]
 
 
 class PitchReference(NamedTuple):

@@ -15,9 +15,6 @@ PITCH_CONTROLLERS = {
 }
 """The built-in controllers by name, each with one line."""
 
-SOURCES = ("distance", "range")
-"""Where a feedforward takes distances from: the schedule (or a map with errors), or sensors."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PulseLaw:
@@ -40,19 +37,13 @@ class Feedforward:
 
     Attributes:
         strength: share of the expected increment that it compensates; 0 is none.
-        source: "distance" or "range".
         height_error_m: what its map adds to the true distance.
         late_s: how much later than the plate its map changes; negative is early.
     """
 
     strength: float = 0.0
-    source: str = "distance"
     height_error_m: float = 0.0
     late_s: float = 0.0
-
-    def __post_init__(self) -> None:
-        if self.source not in SOURCES:
-            raise UnknownChoice("source of a feedforward", self.source, SOURCES)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -43,16 +43,7 @@ class PitchSensor:
     delay_s: float = 0.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RangeFaults:
-    """Say how a range sensor fails: probabilities of a reading, and its reach (m)."""
-
-    dropout: float = 0.0
-    false_echo: float = 0.0
-    reach_m: float = 4.0
-
-
-SENSOR_NAMES = ("theta_rad", "gyro_rad_s", "plate_z_m", "rpm", "range_m")
+SENSOR_NAMES = ("theta_rad", "gyro_rad_s", "plate_z_m", "rpm")
 """Sensors of a pitch bench, in the order of the loop."""
 
 
@@ -64,7 +55,6 @@ class PitchBench:
         model: the physics; its rig gives rotors, inertia, mass and pulse map.
         inertia_kgm2: about the hinge.
         sensors: by name, see `SENSOR_NAMES`; a missing one is perfect. Rotor speeds in rad/s.
-        range_faults: how range sensors fail.
         covered: (n_discs,) share of each disc over the plate when it is all the way in.
         stop_rad: end stop of the hinge on both sides.
         pwm_min_us, pwm_max_us, pwm_quantum_us: what the motors take.
@@ -74,7 +64,6 @@ class PitchBench:
     model: Model
     inertia_kgm2: float
     sensors: Mapping[str, PitchSensor] = field(default_factory=dict)
-    range_faults: RangeFaults = RangeFaults()
     covered: tuple[float, ...] = (1.0,)
     stop_rad: float = pi / 3.0
     pwm_min_us: float = 1000.0

@@ -54,11 +54,6 @@ def gaps(gap_m, x_m, sine):
 
 
 @spelled
-def near(ranges, reach):
-    return {near}, {echoes}
-
-
-@spelled
 def bare(radius_m, x_m, y_m, height, area, speed, time_s, pitch, rate, cosine, weight):
     return Flow(radius_m, x_m, y_m, height, area, {ones}, speed, {zeros}, {zeros}, 0.0, 0.0,
                 0.0, time_s, pitch, rate, cosine, weight, {zeros}, 0.0, 0.0)
@@ -120,7 +115,7 @@ LANES = {lane_tuple}
 @compiled
 def run(w, states, sent, past, log, logged, schedule, fresh, table, distances, arms, plan, dt_s):
     run_ticks(w, states, sent, past, log, logged, schedule, fresh, table, distances, arms, plan,
-              dt_s, LANES, Hooks(numbers, of_discs, places, spans, gaps, near, bare, blown,
+              dt_s, LANES, Hooks(numbers, of_discs, places, spans, gaps, bare, blown,
                                  factors, loaded, torque, dry_friction, dry_width, speeds, gyro))
 
 
@@ -133,7 +128,7 @@ def tick(block, where, plan, number):
               line(block, where, 5).view(np.int64), plane(block, where, 6),
               plane(block, where, 7), plane(block, where, 8), plane(block, where, 9),
               line(block, where, 10), plan, line(block, where, 11)[0], LANES,
-              Hooks(numbers, of_discs, places, spans, gaps, near, bare, blown, factors, loaded,
+              Hooks(numbers, of_discs, places, spans, gaps, bare, blown, factors, loaded,
                     torque, dry_friction, dry_width, speeds, gyro))
 
 
@@ -141,7 +136,7 @@ def tick(block, where, plan, number):
 def track(w, states, sent, log, logged, schedule, seen, gains, table, distances, arms, plan, dt_s,
           before):
     track_ticks(w, states, sent, log, logged, schedule, seen, gains, table, distances, arms, plan,
-                dt_s, before, LANES, Hooks(numbers, of_discs, places, spans, gaps, near, bare,
+                dt_s, before, LANES, Hooks(numbers, of_discs, places, spans, gaps, bare,
                                    blown, factors, loaded, torque, dry_friction, dry_width, speeds,
                                    gyro))
 '''
@@ -196,8 +191,6 @@ def pitch_module(
         + ")",
         centre=each(arms, "arms[{i}]"),
         gaps=each(n_discs, "gap_m - x_m[{i}] * sine"),
-        near=each(n_discs, "min(ranges[{i}], reach)"),
-        echoes=each(n_discs, "1.0 * (ranges[{i}] < reach)"),
         ones=each(n_discs, "1.0"),
         zeros=each(n_discs, "0.0"),
         heights=spread(

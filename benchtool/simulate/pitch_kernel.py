@@ -12,7 +12,7 @@ from typing import Any
 
 from benchtool.aero.expression import loop_part
 from benchtool.simulate import pitch_rows as r
-from benchtool.simulate.pitch_lane import arrive_lane, range_lane, sense_lane, step_lane
+from benchtool.simulate.pitch_lane import arrive_lane, sense_lane, step_lane
 from benchtool.simulate.pitch_law import control_lane, expect_lane, mix_lane, turn_lane
 from benchtool.simulate.pitch_shared import Shared
 
@@ -45,21 +45,21 @@ def run_ticks(
         log: (n_ticks, n_logged, n_lanes), filled with the rows `logged` of each tick.
         logged: rows to log (n_logged,).
         schedule: (9 or more, n_ticks), see `pitch_rows`.
-        fresh: (n_ticks + 1, 5) which sensors have a new reading at a tick.
+        fresh: (n_ticks + 1, 4) which sensors have a new reading at a tick.
         table: (n, 3) places x, y of the discs and root of the rotors on each.
         distances: (n, n) between discs.
         arms: (n,) from the body's centre, for eq. (4).
-        plan: integers (11,): first tick, tick to stop before, plant steps per tick, who controls
+        plan: integers (10,): first tick, tick to stop before, plant steps per tick, who controls
             (0 the built-in laws, 1 the caller, 2 pulses in the schedule), ring length of `sent`,
             whether commands are delayed, ring length of `past`, delays of encoder, gyro and plate
-            in ticks, whether range sensors serve the feedforward.
+            in ticks.
         dt_s: plant step: s.
         lanes: one entry per lane, from the spelled-out module.
         hooks: the spelled-out effects.
     """
     at = len(lanes)
     first, last, substeps, external = plan[0], plan[1], plan[2], plan[3]
-    ring, delayed, by_range = plan[4], plan[5], plan[10]
+    ring, delayed = plan[4], plan[5]
     x, y, roots = hooks.places(table)
     between, centre = hooks.spans(distances, arms)
     span = 0.0
@@ -78,11 +78,7 @@ def run_ticks(
             for lane in range(at):
                 control_lane(w, lane, at, observing, substeps * dt_s)
         if schedule[r.S_FEEDFORWARD, tick] > 0.0:
-            now = (
-                schedule[r.S_BELIEVED_PLATE, tick],
-                schedule[r.S_BELIEVED_SHARE, tick],
-                by_range > 0,
-            )
+            now = (schedule[r.S_BELIEVED_PLATE, tick], schedule[r.S_BELIEVED_SHARE, tick])
             for lane in range(at):
                 expect_lane(w, lane, at, now, shared, hooks)
         else:
@@ -145,6 +141,3 @@ def sense_all(
     new = fresh[tick]
     for lane in range(at):
         sense_lane(w, lane, at, states, new, hooks, flow, x)
-    if plan[10] > 0 and new[r.F_RANGE]:
-        for lane in range(at):
-            range_lane(w, lane, at, states, shared, hooks)

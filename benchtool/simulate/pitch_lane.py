@@ -16,14 +16,11 @@ from benchtool.aero.expression import expression, loop_part
 from benchtool.aero.mixer import pitch_moment_Nm
 from benchtool.control.limits import limited
 from benchtool.simulate import pitch_rows as r
-from benchtool.simulate.noise import next_state, normal, uniform
+from benchtool.simulate.noise import next_state, normal
 from benchtool.simulate.trigonometry import cosine, sine
 
 SMALLEST = 1e-300
 """Keeps a hinge without friction from dividing nothing by nothing."""
-
-NEAREST_ECHO = 0.2
-"""A false echo comes from this share of the true distance, or farther; a guess."""
 
 
 @expression
@@ -133,43 +130,4 @@ def sense_lane(
         speed = read(w[(r.SPEED + i) * at + lane], normal(a, b), w, r.SPEED_SENSOR, at, lane)
         held = w[(r.READ_SPEED + i) * at + lane]
         w[(r.READ_SPEED + i) * at + lane] = speed if new[r.F_SPEED] else held
-    states[lane] = b
-
-
-@loop_part
-def range_lane(w: Any, lane: Any, at: Any, states: Any, shared: Any, hooks: Any) -> None:
-    """Read the range sensor under each disc of one lane: noise, dropouts, false echoes."""
-    x = shared.x
-    p = hooks.numbers(w, r.EFFECTS, lane, at)
-    theta = w[r.SEEN_THETA * at + lane]
-    heights = hooks.gaps(w[r.PLATE * at + lane], x, sine(theta))
-    flow = hooks.bare(
-        w[r.RADIUS * at + lane],
-        x,
-        shared.y,
-        heights,
-        heights,
-        heights,
-        shared.time_s,
-        theta,
-        0.0,
-        1.0,
-        0.0,
-    )
-    flow = hooks.blown(flow, shared.distances, shared.arms, p)
-    b = states[lane]
-    for i in range(len(x)):
-        a = next_state(b)
-        b = next_state(a)
-        draw = normal(a, b)
-        missing = next_state(b)
-        wrong = next_state(missing)
-        b = next_state(wrong)
-        over = w[(r.COVERED + i) * at + lane] * w[r.SHARE * at + lane] > 0.5
-        echo = read(flow.height_m[i], draw, w, r.RANGE_SENSOR, at, lane)
-        false = (NEAREST_ECHO + (1.0 - NEAREST_ECHO) * uniform(b)) * flow.height_m[i]
-        shown = echo if over else np.inf
-        shown = false if uniform(wrong) < w[r.RANGE_FALSE * at + lane] else shown
-        lost = uniform(missing) < w[r.RANGE_DROPOUT * at + lane]
-        w[(r.READ_RANGE + i) * at + lane] = w[(r.READ_RANGE + i) * at + lane] if lost else shown
     states[lane] = b

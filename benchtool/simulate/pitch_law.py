@@ -61,17 +61,13 @@ def control_lane(w: Any, lane: Any, at: Any, observing: Any, dt_s: Any) -> None:
 def expect_lane(w: Any, lane: Any, at: Any, now: Any, shared: Any, hooks: Any) -> None:
     """Work out the factors that the feedforward of one lane divides by."""
     x = shared.x
-    gap, share, by_range = now
+    gap, share = now
     p = hooks.numbers(w, r.EFFECTS + len(hooks.numbers(w, r.EFFECTS, lane, at)), lane, at)
     theta = w[r.READ_THETA * at + lane]
     for i in range(len(x)):
         w[(r.AREA + i) * at + lane] = w[(r.COVERED + i) * at + lane] * share
-    mapped = hooks.gaps(gap, x, sine(theta))
-    ranged, echoes = hooks.near(
-        hooks.of_discs(w, r.READ_RANGE, lane, at), w[r.RANGE_REACH * at + lane]
-    )
-    heights = ranged if by_range else mapped
-    areas = echoes if by_range else hooks.of_discs(w, r.AREA, lane, at)
+    heights = hooks.gaps(gap, x, sine(theta))
+    areas = hooks.of_discs(w, r.AREA, lane, at)
     flow = hooks.bare(
         w[r.BELIEVED_RADIUS * at + lane],
         x,

@@ -32,9 +32,8 @@ def own_ticks(loop: PitchLoop) -> Callable[[PitchController, int, int, int], Non
     advance = loop.stepper()
     n, rate_Hz = loop.n_discs, loop.schedule.rate_Hz
     w, dt_s = loop.w, 1.0 / rate_Hz
-    readings = w[r.READ_THETA : r.READ_RANGE + n]
-    speed, reach = r.READ_SPEED - r.READ_THETA, r.READ_RANGE - r.READ_THETA
-    speed_end = speed + n
+    speed = r.READ_SPEED - r.READ_THETA
+    readings = w[r.READ_THETA : r.READ_SPEED + n]
     new = tuple.__new__  # spares the named tuples' own constructors, half a microsecond a tick
 
     def run(controller: PitchController, first: int, last: int, before: int) -> None:
@@ -46,9 +45,8 @@ def own_ticks(loop: PitchLoop) -> Callable[[PitchController, int, int, int], Non
             read = readings.tolist()
             measured = new(
                 PitchMeasurement,
-                (time_s, read[0], read[1], read[2], tuple(read[speed:speed_end]),
-                 tuple(read[reach:])),
-            )  # fmt: skip
+                (time_s, read[0], read[1], read[2], tuple(read[speed:])),
+            )
             reference = new(PitchReference, (references[number], collectives[number]))
             try:
                 command = step(measured, reference, dt_s)

@@ -120,15 +120,10 @@ def pack(
         (r.GYRO_SENSOR, "gyro_rad_s"),
         (r.PLATE_SENSOR, "plate_z_m"),
         (r.SPEED_SENSOR, "rpm"),
-        (r.RANGE_SENSOR, "range_m"),
     ):
         sensor = bench.sensors.get(name, PitchSensor())
         for row, value in zip(rows, (sensor.noise, sensor.bias, sensor.quantum), strict=True):
             w[row] = value
-    faults = bench.range_faults
-    w[r.RANGE_DROPOUT], w[r.RANGE_FALSE] = faults.dropout, faults.false_echo
-    w[r.RANGE_REACH] = faults.reach_m
-    w[r.READ_RANGE : r.READ_RANGE + r.MAX_DISCS] = np.inf
     _pack_control(w, bench, control, believed)
     w[r.EFFECTS :] = np.concatenate(
         [_numbers(model, effects) or [0.0], _numbers(believed, effects) or [0.0]]

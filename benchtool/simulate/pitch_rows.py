@@ -43,7 +43,6 @@ READ_THETA = next(_rows)
 READ_GYRO = next(_rows)
 READ_PLATE = next(_rows)
 READ_SPEED = _block()  # rad/s
-READ_RANGE = _block()  # m, infinite where nothing echoes
 RATE_INTEGRAL = next(_rows)  # rad/s
 ACCELERATION_INTEGRAL = next(_rows)  # rad/s2
 EXPLAINED = next(_rows)  # N m s
@@ -85,10 +84,6 @@ THETA_SENSOR = (next(_rows), next(_rows), next(_rows))
 GYRO_SENSOR = (next(_rows), next(_rows), next(_rows))
 PLATE_SENSOR = (next(_rows), next(_rows), next(_rows))
 SPEED_SENSOR = (next(_rows), next(_rows), next(_rows))
-RANGE_SENSOR = (next(_rows), next(_rows), next(_rows))
-RANGE_DROPOUT = next(_rows)  # probability that a reading is missing
-RANGE_FALSE = next(_rows)  # probability of a false echo
-RANGE_REACH = next(_rows)  # m, farthest echo
 
 # --- numbers of the controller ----------------------------------------------------------------
 PID = next(_rows)  # the nine fields of control.pid.AttitudePid
@@ -125,4 +120,4 @@ S_PULSES = 9
 """First of the rows with the pulses of each disc, in us, where a log drives the bench."""
 
 # --- sensors in the order of the flags that say when each has a new reading ---------------------
-F_THETA, F_GYRO, F_PLATE, F_SPEED, F_RANGE = range(5)
+F_THETA, F_GYRO, F_PLATE, F_SPEED = range(4)

@@ -55,7 +55,7 @@ def shared_key(job: PitchJob) -> tuple[object, ...]:
         bench.plant_rate_Hz,
         bench.hover_N,
         control.observer,
-        (known.strength > 0.0, known.source, known.height_error_m, known.late_s),
+        (known.strength > 0.0, known.height_error_m, known.late_s),
         tuple((sensor.rate_Hz, sensor.delay_s) for sensor in sensors),
     )
 
@@ -136,13 +136,10 @@ class PitchLoop:
         rates_Hz = (bench.sensors.get(name, PitchSensor()).rate_Hz for name in SENSOR_NAMES)
         self.fresh = fresh_flags(tuple(rates_Hz), len(schedule), schedule.rate_Hz)
         self.geometry = geometry_of(model)
-        ranging = int(
-            first.control.feedforward.source == "range" and first.control.feedforward.strength > 0.0
-        )
         delays = [sensor_delay(bench, name, schedule.rate_Hz) for name in SENSOR_NAMES[:3]]
         late = any(column[r.DELAY_STEPS] > 0.0 or _late(column) for column in columns)
         self.plan = np.array(
-            [0, ticks, self.substeps, int(external), self.ring, int(late), PAST, *delays, ranging],
+            [0, ticks, self.substeps, int(external), self.ring, int(late), PAST, *delays],
             np.int64,
         )
         self._settle(first)

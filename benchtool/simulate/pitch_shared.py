@@ -14,7 +14,6 @@ class Hooks(NamedTuple):
         places: places(table) -> x, y and roots, one per disc each.
         spans: spans(distances, arms) -> the same as tuples.
         gaps: gaps(gap_m, x_m, sine) -> height of each disc over the plate.
-        near: near(ranges, reach) -> heights and areas as range sensors show them.
         bare: a Flow of given heights and areas, without images.
         blown: blown(flow, distances, arms, p) -> the Flow with changed heights, areas, images.
         factors: factors(flow, p) -> T_IGE/T_OGE of each disc.
@@ -29,7 +28,6 @@ class Hooks(NamedTuple):
     places: Any
     spans: Any
     gaps: Any
-    near: Any
     bare: Any
     blown: Any
     factors: Any

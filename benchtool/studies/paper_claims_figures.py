@@ -162,7 +162,7 @@ def block_figures() -> dict[str, Figure]:
         Box(name="divide", text="divide by\n$\\hat f_{GE}$", x=7.0, y=y, width=1.0, kind="added"),
         Box(name="model", text="model of the effect\neq. (2) to (4), areas", x=7.0, y=-1.15,
             width=2.1, kind="added"),
-        Box(name="map", text="map, or range sensor\nunder each rotor", x=4.1, y=-1.15, width=2.1,
+        Box(name="map", text="map of what lies\nunder each rotor", x=4.1, y=-1.15, width=2.1,
             kind="added"),
     ]  # fmt: skip
     feedforward = (

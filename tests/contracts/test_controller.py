@@ -46,7 +46,7 @@ def test_the_loop_and_the_seam_give_the_same_run(name: str, gains: str) -> None:
 @SETS
 def test_at_rest_at_the_reference_it_asks_for_nothing(name: str, gains: str) -> None:
     controller = through_the_seam(name, gains)
-    still = PitchMeasurement(0.0, 0.1, 0.0, 1.0, (), ())
+    still = PitchMeasurement(0.0, 0.1, 0.0, 1.0, ())
     for _ in range(100):
         assert controller.step(still, PitchReference(0.1, 3.4), 0.004).torque_Nm == 0.0
 
@@ -58,7 +58,7 @@ def test_it_pushes_towards_the_reference_within_what_the_mixer_can_give(
 ) -> None:
     for wanted in (0.05, -0.05, 50.0, -50.0):
         controller = through_the_seam(name, gains)
-        level = PitchMeasurement(0.0, 0.0, 0.0, 1.0, (), ())
+        level = PitchMeasurement(0.0, 0.0, 0.0, 1.0, ())
         torque = controller.step(level, PitchReference(wanted, 3.4), 0.004).torque_Nm
         assert torque * wanted > 0.0
         assert abs(torque) <= controller.pid.torque_limit_Nm

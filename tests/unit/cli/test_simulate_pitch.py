@@ -119,7 +119,6 @@ def test_a_controller_of_ones_own_is_named_on_the_command_line(
         (("--set", "feedforward.dropout=2"), "known: height_error_m, late_s, strength"),
         (("--vary", "K_b=1:2:1000000000"), "are 1000000000 runs; give at most 10000000"),
         (("--vary", "K_b=1:inf:3"), "write NAME=FROM:TO:COUNT"),
-        (("--feedforward", "guess"), "known: distance, range"),
     ],
 )
 def test_bad_input_is_one_sentence_and_exit_code_2(

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from benchtool.control.controller import PitchCommand, PitchMeasurement, PitchReference
-from benchtool.control.pitch import Feedforward
 from benchtool.errors import InputError
 from benchtool.simulate.own_controller import made
 from benchtool.simulate.pitch_simulate import simulate_controller, simulate_pitch
@@ -53,22 +52,6 @@ def test_the_same_law_in_python_gives_the_same_run() -> None:
     own = simulate_controller(Cascade(), job(noisy_bench(), soft()), SCHEDULE, seed=2)
     built_in = simulate_pitch(job(noisy_bench(), soft()), SCHEDULE, seed=2)
     np.testing.assert_allclose(own.log, built_in.log, rtol=1e-12, atol=1e-15)
-
-
-def test_it_sees_ranges_where_the_feedforward_has_sensors() -> None:
-    seen = []
-
-    class Looks(Cascade):
-        def step(
-            self, measurement: PitchMeasurement, reference: PitchReference, dt_s: float
-        ) -> PitchCommand:
-            seen.append(measurement.range_m)
-            return super().step(measurement, reference, dt_s)
-
-    ranging = soft("feedforward", Feedforward(strength=1.0, source="range"))
-    simulate_controller(Looks(), job(noisy_bench(), ranging), SCHEDULE)
-    assert seen[100][0] == pytest.approx(0.24, abs=0.03)
-    assert seen[100][1:] == (np.inf, np.inf, np.inf)
 
 
 @pytest.mark.parametrize(

@@ -17,13 +17,12 @@ from benchtool.effects.effect import Effect
 from benchtool.effects.model import Model
 from benchtool.errors import InputError, UnknownChoice
 from benchtool.library import rig_named
-from benchtool.simulate import pitch_rows as r
-from benchtool.simulate.pitch_bench import PitchBench, RangeFaults
+from benchtool.simulate.pitch_bench import PitchBench
 from benchtool.simulate.pitch_run import PitchLoop
 from benchtool.simulate.pitch_simulate import simulate_pitch
 from benchtool.simulate.spelled import Spelling
 from tests.unit.simulate.own_effect import MAGNET, SLUGGISH
-from tests.unit.simulate.pitching import STEADY_PLATE, job, quiet_bench, sampled, soft
+from tests.unit.simulate.pitching import job, quiet_bench, sampled, soft
 
 VISIT = (PlateVisit(z_over_R=1.0, in_s=1.0, out_s=1e6, move_s=0.5),)
 
@@ -80,35 +79,6 @@ def test_errors_of_its_map_show(wrong: dict[str, float]) -> None:
     assert peak(Feedforward(strength=1.0, **wrong)) > 0.16 * unaided()
 
 
-def test_range_sensors_serve_the_feedforward_and_their_faults_show() -> None:
-    by_range = Feedforward(strength=1.0, source="range")
-    good = quiet_bench("pquad")
-    assert peak(by_range, good) < 0.35 * unaided()
-    noisy = good.with_sensor("range_m", noise=0.02, rate_Hz=50.0)
-    assert peak(by_range, noisy) < 0.5 * unaided()
-    deaf = replace(good, range_faults=RangeFaults(dropout=1.0))
-    assert peak(by_range, deaf) == pytest.approx(unaided(), rel=0.02)
-    lying = replace(good, range_faults=RangeFaults(false_echo=0.3))
-    assert peak(by_range, lying) > peak(by_range, good)
-    blind = replace(good, range_faults=RangeFaults(reach_m=0.05))
-    assert peak(by_range, blind) == pytest.approx(unaided(), rel=0.02)
-
-
-def test_a_false_echo_is_nearer_than_the_plate_and_as_frequent_as_stated() -> None:
-    bench = replace(
-        quiet_bench("pquad"), inertia_kgm2=1e6, range_faults=RangeFaults(false_echo=0.2)
-    )
-    control = soft("feedforward", Feedforward(strength=1.0, source="range"))
-    loop = PitchLoop([job(bench, control)], sampled(20.0, plate=STEADY_PLATE), 3, [0])
-    loop.rows[0] = r.READ_RANGE
-    loop.run()
-    shown = loop.log[1:, 0, 0]
-    false = shown < 0.24 - 1e-6
-    assert false.mean() == pytest.approx(0.2, abs=0.02)
-    assert shown[~false] == pytest.approx(0.24, abs=1e-4)
-    assert shown.min() > 0.2 * 0.24 - 1e-9
-
-
 def test_what_lanes_must_share_is_said() -> None:
     jobs = [job(quiet_bench("pquad"), soft()), job(quiet_bench("pquad"), soft("observer"))]
     with pytest.raises(InputError, match="must share rig, rates, delays"):
@@ -118,8 +88,6 @@ def test_what_lanes_must_share_is_said() -> None:
 def test_unknown_names_are_refused() -> None:
     with pytest.raises(UnknownChoice, match="observer"):
         soft("obsrver")
-    with pytest.raises(UnknownChoice, match="distance, range"):
-        Feedforward(source="map")
 
 
 def test_an_edit_of_one_s_own_effect_is_noticed(
