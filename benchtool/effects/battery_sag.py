@@ -50,6 +50,7 @@ EFFECT = Effect(
     source="linear loss over a few minutes; a guess for longer runs",
     confused_with={"load_cell_drift": "the voltage column and rpm separate them"},
     benches=frozenset({"pitch", "sweep"}),
+    supply_loss="rate_per_s",
     tolerance_of=tolerance_of,
     speed=speed,
 )

@@ -43,5 +43,12 @@ EFFECT = Effect(
         "neighbour_images": "distances below and above half the rotor spacing separate them",
     },
     benches=frozenset({"pitch", "sweep"}),
+    separated_by={
+        "R_m": (
+            "plate distances both below z/R = 1, where R rules, and from 2 to 5, where K_b does"
+        ),
+        "k": "reference points without the plate",
+    },
+    trends_over=("z_over_R",),
     denominator=denominator,
 )

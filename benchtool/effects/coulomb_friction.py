@@ -63,6 +63,8 @@ EFFECT = Effect(
         "stribeck": "speeds near zero separate them",
     },
     benches=frozenset({"pitch"}),
+    # A hinge gives way a little before it slips; textbooks give more than this guess.
+    law_error=0.05,
     tolerance_of=tolerance_of,
     dry_friction=dry_friction,
     dry_width=dry_width,

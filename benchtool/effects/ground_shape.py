@@ -50,5 +50,6 @@ EFFECT = Effect(
     ),
     confused_with={"plate_offset": "distances beyond z/R 1 separate them"},
     benches=frozenset(),
+    adjusted_on=frozenset({"sweep"}),
     denominator=denominator,
 )

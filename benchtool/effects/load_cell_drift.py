@@ -61,6 +61,11 @@ EFFECT = Effect(
         "tare_offset": "points soon and late after a tare separate them",
     },
     benches=frozenset({"sweep"}),
+    separated_by={
+        "tare_offset.thrust_N": "anchor points repeated over a longer time since the tare",
+        "k": "anchor points repeated over a longer time",
+    },
+    trends_over=("order", "time_s", "elapsed_s"),
     tolerance_of=tolerance_of,
     readings={"thrust_N": thrust_reading},
     states=(

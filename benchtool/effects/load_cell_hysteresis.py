@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from benchtool.aero.expression import expression
 from benchtool.core.parameter import Parameter, Prior
 from benchtool.core.rig import Rig
+from benchtool.core.units import STANDARD_GRAVITY_M_S2
 from benchtool.effects.effect import BenchKind, Effect, Flow, Quantity, Values
 from benchtool.effects.size import weight_scale
 
@@ -25,6 +26,11 @@ def thrust_reading(
 def tolerance_of(rig: Rig, bench: BenchKind) -> Mapping[str, float]:
     """Return the force that matters (a guess), in the measure of the weight: N."""
     return {"half_width_N": 0.02 * weight_scale(rig)}
+
+
+def rig_values(rig: Rig) -> Mapping[str, float]:
+    """Return the weight as the load at which the half width holds: N."""
+    return {"reference_N": STANDARD_GRAVITY_M_S2 * rig.body.mass_kg}
 
 
 EFFECT = Effect(
@@ -89,6 +95,7 @@ EFFECT = Effect(
         "load_cell_drift": "levels in mixed order separate them",
     },
     benches=frozenset({"sweep"}),
+    rig_values=rig_values,
     tolerance_of=tolerance_of,
     readings={"thrust_N": thrust_reading},
 )

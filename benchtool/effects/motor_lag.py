@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from benchtool.aero.expression import expression
 from benchtool.core.parameter import Parameter
+from benchtool.core.rig import Rig
 from benchtool.effects.effect import Effect, OwnState, Quantity, Values
 
 
@@ -25,6 +28,11 @@ def settled(drive: Quantity, elapsed_s: Quantity, p: Values) -> Quantity:
 def kept(dt_s: Quantity, p: Values) -> Quantity:
     """Return exp(-dt / tau): what is left of the distance to a held command; 0 without lag."""
     return np.exp(-dt_s / np.maximum(p[0], 1e-12))
+
+
+def rig_values(rig: Rig) -> Mapping[str, float]:
+    """Return the lag of the rig's motors: s."""
+    return {"tau_s": rig.propulsion.lag_s}
 
 
 EFFECT = Effect(
@@ -50,6 +58,7 @@ EFFECT = Effect(
     source="first-order model, usual for small brushless motors",
     confused_with={"transport_delay": "dither above 5 Hz, or rpm telemetry, separates them"},
     benches=frozenset({"pitch"}),
+    rig_values=rig_values,
     states=(
         OwnState(
             name="speed",
@@ -57,6 +66,7 @@ EFFECT = Effect(
             rate=rate,
             settled=settled,
             kept=kept,
+            time_constant="tau_s",
         ),
     ),
 )

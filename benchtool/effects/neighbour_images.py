@@ -36,5 +36,9 @@ EFFECT = Effect(
     source="Sanchez-Cuevas et al. 2017, eq. (3); method of images",
     confused_with={"body_lift": "distances below and above half the rotor spacing separate them"},
     benches=frozenset({"sweep"}),
+    separated_by={
+        "R_m": "the same distances with one rotor alone",
+        "body_lift.K_b": "plate distances below and above half the rotor spacing",
+    },
     denominator=denominator,
 )

@@ -7,7 +7,7 @@ between one knot and the next the factor takes a share of what is left up to one
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -16,7 +16,7 @@ import numpy as np
 from benchtool.aero.expression import expression
 from benchtool.core.parameter import Parameter
 from benchtool.core.rig import Rig
-from benchtool.effects.effect import BenchKind, Effect, Flow, Quantity, Values
+from benchtool.effects.effect import BenchKind, Derived, Effect, Flow, Quantity, Values
 from benchtool.errors import InputError
 
 TOLERANCE = 0.1
@@ -52,6 +52,24 @@ def factors(shares: Sequence[float]) -> tuple[float, ...]:
         reached += share * (1.0 - reached)
         out.append(reached)
     return tuple(out)
+
+
+def derived(names: Sequence[str]) -> tuple[Derived, ...]:
+    """Return the area factors that free shares (full names) stand for, one for each knot."""
+    shares = [name for name in names if "share_" in name]
+
+    def factor(upto: int) -> Callable[[Mapping[str, Any]], Any]:
+        def of(values: Mapping[str, Any]) -> Any:
+            left: Any = 1.0
+            for name in shares[:upto]:
+                left = left * (1.0 - values[name])
+            return 1.0 - left
+
+        return of
+
+    return tuple(
+        Derived(name.replace("share", "factor"), "1", factor(k)) for k, name in enumerate(shares, 1)
+    )
 
 
 def with_knots(coverages: Sequence[float]) -> Effect:
@@ -111,6 +129,7 @@ def with_knots(coverages: Sequence[float]) -> Effect:
         source="linearity: paper section 3.1 after Seo et al. 2010; the free factors are ours",
         confused_with={"body_lift": "a full cover at the same distance separates them"},
         benches=frozenset({"pitch", "sweep"}),
+        derived=derived,
         tolerance_of=tolerance_of,
         area=area,
         configure=configured,

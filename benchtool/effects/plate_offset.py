@@ -47,6 +47,11 @@ EFFECT = Effect(
         "plate_tilt": "lateral plate positions separate them",
     },
     benches=frozenset({"pitch", "sweep"}),
+    separated_by={
+        "R_m": "plate distances both near (z/R 0.5) and above z/R = 1",
+        "body_lift.K_b": "three or more plate distances",
+    },
+    trends_over=("z_over_R",),
     tolerance_of=tolerance_of,
     height=height,
 )

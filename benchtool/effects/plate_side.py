@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from benchtool.aero.expression import expression
 from benchtool.core.parameter import Parameter, Prior
+from benchtool.core.rig import Rig
 from benchtool.effects.effect import Effect, Flow, Quantity, Values
 
 KNOWN = Prior("normal", 0.0, 0.0015, "assumed: the plate's side is set with a ruler")
@@ -22,6 +25,11 @@ def area(i: int, fraction: Quantity, flow: Flow, p: Values) -> Quantity:
     chord = 2.0 * (4.0 * left) ** CHORD_POWER / (np.pi * p[1])
     outward = np.sign(flow.position_x_m[i] - flow.plate_x_m)
     return np.minimum(np.maximum(fraction + p[0] * outward * chord, 0.0), 1.0)
+
+
+def rig_values(rig: Rig) -> Mapping[str, float]:
+    """Return the rotor's own radius as that of the discs: m."""
+    return {"disc_radius_m": rig.propulsion.radius_m}
 
 
 EFFECT = Effect(
@@ -61,5 +69,7 @@ EFFECT = Effect(
     source="geometry of a circle and a straight edge; the size is a guess",
     confused_with={"partial_coverage": "edges on both sides separate them"},
     benches=frozenset(),
+    rig_values=rig_values,
+    adjusted_on=frozenset({"sweep"}),
     area=area,
 )

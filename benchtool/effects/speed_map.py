@@ -53,5 +53,6 @@ EFFECT = Effect(
         "battery_sag": "it is there from the beginning",
     },
     benches=frozenset(),
+    adjusted_on=frozenset({"pitch"}),
     speed=speed,
 )

@@ -46,6 +46,11 @@ EFFECT = Effect(
     source="arithmetic of a tare",
     confused_with={"load_cell_hysteresis": "tare rows and up-and-down order separate them"},
     benches=frozenset({"sweep"}),
+    separated_by={
+        "k": "several throttle levels, among them a low one",
+        "calibration.offset_N": "a tare with the motors off",
+    },
+    trends_over=("speed_rad_s",),
     tolerance_of=tolerance_of,
     readings={"thrust_N": thrust_reading},
 )

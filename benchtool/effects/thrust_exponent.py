@@ -47,5 +47,7 @@ EFFECT = Effect(
     source="UIUC propeller data: C_T of a 10x7 slow flyer rises 14 % from 2283 to 5987 rpm",
     confused_with={"tare_offset": "several pwm levels separate them"},
     benches=frozenset({"sweep"}),
+    separated_by={"k": "several throttle levels, far apart"},
+    trends_over=("speed_rad_s",),
     factor=factor,
 )

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.fit_result import FitResult
+from benchtool.effects.catalogue import EFFECTS
 from benchtool.estimate.covariance import PART, spread_of
 from benchtool.estimate.jacobian import way_for
 from benchtool.estimate.likelihood import split_values
@@ -28,30 +28,20 @@ MATTERS = 0.1
 """A confusion is told when a standard deviation is more than the parameter's tolerance, or more
 than this part of its value where none is stated: correlated but well-known numbers harm nobody."""
 
-SEPARATED_BY: Mapping[frozenset[str], str] = {
-    frozenset({"R_m", "body_lift.K_b"}): (
-        "plate distances both below z/R = 1, where R rules, and from 2 to 5, where K_b does"
-    ),
-    frozenset(
-        {"R_m", "plate_offset.dz_m"}
-    ): "plate distances both near (z/R 0.5) and above z/R = 1",
-    frozenset({"body_lift.K_b", "plate_offset.dz_m"}): "three or more plate distances",
-    frozenset({"R_m", "neighbour_images.strength"}): "the same distances with one rotor alone",
-    frozenset({"body_lift.K_b", "neighbour_images.strength"}): (
-        "plate distances below and above half the rotor spacing"
-    ),
+BASELINE: dict[frozenset[str], str] = {
     frozenset({"k", "R_m"}): "reference points without the plate",
-    frozenset({"k", "body_lift.K_b"}): "reference points without the plate",
-    frozenset({"k", "tare_offset.thrust_N"}): "several throttle levels, among them a low one",
-    frozenset({"k", "thrust_exponent.excess"}): "several throttle levels, far apart",
     frozenset({"k", "calibration.scale"}): "with a better calibration of the load cell",
-    frozenset({"tare_offset.thrust_N", "load_cell_drift.rate_N_per_s"}): (
-        "anchor points repeated over a longer time since the tare"
-    ),
-    frozenset({"k", "load_cell_drift.rate_N_per_s"}): "anchor points repeated over a longer time",
-    frozenset({"tare_offset.thrust_N", "calibration.offset_N"}): "a tare with the motors off",
 }
-"""What data separate a pair; from the laws of the effects."""
+"""What data separate a pair of numbers that belong to no effect."""
+
+
+def separated_by() -> dict[frozenset[str], str]:
+    """Return what data separate a pair of parameters, from the laws of the effects."""
+    return {
+        frozenset({f"{effect.name}.{effect.parameters[0].name}", other}): text
+        for effect in EFFECTS.values()
+        for other, text in effect.separated_by.items()
+    } | BASELINE
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,7 +139,7 @@ def _named(
     limit = 0.0 if open_directions else SHARE
     order = np.argsort(-involvement)
     involved = tuple(names[i] for i in order if involvement[i] > limit)
-    remedies = [text for pair, text in SEPARATED_BY.items() if pair <= set(involved)]
+    remedies = [text for pair, text in separated_by().items() if pair <= set(involved)]
     if remedies:
         remedy = f"measure {'; '.join(dict.fromkeys(remedies))}"
     elif len(involved) == 1:

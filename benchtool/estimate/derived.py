@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,27 +11,12 @@ from numpy.typing import NDArray
 
 from benchtool.core.fit_result import Estimate, FitResult
 from benchtool.core.parameter import Parameter
+from benchtool.effects.effect import Derived
 from benchtool.errors import EstimationError
 from benchtool.estimate.interval import around, from_draws, half_widths
 from benchtool.estimate.jacobian import central_differences, complex_step, way_for
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True, slots=True)
-class Derived:
-    """Name a quantity and how it follows from the free parameters.
-
-    Attributes:
-        name: for results ("R_eff_over_R").
-        unit: one of `core.units.UNITS`.
-        function: function(values by full name) -> quantity, elementwise on arrays; parameters
-            that were not free are constants of the function.
-    """
-
-    name: str
-    unit: str
-    function: Callable[[Mapping[str, Any]], Any]
 
 
 def with_derived(result: FitResult, quantities: Sequence[Derived]) -> FitResult:
@@ -70,28 +55,6 @@ def _bounds_of(quantity: Derived, result: FitResult) -> str:
     quantity.function(values)
     hit = [item for item in result.estimates if item.bound and item.name in values.names]
     return "; ".join(f"{item.name} {item.bound}" for item in hit)
-
-
-def area_factors(share_names: Sequence[str]) -> tuple[Derived, ...]:
-    """Return the area factors that free shares stand for, one for each knot.
-
-    Each share is the part taken of what is left up to one: the factor at knot k is
-    1 - (1 - share_1) ... (1 - share_k).
-    """
-
-    def factor(upto: int) -> Callable[[Mapping[str, Any]], Any]:
-        def of(values: Mapping[str, Any]) -> Any:
-            left: Any = 1.0
-            for name in share_names[:upto]:
-                left = left * (1.0 - values[name])
-            return 1.0 - left
-
-        return of
-
-    return tuple(
-        Derived(name.replace("share", "factor"), "1", factor(k))
-        for k, name in enumerate(share_names, 1)
-    )
 
 
 def _from_draws(quantity: Derived, names: Sequence[str], result: FitResult) -> Estimate:

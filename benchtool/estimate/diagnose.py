@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from benchtool.core.counted import counted
 from benchtool.core.fit_result import FitResult
+from benchtool.effects.catalogue import EFFECTS
 from benchtool.errors import BenchtoolError, EstimationError, ModelRejected, NotConverged
 from benchtool.estimate.confusion import Confusion, confusions
 from benchtool.estimate.likelihood import residuals, split_values
@@ -233,23 +234,19 @@ def _of_structure(
     return curved + curves + slopes
 
 
-CAUSES = {
-    "load_cell_drift.rate_N_per_s": ("a drift", ("order", "time_s", "elapsed_s")),
-    "plate_offset.dz_m": ("the plate offset", ("z_over_R",)),
-    "body_lift.K_b": ("the body lift", ("z_over_R",)),
-    "thrust_exponent.excess": ("the thrust exponent", ("speed_rad_s",)),
-    "tare_offset.thrust_N": ("the tare offset", ("speed_rad_s",)),
-}
-"""Parameters whose absence shows in residuals over some columns, with their words."""
+CLOCK = ("order", "time_s", "elapsed_s")
+"""Columns that go with time: anchor points repeated over a run tell more of what trends there."""
 
 
 def _hint(column: str, free: tuple[str, ...]) -> str:
     """Say what to do about a trend; what is free already cannot be freed."""
     words = [
-        what for name, (what, columns) in CAUSES.items() if column in columns and name not in free
+        f"the {effect.name.replace('_', ' ')}"
+        for effect in EFFECTS.values()
+        if column in effect.trends_over and f"{effect.name}.{effect.parameters[0].name}" not in free
     ]
     advice = [f"free {' or '.join(words)}"] if words else []
-    if column in CAUSES["load_cell_drift.rate_N_per_s"][1]:
+    if column in CLOCK:
         advice.append("look at the anchor points")
     return ", or ".join(advice) or "look for an effect that depends on it"
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from types import MappingProxyType
 
+from benchtool.effects.catalogue import EFFECTS, candidates
 from benchtool.effects.effect import BenchKind, Effect
 from benchtool.effects.model import Model
 from benchtool.effects.tolerances import tolerances
@@ -45,6 +46,46 @@ def effect_knobs(
     ]
 
 
-def neutral_values(effect: Effect) -> dict[str, float]:
-    """Return the values of an effect's parameters at which it is absent, where it has such."""
-    return {item.name: item.neutral for item in effect.parameters if item.neutral is not None}
+def with_every_effect(model: Model, bench: BenchKind, extra: Sequence[Effect] = ()) -> Model:
+    """Return the model with every effect that an explanation moves on a bench, at its neutral.
+
+    Args:
+        model: as given by the user.
+        bench: whose effects count.
+        extra: effects of the user's own.
+    """
+    have = {effect.name for effect in model.effects}
+    for effect in moved_effects(bench, extra):
+        if effect.name not in have:
+            neutral = {p.name: p.neutral for p in effect.parameters if p.neutral is not None}
+            model = model.with_effect(effect, **neutral)
+    for effect in model.effects:
+        shapes = shape_names(model, effect, bench)
+        stated = any(model.parameters[name].value != 0.0 for name in shapes)
+        if effect.rig_values is None or (effect.name in have and (stated or not shapes)):
+            continue
+        for name, value in effect.rig_values(model.rig).items():
+            model = model.fixed(f"{effect.name}.{name}", value)
+    return model
+
+
+def moved_effects(bench: BenchKind, extra: Sequence[Effect] = ()) -> tuple[Effect, ...]:
+    """Return the effects that an explanation may name, then those that it only adjusts."""
+    adjusted = [effect for effect in EFFECTS.values() if bench in effect.adjusted_on]
+    return (*candidates(bench), *sorted(adjusted, key=lambda effect: effect.name), *extra)
+
+
+def shape_names(model: Model, effect: Effect, bench: BenchKind) -> list[str]:
+    """Return full names of an effect's numbers that nobody knows exactly, held by its priors.
+
+    They shape the law of a candidate, or are all there is of what an explanation only adjusts.
+    """
+    shown = {} if bench in effect.adjusted_on else tolerances(model, bench)
+    full = [f"{effect.name}.{p.name}" for p in effect.parameters if p.prior.kind == "normal"]
+    return [name for name in full if name not in shown]
+
+
+def all_shape_names(model: Model, bench: BenchKind, extra: Sequence[Effect] = ()) -> list[str]:
+    """Return those of every effect on a bench: first of what is only adjusted, then by name."""
+    effects = sorted(moved_effects(bench, extra), key=lambda one: (one.candidate, one.name))
+    return [name for effect in effects for name in shape_names(model, effect, bench)]

@@ -9,10 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.parameter import Parameters
-from benchtool.effects.catalogue import candidates, effect_named
+from benchtool.effects.catalogue import candidates
 from benchtool.effects.effect import Effect
 from benchtool.effects.model import Model
-from benchtool.explain.effect_knobs import RADIUS_KNOWN, effect_knobs, neutral_values
+from benchtool.explain.effect_knobs import (
+    RADIUS_KNOWN,
+    all_shape_names,
+    effect_knobs,
+    with_every_effect,
+)
 from benchtool.explain.knob import Knob, parameters_at
 from benchtool.explain.pitch_filter import PitchFilter, pitch_filter
 from benchtool.explain.pitch_regimes import pitch_regimes
@@ -28,24 +33,8 @@ PLANT_HZ = 500.0
 LEAST_LAG_S = 1.001 * STEPS_PER_LAG / PLANT_HZ
 """Shortest motor lag that is tried; a quicker one is none at these steps."""
 
-SHORTEST = {"motor_lag.tau_s": LEAST_LAG_S}
-"""Bounds of knobs that are narrower than the effects' own."""
-
 SETTLING_S = 0.3
 """What a filter needs after it began anew before its innovations count."""
-
-
-def with_library(model: Model, extra: Sequence[Effect] = ()) -> Model:
-    """Return the model with every candidate of a pitch bench in it, at its neutral value."""
-    have = {effect.name for effect in model.effects}
-    for effect in (*candidates("pitch"), effect_named("speed_map"), *extra):
-        if effect.name in have:
-            continue
-        if effect.name == "motor_lag":
-            model = model.with_effect(effect, tau_s=model.rig.propulsion.lag_s)
-        else:
-            model = model.with_effect(effect, **neutral_values(effect))
-    return model
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,11 +58,15 @@ class PitchEvidence:
     def __init__(
         self, model: Model, logs: Sequence[LoggedPitch], extra: Sequence[Effect] = ()
     ) -> None:
-        self.model = with_library(model, extra)
+        self.model = with_every_effect(model, "pitch", extra)
+        self._extra = tuple(extra)
         names = {effect.name for effect in (*candidates("pitch"), *extra)}
         self.logs = [self._prepared(log) for log in logs]
         self.n_discs = logs[0].n_discs
-        self.knobs = (*effect_knobs(self.model, names, "pitch", SHORTEST), *self._owner_knobs())
+        self.knobs = (
+            *effect_knobs(self.model, names, "pitch", _shortest(self.model)),
+            *self._owner_knobs(),
+        )
 
     # --- knobs ----------------------------------------------------------------------------
 
@@ -92,7 +85,7 @@ class PitchEvidence:
                 lower=0.2 * radius.value, held=True,
             ),
         ]  # fmt: skip
-        for name in ("speed_map.gain", "speed_map.difference", "coulomb_friction.width_rad_s"):
+        for name in all_shape_names(self.model, "pitch", self._extra):
             item = items[name]
             out.append(
                 Knob(
@@ -182,6 +175,16 @@ class PitchEvidence:
             error = seen[:, None] - found.speed_rad_s[:, i][counted]
             rows.append(np.nan_to_num(error / log.filter.speed_sd_rad_s))
         return tuple(rows)
+
+
+def _shortest(model: Model) -> dict[str, float]:
+    """Return bounds of time constants, below which the plant's steps cannot follow a lag."""
+    return {
+        f"{effect.name}.{state.time_constant}": LEAST_LAG_S
+        for effect in model.effects
+        for state in effect.states
+        if state.time_constant and state.drive == "speed_rad_s"
+    }
 
 
 def _has_gyro(log: Followable) -> bool:

@@ -20,6 +20,9 @@ Array = NDArray[np.float64]
 QUIET_WAKE = 1e-3
 """Standard deviation of the wake's torque over m g L where a model states none; a guess."""
 
+USUAL_CORRELATION_S = 0.1
+"""Correlation time of the wake's torque where a model states none; a guess."""
+
 SPEED_GAIN = 0.02
 """How far a reading of rotor speed corrects the speed: what the pulses do wrong is gone from the
 thrust after some fifty readings. A larger gain feeds the readings' noise back through the lag, and
@@ -105,6 +108,9 @@ def wake_of(bench: PitchBench) -> tuple[float, float]:
     rig = bench.model.rig
     arm_m = float(np.max(np.abs(rig.disc_positions_m[:, 0])))
     least = QUIET_WAKE * rig.body.mass_kg * 9.81 * arm_m
-    stated = bench.parameter("wake_torque", "sd_Nm")
-    correlation_s = bench.parameter("wake_torque", "correlation_s") or 0.1
-    return max(stated, least if stated == 0.0 else 0.0), correlation_s
+    values = bench.model.parameters.values_array()
+    for effect in bench.model.effects:
+        if effect.random_torque is not None:
+            sd, correlation_s = effect.random_torque(bench.model.effect_values(effect, values))
+            return float(sd) or least, float(correlation_s)
+    return least, USUAL_CORRELATION_S

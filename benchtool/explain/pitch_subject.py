@@ -47,16 +47,6 @@ ONE_SIDED_95 = 1.645
 LEFTOVER_WINDOW_S = 1.0
 """Length of the parts in which a true model's own leftover is simulated."""
 
-LAW_ERROR = 0.005
-"""Standard error of what an effect does over its departure from neutral, because no bench follows
-a law to the letter: a rotor that speeds up is a per cent or two quicker than one that slows down,
-an encoder wobbles. Chosen on development records: of 138 intervals 84 % held the truth without it,
-96 % with it, 97 % with twice as much."""
-
-LAW_ERRORS = {"coulomb_friction": 0.05}
-"""The same of laws that are known to be soft: a hinge gives way a little before it slips. A guess
-of the size; textbooks on friction give more."""
-
 BREAK = np.array([np.nan])
 """Put between windows, so that lines break there."""
 
@@ -120,7 +110,7 @@ class PitchSubject:
 
     def law_error(self, name: str) -> float:
         """Return how far a bench departs from an effect's law, over the effect's own size."""
-        return LAW_ERRORS.get(name, LAW_ERROR)
+        return next(effect.law_error for effect in self.model.effects if effect.name == name)
 
     def model_at(self, at: Array) -> Model:
         """Return the model with the knobs turned (n_knobs,)."""

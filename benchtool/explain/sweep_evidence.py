@@ -8,12 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.parameter import Parameter, Parameters
-from benchtool.core.units import STANDARD_GRAVITY_M_S2
-from benchtool.effects.catalogue import candidates, effect_named
+from benchtool.effects.catalogue import candidates
 from benchtool.effects.conditions import Conditions
 from benchtool.effects.effect import Effect
 from benchtool.effects.model import Model
-from benchtool.explain.effect_knobs import effect_knobs, neutral_values
+from benchtool.explain.effect_knobs import all_shape_names, effect_knobs, with_every_effect
 from benchtool.explain.knob import Knob, parameters_at
 from benchtool.explain.owner_known import known_prior
 from benchtool.explain.subject import RowGroups
@@ -34,28 +33,10 @@ SUPPLY_KNOBS = (
 """Share of the open voltage that full load takes, and how far a discharge is from a straight line;
 guesses for lithium polymer packs."""
 
-RATE = "battery_sag.rate_per_s"
-GROWTH = "load_cell_hysteresis.growth"
-
-SHAPES = ("ground_shape.curvature", "plate_side.dx_m", GROWTH, "wall_blockage.reach")
-"""What no owner knows exactly of laws and set-up; held by the priors that the effects state."""
-
-OWN_EFFECTS = ("ground_shape", "plate_side")
-"""Effects that are no candidates: what a bench's owner knows only roughly."""
-
-
-def with_sweep_library(model: Model, extra: Sequence[Effect] = ()) -> Model:
-    """Return the model with every candidate of a sweep in it, free, at its neutral value."""
-    have = {effect.name for effect in model.effects}
-    for effect in (*candidates("sweep"), *map(effect_named, OWN_EFFECTS), *extra):
-        if effect.name not in have:
-            model = model.with_effect(effect, **neutral_values(effect))
-    if model.parameters[GROWTH].value == 0.0:
-        weight_N = STANDARD_GRAVITY_M_S2 * model.rig.body.mass_kg
-        model = model.fixed("load_cell_hysteresis.reference_N", weight_N)
-    if model.parameters["plate_side.dx_m"].is_neutral:
-        model = model.fixed("plate_side.disc_radius_m", model.rig.propulsion.radius_m)
-    return model
+SUPPLY_LOSSES = tuple(
+    f"{effect.name}.{effect.supply_loss}" for effect in candidates("sweep") if effect.supply_loss
+)
+"""Parameters that are the supply's linear loss, which pulses beside speeds and voltage show."""
 
 
 class SweepEvidence:
@@ -74,7 +55,7 @@ class SweepEvidence:
         extra: Sequence[Effect] = (),
     ) -> None:
         self._given = (model, tuple(extra))
-        self.model = with_sweep_library(model, extra)
+        self.model = with_every_effect(model, "sweep", extra)
         self.logs = tuple(logs)
         names = {effect.name for effect in (*candidates("sweep"), *extra)}
         self.knobs = (*effect_knobs(self.model, names, "sweep"), *self._owner_knobs())
@@ -88,9 +69,8 @@ class SweepEvidence:
 
     def _owner_knobs(self) -> list[Knob]:
         items = self.model.parameters
-        out = [
-            *(_held(name, items[name]) for name in ("k", "R_m", *SHAPES)),
-        ]
+        shapes = all_shape_names(self.model, "sweep", self._given[1])
+        out = [_held(name, items[name]) for name in ("k", "R_m", *shapes)]
         if any(log.power is not None for log in self.logs):
             out += SUPPLY_KNOBS
         return out
@@ -113,11 +93,13 @@ class SweepEvidence:
     def kept(self, log: SweepLog, turned: Array) -> Array:
         """Return supply voltage over its open value at the start (m, n_sets)."""
         assert log.power is not None
-        rate, curve, drop = (
-            self.knobs[place].start + self.knobs[place].scale * turned[:, place]
-            for place in (self._turned[name] for name in (RATE, CURVE, DROP))
-        )
-        return log.power.kept(rate, curve, drop)
+        loss = np.sum([self._values(name, turned) for name in SUPPLY_LOSSES], axis=0)
+        return log.power.kept(loss, self._values(CURVE, turned), self._values(DROP, turned))
+
+    def _values(self, name: str, turned: Array) -> Array:
+        """Return a knob's values (n_sets,)."""
+        place = self._turned[name]
+        return self.knobs[place].start + self.knobs[place].scale * turned[:, place]
 
     def speeds(self, log: SweepLog, turned: Array) -> Array:
         """Return speeds at the log's pulses (m, n_sets), each level's scale fitted: rad/s."""

@@ -11,9 +11,10 @@ from benchtool import __version__
 from benchtool.core.counted import counted
 from benchtool.core.fit_result import FitResult
 from benchtool.core.rig import Rig
+from benchtool.effects.effect import Derived
 from benchtool.effects.model import Model
 from benchtool.estimate.compare import Comparison, compare
-from benchtool.estimate.derived import Derived, area_factors, with_derived
+from benchtool.estimate.derived import with_derived
 from benchtool.estimate.diagnose import with_diagnosis
 from benchtool.estimate.ensemble import fit_ensemble
 from benchtool.estimate.least_squares import fit_least_squares
@@ -228,13 +229,15 @@ def _named(
     model: Model, data: FitData, problem: Problem, result: FitResult, rig_told: tuple[str, ...]
 ) -> FitResult:
     """Return the result with its diagnosis, derived quantities, what was left out, hashes."""
-    free = {estimate.name for estimate in result.estimates}
+    free = [estimate.name for estimate in result.estimates]
     quantities: list[Derived] = []
     if "R_m" in free:
         radius = model.rig.propulsion.radius_m
         quantities.append(Derived("R_over_rotor_radius", "1", lambda v: v["R_m"] / radius))
-    shares = sorted(name for name in free if name.startswith("partial_coverage.share_"))
-    quantities += area_factors(shares)
+    for effect in model.effects:
+        if effect.derived is not None:
+            own = [name for name in free if name.startswith(f"{effect.name}.")]
+            quantities += effect.derived(own)
     facts = {
         **result.facts,
         "benchtool": __version__,

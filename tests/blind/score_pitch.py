@@ -15,9 +15,9 @@ import numpy as np
 from benchtool.core.channel import Channel
 from benchtool.core.recording import Recording
 from benchtool.effects.catalogue import EFFECTS
+from benchtool.explain.effect_knobs import with_every_effect
 from benchtool.explain.explain import explain
 from benchtool.explain.explanation import Explanation
-from benchtool.explain.pitch_evidence import with_library
 from benchtool.explain.pitch_log import PitchLog, pitch_log
 from benchtool.explain.pitch_subject import PitchSubject
 from benchtool.explain.verdict import Verdict
@@ -77,7 +77,7 @@ def _gaps_truly(record: HiddenRecord, verdict: Verdict) -> dict[str, float]:
     Nothing where that wake asks for windows of another length.
     """
     plant = record.truth.plant
-    model = with_library(load_model(MODEL).model).at(verdict.parameters)
+    model = with_every_effect(load_model(MODEL).model, "pitch").at(verdict.parameters)
     model = model.fixed("wake_torque.sd_Nm", plant.wake_sd_Nm)
     model = model.fixed("wake_torque.correlation_s", plant.wake_tau_s)
     check = [_log(record.check, "check")]

@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchtool.effects.partial_coverage import factors
+from benchtool.effects.effect import Derived
+from benchtool.effects.partial_coverage import derived, factors
 from benchtool.errors import EstimationError
-from benchtool.estimate.derived import Derived, area_factors, with_derived
+from benchtool.estimate.derived import with_derived
 from benchtool.estimate.ensemble import fit_ensemble
 from benchtool.estimate.least_squares import fit_least_squares
 from benchtool.estimate.problem import function_problem
@@ -51,9 +52,9 @@ def test_area_factors_are_those_of_the_effect() -> None:
     names = ["partial_coverage.share_1", "partial_coverage.share_2", "partial_coverage.share_3"]
     shares = [0.2, 0.5, 0.4]
     values = dict(zip(names, shares, strict=True))
-    found = [quantity.function(values) for quantity in area_factors(names)]
+    found = [quantity.function(values) for quantity in derived(names)]
     np.testing.assert_allclose(found, factors(shares), rtol=1e-13)
-    assert area_factors(names)[0].name == "partial_coverage.factor_1"
+    assert derived(names)[0].name == "partial_coverage.factor_1"
 
 
 def test_a_quantity_without_a_value_is_refused() -> None:

@@ -143,7 +143,7 @@ def test_a_drift_shows_in_the_order() -> None:
     )
     said = sentences(drifting)
     assert "residuals rise with time_s" in said
-    assert "free a drift" in said
+    assert "free the load cell drift" in said
 
 
 def test_what_is_free_is_never_told_to_be_freed() -> None:
@@ -152,7 +152,7 @@ def test_what_is_free_is_never_told_to_be_freed() -> None:
     assert _hint("speed_rad_s", ()) == "free the thrust exponent or the tare offset"
     both = ("body_lift.K_b", "plate_offset.dz_m")
     assert _hint("z_over_R", both) == "look for an effect that depends on it"
-    assert _hint("order", ()) == "free a drift, or look at the anchor points"
+    assert _hint("order", ()) == "free the load cell drift, or look at the anchor points"
     assert _hint("order", ("load_cell_drift.rate_N_per_s",)) == "look at the anchor points"
 
 
