@@ -10,18 +10,23 @@ TESTING := $(VENV)/.testing-installed
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 PROJECT := pyproject.toml benchtool/__init__.py
 
-.PHONY: demo test test-all lint bench blind soak coverage-truth requirements wheel clean
+.PHONY: demo test test-all lint bench blind coverage-truth requirements wheel clean
 
 demo: $(RUNTIME)
 	$(BIN)/benchtool demo
 
-# One process for each processor; minutes on two cores.
-test: $(TESTING)
-	$(BIN)/python -m pytest -n logical --dist worksteal -m "not slow and not soak"
+# docs/how-to/run-tests.md says what each of these runs and how long it takes.
+PYTEST := $(BIN)/python -m pytest
+PARALLEL := -n logical --dist worksteal
+RESULTS := build/tests
 
-# Everything but `make soak`. The slow suites talk to devices in real time, so one after the other.
+test: $(TESTING)
+	$(PYTEST) $(PARALLEL) -m "not slow and not soak" --junitxml $(RESULTS)/test.xml
+
+# What talks to something in real time runs alone: on a busy machine it could only say so.
 test-all: test
-	$(BIN)/python -m pytest -m "slow and not soak"
+	$(PYTEST) $(PARALLEL) -m "slow and not alone and not soak" --junitxml $(RESULTS)/slow.xml
+	$(PYTEST) -m "slow and alone and not soak" --junitxml $(RESULTS)/alone.xml
 
 lint: $(TESTING)
 	$(BIN)/ruff check .
@@ -36,17 +41,13 @@ bench: $(TESTING)
 
 # How often the intervals hold the truth over 400 simulated sweeps; minutes long.
 coverage-truth: $(TESTING)
-	$(BIN)/python -m pytest -m soak --timeout 0 -s tests/truth
+	$(PYTEST) -m soak --timeout 0 -s tests/truth
 
 # How often `benchtool explain` is right, on records with hidden effects whose physics is not ours.
 # Takes about an hour; a run that was cut short goes on where it was.
 blind: $(TESTING)
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m tests.blind.score_pitch --scoring --page build/scorecard-pitch.md
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m tests.blind.score_sweep --scoring --page build/scorecard-sweep.md
-
-# Everything that takes minutes.
-soak: $(TESTING)
-	$(BIN)/python -m pytest -m soak --timeout 0 -s
 
 wheel: $(TESTING)
 	$(BIN)/python -m pip --disable-pip-version-check wheel --quiet --no-deps \

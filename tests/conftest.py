@@ -11,6 +11,8 @@ import hypothesis
 import numpy as np
 import pytest
 
+from tests.busy import TooBusy
+
 os.environ.setdefault("MPLBACKEND", "Agg")
 
 # A shell that starts the tests in the background lets them ignore Ctrl-C, and every bench and
@@ -19,6 +21,11 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 
 hypothesis.settings.register_profile("seeded", derandomize=True, deadline=None, database=None)
 hypothesis.settings.load_profile("seeded")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Let tests that need real time say "too busy"."""
+    config.pluginmanager.register(TooBusy())
 
 
 @pytest.fixture(scope="session")
@@ -44,26 +51,23 @@ def _own_state(tmp_path_factory: pytest.TempPathFactory) -> None:
     os.environ["BENCHTOOL_STATE"] = str(tmp_path_factory.mktemp("state"))
 
 
-SLOW = ("tests/avr/", "tests/blind/", "tests/browser/", "tests/docs/test_docs", "tests/rcb/",
-        "tests/system/", "tests/truth/")  # fmt: skip
-"""Suites that `make test` leaves out and `make test-all` runs."""
+ALONE = ("tests/avr/test_firmware_sweep", "tests/browser/", "tests/rcb/", "tests/soak/",
+         "tests/system/test_bench_link", "tests/system/test_mavlink",
+         "tests/system/test_pitch_recorded", "tests/system/test_sweep_killed",
+         "tests/system/test_sweep_staged")  # fmt: skip
+"""Slow suites that talk in real time to processes of their own."""
 
-REAL_TIME = ("tests/avr/", "tests/browser/", "tests/rcb/", "tests/system/test_bench_link",
-             "tests/system/test_mavlink", "tests/system/test_pitch_recorded",
-             "tests/system/test_sweep_killed", "tests/system/test_sweep_staged")  # fmt: skip
-"""Tests that talk to a device over a link in real time."""
+SLOW = (*ALONE, "tests/avr/", "tests/blind/", "tests/docs/test_docs", "tests/system/",
+        "tests/truth/")  # fmt: skip
+"""Suites that `make test` leaves out and `make test-all` runs."""
 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark the slow suites, and let what runs in real time try again.
-
-    A machine that stands still for a quarter of a second looks like a host that died: the device's
-    watchdog rightly stops the motors, and the run rightly ends with another reason than the test's.
-    """
+    """Mark the slow suites, and what no other test may run beside."""
     for item in items:
         path = item.path.as_posix()
         if any(part in path for part in SLOW):
             item.add_marker(pytest.mark.slow)
-        if any(part in path for part in REAL_TIME):
-            item.add_marker(pytest.mark.flaky(reruns=2, reruns_delay=2))
+        if any(part in path for part in ALONE) or item.get_closest_marker("real_time"):
+            item.add_marker(pytest.mark.alone)

@@ -2,7 +2,8 @@
 
 `peer.c` runs the chip and the parts around it; here they are built, and every 5 ms of simulated
 time the virtual bench's physics takes the pulses that were measured at the ESC pins and says what
-load cell, speed sensors and battery show.
+load cell, speed sensors and battery show. Time passes only while a host waits (`AvrBench`), or at
+the wall's pace, for hosts that are processes of their own (`PacedAvrBench`).
 """
 
 from __future__ import annotations
@@ -31,6 +32,8 @@ INSTALL = "apt-get install gcc-avr avr-libc simavr libsimavr-dev libelf-dev"
 BOARD = board_named("uno")
 BAUD = 500_000
 STEP_S = 0.005
+HEARD_BYTES = 1500
+"""Most that is sent in one line of the peer."""
 DIVIDER = 6.8 / 106.8
 """Of the battery's voltage, at the ADC (pins.h)."""
 
@@ -98,116 +101,126 @@ class State:
 
 
 class AvrBench:
-    """Run the firmware with a bench around it until closed.
+    """Run the firmware with a bench around it; its time passes while somebody waits for it.
+
+    It is also the transport of a host in this process, for which nothing is ever late.
 
     Attributes:
-        address: what a host writes to reach it.
         plant: the physics.
         battery: whether the pack is connected.
         hung_N: weight of what hangs on the load cell besides.
+        state: what was seen at the pins last.
     """
 
-    def __init__(self, peer: Path, firmware: Path, rig: Rig, truth: str = "single") -> None:
-        self.plant = physics(rig, truth)
+    address = "serial:lockstep"
+    baud = BAUD
+    mode: tuple[str, ...] = ("lockstep",)
+
+    def __init__(self, peer: Path, firmware: Path, rig: Rig) -> None:
+        self.plant = physics(rig)
         self.battery = True
         self.hung_N = 0.0
-        self._lock = threading.Lock()
-        self._order = ""
+        self.state = State(0.0, (0.0, 0.0), 0.0, 0.0, 0.0, 0, 0, 0.0)
+        self._order = "-"
+        self._to_chip = self._from_chip = b""
         self._rotors = rig.n_rotors
         self._names = [channel.name for channel in self.plant.channels]
         self._seen = {"voltage_V": rig.propulsion.voltage_nominal_V}
         self._process = subprocess.Popen(
-            [peer, firmware, BOARD.mcu],
+            [peer, firmware, BOARD.mcu, *self.mode],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
         )
-        assert self._process.stdout is not None
-        self.port = self._process.stdout.readline().strip()
-        self.address = f"serial:{self.port}?baud={BAUD}"
-        self.state = State(0.0, (0.0, 0.0), 0.0, 0.0, 0.0, 0, 0, 0.0)
-        self._thread = threading.Thread(target=self._run)
-        self._thread.start()
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.close()
+        self.shut_down()
 
-    def close(self) -> None:
+    def shut_down(self) -> None:
         """Switch it off."""
-        self._process.terminate()
-        self._thread.join()
-        self._process.wait()
-        for stream in (self._process.stdin, self._process.stdout, self._process.stderr):
-            assert stream is not None
-            try:
-                stream.close()
-            except BrokenPipeError:
-                pass
+        self._process.kill()
+        self._process.communicate()
 
-    def hang(self) -> None:
-        """Let the program hang with interrupts off."""
-        with self._lock:
-            self._order = " hang"
+    def clock(self) -> float:
+        """Return the simulated time, s."""
+        return 1e-6 * self.state.time_us
 
-    def unplug_cell(self) -> None:
-        """Pull the load cell's amplifier off."""
-        with self._lock:
-            self._order = " unplug"
+    def open(self) -> None:
+        """Have the chip start, which hears nothing before, and forget what it said."""
+        self.wait(lambda state: state.edge_us > 0.0)
+        self._from_chip = b""
 
-    def place_plate(self, z_m: float) -> None:
-        """Put the plate somewhere at once, as a hand does between two looks."""
-        with self._lock:
-            self.plant.command_plate(z_m)
-            rate_Hz = self.plant.rate_Hz
-            while self.plant.plate_moving:
-                self.plant.advance(round(rate_Hz))
+    def close(self) -> None: ...
+
+    def write(self, data: bytes) -> None:
+        self._to_chip += data
+
+    def read(self, timeout_s: float) -> bytes:
+        end_s = self.clock() + max(timeout_s, STEP_S)
+        while self.clock() < end_s - 1e-9:
+            self.step()
+            if self._from_chip:
+                break
+        data, self._from_chip = self._from_chip, b""
+        return data
 
     def wait(self, until: Callable[[State], bool], timeout_s: float = 5.0) -> State:
-        """Return the first state seen that is wanted.
+        """Return the first state that is wanted.
 
         Args:
             timeout_s: simulated time.
         """
-        end_us = self.state.time_us + 1e6 * timeout_s
-        while not until(state := self.state):
-            assert state.time_us < end_us, state
-            assert self._thread.is_alive(), self._said()
-            time.sleep(0.002)
-        return state
+        end_s = self.clock() + timeout_s
+        while not until(self.state):
+            assert self.clock() < end_s, self.state
+            self.step()
+        return self.state
 
-    def _said(self) -> str:
-        assert self._process.stderr is not None
-        return self._process.stderr.read()
+    def hang(self) -> None:
+        """Let the program hang with interrupts off."""
+        self._order = "hang"
 
-    def _run(self) -> None:
-        assert self._process.stdout is not None
-        assert self._process.stdin is not None
-        for line in self._process.stdout:
-            time_us, one_us, two_us, heard, drive, edge, faults, free, stood = line.split()
-            pulses = (float(one_us), float(two_us))
-            self.state = State(
-                float(time_us),
-                pulses,
-                float(heard),
-                float(drive),
-                float(edge),
-                int(faults),
-                int(free),
-                float(stood),
-            )
-            with self._lock:
-                answer, self._order = self._step(pulses) + self._order, ""
-            try:
-                self._process.stdin.write(f"{answer}\n")
-                self._process.stdin.flush()
-            except BrokenPipeError:
-                return
+    def unplug_cell(self) -> None:
+        """Pull the load cell's amplifier off."""
+        self._order = "unplug"
 
-    def _step(self, pulses: tuple[float, float]) -> str:
+    def place_plate(self, z_m: float) -> None:
+        """Put the plate somewhere at once, as a hand does between two looks."""
+        self.plant.command_plate(z_m)
+        rate_Hz = self.plant.rate_Hz
+        while self.plant.plate_moving:
+            self.plant.advance(round(rate_Hz))
+
+    def step(self) -> bool:
+        """Exchange one line with the peer; False where it has ended."""
+        stdin, stdout = self._process.stdin, self._process.stdout
+        assert stdin is not None
+        assert stdout is not None
+        words = stdout.readline().split()
+        if not words:
+            return False
+        time_us, one_us, two_us, heard_us, drive_us, edge_us, faults, untouched, stood_us = map(
+            float, words[:9]
+        )
+        pulses = (one_us, two_us)
+        self._from_chip += bytes.fromhex("".join(words[9:]))
+        self.state = State(
+            time_us, pulses, heard_us, drive_us, edge_us, int(faults), int(untouched), stood_us
+        )
+        to_chip, self._to_chip = self._to_chip[:HEARD_BYTES], self._to_chip[HEARD_BYTES:]
+        order, self._order = self._order, "-"
+        try:
+            stdin.write(f"{self._advance(pulses)} {order} {to_chip.hex()}\n")
+            stdin.flush()
+        except BrokenPipeError:
+            return False
+        return True
+
+    def _advance(self, pulses: tuple[float, float]) -> str:
         self.plant.command_pwm(np.array(pulses[: self._rotors]))
         row = self.plant.advance(1)[0]
         self._seen |= {
@@ -221,6 +234,49 @@ class AvrBench:
         return f"{counts} {rpm[0]:.1f} {rpm[1]:.1f} {1000.0 * volt:.1f}"
 
 
-def physics(rig: Rig, truth: str = "single") -> PlateBench:
+class PacedAvrBench(AvrBench):
+    """Run it at the wall's pace on a pseudo-terminal, for hosts in processes of their own.
+
+    Attributes:
+        address: what a host writes to reach it.
+    """
+
+    mode = ()
+
+    def __init__(self, peer: Path, firmware: Path, rig: Rig) -> None:
+        super().__init__(peer, firmware, rig)
+        assert self._process.stdout is not None
+        self.address = f"serial:{self._process.stdout.readline().strip()}?baud={BAUD}"
+        self._lock = threading.Lock()
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+
+    def shut_down(self) -> None:
+        self._process.kill()
+        self._thread.join()
+        self._process.communicate()
+
+    def wait(self, until: Callable[[State], bool], timeout_s: float = 5.0) -> State:
+        end_s = self.clock() + timeout_s
+        while not until(state := self.state):
+            assert self.clock() < end_s, state
+            assert self._thread.is_alive()
+            time.sleep(0.002)
+        return state
+
+    def place_plate(self, z_m: float) -> None:
+        with self._lock:
+            super().place_plate(z_m)
+
+    def _run(self) -> None:
+        while self.step():
+            pass
+
+    def _advance(self, pulses: tuple[float, float]) -> str:
+        with self._lock:
+            return super()._advance(pulses)
+
+
+def physics(rig: Rig) -> PlateBench:
     """Return the virtual bench of a rig, in steps of the peer."""
-    return virtual_plant(rig, load_model(truth, rig).model, seed=0, rate_Hz=1.0 / STEP_S)
+    return virtual_plant(rig, load_model("single", rig).model, seed=0, rate_Hz=1.0 / STEP_S)

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from benchtool.library import rig_named
-from tests.avr.avr_bench import AvrBench, build, build_peer, missing, physics
+from tests.avr.avr_bench import AvrBench, PacedAvrBench, build, build_peer, missing, physics
 
 RIG = rig_named("pquad_single")
 PAIR = replace(
@@ -50,4 +50,10 @@ def bench(peer: Path, firmware: Path) -> Iterator[AvrBench]:
 @pytest.fixture
 def pair(peer: Path, pair_firmware: Path) -> Iterator[AvrBench]:
     with AvrBench(peer, pair_firmware, RIG) as running:
+        yield running
+
+
+@pytest.fixture
+def paced(peer: Path, firmware: Path) -> Iterator[PacedAvrBench]:
+    with PacedAvrBench(peer, firmware, RIG) as running:
         yield running

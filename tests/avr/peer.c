@@ -1,16 +1,19 @@
 /* An Arduino bench without the Arduino: simavr runs the firmware, this plays what is wired to it.
 
-   peer FIRMWARE.elf MCU is told nothing about the firmware's insides: it measures ESC pulses at the
-   pins, answers the HX711's clock, turns the speed sensors, feeds the ADC, and joins the UART to a
-   pseudo-terminal, whose name it writes first.
+   peer FIRMWARE.elf MCU [lockstep] knows nothing about the firmware's insides: it measures ESC pulses at
+   the pins, answers the HX711's clock, turns the speed sensors, feeds the ADC, and joins the UART to
+   a pseudo-terminal, whose name it writes first.
 
    Every STEP_US of simulated time it writes one line to its output,
-       time_us pulse1_us pulse2_us heard_us drive_us edge_us faults untouched stood_us
+       time_us pulse1_us pulse2_us heard_us drive_us edge_us faults untouched stood_us [sent]
    and reads one line from its input before it goes on,
-       counts rpm1 rpm2 battery_mV [hang | unplug]
+       counts rpm1 rpm2 battery_mV hang|unplug|- [heard]
    so that the physics on the other side keeps in step.
 
-   Pace: simulated time never runs faster than the wall. What is late by more than LATE_US is not
+   In lockstep there is no terminal and no pace: `sent` and `heard` are the bytes of the UART, in hex,
+   and simulated time passes only from line to line.
+
+   Pace otherwise: simulated time never runs faster than the wall. What is late by more than LATE_US is not
    caught up: the simulated clock simply stood still meanwhile. A burst would let 250 ms of watchdog
    pass in less than 250 ms of the host's life, and stop motors that nobody had left alone. */
 
@@ -46,6 +49,7 @@
 
 static avr_t *avr;
 static int terminal;
+static bool lockstep;
 static FILE *answers; /* simavr prints on the standard output; ours is kept apart */
 
 static double us_of(avr_cycle_count_t cycles) { return (double)cycles * 1e6 / F_CPU; }
@@ -169,10 +173,20 @@ static avr_irq_t *to_cpu;
 static bool may_send = true;
 static double heard_us;
 
+static uint8_t heard[2048]; /* in lockstep: to the chip, and from it since the last line */
+static size_t heard_next, heard_count;
+static char sent_hex[4096];
+static size_t sent_count;
+
 static void from_cpu(struct avr_irq_t *irq, uint32_t value, void *param)
 {
     (void)irq, (void)param;
     uint8_t byte = (uint8_t)value;
+    if (lockstep) {
+        if (sent_count + 3 < sizeof sent_hex)
+            sent_count += sprintf(sent_hex + sent_count, "%02x", byte);
+        return;
+    }
     /* Nobody there, or nobody reads: the byte is gone, as on a wire. */
     if (write(terminal, &byte, 1) < 0)
         return;
@@ -190,10 +204,29 @@ static void send_off(struct avr_irq_t *irq, uint32_t value, void *param)
     may_send = false;
 }
 
+static bool next_byte(uint8_t *byte)
+{
+    if (!lockstep)
+        return read(terminal, byte, 1) == 1;
+    if (heard_next == heard_count)
+        return false;
+    *byte = heard[heard_next++];
+    return true;
+}
+
+static void hear(const char *hex)
+{
+    memmove(heard, heard + heard_next, heard_count - heard_next);
+    heard_count -= heard_next;
+    heard_next = 0;
+    for (unsigned byte; heard_count < sizeof heard && sscanf(hex, "%2x", &byte) == 1; hex += 2)
+        heard[heard_count++] = (uint8_t)byte;
+}
+
 static void look_at_terminal(void)
 {
     uint8_t byte;
-    while (may_send && read(terminal, &byte, 1) == 1) {
+    while (may_send && next_byte(&byte)) {
         avr_raise_irq(to_cpu, byte);
         heard_us = now_us();
     }
@@ -302,15 +335,17 @@ int main(int count, char **words)
     answers = fdopen(dup(STDOUT_FILENO), "w");
     setvbuf(answers, NULL, _IOLBF, 0);
     dup2(STDERR_FILENO, STDOUT_FILENO);
-    if (count != 3 || elf_read_firmware(words[1], &firmware) || !(avr = avr_make_mcu_by_name(words[2]))) {
-        fprintf(stderr, "usage: peer FIRMWARE.elf MCU\n");
+    lockstep = count == 4 && !strcmp(words[3], "lockstep");
+    if (count != 3 + lockstep || elf_read_firmware(words[1], &firmware) || !(avr = avr_make_mcu_by_name(words[2]))) {
+        fprintf(stderr, "usage: peer FIRMWARE.elf MCU [lockstep]\n");
         return 2;
     }
     avr_init(avr);
     firmware.frequency = F_CPU;
     avr_load_firmware(avr, &firmware);
     avr->log = LOG_ERROR;
-    open_terminal();
+    if (!lockstep)
+        open_terminal();
     wire_up();
     start_peers();
     reset_chip = avr->reset;
@@ -335,22 +370,26 @@ int main(int count, char **words)
         next_step_us += STEP_US;
 
         double late_us = wall_us() - wall_start_us - now_us();
-        if (late_us > LATE_US) {
+        if (lockstep) {
+            ; /* time passes from line to line */
+        } else if (late_us > LATE_US) {
             wall_start_us += late_us;
             stood_us += late_us;
         } else if (late_us < 0.0) {
             usleep((useconds_t)-late_us);
         }
-        fprintf(answers, "%.0f %.2f %.2f %.0f %.0f %.0f %ld %ld %.0f\n", now_us(),
+        fprintf(answers, "%.0f %.2f %.2f %.0f %.0f %.0f %ld %ld %.0f %s\n", now_us(),
                 pulse_us(&escs[0]), pulse_us(&escs[1]), heard_us, drive_us, edge_us, cell.faults,
-                untouched(&firmware), stood_us);
-        char line[200], word[20] = "";
+                untouched(&firmware), stood_us, sent_hex);
+        sent_hex[sent_count = 0] = 0;
+        char line[5000], word[20] = "", hex[4500] = "";
         double battery_mV;
         if (!fgets(line, sizeof line, stdin))
             return 0;
-        if (sscanf(line, "%d %lf %lf %lf %19s", &cell.counts, &rotors[0].rpm, &rotors[1].rpm,
-                   &battery_mV, word) < 4)
+        if (sscanf(line, "%d %lf %lf %lf %19s %4499s", &cell.counts, &rotors[0].rpm, &rotors[1].rpm,
+                   &battery_mV, word, hex) < 5)
             return 2;
+        hear(hex);
         avr_raise_irq(avr_io_getirq(avr, AVR_IOCTL_ADC_GETIRQ, ADC_IRQ_ADC0), (uint32_t)battery_mV);
         if (!strcmp(word, "hang"))
             hang();

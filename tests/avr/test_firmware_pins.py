@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 
 from benchtool.bench.serial_bench import SerialBench
-from benchtool.bench.serial_port import SerialPort
 from benchtool.errors import DeviceStopped
-from tests.avr.avr_bench import BAUD, AvrBench
+from tests.avr.avr_bench import AvrBench
 
 FLASH_BYTES, RAM_BYTES, BOOTLOADER_BYTES = 32_768, 2_048, 512
 """ATmega328P, and optiboot on it."""
@@ -23,7 +22,7 @@ STACK_BYTES = 512
 
 
 def host(bench: AvrBench) -> SerialBench:
-    return SerialBench(SerialPort(bench.port, BAUD), bench.address)
+    return SerialBench(bench, bench.address, bench.clock)
 
 
 def read_for(driver: SerialBench, seconds: float) -> np.ndarray:
@@ -96,7 +95,6 @@ def test_the_fastest_stream_loses_nothing(pair: AvrBench) -> None:
         begin_us = pair.state.time_us
         rows = read_for(driver, 2.0)
         simulated_s = 1e-6 * (pair.state.time_us - begin_us)
-        # By the chip's clock, which stands still where this machine is too slow.
         assert len(rows) == pytest.approx(200.0 * simulated_s, rel=0.1)
     state = pair.state
     assert state.faults == 0
@@ -148,4 +146,16 @@ def test_a_program_that_hangs_is_reset_within_300_ms(bench: AvrBench) -> None:
     print(f"last pulse above stop {1e-3 * (state.drive_us - hung_us):.0f} ms after the hang")
     assert state.drive_us - hung_us < 300e3
     # It has come back, at the stop pulse.
+    assert state.pulses_us[0] == pytest.approx(1000.0, abs=0.5)
+
+
+def test_a_host_that_falls_silent_leaves_motors_at_zero_within_300_ms(bench: AvrBench) -> None:
+    with host(bench) as driver:
+        spin(driver, 1500.0)
+        read_for(driver, 1.0)
+        assert bench.state.pulses_us[0] == pytest.approx(1500.0, abs=0.5)
+        silent_us = bench.state.time_us
+        state = bench.wait(lambda state: state.time_us > silent_us + 1e6)
+    assert 200e3 < state.drive_us - state.heard_us < 300e3
+    assert state.drive_us - silent_us < 300e3
     assert state.pulses_us[0] == pytest.approx(1000.0, abs=0.5)

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 import signal
 import subprocess
-import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -17,16 +15,16 @@ import numpy as np
 import pytest
 
 from benchtool.store import read_events, read_points
-from tests.avr.avr_bench import AvrBench
+from tests.avr.avr_bench import PacedAvrBench
+from tests.system.served import COMMAND, environment_of
 
-COMMAND = [sys.executable, "-m", "benchtool"]
 SMALL = ["--rig", "pquad_single", "--stage", "hand", "--repeats", "1", "--z-over-r", "0.6,2"]
 ONE = [*SMALL, "--pwm", "1550", "--sample-s", "1", "--anchor-every", "0", "--yes"]
 
 
 @pytest.fixture
 def environment(tmp_path: Path) -> dict[str, str]:
-    return {**os.environ, "BENCHTOOL_STATE": str(tmp_path / "state"), "PYTHONUNBUFFERED": "1"}
+    return environment_of(tmp_path)
 
 
 @contextmanager
@@ -68,26 +66,27 @@ def answer_as_asked(
     return said
 
 
-def move_when_asked(process: subprocess.Popen[str], bench: AvrBench) -> str:
+def move_when_asked(process: subprocess.Popen[str], paced: PacedAvrBench) -> str:
     """Be the operator: put the plate where the sweep wants it and type that."""
 
     def move(z_mm: float) -> str:
-        bench.place_plate(1e-3 * z_mm)
+        paced.place_plate(1e-3 * z_mm)
         return f"{z_mm}"
 
     return answer_as_asked(process, r"Move the plate to ([\d.]+) mm.* in mm: $", move)
 
 
+@pytest.mark.real_time(deadline_s=0.1)
 def test_check_and_sweep_by_hand(
-    bench: AvrBench, environment: dict[str, str], tmp_path: Path
+    paced: PacedAvrBench, environment: dict[str, str], tmp_path: Path
 ) -> None:
     errors, out = tmp_path / "errors.txt", tmp_path / "run"
-    check = ["bench", "check", bench.address, "--rig", "pquad_single", "--yes"]
+    check = ["bench", "check", paced.address, "--rig", "pquad_single", "--yes"]
     with running(check, environment, errors) as process:
         told, _ = process.communicate(timeout=60)
     assert process.returncode == 0, told + errors.read_text()
-    with running(["sweep", bench.address, *ONE, "--out", str(out)], environment, errors) as process:
-        told = move_when_asked(process, bench)
+    with running(["sweep", paced.address, *ONE, "--out", str(out)], environment, errors) as process:
+        told = move_when_asked(process, paced)
         code = process.wait(10)
     assert code == 0, told + errors.read_text()
     points = read_points(out)
@@ -100,26 +99,26 @@ def test_check_and_sweep_by_hand(
     assert near > 1.1 * far > 1.0
     events = read_events(out / "events.jsonl")
     assert not [event for event in events if "dropped" in f"{event}"]
-    state = bench.state
+    state = paced.state
     print(f"simulated {1e-6 * state.time_us:.0f} s, stood still for {1e-6 * state.stood_us:.1f} s")
     assert state.faults == 0
     assert state.pulses_us[0] == pytest.approx(1000.0, abs=0.5)
 
 
 def test_a_killed_host_leaves_motors_at_zero_within_300_ms(
-    bench: AvrBench, environment: dict[str, str], tmp_path: Path
+    paced: PacedAvrBench, environment: dict[str, str], tmp_path: Path
 ) -> None:
-    words = ["sweep", bench.address, *ONE, "--out", str(tmp_path / "run")]
+    words = ["sweep", paced.address, *ONE, "--out", str(tmp_path / "run")]
     with running(words, environment, tmp_path / "errors.txt") as process:
-        operator = threading.Thread(target=move_when_asked, args=(process, bench))
+        operator = threading.Thread(target=move_when_asked, args=(process, paced))
         operator.start()
         try:
-            bench.wait(lambda state: state.pulses_us[0] > 1500.0, timeout_s=40.0)
+            paced.wait(lambda state: state.pulses_us[0] > 1500.0, timeout_s=40.0)
         finally:
             process.send_signal(signal.SIGKILL)
-            killed_us = bench.state.time_us
+            killed_us = paced.state.time_us
             operator.join(10)
-    state = bench.wait(lambda state: state.time_us > killed_us + 1e6)
+    state = paced.wait(lambda state: state.time_us > killed_us + 1e6)
     print(
         f"last pulse above stop {1e-3 * (state.drive_us - state.heard_us):.0f} ms after the last "
         f"byte, {1e-3 * (state.drive_us - killed_us):.0f} ms after the kill, simulated time"
@@ -129,15 +128,16 @@ def test_a_killed_host_leaves_motors_at_zero_within_300_ms(
     assert state.pulses_us[0] == pytest.approx(1000.0, abs=0.5)
 
 
+@pytest.mark.real_time(deadline_s=0.1)
 def test_calibrate_with_masses(
-    bench: AvrBench, environment: dict[str, str], tmp_path: Path
+    paced: PacedAvrBench, environment: dict[str, str], tmp_path: Path
 ) -> None:
     def hang(mass_kg: float) -> str:
-        bench.hung_N = 9.8 * mass_kg
+        paced.hung_N = 9.8 * mass_kg
         return ""
 
     out, errors = tmp_path / "calibration.json", tmp_path / "errors.txt"
-    words = ["calibrate", bench.address, "--rig", "pquad_single", "--gravity", "9.8"]
+    words = ["calibrate", paced.address, "--rig", "pquad_single", "--gravity", "9.8"]
     words += ["--masses", "0,0.5,1,0.5,0", "--seconds", "1", "--out", str(out)]
     with running(words, environment, errors) as process:
         told = answer_as_asked(process, r"hang ([\d.]+) kg.*press Enter: $", hang)
@@ -145,4 +145,4 @@ def test_calibrate_with_masses(
     assert code == 0, told + errors.read_text()
     kept = json.loads(out.read_text())
     assert kept["device_id"] == "bench-avr"
-    assert kept["slope_N_per_count"] == pytest.approx(bench.plant.count_N, rel=2e-3)
+    assert kept["slope_N_per_count"] == pytest.approx(paced.plant.count_N, rel=2e-3)

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import re
-import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from benchtool.bench.hello_reader import HelloReader
 from benchtool.bench.link import Decoder, Message, frame
-from benchtool.bench.serial_port import SerialPort
 from tests.avr.avr_bench import BAUD, AvrBench
 
 PAGE = Path(__file__).parents[2] / "docs/reference/bench-protocol.md"
@@ -26,21 +23,23 @@ class Wire:
         time: the device time of the last answer, as it came.
     """
 
-    def __init__(self, port: SerialPort) -> None:
-        self._port = port
+    def __init__(self, bench: AvrBench) -> None:
+        self._bench = bench
         self._decoder = Decoder()
         self.heard: list[Message] = []
         self.time = "0"
+        bench.open()
+        self.listen(0.02)
 
     def say(self, line: bytes) -> None:
-        self._port.write(line)
+        self._bench.write(line)
 
     def listen(self, seconds: float) -> list[Message]:
         """Return what comes within so long."""
-        end_s = time.monotonic() + seconds
+        end_s = self._bench.clock() + seconds
         come: list[Message] = []
-        while time.monotonic() < end_s:
-            batch = self._decoder.feed(self._port.read(0.01))
+        while self._bench.clock() < end_s:
+            batch = self._decoder.feed(self._bench.read(0.01))
             assert batch.corrupt == 0
             come += batch.messages
         self.heard += come
@@ -73,27 +72,14 @@ class Wire:
         return self.answer(f"C,{number},{name},{time or self.time}{comma}{values}")
 
 
-def wired(bench: AvrBench) -> Iterator[Wire]:
-    port = SerialPort(bench.port, BAUD)
-    port.open()
-    wire = Wire(port)
-    try:
-        # A chip that has not started yet hears nothing.
-        bench.wait(lambda state: state.edge_us > 0.0)
-        wire.listen(0.02)
-        yield wire
-    finally:
-        port.close()
+@pytest.fixture
+def wire(bench: AvrBench) -> Wire:
+    return Wire(bench)
 
 
 @pytest.fixture
-def wire(bench: AvrBench) -> Iterator[Wire]:
-    yield from wired(bench)
-
-
-@pytest.fixture
-def pair_wire(pair: AvrBench) -> Iterator[Wire]:
-    yield from wired(pair)
+def pair_wire(pair: AvrBench) -> Wire:
+    return Wire(pair)
 
 
 def answers_of_the_page() -> list[tuple[str, list[str]]]:

@@ -17,6 +17,8 @@ from tests.browser.device import Device
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
 
+pytestmark = pytest.mark.real_time(deadline_s=0.1)
+
 STOPPED_S = 0.3
 """A throttle that was let go or stopped is at zero by then, measured at the device; one that nobody
 is heard to hold so long after the dead-man time."""

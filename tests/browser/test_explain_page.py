@@ -19,6 +19,8 @@ from tests.browser.conftest import Web, serving
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
 
+pytestmark = pytest.mark.real_time(deadline_s=0.1)
+
 MODEL = Path(__file__).parents[2] / "datasets" / "pitch_bench" / "model.toml"
 EXPLAINS_MS = 150_000
 

@@ -15,6 +15,8 @@ from tests.unit.explain.hand_made import answer
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
+pytestmark = pytest.mark.real_time(deadline_s=0.1)
+
 
 @pytest.mark.parametrize("width", [1280, 820])
 @pytest.mark.parametrize("kind", ["effect", "class"])

@@ -18,6 +18,8 @@ from tests.browser.sweeping import SWEEP_MS, only_run, start
 if TYPE_CHECKING:
     from playwright.sync_api import Page
 
+pytestmark = pytest.mark.real_time(deadline_s=0.1)
+
 LIGHTER = 0.8
 """What hangs is so many times what is typed: the line kept must be that of the masses typed."""
 

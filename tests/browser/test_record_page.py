@@ -5,11 +5,15 @@ from __future__ import annotations
 import shlex
 from typing import TYPE_CHECKING
 
+import pytest
+
 from benchtool.store import Run
 from tests.browser.conftest import Web, connect
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
+
+pytestmark = pytest.mark.real_time(deadline_s=0.1)
 
 BENCH = "sim:beam?mode=pitch&schedule=identify&gains=stiff&hidden=coulomb_friction.torque_Nm:0.012"
 

@@ -19,6 +19,8 @@ from tests.browser.conftest import Web, serving
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
 
+pytestmark = pytest.mark.real_time(deadline_s=0.1)
+
 TOP = Path(__file__).parents[2]
 LAB = b"gap;F_gf;speed\n60;424.1;5500\n90;362.6;x\n120;342.0;5500\n180;329.9;5500\n"
 

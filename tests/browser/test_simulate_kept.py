@@ -6,10 +6,14 @@ import shlex
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+import pytest
+
 from tests.browser.conftest import Web
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
+
+pytestmark = pytest.mark.real_time(deadline_s=0.1)
 
 COMPILES_MS = 150_000
 """The first simulation of a machine compiles."""

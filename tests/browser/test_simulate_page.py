@@ -16,6 +16,8 @@ from tests.browser.conftest import Web, serving
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Locator, Page
 
+pytestmark = pytest.mark.real_time(deadline_s=0.1)
+
 Opens = Callable[[str], "Page"]
 
 COMPILES_MS = 150_000

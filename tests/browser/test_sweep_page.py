@@ -4,6 +4,8 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+import pytest
+
 from benchtool.store import read_points
 from tests.browser.conftest import Web, connect, go_to
 from tests.browser.device import Device, served_device
@@ -11,6 +13,8 @@ from tests.browser.sweeping import SWEEP_MS, begin, only_run, wait_for_points
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
+
+pytestmark = pytest.mark.real_time(deadline_s=0.1)
 
 
 def test_a_sweep_goes_to_its_end_also_when_the_page_is_loaded_again(

@@ -17,15 +17,10 @@ PAGES = [
 ]
 
 
-# A page that serves a bench runs in real time: see tests/conftest.py.
-RETRIED = pytest.mark.flaky(reruns=2, reruns_delay=2)
-
-
 def as_case(page: Path) -> ParameterSet:
     serves = "bench serve" in page.read_text(encoding="utf-8")
-    return pytest.param(
-        page, marks=[RETRIED] if serves else [], id=page.relative_to(ROOT).as_posix()
-    )
+    marks = [pytest.mark.real_time(deadline_s=0.1)] if serves else []
+    return pytest.param(page, marks=marks, id=page.relative_to(ROOT).as_posix())
 
 
 @pytest.mark.parametrize("page", [as_case(page) for page in PAGES])

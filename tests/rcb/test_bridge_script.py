@@ -26,9 +26,9 @@ from benchtool.library import load_model
 from benchtool.library.bridge_file import RAMP_MS, SILENCE_MS
 from benchtool.store import Run, read_points
 from tests.rcb.stand import RIG, Stand, gui, needs_node
-from tests.system.mavlink_served import environment_of, run
+from tests.system.served import environment_of, run
 
-pytestmark = needs_node
+pytestmark = [needs_node, pytest.mark.real_time(deadline_s=0.1)]
 LOWEST_US = 1000.0
 
 STATED_S = 1e-3 * (SILENCE_MS + RAMP_MS) + 0.05

@@ -11,7 +11,7 @@ import pytest
 from tests.benchmarks.link_load import RATE_HZ, device, emcee_beside, measure, read_with_ours
 
 pytestmark = [
-    pytest.mark.soak,
+    pytest.mark.real_time(deadline_s=0.1),
     pytest.mark.skipif(os.name != "posix", reason="pseudo-terminals are POSIX"),
 ]
 

@@ -28,34 +28,31 @@ from benchtool.errors import (
     PortBusy,
     StageError,
 )
+from tests.system.served import DeviceTime, posix, turning
 from tests.wire.still_plant import StillPlant, still_hello
-
-posix = pytest.mark.skipif(os.name != "posix", reason="needs pseudo-terminals and signals")
-
-HOST = """
-import sys
-import numpy as np
-from benchtool.bench.serial_bench import SerialBench
-
-bench = SerialBench.on_port(sys.argv[1], sys.argv[1].removeprefix("serial:"), 2_000_000)
-bench.open()
-bench.set_pwm(np.array([1500.0, 1500.0]))
-print("spinning", flush=True)
-while True:
-    bench.read(0.1)
-"""
 
 
 class WatchedPlant(StillPlant):
-    """Note when motors were commanded what, on the wall clock."""
+    """Note when motors were commanded what, in the device's time."""
 
-    def __init__(self) -> None:
+    def __init__(self, clock: DeviceTime) -> None:
         super().__init__(rate_Hz=200.0)
+        self.clock = clock
         self.commands: list[tuple[float, float]] = []
 
     def command_pwm(self, pwm_us: NDArray[np.float64]) -> None:
         super().command_pwm(pwm_us)
-        self.commands.append((time.monotonic(), float(pwm_us.max())))
+        self.commands.append((self.clock(), float(pwm_us.max())))
+
+
+class WatchedLink(DeviceLink):
+    """Note when something was heard last, in the device's time."""
+
+    heard_s = 0.0
+
+    def receive(self, data: bytes, now_s: float) -> bytes:
+        self.heard_s = now_s if data else self.heard_s
+        return super().receive(data, now_s)
 
 
 class Served:
@@ -63,12 +60,20 @@ class Served:
 
     def __init__(self, link: ServerLink) -> None:
         self.link = link
-        self.plant = WatchedPlant()
-        self.firmware = Firmware(self.plant, still_hello(rate_Hz=200.0), time.monotonic())
-        self.server = BenchServer(DeviceLink(self.firmware), link, lambda: self.plant.rate_Hz)
+        clock = DeviceTime()
+        self.plant = WatchedPlant(clock)
+        self.firmware = Firmware(self.plant, still_hello(rate_Hz=200.0), clock())
+        self.device = WatchedLink(self.firmware)
+        self.server = BenchServer(self.device, link, lambda: self.plant.rate_Hz, clock=clock)
         self._going = True
         self._thread = threading.Thread(target=self.server.run, args=(lambda: self._going,))
         self._thread.start()
+
+    def wait_for_a_stop(self) -> None:
+        """Wait until the device itself has put motors to rest."""
+        until_s = time.monotonic() + 10.0
+        while self.firmware.latched is None and time.monotonic() < until_s:
+            time.sleep(0.002)
 
     def end(self) -> None:
         self._going = False
@@ -124,6 +129,7 @@ def drive(bench: SerialBench, readings: int = 40) -> NDArray[np.float64]:
     return np.concatenate(rows)
 
 
+@pytest.mark.real_time(deadline_s=0.1)
 @posix
 def test_drive_over_a_pseudo_terminal_twice(on_pty: Served) -> None:
     for _ in range(2):
@@ -134,6 +140,7 @@ def test_drive_over_a_pseudo_terminal_twice(on_pty: Served) -> None:
         assert on_pty.plant.pwm_us.max() == 1000.0
 
 
+@pytest.mark.real_time(deadline_s=0.1)
 def test_drive_over_tcp(on_tcp: Served) -> None:
     assert np.nanmax(drive(bench_at(on_tcp.link.address))[-2:, 2]) == 5.0
 
@@ -141,28 +148,18 @@ def test_drive_over_tcp(on_tcp: Served) -> None:
 @posix
 def test_a_killed_host_leaves_motors_at_zero_within_300_ms(on_pty: Served) -> None:
     address = on_pty.link.address
-    host = subprocess.Popen(
-        [sys.executable, "-c", HOST, address], stdout=subprocess.PIPE, text=True
-    )
-    try:
-        assert host.stdout is not None
-        assert host.stdout.readline() == "spinning\n"
+    with turning(f"{address}?baud=2000000", 1500.0) as host:
         with pytest.raises(PortBusy) as caught:
             bench_at(address).open()
         if sys.platform == "linux":
             assert f"(pid {host.pid})" in str(caught.value)
         time.sleep(0.3)
         assert on_pty.plant.commands[-1][1] == 1500.0
-        killed_s = time.monotonic()
         host.send_signal(signal.SIGKILL)
-        while on_pty.plant.commands[-1][1] != 1000.0 and time.monotonic() < killed_s + 2.0:
-            time.sleep(0.002)
+        on_pty.wait_for_a_stop()
         stopped_s, pwm_us = on_pty.plant.commands[-1]
-    finally:
-        host.kill()
-        host.communicate()
     assert pwm_us == 1000.0
-    assert 0.1 < stopped_s - killed_s < 0.3
+    assert 0.2 < stopped_s - on_pty.device.heard_s < 0.3
     assert on_pty.firmware.latched is not None
     # The port is free again, and the next host finds a device that has been cleared.
     drive(bench_at(address))
@@ -172,7 +169,7 @@ def test_a_killed_host_leaves_motors_at_zero_within_300_ms(on_pty: Served) -> No
 def test_a_host_that_hangs_is_told_so(on_pty: Served) -> None:
     with bench_at(on_pty.link.address) as bench:
         bench.set_pwm(np.array([1300.0, 1200.0]))
-        time.sleep(0.35)
+        on_pty.wait_for_a_stop()
         told: list[str] = []
         with pytest.raises(DeviceStopped, match="watchdog"):
             read_on(bench, told)
@@ -180,11 +177,13 @@ def test_a_host_that_hangs_is_told_so(on_pty: Served) -> None:
     assert any(text.startswith("watchdog: no line for") for text in told)
 
 
+@pytest.mark.real_time(deadline_s=0.1)
 def test_a_second_host_on_tcp_is_told_who_is_there(on_tcp: Served) -> None:
     with bench_at(on_tcp.link.address), pytest.raises(PortBusy, match=r"127\.0\.0\.1:\d+"):
         bench_at(on_tcp.link.address).open()
 
 
+@pytest.mark.real_time(deadline_s=0.1)
 @posix
 def test_a_pulled_cable_and_the_same_path_again(tmp_path: Path) -> None:
     symlink = tmp_path / "bench"
@@ -218,6 +217,7 @@ def ended(process: subprocess.Popen[str]) -> tuple[int, str]:
     return process.returncode, errors
 
 
+@pytest.mark.real_time(deadline_s=0.1)
 @posix
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_serve_from_the_command_line(tmp_path: Path, number: signal.Signals) -> None:
@@ -255,6 +255,7 @@ def served_with(fault: str, symlink: Path) -> subprocess.Popen[str]:
     return process
 
 
+@pytest.mark.real_time(deadline_s=0.1)
 @posix
 @pytest.mark.parametrize(
     ("fault", "kind", "words"),
@@ -278,6 +279,7 @@ def test_faults_on_demand(tmp_path: Path, fault: str, kind: type[BenchError], wo
         process.communicate()
 
 
+@pytest.mark.real_time(deadline_s=0.1)
 @posix
 def test_a_stage_that_refuses_on_demand(tmp_path: Path) -> None:
     process = served_with("refuse_move", tmp_path / "bench")

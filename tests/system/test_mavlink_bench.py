@@ -9,12 +9,9 @@ import pytest
 
 from benchtool.bench.motor_map import read_motor_map
 from benchtool.store import Run, read_events, read_pitch
-from tests.system.mavlink_served import environment_of, free_port, run, serving
+from tests.system.served import free_port, run, serving
 
-
-@pytest.fixture
-def environment(tmp_path: Path) -> dict[str, str]:
-    return environment_of(tmp_path)
+pytestmark = pytest.mark.real_time(deadline_s=0.1)
 
 
 def test_a_map_is_learnt_and_the_checked_bench_uses_it(

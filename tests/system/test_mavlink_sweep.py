@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import subprocess
-import sys
 import threading
 import time
 from pathlib import Path
@@ -20,16 +18,10 @@ from benchtool.bench.virtual_autopilot import VirtualAutopilot
 from benchtool.bench.virtual_device import hello_of, virtual_plant
 from benchtool.library import load_model, rig_named
 from benchtool.store import Run, read_events, read_points, read_samples
-from tests.system.mavlink_served import environment_of, free_port, run, serving
+from tests.system.served import DeviceTime, free_port, posix, run, serving, turning
 
 SMALL = ["--rig", "pquad_single", "--repeats", "1", "--z-over-r", "0.5,1", "--sample-s", "1"]
 FAST = ["--rig", "pquad_single", "--speed", "20"]
-posix = pytest.mark.skipif(os.name != "posix", reason="needs pseudo-terminals or signals")
-
-
-@pytest.fixture
-def environment(tmp_path: Path) -> dict[str, str]:
-    return environment_of(tmp_path)
 
 
 def sweep(address: str, out: Path, environment: dict[str, str]) -> subprocess.CompletedProcess[str]:
@@ -54,6 +46,7 @@ def check_swept(ended: subprocess.CompletedProcess[str], folder: Path) -> None:
     assert facts["device"]["protocol"] == "MAVLink 2"
 
 
+@pytest.mark.real_time(deadline_s=0.1)
 @pytest.mark.parametrize("kind", ["ardupilot", "px4"])
 def test_a_sweep_over_udp(tmp_path: Path, environment: dict[str, str], kind: str) -> None:
     link = f"mavlink:udpout:127.0.0.1:{free_port()}"
@@ -65,6 +58,7 @@ def test_a_sweep_over_udp(tmp_path: Path, environment: dict[str, str], kind: str
     assert f"rotor 1 hangs on output {3 if kind == 'ardupilot' else 1}" in told
 
 
+@pytest.mark.real_time(deadline_s=0.1)
 @posix
 def test_a_sweep_over_a_pseudo_terminal(tmp_path: Path, environment: dict[str, str]) -> None:
     with serving("mavlink:pty", environment, *FAST, "--symlink", str(tmp_path / "fc")) as address:
@@ -75,16 +69,22 @@ def test_a_sweep_over_a_pseudo_terminal(tmp_path: Path, environment: dict[str, s
     assert np.all(np.diff(samples.column("time_s")) > 0.0)
 
 
-SPIN = """
-import sys
-import numpy as np
-from benchtool.bench.address import open_bench
-with open_bench(sys.argv[1]) as bench:
-    bench.set_pwm(np.array([1400.0]))
-    print("turning", flush=True)
-    while True:
-        bench.read(0.05)
-"""
+class Watched(VirtualAutopilot):
+    """Note when something was heard last and when motors stood, in its own time."""
+
+    heard_s = stood_s = 0.0
+
+    def receive(self, data: bytes, now_s: float) -> bytes:
+        self.heard_s = now_s if data else self.heard_s
+        return super().receive(data, now_s)
+
+    def tick(self, n: int, now_s: float) -> tuple[bytes, list[bytes]]:
+        told = super().tick(n, now_s)
+        if max(self.outputs_us) > 1000:
+            self.stood_s = 0.0
+        else:
+            self.stood_s = self.stood_s or now_s
+        return told
 
 
 @posix
@@ -93,33 +93,26 @@ def test_a_killed_host_leaves_motors_standing_within_300_ms(kind: str) -> None:
     rig = rig_named("pquad_single")
     truth = load_model("single", rig).model
     plant = virtual_plant(rig, truth, 1)
-    device = VirtualAutopilot(Firmware(plant, hello_of(plant, truth, 1)), kind)
+    clock = DeviceTime()
+    device = Watched(Firmware(plant, hello_of(plant, truth, 1), clock()), kind)
     port = free_port()
     link = UdpLink("127.0.0.1", port, listen=False)
-    server = BenchServer(device, link, lambda: plant.rate_Hz)
+    server = BenchServer(device, link, lambda: plant.rate_Hz, clock=clock)
     ended = threading.Event()
     thread = threading.Thread(
         target=server.run, args=(lambda: not ended.is_set(), 0.001), daemon=True
     )
     thread.start()
-    host = subprocess.Popen(
-        [sys.executable, "-c", SPIN, f"mavlink:udpin:127.0.0.1:{port}?rotors=1&system=1"],
-        stdout=subprocess.PIPE,
-        text=True,
-    )
     try:
-        assert host.stdout is not None
-        assert host.stdout.readline() == "turning\n"
-        time.sleep(0.5)
-        assert 1400 in device.outputs_us
-        host.send_signal(signal.SIGKILL)
-        killed_s = time.monotonic()
-        while max(device.outputs_us) > 1000 and time.monotonic() < killed_s + 2.0:
-            time.sleep(0.001)
-        assert time.monotonic() - killed_s < 0.3
+        with turning(f"mavlink:udpin:127.0.0.1:{port}?rotors=1&system=1", 1400.0) as host:
+            time.sleep(0.5)
+            assert 1400 in device.outputs_us
+            host.send_signal(signal.SIGKILL)
+            until_s = time.monotonic() + 10.0
+            while not device.stood_s and time.monotonic() < until_s:
+                time.sleep(0.001)
+            assert device.stood_s - device.heard_s < 0.3
     finally:
-        host.kill()
-        host.communicate()
         ended.set()
         thread.join(5.0)
         link.close()

@@ -49,7 +49,7 @@ def log_of(folder: Path, seed: int, seconds: float) -> PitchLog:
     return pitch_log(read_pitch(folder), rig)
 
 
-@pytest.mark.soak
+@pytest.mark.timeout(600)
 def test_friction_behind_an_autopilot_is_named(tmp_path: Path) -> None:
     learn = log_of(tmp_path / "learn", 3, 24.0)
     assert any("the plate slides in or out" in remark for remark in learn.remarks)

@@ -5,10 +5,9 @@ from __future__ import annotations
 import os
 import signal
 import subprocess
-import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import AbstractContextManager, suppress
 from pathlib import Path
 
 import numpy as np
@@ -18,52 +17,30 @@ from benchtool.bench.address import open_bench
 from benchtool.bench.bench import Bench
 from benchtool.errors import DeviceStopped
 from benchtool.store import Run, read_events, read_pitch, read_samples
+from tests.system.served import COMMAND, posix, start
+from tests.system.served import serving as serving_bench
 
-COMMAND = [sys.executable, "-m", "benchtool"]
-posix = pytest.mark.skipif(os.name != "posix", reason="needs pseudo-terminals and signals")
-
-
-@pytest.fixture
-def environment(tmp_path: Path) -> dict[str, str]:
-    return {**os.environ, "BENCHTOOL_STATE": str(tmp_path / "state"), "PYTHONUNBUFFERED": "1"}
+PITCH = ["--rig", "pquad", "--mode", "pitch", "--seed", "3"]
 
 
-@contextmanager
-def serving(environment: dict[str, str], *more: str) -> Iterator[str]:
-    """Give the address of a virtual pitch bench in a process of its own."""
-    process = subprocess.Popen(
-        [*COMMAND, "bench", "serve", "--rig", "pquad", "--mode", "pitch", "--seed", "3", *more],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        text=True,
-        env=environment,
-    )
-    assert process.stdout is not None
-    try:
-        yield process.stdout.readline().strip()
-    finally:
-        process.terminate()
-        process.wait(10)
-        process.stdout.close()
+def serving(
+    environment: dict[str, str], *more: str, link: str = "pty"
+) -> AbstractContextManager[str]:
+    """Give the address of a virtual pitch bench, ten times faster than life."""
+    return serving_bench(link, environment, *PITCH, "--speed", "10", *more)
 
 
 def recording(address: str, out: Path, environment: dict[str, str], *more: str) -> subprocess.Popen:
-    return subprocess.Popen(
-        [*COMMAND, "record", address, "--rig", "pquad", "--yes", "--out", str(out), *more],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        env=environment,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
-    )
+    words = ["record", address, "--rig", "pquad", "--yes", "--out", str(out), *more]
+    return start(words, environment)
 
 
-def wait_for_samples(run: Path, count: int) -> None:
-    """Wait until a recording has at least so many samples on the disk."""
-    until_s = time.monotonic() + 20.0
+def wait_for_samples(run: Path, count: int, also: Callable[[], bool] = lambda: True) -> None:
+    """Wait until a recording has at least so many samples on the disk, and something else holds."""
+    until_s = time.monotonic() + 60.0
     while time.monotonic() < until_s:
         samples = run / "samples.csv"
-        if samples.is_file() and samples.read_bytes().count(b"\n") > count:
+        if samples.is_file() and samples.read_bytes().count(b"\n") > count and also():
             return
         time.sleep(0.02)
     raise AssertionError("the recording never came so far")
@@ -98,12 +75,13 @@ def pulses_in(line: bytes) -> list[float]:
     return [float(field) for field in line.split(b",")[6:10]]
 
 
+@pytest.mark.real_time(deadline_s=0.1)
 @pytest.mark.parametrize("link", [pytest.param("pty", marks=posix), "tcp:127.0.0.1:0"])
 def test_a_whole_schedule_over_a_link(
     tmp_path: Path, environment: dict[str, str], link: str
 ) -> None:
     run = tmp_path / "run"
-    with serving(environment, "--link", link, "--speed", "10") as address:
+    with serving(environment, link=link) as address:
         ended = recording(address, run, environment, "--seconds", "25", "--schedule", "plate")
         told, complained = ended.communicate(timeout=60)
     assert ended.returncode == 0, complained
@@ -128,9 +106,9 @@ def test_a_killed_recorder_leaves_motors_at_zero(
     tmp_path: Path, environment: dict[str, str]
 ) -> None:
     run = tmp_path / "run"
-    with serving(environment, "--speed", "10") as address:
+    with serving(environment) as address:
         process = recording(address, run, environment)
-        wait_for_samples(run, 500)
+        wait_for_samples(run, 500, lambda: read_samples(run).column("pwm1_us")[-1] > 1500.0)
         process.kill()
         process.communicate()
         lines = overheard(address, 1.5)
@@ -152,7 +130,7 @@ def test_a_signal_ends_it_safely(
     tmp_path: Path, environment: dict[str, str], number: signal.Signals, reason: str
 ) -> None:
     run = tmp_path / "run"
-    with serving(environment, "--speed", "10") as address:
+    with serving(environment) as address:
         process = recording(address, run, environment)
         wait_for_samples(run, 500)
         process.send_signal(number)
@@ -177,7 +155,7 @@ def test_a_silent_link_and_a_beam_that_turns_too_far_end_it(
         ("far", [], ["--limit-deg", "1"], 4, "theta_rad"),
     ):
         run = tmp_path / name
-        with serving(environment, "--speed", "10", *faults) as address:
+        with serving(environment, *faults) as address:
             process = recording(address, run, environment, *options)
             _, complained = process.communicate(timeout=40)
         assert process.returncode == code, complained
@@ -222,13 +200,14 @@ class Fails(Law):
 """
 
 
+@pytest.mark.real_time(deadline_s=0.1)
 @posix
 def test_a_controller_of_ones_own_flies_the_bench_until_it_fails(
     tmp_path: Path, environment: dict[str, str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "served_law.py").write_text(LAWS)
     monkeypatch.chdir(tmp_path)
-    words = ("--speed", "10", "--set", "K_b=1.8", "--controller")
+    words = ("--set", "K_b=1.8", "--controller")
     with serving(environment, *words, "served_law:Law") as address:
         process = recording(address, tmp_path / "flown", environment, "--seconds", "14")
         _, complained = process.communicate(timeout=60)

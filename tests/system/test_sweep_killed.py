@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -18,54 +16,31 @@ from benchtool.acquire.order import visits_of
 from benchtool.acquire.plan import plan_from_toml
 from benchtool.library import rig_named
 from benchtool.store import Run, code_of, read_events, read_points, read_samples
+from tests.system.served import posix, serving, start
+from tests.system.served import run as command
 
-pytestmark = pytest.mark.skipif(os.name != "posix", reason="needs pseudo-terminals and signals")
+pytestmark = posix
 
-COMMAND = [sys.executable, "-m", "benchtool"]
 SMALL = ["--rig", "pquad_single", "--repeats", "2", "--z-over-r", "0.5,1", "--sample-s", "1"]
 
 
-@pytest.fixture
-def environment(tmp_path: Path) -> dict[str, str]:
-    return {**os.environ, "BENCHTOOL_STATE": str(tmp_path / "state"), "PYTHONUNBUFFERED": "1"}
-
-
 @contextmanager
-def serving(link: Path, environment: dict[str, str], *more: str) -> Iterator[str]:
-    """Give the address of a virtual bench in a process of its own, twenty times faster."""
-    rig, speed = ["--rig", "pquad_single"], ["--speed", "20"]
-    process = subprocess.Popen(
-        [*COMMAND, "bench", "serve", *rig, *speed, "--symlink", str(link), *more],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        text=True,
-        env=environment,
-    )
-    assert process.stdout is not None
-    try:
-        yield process.stdout.readline().strip()
-    finally:
-        process.terminate()
-        process.wait(10)
-        process.stdout.close()
+def serving_fast(folder: Path, environment: dict[str, str], *more: str) -> Iterator[str]:
+    """Give the address of a virtual bench, twenty times faster than life."""
+    words = ["--rig", "pquad_single", "--speed", "20", "--symlink", str(folder / "bench"), *more]
+    with serving("pty", environment, *words) as address:
+        yield address
 
 
 @pytest.fixture
 def served(tmp_path: Path, environment: dict[str, str]) -> Iterator[str]:
-    with serving(tmp_path / "bench", environment) as address:
+    with serving_fast(tmp_path, environment) as address:
         yield address
 
 
 def begin(address: str, out: Path, environment: dict[str, str], points: int) -> subprocess.Popen:
     """Start a sweep and return it once so many points are on the disk."""
-    process = subprocess.Popen(
-        [*COMMAND, "sweep", address, *SMALL, "--yes", "--out", str(out)],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        env=environment,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
-    )
+    process = start(["sweep", address, *SMALL, "--yes", "--out", str(out)], environment)
     assert process.stdout is not None
     for line in process.stdout:
         if line.startswith(f"{points}/"):
@@ -84,6 +59,7 @@ def planned(run: Path) -> list[int]:
     return [visit.setting.number for visit in visits_of(plan, rig_named("pquad_single"))]
 
 
+@pytest.mark.real_time(deadline_s=0.1)
 def test_kill_loses_no_row_and_the_run_goes_on(
     tmp_path: Path, served: str, environment: dict[str, str]
 ) -> None:
@@ -99,13 +75,7 @@ def test_kill_loses_no_row_and_the_run_goes_on(
     assert set(steps_us) == {5000.0}
     assert len(read_points(run)) >= 3
     assert Run.open(run).metadata["state"] == "running"
-    resumed = subprocess.run(
-        [*COMMAND, "sweep", "--resume", str(run), "--yes"],
-        capture_output=True,
-        text=True,
-        env=environment,
-        timeout=60,
-    )
+    resumed = command(["sweep", "--resume", str(run), "--yes"], environment)
     assert resumed.returncode == 0, resumed.stderr
     points = read_points(run)
     assert points.column("setting").astype(int).tolist() == planned(run)
@@ -176,14 +146,13 @@ def test_a_signal_during_a_move_loses_no_sample_and_shows_the_end(
     assert np.round(steps_us / 5000.0 - 1.0).sum() == lost
 
 
+@pytest.mark.real_time(deadline_s=0.1)
 def test_doctor_names_the_sweep_that_holds_the_port(
     tmp_path: Path, served: str, environment: dict[str, str]
 ) -> None:
     process = begin(served, tmp_path / "run", environment, points=1)
     port = served.removeprefix("serial:")
-    looked = subprocess.run(
-        [*COMMAND, "doctor", port], capture_output=True, text=True, env=environment, timeout=30
-    )
+    looked = command(["doctor", port], environment)
     assert end(process, signal.SIGTERM)[0] == 5
     assert looked.returncode == 3
     assert f"{port} is open in " in looked.stdout
@@ -191,29 +160,22 @@ def test_doctor_names_the_sweep_that_holds_the_port(
 
 
 def test_a_link_to_nowhere_is_refused_in_one_sentence(environment: dict[str, str]) -> None:
-    words = ["bench", "serve", "--symlink", "/nope/x"]
-    ended = subprocess.run(
-        [*COMMAND, *words], capture_output=True, text=True, env=environment, timeout=30
-    )
+    ended = command(["bench", "serve", "--symlink", "/nope/x"], environment)
     assert ended.returncode == 2
     assert "--symlink /nope/x cannot be made (No such file or directory)" in ended.stderr
     assert ended.stderr.count("\n") == 1
 
 
+@pytest.mark.real_time(deadline_s=0.1)
 def test_a_second_sweep_on_the_port_is_refused(
     tmp_path: Path, served: str, environment: dict[str, str]
 ) -> None:
     process = begin(served, tmp_path / "first", environment, points=1)
-    second = subprocess.run(
-        [*COMMAND, "sweep", served, *SMALL, "--yes", "--out", str(tmp_path / "second")],
-        capture_output=True,
-        text=True,
-        env=environment,
-        timeout=30,
-    )
+    out = tmp_path / "second"
+    second = command(["sweep", served, *SMALL, "--yes", "--out", str(out)], environment)
     assert second.returncode == 3
     assert str(process.pid) in second.stderr
-    assert not (tmp_path / "second").exists()
+    assert not out.exists()
     code, _ = end(process, signal.SIGTERM)
     assert code == 5
 
@@ -234,14 +196,9 @@ def test_a_fault_ends_it_safely_and_says_why(
 ) -> None:
     run = tmp_path / "run"
     long = ["--sample-s", "200"] if code == 8 else []
-    with serving(tmp_path / "bench", environment, "--fault", fault) as address:
-        ended = subprocess.run(
-            [*COMMAND, "sweep", address, *SMALL, *long, "--yes", "--out", str(run)],
-            capture_output=True,
-            text=True,
-            env=environment,
-            timeout=60,
-        )
+    with serving_fast(tmp_path, environment, "--fault", fault) as address:
+        words = ["sweep", address, *SMALL, *long, "--yes", "--out", str(run)]
+        ended = command(words, environment)
     assert ended.returncode == code
     assert told in ended.stderr
     assert ended.stderr.count("\n") == 1

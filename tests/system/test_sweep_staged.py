@@ -9,9 +9,12 @@ import numpy as np
 import pytest
 
 from benchtool.store import Run, read_points, read_samples
-from tests.system.mavlink_served import environment_of, run, serving
+from tests.system.served import environment_of, run, serving
 
-pytestmark = pytest.mark.skipif(os.name != "posix", reason="needs pseudo-terminals")
+pytestmark = [
+    pytest.mark.skipif(os.name != "posix", reason="needs pseudo-terminals"),
+    pytest.mark.real_time(deadline_s=0.1),
+]
 SMALL = ["--rig", "pquad_single", "--repeats", "1", "--z-over-r", "0.5,1", "--sample-s", "1"]
 
 

@@ -14,7 +14,7 @@ from benchtool.cli.app import main
 from benchtool.cli.explain import spread
 from benchtool.library import load_model
 from benchtool.store import read_recording, write_recording
-from tests.system.mavlink_served import COMMAND
+from tests.system.served import COMMAND
 from tests.unit.explain.hand_made import MODEL
 from tests.unit.library.test_own_effects import GOOD
 
@@ -100,7 +100,8 @@ def test_the_new_model_explains_the_recordings_within_their_noise(
     assert found["model_out"] is None
 
 
-@pytest.mark.soak  # a new law is compiled
+@pytest.mark.slow  # a new law is compiled
+@pytest.mark.timeout(600)
 def test_an_effect_of_the_users_own_is_tried_and_goes_with_the_model(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
