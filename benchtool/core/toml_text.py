@@ -138,6 +138,52 @@ def build(cls: type[T], data: Mapping[str, Any], where: str) -> T:
         raise FileFormatError(where, problem) from error
 
 
+class RefusedValue(ValueError):
+    """What is wrong with one value.
+
+    Args:
+        kind: pydantic's name for it.
+        value: the value, or the one of several that is wrong.
+        reason: what was expected, in words.
+    """
+
+    def __init__(self, kind: str, value: Any, reason: str) -> None:
+        self.kind = kind
+        self.value = value
+        self.reason = reason
+        super().__init__(reason)
+
+
+def check_value(declared: Any, value: Any) -> Any:
+    """Return a value as a declared type has it: a tuple for a list; nan and inf are refused.
+
+    Raises:
+        RefusedValue: it has another type, or is out of range.
+    """
+    from pydantic import ValidationError
+
+    text = json.dumps(
+        value, default=lambda each: each.tolist() if hasattr(each, "tolist") else str(each)
+    )
+    try:
+        return _value_checker(declared).validate_json(text, strict=True)
+    except ValidationError as error:
+        first = error.errors()[0]
+        raise RefusedValue(first["type"], first["input"], first["msg"].lower()) from None
+
+
+def _plain(value: Any) -> Any:
+    """Return what JSON takes for a value of NumPy, or for a path."""
+    return value.tolist() if hasattr(value, "tolist") else str(value)
+
+
+@cache
+def _value_checker(declared: Any) -> TypeAdapter[Any]:
+    from pydantic import ConfigDict, TypeAdapter
+
+    return TypeAdapter(declared, config=ConfigDict(allow_inf_nan=False))
+
+
 @cache
 def _checker(cls: type[Any]) -> TypeAdapter[Any]:
     """Return what checks a class; pydantic takes some 10 ms to make one."""

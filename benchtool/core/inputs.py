@@ -1,0 +1,365 @@
+"""Declare what a command takes: a frozen dataclass whose fields carry type, unit, range and help.
+
+Everything that hands values in reads the declaration: the command line, a form of the page, the
+command shown there, a plan file, and a call from Python. A range holds whichever of them a value
+comes from, and the refusal names it as that source does: ``--ramp-s``, the label of the form,
+``throttle.ramp_s`` in a file, ``ramp_s`` in a call. One input is one field::
+
+    ramp_s: Annotated[float, Ge(0.0), Le(10.0), Input("Time from a level to the next.", "s")] = 0.3
+"""
+
+from __future__ import annotations
+
+import types
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import KW_ONLY, MISSING, dataclass, fields, replace
+from functools import cache
+from typing import (
+    Annotated,
+    Any,
+    Literal,
+    TypeVar,
+    Union,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
+
+from annotated_types import Ge, Gt, Le
+
+from benchtool.core.input_text import (
+    are_texts,
+    read_number,
+    read_numbers,
+    read_pairs,
+    read_texts,
+    words_of,
+)
+from benchtool.core.toml_text import FiniteTable, RefusedValue, check_value
+from benchtool.errors import InputError, UnknownChoice
+
+T = TypeVar("T")
+
+Source = Literal["option", "keyword", "label"]
+"""Where values come from: the command line, a call from Python, a form."""
+
+_OF_RANGE = (
+    "greater_than", "greater_than_equal", "less_than", "less_than_equal", "finite_number",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Input:
+    """Say what people read of an input, beyond its type, range and default.
+
+    Attributes:
+        help: one sentence for the command line.
+        unit: of the number.
+        option: name of option and keyword where it is not the field's.
+        label: in a form; the help and the unit when left out.
+        empty: what runs where nothing is given, if the default does not say it.
+        argument: what usage calls it where the command line takes it without an option.
+        commas: whether several texts may stand in one word, with commas between.
+        instead_of: field beside it that it replaces.
+        hidden: whether help and forms leave it out.
+    """
+
+    help: str
+    unit: str = ""
+    _: KW_ONLY
+    option: str = ""
+    label: str = ""
+    empty: str = ""
+    argument: str = ""
+    commas: bool = False
+    instead_of: str = ""
+    hidden: bool = False
+
+
+class Inputs(FiniteTable):
+    """Mark a dataclass of inputs: what it is made with is checked against the fields' types.
+
+    Raises:
+        InputError: a value of the wrong type or range, by the name of the field.
+    """
+
+    __slots__ = ()
+
+    def __post_init__(self) -> None:
+        own: Any = type(self)
+        for item in _fields_of(own):
+            # Defaults are not checked here: that would import pydantic before anything is asked.
+            if (value := getattr(self, item.key)) is not item.default:
+                object.__setattr__(self, item.key, item.read(value, item.key))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Item:
+    """Describe one input of a dataclass, the parts of parts included.
+
+    Attributes:
+        key: where it stands in a file, with dots between tables.
+        declared: its type, without None.
+        kind: type of one value; str for a choice.
+        many, count: whether it holds several, and how many where that is fixed.
+        choices: known values; empty for any.
+        range: what numbers are taken, in words; "" for any.
+        default: MISSING for an input that must be given.
+        about: what people read.
+    """
+
+    key: str
+    declared: Any
+    kind: Any
+    many: bool
+    count: int | None
+    choices: tuple[str, ...]
+    range: str
+    default: Any
+    about: Input
+
+    @property
+    def is_part(self) -> bool:
+        """Whether it is a dataclass of inputs itself."""
+        return isinstance(self.kind, type) and issubclass(self.kind, Inputs)
+
+    @property
+    def name(self) -> str:
+        """Name as option (with hyphens) and as keyword."""
+        return (self.about.option or self.key.rpartition(".")[2]).replace("-", "_")
+
+    @property
+    def option(self) -> str:
+        """Word of the command line that a value follows."""
+        name = self.about.option or self.name
+        return self.about.argument or f"--{name.replace('_', '-')}"
+
+    @property
+    def label(self) -> str:
+        """Words beside its field in a form."""
+        if self.about.label:
+            return self.about.label
+        unit = f", {self.about.unit}" if self.about.unit else ""
+        return f"{self.about.help.rstrip('.')}{unit}"
+
+    def called(self, source: Source) -> str:
+        """Return what a source calls this input."""
+        return {"option": self.option, "keyword": self.name, "label": self.label}[source]
+
+    def read(self, value: Any, called: str) -> Any:
+        """Return a value, or the text typed for it, as the declared type has it.
+
+        Raises:
+            InputError: it has the wrong type, or is out of range.
+        """
+        if value is None and self.default is None:
+            return None
+        if self.is_part:
+            if isinstance(value, self.kind):
+                return value
+            raise InputError(f"{called} is {value!r:.60}; make it with {self.kind.__name__}(...)")
+        if self.kind is Mapping:
+            value = value if isinstance(value, Mapping) else read_pairs(value, called)
+        elif self.many and self.kind is str:
+            value = read_texts(value, commas=self.about.commas)
+        elif self.many and (isinstance(value, str) or are_texts(value)):
+            value = read_numbers(value, called, self.kind, self.count)
+        elif isinstance(value, str) and self.kind in (int, float):
+            value = read_number(value, called, self.kind)
+        try:
+            return check_value(self.declared, value)
+        except RefusedValue as refused:
+            raise self._refusal(refused, called) from None
+
+    def _refusal(self, refused: RefusedValue, called: str) -> InputError:
+        value, unit = refused.value, f" {self.about.unit}" if self.about.unit else ""
+        if self.choices and isinstance(value, str):
+            return UnknownChoice(called, value, self.choices)
+        if refused.kind not in _OF_RANGE:
+            return InputError(f"{called} is {value!r:.80}: {refused.reason}; correct it")
+        allowed = f"{self.range}{unit}" if self.range else "a finite number"
+        point = " (decimals take a point: 0.5, not 0,5)" if self.many and self.kind is float else ""
+        return InputError(
+            f"{called} {'names' if self.many else 'is'} {value:g}{unit}, allowed is {allowed}; "
+            f"correct it{point}"
+        )
+
+
+@cache
+def _fields_of(cls: Any) -> tuple[Item, ...]:
+    """Return every field of one dataclass, described; parts are not entered."""
+    hints = get_type_hints(cls, include_extras=True)
+    return tuple(_item(one, hints[one.name]) for one in fields(cls))
+
+
+def _item(field: Any, hint: Any) -> Item:
+    metadata: list[Any] = []
+
+    def plain(hint: Any) -> Any:
+        """Return a type without None and without what is noted on it, which is collected."""
+        if get_origin(hint) is Annotated:
+            metadata.extend(hint.__metadata__)
+            return plain(get_args(hint)[0])
+        if get_origin(hint) in (Union, types.UnionType):
+            return plain(next(each for each in get_args(hint) if each is not type(None)))
+        return hint
+
+    kind = plain(hint)
+    declared = Annotated[(kind, *metadata)] if metadata else kind
+    about = next((each for each in metadata if isinstance(each, Input)), Input(""))
+    many, count = get_origin(kind) is tuple, None
+    if many:
+        parts = get_args(kind)
+        count = None if Ellipsis in parts else len(parts)
+        kind = plain(parts[0])
+    elif get_origin(kind) is Mapping:
+        kind = Mapping
+    choices = get_args(kind) if get_origin(kind) is Literal else ()
+    factory = field.default_factory
+    return Item(
+        key=field.name,
+        declared=declared,
+        kind=str if choices else kind,
+        many=many,
+        count=count,
+        choices=choices,
+        range=_range(metadata),
+        default=field.default if factory is MISSING else factory(),
+        about=about,
+    )
+
+
+def _range(metadata: Sequence[Any]) -> str:
+    """Return what numbers are taken, in words."""
+    low, above, high = (
+        next((getattr(each, name) for each in metadata if isinstance(each, bound)), None)
+        for bound, name in ((Ge, "ge"), (Gt, "gt"), (Le, "le"))
+    )
+    if low is not None:
+        return f"{low:g} or more" if high is None else f"{low:g} to {high:g}"
+    if above is not None:
+        return f"above {above:g}" + ("" if high is None else f", at most {high:g}")
+    return "" if high is None else f"at most {high:g}"
+
+
+def items(cls: Any) -> tuple[Item, ...]:
+    """Return every input of a dataclass, in order, those of its parts included.
+
+    A field without an `Input` is no input: a file may say it, nothing else can.
+    """
+    return _items(cls)
+
+
+@cache
+def _items(cls: Any) -> tuple[Item, ...]:
+    return tuple(_walk(cls, ""))
+
+
+def _walk(cls: Any, prefix: str) -> Iterator[Item]:
+    for item in _fields_of(cls):
+        if item.is_part:
+            yield from _walk(item.kind, f"{prefix}{item.key}.")
+        elif item.about.help:
+            yield replace(item, key=f"{prefix}{item.key}")
+
+
+def make(
+    cls: type[T], given: Mapping[str, Any], *, source: Source = "keyword", base: T | None = None
+) -> T:
+    """Return the dataclass with what was given, by name, in place of what `base` or defaults say.
+
+    Args:
+        cls: a dataclass of inputs.
+        given: values, or the texts typed for them; None for what was not given.
+        source: decides what a refusal calls an input.
+        base: from a file; the defaults when left out.
+
+    Raises:
+        UnknownChoice: a name that no input has, or a value outside the known choices.
+        InputError: a value of the wrong type or range, two that exclude each other, or none for
+            an input that must be given.
+    """
+    known = {item.name: item for item in items(cls)}
+    if unknown := [name for name in given if name not in known]:
+        raise UnknownChoice("input", unknown[0], known)
+    present = {known[name]: value for name, value in given.items() if value is not None}
+    values: dict[str, Any] = {}
+    for item, value in present.items():
+        if other := item.about.instead_of:
+            rival = next(one for one in known.values() if one.key == _beside(item.key, other))
+            if rival in present:
+                both = " and ".join(sorted((item.called(source), rival.called(source))))
+                raise InputError(f"{both} are both given; give one of them")
+            values[rival.key] = rival.default
+        values[item.key] = item.read(value, item.called(source))
+    for item in known.values():
+        if base is None and item.default is MISSING and item.key not in values:
+            raise InputError(f"{item.called(source)} is missing; give it")
+    made: T = _assemble(cls, base, values, "")
+    return made
+
+
+def _beside(key: str, name: str) -> str:
+    table, dot, _ = key.rpartition(".")
+    return f"{table}{dot}{name}"
+
+
+def _assemble(cls: Any, base: Any, values: Mapping[str, Any], prefix: str) -> Any:
+    """Return a dataclass, or one of its parts, from values by key."""
+    changes = {}
+    for item in _fields_of(cls):
+        key = f"{prefix}{item.key}"
+        if key in values:
+            changes[item.key] = values[key]
+        elif item.is_part and any(each.startswith(f"{key}.") for each in values):
+            part = item.default if base is None else getattr(base, item.key)
+            part = None if part is MISSING else part
+            changes[item.key] = _assemble(item.kind, part, values, f"{key}.")
+    return cls(**changes) if base is None else replace(base, **changes)
+
+
+def values_of(inputs: Any) -> dict[str, Any]:
+    """Return the value of every input of a dataclass, by name."""
+
+    def value(key: str) -> Any:
+        found = inputs
+        for part in key.split("."):
+            found = getattr(found, part)
+        return found
+
+    return {item.name: value(item.key) for item in items(type(inputs))}
+
+
+def changed(inputs: Any) -> dict[str, Any]:
+    """Return the inputs whose values are not the defaults, by name."""
+    found = values_of(inputs)
+    return {
+        item.name: found[item.name]
+        for item in items(type(inputs))
+        if found[item.name] != item.default
+    }
+
+
+def words(cls: type[Any], given: Mapping[str, Any]) -> list[str]:
+    """Return the words of the command line that give these values, arguments first.
+
+    Args:
+        cls: a dataclass of inputs.
+        given: values, or the texts typed for them; what is None or empty is left out.
+    """
+    first: list[str] = []
+    rest: list[str] = []
+    for item in items(cls):
+        value = given.get(item.name)
+        if isinstance(value, bool):
+            if value != item.default:
+                rest.append(item.option if value else item.option.replace("--", "--no-", 1))
+            continue
+        if value is None or value in ("", (), [], {}):
+            continue
+        texts = words_of(value, commas=item.about.commas or item.kind is not str)
+        if item.about.argument:
+            first += texts
+        else:
+            rest += [word for text in texts for word in (item.option, text)]
+    return first + rest

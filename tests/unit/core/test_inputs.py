@@ -1,0 +1,156 @@
+"""Inputs declared once: one range, whatever hands the value in, and the name that source uses."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+import pytest
+from annotated_types import Ge, Gt, Le
+
+from benchtool.core.inputs import Input, Inputs, changed, items, make, words
+from benchtool.core.toml_text import read_strict
+from benchtool.errors import InputError, UnknownChoice
+
+Positive = Annotated[float, Gt(0.0), Le(100.0)]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Throttle(Inputs):
+    pwm_us: Annotated[tuple[Positive, ...], Input("Levels.", "us", option="pwm")] = ()
+    ramp_s: Annotated[float, Ge(0.0), Le(10.0), Input("Time between levels.", "s")] = 0.3
+    ratio: Annotated[tuple[Positive, ...], Input("The same.", instead_of="pwm_us")] = ()
+    inner: Positive = 5.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Order(Inputs):
+    device: Annotated[str, Input("Which device.", argument="DEVICE")]
+    repeats: Annotated[Annotated[int, Ge(1)] | None, Input("Visits.", label="Repeats")] = None
+    kind: Annotated[Literal["random", "given"], Input("Order.", option="order")] = "random"
+    offset_m: Annotated[tuple[float, float], Input("X,Y.", "m")] = (0.0, 0.0)
+    only: Annotated[tuple[str, ...], Input("Names.")] = ()
+    names: Annotated[tuple[str, ...], Input("Names.", commas=True)] = ()
+    set: Annotated[Mapping[str, float], Input("NAME=VALUE.")] = field(default_factory=dict)
+    out: Annotated[Path | None, Input("Folder.")] = None
+    quick: Annotated[bool, Input("Be quick.")] = False
+    throttle: Throttle = Throttle()
+
+
+def order(**given: Any) -> Order:
+    return make(Order, {"device": "sim", **given})
+
+
+def by_option(**given: Any) -> Order:
+    return make(Order, {"device": "sim", **given}, source="option")
+
+
+def by_label(**given: Any) -> Order:
+    return make(Order, {"device": "sim", **given}, source="label")
+
+
+def by_field(**given: Any) -> Throttle:
+    return Throttle(**given)
+
+
+def by_file(**given: Any) -> Order:
+    ((name, value),) = given.items()
+    return read_strict(Order, f'device = "sim"\n[throttle]\n{name} = {value}\n', "plan.toml")
+
+
+@pytest.mark.parametrize(
+    ("source", "called"),
+    [
+        (by_option, "--ramp-s is -3 s, allowed is 0 to 10 s; correct it"),
+        (by_label, "Time between levels, s is -3 s, allowed is 0 to 10 s; correct it"),
+        (order, "ramp_s is -3 s, allowed is 0 to 10 s; correct it"),
+        (by_field, "ramp_s is -3 s, allowed is 0 to 10 s; correct it"),
+        (by_file, "plan.toml: throttle.ramp_s is -3.0: input should be greater than or equal to 0"),
+    ],
+)
+def test_a_range_holds_and_is_named_as_the_source_names_it(
+    source: Callable[..., Any], called: str
+) -> None:
+    with pytest.raises(InputError) as refused:
+        source(ramp_s=-3.0)
+    assert str(refused.value).startswith(called)
+    assert source(ramp_s=2.0) is not None
+
+
+@pytest.mark.parametrize(
+    ("given", "sentence"),
+    [
+        ({"pwm": "5,x"}, "--pwm is '5,x', but numbers between commas are needed, like 0.5,1,2"),
+        ({"pwm": ","}, "--pwm names no number; write it like 0.5,1,2"),
+        ({"pwm": "5,0"}, "--pwm names 0 us, allowed is above 0, at most 100 us; correct it (dec"),
+        ({"pwm": "nan"}, "--pwm names nan us, allowed is above 0, at most 100 us; correct it"),
+        ({"ramp_s": float("nan")}, "--ramp-s is nan s, allowed is 0 to 10 s; correct it"),
+        ({"ramp_s": True}, "--ramp-s is True: input should be a valid number; correct it"),
+        ({"offset_m": "1,inf"}, "--offset-m names inf m, allowed is a finite number; correct it"),
+        ({"offset_m": "1"}, "--offset-m is '1'; give 2 numbers with commas between"),
+        ({"repeats": "1.5"}, "--repeats is '1.5'; type a whole number"),
+        ({"repeats": 0}, "--repeats is 0, allowed is 1 or more; correct it"),
+        ({"order": "givn"}, "unknown --order 'givn'; did you mean 'given'? known: given, random"),
+        ({"set": ["K_b"]}, "--set got 'K_b'; write NAME=NUMBER, as K_b=1.8"),
+        ({"set": ["K_b=nan"]}, "--set is nan, allowed is a finite number; correct it"),
+        ({"pwm": "5", "ratio": "1"}, "--pwm and --ratio are both given; give one of them"),
+        ({"ramp": 1}, "unknown input 'ramp'; did you mean 'ramp_s'?"),
+        ({"device": None}, "DEVICE is missing; give it"),
+    ],
+)
+def test_what_is_refused_says_why(given: dict[str, Any], sentence: str) -> None:
+    with pytest.raises(InputError) as refused:
+        by_option(**given)
+    assert str(refused.value).startswith(sentence)
+
+
+def test_values_and_typed_text_come_to_the_same() -> None:
+    typed = by_label(
+        pwm="5, 7", ramp_s="2", repeats="3", offset_m="1,-2", names="a,b", set="K_b=2", out="x"
+    )
+    given = order(
+        pwm=np.array([5.0, 7.0]), ramp_s=np.float32(2.0), repeats=np.int64(3), offset_m=[1, -2],
+        names=["a", "b"], set={"K_b": 2}, out=Path("x"),
+    )  # fmt: skip
+    assert typed == given
+    assert (typed.throttle.pwm_us, typed.offset_m, typed.out) == (
+        (5.0, 7.0),
+        (1.0, -2.0),
+        Path("x"),
+    )
+    assert order(only=["a,b", "c"]).only == ("a,b", "c")
+
+
+def test_what_is_given_goes_over_the_base_and_no_default_does() -> None:
+    base = order(pwm=[5.0], ramp_s=2.0, order="given")
+    after = make(Order, {"ratio": "1,2"}, base=base)
+    assert (after.kind, after.throttle.ramp_s) == ("given", 2.0)
+    assert (after.throttle.pwm_us, after.throttle.ratio) == ((), (1.0, 2.0))
+    with pytest.raises(UnknownChoice):  # a part's own field that is no input
+        make(Order, {"inner": 3.0}, base=base)
+    with pytest.raises(InputError, match="inner is 500, allowed is"):
+        Throttle(inner=500.0)
+    with pytest.raises(InputError, match=r"throttle is 3; make it with Throttle"):
+        Order(device="sim", throttle=3)  # type: ignore[arg-type]
+
+
+def test_the_words_that_give_it_lead_back_to_it() -> None:
+    asked = order(pwm="5,7", names="a,b", only=["c", "d"], set="K_b=2", quick=True, out="x")
+    assert words(Order, changed(asked)) == [
+        "sim", "--only", "c", "--only", "d", "--names", "a,b", "--set", "K_b=2", "--out", "x",
+        "--quick", "--pwm", "5,7",
+    ]  # fmt: skip
+    assert words(Order, {"ramp_s": "0.1", "repeats": "", "quick": False}) == ["--ramp-s", "0.1"]
+
+
+def test_an_input_is_described_for_whoever_shows_it() -> None:
+    about = {item.name: item for item in items(Order)}
+    assert list(about)[-3:] == ["pwm", "ramp_s", "ratio"]
+    assert (about["ramp_s"].key, about["ramp_s"].range) == ("throttle.ramp_s", "0 to 10")
+    assert about["order"].choices == ("random", "given")
+    assert [about[name].label for name in ("repeats", "ramp_s")] == [
+        "Repeats", "Time between levels, s",
+    ]  # fmt: skip
