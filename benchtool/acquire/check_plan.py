@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
-from math import atan2, degrees, isfinite, radians, tan
-from typing import Any
+from dataclasses import dataclass
+from math import atan2, degrees, radians, tan
 
 import numpy as np
 
@@ -80,7 +79,6 @@ def check_plan(plan: Plan, rig: Rig, device_limits: Mapping[str, float] | None =
     Raises:
         PlanError: the value, the limit and what to change.
     """
-    _check_finite(asdict(plan))
     _check_lists(plan, rig)
     _check_length(plan, rig)
     settings = settings_of(plan, rig)
@@ -114,17 +112,6 @@ def check_plan(plan: Plan, rig: Rig, device_limits: Mapping[str, float] | None =
             f"{allowed_rpm:.0f} rpm; lower throttle.pwm_us"
         )
     return expected
-
-
-def _check_finite(table: Mapping[str, Any], path: str = "") -> None:
-    """Refuse nan and inf wherever they stand, in whatever fields a plan has."""
-    for key, value in table.items():
-        if isinstance(value, Mapping):
-            _check_finite(value, f"{path}{key}.")
-            continue
-        for number in value if isinstance(value, tuple) else (value,):
-            if isinstance(number, float) and not isfinite(number):
-                raise PlanError(f"{path}{key} is {number:g}; give a finite number")
 
 
 def _check_length(plan: Plan, rig: Rig) -> None:

@@ -5,15 +5,18 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tomli_w
 from annotated_types import Ge, Gt, Le, Len
 
-from benchtool.core.rig import Rig
-from benchtool.core.toml_text import FiniteTable, read_strict
+from benchtool.core.inputs import Input, Inputs
+from benchtool.core.toml_text import read_strict
 from benchtool.core.user_file import read_text
 from benchtool.errors import FileFormatError
+
+if TYPE_CHECKING:
+    from benchtool.core.rig import Rig
 
 Positive = Annotated[float, Gt(0.0), Le(1e6)]
 NotNegative = Annotated[float, Ge(0.0), Le(1e6)]
@@ -21,10 +24,13 @@ Seconds = Annotated[float, Gt(0.0), Le(3600.0)]
 """An hour at most: nothing that a visit waits for or averages over takes longer. A choice."""
 
 Distance = Annotated[float, Gt(0.0), Le(1000.0)]
-Place = Annotated[float, Ge(-1000.0), Le(1000.0)]
+Offset = Annotated[float, Ge(-1000.0), Le(1000.0)]
+Tilt = Annotated[float, Ge(-89.0), Le(89.0)]
+"""A plate on edge is none; the minimum gap allows far less. A choice."""
+
 Pulse = Annotated[float, Gt(0.0), Le(1e4)]
 MOST_LISTED = 1000
-"""Most distances, tilts, places or levels of a plan. A choice."""
+"""Most distances, tilts, offsets or levels of a plan. A choice."""
 
 REPEATS_SINGLE = 9
 """Tests per distance with one rotor on (paper, section 2.1)."""
@@ -37,57 +43,107 @@ STANDARD_DISTANCES_OVER_R = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PlatePart(FiniteTable):
-    """Say where the plate goes: every combination of distance, tilt and lateral position.
+class PlatePart(Inputs):
+    """Say where the plate goes: every combination of distance, tilt and lateral position."""
 
-    Attributes:
-        distances_m: distance from rotor plane to plate.
-        distances_over_R: the same as multiples of the rotor radius; give one of the two.
-        tilts_deg: inclination; positive brings +x rotors nearer.
-        lateral_m: plate position along x, for partial coverage.
-    """
-
-    distances_m: Annotated[tuple[Distance, ...], Len(0, MOST_LISTED)] = ()
-    distances_over_R: Annotated[tuple[Distance, ...], Len(0, MOST_LISTED)] = ()
-    tilts_deg: Annotated[tuple[Place, ...], Len(1, MOST_LISTED)] = (0.0,)
-    lateral_m: Annotated[tuple[Place, ...], Len(1, MOST_LISTED)] = (0.0,)
+    distances_m: Annotated[
+        tuple[Distance, ...],
+        Len(0, MOST_LISTED),
+        Input(
+            "Plate distances from the rotor plane: 0.06,0.12,0.24.",
+            "m",
+            option="z_m",
+            instead_of="distances_over_R",
+        ),
+    ] = ()
+    distances_over_R: Annotated[
+        tuple[Distance, ...],
+        Len(0, MOST_LISTED),
+        Input(
+            "Plate distances in rotor radii: 0.5,1,2.",
+            option="z_over_r",
+            label="Plate distances, z/R",
+            empty="0.5 to 5 within the travel",
+            instead_of="distances_m",
+        ),
+    ] = ()
+    tilts_deg: Annotated[
+        tuple[Tilt, ...],
+        Len(1, MOST_LISTED),
+        Input(
+            "Plate inclinations; positive brings +x rotors nearer.",
+            "deg",
+            option="tilt",
+            label="Tilts, deg",
+        ),
+    ] = (0.0,)
+    lateral_m: Annotated[
+        tuple[Offset, ...],
+        Len(1, MOST_LISTED),
+        Input(
+            "Plate positions along x, for partial coverage.",
+            "m",
+            option="lateral",
+            label="Lateral positions, m",
+        ),
+    ] = (0.0,)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ThrottlePart(FiniteTable):
-    """Say how fast the rotors turn.
+class ThrottlePart(Inputs):
+    """Say how fast the rotors turn."""
 
-    Attributes:
-        pwm_us: pulse levels, each given to every rotor that is on.
-        rotors_on: numbers of the rotors that turn, from 1; all of them when empty.
-        ramp_s: time from one level to the next.
-    """
-
-    pwm_us: Annotated[tuple[Pulse, ...], Len(0, MOST_LISTED)] = ()
-    rotors_on: tuple[Annotated[int, Ge(1)], ...] = ()
-    ramp_s: Annotated[float, Ge(0.0), Le(10.0)] = 0.3
+    pwm_us: Annotated[
+        tuple[Pulse, ...],
+        Len(0, MOST_LISTED),
+        Input(
+            "Pulse levels, each given to every rotor that is on: 1400,1600.",
+            "us",
+            option="pwm",
+            label="Pulses, us",
+            empty="40 % and 60 % of the pulse range",
+        ),
+    ] = ()
+    rotors_on: Annotated[
+        tuple[Annotated[int, Ge(1)], ...],
+        Input(
+            "Rotors that turn: 1 or 1,2,3.", option="rotors", label="Rotors that turn", empty="all"
+        ),
+    ] = ()
+    ramp_s: Annotated[float, Ge(0.0), Le(10.0), Input("Time from one level to the next.", "s")] = (
+        0.3
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class OrderPart(FiniteTable):
+class OrderPart(Inputs):
     """Say in which order settings are visited.
 
     Attributes:
         kind: "randomised" (plate positions shuffled in every repeat, levels within each position),
             "counterbalanced" (every second repeat backwards), or "as_given".
-        seed: of the shuffling.
         references: visit every level with the plate parked in every repeat (T_OGE).
-        anchor_every: repeat one setting after so many visits, to see drift; 0 for never.
     """
 
-    kind: Literal["randomised", "counterbalanced", "as_given"] = "randomised"
-    seed: Annotated[int, Ge(0)] = 0
+    kind: Annotated[
+        Literal["randomised", "counterbalanced", "as_given"],
+        Input("Order of the visits.", option="order", label="Order"),
+    ] = "randomised"
+    seed: Annotated[int, Ge(0), Input("Seed of the order.")] = 0
     references: bool = True
-    anchor_every: Annotated[int, Ge(0), Le(1_000_000)] = 20
+    anchor_every: Annotated[
+        int,
+        Ge(0),
+        Le(1_000_000),
+        Input(
+            "Repeat one setting after so many visits, to see drift; 0: never.",
+            label="Anchor after so many visits (0: never)",
+        ),
+    ] = 20
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SettlePart(FiniteTable):
+class SettlePart(Inputs):
     """Say when thrust and speed count as settled.
 
     Attributes:
@@ -103,7 +159,7 @@ class SettlePart(FiniteTable):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TarePart(FiniteTable):
+class TarePart(Inputs):
     """Say when and how well the load cell is tared.
 
     Attributes:
@@ -122,7 +178,7 @@ class TarePart(FiniteTable):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RestPart(FiniteTable):
+class RestPart(Inputs):
     """Say when the bench rests with motors at zero.
 
     Attributes:
@@ -141,20 +197,26 @@ class RestPart(FiniteTable):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Plan(FiniteTable):
+class Plan(Inputs):
     """Hold everything that a sweep is asked to do.
 
     Attributes:
-        repeats: visits of each setting; 9 for one rotor on, 5 for several (paper, section 2) when
-            left out.
-        sample_s: span of the samples that make one point.
         sample_share: of the samples that this span should bring, a point needs so many. A choice:
             what is lost at random moves no mean, a loss of a fifth is no longer at random.
     """
 
-    name: str = "sweep"
-    repeats: Annotated[int, Ge(1), Le(1_000_000_000)] | None = None
-    sample_s: Seconds = 2.0
+    name: Annotated[str, Input("Name of the run.")] = "sweep"
+    repeats: Annotated[
+        Annotated[int, Ge(1), Le(1_000_000_000)] | None,
+        Input(
+            "Visits of each setting (paper, section 2).",
+            label="Repeats",
+            empty="9 for one rotor on, 5 for several",
+        ),
+    ] = None
+    sample_s: Annotated[
+        Seconds, Input("Span of the samples of a point.", "s", label="Samples of a point, s")
+    ] = 2.0
     sample_share: Annotated[float, Gt(0.0), Le(1.0)] = 0.8
     plate: PlatePart = PlatePart()
     throttle: ThrottlePart = ThrottlePart()

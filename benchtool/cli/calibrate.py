@@ -111,14 +111,17 @@ def _from_bench(
     import numpy as np
 
     from benchtool.acquire.calibrate_bench import mean_counts, require_raw_counts
-    from benchtool.acquire.sweep_options import numbers, rig_for
+    from benchtool.acquire.inputs import rig_for
     from benchtool.bench.address import open_bench
     from benchtool.cli.announce_code import announce_code
     from benchtool.cli.sweep_operator import LOOK_S, answer_to
+    from benchtool.core.input_text import read_numbers
     from benchtool.core.units import STANDARD_GRAVITY_M_S2
     from benchtool.errors import InputError
 
-    kilograms = np.array(numbers(masses, "--masses"))
+    kilograms = np.array(read_numbers(masses, "--masses", float, None))
+    if not np.isfinite(kilograms).all():
+        raise InputError(f"--masses is {masses!r}, but every number must be finite; correct it")
     if not 0.0 < seconds <= LONGEST_S:
         raise InputError(f"--seconds is {seconds:g}; give more than 0 and at most {LONGEST_S:g}")
     counts = []

@@ -19,7 +19,7 @@ def check(
 
     from benchtool.acquire.arming import CONFIRMATION, remember_check
     from benchtool.acquire.bench_check import check_bench, low_throttle_us
-    from benchtool.acquire.sweep_options import rig_for
+    from benchtool.acquire.inputs import rig_for
     from benchtool.bench.address import open_bench
     from benchtool.bench.guard import GuardedBench
     from benchtool.cli.announce_code import announce_code

@@ -32,8 +32,8 @@ def map_motors(
     """Turn each motor of a flight controller alone, slowly, and write down what it drives."""
     from benchtool.acquire.arming import CONFIRMATION
     from benchtool.acquire.bench_check import low_throttle_us
+    from benchtool.acquire.inputs import rig_for
     from benchtool.acquire.learn_motors import learn_motors
-    from benchtool.acquire.sweep_options import rig_for
     from benchtool.bench.address import open_bench, parse_address
     from benchtool.bench.guard import GuardedBench
     from benchtool.cli.announce_code import announce_code

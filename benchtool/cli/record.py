@@ -43,6 +43,7 @@ def command(
     """Record a pitch experiment from a bench into a run folder."""
     from math import radians
 
+    from benchtool.acquire.inputs import rig_for
     from benchtool.acquire.pitch_experiment import (
         PitchExperiment,
         arming_text,
@@ -50,7 +51,6 @@ def command(
         hover_pulse_us,
     )
     from benchtool.acquire.pitch_record import summary_line
-    from benchtool.acquire.sweep_options import rig_for
     from benchtool.bench.address import open_bench
     from benchtool.cli.announce_code import announce_code
     from benchtool.store.run import refuse_taken

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Any
 
-import typer
+from benchtool.acquire.inputs import SweepInputs
+from benchtool.acquire.plan import Plan
+from benchtool.cli.declared import declared
+from benchtool.core.inputs import items
+from benchtool.errors import InputError
 
 if TYPE_CHECKING:
-    from benchtool.acquire.air import Air
     from benchtool.acquire.calibration import Calibration
     from benchtool.acquire.check_plan import Expected
-    from benchtool.acquire.plan import Plan
     from benchtool.acquire.resume import Unfinished
     from benchtool.acquire.sweep import Start
     from benchtool.bench.bench import Bench
@@ -20,119 +24,65 @@ if TYPE_CHECKING:
     from benchtool.store import Run
 
 
-def command(
-    address: Annotated[
-        str, typer.Argument(help="The bench: sim:pquad, serial:PORT, tcp:HOST:PORT.")
-    ] = "",
-    plan: Annotated[Path | None, typer.Option(help="Plan file (TOML).")] = None,
-    rig: Annotated[str | None, typer.Option(help="Rig by name, or a rig file.")] = None,
-    z_m: Annotated[str | None, typer.Option(help="Plate distances in m: 0.06,0.12,0.24.")] = None,
-    z_over_r: Annotated[
-        str | None, typer.Option(help="Plate distances in rotor radii: 0.5,1,2.")
-    ] = None,
-    tilt: Annotated[str | None, typer.Option(help="Plate inclinations in degrees.")] = None,
-    lateral: Annotated[
-        str | None, typer.Option(help="Lateral plate positions in m, for partial coverage.")
-    ] = None,
-    pwm: Annotated[str | None, typer.Option(help="Pulse levels in us: 1400,1600.")] = None,
-    rotors: Annotated[str | None, typer.Option(help="Rotors that turn: 1 or 1,2,3.")] = None,
-    repeats: Annotated[
-        int | None, typer.Option(help="Visits of each setting; 9 for one rotor, 5 for several.")
-    ] = None,
-    order: Annotated[
-        str | None, typer.Option(help="randomised, counterbalanced or as_given.")
-    ] = None,
-    seed: Annotated[int | None, typer.Option(min=0, help="Seed of the order.")] = None,
-    anchor_every: Annotated[
-        int | None, typer.Option(min=0, help="Repeat one setting after so many visits; 0: never.")
-    ] = None,
-    sample_s: Annotated[float | None, typer.Option(help="Samples of a point, in s.")] = None,
-    name: Annotated[str | None, typer.Option(help="Name of the run.")] = None,
-    runs: Annotated[Path, typer.Option(help="Where run folders are made.")] = Path("runs"),
-    out: Annotated[Path | None, typer.Option(help="Exactly this run folder; must be new.")] = None,
-    operator: Annotated[str, typer.Option(help="Who measures; the user when left out.")] = "",
-    temperature: Annotated[float | None, typer.Option(help="Air temperature, degC.")] = None,
-    pressure: Annotated[float | None, typer.Option(help="Air pressure here, hPa.")] = None,
-    humidity: Annotated[float | None, typer.Option(help="Relative humidity, percent.")] = None,
-    calibration: Annotated[
-        str | None, typer.Option(help="Calibration file; the device's latest; none to use none.")
-    ] = None,
-    stage: Annotated[
-        str | None, typer.Option(help="What moves the plate: device, hand, grbl:PORT?...")
-    ] = None,
-    yes: Annotated[
-        bool, typer.Option("--yes", help="No typed arming: simulated or checked today.")
-    ] = False,
-    dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Show plan and duration only.")
-    ] = False,
-    resume: Annotated[Path | None, typer.Option(help="Go on with this run folder.")] = None,
-) -> None:
+def _base(given: Mapping[str, Any]) -> SweepInputs | None:
+    """Return the plan that options go over: that of a file, or none."""
+    from benchtool.acquire.plan import read_plan
+
+    if given.get("resume") is not None:
+        clash = [item.option for item in items(Plan) if item.name in given]
+        if clash := (clash or ["--plan"] * ("plan" in given)):
+            raise InputError(
+                f"{clash[0]} and --resume are both given; a resumed run keeps the plan that it has"
+            )
+    return SweepInputs(plan=read_plan(given["plan"])) if "plan" in given else None
+
+
+def sweep(inputs: SweepInputs) -> None:
     """Sweep plate distance and throttle into a run folder."""
     from benchtool.acquire.calibration_file import read_calibration
     from benchtool.acquire.check_plan import check_plan
-    from benchtool.acquire.plan import Plan, read_plan
+    from benchtool.acquire.inputs import rig_for
     from benchtool.acquire.resume import prepare, unfinished
     from benchtool.acquire.stage_choice import check_stage
-    from benchtool.acquire.sweep_options import air_of, rig_for, with_options
     from benchtool.bench.address import open_bench
     from benchtool.cli.announce_code import announce_code
-    from benchtool.errors import InputError
     from benchtool.library.own_code import refuse_code
     from benchtool.store import Run
     from benchtool.store.run import check_run_name, refuse_taken
 
-    given = {
-        "z_m": z_m,
-        "z_over_r": z_over_r,
-        "tilt": tilt,
-        "lateral": lateral,
-        "pwm": pwm,
-        "rotors": rotors,
-        "repeats": repeats,
-        "order": order,
-        "seed": seed,
-        "anchor_every": anchor_every,
-        "sample_s": sample_s,
-        "name": name,
-    }
-    if resume is not None:
-        clash = [option for option, value in given.items() if value is not None]
-        if clash or plan is not None:
-            option = (clash or ["plan"])[0].replace("_", "-")
-            raise InputError(
-                f"--{option} and --resume are both given; a resumed run keeps the plan that it has"
-            )
-        rest = unfinished(Run.open(resume))
-        if not rest.left and not dry_run:
+    address = inputs.address
+    if inputs.resume is not None:
+        rest = unfinished(Run.open(inputs.resume))
+        if not rest.left and not inputs.dry_run:
             prepare(rest)  # closes it and says that nothing is left
         resolved, stands = rest.plan, rest.rig
         permit = announce_code if address else refuse_code
         address = address or str(rest.run.metadata.get("address", ""))
-        stage = stage or rest.stage
+        inputs = replace(inputs, stage=inputs.stage or rest.stage)
     else:
         if not address:
             raise InputError("which bench? name its address, for example sim:pquad")
         rest, permit = None, announce_code
-        stands = rig_for(address, rig)
-        resolved = with_options(read_plan(plan) if plan else Plan(), given).resolved(stands)
-        if out is not None:
-            refuse_taken(out)
+        stands = rig_for(address, inputs.rig)
+        resolved = inputs.plan.resolved(stands)
+        if inputs.out is not None:
+            refuse_taken(inputs.out)
         check_run_name(resolved.name)
     # Everything that was typed is looked at before anything is printed or opened.
-    air = air_of(temperature, pressure, humidity)
-    check_stage(stage, stands)
-    if calibration not in (None, "none"):
-        read_calibration(Path(str(calibration)))
+    check_stage(inputs.stage, stands)
+    if inputs.calibration not in (None, "none"):
+        read_calibration(Path(str(inputs.calibration)))
     bench = open_bench(address, permit)
     expected = check_plan(resolved, stands)
     _show_plan(resolved, stands, expected, rest)
-    if dry_run:
+    if inputs.dry_run:
         print("dry run: nothing was opened, nothing spins")
         return
-    folder = (runs, out)
     start = prepare(rest) if rest else None
-    _sweep(bench, resolved, stands, rest, start, folder, operator, air, calibration, stage, yes)
+    _sweep(bench, replace(inputs, plan=resolved), stands, rest, start)
+
+
+command = declared(SweepInputs, sweep, _base)
 
 
 def _show_plan(plan: Plan, rig: Rig, expected: Expected, rest: Unfinished | None) -> None:
@@ -167,17 +117,7 @@ def _list(numbers: tuple[float, ...]) -> str:
 
 
 def _sweep(
-    device: Bench,
-    plan: Plan,
-    rig: Rig,
-    rest: Unfinished | None,
-    start: Start | None,
-    folder: tuple[Path, Path | None],
-    operator: str,
-    air: Air,
-    calibration: str | None,
-    stage: str | None,
-    yes: bool,
+    device: Bench, inputs: SweepInputs, rig: Rig, rest: Unfinished | None, start: Start | None
 ) -> None:
     """Open the bench, arm, sweep, and close the run whatever happened."""
     from benchtool.acquire.calibration_file import calibration_for
@@ -195,6 +135,7 @@ def _sweep(
     from benchtool.store.parquet import load_library
 
     load_library()
+    plan = inputs.plan
     run: Run | None = None
     measured = False
     with ClosingSignals() as closing:
@@ -203,11 +144,14 @@ def _sweep(
                 identity = bench.identity
                 say_of_bench(identity, rig)
                 expected = check_plan(plan, rig, identity.limits)
-                scale = rest.calibration if rest else calibration_for(calibration, identity)
+                scale = rest.calibration if rest else calibration_for(inputs.calibration, identity)
                 mover = stage_for(
-                    stage, bench, rig, lambda text: answer_to(text, lambda: bench.listen(LOOK_S))
+                    inputs.stage,
+                    bench,
+                    rig,
+                    lambda text: answer_to(text, lambda: bench.listen(LOOK_S)),
                 )
-                _arm(bench, plan, rig, expected, scale, yes)
+                _arm(bench, plan, rig, expected, scale, inputs.yes)
                 with bench.interruptible():
                     mover.open()
                 try:
@@ -216,12 +160,12 @@ def _sweep(
                         run = rest.run
                     else:
                         run = new_run(
-                            folder,
+                            (inputs.runs, inputs.out),
                             plan,
                             rig,
                             identity,
-                            operator=operator,
-                            air=air,
+                            operator=inputs.operator,
+                            air=inputs.air.air(),
                             calibration=scale,
                         )
                     print(f"run {run.path}", flush=True)

@@ -235,11 +235,13 @@ def _range(metadata: Sequence[Any]) -> str:
         next((getattr(each, name) for each in metadata if isinstance(each, bound)), None)
         for bound, name in ((Ge, "ge"), (Gt, "gt"), (Le, "le"))
     )
-    if low is not None:
-        return f"{low:g} or more" if high is None else f"{low:g} to {high:g}"
+    lowest = "" if low is above is None else f"{low if above is None else above:,.10g}"
+    highest = "" if high is None else f"{high:,.10g}"
     if above is not None:
-        return f"above {above:g}" + ("" if high is None else f", at most {high:g}")
-    return "" if high is None else f"at most {high:g}"
+        return f"above {lowest}" + (f", at most {highest}" if highest else "")
+    if low is not None:
+        return f"{lowest} to {highest}" if highest else f"{lowest} or more"
+    return f"at most {highest}" if highest else ""
 
 
 def items(cls: Any) -> tuple[Item, ...]:

@@ -13,7 +13,7 @@ import time
 from contextlib import suppress
 from multiprocessing.connection import Connection as Pipe
 
-from benchtool.acquire.sweep_options import rig_for
+from benchtool.acquire.inputs import rig_for
 from benchtool.bench.address import open_bench
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.paced import PacedBench

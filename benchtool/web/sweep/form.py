@@ -3,58 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Any
 
 from nicegui import events, ui
 
 from benchtool.acquire.air import Air
+from benchtool.acquire.inputs import AirInputs, SweepInputs
 from benchtool.acquire.plan import Plan, plan_from_toml
-from benchtool.acquire.sweep_options import air_of, with_options
+from benchtool.core.input_text import text_of
+from benchtool.core.inputs import Item, items, make, words
+from benchtool.core.inputs import values_of as values_by_name
 from benchtool.core.rig import Rig
-from benchtool.errors import FileFormatError, InputError
+from benchtool.errors import FileFormatError
 from benchtool.web.tell import tells_errors
 
 LARGEST_BYTES = 100_000
 """A plan file that is longer is none."""
 
 
-@dataclass(frozen=True, slots=True)
-class Field:
-    """Describe one option.
-
-    Attributes:
-        name, label: of the option.
-        empty: what runs when nothing is typed.
-        kind: type of its value.
-    """
-
-    name: str
-    label: str
-    empty: str = "from the rig"
-    kind: type = str
-
-
-FIELDS: tuple[Field, ...] = (
-    Field("z_over_r", "Plate distances, z/R"),
-    Field("pwm", "Pulses, us"),
-    Field("repeats", "Repeats", kind=int),
-    Field("rotors", "Rotors that turn"),
-    Field("tilt", "Tilts, deg"),
-    Field("lateral", "Lateral positions, m"),
-    Field("sample_s", "Samples of a point, s", kind=float),
-    Field("anchor_every", "Anchor after so many visits (0: never)", kind=int),
-    Field("seed", "Seed of the order", kind=int),
-    Field("name", "Name of the run"),
-)
-
-SURROUNDINGS: tuple[Field, ...] = (
-    Field("operator", "Operator", "not recorded"),
-    Field("temperature", "Air, degC", f"{Air().temperature_degC:g} assumed", float),
-    Field("pressure", "Pressure here, hPa", f"{1e-2 * Air().pressure_Pa:g} assumed", float),
-    Field("humidity", "Humidity, %", f"{1e2 * Air().humidity:g} assumed", float),
-    Field("calibration", "Calibration (ID or none)", "the device's latest"),
-    Field("stage", "Plate moved by (device, hand, grbl:PORT)", "as device and rig say"),
+FIELDS = tuple(item for item in items(Plan) if not item.choices)
+CHOICES = tuple(item for item in items(Plan) if item.choices)
+AIR = items(AirInputs)
+SURROUNDINGS = (
+    *(item for item in items(SweepInputs) if item.name == "operator"),
+    *AIR,
+    *(item for item in items(SweepInputs) if item.name in ("calibration", "stage")),
 )
 
 
@@ -66,27 +38,12 @@ def values_of(plan: Plan, rig: Rig) -> dict[str, str]:
         rig: that it was resolved for.
     """
     ratios = [distance_m / rig.propulsion.radius_m for distance_m in plan.plate.distances_m]
-    lists = {
-        "z_over_r": ratios,
-        "pwm": plan.throttle.pwm_us,
-        "rotors": plan.throttle.rotors_on,
-        "tilt": plan.plate.tilts_deg,
-        "lateral": plan.plate.lateral_m,
+    given = values_by_name(plan) | {"z_over_r": tuple(ratios)}
+    return {
+        item.name: ",".join(f"{each:g}" for each in value) if item.many else text_of(value)
+        for item in FIELDS
+        if item.name != "z_m" and (value := given[item.name]) is not None
     }
-    return {name: ",".join(f"{value:g}" for value in values) for name, values in lists.items()} | {
-        "repeats": str(plan.repeats),
-        "sample_s": f"{plan.sample_s:g}",
-        "anchor_every": str(plan.order.anchor_every),
-        "seed": str(plan.order.seed),
-        "name": plan.name,
-    }
-
-
-ORDERS = {
-    "": "randomised",
-    "counterbalanced": "counterbalanced",
-    "as_given": "as given",
-}
 
 
 class PlanForm:
@@ -100,17 +57,21 @@ class PlanForm:
         self._changed = changed
         self._base = Plan()
         self._file = ""
-        self._inputs: dict[str, ui.input] = {}
+        self._inputs: dict[str, ui.input | ui.select] = {}
         ui.label("A field that is left empty says what runs instead.").classes("soft")
         with ui.element("div").classes("field-grid"):
-            for field in FIELDS:
-                self._make(field)
-            self._order = ui.select(ORDERS, value="", label="Order", on_change=changed)
-            self._order.mark("order")
+            for item in FIELDS:
+                self._make(item)
+            for item in CHOICES:
+                options = {"": item.default} | {
+                    each: each for each in item.choices if each != item.default
+                }
+                chosen = ui.select(options, value="", label=item.label, on_change=changed)
+                self._inputs[item.name] = chosen.mark(item.name)
         more = ui.expansion("Air, operator, calibration, stage").classes("w-full").props("dense")
         with more, ui.element("div").classes("field-grid"):
-            for field in SURROUNDINGS:
-                self._make(field)
+            for item in SURROUNDINGS:
+                self._make(item)
         with ui.row().classes("items-center"):
             upload = ui.upload(
                 label="Plan file (TOML)",
@@ -127,7 +88,8 @@ class PlanForm:
         Raises:
             InputError: something typed cannot be read.
         """
-        return with_options(self._base, {**self._given(FIELDS), "order": self._order.value or None})
+        given = {item.name: self.text(item.name) for item in (*FIELDS, *CHOICES)}
+        return make(Plan, given, source="label", base=self._base)
 
     def show_values(self, plan: Plan, rig: Rig) -> None:
         """Say in empty fields what a resolved plan runs with."""
@@ -139,8 +101,8 @@ class PlanForm:
 
     def air(self) -> Air:
         """Return the air that was typed."""
-        given = self._given(SURROUNDINGS)
-        return air_of(given["temperature"], given["pressure"], given["humidity"])
+        given = {item.name: self.text(item.name) for item in AIR}
+        return make(AirInputs, given, source="label").air()
 
     def text(self, name: str) -> str | None:
         """Return what was typed in one field, None when nothing was."""
@@ -148,29 +110,14 @@ class PlanForm:
 
     def words(self) -> Sequence[str]:
         """Return the options of the command line."""
-        words = ["--plan", self._file] if self._file else []
-        for name, typed in self._inputs.items():
-            if typed.value.strip():
-                words += [f"--{name.replace('_', '-')}", typed.value.strip()]
-        return [*words, *(["--order", self._order.value] if self._order.value else [])]
+        given = {name: typed.value.strip() for name, typed in self._inputs.items()}
+        return words(SweepInputs, given | {"plan": self._file})
 
-    def _make(self, field: Field) -> None:
-        made = ui.input(field.label, placeholder=f"empty: {field.empty}", on_change=self._changed)
-        made.props("dense stack-label debounce=300").mark(field.name)
-        self._inputs[field.name] = made
-
-    def _given(self, fields: Sequence[Field]) -> dict[str, Any]:
-        return {field.name: self._value(field) for field in fields}
-
-    def _value(self, field: Field) -> Any:
-        typed = self._inputs[field.name].value.strip()
-        if not typed:
-            return None
-        try:
-            return field.kind(typed)
-        except ValueError:
-            wanted = "a whole number" if field.kind is int else "a number"
-            raise InputError(f"{field.label} is {typed!r}; type {wanted}") from None
+    def _make(self, item: Item) -> None:
+        empty = item.about.empty or text_of(item.default) or "from the rig"
+        made = ui.input(item.label, placeholder=f"empty: {empty}", on_change=self._changed)
+        made.props("dense stack-label debounce=300").mark(item.name)
+        self._inputs[item.name] = made
 
     @tells_errors
     async def _load(self, event: events.UploadEventArguments) -> None:

@@ -1,0 +1,113 @@
+"""What `benchtool sweep` takes besides its plan, and which rig a bench is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from annotated_types import Ge, Le
+
+from benchtool.acquire.air import HUMIDITIES, PRESSURES_PA, TEMPERATURES_DEGC, Air
+from benchtool.acquire.plan import Plan
+from benchtool.core.inputs import Input, Inputs
+from benchtool.errors import InputError
+
+if TYPE_CHECKING:
+    from benchtool.core.rig import Rig
+
+STANDARD = Air()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AirInputs(Inputs):
+    """The air as people measure it."""
+
+    temperature: Annotated[
+        Annotated[float, Ge(TEMPERATURES_DEGC[0]), Le(TEMPERATURES_DEGC[1])] | None,
+        Input(
+            "Air temperature.",
+            "degC",
+            label="Air, degC",
+            empty=f"{STANDARD.temperature_degC:g} assumed",
+        ),
+    ] = None
+    pressure: Annotated[
+        Annotated[float, Ge(0.01 * PRESSURES_PA[0]), Le(0.01 * PRESSURES_PA[1])] | None,
+        Input(
+            "Air pressure here, not reduced to sea level.",
+            "hPa",
+            label="Pressure here, hPa",
+            empty=f"{0.01 * STANDARD.pressure_Pa:g} assumed",
+        ),
+    ] = None
+    humidity: Annotated[
+        Annotated[float, Ge(100.0 * HUMIDITIES[0]), Le(100.0 * HUMIDITIES[1])] | None,
+        Input(
+            "Relative humidity.",
+            "percent",
+            label="Humidity, %",
+            empty=f"{100.0 * STANDARD.humidity:g} assumed",
+        ),
+    ] = None
+
+    def air(self) -> Air:
+        """Return the air; standard values stand where nothing was given."""
+        degC, hPa, percent = self.temperature, self.pressure, self.humidity
+        return Air(
+            temperature_degC=STANDARD.temperature_degC if degC is None else degC,
+            pressure_Pa=STANDARD.pressure_Pa if hPa is None else 100.0 * hPa,
+            humidity=STANDARD.humidity if percent is None else 0.01 * percent,
+            measured=degC is not None and hPa is not None,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SweepInputs(Inputs):
+    """What `benchtool sweep` takes."""
+
+    address: Annotated[
+        str, Input("The bench: sim:pquad, serial:PORT, tcp:HOST:PORT.", argument="ADDRESS")
+    ] = ""
+    plan_file: Annotated[Path | None, Input("Plan file (TOML).", option="plan")] = None
+    rig: Annotated[str | None, Input("Rig by name, or a rig file.")] = None
+    plan: Plan = field(default_factory=Plan)
+    runs: Annotated[Path, Input("Where run folders are made.")] = Path("runs")
+    out: Annotated[Path | None, Input("Exactly this run folder; must be new.")] = None
+    operator: Annotated[str, Input("Who measures; the user when left out.", label="Operator")] = ""
+    air: AirInputs = AirInputs()
+    calibration: Annotated[
+        str | None,
+        Input(
+            "Calibration file; none to use none.",
+            label="Calibration (ID or none)",
+            empty="the device's latest",
+        ),
+    ] = None
+    stage: Annotated[
+        str | None,
+        Input(
+            "What moves the plate: device, hand, grbl:PORT?...",
+            label="Plate moved by (device, hand, grbl:PORT)",
+            empty="as device and rig say",
+        ),
+    ] = None
+    yes: Annotated[bool, Input("No typed arming: simulated or checked today.")] = False
+    dry_run: Annotated[bool, Input("Show plan and duration only.")] = False
+    resume: Annotated[Path | None, Input("Go on with this run folder.")] = None
+
+
+def rig_for(address: str, named: str | None) -> Rig:
+    """Return the rig on the bench: as named, or the one that a `sim:` address names."""
+    from benchtool.bench.address import parse_address
+    from benchtool.library import rig_named, rig_names
+
+    if named:
+        return rig_named(named)
+    parsed = parse_address(address)
+    if parsed.scheme == "sim":
+        return rig_named(parsed.place)
+    raise InputError(
+        f"which rig stands on {address}? name it with --rig: {', '.join(rig_names())}, or the "
+        f"path of a rig file"
+    )

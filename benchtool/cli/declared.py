@@ -1,0 +1,73 @@
+"""Make a command of a dataclass of inputs: typer reads its options off the fields."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping
+from dataclasses import MISSING
+from typing import Annotated, Any, TypeVar
+
+import typer
+
+from benchtool.core.input_text import text_of
+from benchtool.core.inputs import Inputs, Item, items, make
+
+T = TypeVar("T", bound=Inputs)
+
+
+def declared(
+    cls: type[T],
+    run: Callable[[T], None],
+    base: Callable[[Mapping[str, Any]], T | None] = lambda given: None,
+) -> Callable[..., None]:
+    """Return the function that typer makes a command of.
+
+    Args:
+        cls: what the command takes.
+        run: does it; its docstring is the command's help.
+        base: gives what values that were not given are taken from, in place of the defaults;
+            told what was given, by name.
+    """
+    known = {item.key.replace(".", "_"): item for item in items(cls)}
+
+    def command(**typed: Any) -> None:
+        given = {known[key].name: value for key, value in typed.items() if value not in (None, [])}
+        run(make(cls, given, source="option", base=base(given)))
+
+    parameters = [_parameter(name, item) for name, item in known.items()]
+    command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    command.__annotations__ = {each.name: each.annotation for each in parameters}
+    command.__doc__ = run.__doc__
+    return command
+
+
+def _parameter(name: str, item: Item) -> inspect.Parameter:
+    """Return the parameter of one input; None stands for what was not given."""
+    required = item.default is MISSING
+    kind: Any = str if item.many or item.kind in (Mapping, str) else item.kind
+    if item.kind in (Mapping, str) and (item.many or item.kind is Mapping):
+        kind = list[str]
+    options: dict[str, Any] = {"help": _help(item), "show_default": False}
+    if item.about.argument:
+        said: Any = typer.Argument(metavar=item.about.argument, **options)
+    elif item.kind is bool and item.default is True:
+        said = typer.Option(f"{item.option}/{item.option.replace('--', '--no-', 1)}", **options)
+    else:
+        said = typer.Option(item.option, hidden=item.about.hidden, **options)
+    return inspect.Parameter(
+        name,
+        inspect.Parameter.KEYWORD_ONLY,
+        default=inspect.Parameter.empty if required else None,
+        annotation=Annotated[kind if required else kind | None, said],
+    )
+
+
+def _help(item: Item) -> str:
+    """Return the help of an input: sentence, range with unit or choices, and default."""
+    about = item.about
+    notes = [f"{item.range} {about.unit}".strip(), ", ".join(item.choices)]
+    usual = "" if item.default is MISSING or item.kind is bool else text_of(item.default)
+    if about.empty or usual:
+        notes.append(f"default: {about.empty or usual}")
+    noted = "; ".join(filter(None, notes))
+    return f"{about.help} [{noted}]" if noted else about.help
