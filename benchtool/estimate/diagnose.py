@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -18,9 +18,6 @@ from benchtool.estimate.likelihood import residuals, split_values
 from benchtool.estimate.problem import NOISE_SCALE, Problem
 from benchtool.estimate.residual_structure import (
     UNLIKELY,
-    Bend,
-    Runs,
-    Trend,
     bend_along,
     chi2_chance,
     outliers,
@@ -49,25 +46,15 @@ class Diagnosis:
     Attributes:
         verdict: on chi2 at the stated errors; "no_verdict" where they are unknown, "scatter" where
             a free noise parameter took up a little more than they state.
-        chi2, dof: as the result has them.
         chance: of a chi2 at least this large, were model and stated errors right.
-        rows: (m,) residuals over their fitted standard errors, observed less predicted.
         confusions: parameters that cannot be told apart.
-        runs: along each covariate and along the order of measurement.
-        bends, trends: the same.
         outliers: (k,) points far out.
         sentences: all of it that a user should read.
     """
 
     verdict: Verdict
-    chi2: float
-    dof: int
     chance: float
-    rows: Array
     confusions: tuple[Confusion, ...]
-    runs: tuple[Runs, ...]
-    bends: tuple[Bend, ...]
-    trends: tuple[Trend, ...]
     outliers: tuple[int, ...]
     sentences: tuple[str, ...]
 
@@ -76,16 +63,9 @@ def diagnose(problem: Problem, result: FitResult) -> Diagnosis:
     """Look at a result of a problem, from either estimator."""
     _, noise = split_values(problem, result.values)
     rows = residuals(problem, result.values) / problem.sigma(noise)
-    if result.dof > 0:
-        rows_alone = rows * np.sqrt(len(problem) / result.dof)
-    else:
-        rows_alone = rows
+    rows_alone = rows * np.sqrt(len(problem) / result.dof) if result.dof > 0 else rows
     chance = chi2_chance(result.chi2, result.dof)
     verdict = _verdict(problem, result, chance)
-    columns = _columns(problem)
-    runs = tuple(runs_along(name, column, rows) for name, column in columns.items())
-    bends = tuple(bend_along(name, column, rows) for name, column in columns.items())
-    trends = tuple(trend_along(name, column, rows) for name, column in columns.items())
     # Outliers are far out against the scatter that is there, be it the stated one or not.
     spread = max(1.0, float(1.4826 * np.median(np.abs(rows_alone))))
     far = tuple(int(i) for i in outliers(rows_alone / spread))
@@ -93,19 +73,13 @@ def diagnose(problem: Problem, result: FitResult) -> Diagnosis:
     sentences = (
         *(str(item) for item in confused),
         *_of_verdict(verdict, result, chance),
-        *_of_structure(runs, bends, trends, problem.parameters.free_names),
+        *_of_structure(_columns(problem), rows, problem.parameters.free_names),
         *_of_outliers(problem, rows_alone / spread, far),
     )
     return Diagnosis(
         verdict=verdict,
-        chi2=result.chi2,
-        dof=result.dof,
         chance=chance,
-        rows=rows,
         confusions=confused,
-        runs=runs,
-        bends=bends,
-        trends=trends,
         outliers=far,
         sentences=tuple(sentences),
     )
@@ -205,12 +179,10 @@ def lacks_something(result: FitResult) -> bool:
     return result.chi2_per_dof > TOO_MUCH**2
 
 
-def _of_structure(
-    runs: tuple[Runs, ...],
-    bends: tuple[Bend, ...],
-    trends: tuple[Trend, ...],
-    free: tuple[str, ...],
-) -> list[str]:
+def _of_structure(columns: Mapping[str, Array], rows: Array, free: tuple[str, ...]) -> list[str]:
+    runs = [runs_along(name, column, rows) for name, column in columns.items()]
+    trends = [trend_along(name, column, rows) for name, column in columns.items()]
+    bends = [bend_along(name, column, rows) for name, column in columns.items()]
     bent = [bend for bend in bends if bend.chance < UNLIKELY]
     curved = [
         f"residuals form {'a U' if bend.curvature > 0.0 else 'an arch'} over {bend.column}: the "
