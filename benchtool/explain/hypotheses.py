@@ -9,7 +9,7 @@ is missing; a test against exactly zero would name one of them on every record.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -61,10 +61,6 @@ class Hypothesis:
     at: Array
     cost: float
     converged: bool
-
-    def opening(self, opened: tuple[str, ...]) -> Hypothesis:
-        """Return the same numbers with other effects free to break their tolerance."""
-        return replace(self, opened=opened)
 
 
 class Hypotheses:
@@ -157,17 +153,13 @@ class Hypotheses:
 
     def null(self, opened: tuple[str, ...] = ()) -> Hypothesis:
         """Return the best numbers with those effects open, from the model as given."""
-        first = np.array([knob.first for knob in self.evidence.knobs])
-        start = self.region(opened).clipped(first)
-        return self._fitted(opened, [start])
+        return self.fitted(opened, np.array([knob.first for knob in self.evidence.knobs]))
 
-    def started(self, opened: tuple[str, ...], at: Array) -> Hypothesis:
-        """Return the best numbers with those effects open, from given ones on."""
-        return self._fitted(opened, [self.region(opened).clipped(at)])
-
-    def refitted(self, opened: tuple[str, ...], *starts: Hypothesis) -> Hypothesis:
-        """Return the best numbers with those effects open, from where others ended."""
-        return self._fitted(opened, [other.at for other in starts])
+    def fitted(self, opened: tuple[str, ...], start: Array) -> Hypothesis:
+        """Return the best numbers with those effects open, from given ones (n_knobs,) on."""
+        region = self.region(opened)
+        near = self.near(region.clipped(start))
+        return _of(opened, self._search.minimum(start, region, known=near))
 
     def with_one_more(self, base: Hypothesis) -> list[Hypothesis]:
         """Return the base with each other effect opened in turn, best first."""
@@ -230,14 +222,6 @@ class Hypotheses:
             _, least = drawn.step(own)
             out[k] = max(least - drawn.step(region)[1] for region in regions)
         return out
-
-    def _fitted(self, opened: tuple[str, ...], starts: list[Array]) -> Hypothesis:
-        region = self.region(opened)
-        found = [
-            self._search.minimum(start, region, known=self.near(region.clipped(start)))
-            for start in starts
-        ]
-        return _of(opened, min(found, key=lambda item: item.cost))
 
 
 def _of(opened: tuple[str, ...], found: Minimum) -> Hypothesis:

@@ -98,7 +98,7 @@ def next_pitch_experiment(
         simulated = _evidence(model, truth, schedule, seed)
         hypotheses = Hypotheses(simulated)
         costs = [
-            hypotheses.started((name,), at).cost
+            hypotheses.fitted((name,), at).cost
             for name, at in ((first, at_first), (second, at_second))
         ]
         expected[schedule.name] = 0.5 * float(costs[1] - costs[0])

@@ -109,7 +109,7 @@ def _expected(
     """Return the log-likelihood ratio that a sweep should give the first rival if it is true."""
     log = as_read(points_of(sweep, evidence), evidence, first[1])
     hypotheses = Hypotheses(evidence.of(log))
-    costs = [hypotheses.started((name,), at).cost for name, at in (first, second)]
+    costs = [hypotheses.fitted((name,), at).cost for name, at in (first, second)]
     return 0.5 * float(costs[1] - costs[0])
 
 

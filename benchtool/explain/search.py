@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from benchtool.errors import EstimationError
 from benchtool.explain.hypotheses import Hypotheses, Hypothesis
@@ -109,7 +109,7 @@ def without(hypotheses: Hypotheses, search: Search, name: str) -> Search:
     null, first = search.null, search.first
     if len(rest) < 2:
         return Search(null=null, best=first.tried[0], slots=(first,), first=first)
-    return _several(hypotheses, null, hypotheses.refitted(rest, search.best), first)
+    return _several(hypotheses, null, hypotheses.fitted(rest, search.best.at), first)
 
 
 def _several(hypotheses: Hypotheses, null: Hypothesis, base: Hypothesis, first: Slot) -> Search:
@@ -117,7 +117,7 @@ def _several(hypotheses: Hypotheses, null: Hypothesis, base: Hypothesis, first: 
     slots = []
     for name in base.opened:
         rest = tuple(other for other in base.opened if other != name)
-        slots.append(_slot(hypotheses, hypotheses.refitted(rest, base)))
+        slots.append(_slot(hypotheses, hypotheses.fitted(rest, base.at)))
     best = min((slot.tried[0] for slot in slots), key=lambda one: one.cost)
     return Search(null=null, best=best, slots=tuple(slots), first=first)
 
@@ -126,7 +126,7 @@ def _slot(hypotheses: Hypotheses, base: Hypothesis) -> Slot:
     tried = hypotheses.with_one_more(base)
     base = hypotheses.secured(base, tried[:2])
     # A candidate is never above its base: the base is one of its points.
-    tried = [one if one.cost <= base.cost else base.opening(one.opened) for one in tried]
+    tried = [one if one.cost <= base.cost else replace(base, opened=one.opened) for one in tried]
     return Slot(base=base, tried=tuple(sorted(tried, key=lambda one: one.cost)))
 
 
@@ -140,7 +140,7 @@ def _pruned(hypotheses: Hypotheses, best: Hypothesis) -> Hypothesis:
     """Return the hypothesis without effects that later ones made unnecessary."""
     for name in best.opened[:-1]:
         rest = tuple(other for other in best.opened if other != name)
-        less = hypotheses.refitted(rest, best)
+        less = hypotheses.fitted(rest, best.at)
         if not _worth(hypotheses, less, best, len(rest)):
             return _pruned(hypotheses, less)
     return best

@@ -45,7 +45,7 @@ def test_the_null_is_never_above_a_candidate_within_tolerance() -> None:
 def test_the_spread_is_that_of_linear_regression() -> None:
     evidence = Linear(np.array([5.0, 0.0, 0.0, 0.0]), 2)
     hypotheses = Hypotheses(evidence)
-    best = hypotheses.refitted(("a",), hypotheses.null())
+    best = hypotheses.fitted(("a",), hypotheses.null().at)
     sd = float(np.sqrt(hypotheses.spread(best)[0, 0]))
     alone = 1.0 / np.sqrt(np.sum(evidence.design[:, 0] ** 2))
     assert sd == pytest.approx(alone, rel=0.15)
