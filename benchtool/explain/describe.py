@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.effects.effect import Effect, Stage
+from benchtool.explain.evidence import EARLY, LATE, RowGroups
 from benchtool.explain.explanation import Disagreement
 from benchtool.explain.hypotheses import Hypotheses, Hypothesis
-from benchtool.explain.subject import EARLY, LATE, RowGroups, Subject
+from benchtool.explain.subject import Subject
 from benchtool.explain.verdict import FoundParameter, Where
 
 Array = NDArray[np.float64]
@@ -25,7 +26,7 @@ motion to be told by the clock; a choice."""
 
 def effect_of(subject: Subject, name: str) -> Effect:
     """Return an effect of the subject's model by name."""
-    return next(effect for effect in subject.model.effects if effect.name == name)
+    return next(effect for effect in subject.evidence.model.effects if effect.name == name)
 
 
 def found_parameters(
@@ -37,7 +38,8 @@ def found_parameters(
     a bench departs from the effect's law.
     """
     spread = np.sqrt(np.diag(hypotheses.spread(one)))
-    neutral = {item.name: item.neutral for item in effect_of(subject, name).parameters}
+    effect = effect_of(subject, name)
+    neutral = {item.name: item.neutral for item in effect.parameters}
     out = []
     for knob, turned, sd in zip(hypotheses.evidence.knobs, one.at, spread, strict=True):
         if knob.effect != name:
@@ -46,7 +48,7 @@ def found_parameters(
         own = knob.name.partition(".")[2]
         stated = neutral[own]
         rest = knob.start if stated is None else stated
-        std = float(np.hypot(std, subject.law_error(name) * (value - rest)))
+        std = float(np.hypot(std, subject.law_error(effect) * (value - rest)))
         out.append(
             FoundParameter(
                 name=own,

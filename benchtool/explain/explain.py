@@ -17,6 +17,7 @@ from benchtool.explain.describe import (
 from benchtool.explain.explanation import Explanation, TrueMisses
 from benchtool.explain.held_out import HeldOut, Known
 from benchtool.explain.hypotheses import Hypotheses, Hypothesis
+from benchtool.explain.knob import parameters_at
 from benchtool.explain.search import Progress, Search, searched
 from benchtool.explain.significance import p_value
 from benchtool.explain.subject import Subject
@@ -54,12 +55,13 @@ def explain(
     """
     tell = progress if progress is not None else _silent
     rng = np.random.default_rng(seed)
-    hypotheses = Hypotheses(subject.evidence)
-    groups = subject.groups()
+    evidence = subject.evidence
+    hypotheses = Hypotheses(evidence)
+    groups = evidence.groups()
 
     def left(one: Hypothesis) -> float:
         """Return the variance of what a hypothesis leaves, over what the bench allows."""
-        rows = subject.evidence.residuals(one.at[None])[:, 0]
+        rows = evidence.residuals(one.at[None])[:, 0]
         return leftover(groups, rows) / subject.allowed_leftover(one.at, rng)
 
     search = searched(hypotheses, tell, lambda one: left(one) > HOPELESS)
@@ -70,7 +72,7 @@ def explain(
     before = Known(at=null.at, spread=hypotheses.spread(null))
     after = before if best is null else Known(at=best.at, spread=hypotheses.spread(best))
     held = HeldOut.of(subject, before, after, rng, draws)
-    rows = subject.evidence.residuals(np.vstack([null.at, best.at]))
+    rows = evidence.residuals(np.vstack([null.at, best.at]))
     without = Fit(ratio=held.ratio(0), leftover=left(null))
     fit = without
     if best is not null:
@@ -116,7 +118,7 @@ def explain(
         where=where,
         gaps=held.gaps(bool(effects), rng),
         nearest=nearest,
-        tolerances={k.name: k.scale for k in subject.evidence.knobs if k.effect},
+        tolerances={k.name: k.scale for k in evidence.knobs if k.effect},
         not_judged={
             name: NotJudged.below(size)
             for name, size in hypotheses.unseen(null).items()
@@ -124,7 +126,7 @@ def explain(
         },
         remarks=subject.remarks,
         next=subject.next_experiment(rivals, rng) if rivals and propose else None,
-        parameters=subject.model_at(final).parameters,
+        parameters=parameters_at(evidence.model.parameters, evidence.knobs, final),
         window_s=subject.window_s,
         draws=draws,
     )

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from benchtool.control.pitch import PitchControl
 from benchtool.core.schedule import PlateVisit, Schedule, Signal
-from benchtool.effects.model import Model
 from benchtool.explain.hypotheses import Hypotheses
+from benchtool.explain.knob import parameters_at
 from benchtool.explain.pitch_evidence import PitchEvidence
 from benchtool.explain.pitch_log import pitch_log
 from benchtool.explain.verdict import NextExperiment
@@ -79,12 +79,11 @@ OPTIONS: tuple[tuple[Schedule, str], ...] = (
 
 
 def next_pitch_experiment(
-    model: Model, rivals: Sequence[tuple[str, Array]], evidence: PitchEvidence, seed: int
+    rivals: Sequence[tuple[str, Array]], evidence: PitchEvidence, seed: int
 ) -> NextExperiment | None:
     """Return the option in which the two likeliest rivals differ most.
 
     Args:
-        model: with every candidate in it.
         rivals: effects with the knobs (n_knobs,) of their best fits, likeliest first.
         evidence: that the knobs belong to.
         seed: of the simulated noise.
@@ -94,8 +93,7 @@ def next_pitch_experiment(
     (first, at_first), (second, at_second) = rivals[0], rivals[1]
     expected: dict[str, float] = {}
     for schedule, _ in OPTIONS:
-        truth = model.at(evidence.parameters(at_first))
-        simulated = _evidence(model, truth, schedule, seed)
+        simulated = _evidence(evidence, at_first, schedule, seed)
         hypotheses = Hypotheses(simulated)
         costs = [
             hypotheses.fitted((name,), at).cost
@@ -114,8 +112,10 @@ def next_pitch_experiment(
     )
 
 
-def _evidence(model: Model, truth: Model, schedule: Schedule, seed: int) -> PitchEvidence:
-    """Return what a bench with that truth would log along a schedule, as evidence."""
+def _evidence(evidence: PitchEvidence, at: Array, schedule: Schedule, seed: int) -> PitchEvidence:
+    """Return what a bench of those knobs (n_knobs,) would log along a schedule, as evidence."""
+    model = evidence.model
+    truth = model.at(parameters_at(model.parameters, evidence.knobs, at))
     control = PitchControl(name="pid", gains=gains_named("s3"), rate_Hz=RATE_HZ)
     sampled = schedule.sampled(RATE_HZ, model.rig.propulsion.radius_m)
     run = simulate_pitch(PitchJob(PitchBench.of(truth), control), sampled, seed)

@@ -18,10 +18,10 @@ from benchtool.explain.effect_knobs import (
     effect_knobs,
     with_every_effect,
 )
+from benchtool.explain.evidence import RowGroups
 from benchtool.explain.knob import Knob, parameters_at
 from benchtool.explain.pitch_filter import PitchFilter, pitch_filter
 from benchtool.explain.pitch_regimes import pitch_regimes
-from benchtool.explain.subject import RowGroups
 from benchtool.simulate.pitch_bench import STEPS_PER_LAG, PitchBench, rig_sensors
 from benchtool.simulate.pitch_follow import Followed, LoggedPitch, follow
 
@@ -119,13 +119,9 @@ class PitchEvidence:
             plant_rate_Hz=substeps * rate_Hz,
         )  # fmt: skip
 
-    def parameters(self, turned: Array) -> Parameters:
-        """Return the model's parameters with the knobs turned (n_knobs,)."""
-        return parameters_at(self.model.parameters, self.knobs, turned)
-
     def bench(self, turned: Array, rate_Hz: float) -> PitchBench:
         """Return the bench with the knobs turned (n_knobs,)."""
-        return self._bench(self.parameters(turned), rate_Hz)
+        return self._bench(parameters_at(self.model.parameters, self.knobs, turned), rate_Hz)
 
     def residuals(self, turned: Array) -> Array:
         """Return whitened residuals (n_rows, n_sets) for sets of knobs (n_sets, n_knobs)."""

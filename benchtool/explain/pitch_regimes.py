@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.explain.subject import EARLY, LATE
+from benchtool.explain.evidence import EARLY, LATE
 from benchtool.simulate.pitch_follow import LoggedPitch
 
 Mask = NDArray[np.bool_]

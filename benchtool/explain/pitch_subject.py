@@ -22,7 +22,7 @@ from benchtool.explain.pitch_gap import (
     windows_of,
 )
 from benchtool.explain.pitch_log import PitchLog
-from benchtool.explain.subject import ChannelErrors, RowGroups
+from benchtool.explain.subject import ChannelErrors
 from benchtool.explain.verdict import NextExperiment
 from benchtool.explain.weigh import TEMPERATURE
 
@@ -82,7 +82,6 @@ class PitchSubject:
         self.learn, self.check = tuple(learn), tuple(check)
         self.evidence = PitchEvidence(model, [log.logged for log in learn], extra)
         self._check = PitchEvidence(model, [log.logged for log in check], extra)
-        self.model = self.evidence.model
 
     @property
     def remarks(self) -> tuple[str, ...]:
@@ -108,17 +107,9 @@ class PitchSubject:
             predictable = window_s
         return predictable
 
-    def law_error(self, name: str) -> float:
+    def law_error(self, effect: Effect) -> float:
         """Return how far a bench departs from an effect's law, over the effect's own size."""
-        return next(effect.law_error for effect in self.model.effects if effect.name == name)
-
-    def model_at(self, at: Array) -> Model:
-        """Return the model with the knobs turned (n_knobs,)."""
-        return self.evidence.model.at(self.evidence.parameters(at))
-
-    def groups(self) -> RowGroups:
-        """Return labels of the evidence's rows."""
-        return self.evidence.groups()
+        return effect.law_error
 
     def errors(self, sets: Array) -> Mapping[str, ChannelErrors]:
         """Return errors in each window of the check recordings, by channel."""
@@ -222,4 +213,4 @@ class PitchSubject:
     ) -> NextExperiment | None:
         """Return the experiment that separates hypotheses best."""
         seed = int(rng.integers(2**31))
-        return next_pitch_experiment(self.model, rivals, self.evidence, seed)
+        return next_pitch_experiment(rivals, self.evidence, seed)

@@ -9,30 +9,12 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.effects.effect import BenchKind, Stage
-from benchtool.effects.model import Model
+from benchtool.effects.effect import BenchKind, Effect
 from benchtool.explain.evidence import Evidence
 from benchtool.explain.explanation import Overlay
 from benchtool.explain.verdict import NextExperiment
 
 Array = NDArray[np.float64]
-
-LATE, EARLY = "late in the run", "early in the run"
-"""Regimes of the clock: they say less of a cause than where the plate was, or how fast it went."""
-
-
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class RowGroups:
-    """Label the rows of evidence.
-
-    Attributes:
-        stages: stage whose disagreement shows in a group of rows, with the mask (n_rows,). A stage
-            may be missing: what it does wrong shows in another's rows.
-        regimes: parts of the recordings in words, with masks (n_rows,); they may overlap.
-    """
-
-    stages: Mapping[Stage, NDArray[np.bool_]]
-    regimes: Mapping[str, NDArray[np.bool_]]
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -54,11 +36,6 @@ class Subject(Protocol):
     @property
     def kind(self) -> BenchKind:
         """Which bench it is."""
-        ...
-
-    @property
-    def model(self) -> Model:
-        """The model with every candidate in it, neutral unless the user's model says otherwise."""
         ...
 
     @property
@@ -93,15 +70,11 @@ class Subject(Protocol):
         """Length of a prediction; 0 where predictions are settled."""
         ...
 
-    def law_error(self, name: str) -> float:
+    def law_error(self, effect: Effect) -> float:
         """Return the standard error of an effect's law, over the effect's departure from neutral.
 
         It joins what the data leave open in the intervals of the effect's parameters.
         """
-        ...
-
-    def groups(self) -> RowGroups:
-        """Return labels of the evidence's rows."""
         ...
 
     def errors(self, sets: Array) -> Mapping[str, ChannelErrors]:
@@ -116,10 +89,6 @@ class Subject(Protocol):
         With `spread` (n_knobs, n_knobs) the truth of each draw lies as far from the model that
         predicts as its knobs are uncertain.
         """
-        ...
-
-    def model_at(self, at: Array) -> Model:
-        """Return the model with the knobs turned (n_knobs,)."""
         ...
 
     def overlays(self, before: Array, after: Array) -> tuple[Overlay, ...]:

@@ -7,15 +7,15 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.parameter import Parameter, Parameters
+from benchtool.core.parameter import Parameter
 from benchtool.effects.catalogue import candidates
 from benchtool.effects.conditions import Conditions
 from benchtool.effects.effect import Effect
 from benchtool.effects.model import Model
 from benchtool.explain.effect_knobs import all_shape_names, effect_knobs, with_every_effect
-from benchtool.explain.knob import Knob, parameters_at
+from benchtool.explain.evidence import RowGroups
+from benchtool.explain.knob import Knob
 from benchtool.explain.owner_known import known_prior
-from benchtool.explain.subject import RowGroups
 from benchtool.explain.sweep_log import SweepLog
 from benchtool.explain.sweep_noise import SweepNoise
 from benchtool.explain.sweep_regimes import sweep_regimes
@@ -74,10 +74,6 @@ class SweepEvidence:
         if any(log.power is not None for log in self.logs):
             out += SUPPLY_KNOBS
         return out
-
-    def parameters(self, turned: Array) -> Parameters:
-        """Return the model's parameters with the knobs turned (n_knobs,)."""
-        return parameters_at(self.model.parameters, self.knobs, turned)
 
     # --- predictions ----------------------------------------------------------------------
 

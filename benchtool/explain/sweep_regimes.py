@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.effects.model import Model
-from benchtool.explain.subject import EARLY, LATE
+from benchtool.explain.evidence import EARLY, LATE
 from benchtool.explain.sweep_log import SweepLog
 
 Mask = NDArray[np.bool_]

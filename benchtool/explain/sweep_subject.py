@@ -13,7 +13,7 @@ from benchtool.effects.effect import BenchKind, Effect
 from benchtool.effects.model import Model
 from benchtool.explain.explanation import Overlay
 from benchtool.explain.next_sweep import next_sweep_experiment
-from benchtool.explain.subject import ChannelErrors, RowGroups
+from benchtool.explain.subject import ChannelErrors
 from benchtool.explain.sweep_evidence import SweepEvidence
 from benchtool.explain.sweep_gap import errors, floor
 from benchtool.explain.sweep_log import SweepLog, sweep_log
@@ -63,7 +63,6 @@ class SweepSubject:
         self.check = tuple(_loaded_as(first, sweep_log(one, rig)) for one in check)
         self.evidence = SweepEvidence(model, self.learn, extra)
         self._check = SweepEvidence(model, self.check, extra)
-        self.model = self.evidence.model
 
     @property
     def remarks(self) -> tuple[str, ...]:
@@ -77,17 +76,9 @@ class SweepSubject:
         """Return inf: laws a few per cent off in shape leave more than noise in good sweeps."""
         return float("inf")
 
-    def law_error(self, name: str) -> float:
+    def law_error(self, effect: Effect) -> float:
         """Return 0: laws have shape parameters of their own, which carry what is off in them."""
         return 0.0
-
-    def model_at(self, at: Array) -> Model:
-        """Return the model with the knobs turned (n_knobs,)."""
-        return self.model.at(self.evidence.parameters(at))
-
-    def groups(self) -> RowGroups:
-        """Return labels of the evidence's rows."""
-        return self.evidence.groups()
 
     def errors(self, sets: Array) -> Mapping[str, ChannelErrors]:
         """Return errors in each stay of the check sweeps, by channel."""

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchtool.explain.knob import parameters_at
 from benchtool.explain.next_sweep import as_read
 from benchtool.explain.sweep_evidence import SweepEvidence
 from benchtool.explain.sweep_log import sweep_log
@@ -71,7 +72,7 @@ def test_predictions_are_those_of_the_model(evidence: SweepEvidence) -> None:
     turned = np.zeros(len(evidence.knobs))
     turned[knob(evidence, "body_lift.K_b")] = 8.0
     turned[knob(evidence, "plate_offset.dz_m")] = 1.0
-    model = evidence.model.at(evidence.parameters(turned))
+    model = evidence.model.at(parameters_at(evidence.model.parameters, evidence.knobs, turned))
     assert model.parameters["body_lift.K_b"].value == pytest.approx(2.0)
     expected = model.thrust_N(evidence.logs[0].conditions)
     found = evidence.thrusts(evidence.logs[0].conditions, turned[None, :])[:, 0]
