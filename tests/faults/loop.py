@@ -25,6 +25,7 @@ from unittest import mock
 
 from benchtool.bench.address import SCHEMES
 from benchtool.bench.device_link import DeviceLink
+from benchtool.bench.faults import fault_from
 from benchtool.bench.firmware import Firmware
 from benchtool.bench.serial_bench import SerialBench
 from benchtool.bench.virtual_server import standard_truth, virtual_server
@@ -65,6 +66,7 @@ class World:
         speed: float = 5.0,
         rig_name: str = "pquad_single",
         hooks: Sequence[Callable[[World], None]] = (),
+        device_faults: Sequence[str] = (),
     ) -> None:
         rig = rig_named(rig_name)
         self.now_s = 1000.0
@@ -75,7 +77,13 @@ class World:
         self._deadline_s = self.now_s + LONGEST_S
         truth = load_model(standard_truth(rig), rig).model
         self._server = virtual_server(
-            rig, truth, self, speed=speed, speak=self._keep, clock=self.clock
+            rig,
+            truth,
+            self,
+            speed=speed,
+            faults=[fault_from(text) for text in device_faults],
+            speak=self._keep,
+            clock=self.clock,
         )
 
     def _keep(self, firmware: Firmware) -> DeviceLink:
@@ -93,9 +101,12 @@ class World:
         return len(data)
 
     def unplug(self) -> None:
+        self.proxy.near.is_cut = True
+
+    def replug(self) -> None:
         raise NotImplementedError
 
-    replug = close = unplug
+    close = replug
 
     def step(self) -> None:
         self.now_s += STEP_S
