@@ -78,26 +78,16 @@ def build_peer(folder: Path) -> Path:
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """Hold what was seen at the pins, in simulated time: us since power-on.
-
-    Attributes:
-        pulses_us: (2,) last pulse of each ESC, 0 when there is none any more.
-        heard_us: when the last byte reached the chip.
-        drive_us: when the last pulse above stop ended.
-        edge_us: when the last pulse of any length ended.
-        faults: readings that a real HX711 would have garbled.
-        untouched: bytes of memory that neither variables nor stack ever used.
-        stood_us: how long the simulated clock stood still for a machine that was too slow.
-    """
+    """Hold what was seen at the pins, in simulated time: us since power-on."""
 
     time_us: float
-    pulses_us: tuple[float, float]
-    heard_us: float
-    drive_us: float
-    edge_us: float
-    faults: int
-    untouched: int
-    stood_us: float
+    pulses_us: tuple[float, float]  # (2,) last pulse of each ESC, 0 when there is none any more
+    heard_us: float  # when the last byte reached the chip
+    drive_us: float  # when the last pulse above stop ended
+    edge_us: float  # when the last pulse of any length ended
+    faults: int  # readings that a real HX711 would have garbled
+    untouched: int  # bytes of memory that neither variables nor stack ever used
+    stood_us: float  # how long the simulated clock stood still for a machine that was too slow
 
 
 class AvrBench:

@@ -25,15 +25,12 @@ class Line:
     """Hold one figure of the scorecard.
 
     Attributes:
-        what: is counted.
-        found: in words.
-        aim: in words; "" where none was set.
         reached: whether the aim is; None where there is none or nothing was counted.
     """
 
-    what: str
-    found: str
-    aim: str = ""
+    what: str  # is counted
+    found: str  # in words
+    aim: str = ""  # in words; "" where none was set
     reached: bool | None = None
 
 

@@ -42,51 +42,36 @@ class Scored:
     """Hold the truth of one record and the verdict on it.
 
     Attributes:
-        kind: of what is hidden: named, none, pair or outside.
-        strength: weak effects are smaller than twice their tolerance.
-        excitation: of the record.
         truth: names of what is hidden; an outside family's name is no effect of the library.
-        sizes: of the hidden effects, in tolerances.
-        stage: in which the hidden effect sits; "" where nobody can say.
-        verdict: effect, several, class, none or unknown.
-        names: in the verdict, most likely first.
-        probabilities: of every explanation, "none" and "unknown" among them.
-        where: stage that the verdict points at; "" for none.
         not_judged: effects that the verdict says this data cannot show, with the size in tolerances
             from which it would.
-        confirmed: whether the true model's Fisher information says that a class is one.
-        gaps: held-out error after over the noise floor, by channel.
         true_gaps: the same of the true model, by channel, where the generator tells it.
         gaps_truly: held-out error after over the floor of noise as great as it truly is, where it
             is not what the model states, by channel.
         by_luck: share of draws of the stated noise in which a true model's error is within the
             aim; where the record was scored before that was asked, nan.
-        by_learning: the same with its numbers as uncertain as the verdict's are.
-        parameters: of rightly named effects.
-        seconds: that the verdict took.
-        label: to find the record again ("none 17").
     """
 
-    kind: Kind
+    kind: Kind  # of what is hidden: named, none, pair or outside
     truth: tuple[str, ...]
-    sizes: tuple[float, ...]
-    stage: str
-    verdict: str
-    names: tuple[str, ...]
-    probabilities: Mapping[str, float]
-    where: str
-    gaps: Mapping[str, float]
-    seconds: float
-    strength: Strength = "full"
-    excitation: Excitation = "rich"
+    sizes: tuple[float, ...]  # of the hidden effects, in tolerances
+    stage: str  # in which the hidden effect sits; "" where nobody can say
+    verdict: str  # effect, several, class, none or unknown
+    names: tuple[str, ...]  # in the verdict, most likely first
+    probabilities: Mapping[str, float]  # of every explanation, "none" and "unknown" among them
+    where: str  # stage that the verdict points at; "" for none
+    gaps: Mapping[str, float]  # held-out error after over the noise floor, by channel
+    seconds: float  # that the verdict took
+    strength: Strength = "full"  # weak effects are smaller than twice their tolerance
+    excitation: Excitation = "rich"  # of the record
     not_judged: Mapping[str, float] = field(default_factory=dict)
-    confirmed: bool = False
+    confirmed: bool = False  # whether the true model's Fisher information says that a class is one
     true_gaps: Mapping[str, float] = field(default_factory=dict)
     gaps_truly: Mapping[str, float] = field(default_factory=dict)
     by_luck: float = nan
-    by_learning: float = nan
-    parameters: tuple[ScoredParameter, ...] = ()
-    label: str = ""
+    by_learning: float = nan  # the same with its numbers as uncertain as the verdict's are
+    parameters: tuple[ScoredParameter, ...] = ()  # of rightly named effects
+    label: str = ""  # to find the record again ("none 17")
 
     @property
     def named_first(self) -> bool:

@@ -167,20 +167,15 @@ class Outcome:
     """What one command brought.
 
     Attributes:
-        code: exit code.
-        said: standard output and error.
-        seen: what host and device said, before any fault.
         pulses: time and highest pulse that the device itself put out, at each change.
-        left_s: when the host gave the link back.
-        folder: where the command ran; `run` in it is the run's folder.
     """
 
-    code: int
-    said: str
-    seen: Seen
+    code: int  # exit code
+    said: str  # standard output and error
+    seen: Seen  # what host and device said, before any fault
     pulses: list[tuple[float, float]]
-    left_s: float
-    folder: Path
+    left_s: float  # when the host gave the link back
+    folder: Path  # where the command ran; `run` in it is the run's folder
 
     @property
     def last_line(self) -> str:

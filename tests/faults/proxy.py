@@ -85,21 +85,18 @@ class Seen:
         pulses: time and highest pulse of any motor in each sample.
         plate_m: time and plate distance in each sample.
         rows: values of each sample as text, by device time in us.
-        channels: in the device's order.
-        phases: when each phase first began.
         commands: time and words of each command, its number left out.
         refused: time and reason of each refusal.
-        dropped: samples that a fault kept from the host.
     """
 
     pulses: list[tuple[float, float]] = field(default_factory=list)
     plate_m: list[tuple[float, float]] = field(default_factory=list)
     rows: dict[int, tuple[str, ...]] = field(default_factory=dict)
-    channels: list[str] = field(default_factory=list)
-    phases: dict[str, float] = field(default_factory=dict)
+    channels: list[str] = field(default_factory=list)  # in the device's order
+    phases: dict[str, float] = field(default_factory=dict)  # when each phase first began
     commands: list[tuple[float, str]] = field(default_factory=list)
     refused: list[tuple[float, str]] = field(default_factory=list)
-    dropped: int = 0
+    dropped: int = 0  # samples that a fault kept from the host
 
 
 @dataclass
@@ -107,25 +104,19 @@ class Fault:
     """One fault: what, to which lines, when, for how long.
 
     Attributes:
-        phase: it begins `after_s` after this phase first began.
-        for_s: it lasts so long.
-        way: lines on their way to the host, to the device, or both.
-        only: "all" lines, "samples", "answers", or a text that a line must contain.
-        times: at most so many lines are hit, after the first `skip` that it would take.
-        p: share of lines hit, drawn with `seed`.
         channel, value: for freeze and lie.
         begun_s, hit: when it began and how many lines it hit; a test asserts that it did.
     """
 
     kind: Kind
-    phase: Phase = "sampling"
+    phase: Phase = "sampling"  # it begins `after_s` after this phase first began
     after_s: float = 0.0
-    for_s: float = inf
-    way: Way | Literal["both"] = "both"
-    only: str = "all"
-    times: int = 1 << 30
+    for_s: float = inf  # it lasts so long
+    way: Way | Literal["both"] = "both"  # lines on their way to the host, to the device, or both
+    only: str = "all"  # "all" lines, "samples", "answers", or a text that a line must contain
+    times: int = 1 << 30  # at most so many lines are hit, after the first `skip` that it would take
     skip: int = 0
-    p: float = 1.0
+    p: float = 1.0  # share of lines hit, drawn with `seed`
     delay_s: float = 0.3
     channel: str = "plate_z_m"
     value: float = 0.0

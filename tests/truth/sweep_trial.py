@@ -37,15 +37,10 @@ RATE_HZ = 80.0
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """Hold one trial: which intervals hold the truth, by method and parameter.
+    """Hold one trial: which intervals hold the truth, by method and parameter."""
 
-    Attributes:
-        held: {method: {parameter: (68 % holds, 95 % holds)}}.
-        z: {method: {parameter: (value - truth) / sd}}.
-    """
-
-    held: dict[str, dict[str, tuple[bool, bool]]]
-    z: dict[str, dict[str, float]]
+    held: dict[str, dict[str, tuple[bool, bool]]]  # {method: {parameter: (68 % holds, 95 % holds)}}
+    z: dict[str, dict[str, float]]  # {method: {parameter: (value - truth) / sd}}
 
 
 def run_trial(seed: int, methods: Sequence[Method]) -> Trial:

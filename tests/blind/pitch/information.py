@@ -62,15 +62,10 @@ NOISE = np.array(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Information:
-    """Hold what data tell about a true model.
+    """Hold what data tell about a true model."""
 
-    Attributes:
-        matrix: (k, k) Fisher information about NAMES, each in tolerances of its own.
-        sizes: (k,) true values, in tolerances past neutral.
-    """
-
-    matrix: Array
-    sizes: Array
+    matrix: Array  # (k, k) Fisher information about NAMES, each in tolerances of its own
+    sizes: Array  # (k,) true values, in tolerances past neutral
 
     def __add__(self, other: Information) -> Information:
         return Information(self.matrix + other.matrix, self.sizes)

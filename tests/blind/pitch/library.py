@@ -14,27 +14,16 @@ from tests.blind.pitch.sheet import SHEET
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Named:
-    """Describe one effect that has a name.
+    """Describe one effect that has a name."""
 
-    Attributes:
-        name: of the effect.
-        stage: where between pulse and reading it acts.
-        parameter: of the effect, with its unit in the name where it has one.
-        field: of the plant that holds it.
-        neutral: value at which the effect is absent.
-        tolerance: departure that the bench's owner does not mind.
-        most_below: greatest size below neutral, in tolerances; 0: physics allows none.
-        most_above: greatest size above neutral.
-    """
-
-    name: str
-    stage: Stage
-    parameter: str
-    field: str
-    neutral: float
-    tolerance: float
-    most_below: float = 8.0
-    most_above: float = 8.0
+    name: str  # of the effect
+    stage: Stage  # where between pulse and reading it acts
+    parameter: str  # of the effect, with its unit in the name where it has one
+    field: str  # of the plant that holds it
+    neutral: float  # value at which the effect is absent
+    tolerance: float  # departure that the bench's owner does not mind
+    most_below: float = 8.0  # greatest size below neutral, in tolerances; 0: physics allows none
+    most_above: float = 8.0  # greatest size above neutral
 
     def hide(self, rng: np.random.Generator, strength: Strength) -> Hidden:
         """Draw a size and a side."""

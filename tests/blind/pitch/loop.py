@@ -29,21 +29,13 @@ class TurnedOver(Exception):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Part:
-    """Hold one part of a record and what really went on in it.
+    """Hold one part of a record and what really went on in it."""
 
-    Attributes:
-        table: the columns of the CSV.
-        states: where everything was at each row.
-        plate_m: (n,) plate distance without the gauge's noise.
-        wake_Nm: (n,) torque of the wake.
-        capped: physics steps in which the ground effect was capped.
-    """
-
-    table: pd.DataFrame
-    states: list[State]
-    plate_m: Array
-    wake_Nm: Array
-    capped: int
+    table: pd.DataFrame  # the columns of the CSV
+    states: list[State]  # where everything was at each row
+    plate_m: Array  # (n,) plate distance without the gauge's noise
+    wake_Nm: Array  # (n,) torque of the wake
+    capped: int  # physics steps in which the ground effect was capped
 
 
 def wake_torque(rng: np.random.Generator, n: int, sd_Nm: float, tau_s: float) -> Array:

@@ -25,19 +25,12 @@ CLEARANCE_M = 0.075
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Programme:
-    """Hold one part's schedule, sample by sample.
+    """Hold one part's schedule, sample by sample."""
 
-    Attributes:
-        theta_ref_rad: (n,).
-        collective_us: (n,) mean of both pulses.
-        dither_us: (n,) added to pulse 1, taken from pulse 2.
-        plate_m: (n,) distance of the level beam from the plate; PARKED_M: none.
-    """
-
-    theta_ref_rad: Array
-    collective_us: Array
-    dither_us: Array
-    plate_m: Array
+    theta_ref_rad: Array  # (n,)
+    collective_us: Array  # (n,) mean of both pulses
+    dither_us: Array  # (n,) added to pulse 1, taken from pulse 2
+    plate_m: Array  # (n,) distance of the level beam from the plate; PARKED_M: none
 
     def __len__(self) -> int:
         return len(self.theta_ref_rad)

@@ -44,32 +44,22 @@ class Truth:
     """Hold what is hidden in a record.
 
     Attributes:
-        family: what was asked for.
-        kind: named, none, pair or outside.
         names: the hidden effects' names; an outside family's name is no library effect.
-        stages: where each of them acts.
         effects: named effects with their values; none where nothing of the library is hidden.
-        plant: the true model, every number of it.
-        seed: of the record.
-        excitation: rich or poor.
-        strength: full or weak.
-        dirt: dirty or clean.
-        imperfections: every number that departs from the data sheet's ideal bench.
-        attempt: how many benches were drawn before that turned over or touched the plate.
     """
 
-    family: str
-    kind: Kind
+    family: str  # what was asked for
+    kind: Kind  # named, none, pair or outside
     names: tuple[str, ...]
-    stages: tuple[Stage, ...]
+    stages: tuple[Stage, ...]  # where each of them acts
     effects: tuple[Hidden, ...]
-    plant: Plant
-    seed: int
-    excitation: Excitation
-    strength: Strength
-    dirt: Dirt
-    imperfections: dict[str, object]
-    attempt: int
+    plant: Plant  # the true model, every number of it
+    seed: int  # of the record
+    excitation: Excitation  # rich or poor
+    strength: Strength  # full or weak
+    dirt: Dirt  # dirty or clean
+    imperfections: dict[str, object]  # every number that departs from the data sheet's ideal bench
+    attempt: int  # how many benches were drawn before that turned over or touched the plate
 
     def keys(self) -> dict[str, object]:
         """Return the truth as plain values, for a file."""
@@ -78,21 +68,13 @@ class Truth:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HiddenRecord:
-    """Hold a record: what a user sees (learn, check, bench) and what is true.
+    """Hold a record: what a user sees (learn, check, bench) and what is true."""
 
-    Attributes:
-        learn: table to learn from, in the columns of the format.
-        check: table of the same bench with another reference and noise.
-        truth: what is hidden.
-        bench: the data sheet, in the keys of `bench.json`.
-        parts: learn and check with the true states of every row, for scoring only.
-    """
-
-    learn: pd.DataFrame
-    check: pd.DataFrame
-    truth: Truth
-    bench: dict[str, float]
-    parts: tuple[Part, Part]
+    learn: pd.DataFrame  # table to learn from, in the columns of the format
+    check: pd.DataFrame  # table of the same bench with another reference and noise
+    truth: Truth  # what is hidden
+    bench: dict[str, float]  # the data sheet, in the keys of `bench.json`
+    parts: tuple[Part, Part]  # learn and check with the true states of every row, for scoring only
 
 
 def families() -> dict[str, Kind]:

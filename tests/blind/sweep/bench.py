@@ -14,75 +14,46 @@ class Bench:
     """Hold the truth of a bench; every default is what the data sheet says.
 
     Attributes:
-        layout: the data sheet.
-        k_ratio: thrust coefficient over the sheet's.
-        k_of_rotor: of each rotor over that; empty: all equal.
-        radius_ratio: effective over geometric rotor radius.
         softness, near: of the ground law (`ground.py`).
         neighbours: strength of the neighbours' images; 1 on a quadrotor as the sheet has it.
-        K_b: body lift.
-        exponent_excess: thrust goes as speed^(2 + excess).
-        blockage: share of thrust that the stand takes with no plate near.
         coverage_power: of the covered fraction, for the increment at quarters of the disc.
-        plate_dz_m: true minus read distance.
-        plate_tilt_rad: positive brings +x rotors nearer; about the plate's own centre.
-        plate_x0_m: true minus read lateral position.
-        plate_scatter_m: sd of the distance from visit to visit.
-        stage_play_m: backlash of the distance.
         gain_of_rotor: pulse-to-speed gain of each rotor over the sheet's; empty: all equal.
-        pwm_start_off_us: true minus stated start of the speed line.
-        full_V: open-circuit voltage at the start.
-        resistance_ohm: of the supply.
-        sag_per_s: linear loss of the open-circuit voltage, and with it of the gain.
-        sag_curve: how much faster at the end of a quarter of an hour.
-        tare_N: what a tare leaves on the reading.
-        drift_N_per_s: creep of the zero since a tare.
-        hysteresis_N: half width of the load cell's play at hover.
-        hysteresis_slope: how much wider at twice hover.
-        bow_N: bow of the cell's characteristic at half its rating.
-        saturation_N: reading that the amplifier cannot pass; 0: none.
-        density_loss_per_s: relative fall of the air's density.
-        noise_ratio: true over usual standard error.
-        room_loss: share of thrust lost to air that comes round again.
-        room_s: time in which it does.
-        flutter_rad_s: speed above which the blades flutter; 0: never.
-        flutter_jump: relative change of thrust there.
     """
 
-    layout: Layout
-    k_ratio: float = 1.0
-    k_of_rotor: Numbers = ()
-    radius_ratio: float = 1.0
+    layout: Layout  # the data sheet
+    k_ratio: float = 1.0  # thrust coefficient over the sheet's
+    k_of_rotor: Numbers = ()  # of each rotor over that; empty: all equal
+    radius_ratio: float = 1.0  # effective over geometric rotor radius
     softness: float = 1.0
     near: float = 0.0
     neighbours: float = 1.0
-    K_b: float = 0.0
-    exponent_excess: float = 0.0
-    blockage: float = 0.0
+    K_b: float = 0.0  # body lift
+    exponent_excess: float = 0.0  # thrust goes as speed^(2 + excess)
+    blockage: float = 0.0  # share of thrust that the stand takes with no plate near
     coverage_power: float = 1.0
-    plate_dz_m: float = 0.0
-    plate_tilt_rad: float = 0.0
-    plate_x0_m: float = 0.0
-    plate_scatter_m: float = 0.0
-    stage_play_m: float = 0.0
+    plate_dz_m: float = 0.0  # true minus read distance
+    plate_tilt_rad: float = 0.0  # positive brings +x rotors nearer; about the plate's own centre
+    plate_x0_m: float = 0.0  # true minus read lateral position
+    plate_scatter_m: float = 0.0  # sd of the distance from visit to visit
+    stage_play_m: float = 0.0  # backlash of the distance
     gain_of_rotor: Numbers = ()
-    pwm_start_off_us: float = 0.0
-    full_V: float = 12.2
-    resistance_ohm: float = 0.012
-    sag_per_s: float = 0.0
-    sag_curve: float = 0.0
-    tare_N: float = 0.0
-    drift_N_per_s: float = 0.0
-    hysteresis_N: float = 0.0
-    hysteresis_slope: float = 0.0
-    bow_N: float = 0.0
-    saturation_N: float = 0.0
-    density_loss_per_s: float = 0.0
-    noise_ratio: float = 1.0
-    room_loss: float = 0.0
-    room_s: float = 30.0
-    flutter_rad_s: float = 0.0
-    flutter_jump: float = 0.0
+    pwm_start_off_us: float = 0.0  # true minus stated start of the speed line
+    full_V: float = 12.2  # open-circuit voltage at the start
+    resistance_ohm: float = 0.012  # of the supply
+    sag_per_s: float = 0.0  # linear loss of the open-circuit voltage, and with it of the gain
+    sag_curve: float = 0.0  # how much faster at the end of a quarter of an hour
+    tare_N: float = 0.0  # what a tare leaves on the reading
+    drift_N_per_s: float = 0.0  # creep of the zero since a tare
+    hysteresis_N: float = 0.0  # half width of the load cell's play at hover
+    hysteresis_slope: float = 0.0  # how much wider at twice hover
+    bow_N: float = 0.0  # bow of the cell's characteristic at half its rating
+    saturation_N: float = 0.0  # reading that the amplifier cannot pass; 0: none
+    density_loss_per_s: float = 0.0  # relative fall of the air's density
+    noise_ratio: float = 1.0  # true over usual standard error
+    room_loss: float = 0.0  # share of thrust lost to air that comes round again
+    room_s: float = 30.0  # time in which it does
+    flutter_rad_s: float = 0.0  # speed above which the blades flutter; 0: never
+    flutter_jump: float = 0.0  # relative change of thrust there
 
     def departures(self) -> dict[str, object]:
         """Return every number that is not the data sheet's."""

@@ -31,13 +31,11 @@ class Gap:
     """Hold the root mean square miss over the noise's, of thrust and of speed.
 
     Attributes:
-        thrust: of the bench without what is hidden.
-        speed: the same for rotor speeds given the pulses.
         closed: by effect, the share of the thrust's gap that it would close (first order).
     """
 
-    thrust: float
-    speed: float
+    thrust: float  # of the bench without what is hidden
+    speed: float  # the same for rotor speeds given the pulses
     closed: dict[str, float]
 
 

@@ -23,18 +23,14 @@ class GroundLaw:
     """Hold the numbers of a bench's ground effect.
 
     Attributes:
-        radius_m: effective rotor radius.
-        softness: 1/p of the exponent.
         near: relative change of the own image close to the plate, falling off as exp(-z/R).
-        neighbours: strength of the neighbours' images.
-        K_b: strength of the upwash at the body's centre.
     """
 
-    radius_m: float
-    softness: float = 1.0
+    radius_m: float  # effective rotor radius
+    softness: float = 1.0  # 1/p of the exponent
     near: float = 0.0
-    neighbours: float = 1.0
-    K_b: float = 0.0
+    neighbours: float = 1.0  # strength of the neighbours' images
+    K_b: float = 0.0  # strength of the upwash at the body's centre
 
     def factor(self, height_m: Array, covered: Array, x_m: Array, y_m: Array) -> Array:
         """Return T over its value without a plate, for a disc wholly over it (n, m).

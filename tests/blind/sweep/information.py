@@ -35,17 +35,11 @@ STEP = 0.02
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Information:
-    """Hold what a part tells about a true bench.
+    """Hold what a part tells about a true bench."""
 
-    Attributes:
-        names: (k,) effects that the layout can show, then nuisances.
-        matrix: (k, k) Fisher information, each in tolerances of its own.
-        sizes: (k,) true values, in tolerances past neutral.
-    """
-
-    names: tuple[str, ...]
-    matrix: Array
-    sizes: Array
+    names: tuple[str, ...]  # (k,) effects that the layout can show, then nuisances
+    matrix: Array  # (k, k) Fisher information, each in tolerances of its own
+    sizes: Array  # (k,) true values, in tolerances past neutral
 
     def evidence(self, rivals: Iterable[str] = ()) -> float:
         """Return how clearly the part speaks against rivals in place of the true effects."""

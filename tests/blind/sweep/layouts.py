@@ -14,41 +14,23 @@ LayoutName = Literal["single", "quad"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Layout:
-    """Hold the data sheet of a bench.
+    """Hold the data sheet of a bench."""
 
-    Attributes:
-        name: of the layout.
-        rig: name of the rig that a model file refers to.
-        places_m: rotor axes (x, y), x forward.
-        mass_kg: of the vehicle.
-        radius_m: of a rotor.
-        k_N_s2: thrust over squared speed of one rotor.
-        drag_Nm_s2: torque over squared speed of one rotor.
-        pwm_start_us: pulse at which the speed line crosses zero.
-        gain_rad_s_us: slope of speed over pulse at nominal voltage.
-        nominal_V: voltage at which that slope holds.
-        efficiency: mechanical over electrical power.
-        plate_m: side of the square plate.
-        park_m: distance of the parked plate.
-        se_N: standard error of one visit's mean thrust at hover.
-        full_scale_N: rating of the load cell.
-    """
-
-    name: LayoutName
-    rig: str
-    places_m: tuple[tuple[float, float], ...]
-    mass_kg: float
-    radius_m: float = 0.12
-    k_N_s2: float = 1.035e-5
-    drag_Nm_s2: float = 1.6e-7
-    pwm_start_us: float = 1050.0
-    gain_rad_s_us: float = 1.05
-    nominal_V: float = 11.1
-    efficiency: float = 0.75
-    plate_m: float = 1.2
-    park_m: float = 1.4
-    se_N: float = 0.0015
-    full_scale_N: float = 20.0
+    name: LayoutName  # of the layout
+    rig: str  # name of the rig that a model file refers to
+    places_m: tuple[tuple[float, float], ...]  # rotor axes (x, y), x forward
+    mass_kg: float  # of the vehicle
+    radius_m: float = 0.12  # of a rotor
+    k_N_s2: float = 1.035e-5  # thrust over squared speed of one rotor
+    drag_Nm_s2: float = 1.6e-7  # torque over squared speed of one rotor
+    pwm_start_us: float = 1050.0  # pulse at which the speed line crosses zero
+    gain_rad_s_us: float = 1.05  # slope of speed over pulse at nominal voltage
+    nominal_V: float = 11.1  # voltage at which that slope holds
+    efficiency: float = 0.75  # mechanical over electrical power
+    plate_m: float = 1.2  # side of the square plate
+    park_m: float = 1.4  # distance of the parked plate
+    se_N: float = 0.0015  # standard error of one visit's mean thrust at hover
+    full_scale_N: float = 20.0  # rating of the load cell
 
     @property
     def rotors(self) -> int:

@@ -33,23 +33,18 @@ class Named:
     """Describe one effect that has a name.
 
     Attributes:
-        name: of the effect.
         unit_of: tolerance of one step of `size` on a layout, in the parameter's unit.
-        field: of the bench that holds it.
-        parameter: of the effect; where there are several, `shares` gives them.
-        neutral: value at which the effect is absent.
         most_below, most_above: greatest size on either side, in tolerances; 0: physics allows none.
-        layouts: on which it can be told at all.
     """
 
-    name: str
-    parameter: str
-    field: str
+    name: str  # of the effect
+    parameter: str  # of the effect; where there are several, `shares` gives them
+    field: str  # of the bench that holds it
     unit_of: Callable[[Layout], float]
-    neutral: float = 0.0
+    neutral: float = 0.0  # value at which the effect is absent
     most_below: float = 8.0
     most_above: float = 8.0
-    layouts: tuple[LayoutName, ...] = ("single", "quad")
+    layouts: tuple[LayoutName, ...] = ("single", "quad")  # on which it can be told at all
 
     def hide(self, rng: np.random.Generator, layout: Layout, strength: Strength) -> Hidden:
         """Draw a size and a side."""

@@ -54,24 +54,19 @@ class Visit:
     """Hold one row of the table to come.
 
     Attributes:
-        kind: as in the table.
-        stay: number of the stay, from 0; also of a tare, which follows it.
         start_s, middle_s: of its samples' span since motors began to turn to it, and their middle.
-        tared_s: when the cell was last tared.
-        still_s: for how long the motors stood before it; 0: they were turning.
-        from_below_m: distance by which the stage last moved up (positive) or down to get here.
     """
 
-    kind: Kind
-    stay: int
+    kind: Kind  # as in the table
+    stay: int  # number of the stay, from 0; also of a tare, which follows it
     z_m: float
     x_m: float
     level_us: float
     start_s: float
     middle_s: float
-    tared_s: float
-    still_s: float
-    from_below_m: float
+    tared_s: float  # when the cell was last tared
+    still_s: float  # for how long the motors stood before it; 0: they were turning
+    from_below_m: float  # distance by which the stage last moved up (positive) or down to get here
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

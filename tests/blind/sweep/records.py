@@ -38,30 +38,21 @@ class Truth:
     """Hold what is hidden in a record.
 
     Attributes:
-        family: what was asked for.
-        kind: named, none, pair or outside.
         names: the hidden effects' names; an outside family's name is no library effect.
         effects: named effects with their parameters; none where nothing of the library is hidden.
-        bench: the true bench, every number of it.
-        seed: of the record.
-        layout: single or quad.
-        excitation: rich or poor.
-        strength: full or weak.
-        dirt: dirty or clean.
-        imperfections: every number that departs from the data sheet.
     """
 
-    family: str
-    kind: Kind
+    family: str  # what was asked for
+    kind: Kind  # named, none, pair or outside
     names: tuple[str, ...]
     effects: tuple[Hidden, ...]
-    bench: Bench
-    seed: int
-    layout: LayoutName
-    excitation: Excitation
-    strength: Strength
-    dirt: Dirt
-    imperfections: dict[str, object]
+    bench: Bench  # the true bench, every number of it
+    seed: int  # of the record
+    layout: LayoutName  # single or quad
+    excitation: Excitation  # rich or poor
+    strength: Strength  # full or weak
+    dirt: Dirt  # dirty or clean
+    imperfections: dict[str, object]  # every number that departs from the data sheet
 
     def keys(self) -> dict[str, object]:
         """Return the truth as plain values, for a file."""
@@ -70,21 +61,13 @@ class Truth:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HiddenSweep:
-    """Hold a record: what a user sees (learn, check, model file) and what is true.
+    """Hold a record: what a user sees (learn, check, model file) and what is true."""
 
-    Attributes:
-        learn: table to learn from, in the columns of a run's points.csv.
-        check: table of the same bench on another day.
-        truth: what is hidden.
-        model_toml: the bench's model file, tolerances stated.
-        parts: learn and check with what is true of every row, for scoring only.
-    """
-
-    learn: pd.DataFrame
-    check: pd.DataFrame
-    truth: Truth
-    model_toml: str
-    parts: tuple[Part, Part]
+    learn: pd.DataFrame  # table to learn from, in the columns of a run's points.csv
+    check: pd.DataFrame  # table of the same bench on another day
+    truth: Truth  # what is hidden
+    model_toml: str  # the bench's model file, tolerances stated
+    parts: tuple[Part, Part]  # learn and check with what is true of every row, for scoring only
 
 
 def families() -> dict[str, Kind]:

@@ -25,29 +25,17 @@ DEGREES_OF_SE = 40
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Part:
-    """Hold one part of a record: its table, and what is true of it, for scoring only.
+    """Hold one part of a record: its table, and what is true of it, for scoring only."""
 
-    Attributes:
-        table: as `points.csv`.
-        bench: as it was on that day.
-        plan: what was visited.
-        rows: the plan's columns, tares among them (m,).
-        drive: what the motors truly did.
-        scatter_m: true departures of the plate from visit to visit (m,).
-        force_N: on the load cell, true (m,).
-        se_N: true standard errors (m,).
-        kept: rows of the table among those of the plan (m,).
-    """
-
-    table: pd.DataFrame
-    bench: Bench
-    plan: Programme
-    rows: Columns
-    drive: Drive
-    scatter_m: Array
-    force_N: Array
-    se_N: Array
-    kept: NDArray[np.bool_]
+    table: pd.DataFrame  # as `points.csv`
+    bench: Bench  # as it was on that day
+    plan: Programme  # what was visited
+    rows: Columns  # the plan's columns, tares among them (m,)
+    drive: Drive  # what the motors truly did
+    scatter_m: Array  # true departures of the plate from visit to visit (m,)
+    force_N: Array  # on the load cell, true (m,)
+    se_N: Array  # true standard errors (m,)
+    kept: NDArray[np.bool_]  # rows of the table among those of the plan (m,)
 
 
 def swept(bench: Bench, plan: Programme, rng: np.random.Generator) -> Part:
