@@ -22,6 +22,16 @@ NONE, PAIR = "none", "pair"
 """Families with nothing hidden, and with two named effects, drawn."""
 
 
+def drawn_size(
+    rng: np.random.Generator, strength: Strength, most_below: float, most_above: float
+) -> float:
+    """Draw a size in tolerances on a side that physics allows; negative ones lie below neutral."""
+    low, high = RANGES[strength]
+    sides = [side for side in (-1.0, 1.0) if (most_below, most_above)[side > 0] > 0]
+    side = float(rng.choice(sides))
+    return side * float(rng.uniform(low, min(high, most_above if side > 0 else most_below)))
+
+
 def families_of(named: Iterable[str], outside: Iterable[str]) -> dict[str, Kind]:
     """Return every family that can be asked for, with its kind."""
     return {

@@ -7,16 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from tests.blind.families import RANGES, Stage, Strength
+from tests.blind.families import Stage, Strength, drawn_size
 from tests.blind.pitch.plant import Plant
 from tests.blind.pitch.sheet import SHEET
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Named:
     """Describe one effect that has a name."""
 
-    name: str  # of the effect
+    name: str
     stage: Stage  # where between pulse and reading it acts
     parameter: str  # of the effect, with its unit in the name where it has one
     field: str  # of the plant that holds it
@@ -27,11 +27,7 @@ class Named:
 
     def hide(self, rng: np.random.Generator, strength: Strength) -> Hidden:
         """Draw a size and a side."""
-        low, high = RANGES[strength]
-        sides = [side for side in (-1.0, 1.0) if (self.most_below, self.most_above)[side > 0] > 0]
-        side = float(rng.choice(sides))
-        high = min(high, self.most_above if side > 0 else self.most_below)
-        size = side * float(rng.uniform(low, high))
+        size = drawn_size(rng, strength, self.most_below, self.most_above)
         return Hidden(
             name=self.name,
             parameter=self.parameter,
@@ -56,128 +52,22 @@ class Hidden:
 
 
 _ALL = (
-    Named(
-        name="coulomb_friction",
-        stage="hinge",
-        parameter="torque_Nm",
-        field="friction_Nm",
-        neutral=0.0,
-        tolerance=0.002,
-        most_below=0.0,
-    ),
-    Named(
-        name="viscous_friction",
-        stage="hinge",
-        parameter="damping_Nms",
-        field="damping_Nms",
-        neutral=0.0,
-        tolerance=0.004,
-        most_below=0.0,
-    ),
-    Named(
-        name="hinge_spring",
-        stage="hinge",
-        parameter="stiffness_Nm_per_rad",
-        field="stiffness_Nm_per_rad",
-        neutral=0.0,
-        tolerance=0.02,
-    ),
-    Named(
-        name="cog_offset",
-        stage="hinge",
-        parameter="x_m",
-        field="cog_x_m",
-        neutral=0.0,
-        tolerance=0.0005,
-    ),
-    Named(
-        name="motor_lag",
-        stage="pwm_to_rpm",
-        parameter="tau_s",
-        field="tau_s",
-        neutral=SHEET.tau_m,
-        tolerance=0.002,
-    ),
-    Named(
-        name="transport_delay",
-        stage="pwm_to_rpm",
-        parameter="delay_s",
-        field="delay_s",
-        neutral=0.0,
-        tolerance=0.002,
-        most_below=0.0,
-    ),
-    Named(
-        name="rotor_asymmetry",
-        stage="rpm_to_thrust",
-        parameter="ratio",
-        field="thrust_ratio",
-        neutral=1.0,
-        tolerance=0.015,
-    ),
+    Named("coulomb_friction", "hinge", "torque_Nm", "friction_Nm", 0.0, 0.002, most_below=0.0),
+    Named("viscous_friction", "hinge", "damping_Nms", "damping_Nms", 0.0, 0.004, most_below=0.0),
+    Named("hinge_spring", "hinge", "stiffness_Nm_per_rad", "stiffness_Nm_per_rad", 0.0, 0.02),
+    Named("cog_offset", "hinge", "x_m", "cog_x_m", 0.0, 0.0005),
+    Named("motor_lag", "pwm_to_rpm", "tau_s", "tau_s", SHEET.tau_m, 0.002),
+    Named("transport_delay", "pwm_to_rpm", "delay_s", "delay_s", 0.0, 0.002, most_below=0.0),
+    Named("rotor_asymmetry", "rpm_to_thrust", "ratio", "thrust_ratio", 1.0, 0.015),
     # The plate is never read so far off that the covered rotor would hit it.
-    Named(
-        name="plate_offset",
-        stage="plate",
-        parameter="dz_m",
-        field="plate_dz_m",
-        neutral=0.0,
-        tolerance=0.003,
-        most_below=5.0,
-    ),
-    Named(
-        name="battery_sag",
-        stage="pwm_to_rpm",
-        parameter="rate_per_s",
-        field="sag_per_s",
-        neutral=0.0,
-        tolerance=0.0005,
-        most_below=0.0,
-    ),
-    Named(
-        name="gyro_bias",
-        stage="sensor",
-        parameter="bias_rad_s",
-        field="gyro_bias_rad_s",
-        neutral=0.0,
-        tolerance=0.0035,
-    ),
-    Named(
-        name="body_lift",
-        stage="rpm_to_thrust",
-        parameter="K_b",
-        field="K_b",
-        neutral=0.0,
-        tolerance=0.25,
-        most_below=0.0,
-    ),
-    Named(
-        name="aerodynamic_damping",
-        stage="hinge",
-        parameter="coefficient",
-        field="aero_damping",
-        neutral=0.0,
-        tolerance=0.5,
-        most_below=0.0,
-    ),
-    Named(
-        name="gyro_scale",
-        stage="sensor",
-        parameter="scale",
-        field="gyro_scale",
-        neutral=1.0,
-        tolerance=0.02,
-    ),
+    Named("plate_offset", "plate", "dz_m", "plate_dz_m", 0.0, 0.003, most_below=5.0),
+    Named("battery_sag", "pwm_to_rpm", "rate_per_s", "sag_per_s", 0.0, 0.0005, most_below=0.0),
+    Named("gyro_bias", "sensor", "bias_rad_s", "gyro_bias_rad_s", 0.0, 0.0035),
+    Named("body_lift", "rpm_to_thrust", "K_b", "K_b", 0.0, 0.25, most_below=0.0),
+    Named("aerodynamic_damping", "hinge", "coefficient", "aero_damping", 0.0, 0.5, most_below=0.0),
+    Named("gyro_scale", "sensor", "scale", "gyro_scale", 1.0, 0.02),
     # A plate that reaches under a part of the disc takes a part of the increment.
-    Named(
-        name="partial_coverage",
-        stage="rpm_to_thrust",
-        parameter="share",
-        field="coverage_share",
-        neutral=1.0,
-        tolerance=0.1,
-        most_above=0.0,
-    ),
+    Named("partial_coverage", "rpm_to_thrust", "share", "coverage_share", 1.0, 0.1, most_above=0.0),
 )
 
 NAMED: dict[str, Named] = {effect.name: effect for effect in _ALL}

@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from tests.blind.families import RANGES, Strength
+from tests.blind.families import Strength, drawn_size
 from tests.blind.sweep.bench import Bench
 from tests.blind.sweep.layouts import Layout, LayoutName
 
@@ -28,7 +28,7 @@ class Hidden:
     size: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Named:
     """Describe one effect that has a name.
 
@@ -48,11 +48,7 @@ class Named:
 
     def hide(self, rng: np.random.Generator, layout: Layout, strength: Strength) -> Hidden:
         """Draw a size and a side."""
-        low, high = RANGES[strength]
-        sides = [side for side in (-1.0, 1.0) if (self.most_below, self.most_above)[side > 0] > 0]
-        side = float(rng.choice(sides))
-        high = min(high, self.most_above if side > 0 else self.most_below)
-        size = side * float(rng.uniform(low, high))
+        size = drawn_size(rng, strength, self.most_below, self.most_above)
         value = self.neutral + size * self.unit_of(layout)
         parameters = {self.parameter: value} if self.parameter else shares(power_of(value))
         return Hidden(name=self.name, parameters=parameters, size=size)
@@ -112,67 +108,21 @@ def _of_radius(number: float) -> Callable[[Layout], float]:
 
 _ALL = (
     Named(
-        name="neighbour_images",
-        parameter="strength",
-        field="neighbours",
-        unit_of=_plain(0.2),
-        most_below=0.0,
-        layouts=("quad",),
+        "neighbour_images", "strength", "neighbours", _plain(0.2), most_below=0.0, layouts=("quad",)
     ),
-    Named(
-        name="body_lift",
-        parameter="K_b",
-        field="K_b",
-        unit_of=_plain(0.25),
-        most_below=0.0,
-        layouts=("quad",),
-    ),
+    Named("body_lift", "K_b", "K_b", _plain(0.25), most_below=0.0, layouts=("quad",)),
     # The plate is never read so far off that a disc would hit it.
-    Named(
-        name="plate_offset",
-        parameter="dz_m",
-        field="plate_dz_m",
-        unit_of=_of_radius(0.003),
-        most_below=4.0,
-    ),
-    Named(name="plate_tilt", parameter="angle_rad", field="plate_tilt_rad", unit_of=_plain(0.01)),
+    Named("plate_offset", "dz_m", "plate_dz_m", _of_radius(0.003), most_below=4.0),
+    Named("plate_tilt", "angle_rad", "plate_tilt_rad", _plain(0.01)),
     # Parameters: the three area factors' shares; a power of the covered fraction makes them. The
     # straight line leaves only so much room below.
-    Named(
-        name="partial_coverage",
-        parameter="",
-        field="coverage_power",
-        unit_of=_plain(0.05),
-        most_below=4.0,
-    ),
-    Named(
-        name="thrust_exponent",
-        parameter="excess",
-        field="exponent_excess",
-        unit_of=_plain(0.02),
-    ),
-    Named(
-        name="battery_sag",
-        parameter="rate_per_s",
-        field="sag_per_s",
-        unit_of=_plain(2.5e-5),
-        most_below=0.0,
-    ),
-    Named(
-        name="load_cell_drift",
-        parameter="rate_N_per_s",
-        field="drift_N_per_s",
-        unit_of=_of_weight(1e-4),
-    ),
-    Named(name="tare_offset", parameter="thrust_N", field="tare_N", unit_of=_of_weight(0.02)),
-    Named(
-        name="load_cell_hysteresis",
-        parameter="half_width_N",
-        field="hysteresis_N",
-        unit_of=_of_weight(0.02),
-        most_below=0.0,
-    ),
-    Named(name="wall_blockage", parameter="share", field="blockage", unit_of=_plain(0.01)),
+    Named("partial_coverage", "", "coverage_power", _plain(0.05), most_below=4.0),
+    Named("thrust_exponent", "excess", "exponent_excess", _plain(0.02)),
+    Named("battery_sag", "rate_per_s", "sag_per_s", _plain(2.5e-5), most_below=0.0),
+    Named("load_cell_drift", "rate_N_per_s", "drift_N_per_s", _of_weight(1e-4)),
+    Named("tare_offset", "thrust_N", "tare_N", _of_weight(0.02)),
+    Named("load_cell_hysteresis", "half_width_N", "hysteresis_N", _of_weight(0.02), most_below=0.0),
+    Named("wall_blockage", "share", "blockage", _plain(0.01)),
 )
 
 NAMED: dict[str, Named] = {effect.name: effect for effect in _ALL}
