@@ -14,7 +14,6 @@ import numpy as np
 
 from benchtool.core.channel import Channel
 from benchtool.core.recording import Recording
-from benchtool.effects.catalogue import EFFECTS
 from benchtool.explain.effect_knobs import with_every_effect
 from benchtool.explain.explain import explain
 from benchtool.explain.explanation import Explanation
@@ -22,14 +21,13 @@ from benchtool.explain.pitch_log import PitchLog, pitch_log
 from benchtool.explain.pitch_subject import PitchSubject
 from benchtool.explain.verdict import Verdict
 from benchtool.library import load_model
-from tests.blind.fisher import class_confirmed
 from tests.blind.pitch.gap import floor_of
 from tests.blind.pitch.information import information
 from tests.blind.pitch.library import NAMED
 from tests.blind.pitch.outside import OUTSIDE
 from tests.blind.pitch.records import HiddenRecord, make_record
-from tests.blind.scored import GAP_REACHED, Scored, ScoredParameter
-from tests.blind.scoring import Asked, plan, run, single_effects, sizes_needed
+from tests.blind.scored import Scored
+from tests.blind.scoring import Asked, plan, run, score, single_effects
 
 MODEL = Path(__file__).resolve().parents[2] / "datasets" / "pitch_bench" / "model.toml"
 
@@ -108,59 +106,31 @@ def scored(one: Asked) -> Scored:
         blocks=one.length,
     )
     found, seconds = verdict_on(record)
-    verdict = found.verdict
-    luck, learning = found.true_misses.within(GAP_REACHED)
-    truth = record.truth
-    hidden = {effect.name: effect for effect in truth.effects}
-    stage = (
-        EFFECTS[truth.names[0]].stage
-        if truth.kind == "named"
-        else (OUTSIDE_STAGE.get(one.family, "") if truth.kind == "outside" else "")
-    )
-    floors = {gap.channel: gap.floor for gap in verdict.gaps}
-    true_gaps: dict[str, float] = {}
-    gaps_truly: dict[str, float] = {}
+    verdict, truth = found.verdict, record.truth
+    more: dict[str, object] = {}
+    if truth.kind == "outside":
+        more["stage"] = OUTSIDE_STAGE.get(one.family, "")
     if truth.kind == "named" and one.strength == "full" and one.excitation == "rich":
-        gaps_truly = _gaps_truly(record, verdict)
         missed = floor_of(record.parts[1], truth.plant, verdict.window_s)
-        true_gaps = {
+        floors = {gap.channel: gap.floor for gap in verdict.gaps}
+        more["gaps_truly"] = _gaps_truly(record, verdict)
+        more["true_gaps"] = {
             "theta_rad": missed["theta"] / floors["theta_rad"],
             "gyro_rad_s": missed["gyro"] / floors["gyro_rad_s"],
         }
-    return Scored(
-        kind=truth.kind,
-        truth=truth.names,
-        sizes=tuple(effect.size for effect in truth.effects),
-        stage=stage,
-        verdict=verdict.kind,
-        names=verdict.names,
-        probabilities=dict(verdict.probabilities),
-        where=verdict.where.stage if verdict.where is not None else "",
-        not_judged=sizes_needed(verdict.not_judged),
-        confirmed=verdict.kind == "class"
-        and class_confirmed(
-            verdict.names, truth.names, lambda: information(record.parts[0], truth.plant)
-        ),
-        gaps={gap.channel: gap.after / gap.floor for gap in verdict.gaps},
-        true_gaps=true_gaps,
-        gaps_truly=gaps_truly,
-        by_luck=luck,
-        by_learning=learning,
-        parameters=tuple(
-            ScoredParameter(
-                name=f"{effect.name}.{item.name}", value=item.value, low=item.low, high=item.high,
-                truth=SIGN.get(effect.name, 1.0) * hidden[effect.name].value,
-            )
-            for effect in verdict.effects
-            if effect.name in hidden
-            for item in effect.parameters
-            if item.name == hidden[effect.name].parameter
-        ),
-        seconds=seconds,
-        strength=one.strength,
-        excitation=one.excitation,
-        label=one.label,
-    )  # fmt: skip
+    hidden = {
+        f"{effect.name}.{effect.parameter}": SIGN.get(effect.name, 1.0) * effect.value
+        for effect in truth.effects
+    }
+    return score(
+        one,
+        truth,
+        found,
+        seconds,
+        hidden,
+        lambda: information(record.parts[0], truth.plant),
+        **more,
+    )
 
 
 if __name__ == "__main__":

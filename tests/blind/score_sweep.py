@@ -13,7 +13,6 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.effects.catalogue import EFFECTS
 from benchtool.explain.explain import explain
 from benchtool.explain.explanation import Explanation
 from benchtool.explain.sweep_subject import SweepSubject
@@ -21,9 +20,8 @@ from benchtool.explain.verdict import Verdict
 from benchtool.library import load_model
 from benchtool.store import read_points
 from benchtool.store.columns import KINDS
-from tests.blind.fisher import class_confirmed
-from tests.blind.scored import GAP_REACHED, Scored, ScoredParameter
-from tests.blind.scoring import Asked, plan, run, single_effects, sizes_needed
+from tests.blind.scored import Scored
+from tests.blind.scoring import Asked, plan, run, score, single_effects
 from tests.blind.sweep.information import information
 from tests.blind.sweep.library import NAMED
 from tests.blind.sweep.outside import OUTSIDE
@@ -78,46 +76,20 @@ def scored(one: Asked) -> Scored:
     record = make_record(one.seed, one.family, excitation=one.excitation, strength=one.strength)
     more = swept_again(record, 2 * (one.length - 1))
     found, seconds = verdict_on(record, more)
-    verdict = found.verdict
-    luck, learning = found.true_misses.within(GAP_REACHED)
-    truth = record.truth
     hidden = {
         f"{effect.name}.{name}": value
-        for effect in truth.effects
+        for effect in record.truth.effects
         for name, value in effect.parameters.items()
     }
-    return Scored(
-        kind=truth.kind,
-        truth=truth.names,
-        sizes=tuple(effect.size for effect in truth.effects),
-        stage=EFFECTS[truth.names[0]].stage if truth.kind == "named" else "",
-        verdict=verdict.kind,
-        names=verdict.names,
-        probabilities=dict(verdict.probabilities),
-        where=verdict.where.stage if verdict.where is not None else "",
-        not_judged=sizes_needed(verdict.not_judged),
-        confirmed=verdict.kind == "class"
-        and class_confirmed(
-            verdict.names, truth.names, lambda: information(record.parts[0], truth.bench)
-        ),
-        gaps={gap.channel: gap.after / gap.floor for gap in verdict.gaps},
-        true_gaps=_true_gaps(record, verdict),
-        by_luck=luck,
-        by_learning=learning,
-        parameters=tuple(
-            ScoredParameter(
-                name=f"{effect.name}.{item.name}", value=item.value, low=item.low, high=item.high,
-                truth=hidden[f"{effect.name}.{item.name}"],
-            )
-            for effect in verdict.effects
-            for item in effect.parameters
-            if f"{effect.name}.{item.name}" in hidden
-        ),
-        seconds=seconds,
-        strength=one.strength,
-        excitation=one.excitation,
-        label=one.label,
-    )  # fmt: skip
+    return score(
+        one,
+        record.truth,
+        found,
+        seconds,
+        hidden,
+        lambda: information(record.parts[0], record.truth.bench),
+        true_gaps=_true_gaps(record, found.verdict),
+    )
 
 
 def _true_gaps(record: HiddenSweep, verdict: Verdict) -> dict[str, float]:

@@ -6,7 +6,7 @@ by looking at it; it only counts.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import isnan, log
 
@@ -112,20 +112,36 @@ class Scorecard:
         named = [one for one in full if one.named_first]
         parameters = [p for one in self.records if one.named_first for p in one.parameters]
         return (
-            _at_least("right name first", full, lambda one: one.named_first, 0.97),
-            _at_least("right in the first two or in a class", full, _in_two, 0.99),
-            _at_most("confident wrong name", full, lambda one: one.confidently_wrong, 0.01),
-            _at_most("a name too many beside the right one", named, _too_many, None),
-            _at_most("false name where nothing is hidden", nulls, _false_name, 0.01),
-            _at_most("'unknown' where nothing is hidden", nulls, _unknown, None),
-            _at_least("'unknown' for what is outside", outside, _unknown, 0.95),
-            _at_least("gap after at most 1.1 floors", named, _gap_reached, 0.95),
+            _share("right name first", full, lambda one: one.named_first, least=0.97),
+            _share(
+                "right in the first two or in a class",
+                full,
+                lambda one: one.in_two_or_class,
+                least=0.99,
+            ),
+            _share("confident wrong name", full, lambda one: one.confidently_wrong, most=0.01),
+            _share("a name too many beside the right one", named, lambda one: one.wrong_names),
+            _share("false name where nothing is hidden", nulls, lambda one: one.names, most=0.01),
+            _share("'unknown' where nothing is hidden", nulls, _unknown),
+            _share("'unknown' for what is outside", outside, _unknown, least=0.95),
+            _share(
+                "gap after at most 1.1 floors", named, lambda one: _closed(one.gaps), least=0.95
+            ),
             *_truly(named),
-            _at_least("the same of the true model", _told(named), _true_gap, None),
+            _share(
+                "the same of the true model",
+                [one for one in named if one.true_gaps],
+                lambda one: _closed(one.true_gaps),
+            ),
             *_expected(named),
-            _at_least("pairs: both named", pairs, lambda one: one.both_named, 0.85),
-            _at_least("stage right", full, lambda one: one.where == one.stage, 0.98),
-            _at_least("poor excitation: right or an honest class", poor, _honest, 0.90),
+            _share("pairs: both named", pairs, lambda one: one.both_named, least=0.85),
+            _share("stage right", full, lambda one: one.where == one.stage, least=0.98),
+            _share(
+                "poor excitation: right or an honest class",
+                poor,
+                lambda one: one.honest,
+                least=0.90,
+            ),
             self._coverage([parameter.held for parameter in parameters]),
             *self._calibrated(self.mixed),
             self._seconds(),
@@ -221,50 +237,30 @@ def _row(cells: Iterable[str]) -> str:
     return f"| {' | '.join(cells)} |"
 
 
-def _at_least(
-    what: str, records: list[Scored], holds: Callable[[Scored], bool], aim: float | None
+def _share(
+    what: str,
+    records: list[Scored],
+    holds: Callable[[Scored], object],
+    *,
+    least: float | None = None,
+    most: float | None = None,
 ) -> Line:
-    share = share_of(holds(one) for one in records)
-    reached = share.value >= aim if aim is not None and share.total else None
-    told = f"at least {100.0 * aim:g} %" if aim is not None else ""
-    return Line(what=what, found=str(share), aim=told, reached=reached)
-
-
-def _at_most(
-    what: str, records: list[Scored], holds: Callable[[Scored], bool], aim: float | None
-) -> Line:
-    share = share_of(holds(one) for one in records)
-    reached = share.value <= aim if aim is not None and share.total else None
-    told = f"at most {100.0 * aim:g} %" if aim is not None else ""
-    return Line(what=what, found=str(share), aim=told, reached=reached)
-
-
-def _in_two(one: Scored) -> bool:
-    return one.in_two_or_class
-
-
-def _honest(one: Scored) -> bool:
-    return one.honest
-
-
-def _too_many(one: Scored) -> bool:
-    return bool(one.wrong_names)
-
-
-def _false_name(one: Scored) -> bool:
-    return bool(one.names)
+    """Count records of which something holds, against an aim where there is one."""
+    share = share_of(bool(holds(one)) for one in records)
+    aim, reached = "", None
+    if least is not None:
+        aim, reached = f"at least {100.0 * least:g} %", share.value >= least
+    elif most is not None:
+        aim, reached = f"at most {100.0 * most:g} %", share.value <= most
+    return Line(what=what, found=str(share), aim=aim, reached=reached if share.total else None)
 
 
 def _unknown(one: Scored) -> bool:
     return one.verdict == "unknown"
 
 
-def _gap_reached(one: Scored) -> bool:
-    return max(one.gaps.values(), default=0.0) <= GAP_REACHED
-
-
-def _true_gap(one: Scored) -> bool:
-    return max(one.true_gaps.values()) <= GAP_REACHED
+def _closed(gaps: Mapping[str, float]) -> bool:
+    return max(gaps.values(), default=0.0) <= GAP_REACHED
 
 
 def _expected(records: list[Scored]) -> tuple[Line, ...]:
@@ -287,9 +283,5 @@ def _truly(records: list[Scored]) -> tuple[Line, ...]:
     told = [one for one in records if one.gaps_truly]
     if not told:
         return ()
-    share = share_of(max(one.gaps_truly.values()) <= GAP_REACHED for one in told)
+    share = share_of(_closed(one.gaps_truly) for one in told)
     return (Line(what="the same over floors of the noise truly there", found=str(share)),)
-
-
-def _told(records: list[Scored]) -> list[Scored]:
-    return [one for one in records if one.true_gaps]

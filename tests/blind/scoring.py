@@ -9,18 +9,21 @@ import argparse
 import datetime as dt
 import json
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any, Protocol
 
 import numpy as np
 
-from benchtool.explain.verdict import NotJudged
+from benchtool.effects.catalogue import EFFECTS
+from benchtool.explain.explanation import Explanation
 from tests.blind.families import NONE, PAIR
+from tests.blind.fisher import Telling, class_confirmed
 from tests.blind.pitch.seeds import DEVELOPMENT_SEEDS, SCORING_SEEDS, SCORING_SWITCH
 from tests.blind.scorecard import Scorecard
-from tests.blind.scored import Excitation, Scored, ScoredParameter, Strength
+from tests.blind.scored import GAP_REACHED, Excitation, Kind, Scored, ScoredParameter, Strength
 
 SCORING_BLOCK = 3
 """Which scoring seeds: raised whenever a threshold of the method changes, so that no version is
@@ -106,9 +109,70 @@ def read_kept(path: Path) -> dict[str, Scored]:
     return found
 
 
-def sizes_needed(not_judged: Mapping[str, NotJudged]) -> dict[str, float]:
-    """Return from which size each effect would show, in tolerances."""
-    return {name: one.size for name, one in not_judged.items()}
+class Truth(Protocol):
+    """What the truths of both benches have in common."""
+
+    @property
+    def kind(self) -> Kind: ...
+    @property
+    def names(self) -> tuple[str, ...]: ...
+    @property
+    def effects(self) -> Sequence[Any]: ...
+
+
+def score(
+    one: Asked,
+    truth: Truth,
+    found: Explanation,
+    seconds: float,
+    hidden: Mapping[str, float],
+    information: Callable[[], Telling],
+    **more: Any,
+) -> Scored:
+    """Lay the verdict on a record beside what is true of it.
+
+    Args:
+        one: what was asked for.
+        truth: of the record.
+        found: explanation of the record.
+        seconds: that it took.
+        hidden: true values of the hidden effects' parameters, `effect.parameter`.
+        information: works out what the record tells about its true model.
+        more: fields of `Scored` that only one of the benches has, or that it works out otherwise.
+    """
+    verdict = found.verdict
+    luck, learning = found.true_misses.within(GAP_REACHED)
+    facts: dict[str, Any] = {
+        "stage": EFFECTS[truth.names[0]].stage if truth.kind == "named" else ""
+    } | more
+    return Scored(
+        kind=truth.kind,
+        truth=truth.names,
+        sizes=tuple(effect.size for effect in truth.effects),
+        verdict=verdict.kind,
+        names=verdict.names,
+        probabilities=dict(verdict.probabilities),
+        where=verdict.where.stage if verdict.where is not None else "",
+        not_judged={name: needed.size for name, needed in verdict.not_judged.items()},
+        confirmed=verdict.kind == "class"
+        and class_confirmed(verdict.names, truth.names, information),
+        gaps={gap.channel: gap.after / gap.floor for gap in verdict.gaps},
+        by_luck=luck,
+        by_learning=learning,
+        parameters=tuple(
+            ScoredParameter(
+                name=name, value=item.value, low=item.low, high=item.high, truth=hidden[name]
+            )
+            for effect in verdict.effects
+            for item in effect.parameters
+            if (name := f"{effect.name}.{item.name}") in hidden
+        ),
+        seconds=seconds,
+        strength=one.strength,
+        excitation=one.excitation,
+        label=one.label,
+        **facts,
+    )
 
 
 def run(
