@@ -31,7 +31,7 @@ def command(
     def announce(address: str) -> None:
         print(address, flush=True)
         if browser:
-            from benchtool.web.open_page import open_page
+            from benchtool.web.serve import open_page
 
             opened.append(open_page(address))
 

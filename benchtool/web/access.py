@@ -8,11 +8,11 @@ from secrets import compare_digest
 from urllib.parse import urlsplit
 
 LOOPBACK = frozenset({"127.0.0.1", "localhost", "::1"})
-"""Names under which a server on the loopback address is asked."""
+"""Names under which a server on the loopback address is reached."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Asked:
+class RequestFacts:
     """Hold what a browser says of a request; an empty string where it says nothing.
 
     Attributes:
@@ -43,29 +43,29 @@ class Access:
             to our address (DNS rebinding).
         any_address: take every numeric address for ours, for a server on all interfaces. An
             address cannot be bent.
-        token: that a browser must have shown; None where only this machine can ask.
+        token: that a browser must have shown; None where only this machine can reach the server.
     """
 
     names: frozenset[str] = LOOPBACK
     any_address: bool = False
     token: str | None = None
 
-    def refusal(self, asked: Asked) -> str | None:
+    def refusal(self, request: RequestFacts) -> str | None:
         """Return why a request is refused, in one sentence, or None when it is not."""
-        host = host_name(asked.host)
+        host = host_name(request.host)
         if not self._is_ours(host):
             return (
-                f"this page was asked for as {asked.host!r}, which is none of its names; open the "
-                f"address that benchtool web has printed"
+                f"this page was asked for as {request.host!r}, which is none of its names; open "
+                f"the address that benchtool web has printed"
             )
-        if asked.origin:
-            if asked.origin not in (f"http://{asked.host}", f"https://{asked.host}"):
-                return f"a page of {asked.origin!r} may not use this one; open this one by itself"
-        elif asked.is_socket or (not asked.reads_only and asked.site != "same-origin"):
+        if request.origin:
+            if request.origin not in (f"http://{request.host}", f"https://{request.host}"):
+                return f"a page of {request.origin!r} may not use this one; open this one by itself"
+        elif request.is_socket or (not request.reads_only and request.site != "same-origin"):
             return "a request that does not say from which page it comes is refused; use a browser"
-        if asked.site in ("cross-site", "same-site") and asked.mode != "navigate":
+        if request.site in ("cross-site", "same-site") and request.mode != "navigate":
             return "another site's page may not use this one; open this one by itself"
-        if self.token is not None and not self.is_token(asked.token):
+        if self.token is not None and not self.is_token(request.token):
             return (
                 "the token is missing or wrong; open the whole address that benchtool web has "
                 "printed, with its token"
@@ -103,7 +103,7 @@ def _plain(host: str) -> bool:
 
 
 def is_loopback(host: str) -> bool:
-    """Tell whether a server bound to this host can only be asked from the same machine."""
+    """Tell whether a server bound to this host can only be reached from the same machine."""
     if host == "localhost":
         return True
     try:

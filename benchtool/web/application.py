@@ -12,26 +12,26 @@ from fastapi.middleware.gzip import GZipMiddleware
 from nicegui import app, ui
 
 from benchtool.web.access import Access
-from benchtool.web.bench_link import BenchLink
-from benchtool.web.bench_process import BenchProcess
-from benchtool.web.context import Shared
+from benchtool.web.access_middleware import AccessMiddleware
+from benchtool.web.bench_process.client import BenchClient
+from benchtool.web.bench_process.spawn import ProcessHandle
+from benchtool.web.context import ServerState
 from benchtool.web.control_line import serve_control_line
-from benchtool.web.doorman import Doorman
+from benchtool.web.notifications import notify_all_pages, notify_error
 from benchtool.web.page import serve_page
-from benchtool.web.stream import Stream
-from benchtool.web.tell import say_error, say_everywhere
+from benchtool.web.stream import FrameStream
 from benchtool.web.theme import serve_static
 
 RECONNECT_S = 15.0
-"""A page that was silent for so long is forgotten; loaded again, it starts anew. A choice: busy
-machines make browsers wait for seconds."""
+"""A page that was silent for so long is dropped; loaded again, it starts anew. A choice: on busy
+machines browsers wait for seconds."""
 
 MOST_MESSAGE_BYTES = 1_000_000
 """What a page sends in one message over a websocket; files come as requests."""
 
 
 def run_application(
-    runs: Path, listening: socket.socket, access: Access, process: BenchProcess
+    runs: Path, listening: socket.socket, access: Access, process: ProcessHandle
 ) -> None:
     """Serve the page until Ctrl-C.
 
@@ -42,21 +42,21 @@ def run_application(
         process: of the bench, started.
     """
     port = listening.getsockname()[1]
-    shared = Shared(runs=runs, bench=BenchLink(process))
-    stream = Stream()
-    shared.bench.framed = stream.show
-    shared.bench.said = say_everywhere
-    app.on_startup(shared.bench.start)
-    app.on_shutdown(shared.close)
-    app.on_exception(say_error)
+    server = ServerState(runs=runs, bench=BenchClient(process))
+    stream = FrameStream()
+    server.bench.on_frame = stream.publish
+    server.bench.on_notice = notify_all_pages
+    app.on_startup(server.bench.start)
+    app.on_shutdown(server.close)
+    app.on_exception(notify_error)
     serve_static()
-    serve_control_line(shared)
+    serve_control_line(server)
     stream.serve()
-    serve_page(shared)
+    serve_page(server)
     # A name that a browser may ask for is settled by us, not by the environment of a test.
     os.environ.pop("PYTEST_CURRENT_TEST", None)
     guarded = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
-    guarded.add_middleware(Doorman, access=access, cookie=f"benchtool-{port}")
+    guarded.add_middleware(AccessMiddleware, access=access, cookie=f"benchtool-{port}")
     ui.run_with(
         guarded, title="benchtool", show_welcome_message=False,
         reconnect_timeout=RECONNECT_S, language=None, tailwind=False,

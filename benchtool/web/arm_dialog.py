@@ -10,18 +10,18 @@ from benchtool.acquire.arming import CONFIRMATION, arming_warnings
 from benchtool.bench.bench import Identity
 from benchtool.core.rig import Rig
 from benchtool.errors import InputError
-from benchtool.web.context import Context
-from benchtool.web.tell import tells_errors
+from benchtool.web.context import PageContext
+from benchtool.web.notifications import shows_errors
 
 
 def confirm_arming(
-    context: Context, place: ui.element, text: str, begin: Callable[[str], object]
+    context: PageContext, place: ui.element, text: str, begin: Callable[[str], object]
 ) -> None:
     """Show what will spin.
 
     Args:
         context: of the page.
-        place: what stays when the dialog is gone; errors are told there.
+        place: what stays when the dialog is gone; errors are shown there.
         text: what the operator must know.
         begin: called with what was typed, empty on a simulated bench.
     """
@@ -38,9 +38,9 @@ def confirm_arming(
         if simulated:
             ui.label("A simulated bench: no motor turns.").classes("soft")
 
-        @tells_errors
+        @shows_errors
         def confirmed() -> None:
-            context.need_control()
+            context.require_control()
             if not simulated and not typed.value.strip():
                 raise InputError(f"not armed: {CONFIRMATION} was not typed; nothing was spun")
             begin("" if simulated else typed.value)

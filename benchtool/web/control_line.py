@@ -1,4 +1,4 @@
-"""The websocket that carries Stop and the hand on the throttle, and nothing else."""
+"""The websockets that carry Stop and the reports of the throttle button, and nothing else."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from time import monotonic
 from fastapi import WebSocket, WebSocketDisconnect
 from nicegui import app, background_tasks, ui
 
-from benchtool.web.context import Context, Shared
-from benchtool.web.desk.asks import Hold, Release
-from benchtool.web.desk.hand import SILENCE_S
-from benchtool.web.desk.news import PressEnded
+from benchtool.web.bench_process.commands import HoldThrottle, ReleaseThrottle
+from benchtool.web.bench_process.events import PressEnded
+from benchtool.web.bench_process.throttle import SILENCE_S
+from benchtool.web.context import PageContext, ServerState
 
 LONGEST_NAME = 64
 
@@ -20,11 +20,11 @@ _HOLD = re.compile(r"hold (\d{1,15}) (\d{1,5}) (\d{1,2}(?:,\d{1,2}){0,15}) (\d{1
 _RELEASE = re.compile(r"release (\d{1,15})")
 
 
-PAGES: dict[str, Context] = {}
+PAGES: dict[str, PageContext] = {}
 """Pages by the name of their connection."""
 
 
-def add_control_line(context: Context) -> None:
+def add_control_line(context: PageContext) -> None:
     """Give the present page its end: Stop buttons, space bar and Escape, the button that is held.
 
     Called before anything else of the page is made: the script's listeners must be the first.
@@ -36,26 +36,28 @@ def add_control_line(context: Context) -> None:
     ui.add_head_html(f'<script src="/static/stop.js" {facts}></script>')
 
 
-def hear(shared: Shared, tab: str, word: str) -> None:
-    """Hand on what the hand on the throttle says.
+def forward(server: ServerState, tab: str, word: str) -> None:
+    """Forward a report of the throttle button to the bench process.
 
-    Known are `hold PRESS PULSE ROTORS AGE_MS` and `release PRESS`. Anything else is left unheard,
-    and a hand that is not heard has let go.
+    Known are `hold PRESS PULSE ROTORS AGE_MS` and `release PRESS`. Anything else is ignored, and a
+    button without reports counts as released.
     """
     if (match := _RELEASE.fullmatch(word)) is not None:
-        shared.bench.ask(Release(tab, int(match[1])))
+        server.bench.send(ReleaseThrottle(tab, int(match[1])))
     elif (match := _HOLD.fullmatch(word)) is not None:
         rotors = tuple(int(number) for number in match[3].split(","))
-        shared.bench.ask(Hold(tab, int(match[1]), float(match[2]), rotors, 1e-3 * float(match[4])))
+        server.bench.send(
+            HoldThrottle(tab, int(match[1]), float(match[2]), rotors, 1e-3 * float(match[4]))
+        )
 
 
 async def _send(socket: WebSocket, word: str) -> None:
-    """Send a word; a page that has gone meanwhile is noticed by its handler."""
+    """Send a word; that the page has gone meanwhile is noticed by its handler."""
     with suppress(WebSocketDisconnect, RuntimeError):
         await socket.send_text(word)
 
 
-def serve_control_line(shared: Shared) -> None:
+def serve_control_line(server: ServerState) -> None:
     """Take control lines under /control."""
     lines: set[tuple[str, WebSocket]] = set()
 
@@ -64,13 +66,13 @@ def serve_control_line(shared: Shared) -> None:
             if tab == ended.tab:
                 background_tasks.create(_send(socket, f"let go {ended.reason}"))
 
-    shared.bench.press_ended = press_ended
+    server.bench.on_press_ended = press_ended
 
     @app.websocket("/control")
     async def control(socket: WebSocket, page: str, tab: str) -> None:
         await socket.accept()
         tab = tab[:LONGEST_NAME]
-        shared.seat.arrive(tab)
+        server.control.arrive(tab)
         lines.add((tab, socket))
         if (context := PAGES.get(page)) is not None:
             context.tab = tab
@@ -79,19 +81,19 @@ def serve_control_line(shared: Shared) -> None:
             while True:
                 word = await socket.receive_text()
                 if word == "stop":
-                    shared.bench.stop("the page")
+                    server.bench.stop("the page")
                     await socket.send_text("stopped")
                 elif word == "ping":
                     await socket.send_text("pong")
                 elif word in ("dark 0", "dark 1") and context is not None:
                     context.dark = word == "dark 1"
-                elif shared.seat.controls(tab):
-                    hear(shared, tab, word)
+                elif server.control.held_by(tab):
+                    forward(server, tab, word)
         except WebSocketDisconnect:
             pass
         finally:
             lines.discard((tab, socket))
-            shared.seat.leave(tab, monotonic())
+            server.control.leave(tab, monotonic())
 
     @app.websocket("/hold")
     async def hold(socket: WebSocket, tab: str) -> None:
@@ -101,12 +103,12 @@ def serve_control_line(shared: Shared) -> None:
         with suppress(WebSocketDisconnect):
             while True:
                 word = await socket.receive_text()
-                if shared.seat.controls(tab):
-                    hear(shared, tab, word)
-        shared.bench.ask(Release(tab))
+                if server.control.held_by(tab):
+                    forward(server, tab, word)
+        server.bench.send(ReleaseThrottle(tab))
 
     @app.post("/stop")
     def stop() -> str:
         """Stop when the control line is down."""
-        shared.bench.stop("the page")
+        server.bench.stop("the page")
         return "stopped"

@@ -10,7 +10,6 @@ from base64 import b64encode
 from collections.abc import Iterable
 from dataclasses import dataclass
 from html import escape
-from pathlib import Path
 
 from benchtool.report.files import figure_bytes
 from benchtool.report.page import (
@@ -23,11 +22,11 @@ from benchtool.report.page import (
     Table,
     Warnings,
 )
-from benchtool.web.shown import Piece
+from benchtool.web.sections import HtmlFragment
 
 
 @dataclass(frozen=True, slots=True)
-class Drawing:
+class FigureImage:
     """Hold a figure as SVG with its caption."""
 
     svg: bytes
@@ -35,23 +34,17 @@ class Drawing:
     alt: str = ""
 
 
-def pieces(blocks: Iterable[Block | Drawing]) -> tuple[Piece, ...]:
+def fragments(blocks: Iterable[Block | FigureImage]) -> tuple[HtmlFragment, ...]:
     """Return blocks as HTML, their figures drawn."""
-    return tuple(
-        Piece(as_html(block), isinstance(block, FigureBlock | Drawing | Table)) for block in blocks
-    )
+    beside = FigureBlock | FigureImage | Table
+    return tuple(HtmlFragment(as_html(block), isinstance(block, beside)) for block in blocks)
 
 
-def read_drawing(path: Path, caption: str) -> Drawing:
-    """Return a figure that stands in a folder."""
-    return Drawing(path.read_bytes(), caption)
-
-
-def as_html(block: Block | Drawing) -> str:
+def as_html(block: Block | FigureImage) -> str:
     """Return a block as HTML, everything in it escaped."""
     if isinstance(block, FigureBlock):
-        block = Drawing(figure_bytes(block.figure, "svg"), block.caption, block.alt)
-    if isinstance(block, Drawing):
+        block = FigureImage(figure_bytes(block.figure, "svg"), block.caption, block.alt)
+    if isinstance(block, FigureImage):
         address = f"data:image/svg+xml;base64,{b64encode(block.svg).decode()}"
         alt = escape(block.alt or block.caption)
         return (

@@ -6,9 +6,9 @@ from time import monotonic
 
 from nicegui import ui
 
-from benchtool.web.bench_link import BenchLink
-from benchtool.web.context import Context
-from benchtool.web.tell import say, tells_errors
+from benchtool.web.bench_process.client import BenchClient
+from benchtool.web.context import PageContext
+from benchtool.web.notifications import notify, shows_errors
 
 STOP = (
     '<button class="stop-button" type="button" aria-keyshortcuts="Space Escape">STOP'
@@ -30,13 +30,13 @@ class Header:
         dark: its dark mode.
     """
 
-    def __init__(self, context: Context, dark: ui.dark_mode) -> None:
+    def __init__(self, context: PageContext, dark: ui.dark_mode) -> None:
         self._context, self._dark = context, dark
         with ui.header().classes("q-py-xs q-px-md"):
             with ui.row(wrap=False).classes("items-center w-full gap-4"):
                 ui.label("benchtool").classes("text-h6 gt-xs")
                 self._state = ui.label().classes("grow ellipsis").props("role=status")
-                self._seat = ui.label().classes("soft gt-sm")
+                self._control = ui.label().classes("soft gt-sm")
                 self._take = ui.button("Take over", on_click=self._take_over).props("outline")
                 self._theme = ui.button(on_click=self._next_theme).props("flat round dense")
                 self._theme.props('aria-label="Light, dark, or as the system has it"')
@@ -65,34 +65,34 @@ class Header:
             unseen = f"MOTORS MAY STILL TURN: {unseen}"
         self._unseen.set_text(unseen)
         in_control = self._context.in_control()
-        self._seat.set_text("at the controls" if in_control else "watching")
-        free = self._context.shared.seat.is_free(monotonic())
+        self._control.set_text("at the controls" if in_control else "watching")
+        free = self._context.server.control.is_free(monotonic())
         self._take.set_visibility(free and not in_control and bool(self._context.tab))
 
     def _take_over(self) -> None:
-        taken = self._context.shared.seat.take(self._context.tab, monotonic())
-        say("this page is at the controls now" if taken else "another page was faster")
+        taken = self._context.server.control.take(self._context.tab, monotonic())
+        notify("this page is at the controls now" if taken else "another page was faster")
         self.refresh()
 
-    @tells_errors
+    @shows_errors
     def _seen(self) -> None:
-        self._context.need_control()
-        self._context.bench.seen_to_stand()
+        self._context.require_control()
+        self._context.bench.confirm_standstill()
         self.refresh()
 
     def _next_theme(self) -> None:
         theme = _THEMES[self._context.theme][1]
         self._context.theme = theme
         self._dark.value = {"light": False, "dark": True}.get(theme)
-        kept = f"benchtool-theme={theme}; path=/; max-age=31536000; samesite=strict"
-        ui.run_javascript(f'document.cookie = "{kept}"')
+        cookie = f"benchtool-theme={theme}; path=/; max-age=31536000; samesite=strict"
+        ui.run_javascript(f'document.cookie = "{cookie}"')
         self._show_theme()
 
     def _show_theme(self) -> None:
         self._theme.props(f"icon={_THEMES[self._context.theme][0]}")
 
 
-def known(bench: BenchLink) -> str:
+def known(bench: BenchClient) -> str:
     """Return what is known of motors and run, for a page that loses its server."""
     if bench.connection.unseen:
         motors = bench.connection.unseen
@@ -102,8 +102,9 @@ def known(bench: BenchLink) -> str:
         motors = f"{bench.connection.address}, motors ordered to {max(bench.live.pulses_us):.0f} us"
     else:
         motors = f"{bench.connection.address}, motors not ordered to turn"
-    swept = bench.swept
-    if swept.status == "none":
+    sweep = bench.sweep
+    if sweep.status == "none":
         return f"{motors}."
-    done = "" if swept.pitch else f", {swept.done} of {swept.visits} visits"
-    return f"{motors}; {'recording' if swept.pitch else 'sweep'} {swept.run} {swept.status}{done}."
+    done = "" if sweep.pitch else f", {sweep.done} of {sweep.visits} visits"
+    what = "recording" if sweep.pitch else "sweep"
+    return f"{motors}; {what} {sweep.run} {sweep.status}{done}."

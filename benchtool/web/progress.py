@@ -1,4 +1,4 @@
-"""How long work stands, on the page: its stages, how far it is, cancel, why it failed."""
+"""A job on the page: its stages, how far it is, cancel, why it failed."""
 
 from __future__ import annotations
 
@@ -6,50 +6,31 @@ import asyncio
 from collections.abc import Awaitable, Callable
 from html import escape
 from inspect import isawaitable
-from pathlib import Path
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Generic
 
 from nicegui import ui
 
-from benchtool.web.context import Context
-from benchtool.web.job import JobState
-from benchtool.web.tell import tells_errors
+from benchtool.web.context import PageContext
+from benchtool.web.jobs import W
+from benchtool.web.notifications import shows_errors
 
 LOOK_S = 0.2
 
 
-class Work(Protocol):
-    """Work that was started and makes a folder."""
-
-    @property
-    def out(self) -> Path:
-        """Its folder, there once it is kept."""
-
-    @property
-    def state(self) -> JobState[Any]:
-        """How it stands."""
-
-    def cancel(self) -> None:
-        """End it and take away what it had begun to write."""
-
-
-W = TypeVar("W", bound=Work)
-
-
-class Progress(Generic[W]):
-    """Show the work that runs, and tell when it is done.
+class JobProgress(Generic[W]):
+    """Show the job that runs, and call back when it has ended.
 
     Args:
         context: of the page.
         what: is done, in one word ("fit").
-        done: called with work that has ended well while the page was there.
-        ended: called whenever some has ended, however.
+        done: called with a job that has ended well while the page was there.
+        ended: called whenever one has ended, however.
         staged: list the stages, not only the present one.
     """
 
     def __init__(
         self,
-        context: Context,
+        context: PageContext,
         what: str,
         done: Callable[[W], Awaitable[None] | None],
         ended: Callable[[], object] = lambda: None,
@@ -57,7 +38,7 @@ class Progress(Generic[W]):
         staged: bool = False,
     ) -> None:
         self._context, self._done, self._ended = context, done, ended
-        self._watched: W | None = None
+        self._job: W | None = None
         with ui.column().classes("w-full gap-1") as self._place:
             with ui.row(wrap=False).classes("items-center w-full gap-4"):
                 ui.spinner(size="sm")
@@ -78,51 +59,46 @@ class Progress(Generic[W]):
     @property
     def watching(self) -> bool:
         """Whether something runs."""
-        return self._watched is not None
+        return self._job is not None
 
-    def watch(self, work: W) -> None:
-        """Show other work."""
-        self._watched = work
+    def watch(self, job: W) -> None:
+        """Show another job."""
+        self._job = job
         self._failed.set_visibility(False)
-        self._show(work)
+        self._show(job)
 
     async def look(self) -> None:
         """Show how it stands now."""
-        work = self._watched
-        if work is None:
+        job = self._job
+        if job is None:
             return
-        self._show(work)
-        state = work.state
+        self._show(job)
+        state = job.state
         if state.running:
             return
-        self._watched = None
+        self._job = None
         self._place.set_visibility(False)
         self._ended()
         if state.status == "done":
-            told = self._done(work)
-            if isawaitable(told):
-                await told
+            following = self._done(job)
+            if isawaitable(following):
+                await following
             return
-        cancelled = f"{work.out.name} was cancelled; nothing was kept of it"
+        cancelled = f"{job.out.name} was cancelled; nothing was written"
         self._failed.set_text(cancelled if state.status == "cancelled" else state.error)
         self._failed.set_visibility(True)
 
-    def _show(self, work: W) -> None:
-        state = work.state
+    def _show(self, job: W) -> None:
+        state = job.state
         self._place.set_visibility(True)
-        self._what.set_text(f"{work.out.name}: {state.what}, {100.0 * state.share:.0f} %")
+        self._what.set_text(f"{job.out.name}: {state.what}, {100.0 * state.share:.0f} %")
         self._bar.set_value(state.share)
-        self._list.set_content(_stages(state.stages))
+        done = [f"<li>✓ {escape(stage)}</li>" for stage in state.stages[:-1]]
+        now = [f"<li><b>… {escape(stage)}</b></li>" for stage in state.stages[-1:]]
+        self._list.set_content(f'<ol class="stages">{"".join(done + now)}</ol>')
 
-    @tells_errors
+    @shows_errors
     async def _cancel(self) -> None:
-        self._context.need_pen()
-        if self._watched is not None:
-            await asyncio.to_thread(self._watched.cancel)
-
-
-def _stages(stages: tuple[str, ...]) -> str:
-    """List what was done, and what is being done at the end."""
-    done = [f"<li>✓ {escape(stage)}</li>" for stage in stages[:-1]]
-    now = [f"<li><b>… {escape(stage)}</b></li>" for stage in stages[-1:]]
-    return f'<ol class="stages">{"".join(done + now)}</ol>'
+        self._context.claim_control()
+        if self._job is not None:
+            await asyncio.to_thread(self._job.cancel)

@@ -2,17 +2,55 @@
 
 from __future__ import annotations
 
+import os
 import secrets
 import socket
 import sys
+import webbrowser
 from collections.abc import Callable
 from contextlib import suppress
+from html import escape
 from pathlib import Path
 
 from benchtool.errors import InputError
+from benchtool.store.state import state_folder
 from benchtool.web.access import LOOPBACK, Access, is_loopback
-from benchtool.web.bench_process import BenchProcess
-from benchtool.web.quick_import import quick_import
+from benchtool.web.bench_process.spawn import ProcessHandle, quick_import
+
+
+def open_page(
+    address: str,
+    folder: Path | None = None,
+    open_address: Callable[[str], object] = webbrowser.open,
+) -> Path | None:
+    """Open an address in the browser of this user.
+
+    A command line can be read by every user of the machine. So an address with a token is not put
+    on the browser's; it stands in a file that only this user can read and that leads on to it.
+
+    Args:
+        address: of the page, with its token where it wants one.
+        folder: for that file; that of this user's state when None.
+        open_address: opens it.
+
+    Returns:
+        The file, to be deleted when the token is worth nothing any more; None where there is none.
+    """
+    if "token=" not in address:
+        open_address(address)
+        return None
+    folder = folder or state_folder()
+    folder.mkdir(parents=True, exist_ok=True)
+    file = folder / f"open-{os.getpid()}.html"
+    file.unlink(missing_ok=True)
+    with open(os.open(file, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w") as text:
+        text.write(
+            '<!doctype html><meta name="referrer" content="no-referrer">'
+            f'<meta http-equiv="refresh" content="0; url={escape(address)}">'
+        )
+    open_address(file.as_uri())
+    return file
+
 
 PORT = 8460
 """Where the page is when nobody names a port and this one is free; a choice."""
@@ -50,7 +88,7 @@ def serve(
     url = f"http://{f'[{shown}]' if ':' in shown else shown}:{port}/"
     opened = f"{url}?token={access.token}" if access.token else url
     # The two import side by side: the bench process what it needs, this one the web framework.
-    process = BenchProcess()
+    process = ProcessHandle()
     process.start()
     try:
         announce(opened)

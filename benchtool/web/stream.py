@@ -7,17 +7,17 @@ import asyncio
 from fastapi import WebSocket, WebSocketDisconnect
 from nicegui import app
 
-from benchtool.web.desk.frame import merged
+from benchtool.web.bench_process.frame import merged
 
 
-class Viewer:
+class FrameViewer:
     """Hold what one page has not been sent yet: frames that wait become one, none is lost."""
 
     def __init__(self) -> None:
         self._waiting: bytes | None = None
         self._ready = asyncio.Event()
 
-    def show(self, frame: bytes) -> None:
+    def put(self, frame: bytes) -> None:
         """Take a frame."""
         self._waiting = frame if self._waiting is None else merged(self._waiting, frame)
         self._ready.set()
@@ -31,16 +31,16 @@ class Viewer:
         return frame
 
 
-class Stream:
+class FrameStream:
     """Give every viewer every frame."""
 
     def __init__(self) -> None:
-        self._viewers: set[Viewer] = set()
+        self._viewers: set[FrameViewer] = set()
 
-    def show(self, frame: bytes) -> None:
+    def publish(self, frame: bytes) -> None:
         """Take a frame from the bench process."""
         for viewer in self._viewers:
-            viewer.show(frame)
+            viewer.put(frame)
 
     def serve(self) -> None:
         """Take viewers under /stream."""
@@ -48,7 +48,7 @@ class Stream:
         @app.websocket("/stream")
         async def stream(socket: WebSocket) -> None:
             await socket.accept()
-            viewer = Viewer()
+            viewer = FrameViewer()
             self._viewers.add(viewer)
             gone = asyncio.ensure_future(_until_gone(socket))
             try:

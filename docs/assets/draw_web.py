@@ -60,7 +60,7 @@ def choose(page: Page, label: str, option: str) -> None:
 
 
 def sweep(page: Page) -> None:
-    """Connect a simulated bench and measure a small sweep, fast; then let it run as in life."""
+    """Connect a simulated bench and measure a small sweep, fast; then let it run in real time."""
     page.get_by_text("at the controls").wait_for()
     page.get_by_role("button", name="Connect", exact=True).click()
     page.locator(".strips").wait_for()
@@ -73,7 +73,7 @@ def sweep(page: Page) -> None:
     page.get_by_role("button", name="Start", exact=True).click()
     page.get_by_text(re.compile("^ended: ")).wait_for(timeout=LONG_MS)
     page.get_by_role("tab", name="Bench").click()
-    choose(page, "Virtual clock", "as in life")
+    choose(page, "Virtual clock", "real time")
 
 
 def fit(page: Page) -> None:
@@ -87,7 +87,7 @@ def fit(page: Page) -> None:
 
 
 def explain(page: Page) -> None:
-    """Simulate a bench that hides friction, keep it twice, and have it explained."""
+    """Simulate a bench that hides friction, save it twice, and have it explained."""
     page.get_by_role("tab", name="Simulate").click()
     page.locator(".side-views[data-drawn]").wait_for(timeout=LONG_MS)
     choose(page, "Rig", "beam")
@@ -97,8 +97,8 @@ def explain(page: Page) -> None:
     for schedule, seed in (("identify", "1"), ("triangle", "2")):
         choose(page, "Schedule", schedule)
         page.get_by_label("Seed of the noise").fill(seed)
-        page.get_by_role("button", name="Keep in the runs folder").click()
-        page.get_by_text(re.compile(f"kept as .*-pitch-{schedule}")).wait_for(timeout=LONG_MS)
+        page.get_by_role("button", name="Save to the runs folder").click()
+        page.get_by_text(re.compile(f"saved as .*-pitch-{schedule}")).wait_for(timeout=LONG_MS)
     page.get_by_role("button", name="Explain", exact=True).click()
     page.get_by_role("button", name="Explain", exact=True).locator("visible=true").click()
     page.get_by_text("The gap", exact=True).or_(page.get_by_role("alert")).first.wait_for()

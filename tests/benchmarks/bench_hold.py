@@ -1,6 +1,6 @@
 """Print how long a browser under load is silent about a button that is held.
 
-The dead-man time of the throttle (`SILENCE_S` in `benchtool.web.desk.hand`) is chosen from these
+The dead-man time (`SILENCE_S` in `benchtool.web.bench_process.throttle`) is chosen from these
 figures. Silence is what the server knows with each beat: the time since the last one, and the age
 of the page's word in it. Charts of a 1 kHz bench play meanwhile, and processes that do nothing but
 compute take the processor away. Needs Chromium.
@@ -28,15 +28,15 @@ HOGS = (0, 2, 4, 8)
 
 if BEATS in os.environ:
     # In the server and in its bench process: note every beat, and never let go.
-    from benchtool.web.desk.asks import Hold
-    from benchtool.web.desk.hand import Hand
+    from benchtool.web.bench_process.commands import HoldThrottle
+    from benchtool.web.bench_process.throttle import DeadManSwitch
 
-    def note(hand: Hand, hold: Hold, now_s: float) -> None:
+    def note(hand: DeadManSwitch, hold: HoldThrottle, now_s: float) -> None:
         with Path(os.environ[BEATS]).open("a") as file:
             file.write(f"{now_s:.4f} {hold.age_s:.4f}\n")
-        hand._last = (Hold(hold.tab, hold.press, hold.pulse_us, hold.rotors), now_s + 1e6)
+        hand._last = (HoldThrottle(hold.tab, hold.press, hold.pulse_us, hold.rotors), now_s + 1e6)
 
-    Hand.hold = note  # type: ignore[method-assign]
+    DeadManSwitch.hold = note  # type: ignore[method-assign]
 
 
 def measure(page: Page, beats: Path, hogs: int, seconds: float) -> str:

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import psutil
 import pytest
 
-from benchtool.web.desk.hand import SILENCE_S
-from benchtool.web.open_page import open_page as open_address
+from benchtool.web.bench_process.throttle import SILENCE_S
+from benchtool.web.serve import open_page as open_address
 from tests.browser.conftest import CHROMIUM, Web, connect, serving
 from tests.browser.device import Device
 

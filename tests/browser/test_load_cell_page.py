@@ -1,4 +1,4 @@
-"""Calibrate as somebody does it beside the bench: masses hang, counts come, a line is kept."""
+"""Calibrate as somebody does it beside the bench: masses hang, counts come, a line is stored."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.real_time(deadline_s=0.1)
 
 LIGHTER = 0.8
-"""What hangs is so many times what is typed: the line kept must be that of the masses typed."""
+"""What hangs is so many times what is typed: the line stored must be that of the masses typed."""
 
 MASSES_KG = (0.0, 0.5, 1.0, 0.5, 0.0)
 
@@ -48,22 +48,24 @@ def test_masses_make_a_line_that_later_runs_take(page: Page, web: Web, fast_devi
         weigh(page, fast_device, mass_kg, count)
     command = f"benchtool calibrate {fast_device.address} --masses 0,0.5,1,0.5,0"
     page.locator(".command-text", has_text=command).wait_for()
-    page.get_by_role("button", name="Keep the line").click()
-    page.get_by_text("uN per count, kept for virtual-pquad-0").wait_for()
+    page.get_by_role("button", name="Store the calibration").click()
+    page.get_by_text("uN per count, stored for virtual-pquad-0").wait_for()
 
     (file,) = (web.runs.parent / "state" / "calibration").iterdir()
-    kept = json.loads(file.read_text("utf-8"))
-    assert kept["masses_kg"] == list(MASSES_KG)
+    stored = json.loads(file.read_text("utf-8"))
+    assert stored["masses_kg"] == list(MASSES_KG)
     count_N = Imperfections().on(rig_named("pquad")).thrust_quantum_N
-    assert kept["slope_N_per_count"] == pytest.approx(count_N / LIGHTER, rel=2e-3)
+    assert stored["slope_N_per_count"] == pytest.approx(count_N / LIGHTER, rel=2e-3)
     hung_N = LIGHTER * STANDARD_GRAVITY_M_S2 * max(MASSES_KG)
-    assert max(kept["counts"]) - min(kept["counts"]) == pytest.approx(hung_N / count_N, rel=2e-3)
+    assert max(stored["counts"]) - min(stored["counts"]) == pytest.approx(
+        hung_N / count_N, rel=2e-3
+    )
     assert fast_device.turning_us() <= 1000.0
 
     page.get_by_role("button", name="Done").click()
-    page.get_by_text(f"calibration {kept['id']}").wait_for()
+    page.get_by_text(f"calibration {stored['id']}").wait_for()
     page.locator(".hold-button").wait_for()
     start(page, repeats=1, distances="1")
     page.get_by_text("ended: ").first.wait_for(timeout=SWEEP_MS)
     points = read_points(only_run(web).path)
-    assert points.provenance["calibration"] == kept["id"]
+    assert points.provenance["calibration"] == stored["id"]

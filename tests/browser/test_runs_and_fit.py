@@ -184,7 +184,7 @@ def test_the_form_shows_the_numbers_of_the_runs_own_rig(
 
 def test_a_table_is_handed_over_and_a_bad_cell_is_told(filled: Web, open_page: Opens) -> None:
     page = open_page(f"{filled.url}?tab=fit")
-    page.get_by_text("Or hand over a CSV file", exact=True).wait_for()
+    page.get_by_text("Or upload a CSV file", exact=True).wait_for()
     wait_for_seat(page)
     chooser = page.locator("input[type=file]")
     chooser.set_input_files({"name": "x.csv", "mimeType": "text/csv", "buffer": b"\0\1\2"})
@@ -192,7 +192,7 @@ def test_a_table_is_handed_over_and_a_bad_cell_is_told(filled: Web, open_page: O
     chooser.set_input_files({"name": "../../lab.csv", "mimeType": "text/csv", "buffer": LAB})
     page.get_by_text(re.compile(r"^Columns of .*-lab(-\d)?/lab\.csv")).wait_for()
     # A note lies over the lists until it goes.
-    page.locator(".q-notification__message", has_text="kept as").wait_for(state="hidden")
+    page.locator(".q-notification__message", has_text="saved as").wait_for(state="hidden")
     for channel, column in (("thrust_N (needed)", "F_gf"), ("rpm1 (or that", "speed")):
         page.get_by_label(channel).click()
         page.get_by_role("option", name=column, exact=True).click()

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from benchtool.web.desk.hand import SILENCE_S
+from benchtool.web.bench_process.throttle import SILENCE_S
 from tests.browser.conftest import Web, connect, go_to
 from tests.browser.device import Device
 
@@ -226,7 +226,7 @@ def overlays(page: Page) -> Iterator[tuple[str, Callable[[], None]]]:
             move = page.get_by_role("button", name="Move")
             yield "Bench: notes", lambda move=move: [click(move) for _ in range(12)] and None
         elif tab == "Sweep":
-            for name in ("Start the sweep", "Go on with a stopped run"):
+            for name in ("Start the sweep", "Resume a stopped run"):
                 button = page.get_by_role("button", name=name)
                 yield f"Sweep: dialog {name}", lambda button=button: click(button)
 

@@ -54,8 +54,8 @@ def test_stop_in_mid_sweep_and_go_on_later(page: Page, web: Web, fast_device: De
     assert run.metadata["state"] == "stopped"
     assert "stopped from the page" in run.metadata["reason"]
     done = len(read_points(run.path))
-    page.get_by_role("button", name="Go on with a stopped run").click()
-    page.get_by_role("dialog").get_by_role("button", name="Go on").click()
+    page.get_by_role("button", name="Resume a stopped run").click()
+    page.get_by_role("dialog").get_by_role("button", name="Resume").click()
     page.get_by_role("button", name="Start", exact=True).click()
     page.get_by_text(f"ended: {run.path}").wait_for(timeout=SWEEP_MS)
     points = read_points(run.path)
@@ -75,7 +75,7 @@ def test_a_paused_sweep_stands_still_and_goes_on(
     # Another page sees the same.
     second = open_page(f"{web.url}?tab=sweep")
     second.get_by_text("paused: ").first.wait_for()
-    page.get_by_role("button", name="Go on", exact=True).click()
+    page.get_by_role("button", name="Continue", exact=True).click()
     page.get_by_text(f"ended: {only_run(web).path}").wait_for(timeout=SWEEP_MS)
     assert only_run(web).metadata["state"] == "ended"
 

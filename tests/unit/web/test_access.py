@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from benchtool.web.access import Access, Asked, host_name, is_loopback
+from benchtool.web.access import Access, RequestFacts, host_name, is_loopback
 from benchtool.web.serve import access_for
 
 HERE = "127.0.0.1:8460"
@@ -11,42 +11,48 @@ HERE = "127.0.0.1:8460"
 @pytest.mark.parametrize(
     "asked",
     [
-        Asked(host=HERE),
-        Asked(host="localhost:8460", site="none", mode="navigate"),
-        Asked(host="LOCALHOST"),
-        Asked(host="[::1]:8460"),
-        Asked(host=HERE, site="cross-site", mode="navigate"),
-        Asked(host=HERE, origin=f"http://{HERE}", reads_only=False, is_socket=True),
-        Asked(host=HERE, origin=f"http://{HERE}", reads_only=False),
-        Asked(host=HERE, site="same-origin", reads_only=False),
+        RequestFacts(host=HERE),
+        RequestFacts(host="localhost:8460", site="none", mode="navigate"),
+        RequestFacts(host="LOCALHOST"),
+        RequestFacts(host="[::1]:8460"),
+        RequestFacts(host=HERE, site="cross-site", mode="navigate"),
+        RequestFacts(host=HERE, origin=f"http://{HERE}", reads_only=False, is_socket=True),
+        RequestFacts(host=HERE, origin=f"http://{HERE}", reads_only=False),
+        RequestFacts(host=HERE, site="same-origin", reads_only=False),
     ],
 )
-def test_the_page_itself_and_a_typed_address_are_let_in(asked: Asked) -> None:
+def test_the_page_itself_and_a_typed_address_are_let_in(asked: RequestFacts) -> None:
     assert Access().refusal(asked) is None
 
 
 @pytest.mark.parametrize(
     ("asked", "why"),
     [
-        (Asked(host="evil.example:8460"), "none of its names"),
-        (Asked(host="127.0.0.1.evil.example"), "none of its names"),
-        (Asked(host=""), "none of its names"),
-        (Asked(host="user@127.0.0.1"), "none of its names"),
-        (Asked(host="[::1"), "none of its names"),
-        (Asked(host="[[::1]]:1"), "none of its names"),
-        (Asked(host=HERE, origin="http://[::1", is_socket=True), "may not use this one"),
-        (Asked(host="192.168.1.5:8460"), "none of its names"),
-        (Asked(host=HERE, origin="http://evil.example", is_socket=True), "may not use this one"),
-        (Asked(host=HERE, origin="http://127.0.0.1:9999", is_socket=True), "may not use this one"),
-        (Asked(host=HERE, origin="null", is_socket=True), "may not use this one"),
-        (Asked(host=HERE, origin=f"ftp://{HERE}", is_socket=True), "may not use this one"),
-        (Asked(host=HERE, is_socket=True, reads_only=False), "does not say from which page"),
-        (Asked(host=HERE, reads_only=False), "does not say from which page"),
-        (Asked(host=HERE, site="cross-site", mode="no-cors"), "another site's page"),
-        (Asked(host=HERE, site="same-site", mode="cors"), "another site's page"),
+        (RequestFacts(host="evil.example:8460"), "none of its names"),
+        (RequestFacts(host="127.0.0.1.evil.example"), "none of its names"),
+        (RequestFacts(host=""), "none of its names"),
+        (RequestFacts(host="user@127.0.0.1"), "none of its names"),
+        (RequestFacts(host="[::1"), "none of its names"),
+        (RequestFacts(host="[[::1]]:1"), "none of its names"),
+        (RequestFacts(host=HERE, origin="http://[::1", is_socket=True), "may not use this one"),
+        (RequestFacts(host="192.168.1.5:8460"), "none of its names"),
+        (
+            RequestFacts(host=HERE, origin="http://evil.example", is_socket=True),
+            "may not use this one",
+        ),
+        (
+            RequestFacts(host=HERE, origin="http://127.0.0.1:9999", is_socket=True),
+            "may not use this one",
+        ),
+        (RequestFacts(host=HERE, origin="null", is_socket=True), "may not use this one"),
+        (RequestFacts(host=HERE, origin=f"ftp://{HERE}", is_socket=True), "may not use this one"),
+        (RequestFacts(host=HERE, is_socket=True, reads_only=False), "does not say from which page"),
+        (RequestFacts(host=HERE, reads_only=False), "does not say from which page"),
+        (RequestFacts(host=HERE, site="cross-site", mode="no-cors"), "another site's page"),
+        (RequestFacts(host=HERE, site="same-site", mode="cors"), "another site's page"),
     ],
 )
-def test_other_names_and_other_pages_are_refused(asked: Asked, why: str) -> None:
+def test_other_names_and_other_pages_are_refused(asked: RequestFacts, why: str) -> None:
     refusal = Access().refusal(asked)
     assert refusal is not None
     assert why in refusal
@@ -56,13 +62,13 @@ def test_another_bind_wants_the_token_and_takes_numeric_addresses() -> None:
     access = access_for("0.0.0.0")
     assert access.token is not None
     assert len(access.token) >= 32
-    asked = Asked(host="192.168.1.5:8460")
+    asked = RequestFacts(host="192.168.1.5:8460")
     assert "token is missing or wrong" in str(access.refusal(asked))
     for token in ("x", access.token[:-1], access.token + "x", "ü"):
-        wrong = Asked(host="192.168.1.5:8460", token=token)
+        wrong = RequestFacts(host="192.168.1.5:8460", token=token)
         assert "token is missing or wrong" in str(access.refusal(wrong))
-    assert access.refusal(Asked(host="192.168.1.5:8460", token=access.token)) is None
-    bent = Asked(host="evil.example", token=access.token)
+    assert access.refusal(RequestFacts(host="192.168.1.5:8460", token=access.token)) is None
+    bent = RequestFacts(host="evil.example", token=access.token)
     assert "none of its names" in str(access.refusal(bent))
     assert access_for("0.0.0.0").token != access.token
 

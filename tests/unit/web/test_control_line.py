@@ -4,28 +4,28 @@ from pathlib import Path
 
 import pytest
 
-from benchtool.web.bench_link import BenchLink
-from benchtool.web.context import Shared
-from benchtool.web.control_line import hear
-from benchtool.web.desk.asks import Ask, Hold, Release
+from benchtool.web.bench_process.client import BenchClient
+from benchtool.web.bench_process.commands import Command, HoldThrottle, ReleaseThrottle
+from benchtool.web.context import ServerState
+from benchtool.web.control_line import forward
 
 
-class Asked(BenchLink):
-    """Note what the bench process is asked."""
+class RecordingClient(BenchClient):
+    """Record the commands to the bench process."""
 
     def __init__(self) -> None:
         super().__init__()
-        self.asks: list[Ask] = []
+        self.commands: list[Command] = []
 
-    def ask(self, ask: Ask) -> None:
-        self.asks.append(ask)
+    def send(self, command: Command) -> None:
+        self.commands.append(command)
 
 
 @pytest.mark.parametrize(
-    ("word", "asks"),
+    ("word", "commands"),
     [
-        ("hold 7 1300 1,2 40", [Hold("a", 7, 1300.0, (1, 2), 0.04)]),
-        ("release 7", [Release("a", 7)]),
+        ("hold 7 1300 1,2 40", [HoldThrottle("a", 7, 1300.0, (1, 2), 0.04)]),
+        ("release 7", [ReleaseThrottle("a", 7)]),
         ("hold 7 1300 1,2", []),
         ("hold 7 nan 1 0", []),
         ("hold 7 1300 1 -40", []),
@@ -34,7 +34,9 @@ class Asked(BenchLink):
         ("arm", []),
     ],
 )
-def test_only_whole_words_of_the_hand_are_heard(word: str, asks: list[Ask]) -> None:
-    bench = Asked()
-    hear(Shared(runs=Path("runs"), bench=bench), "a", word)
-    assert bench.asks == asks
+def test_only_whole_reports_of_the_throttle_are_forwarded(
+    word: str, commands: list[Command]
+) -> None:
+    bench = RecordingClient()
+    forward(ServerState(runs=Path("runs"), bench=bench), "a", word)
+    assert bench.commands == commands

@@ -17,7 +17,7 @@ from benchtool.report.page import (
     Table,
     Warnings,
 )
-from benchtool.web.drawing import Drawing, as_html, pieces
+from benchtool.web.drawing import FigureImage, as_html, fragments
 
 EVIL = "<script>alert('x')</script><img src=x onerror=y>\"'&"
 
@@ -31,11 +31,11 @@ EVIL = "<script>alert('x')</script><img src=x onerror=y>\"'&"
         Commands([EVIL]),
         Listing(EVIL, EVIL),
         Table(EVIL, (EVIL, EVIL), [(EVIL, EVIL)]),
-        Drawing(b"<svg><script>alert(1)</script></svg>", EVIL, EVIL),
+        FigureImage(b"<svg><script>alert(1)</script></svg>", EVIL, EVIL),
     ],
     ids=lambda block: type(block).__name__,
 )
-def test_nothing_in_a_block_is_markup(block: Block | Drawing) -> None:
+def test_nothing_in_a_block_is_markup(block: Block | FigureImage) -> None:
     html = as_html(block)
     assert "<script" not in html
     assert "<img src=x" not in html
@@ -43,10 +43,10 @@ def test_nothing_in_a_block_is_markup(block: Block | Drawing) -> None:
 
 
 def test_a_figure_becomes_an_image_that_crosses_processes() -> None:
-    piece, words = pieces([FigureBlock(Figure(), "a caption"), Paragraph("x")])
-    assert (piece.beside, words.beside) == (True, False)
-    assert 'alt="a caption"' in piece.html
-    encoded = piece.html.split("base64,")[1].split('"')[0]
+    figure, words = fragments([FigureBlock(Figure(), "a caption"), Paragraph("x")])
+    assert (figure.beside, words.beside) == (True, False)
+    assert 'alt="a caption"' in figure.html
+    encoded = figure.html.split("base64,")[1].split('"')[0]
     assert b"<svg" in b64decode(encoded)
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from benchtool.web.open_page import open_page
+from benchtool.web.serve import open_page
 
 PLAIN = "http://127.0.0.1:8460/"
 

@@ -11,15 +11,15 @@ import pytest
 from benchtool.errors import BenchtoolError, InputError
 from benchtool.store.entry import entry_of
 from benchtool.store.runs_folder import RunsFolder
-from benchtool.web.runs.jobs import (
+from benchtool.web.sections import PageSection
+from benchtool.web.tabs.runs.detail import downloads
+from benchtool.web.tabs.runs.view import (
     report_bytes,
     table_bytes,
     view_comparison,
     view_entry,
     view_part,
 )
-from benchtool.web.runs.offer import offers
-from benchtool.web.shown import Shown
 
 TOP = Path(__file__).parents[3]
 
@@ -51,8 +51,8 @@ def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return root
 
 
-def words(shown: Shown) -> str:
-    return "".join(piece.html for piece in shown.pieces)
+def words(shown: PageSection) -> str:
+    return "".join(fragment.html for fragment in shown.fragments)
 
 
 def test_a_sweep_shows_its_numbers_and_offers_its_tables(root: Path) -> None:
@@ -67,8 +67,8 @@ def test_a_sweep_shows_its_numbers_and_offers_its_tables(root: Path) -> None:
     assert "distances" in words(view_part(root, "quad", "Plan"))
     with pytest.raises(InputError, match="has no part 'Nonsense'"):
         view_part(root, "quad", "Nonsense")
-    found = offers(entry_of(RunsFolder(root), "quad"))
-    assert [offer.file for offer in found] == [
+    found = downloads(entry_of(RunsFolder(root), "quad"))
+    assert [download.file for download in found] == [
         *("quad-report.html", "quad-points.csv", "quad-settings.csv"),
         *("quad-samples.csv", "quad-samples.parquet"),
     ]
@@ -88,7 +88,7 @@ def test_a_fit_shows_what_the_command_prints(root: Path) -> None:
 def test_two_sweeps_stand_in_one_plot(root: Path) -> None:
     shown = view_comparison(root, ("quad", "single_rotor"))
     assert "single_rotor" in words(shown)
-    assert "data:image/svg+xml" in shown.pieces[0].html
+    assert "data:image/svg+xml" in shown.fragments[0].html
     assert shown.command == ("report", str(root / "quad"), str(root / "single_rotor"))
     with pytest.raises(InputError, match="choose two sweeps or more"):
         view_comparison(root, ("quad",))
@@ -104,14 +104,14 @@ def test_what_is_in_a_file_is_never_markup(root: Path) -> None:
 def test_a_recording_is_shown_and_handed_out(root: Path) -> None:
     shown, _ = view_entry(root, "check.parquet")
     assert "5000" in words(shown) or "pitch" in words(shown).lower()
-    found = offers(entry_of(RunsFolder(root), "check.parquet"))
+    found = downloads(entry_of(RunsFolder(root), "check.parquet"))
     assert found[-1].path == "check.parquet"
 
 
 def test_what_is_broken_says_why_and_offers_nothing(root: Path) -> None:
     with pytest.raises(InputError, match=r"^broken/metadata\.json: this is not valid JSON"):
         view_entry(root, "broken")
-    assert offers(entry_of(RunsFolder(root), "broken")) == ()
+    assert downloads(entry_of(RunsFolder(root), "broken")) == ()
 
 
 @pytest.mark.parametrize("name", ["../secret.csv", "quad/../../secret.csv", "/etc/passwd", "none"])

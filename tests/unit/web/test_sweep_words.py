@@ -3,21 +3,21 @@ from __future__ import annotations
 from benchtool.acquire.plan import Plan
 from benchtool.core.inputs import make
 from benchtool.library import rig_named
-from benchtool.web.bench_link import BenchLink
-from benchtool.web.desk.news import Connection, Swept
-from benchtool.web.sweep.form import FIELDS, values_of
-from benchtool.web.sweep.ratio_card import nothing_yet
+from benchtool.web.bench_process.client import BenchClient
+from benchtool.web.bench_process.events import ConnectionStatus, SweepStatus
+from benchtool.web.tabs.sweep.form import FIELDS, values_of
+from benchtool.web.tabs.sweep.ratio_card import nothing_yet
 
 
 def test_an_empty_plot_says_what_comes_next() -> None:
-    bench = BenchLink()
+    bench = BenchClient()
     assert nothing_yet(bench).startswith("Connect a bench")
-    bench.connection = Connection(status="on")
+    bench.connection = ConnectionStatus(status="on")
     assert nothing_yet(bench).startswith("Start a sweep")
-    bench.swept = Swept(status="running")
+    bench.sweep = SweepStatus(status="running")
     assert nothing_yet(bench).startswith("The sweep runs")
     # Also where the bench is gone in mid-sweep.
-    bench.connection = Connection()
+    bench.connection = ConnectionStatus()
     assert nothing_yet(bench).startswith("The sweep runs")
 
 

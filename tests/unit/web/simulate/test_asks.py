@@ -12,9 +12,8 @@ from benchtool.cli.app import main
 from benchtool.errors import InputError
 from benchtool.library import rig_names, schedule_names
 from benchtool.simulate.flight_cases import FLIGHTS
-from benchtool.web.simulate.flight_ask import FlightAsk, flight_sliders
-from benchtool.web.simulate.pitch_ask import PitchAsk, pitch_sliders
-from benchtool.web.simulate.work import Ask, simulated, zipped
+from benchtool.web.tabs.simulate.inputs import FlightAsk, PitchAsk, flight_sliders, pitch_sliders
+from benchtool.web.tabs.simulate.work import Simulation, simulated, zipped
 
 ASKS = [
     PitchAsk(
@@ -32,7 +31,7 @@ ASKS = [
 
 @pytest.mark.parametrize("ask", ASKS, ids=lambda ask: " ".join(ask.words))
 def test_the_command_prints_the_numbers_that_the_page_shows(
-    ask: Ask, capsys: pytest.CaptureFixture[str]
+    ask: Simulation, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(SystemExit) as left:
         main(ask.words)

@@ -11,9 +11,8 @@ from benchtool.errors import WouldOverwrite
 from benchtool.store.entry import entry_of
 from benchtool.store.recording_file import read_recording
 from benchtool.store.runs_folder import RunsFolder
-from benchtool.web.simulate.hidden import hidden_slider, hideable
-from benchtool.web.simulate.pitch_ask import PitchAsk
-from benchtool.web.simulate.work import kept
+from benchtool.web.tabs.simulate.inputs import PitchAsk, hidden_slider, hideable
+from benchtool.web.tabs.simulate.work import write_into
 
 HIDES = PitchAsk(
     controllers=("pid",), schedule="steps", seed=4, numbers={"coulomb_friction.torque_Nm": 0.0145}
@@ -34,7 +33,7 @@ def test_every_effect_can_be_hidden_as_far_as_its_slider_goes(rig: str, effect: 
 
 
 def test_what_is_kept_is_what_the_command_writes(tmp_path: Path) -> None:
-    assert kept(HIDES, tmp_path / "kept") == ["pid.csv"]
+    assert write_into(HIDES, tmp_path / "kept") == ["pid.csv"]
     with pytest.raises(SystemExit) as left:
         main([*HIDES.words, "--out", str(tmp_path / "told")])
     assert left.value.code == 0
@@ -50,5 +49,5 @@ def test_what_is_kept_is_what_the_command_writes(tmp_path: Path) -> None:
 def test_nothing_that_is_there_is_written_over(tmp_path: Path) -> None:
     (tmp_path / "kept").mkdir()
     with pytest.raises(WouldOverwrite):
-        kept(HIDES, tmp_path / "kept")
+        write_into(HIDES, tmp_path / "kept")
     assert not list((tmp_path / "kept").iterdir())

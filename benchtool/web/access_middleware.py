@@ -1,0 +1,205 @@
+"""Stand before every request and websocket: refuse what `access` refuses, hand out the cookie."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from html import escape
+from http.cookies import CookieError, SimpleCookie
+from typing import TYPE_CHECKING
+from urllib.parse import parse_qs, urlencode
+
+from starlette.responses import HTMLResponse, PlainTextResponse, Response
+
+from benchtool.store.upload import MOST_BYTES
+from benchtool.web.access import Access, RequestFacts
+
+if TYPE_CHECKING:
+    from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+HEADERS = (
+    (b"x-frame-options", b"DENY"),
+    (b"referrer-policy", b"no-referrer"),
+    (b"x-content-type-options", b"nosniff"),
+)
+"""Nobody puts this page into a frame and lets people press what they do not see; nobody is told
+its address."""
+
+POLICY = (
+    "default-src 'none'; script-src 'self' 'unsafe-inline' 'unsafe-eval'; worker-src 'self'; "
+    "style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; font-src 'self' data:; "
+    "connect-src 'self' ws://{host} wss://{host}; form-action 'self'; base-uri 'none'; "
+    "frame-ancestors 'none'"
+)
+"""Nothing is loaded from, or sent to, anywhere else. NiceGUI runs inline scripts and evaluates
+text, so these two are allowed."""
+
+MOST_BODY_BYTES = MOST_BYTES + 100_000
+"""A table that is handed over, and what a form puts around it."""
+
+WRONG_TOKEN_S = 1.0
+"""Wrong tokens are answered one after another, so much apart; a choice."""
+
+MOST_WAITING = 50
+"""Wrong tokens that wait for their answer; more are answered at once that they are too many."""
+
+REFUSED = 403
+TOO_LARGE = 413
+TOO_MANY = 429
+CLOSED = 1008
+"""Close code of a websocket that breaks the rules (RFC 6455, section 7.4.1)."""
+
+
+class AccessMiddleware:
+    """Guard an application.
+
+    Args:
+        app: what is guarded.
+        access: the rules.
+        cookie: name of the cookie that keeps the token. With the port in it: browsers share
+            cookies between the ports of a host.
+        sleep: waits for some seconds.
+    """
+
+    def __init__(
+        self,
+        app: ASGIApp,
+        access: Access,
+        cookie: str,
+        sleep: Callable[[float], Awaitable[object]] = asyncio.sleep,
+    ) -> None:
+        self._app, self._access, self._cookie, self._sleep = app, access, cookie, sleep
+        self._turn = asyncio.Lock()
+        self._waiting = 0
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] not in ("http", "websocket"):
+            await self._app(scope, receive, send)
+            return
+        headers = {
+            name.decode("latin-1"): value.decode("latin-1") for name, value in scope["headers"]
+        }
+        request = _request_facts(scope, headers, self._cookie)
+        if scope["type"] == "websocket":
+            if self._access.refusal(request) is None:
+                await self._app(scope, receive, send)
+            else:
+                if request.token:
+                    await self._slow_down()
+                await receive()
+                await send({"type": "websocket.close", "code": CLOSED})
+            return
+        query = parse_qs(scope["query_string"].decode("latin-1"))
+        shown = query.pop("token", [""])[0]
+        if shown and self._access.is_token(shown):
+            request = _request_facts(
+                scope, {**headers, "cookie": f"{self._cookie}={shown}"}, self._cookie
+            )
+        refusal = self._access.refusal(request)
+        answer: Response | None = None
+        if refusal is not None:
+            guessed = self._access.token is not None and bool(shown or request.token)
+            if guessed and not await self._slow_down():
+                refusal = "too many wrong tokens; try again later"
+                answer = PlainTextResponse(f"benchtool: {refusal}\n", TOO_MANY)
+            else:
+                answer = PlainTextResponse(f"benchtool: {refusal}\n", REFUSED)
+        elif shown and self._access.token is not None:
+            # The token leaves the address bar, and with it the history and what people copy.
+            rest = urlencode(query, doseq=True)
+            target = escape("/" + scope["path"].lstrip("/") + (f"?{rest}" if rest else ""))
+            # From a page of our own: a browser that came from elsewhere keeps a strict cookie back
+            # where it is merely redirected.
+            answer = HTMLResponse(
+                f'<!doctype html><meta http-equiv="refresh" content="0; url={target}">',
+                headers={"cache-control": "no-store"},
+            )
+            answer.set_cookie(self._cookie, shown, httponly=True, samesite="strict")
+        policy = POLICY.format(host=request.host) if refusal is None else "default-src 'none'"
+        body = Body(receive, _with_headers(send, policy))
+        try:
+            await (answer or self._app)(scope, body.receive, body.send)
+        except BodyTooLarge:
+            pass
+
+    async def _slow_down(self) -> bool:
+        """Wait for the turn of a wrong token; tell whether there was room to wait."""
+        if self._waiting >= MOST_WAITING:
+            return False
+        self._waiting += 1
+        try:
+            async with self._turn:
+                await self._sleep(WRONG_TOKEN_S)
+        finally:
+            self._waiting -= 1
+        return True
+
+
+class BodyTooLarge(Exception):
+    """Break off an application that reads a body beyond its bound."""
+
+
+class Body:
+    """Count a request's body while it arrives; beyond the bound the answer is ours."""
+
+    def __init__(self, receive: Receive, send: Send) -> None:
+        self._receive, self._send = receive, send
+        self._bytes = 0
+        self._begun = False
+
+    async def receive(self) -> Message:
+        """Return the next part.
+
+        Raises:
+            BodyTooLarge: it was answered that the body is too large.
+        """
+        message = await self._receive()
+        self._bytes += len(message.get("body", b""))
+        if self._bytes > MOST_BODY_BYTES:
+            if not self._begun:
+                text = f"benchtool: more than {MOST_BODY_BYTES / 1e6:.1f} MB were sent; send less\n"
+                headers = [(b"content-type", b"text/plain"), (b"connection", b"close")]
+                await self.send(
+                    {"type": "http.response.start", "status": TOO_LARGE, "headers": headers}
+                )
+                await self._send({"type": "http.response.body", "body": text.encode()})
+            raise BodyTooLarge
+        return message
+
+    async def send(self, message: Message) -> None:
+        """Send on, unless the body was too large."""
+        if self._bytes <= MOST_BODY_BYTES or not self._begun:
+            self._begun = True
+            await self._send(message)
+
+
+def _request_facts(scope: Scope, headers: dict[str, str], cookie: str) -> RequestFacts:
+    is_socket = scope["type"] == "websocket"
+    return RequestFacts(
+        host=headers.get("host", ""),
+        origin=headers.get("origin", ""),
+        site=headers.get("sec-fetch-site", ""),
+        mode=headers.get("sec-fetch-mode", ""),
+        token=_cookie(headers.get("cookie", ""), cookie),
+        reads_only=not is_socket and scope["method"] in ("GET", "HEAD"),
+        is_socket=is_socket,
+    )
+
+
+def _cookie(header: str, name: str) -> str:
+    try:
+        found = SimpleCookie(header).get(name)
+    except CookieError:
+        return ""
+    return found.value if found else ""
+
+
+def _with_headers(send: Send, policy: str) -> Send:
+    added = (*HEADERS, (b"content-security-policy", policy.encode("latin-1")))
+
+    async def sent(message: Message) -> None:
+        if message["type"] == "http.response.start":
+            message = {**message, "headers": [*message.get("headers", ()), *added]}
+        await send(message)
+
+    return sent

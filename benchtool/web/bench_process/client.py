@@ -1,0 +1,130 @@
+"""The server's end of the bench process: send commands, store the latest events."""
+
+from __future__ import annotations
+
+import asyncio
+import pickle
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import replace
+
+from benchtool.store.events import Event
+from benchtool.web.bench_process.commands import Command, Shutdown, StopMotors
+from benchtool.web.bench_process.events import (
+    BenchEvent,
+    ConnectionStatus,
+    LiveStatus,
+    Notice,
+    PressEnded,
+    RunEvent,
+    SweepStatus,
+)
+from benchtool.web.bench_process.publisher import FRAME
+from benchtool.web.bench_process.spawn import ProcessHandle
+
+SHOWN_EVENTS = 200
+"""Events of a run that pages show; the run folder has them all."""
+
+PATIENCE_S = 5.0
+"""The bench process has so long to stop motors and close a run when the server ends."""
+
+
+class BenchClient:
+    """Send commands to the bench process, and hold its latest snapshots for every page.
+
+    Everything here runs in the page's loop; `start` is called there.
+
+    Args:
+        process: started by `start` unless it is already.
+    """
+
+    def __init__(self, process: ProcessHandle | None = None) -> None:
+        self.connection = ConnectionStatus()
+        self.live = LiveStatus()
+        self.sweep = SweepStatus()
+        self.events: list[Event] = []
+        self.on_notice: Callable[[Notice], None] = lambda notice: None
+        self.on_press_ended: Callable[[PressEnded], None] = lambda ended: None
+        self.on_frame: Callable[[bytes], None] = lambda frame: None
+        self._process = process or ProcessHandle()
+        self._closing = False
+
+    def start(self) -> None:
+        """Listen to the process."""
+        if not self._process.started:
+            self._process.start()
+        loop = asyncio.get_running_loop()
+        threading.Thread(
+            target=self._listen, args=(self._process, loop), name="bench events", daemon=True
+        ).start()
+
+    def send(self, command: Command) -> None:
+        """Send a command; the bench process answers with events."""
+        # That a process is gone is reported, and another started, where it is listened to.
+        self._process.send(pickle.dumps(command))
+
+    def stop(self, who: str) -> None:
+        """Stop the motors and whatever runs."""
+        self.send(StopMotors(who))
+
+    def confirm_standstill(self) -> None:
+        """Take somebody's word that the motors stand."""
+        self.connection = replace(self.connection, unseen="")
+
+    def close(self) -> None:
+        """End the process: it stops the motors and closes its run first."""
+        self._closing = True
+        self.send(Shutdown())
+        self._process.end(PATIENCE_S)
+
+    def _listen(self, process: ProcessHandle, loop: asyncio.AbstractEventLoop) -> None:
+        while True:
+            try:
+                message = process.receive()
+            except (EOFError, OSError):
+                break
+            # A loop that is closed has no page any more.
+            with suppress(RuntimeError):
+                loop.call_soon_threadsafe(self._receive, message)
+        if not self._closing:
+            loop.call_soon_threadsafe(self._restart)
+
+    def _restart(self) -> None:
+        """Start another process for one that ended by itself."""
+        reason = (
+            "the process that held the bench has ended; its motors were not seen to stand: look, "
+            "cut the power if they turn, then connect it anew"
+        )
+        unseen = reason if self.connection.status == "on" else ""
+        session = self.connection.session
+        self._process = ProcessHandle()
+        self.start()
+        self.connection = ConnectionStatus(reason=reason, session=session, unseen=unseen)
+        self.live = LiveStatus()
+        if self.sweep.active:
+            self.sweep = replace(self.sweep, status="stopped", reason=reason)
+        self.on_notice(Notice(text=reason, is_error=True))
+
+    def _receive(self, message: bytes) -> None:
+        if message[:1] == FRAME:
+            self.on_frame(message[1:])
+            return
+        event: BenchEvent = pickle.loads(message[1:])
+        if isinstance(event, ConnectionStatus):
+            self.connection = event
+            if event.status != "on":
+                self.live = LiveStatus()
+        elif isinstance(event, LiveStatus):
+            self.live = event
+        elif isinstance(event, SweepStatus):
+            if event.run != self.sweep.run:
+                self.events.clear()
+            self.sweep = event
+        elif isinstance(event, RunEvent):
+            self.events.append(event.event)
+            del self.events[:-SHOWN_EVENTS]
+        elif isinstance(event, PressEnded):
+            self.on_press_ended(event)
+        else:
+            self.on_notice(event)

@@ -1,0 +1,162 @@
+"""The bench process: one thread holds the bench, one listens, one publishes.
+
+It ends when the page's server closes the pipe, or is killed: motors at zero, the run closed.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import queue
+import threading
+import time
+from contextlib import suppress
+from multiprocessing.connection import Connection as Pipe
+
+from benchtool.acquire.inputs import rig_for
+from benchtool.bench.address import open_bench
+from benchtool.bench.guard import GuardedBench
+from benchtool.bench.paced import PacedBench
+from benchtool.bench.stoppable import StoppableBench
+from benchtool.errors import BenchtoolError, StandstillNotSeen
+from benchtool.web.bench_process.commands import (
+    AnswerQuestion,
+    Command,
+    Connect,
+    Disconnect,
+    HoldThrottle,
+    PauseSweep,
+    ReleaseThrottle,
+    SetClockSpeed,
+    Shutdown,
+    StopMotors,
+)
+from benchtool.web.bench_process.events import ConnectionStatus, Notice, PressEnded
+from benchtool.web.bench_process.publisher import EventPublisher
+from benchtool.web.bench_process.runs import RunSupervisor
+from benchtool.web.bench_process.session import Session
+from benchtool.web.bench_process.telemetry import Telemetry
+from benchtool.web.bench_process.throttle import DeadManSwitch
+
+VIRTUAL = ("sim:", "replay:")
+"""Addresses of benches on a virtual clock."""
+
+PRIORITY = -10
+"""Niceness of the bench process, for users that may have it; a choice."""
+
+FASTEST = 100.0
+"""Highest speed of a virtual clock, in multiples of real time; a choice."""
+
+
+def run_bench_process(pipe: Pipe) -> None:
+    """Serve a page's server over a pipe until it closes."""
+    # Where the system allows it this loop goes before others: it feeds the device's watchdog.
+    with suppress(OSError, AttributeError):
+        os.nice(PRIORITY)
+    BenchProcess(pipe).run()
+
+
+class BenchProcess:
+    """Own the bench, in the main thread, where signals come.
+
+    Args:
+        pipe: to the page's server.
+    """
+
+    def __init__(self, pipe: Pipe) -> None:
+        self._pipe = pipe
+        self._publisher = EventPublisher(pipe)
+        self._commands: queue.SimpleQueue[Command] = queue.SimpleQueue()
+        self._dead_man = DeadManSwitch(
+            lambda tab, reason: self._publisher.publish(PressEnded(tab, reason))
+        )
+        self._runs = RunSupervisor(self._publisher)
+        self._bench: StoppableBench | None = None
+        self._paced: PacedBench | None = None
+        self._sessions = 0
+
+    def run(self) -> None:
+        """Hold one bench after another."""
+        threading.Thread(target=self._listen, name="listen", daemon=True).start()
+        try:
+            while not isinstance(command := self._commands.get(), Shutdown):
+                if isinstance(command, Connect):
+                    self._hold(command)
+                elif not isinstance(command, Disconnect):
+                    self._publish_error("no bench is connected; connect one first")
+        except KeyboardInterrupt:
+            pass
+        finally:
+            self._runs.finish()
+            self._publisher.close()
+
+    def _listen(self) -> None:
+        """Take commands; what cannot wait for the owner of the bench is done here."""
+        while True:
+            try:
+                command: Command = pickle.loads(self._pipe.recv_bytes())
+            except (EOFError, OSError):
+                command = Shutdown()
+            if isinstance(command, StopMotors):
+                self._stop(f"stopped from {command.who}")
+            elif isinstance(command, HoldThrottle):
+                self._dead_man.hold(command, time.monotonic())
+            elif isinstance(command, ReleaseThrottle):
+                self._dead_man.release(command)
+            elif isinstance(command, PauseSweep):
+                self._runs.pause(command.on)
+            elif isinstance(command, AnswerQuestion):
+                self._runs.answer(command.text)
+            elif isinstance(command, SetClockSpeed):
+                if (paced := self._paced) is not None:
+                    paced.speed = min(max(command.speed, 0.1), FASTEST)
+            elif isinstance(command, Shutdown):
+                self._stop("the page's server is gone")
+                self._commands.put(command)
+                return
+            elif self._runs.active:
+                self._publish_error(f"a {self._runs.what} is under way; stop it first")
+            else:
+                self._commands.put(command)
+
+    def _publish_error(self, text: str) -> None:
+        self._publisher.publish(Notice(text=text, is_error=True))
+
+    def _stop(self, reason: str) -> None:
+        self._dead_man.end_press(reason)
+        if (bench := self._bench) is not None:
+            bench.ask_to_stop(reason)
+
+    def _hold(self, connect: Connect) -> None:
+        """Open a bench and hold it until it is disconnected or something ends it."""
+        self._sessions += 1
+        number, address = self._sessions, connect.address
+        self._publisher.publish(ConnectionStatus(status="opening", address=address, session=number))
+        reason = unseen = ""
+        try:
+            rig = rig_for(address, connect.rig or None)
+            device = open_bench(address)
+            paced = PacedBench(device) if address.startswith(VIRTUAL) else None
+            telemetry = Telemetry(
+                number, rig, self._publisher, lambda: paced.speed if paced else 0.0
+            )
+            stoppable = StoppableBench(paced or device, telemetry.take)
+            self._bench, self._paced = stoppable, paced
+            session = Session(
+                connect, number, rig, self._publisher, self._commands, self._dead_man, self._runs,
+                telemetry,
+            )  # fmt: skip
+            with stoppable if connect.weighs else GuardedBench(stoppable, rig) as bench:
+                session.run(bench)
+            state = bench.standstill if isinstance(bench, GuardedBench) else None
+            if state is not None and not state.seen:
+                self._publish_error(state.text)
+        except BenchtoolError as error:
+            reason = str(error)
+            unseen = reason if isinstance(error, StandstillNotSeen) else ""
+            self._publish_error(reason)
+        finally:
+            self._bench = self._paced = None
+            self._publisher.publish(
+                ConnectionStatus(address=address, session=number, reason=reason, unseen=unseen)
+            )

@@ -1,0 +1,257 @@
+"""Sweeps and pitch recordings for the page: the command line's own functions, with remote pause."""
+
+from __future__ import annotations
+
+import queue
+import signal
+import threading
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import suppress
+from dataclasses import replace
+from datetime import datetime
+from multiprocessing import get_context
+from pathlib import Path
+
+from benchtool.acquire.arming import CONFIRMATION, require_unattended
+from benchtool.acquire.calibration_file import calibration_for
+from benchtool.acquire.check_plan import check_plan
+from benchtool.acquire.new_run import new_pitch_run, new_run
+from benchtool.acquire.order import Visit
+from benchtool.acquire.pitch_experiment import expected_on
+from benchtool.acquire.pitch_record import record_pitch, summary_line
+from benchtool.acquire.resume import prepare, require_same_device, unfinished
+from benchtool.acquire.stage_choice import stage_for
+from benchtool.acquire.sweep import Start, run_sweep
+from benchtool.bench.bench import Identity
+from benchtool.bench.guard import GuardedBench
+from benchtool.core.counted import counted
+from benchtool.core.rig import Rig
+from benchtool.errors import BenchError, BenchtoolError, InputError, RunStopped
+from benchtool.store import Event, Point, Run
+from benchtool.web.bench_process.commands import StartRecording, StartSweep
+from benchtool.web.bench_process.events import RunEvent, SweepStatus
+from benchtool.web.bench_process.publisher import EventPublisher
+
+READ_S = 0.05
+
+
+def close_run(path: Path) -> None:
+    """Close a run; a process of its own does this."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    Run.open(path).close()
+
+
+def prepare_run(path: Path) -> Start | str:
+    """Return where a run resumes, or why it does not; a process of its own does this."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        return prepare(unfinished(Run.open(path)))
+    except BenchtoolError as error:
+        return str(error)
+
+
+def require_armed(typed: str, identity: Identity, rig: Rig) -> None:
+    """Refuse to spin without what the operator types, but on a simulated or checked bench.
+
+    Raises:
+        RunStopped: it was not typed.
+    """
+    if not typed:
+        require_unattended(identity, rig, datetime.now().astimezone().date())
+    elif typed.strip() != CONFIRMATION:
+        raise RunStopped(f"not armed: {CONFIRMATION} was not typed; nothing was spun")
+
+
+class RunSupervisor:
+    """Run sweeps and recordings, publish how they stand; it is their `Progress`.
+
+    Args:
+        publisher: to the page.
+    """
+
+    def __init__(self, publisher: EventPublisher) -> None:
+        self._publisher = publisher
+        self._state = SweepStatus()
+        self._radius_m = 1.0
+        self._paused = threading.Event()
+        self._answers: queue.SimpleQueue[str] = queue.SimpleQueue()
+        self._closing: threading.Thread | None = None
+
+    @property
+    def active(self) -> bool:
+        """Whether a sweep or a recording has the bench."""
+        return self._state.active and self._state.status != "closing"
+
+    @property
+    def what(self) -> str:
+        """What has it, in a word."""
+        return "recording" if self._state.pitch else "sweep"
+
+    def pause(self, on: bool) -> None:
+        """Let the sweep wait or continue, from any thread."""
+        if on:
+            self._paused.set()
+            if self._state.status == "running":
+                self._change(status="pausing")
+        else:
+            self._paused.clear()
+
+    def answer(self, text: str) -> None:
+        """Answer the sweep's question, from any thread."""
+        self._answers.put(text)
+
+    def sweep(self, bench: GuardedBench, rig: Rig, command: StartSweep) -> None:
+        """Sweep; motors are at zero when this returns or raises.
+
+        Raises:
+            BenchtoolError: why it could not begin.
+            BenchError: the bench is not to be used any more.
+        """
+        self.finish()
+        self._paused.clear()
+        identity = bench.identity
+        rest = unfinished(Run.open(command.resume)) if command.resume else None
+        if rest is not None:
+            plan, rig = rest.plan, rest.rig
+        elif command.plan is not None:
+            plan = command.plan.resolved(rig)
+        else:
+            raise InputError("neither a plan nor a run to go on with was given")
+        self._radius_m = rig.propulsion.radius_m
+        check_plan(plan, rig, identity.limits)
+        scale = rest.calibration if rest else calibration_for(command.calibration, identity)
+        chosen = command.stage or (rest.stage if rest else None)
+        stage = stage_for(chosen, bench, rig, lambda text: self._ask(bench, text))
+        require_armed(command.typed, identity, rig)
+        start = None
+        if rest is not None:
+            require_same_device(rest, identity)
+            start = self._prepared(bench, rest.run.path)
+        with bench.interruptible():
+            stage.open()
+        run: Run | None = None
+        try:
+            run = rest.run if rest else new_run(
+                (command.runs, None), plan, rig, identity,
+                operator=command.operator, air=command.air, calibration=scale,
+            )  # fmt: skip
+            self._begin(SweepStatus(status="running", run=str(run.path)))
+            summary = run_sweep(
+                bench, stage, plan, rig, run, self,
+                calibration=scale, start=start, waits=self._paused.is_set,
+            )  # fmt: skip
+            reason = (
+                f"{counted(summary.measured, 'point')}, {summary.unsettled} not settled, "
+                f"{counted(summary.tares, 'tare')}, {counted(summary.samples, 'sample')}, "
+                f"{summary.lost} lost"
+            )
+            self._close(run, "ended", reason)
+        except BenchtoolError as error:
+            if run is not None:
+                self._close(run, "stopped", bench.with_standstill(str(error)))
+                bench.require_standstill(ends_normally=True)
+            if run is None or isinstance(error, BenchError):
+                raise
+        finally:
+            stage.close()
+
+    def record(self, bench: GuardedBench, rig: Rig, command: StartRecording) -> None:
+        """Record a pitch experiment; motors are at zero when this returns or raises.
+
+        Raises:
+            BenchtoolError: why it could not begin.
+            BenchError: the bench is not to be used any more.
+        """
+        self.finish()
+        identity, experiment = bench.identity, command.experiment
+        expected_on(identity, experiment, rig)
+        require_armed(command.typed, identity, rig)
+        run = new_pitch_run((command.runs, command.name, None), experiment, rig, identity)
+        self._begin(SweepStatus(status="running", pitch=True, run=str(run.path)))
+        try:
+            summary = record_pitch(
+                bench, rig, experiment, run, self, lambda left_s: self._change(left_s=left_s)
+            )
+            self._close(run, "ended", summary_line(summary))
+        except BenchtoolError as error:
+            self._close(run, "stopped", bench.with_standstill(str(error)))
+            bench.require_standstill(ends_normally=True)
+            if isinstance(error, BenchError):
+                raise
+
+    def finish(self) -> None:
+        """Wait until the files of the last run are closed."""
+        if self._closing is not None:
+            self._closing.join()
+
+    def started(self, visits: int, done: int, expected_s: float) -> None:
+        self._change(visits=visits, done=done, left_s=expected_s)
+
+    def visiting(self, visit: Visit) -> None:
+        place = visit.setting.place
+        where = "parked" if place.parked else f"z/R {place.z_m / self._radius_m:.2f}"
+        self._change(status="running", now=f"{visit.kind} {where}, {visit.setting.level_us:.0f} us")
+
+    def measured(self, point: Point, remaining_s: float) -> None:
+        self._change(done=self._state.done + 1, left_s=remaining_s)
+
+    def happened(self, event: Event) -> None:
+        self._publisher.publish(RunEvent(event))
+        if event.event == "paused":
+            self._change(status="paused")
+        elif event.event == "went_on":
+            self._change(status="running")
+
+    def _prepared(self, bench: GuardedBench, run: Path) -> Start:
+        """Read where a run resumes, in a process of its own while the bench is read on."""
+        with ProcessPoolExecutor(1, get_context("spawn")) as pool:
+            reading = pool.submit(prepare_run, run)
+            while not reading.done():
+                bench.listen(READ_S)
+            bench.take_kept()
+            start = reading.result()
+        if isinstance(start, str):
+            raise InputError(start)
+        return start
+
+    def _ask(self, bench: GuardedBench, question: str) -> str:
+        """Put a question to the page and read the bench until it is answered."""
+        with suppress(queue.Empty):
+            while True:
+                self._answers.get_nowait()
+        self._change(status="asking", question=question)
+        while True:
+            bench.listen(READ_S)
+            with suppress(queue.Empty):
+                text = self._answers.get_nowait()
+                self._change(status="running", question="")
+                return text
+
+    def _close(self, run: Run, status: str, reason: str) -> None:
+        """Finish the files beside the bench, which goes on being read.
+
+        In a process of its own: a thread's share of this work (pandas, Parquet) kept the loop that
+        reads from doing so for longer than the device's watchdog waits.
+        """
+        self._change(status="closing", run=str(run.path), question="", reason=reason)
+
+        def close() -> None:
+            closing = get_context("spawn").Process(target=close_run, args=(run.path,))
+            closing.start()
+            closing.join()
+            result = reason
+            if closing.exitcode:
+                result = f"{reason}; the tables made from its samples could not be written"
+            self._change(status=status, now="", left_s=0.0, reason=result)
+
+        self._closing = threading.Thread(target=close, name="closing")
+        self._closing.start()
+
+    def _begin(self, state: SweepStatus) -> None:
+        self._state = state
+        self._publisher.publish(state)
+
+    def _change(self, **changes: object) -> None:
+        """Publish what is other than it was."""
+        self._state = replace(self._state, **changes)  # type: ignore[arg-type]
+        self._publisher.publish(self._state)

@@ -1,0 +1,193 @@
+"""One connection to a bench, from its opening to its end."""
+
+from __future__ import annotations
+
+import queue
+import time
+from datetime import datetime
+
+from benchtool.acquire.arming import CONFIRMATION
+from benchtool.acquire.calibration_file import calibration_for
+from benchtool.bench.bench import Bench, Identity
+from benchtool.bench.guard import GuardedBench
+from benchtool.bench.stoppable import AskedToStop
+from benchtool.core.rig import Rig
+from benchtool.errors import BenchError, BenchtoolError, InputError
+from benchtool.web.bench_process.commands import (
+    ArmMotors,
+    Calibrate,
+    Command,
+    Connect,
+    Disconnect,
+    MovePlateTo,
+    Shutdown,
+    StartRecording,
+    StartSweep,
+    TareLoadCell,
+    WeighMass,
+)
+from benchtool.web.bench_process.events import ConnectionStatus, Notice
+from benchtool.web.bench_process.publisher import EventPublisher
+from benchtool.web.bench_process.runs import RunSupervisor
+from benchtool.web.bench_process.telemetry import Telemetry
+from benchtool.web.bench_process.throttle import DeadManSwitch, ThrottleRamp
+from benchtool.web.bench_process.weighing import Weighing
+
+READ_S = 0.02
+"""Longest read between two looks at the commands."""
+
+
+class Session:
+    """Read a bench and carry out commands, in the thread that owns it.
+
+    Args:
+        connect: the command that opened it.
+        number: of this session.
+        rig: on the bench.
+        publisher: to the page.
+        commands: from the page.
+        dead_man: of the throttle.
+        runs: sweeps and recordings.
+        telemetry: receives every sample.
+    """
+
+    def __init__(
+        self,
+        connect: Connect,
+        number: int,
+        rig: Rig,
+        publisher: EventPublisher,
+        commands: queue.SimpleQueue[Command],
+        dead_man: DeadManSwitch,
+        runs: RunSupervisor,
+        telemetry: Telemetry,
+    ) -> None:
+        self._connect, self._number, self._rig = connect, number, rig
+        self._publisher, self._commands, self._dead_man = publisher, commands, dead_man
+        self._runs, self._telemetry = runs, telemetry
+        self._ramp = ThrottleRamp(rig)
+        self._weighing = Weighing()
+        self._armed = False
+
+    def run(self, bench: Bench) -> None:
+        """Hold an open bench until it is disconnected.
+
+        Raises:
+            BenchtoolError: what ended it.
+        """
+        guarded = bench if isinstance(bench, GuardedBench) else None
+        self._armed = guarded is not None and bench.identity.simulated
+        self._telemetry.begin(bench.identity, guarded)
+        self._publish_connection(bench.identity)
+        while True:
+            try:
+                command = self._next()
+                if isinstance(command, Shutdown):
+                    self._commands.put(command)
+                if isinstance(command, Shutdown | Disconnect):
+                    return
+                if command is not None:
+                    self._execute(bench, guarded, command)
+                if guarded is not None:
+                    self._turn(guarded)
+                bench.read(READ_S)
+                if guarded is not None:
+                    guarded.check_standstill()
+            except AskedToStop as stopped:
+                self._dead_man.end_press(str(stopped))
+                bench.stop()
+                self._publisher.publish(Notice(text=str(stopped)))
+            self._telemetry.note(armed=self._armed, weighed=self._weighing.weighed)
+
+    def _next(self) -> Command | None:
+        try:
+            return self._commands.get_nowait()
+        except queue.Empty:
+            return None
+
+    def _execute(self, bench: Bench, guarded: GuardedBench | None, command: Command) -> None:
+        """Carry out a command; its errors are published, those that end a bench are raised."""
+        try:
+            if isinstance(command, WeighMass | Calibrate):
+                self._calibrate(bench, guarded, command)
+            elif isinstance(command, Connect):
+                raise InputError("a bench is connected already; disconnect it first")
+            elif guarded is None:
+                raise InputError("this bench is held for masses only; connect it anew")
+            else:
+                self._act(guarded, command)
+        except AskedToStop:
+            raise
+        except BenchtoolError as error:
+            if isinstance(error, BenchError) and guarded is not None and guarded.reason:
+                raise
+            self._publisher.publish(Notice(text=str(error), is_error=True))
+
+    def _act(self, bench: GuardedBench, command: Command) -> None:
+        if isinstance(command, ArmMotors):
+            self._armed = bench.identity.simulated or command.typed.strip() == CONFIRMATION
+            if not self._armed:
+                raise InputError(f"not armed: {CONFIRMATION} was not typed; nothing was spun")
+        elif isinstance(command, TareLoadCell):
+            bench.tare()
+            self._publisher.publish(Notice(text="tared"))
+        elif isinstance(command, MovePlateTo):
+            self._telemetry.note(busy=f"moving the plate to {1e3 * command.z_m:.0f} mm")
+            bench.move_plate(command.z_m)
+            self._telemetry.note(busy="")
+        elif isinstance(command, StartSweep):
+            self._dead_man.end_press("a sweep begins")
+            bench.stop()
+            self._runs.sweep(bench, self._rig, command)
+        elif isinstance(command, StartRecording):
+            self._dead_man.end_press("a recording begins")
+            bench.stop()
+            self._runs.record(bench, self._rig, command)
+
+    def _turn(self, bench: GuardedBench) -> None:
+        """Let motors follow the throttle button."""
+        now_s = time.monotonic()
+        wanted = self._dead_man.wanted(now_s)
+        if wanted is not None and not self._armed:
+            self._end_press(f"motors are not armed; type {CONFIRMATION} first")
+            wanted = None
+        try:
+            self._ramp.follow(bench, wanted, now_s)
+        except InputError as error:
+            self._end_press(str(error))
+
+    def _end_press(self, reason: str) -> None:
+        self._dead_man.end_press(reason)
+        self._publisher.publish(Notice(text=reason, is_error=True))
+
+    def _calibrate(
+        self, bench: Bench, guarded: GuardedBench | None, command: WeighMass | Calibrate
+    ) -> None:
+        if guarded is not None:
+            raise InputError("masses need a bench without limits; press Calibrate first")
+        if isinstance(command, WeighMass):
+            self._telemetry.note(busy=f"averaging counts under {command.mass_kg:g} kg")
+            self._weighing.weigh(bench, self._rig, command.mass_kg, command.seconds)
+            self._telemetry.note(busy="")
+        elif command.store:
+            device_id = bench.identity.device_id
+            calibration = self._weighing.fit(device_id, lambda: datetime.now().astimezone())
+            self._publish_connection(bench.identity)
+            slope_uN = 1e6 * calibration.slope_N_per_count
+            text = f"calibrated: {slope_uN:.6g} uN per count, stored for {device_id}"
+            self._publisher.publish(Notice(text=text))
+        else:
+            self._weighing.forget()
+
+    def _publish_connection(self, identity: Identity) -> None:
+        self._publisher.publish(
+            ConnectionStatus(
+                status="on",
+                address=self._connect.address,
+                session=self._number,
+                identity=identity,
+                rig=self._rig,
+                calibration=calibration_for(None, identity),
+                weighs=self._connect.weighs,
+            )
+        )

@@ -1,0 +1,163 @@
+"""Telemetry of every sample: frames for the charts, and a few numbers four times a second."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.bench.bench import Identity, Readings
+from benchtool.bench.guard import GuardedBench
+from benchtool.core.rig import Limits, Rig
+from benchtool.web.bench_process.events import LimitShare, LiveStatus, Notice
+from benchtool.web.bench_process.frame import Decimator, merged, split
+from benchtool.web.bench_process.publisher import EventPublisher
+
+Array = NDArray[np.float64]
+
+
+def limit_shares(
+    names: Sequence[str], low: Array, high: Array, pulses_us: Sequence[float], limits: Limits
+) -> tuple[LimitShare, ...]:
+    """Return every limit with the reading that was nearest to it.
+
+    Args:
+        names: of channels (c,).
+        low: least of each since the last call (c,); nan where nothing came.
+        high: greatest of each (c,).
+        pulses_us: commanded.
+        limits: of the rig.
+    """
+    found = []
+    for family, label, limit in (
+        ("thrust_N", "thrust, N", min(limits.thrust_N, limits.load_cell_rating_N)),
+        ("rpm", "speed, rpm", limits.rpm),
+        ("current_A", "current, A", limits.current_A),
+        ("temperature_degC", "ESC, degC", limits.temperature_degC),
+    ):
+        columns = [i for i, name in enumerate(names) if _family(name) == family]
+        values = [max(high[i], -low[i] if family == "thrust_N" else high[i]) for i in columns]
+        present = [float(value) for value in values if np.isfinite(value)]
+        if present:
+            found.append(LimitShare(label, max(present), limit, max(present) / limit))
+    if "voltage_V" in names:
+        volts = float(low[list(names).index("voltage_V")])
+        if np.isfinite(volts) and volts > 0.0:
+            least = limits.voltage_min_V
+            found.append(LimitShare("least voltage, V", volts, least, least / volts))
+    if pulses_us:
+        pulse = max(pulses_us)
+        found.append(LimitShare("pulse, us", pulse, limits.pwm_us, pulse / limits.pwm_us))
+    return tuple(found)
+
+
+def _family(name: str) -> str:
+    bare = name.rstrip("0123456789")
+    return "rpm" if bare == "rpm" else name
+
+
+FRAME_S = 0.05
+"""Time between two frames: 20 a second."""
+
+STATUS_FRAMES = 5
+"""Frames from one status to the next: four a second."""
+
+
+class Telemetry:
+    """Receive every read of a bench and publish it.
+
+    Args:
+        session: number of this connection.
+        rig: its limits.
+        publisher: to the page.
+        speed: of a virtual clock, 0 where it is the wall's.
+        clock: monotonic wall clock in seconds.
+    """
+
+    def __init__(
+        self,
+        session: int,
+        rig: Rig,
+        publisher: EventPublisher,
+        speed: Callable[[], float],
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._session, self._rig, self._publisher = session, rig, publisher
+        self._speed, self._clock = speed, clock
+        self._guarded: GuardedBench | None = None
+        self._names: tuple[str, ...] = ()
+        self._frames: Decimator | None = None
+        self._since_status: bytes | None = None
+        self._live = LiveStatus()
+        self._begun_s = self._framed_s = clock()
+        self._frames_since_status = 0
+        self._counted, self._counted_s = 0, 0.0
+
+    def begin(self, identity: Identity, guarded: GuardedBench | None) -> None:
+        """Publish from now on; what is read before the bench is known is left out."""
+        self._guarded = guarded
+        self._names = tuple(channel.name for channel in identity.channels)
+        self._frames = Decimator(self._session, len(self._names))
+        self._begun_s = self._framed_s = self._clock()
+
+    def note(self, **facts: Any) -> None:
+        """Change the next status; another `busy` is published at once."""
+        hurry = "busy" in facts and facts["busy"] != self._live.busy
+        self._live = replace(self._live, **facts)
+        if hurry:
+            self._publisher.publish(self._live)
+
+    def take(self, readings: Readings) -> None:
+        """Take what a read brought; every read of the bench passes here."""
+        if self._frames is None:
+            return
+        self._frames.add(readings.values)
+        live = self._live
+        self._live = replace(
+            live,
+            samples=live.samples + len(readings),
+            lost=live.lost + readings.lost,
+            corrupt=live.corrupt + readings.corrupt,
+        )
+        for message in readings.messages:
+            if not message.startswith("arrived"):
+                self._publisher.publish(Notice(text=f"device: {message}"))
+        self._publish(self._frames, float(readings.time_s[-1]) if len(readings) else None)
+
+    def _publish(self, frames: Decimator, newest_s: float | None) -> None:
+        now_s = self._clock()
+        if now_s - self._framed_s < FRAME_S:
+            return
+        # The next frame is due on the grid, unless this one came far too late.
+        self._framed_s = max(self._framed_s + FRAME_S, now_s - FRAME_S)
+        frame = frames.take(now_s - self._begun_s)
+        since = self._since_status
+        self._since_status = frame if since is None else merged(since, frame)
+        self._publisher.publish_frame(frame)
+        self._frames_since_status += 1
+        if self._frames_since_status >= STATUS_FRAMES:
+            self._publish_status(self._since_status, newest_s)
+            self._since_status, self._frames_since_status = None, 0
+
+    def _publish_status(self, frame: bytes, newest_s: float | None) -> None:
+        low, high = split(frame)
+        pulses = tuple(self._guarded.pwm_us.tolist()) if self._guarded else ()
+        seen = self._guarded.standstill if self._guarded else None
+        rate_Hz = self._live.rate_Hz
+        if newest_s is not None:
+            if self._counted_s and newest_s > self._counted_s:
+                rate_Hz = (self._live.samples - self._counted) / (newest_s - self._counted_s)
+            self._counted, self._counted_s = self._live.samples, newest_s
+        self._live = replace(
+            self._live,
+            pulses_us=pulses,
+            rate_Hz=rate_Hz,
+            limits=limit_shares(self._names, low, high, pulses, self._rig.limits),
+            speed=self._speed(),
+            standstill=seen.text if seen else "",
+        )
+        self._publisher.publish(self._live)

@@ -1,1 +1,0 @@
-"""The bench's own process: it holds the bench, runs sweeps, stops, and tells the page."""

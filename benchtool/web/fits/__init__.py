@@ -1,1 +1,0 @@
-"""The Fit tab: choose runs and a model, fit with progress, look at what came out."""

@@ -1,0 +1,295 @@
+"""Work that takes processor time, in processes of its own: the page stays quick, Stop too.
+
+Short work follows each other in one process, which has its libraries loaded (`WorkerProcess`). What
+takes minutes, reports progress, can be cancelled and outlives the page that began it is a `Job`. It
+belongs to the server and not to a browser: a page that is loaded anew finds it. Work is a function
+at the top of a module, its arguments and its result cross by pickle.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import shutil
+import signal
+import sys
+import threading
+import traceback
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from multiprocessing import get_context
+from multiprocessing.connection import Connection as Pipe
+from pathlib import Path
+from typing import Any, Generic, Literal, TypeVar
+
+from benchtool.errors import BenchtoolError, InputError, RunStopped, WouldOverwrite
+
+T = TypeVar("T")
+
+ReportProgress = Callable[[str, float], None]
+"""report(what is being done, share of the whole from 0 to 1)"""
+
+NICENESS = 5
+"""Of a job, where the system knows such a thing; a guess that keeps a page and a bench smooth."""
+
+GRACE_S = 2.0
+"""How long a cancelled job may take to end before it is killed; a guess."""
+
+
+class WorkerProcess:
+    """Run short work, one call after another, in one process, started with the first of them.
+
+    Args:
+        name: what it works for, as messages call it.
+    """
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self._pool: ProcessPoolExecutor | None = None
+        self._lifeline: Pipe | None = None
+
+    async def run(self, work: Callable[..., Any], *arguments: Any) -> Any:
+        """Return what a function returns.
+
+        Raises:
+            BenchtoolError: what the function raised, with the same sentence.
+            RunStopped: the process ended before it was done.
+        """
+        pool = self._pool or self._start()
+        try:
+            status, result = await asyncio.wrap_future(pool.submit(_outcome, work, arguments))
+        except BrokenProcessPool:
+            if self._pool is pool:
+                self.close()
+            raise RunStopped(
+                f"the process for {self._name} ended before it was done; ask again"
+            ) from None
+        if status == "failed":
+            raise BenchtoolError(result)
+        return result
+
+    def close(self) -> None:
+        """End the process, whatever it does; safe to call twice."""
+        if self._pool is not None and self._lifeline is not None:
+            self._lifeline.close()
+            self._pool.shutdown(wait=False, cancel_futures=True)
+            self._pool = self._lifeline = None
+
+    def _start(self) -> ProcessPoolExecutor:
+        spawn = get_context("spawn")
+        theirs, self._lifeline = spawn.Pipe(duplex=False)
+        self._pool = ProcessPoolExecutor(1, spawn, _live_with_server, (theirs,))
+        return self._pool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JobState(Generic[T]):
+    """State how a job stands.
+
+    Attributes:
+        what: is being done, or was done last.
+        share: of the whole, 0 to 1.
+        stages: everything that was done so far, in order.
+        result: of the work, once it is done.
+        error: one sentence, where it failed.
+    """
+
+    status: Literal["running", "done", "failed", "cancelled"] = "running"
+    what: str = "starting"
+    share: float = 0.0
+    stages: tuple[str, ...] = ()
+    result: T | None = None
+    error: str = ""
+
+    @property
+    def running(self) -> bool:
+        """Whether there is more to come."""
+        return self.status == "running"
+
+
+class Job(Generic[T]):
+    """Run a function in a new process.
+
+    Args:
+        work: called as work(report, *arguments); calls report(what, share) whenever it likes.
+        arguments: of the work.
+    """
+
+    def __init__(self, work: Callable[..., T], *arguments: Any) -> None:
+        spawn = get_context("spawn")
+        ours, theirs = spawn.Pipe()
+        self._state: JobState[T] = JobState()
+        self._changing = threading.Lock()
+        self._process = spawn.Process(
+            target=_run, args=(theirs, work, arguments), daemon=True, name=work.__name__
+        )
+        self._process.start()
+        theirs.close()
+        self._reader = threading.Thread(target=self._read, args=(ours,), daemon=True)
+        self._reader.start()
+
+    @property
+    def state(self) -> JobState[T]:
+        """How it stands now."""
+        return self._state
+
+    def cancel(self) -> None:
+        """End the process; nothing happens to a job that has ended already."""
+        if not self._change(status="cancelled"):
+            return
+        self._process.terminate()
+        self._process.join(GRACE_S)
+        if self._process.is_alive():
+            self._process.kill()
+
+    def wait(self, timeout_s: float | None = None) -> JobState[T]:
+        """Return how it stands once it has ended, or after so long."""
+        self._reader.join(timeout_s)
+        return self._state
+
+    def _read(self, pipe: Pipe) -> None:
+        """Take messages until the process closes its end."""
+        with pipe, suppress(EOFError, OSError):
+            while True:
+                status, *content = pipe.recv()
+                if status == "running":
+                    what, share = content
+                    stages = self._state.stages
+                    if stages[-1:] != (what,):
+                        stages = (*stages, what)
+                    self._change(what=what, share=share, stages=stages)
+                elif status == "done":
+                    self._change(status="done", share=1.0, result=content[0])
+                else:
+                    self._change(status="failed", error=content[0])
+        self._process.join()
+        self._change(
+            status="failed",
+            error=f"the work ended without an answer (exit code {self._process.exitcode}), as "
+            f"when memory runs out; ask for less, or close other programs",
+        )
+
+    def _change(self, **changes: Any) -> bool:
+        """Change the state of a job that still runs; return whether it did."""
+        with self._changing:
+            if not self._state.running:
+                return False
+            self._state = replace(self._state, **changes)
+            return True
+
+
+@dataclass(slots=True, kw_only=True)
+class FolderJob(Generic[T]):
+    """Hold a job that makes a folder.
+
+    Attributes:
+        out: the folder, there once it is whole.
+        words: behind `benchtool` that do the same.
+    """
+
+    out: Path
+    words: tuple[str, ...]
+    job: Job[T]
+
+    @property
+    def state(self) -> JobState[T]:
+        """How it stands."""
+        return self.job.state
+
+    def cancel(self) -> None:
+        """End it and delete what it had begun to write."""
+        self.job.cancel()
+        shutil.rmtree(partial_folder(self.out), ignore_errors=True)
+
+
+W = TypeVar("W", bound=FolderJob[Any])
+
+
+@dataclass(frozen=True, slots=True)
+class LatestJob(Generic[W]):
+    """Hold the latest job of one kind, by runs folder: one runs at a time on a server."""
+
+    by_root: dict[Path, W] = field(default_factory=dict)
+
+    def of(self, root: Path) -> W | None:
+        """Return the latest job, None before the first."""
+        return self.by_root.get(root)
+
+    def ended(self, root: Path) -> W | None:
+        """Return the latest job, so that another can be started.
+
+        Raises:
+            InputError: it still runs.
+        """
+        present = self.of(root)
+        if present is not None and present.state.running:
+            raise InputError(
+                f"{present.out.name} still runs ({present.state.what}); wait, or cancel it"
+            )
+        return present
+
+
+def partial_folder(out: Path) -> Path:
+    """Return where a folder is written until it is whole; a list of runs does not show it."""
+    return out.with_name(f".{out.name}.part")
+
+
+def complete_folder(begun_for: Path, out: Path) -> None:
+    """Give the whole folder that was begun for a name its name.
+
+    Raises:
+        WouldOverwrite: something of that name exists.
+    """
+    if out.exists():
+        raise WouldOverwrite(str(out))
+    partial_folder(begun_for).rename(out)
+
+
+def fault_sentence(error: Exception) -> str:
+    """Return that a fault is benchtool's own; its traceback stands where the server was started."""
+    summary = " ".join(str(error).split())
+    return (
+        f"a fault in benchtool itself, {type(error).__name__}: {summary}; please report it with "
+        f"what was printed where benchtool web runs"
+    )
+
+
+def _outcome(work: Callable[..., Any], arguments: tuple[Any, ...]) -> tuple[str, Any]:
+    """Return the status and the result of some work, or its error in one sentence."""
+    try:
+        return "done", work(*arguments)
+    except BenchtoolError as error:
+        return "failed", str(error)
+    except Exception as error:  # noqa: BLE001 -- whatever it is, the page must show it
+        traceback.print_exc(file=sys.stderr)
+        return "failed", fault_sentence(error)
+
+
+def _run(pipe: Pipe, work: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
+    """Do a job's work in its process and send what comes of it."""
+    _live_with_server(pipe)
+    with suppress(AttributeError, OSError):
+        os.nice(NICENESS)
+
+    def report(what: str, share: float) -> None:
+        pipe.send(("running", what, float(share)))
+
+    outcome = _outcome(work, (report, *arguments))
+    with suppress(OSError):  # the server has gone
+        pipe.send(outcome)
+
+
+def _live_with_server(lifeline: Pipe) -> None:
+    """End this process when the server closes the other end of a pipe, or is gone."""
+    # Ctrl-C in the terminal ends the server, which ends this.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+    def end() -> None:
+        with suppress(EOFError, OSError):
+            lifeline.recv()
+        os._exit(1)
+
+    threading.Thread(target=end, daemon=True).start()

@@ -1,1 +1,0 @@
-"""The tab Simulate: controllers side by side on the pitch bench and in flight."""

@@ -1,0 +1,119 @@
+"""Choose a bench and connect to it."""
+
+from __future__ import annotations
+
+from nicegui import run, ui
+
+from benchtool.bench.address import SCHEMES
+from benchtool.errors import BenchtoolError
+from benchtool.library import rig_named, rig_names
+from benchtool.web.bench_process.commands import Connect, Disconnect, SetClockSpeed
+from benchtool.web.context import PageContext
+from benchtool.web.notifications import shows_errors
+from benchtool.web.widgets import CommandRow, titled_card
+
+SPEEDS = {1: "real time", 5: "5 times faster", 20: "20 times faster", 100: "100 times faster"}
+"""Speeds of a virtual clock that are offered."""
+
+FIRST = "sim:pquad"
+"""Address that stands there at first: needs no hardware."""
+
+PITCH = "mode=pitch&schedule=identify"
+"""Behind the address of a simulated bench: on a hinge, its beam moved as explaining likes best."""
+
+STEPS = (
+    "**Without hardware**: press *Connect*. `sim:pquad` is a simulated quadrotor over a plate; no "
+    "motor turns, and its clock can run up to 100 times faster.",
+    "**With a bench on a cable**: press *Find*, choose its port, name its rig, then *Connect*. "
+    "Motors stay at zero until you type ARM.",
+    "**Then**: *Sweep* measures thrust over plate distance and throttle, *Fit* estimates K_b and "
+    "the effective radius from it. *Simulate* and *Explain* need no bench.",
+)
+"""What to do first, where no bench is connected."""
+
+
+class ConnectCard:
+    """Offer found ports and simulated rigs, or any address."""
+
+    def __init__(self, context: PageContext) -> None:
+        self._context = context
+        with ui.card().classes("w-full"):
+            with ui.row().classes("items-end w-full gap-3"):
+                self._address = ui.input("Address of the bench", value=FIRST)
+                self._address.classes("grow address").on_value_change(self._show_command)
+                with ui.button("Find", icon="search").props("outline"), ui.menu() as self._menu:
+                    pass
+                self._menu.on("before-show", self._find)
+                rigs = {"": "as the address says", **{rig: rig for rig in rig_names()}}
+                self._rig = ui.select(rigs, value="", label="Rig")
+                self._rig.classes("w-44").on_value_change(self._show_command)
+                self._on = ui.button("Connect", icon="power", on_click=self._connect)
+                self._off = ui.button("Disconnect", on_click=self._disconnect).props("outline")
+                self._speed = ui.select(SPEEDS, value=1, label="Virtual clock").classes("w-44")
+                self._speed.on_value_change(self._set_speed)
+            self._reason = ui.label().classes("warn-box w-full").mark("why")
+            self._command = CommandRow()
+        with titled_card("No bench is connected") as self._start:
+            ui.markdown("\n".join(f"1. {step}" for step in STEPS)).classes("steps")
+        self._show_command()
+
+    def refresh(self) -> None:
+        """Show what is so now."""
+        connection, live = self._context.bench.connection, self._context.bench.live
+        self._on.set_visibility(connection.status == "off")
+        self._off.set_visibility(connection.status != "off")
+        self._speed.set_visibility(live.speed > 0.0)
+        self._start.set_visibility(connection.status == "off")
+        self._reason.set_visibility(bool(connection.reason))
+        self._reason.set_text(connection.reason)
+
+    @shows_errors
+    def _connect(self) -> None:
+        self._context.require_control()
+        address = self._address.value.strip()
+        self._speed.value = 1
+        self._context.bench.send(Connect(address=address, rig=self._rig.value))
+
+    @shows_errors
+    def _disconnect(self) -> None:
+        self._context.require_control()
+        self._context.bench.send(Disconnect())
+
+    @shows_errors
+    def _set_speed(self) -> None:
+        if self._context.bench.live.speed > 0.0 and self._context.in_control():
+            self._context.bench.send(SetClockSpeed(float(self._speed.value)))
+
+    def _show_command(self) -> None:
+        rig = ["--rig", self._rig.value] if self._rig.value else []
+        address = self._address.value.strip()
+        # A loop on board would hold against a check that turns one rotor after another.
+        check = ["record", address, *rig, "--dry-run"] if "mode=pitch" in address else None
+        self._command.show(check or ["bench", "check", address, *rig])
+
+    async def _find(self) -> None:
+        from benchtool.bench.ports import serial_ports
+
+        self._menu.clear()
+        try:
+            ports = await run.io_bound(serial_ports)
+        except BenchtoolError:
+            ports = ()
+        with self._menu:
+            for port in ports or ():
+                name = port.by_id or port.name
+                self._offer(f"serial:{name}", port.description or "serial port")
+            for rig in rig_names():
+                self._offer(f"sim:{rig}", "simulated, no motor turns")
+                self._offer(f"sim:{rig}?rate=1000", "simulated at 1 kHz")
+                if any(rotor.x_m for rotor in rig_named(rig).rotors):
+                    self._offer(f"sim:{rig}?{PITCH}", "simulated on a pitch hinge")
+            for name, scheme in SCHEMES.items():
+                if name not in ("sim", "serial"):
+                    self._offer(scheme.example, "an example to change")
+
+    def _offer(self, address: str, what: str) -> None:
+        item = ui.menu_item(on_click=lambda: self._address.set_value(address))
+        with item, ui.item_section():
+            ui.item_label(address)
+            ui.item_label(what).props("caption")

@@ -1,0 +1,119 @@
+"""The Bench tab: connect, see it live, tare, calibrate, record pitch, turn motors by hand."""
+
+from __future__ import annotations
+
+from nicegui import ui
+
+from benchtool.web.context import PageContext
+from benchtool.web.tabs.bench.connect_card import ConnectCard
+from benchtool.web.tabs.bench.load_cell_card import LoadCellCard
+from benchtool.web.tabs.bench.record_card import RecordCard
+from benchtool.web.tabs.bench.strip_chart import StripChart, strips_of
+from benchtool.web.tabs.bench.throttle_card import ThrottleCard
+from benchtool.web.widgets import show_facts, titled_card
+
+LOOK_S = 0.25
+"""How often the numbers beside the charts are refreshed."""
+
+CLOSE = 0.9
+"""Share of a limit from which on its bar warns; a choice."""
+
+
+class LimitsCard:
+    """Show how near every reading is to its limit, a bar for each."""
+
+    def __init__(self, context: PageContext) -> None:
+        self._context = context
+        self._bars: dict[str, tuple[ui.linear_progress, ui.label]] = {}
+        with titled_card("Limits") as self._card:
+            self._rows = ui.column().classes("w-full gap-1")
+
+    def refresh(self) -> None:
+        """Show what is so now."""
+        limits = self._context.bench.live.limits
+        self._card.set_visibility(bool(limits))
+        if tuple(self._bars) != tuple(one.name for one in limits):
+            self._rows.clear()
+            self._bars.clear()
+            with self._rows:
+                for one in limits:
+                    with ui.element("div").classes("near-row"):
+                        ui.label(one.name)
+                        bar = ui.linear_progress(show_value=False, size="10px")
+                        bar.props(f'instant-feedback aria-label="{one.name}, share of its limit"')
+                        self._bars[one.name] = bar, ui.label().classes("value number")
+        for one in limits:
+            bar, label = self._bars[one.name]
+            bar.value = round(min(max(one.share, 0.0), 1.0), 3)
+            bar.props(f"color={'warning' if one.share >= CLOSE else 'primary'}")
+            label.set_text(f"{one.value:.4g} of {one.limit:g}")
+
+
+class DeviceCard:
+    """Show the device, what it streams, and the quality of its link."""
+
+    def __init__(self, context: PageContext) -> None:
+        self._context = context
+        self._session = -1
+        with titled_card("Link and device") as self._card:
+            self._link = ui.label().classes("number").mark("link")
+            self._facts = ui.element("div").classes("facts-grid")
+
+    def refresh(self) -> None:
+        """Show what is so now."""
+        connection, live = self._context.bench.connection, self._context.bench.live
+        identity, rig = connection.identity, connection.rig
+        self._card.set_visibility(identity is not None)
+        if identity is None:
+            return
+        self._link.set_text(
+            f"{live.rate_Hz:.0f} samples/s of {identity.rate_Hz:g}; {live.samples} received, "
+            f"{live.lost} lost, {live.corrupt} corrupt"
+        )
+        self._link.classes(**({"add": "warn"} if live.lost else {"remove": "warn"}))
+        if connection.session == self._session:
+            return
+        self._session = connection.session
+        facts = {
+            "device": identity.device_id + (" (virtual)" if identity.simulated else ""),
+            "firmware": identity.firmware,
+            "protocol": identity.protocol,
+            "rig": f"{rig.name}: {rig.title}" if rig else "",
+            "plate": "moved by the device" if identity.moves_plate else "not moved by the device",
+            "watchdog": f"{1e3 * identity.watchdog_s:.0f} ms",
+            "channels": ", ".join(channel.name for channel in identity.channels),
+            **{name: text for name, text in identity.facts.items() if name == "warning"},
+        }
+        show_facts(self._facts, facts)
+
+
+def build(context: PageContext) -> None:
+    """Make the tab."""
+    shown = -1
+    with ui.element("div").classes("grid-main"):
+        with ui.element("div"):
+            connect = ConnectCard(context)
+            record = RecordCard(context)
+            charts = ui.card().classes("w-full").mark("charts")
+        with ui.element("div"):
+            throttle = ThrottleCard(context)
+            limits = LimitsCard(context)
+            cell = LoadCellCard(context)
+            device = DeviceCard(context)
+
+    def refresh() -> None:
+        nonlocal shown
+        connection = context.bench.connection
+        for card in (connect, record, throttle, limits, cell, device):
+            card.refresh()
+        session = connection.session if connection.identity is not None else 0
+        if session != shown:
+            shown = session
+            charts.clear()
+            charts.set_visibility(connection.identity is not None)
+            if connection.identity is not None:
+                with charts:
+                    StripChart(session, strips_of(connection.identity.channels))
+
+    refresh()
+    ui.timer(LOOK_S, refresh)

@@ -1,0 +1,181 @@
+"""Where the page finds recordings and models: the runs folder, and the examples of a checkout."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from benchtool.core.parsed_text import parse_toml
+from benchtool.core.user_file import MOST_TEXT_BYTES, read_text
+from benchtool.errors import BenchtoolError, InputError
+from benchtool.store.entry import Entry
+from benchtool.store.run_list import list_entries
+from benchtool.store.runs_folder import RunsFolder
+from benchtool.web.tabs.fit.model_choice import model_choices, model_path
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Question:
+    """Hold what is asked.
+
+    Attributes:
+        learn, check: paths of recordings.
+        model: shipped name or path.
+    """
+
+    learn: tuple[str, ...]
+    check: tuple[str, ...]
+    model: str
+
+    def words(self, out: Path) -> list[str]:
+        """Return the words behind `benchtool` that ask the same and write the same folder."""
+        words = ["explain", *self.learn, "--model", self.model, "--check", *self.check]
+        return [*words, "--out", str(out)]
+
+
+def question_of(
+    sources: RecordingSources, learn: Sequence[str], check: Sequence[str], model: str
+) -> Question:
+    """Return the question of some choices.
+
+    Raises:
+        InputError: something is missing, a choice leads elsewhere, or one recording is in both.
+    """
+    if not learn:
+        raise InputError(
+            "no recording to learn from is chosen; choose one or more, save one under Simulate, or "
+            "record one under Bench"
+        )
+    if not check:
+        raise InputError(
+            "no recording to check on is chosen; choose one of the same bench that is not learned "
+            "from"
+        )
+    both = set(learn) & set(check)
+    if both:
+        raise InputError(
+            f"{', '.join(sorted(both))} is to learn from and to check on; a model is checked on "
+            f"what it did not learn from, so choose another"
+        )
+    if not model:
+        raise InputError("no model is chosen; choose the one that should explain the recordings")
+    return Question(
+        learn=tuple(str(sources.path_of(name)) for name in learn),
+        check=tuple(str(sources.path_of(name)) for name in check),
+        model=sources.model_of(model),
+    )
+
+
+def suggested_folder(sources: RecordingSources, learn: Sequence[str], date: str) -> Path:
+    """Return a free folder for the answer about some recordings."""
+    first = Path(learn[0].rsplit("/", 1)[-1]).stem if learn else "recording"
+    stem = re.sub(r"[^A-Za-z0-9_-]+", "-", first).strip("-_")[:40] or "recording"
+    return sources.runs.free_path(date, f"explain-{stem}")
+
+
+EXAMPLE = "example: "
+"""Begins what comes with a checkout of benchtool; no name in a runs folder has a colon."""
+
+RECORDED = ("sweep", "pitch recording", "recording", "table")
+"""Kinds of entries that can be explained."""
+
+
+def examples_folder() -> Path | None:
+    """Return the example recordings that stand beside the package, where there are any.
+
+    As short as a command may name it from where the server was started.
+    """
+    folder = Path(__file__).parents[4] / "datasets"
+    if not (folder / "pitch_friction").is_dir():
+        return None
+    here = Path.cwd()
+    return folder.relative_to(here) if folder.is_relative_to(here) else folder
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Choices:
+    """Hold recordings and models by their choice, with words for people."""
+
+    recordings: dict[str, str]
+    models: dict[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class RecordingSources:
+    """List what can be chosen, and lead from a choice to its path; nothing else has one.
+
+    Attributes:
+        runs: the runs folder.
+        examples: read only; None where there are none.
+    """
+
+    runs: RunsFolder
+    examples: RunsFolder | None = None
+
+    @classmethod
+    def of(cls, root: Path) -> RecordingSources:
+        """Return the sources of a server."""
+        examples = examples_folder()
+        return cls(RunsFolder(root), RunsFolder(examples) if examples else None)
+
+    def choices(self) -> Choices:
+        """Read what can be chosen; the newest run first, the examples last. It reads files."""
+        entries = list_entries(self.runs)
+        recordings = {entry.name: _words(entry) for entry in entries if _is_data(entry)}
+        models = dict(model_choices(self.runs, entries))
+        models |= {name: name for name in _model_files(self.runs) if name not in models}
+        if self.examples is not None:
+            for entry in sorted(list_entries(self.examples), key=lambda entry: entry.name):
+                if _is_data(entry):
+                    recordings[EXAMPLE + entry.name] = EXAMPLE + _words(entry)
+            models |= {EXAMPLE + name: EXAMPLE + name for name in _model_files(self.examples)}
+        return Choices(recordings=recordings, models=models)
+
+    def path_of(self, choice: str) -> Path:
+        """Return the path of a recording.
+
+        Raises:
+            InputError: a name that leads out of the runs folder and the examples.
+            FileFormatError: nothing of that name is there.
+        """
+        folder, name = self._folder(choice)
+        return folder.path_of(name)
+
+    def model_of(self, choice: str) -> str:
+        """Return a model as the command takes it: a shipped name, or a path; checked as above."""
+        folder, name = self._folder(choice)
+        return model_path(folder, name)
+
+    def _folder(self, choice: str) -> tuple[RunsFolder, str]:
+        if self.examples is not None and choice.startswith(EXAMPLE):
+            return self.examples, choice.removeprefix(EXAMPLE)
+        return self.runs, choice
+
+
+def _is_data(entry: Entry) -> bool:
+    return entry.kind in RECORDED and not entry.problem
+
+
+def _words(entry: Entry) -> str:
+    about = ", ".join(filter(None, (entry.kind, entry.rig, entry.said)))
+    return f"{entry.name} ({about})"
+
+
+def _model_files(folder: RunsFolder) -> list[str]:
+    """Return the names of model files in a folder and the folders in it; not of hidden ones, in
+    which fits are still being written.
+    """
+    files = sorted((*folder.root.glob("[!.]*.toml"), *folder.root.glob("[!.]*/[!.]*.toml")))
+    return [folder.name_of(file) for file in files if _is_model(file)]
+
+
+def _is_model(file: Path) -> bool:
+    if file.stat().st_size > MOST_TEXT_BYTES:
+        return False
+    try:
+        head = parse_toml(read_text(file), file.name).get("model")
+    except BenchtoolError:
+        return False
+    return isinstance(head, dict) and "rig" in head

@@ -1,0 +1,113 @@
+"""What the Fit form asks for, as a recipe and as the words of the command. Pure."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from benchtool.core.rig import Rig
+from benchtool.errors import InputError
+from benchtool.recipes.fit_options import recipe_of_options, words_of_recipe
+from benchtool.recipes.recipe import Recipe
+from benchtool.store import rig_of_data
+from benchtool.store.csv_text import read_csv_text
+from benchtool.store.entry import Entry
+from benchtool.store.runs_folder import RunsFolder
+from benchtool.store.upload import columns_file
+from benchtool.web.tabs.fit.model_choice import (
+    ParameterChoice,
+    adjustables,
+    choice_options,
+    loaded,
+    model_path,
+)
+
+
+@dataclass(slots=True, kw_only=True)
+class FitRequest:
+    """Hold what the form says.
+
+    Attributes:
+        data: names of runs and tables.
+        model: as `choice.model_choices` calls it.
+        choices: by parameter, where the form differs from the model.
+        name: of the folder that is made.
+        profile: intervals from the profile likelihood as well.
+        options: the recipe's other keys.
+    """
+
+    data: list[str] = field(default_factory=list)
+    model: str = "quad_bench"
+    choices: dict[str, ParameterChoice] = field(default_factory=dict)
+    name: str = ""
+    profile: bool = False
+    options: dict[str, Any] = field(default_factory=dict)
+
+
+def recipe_for(request: FitRequest, folder: RunsFolder, entries: Mapping[str, Entry]) -> Recipe:
+    """Return the recipe that the form asks for.
+
+    Raises:
+        InputError: nothing to fit, a name that leads elsewhere, or a value that is not taken.
+    """
+    if not request.data:
+        raise InputError(
+            "nothing to fit: choose a run or a table; where there is none, measure a sweep first, "
+            "or upload a CSV file"
+        )
+    paths = [folder.path_of(name) for name in request.data]
+    tables = [name for name in request.data if entries[name].kind == "table"]
+    maps = [columns_file(folder.file_of(name)) for name in tables]
+    stored = [path for path in maps if path.is_file()]
+    if len(tables) > 1 and stored:
+        raise InputError(
+            f"{' and '.join(tables)} are tables with maps of their own, and a fit takes one map; "
+            f"fit them one at a time"
+        )
+    model = model_path(folder, request.model)
+    if tables and not stored and not loaded(model).columns:
+        for name in tables:
+            header = read_csv_text(folder.file_of(name)).header
+            if "thrust_N" not in header:
+                raise InputError(
+                    f"{name} has no column thrust_N; say which column is which, and use these "
+                    f"columns"
+                )
+    return recipe_of_options(
+        {
+            "name": request.name,
+            "data": [str(path) for path in paths],
+            "model": model,
+            "columns": str(stored[0]) if stored else None,
+            **choice_options(adjustables(model, data_rig(request.data, folder)), request.choices),
+            **request.options,
+        }
+    )
+
+
+def data_rig(data: Sequence[str], folder: RunsFolder) -> Rig | None:
+    """Return the rig of the runs among some data, None where there is none.
+
+    Raises:
+        InputError: runs of two vehicles.
+    """
+    return rig_of_data([str(folder.path_of(name)) for name in data])
+
+
+def words_for(recipe: Recipe, request: FitRequest, folder: RunsFolder) -> list[str]:
+    """Return the words behind `benchtool` that do the same."""
+    return words_of_recipe(
+        recipe, out=str(folder.root / request.name) if request.name else "", profile=request.profile
+    )
+
+
+def suggested_name(folder: RunsFolder, data: Sequence[str]) -> str:
+    """Return a free name for the fit of some data."""
+    first = re.sub(r"\.csv$", "", data[0].rsplit("/", 1)[-1]) if data else "data"
+    name = f"fit-{re.sub(r'[^A-Za-z0-9._-]+', '-', first)}"
+    count = 1
+    while (folder.root / (name if count == 1 else f"{name}-{count}")).exists():
+        count += 1
+    return name if count == 1 else f"{name}-{count}"

@@ -1,0 +1,124 @@
+"""Fit and read fits, in processes of their own: what `benchtool fit --out` does and prints."""
+
+from __future__ import annotations
+
+import shlex
+import shutil
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from benchtool.core.column_source import ColumnSource
+from benchtool.library import columns_to_toml
+from benchtool.recipes.recipe import Recipe
+from benchtool.store.atomic import replace_text
+from benchtool.store.runs_folder import RunsFolder
+from benchtool.store.table import read_table
+from benchtool.store.upload import columns_file
+from benchtool.web.jobs import (
+    FolderJob,
+    Job,
+    LatestJob,
+    ReportProgress,
+    complete_folder,
+    partial_folder,
+)
+from benchtool.web.sections import HtmlFragment, PageSection
+
+FITS: LatestJob[FolderJob[str]] = LatestJob()
+
+
+def start(
+    root: Path, recipe: Recipe, out: Path, words: Sequence[str], profile: bool
+) -> FolderJob[str]:
+    """Start a fit.
+
+    Raises:
+        InputError: another one runs.
+    """
+    FITS.ended(root)
+    job = Job(fit_into, recipe, out, tuple(words), profile)
+    FITS.by_root[root] = FolderJob(out=out, words=tuple(words), job=job)
+    return FITS.by_root[root]
+
+
+def fit_into(
+    report: ReportProgress, recipe: Recipe, out: Path, words: tuple[str, ...], profile: bool
+) -> str:
+    """Run a recipe, write its folder in one step, and return the folder's name.
+
+    Args:
+        report: receives the progress.
+        recipe: what to fit.
+        out: the folder; nothing of that name exists.
+        words: behind `benchtool`, for the report.
+        profile: intervals of least squares from the profile likelihood.
+
+    Raises:
+        BenchtoolError: the data or the model do not allow the fit.
+    """
+    from benchtool.recipes.fit_folder import refuse_full, write_fit
+    from benchtool.recipes.run_recipe import run_recipe
+
+    refuse_full(out)
+    report("reading", 0.0)
+
+    def progress(what: str, done: int, expected: int) -> None:
+        report(what, done / max(expected, 1))
+
+    output = run_recipe(recipe, progress, profile=profile)
+    report("drawing", 0.0)
+    part = partial_folder(out)
+    shutil.rmtree(part, ignore_errors=True)
+    write_fit(part, output, [shlex.join(["benchtool", *words])])
+    complete_folder(out, out)
+    return out.name
+
+
+def view_fit(root: Path, name: str) -> PageSection:
+    """Return what `benchtool fit` prints of a stored fit, and its figures."""
+    from benchtool.recipes.fit_page import CAPTIONS
+    from benchtool.recipes.kept_fit import SIMULATED, figure_files, read_kept
+    from benchtool.report.page import Paragraph
+    from benchtool.web.drawing import FigureImage, fragments
+
+    path = RunsFolder(root).path_of(name)
+    stored = read_kept(path)
+    blocks = [block for block in stored.told if block != Paragraph(SIMULATED)]
+    warnings, rest = blocks[-1], blocks[1:-1]
+    figures = [
+        FigureImage(file.read_bytes(), CAPTIONS[key]) for key, file in figure_files(path).items()
+    ]
+    return PageSection(
+        title=name,
+        fragments=fragments([blocks[0], warnings, *figures[:1], *rest, *figures[1:]]),
+        simulated=stored.simulated,
+        command=("report", str(path)),
+    )
+
+
+def store_columns(
+    root: Path, name: str, columns: Mapping[str, ColumnSource]
+) -> tuple[HtmlFragment, ...]:
+    """Read a table through a map, store the map beside it, and return what was read.
+
+    Raises:
+        FileFormatError: a cell that is no number, with its line; nothing was stored.
+    """
+    from benchtool.report.page import Table
+    from benchtool.web.drawing import fragments
+
+    path = RunsFolder(root).file_of(name)
+    recording = read_table(path, columns)
+    rows = []
+    for channel in recording.channels:
+        values = recording.column(channel.name)
+        known = values[np.isfinite(values)]
+        least, most = (known.min(), known.max()) if known.size else (np.nan, np.nan)
+        rows.append((channel.name, channel.unit, str(known.size), f"{least:.4g}", f"{most:.4g}"))
+    replace_text(columns_file(path), columns_to_toml(columns))
+    head = ("channel", "unit", "numbers", "least", "most")
+    return fragments(
+        [Table(f"{len(recording)} rows as they will be fitted.", head, rows, text_columns=2)]
+    )

@@ -1,0 +1,153 @@
+"""The Runs tab: everything in the runs folder, to search, open, compare and download."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+from urllib.parse import urlencode
+
+from nicegui import ui
+
+from benchtool.store.entry import ENTRY_KINDS, Entry
+from benchtool.store.run_list import search
+from benchtool.store.runs_folder import RunsFolder
+from benchtool.web.context import PageContext
+from benchtool.web.notifications import shows_errors
+from benchtool.web.tabs.runs.detail import RunDetail
+from benchtool.web.tabs.runs.listing import RunsListing
+from benchtool.web.widgets import STYLE
+
+ROWS = 10
+NOTHING = (
+    "Nothing to show. Measure a sweep under Sweep, save a simulation under Simulate, or put run "
+    "folders and CSV files into the folder; or search for other words."
+)
+LOOK_S = 3.0
+
+COLUMNS = (
+    ("name", "Name"),
+    ("kind", "Kind"),
+    ("rig", "Rig or model"),
+    ("date", "Date"),
+    ("state", "State"),
+    ("said", "What is in it"),
+)
+
+_NAME = """
+<q-td :props="props"><button type="button" class="run-name"
+  @click="$parent.$emit('open', props.row.name)">{{ props.row.name }}</button></q-td>
+"""
+_SAID = """
+<q-td :props="props"><span :class="props.row.problem ? 'said problem' : 'said'">
+<q-icon v-if="props.row.problem" name="warning" aria-label="cannot be read" />
+{{ props.row.said }}</span></q-td>
+"""
+_CHOOSE = """
+<q-checkbox v-model="props.selected" dense :aria-label="'Choose ' + props.row.name" />
+"""
+_CHOOSE_ALL = '<q-checkbox v-model="props.selected" dense aria-label="Choose all" />'
+
+
+class RunsTab:
+    """Hold the list and what is opened below it, for one page."""
+
+    def __init__(self, context: PageContext) -> None:
+        self._listing = RunsListing(RunsFolder(context.runs))
+        ui.add_head_html(STYLE)
+        with ui.card().classes("w-full"):
+            with ui.row().classes("items-end w-full gap-4"):
+                self._words = ui.input("Search name, rig, date, state", on_change=self._fill)
+                self._words.classes("grow").props('debounce=120 clearable type="search"')
+                self._words.mark("search")
+                kinds = {"": "every kind", **{kind: kind for kind in ENTRY_KINDS}}
+                self._kind = ui.select(kinds, value="", label="Kind", on_change=self._fill)
+                self._kind.classes("w-44")
+                self._compare = ui.button("Compare", icon="stacked_line_chart", on_click=self._put)
+            self._count = ui.label().classes("soft").props("role=status").mark("count")
+            self._table = self._make_table()
+        self._detail = RunDetail(context)
+        ui.timer(LOOK_S, self._look)
+
+    def _make_table(self) -> ui.table:
+        table = ui.table(
+            columns=[
+                {"name": key, "label": label, "field": key, "align": "left", "sortable": True,
+                 "headerClasses": key, "classes": key}
+                for key, label in COLUMNS
+            ],
+            rows=[],
+            row_key="name",
+            selection="multiple",
+            pagination=ROWS,
+            on_select=self._chosen,
+        )  # fmt: skip
+        table.classes("runs-table w-full").props("flat dense wrap-cells").mark("runs")
+        with table.add_slot("no-data"):
+            ui.label(NOTHING).classes("soft q-py-sm")
+        table.add_slot("body-cell-name", _NAME)
+        table.add_slot("body-cell-said", _SAID)
+        table.add_slot("body-selection", _CHOOSE)
+        table.add_slot("header-selection", _CHOOSE_ALL)
+        table.on("open", lambda event: self.open(str(event.args)))
+        return table
+
+    @shows_errors
+    async def open(self, name: str) -> None:
+        """Show one entry below the list."""
+        await self._detail.open(name)
+        address = json.dumps("?" + urlencode({"tab": "runs", "run": name}))
+        ui.run_javascript(f"history.replaceState(null, '', {address})")
+
+    @shows_errors
+    async def _put(self) -> None:
+        await self._detail.compare(self._sweeps())
+
+    def _sweeps(self) -> list[str]:
+        """Return the names of the chosen entries that can be compared."""
+        chosen = {str(row.get("name")) for row in self._table.selected}
+        return [
+            entry.name
+            for entry in reversed(self._listing.entries)
+            if entry.name in chosen and entry.kind == "sweep" and not entry.problem
+        ]
+
+    @shows_errors
+    async def _look(self) -> None:
+        if await self._listing.look():
+            self._fill()
+
+    def _fill(self) -> None:
+        found = search(self._listing.entries, self._words.value or "", self._kind.value or "")
+        self._table.update_rows([_row(entry) for entry in found], clear_selection=False)
+        whole = len(self._listing.entries)
+        broken = sum(bool(entry.problem) for entry in found)
+        said = f"{len(found)} of {whole}" if len(found) < whole else f"{whole}"
+        said += f" in {self._listing.folder.root.name}"
+        self._count.set_text(said + (f", {broken} cannot be read" if broken else ""))
+        self._chosen()
+
+    def _chosen(self) -> None:
+        count = len(self._sweeps())
+        self._compare.set_text(f"Compare {count} sweeps" if count > 1 else "Compare")
+        self._compare.set_enabled(count > 1)
+
+
+def build(context: PageContext) -> None:
+    """Make the tab; ?run=NAME opens one."""
+    tab = RunsTab(context)
+    asked = ui.context.client.request.query_params.get("run", "")
+    if asked:
+        ui.timer(0.0, lambda: tab.open(asked), once=True)
+
+
+def _row(entry: Entry) -> dict[str, Any]:
+    state = entry.state + (", simulated" if entry.simulated else "")
+    return {
+        "name": entry.name,
+        "kind": entry.kind,
+        "rig": entry.rig,
+        "date": entry.date,
+        "state": state.removeprefix(", "),
+        "said": entry.problem.removeprefix(f"{entry.name}: ") or entry.said,
+        "problem": bool(entry.problem),
+    }

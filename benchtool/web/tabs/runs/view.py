@@ -1,0 +1,173 @@
+"""What the page shows and offers of one thing in the runs folder, for a process of its own.
+
+Everything comes from the functions that the reports and the command line are made with. Every
+path comes from a name through `RunsFolder`, here as well as in the page.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from benchtool.errors import FileFormatError, InputError
+from benchtool.store.atomic import read_json
+from benchtool.store.csv_text import read_csv_text
+from benchtool.store.entry import ANSWER_FILE, Entry, entry_of
+from benchtool.store.export import exported
+from benchtool.store.runs_folder import RunsFolder
+from benchtool.web.sections import PageSection
+from benchtool.web.tabs.fit.work import view_fit
+
+if TYPE_CHECKING:
+    from benchtool.report.page import Block, Report
+
+HEAD_ROWS = 12
+"""Rows of a table that are shown; a choice."""
+
+
+def view_entry(root: Path, name: str) -> tuple[PageSection, tuple[str, ...]]:
+    """Return what is shown of an entry at first, and the names of what `view_part` adds.
+
+    Raises:
+        BenchtoolError: it cannot be read, for the reason in the list.
+    """
+    folder = RunsFolder(root)
+    entry = entry_of(folder, name)
+    path = folder.path_of(name)
+    if entry.problem:
+        known = entry.problem.startswith(name)
+        raise InputError(entry.problem if known else f"{name}: {entry.problem}")
+    if entry.kind == "fit":
+        return view_fit(root, name), ()
+    if entry.kind == "explanation":
+        return _answer(path, name), ()
+    if entry.kind == "table":
+        return _table(path, name), ()
+    if entry.said == "no point yet":
+        raise FileFormatError(name, "the sweep has measured no point yet; look again later")
+    from benchtool.report.page import Facts, Paragraph
+    from benchtool.web.drawing import fragments
+
+    report = _report(path, entry)
+    blocks: list[Block] = [Paragraph(report.summary)]
+    if entry.kind == "sweep":
+        from benchtool.report.run_facts import simple_facts
+
+        blocks.append(Facts(simple_facts(read_json(path / "metadata.json"))))
+    section = PageSection(
+        title=name,
+        fragments=fragments([*blocks, *report.sections[0].blocks]),
+        simulated=report.simulated,
+        command=("report", str(path)),
+    )
+    return section, tuple(part.title for part in report.sections[1:-1])
+
+
+def view_part(root: Path, name: str, part: str) -> PageSection:
+    """Return one more section of an entry, by its title."""
+    from benchtool.web.drawing import fragments
+
+    folder = RunsFolder(root)
+    report = _report(folder.path_of(name), entry_of(folder, name))
+    for section in report.sections:
+        if section.title == part:
+            return PageSection(
+                title=part, fragments=fragments(section.blocks), simulated=report.simulated
+            )
+    raise InputError(f"{name} has no part {part!r}; open it again")
+
+
+def view_comparison(root: Path, names: Sequence[str]) -> PageSection:
+    """Return several sweeps in one plot, with the settings that they share."""
+    from benchtool.recipes.swept import read_swept
+    from benchtool.recipes.swept_compared import compared_page
+    from benchtool.web.drawing import fragments
+
+    paths = [RunsFolder(root).path_of(name) for name in names]
+    if len(paths) < 2:
+        raise InputError("choose two sweeps or more to compare")
+    report = compared_page([read_swept(path) for path in paths], None, ())
+    return PageSection(
+        title=f"{len(names)} sweeps compared",
+        fragments=fragments(report.sections[0].blocks),
+        simulated=report.simulated,
+        command=("report", *map(str, paths)),
+    )
+
+
+def _report(path: Path, entry: Entry) -> Report:
+    stamp = max(item.stat().st_mtime_ns for item in (path, *path.glob("*")) if item.exists())
+    return _made(path, entry.kind, stamp)
+
+
+@lru_cache(maxsize=2)
+def _made(path: Path, kind: str, stamp: int) -> Report:
+    """Return the report of a run; its figures are drawn when they are asked for."""
+    del stamp  # another one after every change on the disk
+    if kind == "sweep":
+        from benchtool.recipes.swept import read_swept
+        from benchtool.recipes.swept_page import swept_page
+
+        return swept_page(read_swept(path), None, ())
+    from benchtool.recipes.replay_page import recording_page
+    from benchtool.recipes.replayed import Beside
+
+    return recording_page(path, Beside(), ())
+
+
+def _answer(path: Path, name: str) -> PageSection:
+    from benchtool.explain.answer_page import CAPTIONS, PLACE, overlay_caption
+    from benchtool.report.page import Facts, Paragraph
+    from benchtool.web.drawing import FigureImage, fragments
+
+    facts = read_json(path / ANSWER_FILE)
+    overlay = overlay_caption(float(facts.get("window_s", 0.0)))
+    captions = {
+        path / f"{key}.svg": CAPTIONS[key] for key in ("gap", "where", "parameters", "which")
+    }
+    captions |= dict.fromkeys(sorted(path.glob("which_*.svg")), PLACE)
+    captions |= dict.fromkeys(sorted(path.glob("overlay_*.svg")), overlay)
+    figures = [
+        FigureImage(file.read_bytes(), caption)
+        for file, caption in captions.items()
+        if file.is_file()
+    ]
+    shown = {"verdict": str(facts["verdict"]), "model": str(facts["model"])}
+    for which, sources in facts.get("data", {}).items():
+        shown[f"recordings to {which}"] = ", ".join(sources)
+    if following := facts.get("next_experiment", {}).get("title"):
+        shown["next experiment"] = str(following)
+    return PageSection(
+        title=name,
+        fragments=fragments([Paragraph(str(facts["sentence"])), Facts(shown), *figures]),
+        simulated=bool(facts["simulated"]),
+        command=("report", str(path)),
+    )
+
+
+def _table(path: Path, name: str) -> PageSection:
+    from benchtool.report.page import Paragraph, Table
+    from benchtool.web.drawing import fragments
+
+    table = read_csv_text(path)
+    size = f"{len(table.rows)} rows, {len(table.header)} columns."
+    if table.repairs:
+        size += f" Repaired while reading: {'; '.join(table.repairs)}."
+    first = f"The first {min(HEAD_ROWS, len(table.rows))} rows."
+    rows = Table(first, table.header, table.rows[:HEAD_ROWS], text_columns=0)
+    return PageSection(title=name, fragments=fragments([Paragraph(size), rows]))
+
+
+def report_bytes(root: Path, names: Sequence[str]) -> bytes:
+    """Return the report of an entry, or of several sweeps, as an HTML file."""
+    from benchtool.recipes.report_file import page_text
+
+    folder = RunsFolder(root)
+    return page_text([folder.path_of(name) for name in names]).encode("utf-8")
+
+
+def table_bytes(root: Path, name: str, table: str, suffix: str) -> bytes:
+    """Return one table of a run as a CSV or Parquet file."""
+    return exported(RunsFolder(root).path_of(name), table, suffix)

@@ -1,0 +1,123 @@
+"""Download a simulation, or save it to the runs folder, from where it can be explained."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from datetime import datetime
+from urllib.parse import urlencode
+
+from nicegui import ui
+
+from benchtool.library import model_names
+from benchtool.store.runs_folder import RunsFolder
+from benchtool.web.context import PageContext
+from benchtool.web.notifications import shows_errors
+from benchtool.web.tabs.simulate.inputs import PitchAsk
+from benchtool.web.tabs.simulate.work import Simulation, write_into, zipped
+from benchtool.web.widgets import CommandRow
+
+
+def _bench_of(ask: PitchAsk) -> tuple[str, dict[str, float]]:
+    """Return what makes a bench another one: neither its controllers nor the plate."""
+    others = ("gains.", "plate.")
+    return ask.rig, {name: to for name, to in ask.numbers.items() if not name.startswith(others)}
+
+
+class SaveCard:
+    """Offer what the command writes with --out.
+
+    Args:
+        context: of the page.
+        ask: returns what is simulated now.
+    """
+
+    def __init__(self, context: PageContext, ask: Callable[[], Simulation]) -> None:
+        self._context, self._ask = context, ask
+        self._folder = RunsFolder(context.runs)
+        self._worker = context.worker("simulations")
+        self._named = ""
+        self._recordings: list[tuple[str, PitchAsk]] = []
+        with ui.card().classes("w-full gap-2"):
+            ui.label("Save").classes("card-title").props("role=heading aria-level=2")
+            with ui.row().classes("items-end w-full gap-3"):
+                self._name = ui.input("Name of the folder", on_change=self._show)
+                self._name.classes("grow").mark("save name")
+                self._keep = ui.button("Save to the runs folder", icon="save", on_click=self._write)
+                self._save = ui.button("Download CSV", icon="download", on_click=self._download)
+                self._save.props("outline").tooltip("the same files as one zip file")
+            self._command = CommandRow()
+            with ui.row().classes("items-center w-full gap-3") as self._after:
+                self._said = ui.label().classes("grow").props("role=status").mark("saved")
+                self._explain = ui.button("Explain", icon="troubleshoot", on_click=self._go)
+                self._explain.props("outline")
+            self._after.set_visibility(False)
+
+    def refresh(self) -> None:
+        """Show the name and the command that belong to what is simulated now."""
+        if not self._name.value or self._name.value == self._named:
+            self._suggest()
+        self._show()
+
+    def _suggest(self) -> None:
+        ask = self._ask()
+        what = f"pitch-{ask.schedule}" if isinstance(ask, PitchAsk) else f"flight-{ask.case}"
+        today = f"{datetime.now().astimezone():%Y-%m-%d}"
+        self._named = self._folder.free_path(today, what).name
+        self._name.set_value(self._named)
+
+    def _show(self) -> None:
+        name = (self._name.value or "").strip()
+        out = ["--out", str(self._folder.root / name)] if name else []
+        self._command.show([*self._ask().words, *out])
+
+    @shows_errors
+    async def _write(self) -> None:
+        self._context.claim_control()
+        ask, out = self._ask(), self._folder.new_path((self._name.value or "").strip())
+        self._keep.props("loading")
+        try:
+            files = await self._worker.run(write_into, ask, out)
+        finally:
+            self._keep.props(remove="loading")
+        self._suggest()
+        if isinstance(ask, PitchAsk):
+            self._recordings.append((f"{out.name}/{files[0]}", ask))
+        self._report(out.name)
+
+    def _report(self, name: str) -> None:
+        """Show what was saved, and what can be done with it."""
+        self._after.set_visibility(True)
+        pair = self._pair()
+        self._explain.set_visibility(pair is not None)
+        said = f"saved as {name}; it is listed under Runs"
+        if pair is not None:
+            said = f"saved as {name}: explain {pair[0]}, checked on {pair[1]}"
+        elif self._recordings:
+            said += (
+                "; to explain it, save a second one to check on: the same bench, another seed, "
+                "another schedule"
+            )
+        self._said.set_text(said)
+
+    def _pair(self) -> tuple[str, str] | None:
+        """Return the two newest recordings of one bench, the older one to learn from."""
+        *earlier, (newest, ask) = self._recordings or [("", PitchAsk())]
+        same = [name for name, each in earlier if _bench_of(each) == _bench_of(ask)]
+        return (same[-1], newest) if same else None
+
+    def _go(self) -> None:
+        pair = self._pair()
+        if pair is not None:
+            model = f"pitch_{self._recordings[-1][1].rig}"
+            asked = {"tab": "explain", "learn": pair[0], "check": pair[1]}
+            asked |= {"model": model} if model in model_names() else {}
+            ui.navigate.to(f"/?{urlencode(asked)}")
+
+    @shows_errors
+    async def _download(self) -> None:
+        self._save.disable()
+        try:
+            packed = await self._worker.run(zipped, self._ask())
+        finally:
+            self._save.enable()
+        ui.download.content(packed, "simulation.zip", "application/zip")

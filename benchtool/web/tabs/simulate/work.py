@@ -1,0 +1,137 @@
+"""What the process for simulations does: an ask in, what the page shows, saves or keeps out."""
+
+from __future__ import annotations
+
+import shutil
+from io import BytesIO
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+from zipfile import ZIP_DEFLATED, ZipFile
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.report.palette import BLUE, GREEN, GREY, VERMILION
+from benchtool.report.side_view import side_view_svg
+from benchtool.store.recording_file import beside
+from benchtool.studies.preview import Curve, Lane, Motion, Preview, Role
+from benchtool.web.jobs import complete_folder, partial_folder
+from benchtool.web.tabs.simulate.inputs import FlightAsk, PitchAsk
+
+Array = NDArray[np.float64]
+Shown = dict[str, Any]
+"""What goes to the browser: plain values and arrays of 32 bits."""
+
+LOOKS: dict[Role, dict[str, Any]] = {
+    "shown": {"name": "with the surface", "color": VERMILION, "width": 2.2, "dash": "solid"},
+    "away": {"name": "out of ground effect", "color": BLUE, "width": 1.6, "dash": "solid"},
+    "wanted": {"name": "asked for", "color": GREY, "width": 1.4, "dash": "dashed"},
+    "goal": {"name": "goal", "color": GREEN, "width": 1.4, "dash": "dotted"},
+}
+"""Lines of the charts, as the figures of pitch have them."""
+
+STEPS = 3
+"""About how many steps an axis has; a choice."""
+
+LEAST = 0.1
+"""Least width of an axis, in its unit: what moves less lies still. A choice."""
+
+
+def shown(preview: Preview) -> Shown:
+    """Return what the browser is sent."""
+    panels = [panel.label for panel in preview.lanes[0].panels]
+    return {
+        "lanes": [_lane(lane) for lane in preview.lanes],
+        "panels": [
+            {"label": label, "range": _range([lane.panels[row].curves for lane in preview.lanes])}
+            for row, label in enumerate(panels)
+        ],
+        "looks": LOOKS,
+        "end_s": float(np.ceil(max(lane.motion.time_s[-1] for lane in preview.lanes))),
+        "lines": list(preview.lines),
+        "warnings": list(preview.warnings),
+    }
+
+
+def _lane(lane: Lane) -> Shown:
+    return {
+        "label": lane.label,
+        "said": lane.said,
+        "svg": side_view_svg(lane.scene),
+        "motion": _motion(lane.motion),
+        "panels": [[_curve(curve) for curve in panel.curves] for panel in lane.panels],
+        "over": [list(span) for span in lane.over],
+    }
+
+
+def _motion(motion: Motion) -> Shown:
+    return {
+        "time_s": _short(motion.time_s, 3),
+        "along_m": _short(motion.along_m, 4),
+        "up_m": _short(motion.up_m, 4),
+        "pitch_deg": _short(motion.pitch_deg, 3),
+        "own": [_short(row, 3) for row in motion.own],
+        "added": [_short(row, 4) for row in motion.added],
+        "shift_m": [_short(row, 3) for row in motion.shift_m],
+    }
+
+
+def _curve(curve: Curve) -> Shown:
+    return {
+        "role": curve.role,
+        "time_s": _short(curve.time_s, 3),
+        "values": _short(curve.values, 4),
+    }
+
+
+def _short(values: Array, decimals: int) -> NDArray[np.float32]:
+    """Return numbers that take few characters; a browser's screen has no more digits."""
+    return np.round(values, decimals).astype(np.float32)
+
+
+def _range(lanes: list[tuple[Curve, ...]]) -> tuple[float, float, float]:
+    """Return the ends of an axis on which every lane's curves lie, and the step of its marks."""
+    every = np.concatenate([curve.values for curves in lanes for curve in curves])
+    every = every[np.isfinite(every)]
+    low, high = (float(every.min()), float(every.max())) if every.size else (0.0, 0.0)
+    wide = max(high - low, LEAST)
+    rough = wide / STEPS
+    power = 10.0 ** np.floor(np.log10(rough))
+    step = float(power * next(mark for mark in (1.0, 2.0, 5.0, 10.0) if mark >= rough / power))
+    decimals = max(0, int(-np.floor(np.log10(step))))
+    first, last = np.floor(low / step), np.ceil(high / step)
+    first, last = (first, last) if last > first else (first - 1.0, last + 1.0)
+    return round(float(first) * step, decimals), round(float(last) * step, decimals), step
+
+
+Simulation = PitchAsk | FlightAsk
+
+
+def simulated(ask: Simulation, quick: bool) -> Shown:
+    """Return what the browser is sent of a simulation."""
+    return shown(ask.preview(quick))
+
+
+def zipped(ask: Simulation) -> bytes:
+    """Return what the command writes with --out, as one zip file."""
+    packed = BytesIO()
+    with TemporaryDirectory() as place, ZipFile(packed, "w", ZIP_DEFLATED) as archive:
+        folder = Path(place) / "simulation"
+        ask.write(folder)
+        for path in sorted(folder.iterdir()):
+            archive.write(path, path.name)
+    return packed.getvalue()
+
+
+def write_into(ask: Simulation, out: Path) -> list[str]:
+    """Write what the command writes with --out, in one step; return its recordings' file names.
+
+    Raises:
+        WouldOverwrite: something of that name exists.
+    """
+    part = partial_folder(out)
+    shutil.rmtree(part, ignore_errors=True)
+    written = ask.write(part)
+    complete_folder(out, out)
+    return [path.name for path in written if beside(out / path.name).is_file()]

@@ -1,0 +1,112 @@
+"""The Sweep tab: a plan with its preview, start to end, points on the plot as they come."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from urllib.parse import urlencode
+
+from nicegui import ui
+
+from benchtool.acquire.duration import minutes
+from benchtool.web.bench_process.commands import AnswerQuestion, PauseSweep
+from benchtool.web.context import PageContext
+from benchtool.web.notifications import shows_errors
+from benchtool.web.tabs.sweep.plan_card import PlanCard
+from benchtool.web.tabs.sweep.ratio_card import RatioCard
+
+LOOK_S = 0.5
+"""How often points are looked for: the plot changes at most twice a second."""
+
+HIDDEN_EVENTS = frozenset({"device"})
+"""Events that the run folder has and the page does not show."""
+
+MOST_EVENTS = 60
+
+
+class RunCard:
+    """Show and steer the sweep that runs, or the last one."""
+
+    def __init__(self, context: PageContext) -> None:
+        self._context = context
+        self._events = -1
+        with ui.card().classes("w-full run-card") as self._card:
+            with ui.row().classes("items-center w-full"):
+                self._title = ui.label().classes("card-title grow").mark("sweep-state")
+                self._fit = ui.button("Fit", icon="functions", on_click=self._go_fit)
+                self._fit.props("outline")
+                self._pause = ui.button(
+                    "Pause", icon="pause", on_click=lambda: self._set_pause(on=True)
+                )
+                self._pause.props("outline")
+                self._continue = ui.button(
+                    "Continue", icon="play_arrow", on_click=lambda: self._set_pause(on=False)
+                )
+            self._bar = ui.linear_progress(show_value=False, size="12px")
+            self._bar.props('instant-feedback aria-label="Share of the visits that are measured"')
+            self._now = ui.label().classes("number")
+            self._reason = ui.label().classes("w-full").mark("reason")
+            with ui.column().classes("w-full warn-box") as self._asking:
+                self._question = ui.label()
+                with ui.row(wrap=False).classes("items-end w-full"):
+                    self._answer = ui.input("Answer").classes("grow")
+                    ui.button("Send", on_click=self._send)
+            self._log = ui.column().classes("events w-full gap-0")
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Show what is so now."""
+        sweep, events = self._context.bench.sweep, self._context.bench.events
+        self._card.set_visibility(sweep.status != "none" and not sweep.pitch)
+        self._title.set_text(f"{sweep.status}: {sweep.run}")
+        self._pause.set_visibility(sweep.status == "running")
+        self._continue.set_visibility(sweep.status in ("pausing", "paused"))
+        self._fit.set_visibility(sweep.status == "ended")
+        self._bar.value = round(sweep.done / sweep.visits, 3) if sweep.visits else 0.0
+        left = f", about {minutes(sweep.left_s)} left" if sweep.active else ""
+        self._now.set_text(f"{sweep.done} of {sweep.visits} visits{left}  {sweep.now}")
+        self._reason.set_text(sweep.reason)
+        self._reason.set_visibility(bool(sweep.reason))
+        warns = sweep.status == "stopped" or "not seen to stand" in sweep.reason
+        self._reason.classes(**{"add" if warns else "remove": "warn-box"})
+        self._asking.set_visibility(bool(sweep.question))
+        self._question.set_text(sweep.question)
+        if len(events) != self._events:
+            self._events = len(events)
+            shown = [event for event in events if event.event not in HIDDEN_EVENTS][-MOST_EVENTS:]
+            self._log.clear()
+            with self._log:
+                for event in reversed(shown):
+                    ui.label(f"{event.time_s:8.1f} s  {event.event}: {event.text}")
+
+    def _go_fit(self) -> None:
+        name = Path(self._context.bench.sweep.run).name
+        ui.navigate.to(f"/?{urlencode({'tab': 'fit', 'data': name})}")
+
+    @shows_errors
+    def _set_pause(self, *, on: bool) -> None:
+        self._context.require_control()
+        self._context.bench.send(PauseSweep(on))
+
+    @shows_errors
+    def _send(self) -> None:
+        self._context.require_control()
+        self._context.bench.send(AnswerQuestion(self._answer.value))
+        self._answer.value = ""
+
+
+def build(context: PageContext) -> None:
+    """Make the tab."""
+    with ui.element("div").classes("grid-main plan-left"):
+        with ui.element("div"):
+            run = RunCard(context)
+            plot = RatioCard(context)
+        with ui.element("div"):
+            plan = PlanCard(context)
+
+    def refresh() -> None:
+        run.refresh()
+        plan.refresh()
+
+    ui.timer(LOOK_S, refresh)
+    # By itself: the state of a sweep does not wait for its plot.
+    ui.timer(LOOK_S, plot.refresh)

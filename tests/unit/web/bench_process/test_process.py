@@ -1,0 +1,263 @@
+"""The bench process by its own protocol, on simulated benches: no server, no browser."""
+
+from __future__ import annotations
+
+import pickle
+import time
+from collections.abc import Callable, Iterator
+from multiprocessing import get_context
+from multiprocessing.connection import Connection as Pipe
+from pathlib import Path
+from typing import Any, TypeVar
+
+import pytest
+
+from benchtool.acquire.pitch_experiment import PitchExperiment
+from benchtool.acquire.plan import plan_from_toml
+from benchtool.store import Run, read_pitch, read_points
+from benchtool.web.bench_process.commands import (
+    Command,
+    Connect,
+    Disconnect,
+    HoldThrottle,
+    PauseSweep,
+    SetClockSpeed,
+    Shutdown,
+    StartRecording,
+    StartSweep,
+    StopMotors,
+    TareLoadCell,
+    WeighMass,
+)
+from benchtool.web.bench_process.events import (
+    BenchEvent,
+    ConnectionStatus,
+    LiveStatus,
+    Notice,
+    PressEnded,
+    RunEvent,
+    SweepStatus,
+)
+from benchtool.web.bench_process.process import run_bench_process
+from benchtool.web.bench_process.publisher import FRAME
+
+T = TypeVar("T")
+PATIENCE_S = 60.0
+
+PLAN = plan_from_toml(
+    """
+repeats = 1
+sample_s = 0.5
+[plate]
+distances_m = [0.1, 0.2]
+[throttle]
+pwm_us = [1400.0]
+""",
+    "plan",
+)
+
+
+class Server:
+    """Be the server's end of the pipe."""
+
+    def __init__(self, pipe: Pipe, process: Any) -> None:
+        self.pipe, self.process = pipe, process
+        self.events: list[BenchEvent] = []
+        self.frames = 0
+
+    def send(self, command: Command) -> None:
+        self.pipe.send_bytes(pickle.dumps(command))
+
+    def wait_for(self, kind: type[T], fits: Callable[[T], bool] = lambda event: True) -> T:
+        """Return the next event of a kind that fits."""
+        deadline = time.monotonic() + PATIENCE_S
+        while time.monotonic() < deadline:
+            if not self.pipe.poll(0.5):
+                continue
+            message = self.pipe.recv_bytes()
+            if message[:1] == FRAME:
+                self.frames += 1
+                continue
+            event = pickle.loads(message[1:])
+            self.events.append(event)
+            if isinstance(event, kind) and fits(event):
+                return event
+        raise AssertionError(f"nothing of it came: {self.events[-5:]}")
+
+    def connect(self, address: str, **more: Any) -> ConnectionStatus:
+        self.send(Connect(address=address, **more))
+        return self.wait_for(ConnectionStatus, lambda event: event.status != "opening")
+
+
+@pytest.fixture
+def bench() -> Iterator[Server]:
+    spawn = get_context("spawn")
+    ours, theirs = spawn.Pipe()
+    process = spawn.Process(target=run_bench_process, args=(theirs,))
+    process.start()
+    theirs.close()
+    yield Server(ours, process)
+    if process.is_alive():
+        ours.send_bytes(pickle.dumps(Shutdown()))
+    process.join(20)
+    ours.close()
+    assert process.exitcode == 0
+
+
+def test_a_bench_is_connected_told_of_and_let_go(bench: Server) -> None:
+    on = bench.connect("sim:pquad_single")
+    assert on.identity is not None
+    assert on.rig is not None
+    assert (on.status, on.session, on.rig.name) == ("on", 1, "pquad_single")
+    live = bench.wait_for(LiveStatus, lambda event: event.rate_Hz > 0.0)
+    assert live.rate_Hz == pytest.approx(200.0, rel=0.1)
+    assert (live.lost, live.corrupt, live.armed) == (0, 0, True)
+    assert bench.frames >= 5
+    bench.send(Disconnect())
+    off = bench.wait_for(ConnectionStatus)
+    assert (off.status, off.reason) == ("off", "")
+
+
+@pytest.mark.parametrize(
+    ("address", "why"),
+    [
+        ("nonsense", "names no scheme"),
+        ("sim:none", "unknown rig"),
+        ("serial:/dev/none", "which rig stands on"),
+    ],
+)
+def test_what_cannot_be_opened_is_told_in_one_sentence(
+    bench: Server, address: str, why: str
+) -> None:
+    off = bench.connect(address)
+    assert off.status == "off"
+    assert why in off.reason
+    assert bench.connect("sim:pquad_single").status == "on"
+
+
+def test_asks_that_do_not_fit_are_refused_with_a_sentence(bench: Server) -> None:
+    bench.send(TareLoadCell())
+    assert "no bench is connected" in bench.wait_for(Notice).text
+    bench.connect("sim:pquad_single")
+    bench.send(Connect(address="sim:pquad"))
+    assert "connected already" in bench.wait_for(Notice).text
+    bench.send(WeighMass(0.1))
+    assert "masses need a bench without limits" in bench.wait_for(Notice).text
+    bench.send(StartSweep(plan=plan_from_toml("[throttle]\npwm_us = [9000.0]", "plan")))
+    said = bench.wait_for(Notice)
+    assert said.is_error
+    assert "asks for 9000 us" in said.text
+
+
+def test_a_hand_turns_motors_only_while_it_is_heard_of(bench: Server) -> None:
+    bench.connect("sim:pquad_single")
+    for _ in range(30):
+        bench.send(HoldThrottle("a", 1, 1300.0, (1,)))
+        time.sleep(0.05)
+    turning = bench.wait_for(LiveStatus, lambda event: max(event.pulses_us, default=0.0) > 1100.0)
+    assert len(turning.pulses_us) == 1
+    bench.wait_for(PressEnded, lambda event: "the button was not heard of" in event.reason)
+    assert turning.standstill == ""
+    standing = bench.wait_for(LiveStatus, lambda event: "was seen" in event.standstill)
+    assert max(standing.pulses_us) == 1000.0
+    assert standing.standstill.startswith("rotor 1 was seen to stand")
+
+
+def test_masses_are_weighed_on_a_bench_that_cannot_turn(bench: Server) -> None:
+    on = bench.connect("sim:pquad_single", weighs=True)
+    assert on.weighs
+    bench.send(WeighMass(0.0, seconds=0.2))
+    live = bench.wait_for(LiveStatus, lambda event: len(event.weighed) == 1)
+    assert live.weighed[0][0] == 0.0
+    bench.send(HoldThrottle("a", 1, 1300.0, (1,)))
+    bench.send(StartSweep(plan=PLAN))
+    assert "held for masses only" in bench.wait_for(Notice).text
+    bench.send(WeighMass(1e6))
+    assert "the load cell's rating" in bench.wait_for(Notice).text
+
+
+def test_a_pitch_recording_is_kept_and_stopped(bench: Server, tmp_path: Path) -> None:
+    command = StartRecording(
+        experiment=PitchExperiment(seconds=2.0, collective_us=1610.0), runs=tmp_path
+    )
+    bench.connect("sim:pquad_single")
+    bench.send(command)
+    assert "so it is no pitch bench" in bench.wait_for(Notice).text
+    bench.send(Disconnect())
+    bench.wait_for(ConnectionStatus, lambda event: event.status == "off")
+    bench.connect("sim:beam?mode=pitch&schedule=steps")
+    bench.send(SetClockSpeed(20.0))
+    bench.send(command)
+    began = bench.wait_for(SweepStatus, lambda event: event.left_s > 0.0)
+    assert began.pitch
+    assert began.active
+    ended = bench.wait_for(SweepStatus, lambda event: not event.active)
+    assert ended.status == "ended", ended.reason
+    assert "2 s, " in ended.reason
+    run = Run.open(Path(ended.run))
+    assert run.metadata["experiment"] == "pitch"
+    assert run.metadata["samples"]["parquet_sha256"]
+    assert len(read_pitch(run.path)) == pytest.approx(500, abs=5)
+
+    bench.send(
+        StartRecording(
+            experiment=PitchExperiment(seconds=60.0, collective_us=1610.0), runs=tmp_path
+        )
+    )
+    bench.wait_for(SweepStatus, lambda event: event.left_s > 0.0)
+    bench.send(Disconnect())
+    assert "a recording is under way" in bench.wait_for(Notice).text
+    bench.send(StopMotors("a test"))
+    stopped = bench.wait_for(SweepStatus, lambda event: not event.active)
+    assert stopped.status == "stopped"
+    assert "stopped from a test" in stopped.reason
+    assert Run.open(Path(stopped.run)).metadata["state"] == "stopped"
+
+
+def test_a_sweep_runs_pauses_and_ends(bench: Server, tmp_path: Path) -> None:
+    bench.connect("sim:pquad_single")
+    bench.send(SetClockSpeed(100.0))
+    bench.send(StartSweep(plan=PLAN, runs=tmp_path))
+    bench.wait_for(SweepStatus, lambda event: event.done == 1)
+    bench.send(PauseSweep(True))
+    bench.wait_for(SweepStatus, lambda event: event.status == "paused")
+    bench.send(Disconnect())
+    assert "a sweep is under way" in bench.wait_for(Notice).text
+    bench.send(PauseSweep(False))
+    ended = bench.wait_for(SweepStatus, lambda event: event.status in ("ended", "stopped"))
+    assert ended.status == "ended", ended.reason
+    assert ended.done == ended.visits == 5
+    assert {event.event.event for event in bench.events if isinstance(event, RunEvent)} >= {
+        "tare", "paused", "went_on", "ended",
+    }  # fmt: skip
+    (path,) = tmp_path.iterdir()
+    assert len(read_points(path)) == 5
+    assert Run.open(path).metadata["samples"]["parquet_sha256"]
+
+
+def test_a_stopped_sweep_is_gone_on_with(bench: Server, tmp_path: Path) -> None:
+    bench.connect("sim:pquad_single")
+    bench.send(SetClockSpeed(20.0))
+    bench.send(StartSweep(plan=PLAN, runs=tmp_path))
+    bench.wait_for(SweepStatus, lambda event: event.done == 2)
+    bench.send(StopMotors("a test"))
+    stopped = bench.wait_for(SweepStatus, lambda event: event.status in ("ended", "stopped"))
+    assert stopped.reason.startswith("stopped from a test; zero was commanded")
+    bench.send(SetClockSpeed(100.0))
+    bench.send(StartSweep(resume=Path(stopped.run)))
+    ended = bench.wait_for(SweepStatus, lambda event: event.status in ("ended", "stopped"))
+    assert (ended.status, ended.run, ended.done) == ("ended", stopped.run, 5)
+
+
+def test_a_server_that_is_gone_stops_the_sweep_and_ends_the_process(
+    bench: Server, tmp_path: Path
+) -> None:
+    bench.connect("sim:pquad_single")
+    bench.send(StartSweep(plan=PLAN, runs=tmp_path))
+    running = bench.wait_for(SweepStatus, lambda event: event.status == "running")
+    bench.pipe.close()
+    bench.process.join(20)
+    assert bench.process.exitcode == 0
+    facts = Run.open(Path(running.run)).metadata
+    assert facts["state"] == "stopped"
+    assert "the page's server is gone" in facts["reason"]

@@ -1,0 +1,45 @@
+"""Motors that were not seen to stand are said on every page until somebody has looked."""
+
+from __future__ import annotations
+
+import pickle
+from multiprocessing import Pipe
+
+import pytest
+
+from benchtool.errors import LinkLost, StandstillNotSeen
+from benchtool.web.bench_process import process
+from benchtool.web.bench_process.client import BenchClient
+from benchtool.web.bench_process.commands import Connect
+from benchtool.web.bench_process.events import ConnectionStatus, Notice
+from benchtool.web.header import known
+
+TURNING = StandstillNotSeen("MOTORS MAY STILL TURN: rpm1 4479, cut the power", 4479.0)
+
+
+@pytest.mark.parametrize(("error", "unseen"), [(TURNING, str(TURNING)), (LinkLost("gone"), "")])
+def test_the_bench_process_tells_that_motors_may_still_turn(
+    error: Exception, unseen: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(address: str) -> None:
+        raise error
+
+    monkeypatch.setattr(process, "open_bench", refuse)
+    ours, theirs = Pipe()
+    held = process.BenchProcess(theirs)
+    held._hold(Connect(address="sim:pquad"))
+    events = [pickle.loads(ours.recv_bytes()[1:]) for _ in range(3)]
+    held._publisher.close()
+    _, notice, ended = events
+    assert isinstance(notice, Notice)
+    assert isinstance(ended, ConnectionStatus)
+    assert (ended.status, ended.reason, ended.unseen) == ("off", str(error), unseen)
+
+
+def test_what_is_known_of_motors_is_first_that_they_may_turn() -> None:
+    bench = BenchClient()
+    bench.connection = ConnectionStatus(reason=str(TURNING), unseen=str(TURNING))
+    assert known(bench).startswith("MOTORS MAY STILL TURN: rpm1 4479")
+    bench.confirm_standstill()
+    assert known(bench) == "no bench is connected."
+    assert bench.connection.reason == str(TURNING)

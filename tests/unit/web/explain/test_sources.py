@@ -1,0 +1,114 @@
+"""What can be chosen, what leads elsewhere, and the command of a choice."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from pathlib import Path
+
+import pytest
+
+from benchtool.errors import FileFormatError, InputError
+from benchtool.store.runs_folder import RunsFolder
+from benchtool.web.tabs.explain.sources import (
+    EXAMPLE,
+    RecordingSources,
+    examples_folder,
+    question_of,
+    suggested_folder,
+)
+
+EXAMPLES = Path(__file__).parents[4] / "datasets"
+
+
+@pytest.fixture
+def sources(tmp_path: Path) -> RecordingSources:
+    runs = tmp_path / "runs"
+    mine = runs / "mine"
+    mine.mkdir(parents=True)
+    for name in ("learn.parquet", "learn.parquet.json"):
+        shutil.copy(EXAMPLES / "pitch_friction" / name, mine / name)
+    shutil.copy(EXAMPLES / "pitch_bench" / "model.toml", mine / "bench.toml")
+    (runs / "plan.toml").write_text("[grid]\nz_over_R = [1.0]\n")
+    (runs / "broken.toml").write_text("[model\n")
+    (runs / "table.csv").write_text("time_s,theta_rad\n0,0\n1,0.1\n")
+    return RecordingSources(RunsFolder(runs), RunsFolder(EXAMPLES))
+
+
+def test_recordings_of_the_runs_folder_come_before_the_examples(sources: RecordingSources) -> None:
+    recordings = sources.choices().recordings
+    found = list(recordings)
+    assert set(found[:2]) == {"mine/learn.parquet", "table.csv"}
+    assert f"{EXAMPLE}pitch_friction/check.parquet" in found
+    assert f"{EXAMPLE}quad/run" in found
+    assert "7,500 rows" in recordings["mine/learn.parquet"]
+
+
+def test_models_are_what_ships_and_model_files_and_nothing_else(sources: RecordingSources) -> None:
+    found = sources.choices().models
+    assert {"pitch_pquad", "mine/bench.toml", f"{EXAMPLE}pitch_bench/model.toml"} <= set(found)
+    assert not {"plan.toml", "broken.toml"} & set(found)
+
+
+def test_the_model_of_a_fit_that_is_being_written_is_not_offered(sources: RecordingSources) -> None:
+    partial_folder = sources.runs.root / ".fit-2.part"
+    shutil.copytree(sources.runs.root / "mine", partial_folder)
+    assert (partial_folder / "bench.toml").is_file()
+    assert not [name for name in sources.choices().models if ".part/" in name]
+
+
+@pytest.mark.parametrize(
+    "choice", ["../secret.csv", "/etc/passwd", f"{EXAMPLE}../pyproject.toml", "a\\b", ".hidden"]
+)
+def test_a_choice_that_leads_elsewhere_is_refused(sources: RecordingSources, choice: str) -> None:
+    with pytest.raises(InputError, match="leads out of"):
+        sources.path_of(choice)
+    with pytest.raises(InputError, match="leads out of"):
+        sources.model_of(choice)
+
+
+def test_a_link_out_of_the_folder_is_refused(sources: RecordingSources, tmp_path: Path) -> None:
+    secret = tmp_path / "secret.csv"
+    secret.write_text("time_s,theta_rad\n0,0\n")
+    os.symlink(secret, sources.runs.root / "link.csv")
+    with pytest.raises(InputError, match="link"):
+        sources.path_of("link.csv")
+
+
+def test_what_is_gone_is_told(sources: RecordingSources) -> None:
+    with pytest.raises(FileFormatError, match="not in the runs folder"):
+        sources.path_of("gone.csv")
+
+
+def test_the_command_names_everything(sources: RecordingSources) -> None:
+    question = question_of(
+        sources, ["mine/learn.parquet"], [f"{EXAMPLE}pitch_friction/check.parquet"], "pitch_pquad"
+    )
+    out = suggested_folder(sources, ["mine/learn.parquet"], "2024-05-06")
+    assert out == sources.runs.root / "2024-05-06-explain-learn"
+    assert question.words(out) == [
+        "explain", str(sources.runs.root / "mine/learn.parquet"), "--model", "pitch_pquad",
+        "--check", str(EXAMPLES / "pitch_friction/check.parquet"), "--out", str(out),
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("learn", "check", "model", "said"),
+    [
+        ([], ["table.csv"], "pitch_pquad", "no recording to learn from is chosen"),
+        (["table.csv"], [], "pitch_pquad", "no recording to check on is chosen"),
+        (["table.csv"], ["table.csv"], "pitch_pquad", "is to learn from and to check on"),
+        (["table.csv"], ["mine/learn.parquet"], "", "no model is chosen"),
+    ],
+)
+def test_what_is_missing_is_said(
+    sources: RecordingSources, learn: list[str], check: list[str], model: str, said: str
+) -> None:
+    with pytest.raises(InputError, match=said):
+        question_of(sources, learn, check, model)
+
+
+def test_the_examples_are_those_of_this_checkout() -> None:
+    found = examples_folder()
+    assert found is not None
+    assert found.resolve() == EXAMPLES.resolve()

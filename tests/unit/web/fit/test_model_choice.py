@@ -1,0 +1,94 @@
+"""Which models the page fits, and what its form asks of their numbers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from benchtool.errors import BenchtoolError, InputError
+from benchtool.library import load_model, model_to_toml
+from benchtool.recipes.fit_data import recipe_model
+from benchtool.recipes.fit_options import recipe_of_options
+from benchtool.store.entry import Entry
+from benchtool.store.runs_folder import RunsFolder
+from benchtool.web.tabs.fit.model_choice import (
+    ParameterChoice,
+    adjustables,
+    choice_options,
+    model_choices,
+    model_path,
+)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> RunsFolder:
+    (tmp_path / "runs" / "fit").mkdir(parents=True)
+    text = model_to_toml(load_model("quad_bench"))
+    (tmp_path / "runs" / "fit" / "model.toml").write_text(text, "utf-8")
+    (tmp_path / "outside.toml").write_text(text, "utf-8")
+    return RunsFolder(tmp_path / "runs")
+
+
+def test_shipped_models_and_those_of_fits_are_offered(folder: RunsFolder) -> None:
+    entries = [
+        Entry(name="fit", kind="fit", rig="quad_bench"),
+        Entry(name="broken", kind="fit", problem="it is broken"),
+        Entry(name="one", kind="sweep"),
+    ]
+    choices = model_choices(folder, entries)
+    assert choices["quad_bench"] == "quad_bench"
+    assert [name for name in choices if "/" in name] == ["fit/model.toml"]
+    assert model_path(folder, "quad_bench") == "quad_bench"
+    path = model_path(folder, "fit/model.toml")
+    assert load_model(path).model.name == "quad_bench"
+
+
+@pytest.mark.parametrize(
+    "name", ["../outside.toml", "fit/../../outside.toml", "/etc/passwd", "nothing", "fit"]
+)
+def test_no_other_file_is_read(folder: RunsFolder, name: str) -> None:
+    with pytest.raises(BenchtoolError):
+        model_path(folder, name)
+
+
+@pytest.mark.parametrize(
+    "line",
+    ['rig = "../../outside.toml"', 'rig = "other.toml"', 'effects_file = "/tmp/x.py"',
+     'effects_file = "../x.py"', 'effects_file = "x.py"'],
+)  # fmt: skip
+def test_a_model_may_not_lead_out_either(folder: RunsFolder, line: str) -> None:
+    path = folder.root / "fit" / "model.toml"
+    text = path.read_text("utf-8")
+    if line.startswith("rig"):
+        text = text.replace('rig = "pquad"', line)
+    else:
+        text = text.replace('rig = "pquad"', f'rig = "pquad"\n{line}')
+    assert line in text
+    path.write_text(text, "utf-8")
+    with pytest.raises(InputError):
+        model_path(folder, "fit/model.toml")
+
+
+def test_what_the_form_leaves_alone_needs_no_option() -> None:
+    numbers = adjustables("quad_bench")
+    assert not any(number.name.startswith("noise.") for number in numbers)
+    same = {number.name: ParameterChoice(number.free, number.value) for number in numbers}
+    assert choice_options(numbers, same) == {"free": [], "hold": [], "fix": {}}
+
+
+def test_the_form_frees_holds_and_fixes() -> None:
+    numbers = {number.name: number for number in adjustables("quad_bench")}
+    fixed = next(name for name, number in numbers.items() if not number.free)
+    wishes = {
+        "body_lift.K_b": ParameterChoice(False, 2.5),
+        "R_m": ParameterChoice(False, numbers["R_m"].value),
+        fixed: ParameterChoice(True, numbers[fixed].value),
+    }
+    options = choice_options(tuple(numbers.values()), wishes)
+    assert options == {"free": [fixed], "hold": ["R_m"], "fix": {"body_lift.K_b": 2.5}}
+    recipe = recipe_of_options({"name": "x", "data": ["a"], "model": "quad_bench", **options})
+    parameters = recipe_model(recipe).model.parameters
+    assert parameters[fixed].free
+    assert not parameters["R_m"].free
+    assert (parameters["body_lift.K_b"].free, parameters["body_lift.K_b"].value) == (False, 2.5)

@@ -1,0 +1,145 @@
+"""The Fit form as a recipe, as a command, and as a folder that a process of its own writes."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from benchtool.errors import BenchtoolError, InputError, WouldOverwrite
+from benchtool.recipes.fit_data import recipe_model
+from benchtool.recipes.kept_fit import read_kept
+from benchtool.recipes.run_recipe import run_recipe
+from benchtool.store.entry import Entry
+from benchtool.store.run_list import list_entries
+from benchtool.store.runs_folder import RunsFolder
+from benchtool.store.upload import columns_file
+from benchtool.web.tabs.fit.model_choice import ParameterChoice, adjustables
+from benchtool.web.tabs.fit.request import (
+    FitRequest,
+    data_rig,
+    recipe_for,
+    suggested_name,
+    words_for,
+)
+from benchtool.web.tabs.fit.work import fit_into, partial_folder
+
+RUN = Path(__file__).parents[4] / "datasets/single_rotor/run"
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> RunsFolder:
+    shutil.copytree(RUN, tmp_path / "runs" / "one")
+    (tmp_path / "runs" / "lab.csv").write_text("F,rpm1\n1,2\n", "utf-8")
+    return RunsFolder(tmp_path / "runs")
+
+
+@pytest.fixture
+def entries(folder: RunsFolder) -> dict[str, Entry]:
+    return {entry.name: entry for entry in list_entries(folder)}
+
+
+def order(**changes: object) -> FitRequest:
+    given: dict[str, object] = {"data": ["one"], "model": "single_bench", "name": "fit-one"}
+    return FitRequest(**{**given, **changes})  # type: ignore[arg-type]
+
+
+def test_the_form_gives_a_recipe_and_its_words(
+    folder: RunsFolder, entries: dict[str, Entry]
+) -> None:
+    wish = {"R_m": ParameterChoice(False, 0.13)}
+    asked = order(choices=wish, options={"methods": ["least_squares", "emcee"]}, profile=True)
+    recipe = recipe_for(asked, folder, entries)
+    assert recipe.data == (str(folder.root / "one"),)
+    words = words_for(recipe, asked, folder)
+    assert words[:4] == ["fit", str(folder.root / "one"), "--model", "single_bench"]
+    assert words[4:] == [
+        *("--method", "least_squares", "--method", "emcee", "--fix", "R_m=0.13"),
+        *("--profile", "--out", str(folder.root / "fit-one")),
+    ]
+
+
+def test_the_numbers_shown_are_those_of_the_runs_rig(
+    folder: RunsFolder, entries: dict[str, Entry]
+) -> None:
+    metadata = folder.root / "one" / "metadata.json"
+    facts = json.loads(metadata.read_text("utf-8"))
+    facts["rig"]["propulsion"]["radius_m"] = 0.2
+    metadata.write_text(json.dumps(facts), "utf-8")
+    rig = data_rig(["one", "lab.csv"], folder)
+    assert rig is not None
+    numbers = {number.name: number for number in adjustables("single_bench", rig)}
+    own = {number.name: number for number in adjustables("single_bench")}
+    assert numbers["R_m"].value == 0.2 != own["R_m"].value
+    # What is shown needs no option; the model file's own number is another here, and does.
+    for value, fix in ((0.2, {}), (own["R_m"].value, {"R_m": own["R_m"].value})):
+        recipe = recipe_for(order(choices={"R_m": ParameterChoice(False, value)}), folder, entries)
+        assert recipe.fix == fix
+        assert recipe_model(recipe).model.parameters["R_m"].value == value
+    assert data_rig(["lab.csv"], folder) is None
+
+
+def test_what_the_form_lacks_is_told(folder: RunsFolder, entries: dict[str, Entry]) -> None:
+    for changes, said in (
+        ({"data": []}, "nothing to fit: choose a run or a table"),
+        ({"data": ["../runs/one"]}, "leads out of the runs folder"),
+        ({"model": "../model.toml"}, "leads out of the runs folder"),
+        ({"options": {"methods": []}}, "--method is"),
+        ({"options": {"walkers": 2}}, "--walkers is 2"),
+        ({"data": ["lab.csv"]}, "lab.csv has no column thrust_N; say which column is which"),
+    ):
+        with pytest.raises(InputError, match=said):
+            recipe_for(order(**changes), folder, entries)
+
+
+def test_a_tables_own_map_goes_with_it(folder: RunsFolder, entries: dict[str, Entry]) -> None:
+    table = folder.path_of("lab.csv")
+    columns_file(table).write_text('[columns]\nthrust_N = { column = "F" }\n', "utf-8")
+    recipe = recipe_for(order(data=["lab.csv"]), folder, entries)
+    assert recipe.columns == str(columns_file(table))
+    (folder.root / "two.csv").write_text("thrust_N,rpm1\n1,2\n", "utf-8")
+    both = {entry.name: entry for entry in list_entries(folder)}
+    with pytest.raises(InputError, match="a fit takes one map"):
+        recipe_for(order(data=["lab.csv", "two.csv"]), folder, both)
+
+
+def test_a_name_is_suggested_that_is_free(folder: RunsFolder) -> None:
+    assert suggested_name(folder, ["one"]) == "fit-one"
+    (folder.root / "fit-one").mkdir()
+    assert suggested_name(folder, ["one"]) == "fit-one-2"
+    assert suggested_name(folder, ["2026-01-02-lab/my lab.csv"]) == "fit-my-lab"
+    folder.new_path(suggested_name(folder, ["strange (name).csv"]))
+
+
+def test_the_work_writes_what_the_command_would(
+    folder: RunsFolder, entries: dict[str, Entry]
+) -> None:
+    asked = order()
+    recipe = recipe_for(asked, folder, entries)
+    told: list[tuple[str, float]] = []
+
+    def tell(what: str, share: float) -> None:
+        told.append((what, share))
+
+    out = folder.new_path("fit-one")
+    words = words_for(recipe, asked, folder)
+    assert fit_into(tell, recipe, out, tuple(words), False) == "fit-one"
+    assert [what for what, _ in told] == ["reading", "least squares", "drawing"]
+    expected = run_recipe(recipe).results[0]
+    found = read_kept(out).results[0]
+    assert found["R_m"] == expected["R_m"]
+    assert f"benchtool {' '.join(words)}" in (out / "report.html").read_text("utf-8")
+    assert not partial_folder(out).exists()
+    with pytest.raises(WouldOverwrite):
+        fit_into(tell, recipe, out, tuple(words), False)
+
+
+def test_data_that_do_not_allow_the_fit_leave_nothing_behind(
+    folder: RunsFolder, entries: dict[str, Entry]
+) -> None:
+    recipe = recipe_for(order(options={"min_z_over_R": 99.0}), folder, entries)
+    with pytest.raises(BenchtoolError, match="can be fitted"):
+        fit_into(lambda *_: None, recipe, folder.new_path("fit-one"), (), False)
+    assert sorted(item.name for item in folder.root.iterdir()) == ["lab.csv", "one"]

@@ -1,0 +1,41 @@
+"""Functions for the jobs of `test_jobs`: what a spawned process imports."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable
+
+from benchtool.errors import UnknownChoice
+from benchtool.web.jobs import ReportProgress
+
+Function = Callable[[ReportProgress], int]
+
+
+def add(report: ReportProgress, a: int, b: int) -> int:
+    report("adding", 0.2)
+    report("adding", 0.5)
+    report("done", 1.0)
+    return a + b
+
+
+def refuse(report: ReportProgress) -> int:
+    raise UnknownChoice("rig", "quat", ["quad"])
+
+
+def stumble(report: ReportProgress) -> int:
+    return 1 // 0
+
+
+def fall(report: ReportProgress) -> int:
+    os._exit(9)
+
+
+def linger(report: ReportProgress = lambda what, share: None) -> int:
+    report("lingering", 0.1)
+    time.sleep(60.0)
+    return 0
+
+
+def name_own_process(report: ReportProgress) -> tuple[int, int]:
+    return os.getpid(), os.nice(0)

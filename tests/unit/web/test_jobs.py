@@ -1,0 +1,120 @@
+from __future__ import annotations
+
+import asyncio
+import os
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from benchtool.errors import BenchtoolError, InputError, RunStopped, WouldOverwrite
+from benchtool.web.jobs import (
+    NICENESS,
+    FolderJob,
+    Job,
+    LatestJob,
+    WorkerProcess,
+    complete_folder,
+    partial_folder,
+)
+from tests.unit.web import job_functions
+
+LONG_S = 60.0
+
+
+@pytest.fixture
+def worker() -> Iterator[WorkerProcess]:
+    made = WorkerProcess("sums")
+    yield made
+    made.close()
+
+
+def test_short_work_follows_each_other_and_an_error_of_ours_is_its_sentence(
+    worker: WorkerProcess, capfd: pytest.CaptureFixture[str]
+) -> None:
+    async def run() -> list[int]:
+        pids = [await worker.run(os.getpid) for _ in range(2)]
+        with pytest.raises(BenchtoolError, match=r"a fault in benchtool itself, ValueError: .*'x'"):
+            await worker.run(int, "x")
+        return [*pids, await worker.run(int, "7")]
+
+    first, second, seven = asyncio.run(run())
+    assert first == second != os.getpid()
+    assert seven == 7
+    assert "Traceback" in capfd.readouterr().err
+
+
+def test_a_worker_that_ends_is_reported_and_replaced(worker: WorkerProcess) -> None:
+    async def run() -> int:
+        with pytest.raises(RunStopped, match="the process for sums ended before it was done"):
+            await worker.run(os._exit, 3)
+        found: int = await worker.run(int, "7")
+        return found
+
+    assert asyncio.run(run()) == 7
+
+
+def test_a_worker_ends_at_once_when_it_is_closed(worker: WorkerProcess) -> None:
+    async def run() -> None:
+        await worker.run(os.getpid)
+        lingering = asyncio.ensure_future(worker.run(job_functions.linger))
+        await asyncio.sleep(0)
+        worker.close()
+        with pytest.raises((RunStopped, asyncio.CancelledError)):
+            await asyncio.wait_for(lingering, LONG_S)
+
+    asyncio.run(run())
+
+
+def test_a_result_comes_back_with_the_stages_in_order() -> None:
+    state = Job(job_functions.add, 2, 3).wait(LONG_S)
+    assert (state.status, state.result, state.share) == ("done", 5, 1.0)
+    assert state.stages == ("adding", "done")
+
+
+@pytest.mark.parametrize(
+    ("function", "error"),
+    [
+        (job_functions.refuse, "unknown rig 'quat'; did you mean 'quad'? known: quad"),
+        (job_functions.stumble, "a fault in benchtool itself, ZeroDivisionError"),
+        (job_functions.fall, "exit code 9"),
+    ],
+    ids=["ours", "fault", "death"],
+)
+def test_what_fails_says_why(function: job_functions.Function, error: str) -> None:
+    state = Job(function).wait(LONG_S)
+    assert state.status == "failed"
+    assert error in state.error
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no niceness there")
+def test_a_job_runs_elsewhere_and_below_the_server() -> None:
+    state = Job(job_functions.name_own_process).wait(LONG_S)
+    assert state.result is not None
+    pid, niceness = state.result
+    assert pid != os.getpid()
+    assert niceness >= min(os.nice(0) + NICENESS, 19)
+
+
+def test_one_job_of_a_kind_runs_and_cancel_deletes_what_it_wrote(tmp_path: Path) -> None:
+    out = tmp_path / "fit"
+    job = FolderJob(out=out, words=(), job=Job(job_functions.linger))
+    latest: LatestJob[FolderJob[int]] = LatestJob({tmp_path: job})
+    with pytest.raises(InputError, match=r"fit still runs .*wait, or cancel it"):
+        latest.ended(tmp_path)
+    partial_folder(out).mkdir()
+    job.cancel()
+    job.cancel()
+    assert job.job.wait(LONG_S).status == "cancelled"
+    assert list(tmp_path.iterdir()) == []
+    assert latest.ended(tmp_path) is job
+
+
+def test_a_complete_folder_replaces_nothing(tmp_path: Path) -> None:
+    out = tmp_path / "answer"
+    out.mkdir()
+    partial_folder(out).mkdir()
+    with pytest.raises(WouldOverwrite, match="exists already"):
+        complete_folder(out, out)
+    assert partial_folder(out).is_dir()
