@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
-from benchtool.acquire.air import Air
+from benchtool.acquire.inputs import SweepInputs
 from benchtool.acquire.pitch_experiment import PitchExperiment
-from benchtool.acquire.plan import Plan
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -110,26 +109,17 @@ class SetClockSpeed:
     speed: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class StartSweep:
-    """Start a sweep, or resume one.
+    """Start a sweep, or resume the run that its inputs name.
 
     Attributes:
-        plan: not resolved; None to resume a run.
-        resume: run folder to resume.
-        runs: where run folders are made.
+        inputs: as of the command line; the bench is the connected one.
         typed: what the operator typed to arm; empty to rely on a simulated or checked bench.
-        calibration, stage: as the command line's options.
     """
 
-    plan: Plan | None = None
-    resume: Path | None = None
-    runs: Path = Path("runs")
+    inputs: SweepInputs
     typed: str = ""
-    operator: str = ""
-    air: Air = field(default_factory=Air)
-    calibration: str | None = None
-    stage: str | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

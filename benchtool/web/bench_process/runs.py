@@ -110,17 +110,16 @@ class RunSupervisor:
         self.finish()
         self._paused.clear()
         identity = bench.identity
-        rest = unfinished(Run.open(command.resume)) if command.resume else None
+        inputs = command.inputs
+        rest = unfinished(Run.open(inputs.resume)) if inputs.resume else None
         if rest is not None:
             plan, rig = rest.plan, rest.rig
-        elif command.plan is not None:
-            plan = command.plan.resolved(rig)
         else:
-            raise InputError("neither a plan nor a run to go on with was given")
+            plan = inputs.plan.resolved(rig)
         self._radius_m = rig.propulsion.radius_m
         check_plan(plan, rig, identity.limits)
-        scale = rest.calibration if rest else calibration_for(command.calibration, identity)
-        chosen = command.stage or (rest.stage if rest else None)
+        scale = rest.calibration if rest else calibration_for(inputs.calibration, identity)
+        chosen = inputs.stage or (rest.stage if rest else None)
         stage = stage_for(chosen, bench, rig, lambda text: self._ask(bench, text))
         require_armed(command.typed, identity, rig)
         start = None
@@ -132,8 +131,8 @@ class RunSupervisor:
         run: Run | None = None
         try:
             run = rest.run if rest else new_run(
-                (command.runs, None), plan, rig, identity,
-                operator=command.operator, air=command.air, calibration=scale,
+                (inputs.runs, None), plan, rig, identity,
+                operator=inputs.operator, air=inputs.air.air(), calibration=scale,
             )  # fmt: skip
             self._begin(SweepStatus(status="running", run=str(run.path)))
             summary = run_sweep(

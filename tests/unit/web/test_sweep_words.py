@@ -5,7 +5,7 @@ from benchtool.core.inputs import make
 from benchtool.library import rig_named
 from benchtool.web.bench_process.client import BenchClient
 from benchtool.web.bench_process.events import ConnectionStatus, SweepStatus
-from benchtool.web.tabs.sweep.form import FIELDS, values_of
+from benchtool.web.tabs.sweep.form import FIELDS, plan_texts
 from benchtool.web.tabs.sweep.ratio_card import nothing_yet
 
 
@@ -24,6 +24,6 @@ def test_an_empty_plot_says_what_comes_next() -> None:
 def test_what_an_empty_field_shows_is_what_would_be_typed_for_the_same_plan() -> None:
     rig = rig_named("pquad")
     resolved = Plan().resolved(rig)
-    shown = values_of(resolved, rig)
-    assert set(shown) == {item.name for item in FIELDS} - {"z_m"}
+    shown = plan_texts(resolved, rig)
+    assert set(shown) == {*FIELDS} - {"z_m", "order"}
     assert make(Plan, shown, source="label").resolved(rig) == resolved

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from nicegui import run, ui
@@ -11,6 +11,7 @@ from nicegui import run, ui
 from benchtool.acquire.arming import arming_text
 from benchtool.acquire.check_plan import check_plan
 from benchtool.acquire.duration import expected_duration_s, minutes
+from benchtool.acquire.inputs import SweepInputs
 from benchtool.acquire.order import settings_of, visits_of
 from benchtool.acquire.plan import Plan
 from benchtool.core.rig import Rig
@@ -136,10 +137,9 @@ class PlanCard:
         try:
             rig = self._rig()
             limits = connection.identity.limits if connection.identity else None
-            plan = self._form.plan()
+            plan = self._form.inputs().plan
             self._form.show_values(plan.resolved(rig), rig)
             self._preview = preview_of(plan, rig, limits)
-            self._form.air()
         except BenchtoolError as error:
             problem = str(error)
         self._problem.set_text(problem)
@@ -167,18 +167,9 @@ class PlanCard:
         confirm_arming(self._context, self._card, text, lambda typed: self._begin(typed, resume))
 
     def _begin(self, typed: str, resume: Path | None) -> None:
-        self._context.bench.send(
-            StartSweep(
-                plan=None if resume else self._form.plan(),
-                resume=resume,
-                runs=self._context.runs,
-                typed=typed,
-                operator=self._form.text("operator") or "",
-                air=self._form.air(),
-                calibration=self._form.text("calibration"),
-                stage=self._form.text("stage"),
-            )
-        )
+        inputs = SweepInputs() if resume else self._form.inputs()
+        inputs = replace(inputs, runs=self._context.runs, resume=resume)
+        self._context.bench.send(StartSweep(inputs, typed))
         # Its progress stands above.
         ui.run_javascript("window.scrollTo({top: 0, behavior: 'smooth'})")
 

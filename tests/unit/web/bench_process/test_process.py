@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 
 import pytest
 
+from benchtool.acquire.inputs import SweepInputs
 from benchtool.acquire.pitch_experiment import PitchExperiment
 from benchtool.acquire.plan import plan_from_toml
 from benchtool.store import Run, read_pitch, read_points
@@ -143,7 +144,9 @@ def test_asks_that_do_not_fit_are_refused_with_a_sentence(bench: Server) -> None
     assert "connected already" in bench.wait_for(Notice).text
     bench.send(WeighMass(0.1))
     assert "masses need a bench without limits" in bench.wait_for(Notice).text
-    bench.send(StartSweep(plan=plan_from_toml("[throttle]\npwm_us = [9000.0]", "plan")))
+    bench.send(
+        StartSweep(SweepInputs(plan=plan_from_toml("[throttle]\npwm_us = [9000.0]", "plan")))
+    )
     said = bench.wait_for(Notice)
     assert said.is_error
     assert "asks for 9000 us" in said.text
@@ -170,7 +173,7 @@ def test_masses_are_weighed_on_a_bench_that_cannot_turn(bench: Server) -> None:
     live = bench.wait_for(LiveStatus, lambda event: len(event.weighed) == 1)
     assert live.weighed[0][0] == 0.0
     bench.send(HoldThrottle("a", 1, 1300.0, (1,)))
-    bench.send(StartSweep(plan=PLAN))
+    bench.send(StartSweep(SweepInputs(plan=PLAN)))
     assert "held for masses only" in bench.wait_for(Notice).text
     bench.send(WeighMass(1e6))
     assert "the load cell's rating" in bench.wait_for(Notice).text
@@ -217,7 +220,7 @@ def test_a_pitch_recording_is_kept_and_stopped(bench: Server, tmp_path: Path) ->
 def test_a_sweep_runs_pauses_and_ends(bench: Server, tmp_path: Path) -> None:
     bench.connect("sim:pquad_single")
     bench.send(SetClockSpeed(100.0))
-    bench.send(StartSweep(plan=PLAN, runs=tmp_path))
+    bench.send(StartSweep(SweepInputs(plan=PLAN, runs=tmp_path)))
     bench.wait_for(SweepStatus, lambda event: event.done == 1)
     bench.send(PauseSweep(True))
     bench.wait_for(SweepStatus, lambda event: event.status == "paused")
@@ -238,13 +241,13 @@ def test_a_sweep_runs_pauses_and_ends(bench: Server, tmp_path: Path) -> None:
 def test_a_stopped_sweep_is_gone_on_with(bench: Server, tmp_path: Path) -> None:
     bench.connect("sim:pquad_single")
     bench.send(SetClockSpeed(20.0))
-    bench.send(StartSweep(plan=PLAN, runs=tmp_path))
+    bench.send(StartSweep(SweepInputs(plan=PLAN, runs=tmp_path)))
     bench.wait_for(SweepStatus, lambda event: event.done == 2)
     bench.send(StopMotors("a test"))
     stopped = bench.wait_for(SweepStatus, lambda event: event.status in ("ended", "stopped"))
     assert stopped.reason.startswith("stopped from a test; zero was commanded")
     bench.send(SetClockSpeed(100.0))
-    bench.send(StartSweep(resume=Path(stopped.run)))
+    bench.send(StartSweep(SweepInputs(resume=Path(stopped.run))))
     ended = bench.wait_for(SweepStatus, lambda event: event.status in ("ended", "stopped"))
     assert (ended.status, ended.run, ended.done) == ("ended", stopped.run, 5)
 
@@ -253,7 +256,7 @@ def test_a_server_that_is_gone_stops_the_sweep_and_ends_the_process(
     bench: Server, tmp_path: Path
 ) -> None:
     bench.connect("sim:pquad_single")
-    bench.send(StartSweep(plan=PLAN, runs=tmp_path))
+    bench.send(StartSweep(SweepInputs(plan=PLAN, runs=tmp_path)))
     running = bench.wait_for(SweepStatus, lambda event: event.status == "running")
     bench.pipe.close()
     bench.process.join(20)

@@ -1,0 +1,91 @@
+"""Form fields made of declared inputs: text, choices or a box to tick, by the type of each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, Generic, TypeVar
+
+from nicegui import ui
+
+from benchtool.core.input_text import text_of
+from benchtool.core.inputs import Inputs, Item, items, make, words
+
+T = TypeVar("T", bound=Inputs)
+
+
+class InputForm(Generic[T]):
+    """Hold the fields of a dataclass of inputs and read what was typed.
+
+    Args:
+        cls: what the fields are of.
+        changed: called after every change.
+    """
+
+    def __init__(self, cls: type[T], changed: Callable[[], object]) -> None:
+        self._cls, self._changed = cls, changed
+        self._items = {item.name: item for item in items(cls)}
+        self._fields: dict[str, Any] = {}
+
+    def add(self, *names: str, options: Mapping[str, str] | None = None) -> None:
+        """Make fields in the present slot.
+
+        Args:
+            names: of the inputs.
+            options: choices with their words, where the input's own do not say enough.
+        """
+        for name in names:
+            item = self._items[name]
+            made = self._field(item, options)
+            self._fields[name] = made.props("dense stack-label").mark(name)
+
+    def _field(self, item: Item, options: Mapping[str, str] | None) -> Any:
+        if item.kind is bool:
+            return ui.checkbox(item.label, value=bool(item.default), on_change=self._changed)
+        if options is not None and item.many:
+            return ui.select(
+                dict(options), multiple=True, label=item.label, on_change=self._changed
+            ).props("use-chips")
+        if options is not None:
+            return ui.select(
+                dict(options), value=item.default, label=item.label, on_change=self._changed
+            )
+        if item.choices:
+            usual = {"": text_of(item.default)}
+            rest = {each: each for each in item.choices if each != item.default}
+            return ui.select(usual | rest, value="", label=item.label, on_change=self._changed)
+        empty = item.about.empty or text_of(item.default) or "from the rig"
+        made = ui.input(item.label, placeholder=f"empty: {empty}", on_change=self._changed)
+        return made.props("debounce=300")
+
+    def given(self) -> dict[str, Any]:
+        """Return what was typed or chosen, by name; None where nothing was."""
+        return {name: _given(field.value) for name, field in self._fields.items()}
+
+    def make(self, base: T | None = None) -> T:
+        """Return the inputs.
+
+        Args:
+            base: what runs where nothing is typed; the defaults when None.
+
+        Raises:
+            InputError: something typed cannot be read, or is out of range.
+        """
+        return make(self._cls, self.given(), source="label", base=base)
+
+    def words(self, more: Mapping[str, Any]) -> list[str]:
+        """Return the words of the command line; `more` are inputs without a field."""
+        return words(self._cls, {**self.given(), **more})
+
+    def show_empty(self, texts: Mapping[str, str]) -> None:
+        """Show in empty fields what runs instead, by name."""
+        for name, text in texts.items():
+            field, shown = self._fields[name], f"empty: {text}"
+            if field.props["placeholder"] != shown:
+                field.props["placeholder"] = shown
+                field.update()
+
+
+def _given(value: Any) -> Any:
+    """Return a field's value; None for an empty one."""
+    value = value.strip() if isinstance(value, str) else value
+    return None if value in ("", []) else value
