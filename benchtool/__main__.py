@@ -1,6 +1,6 @@
 """Run the command line as ``python -m benchtool``."""
 
-from benchtool.cli.app import main
+from benchtool.commands.app import main
 
 if __name__ == "__main__":
     main()

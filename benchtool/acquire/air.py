@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import exp
 
-from benchtool.errors import InputError
+from benchtool.core.errors import InputError
 
 CARBON_DIOXIDE = 0.0004
 """Mole fraction of carbon dioxide: 400 ppm, the reference value of CIPM-2007."""

@@ -12,9 +12,9 @@ from benchtool.acquire.plan import Plan
 from benchtool.bench.bench import Identity
 from benchtool.bench.limit_check import unwatched_limits
 from benchtool.bench.standstill import unmeasured_rotors
+from benchtool.core.errors import InputError
 from benchtool.core.rig import Rig
-from benchtool.errors import InputError
-from benchtool.store.state import recall, remember
+from benchtool.data.run.state import recall, remember
 
 CONFIRMATION = "ARM"
 """What the operator types."""

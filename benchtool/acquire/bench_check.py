@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from benchtool.acquire.motors import STANDSTILL_RPM
 from benchtool.bench.bench import Bench
+from benchtool.core.errors import BenchError
 from benchtool.core.rig import Rig
-from benchtool.errors import BenchError
 
 Array = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from benchtool.acquire.average import Average, average
 from benchtool.bench.bench import Bench
-from benchtool.errors import CalibrationError
+from benchtool.core.errors import CalibrationError
 
 Array = NDArray[np.float64]
 

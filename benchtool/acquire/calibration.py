@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.core.errors import CalibrationError
 from benchtool.core.toml_text import FiniteTable, build
 from benchtool.core.units import STANDARD_GRAVITY_M_S2
-from benchtool.errors import CalibrationError
 
 Array = NDArray[np.float64]
 

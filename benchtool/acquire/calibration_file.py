@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 def read_calibration(path: Path) -> Calibration:
     """Return the calibration in a JSON file."""
     from benchtool.acquire.calibration import calibration_from
-    from benchtool.store.atomic import read_json
+    from benchtool.data.atomic import read_json
 
     return calibration_from(read_json(path), str(path))
 
@@ -25,7 +25,7 @@ def calibration_for(option: str | None, identity: Identity) -> Calibration | Non
         CalibrationError: the file belongs to another device.
     """
     from benchtool.acquire.calibration import calibration_from, require_device
-    from benchtool.store.state import recall, state_file
+    from benchtool.data.run.state import recall, state_file
 
     if option == "none":
         return None

@@ -11,11 +11,11 @@ import numpy as np
 from benchtool.acquire.duration import least_duration_s
 from benchtool.acquire.order import Setting, settings_of
 from benchtool.acquire.plan import Plan
-from benchtool.aero.rotor import speed_from_pwm
+from benchtool.core.errors import PlanError
 from benchtool.core.rig import Rig
-from benchtool.effects.conditions import Conditions
-from benchtool.effects.model import Model
-from benchtool.errors import PlanError
+from benchtool.physics.conditions import Conditions
+from benchtool.physics.model import Model
+from benchtool.physics.rotor import speed_from_pwm
 
 LONGEST_S = 48.0 * 3600.0
 """A plan that lasts longer is taken for a typing error; a choice."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from benchtool.store import Point
+from benchtool.data.run.points import Point
 
 
 class DriftWatch:

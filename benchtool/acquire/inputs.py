@@ -10,8 +10,8 @@ from annotated_types import Ge, Le
 
 from benchtool.acquire.air import HUMIDITIES, PRESSURES_PA, TEMPERATURES_DEGC, Air
 from benchtool.acquire.plan import Plan
+from benchtool.core.errors import InputError
 from benchtool.core.inputs import Input, Inputs
-from benchtool.errors import InputError
 
 if TYPE_CHECKING:
     from benchtool.core.rig import Rig
@@ -100,7 +100,7 @@ class SweepInputs(Inputs):
 def rig_for(address: str, named: str | None) -> Rig:
     """Return the rig on the bench: as named, or the one that a `sim:` address names."""
     from benchtool.bench.address import parse_address
-    from benchtool.library import rig_named, rig_names
+    from benchtool.core.rig_file import rig_named, rig_names
 
     if named:
         return rig_named(named)

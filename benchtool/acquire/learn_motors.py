@@ -11,9 +11,9 @@ import numpy as np
 from benchtool.acquire.bench_check import low_throttle_us
 from benchtool.bench.bench import Bench
 from benchtool.bench.guard import GuardedBench
-from benchtool.bench.motor_map import MotorMap
+from benchtool.bench.mavlink.motor_map import MotorMap
+from benchtool.core.errors import BenchError, InputError
 from benchtool.core.rig import Rig
-from benchtool.errors import BenchError, InputError
 
 SPIN_S = 1.2
 """A motor turns so long: rotors have started, and a dead speed channel has not ended it yet."""

@@ -14,7 +14,7 @@ from benchtool.acquire.calibration import Calibration
 from benchtool.acquire.order import Visit
 from benchtool.acquire.tare import Tared
 from benchtool.core.recording import Recording
-from benchtool.store import Point
+from benchtool.data.run.points import Point
 
 Array = NDArray[np.float64]
 

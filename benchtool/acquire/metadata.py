@@ -14,7 +14,7 @@ from benchtool.acquire.calibration import Calibration, calibration_to_dict
 from benchtool.acquire.plan import Plan
 from benchtool.bench.bench import Identity
 from benchtool.core.rig import Rig
-from benchtool.library import rig_to_dict
+from benchtool.core.rig_file import rig_to_dict
 
 _PACKAGES = ("numpy", "pandas", "pyarrow", "pyserial")
 

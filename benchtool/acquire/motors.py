@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.acquire.record import Recorder
+from benchtool.core.errors import BenchError, CommandRefused
 from benchtool.core.rig import Rig
-from benchtool.errors import BenchError, CommandRefused
 
 Array = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ from benchtool.acquire.pitch_experiment import PitchExperiment
 from benchtool.acquire.plan import Plan, plan_to_toml
 from benchtool.bench.bench import Identity
 from benchtool.core.rig import Rig
-from benchtool.store import Run, free_run_path
+from benchtool.data.run.run import Run, free_run_path
 
 
 def new_run(

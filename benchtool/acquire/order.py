@@ -10,8 +10,8 @@ from typing import Literal
 import numpy as np
 
 from benchtool.acquire.plan import Plan
+from benchtool.core.errors import PlanError
 from benchtool.core.rig import Rig
-from benchtool.errors import PlanError
 
 MOST_VISITS = 100_000
 """More take weeks. A choice."""

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from math import degrees, isfinite, pi, radians, sqrt
 
 from benchtool.bench.bench import Identity
+from benchtool.core.errors import InputError, PlanError
 from benchtool.core.rig import Rig
-from benchtool.errors import InputError, PlanError
 
 GRAVITY_M_S2 = 9.81
 """As the simulated pitch bench rounds it."""

@@ -17,9 +17,9 @@ from benchtool.acquire.record import Recorder
 from benchtool.bench.bench import Readings
 from benchtool.bench.guard import GuardedBench
 from benchtool.core.counted import counted
+from benchtool.core.errors import LimitExceeded, StandstillNotSeen
 from benchtool.core.rig import Rig
-from benchtool.errors import LimitExceeded, StandstillNotSeen
-from benchtool.store import Run
+from benchtool.data.run.run import Run
 
 Array = NDArray[np.float64]
 

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import tomli_w
 from annotated_types import Ge, Gt, Le, Len
 
+from benchtool.core.errors import FileFormatError
 from benchtool.core.inputs import Input, Inputs
 from benchtool.core.toml_text import read_strict
 from benchtool.core.user_file import read_text
-from benchtool.errors import FileFormatError
 
 if TYPE_CHECKING:
     from benchtool.core.rig import Rig

@@ -6,7 +6,8 @@ from collections.abc import Callable
 from typing import Any, Protocol
 
 from benchtool.acquire.order import Visit
-from benchtool.store import Event, Point
+from benchtool.data.run.events import Event
+from benchtool.data.run.points import Point
 
 
 class Progress(Protocol):

@@ -12,18 +12,14 @@ from numpy.typing import NDArray
 from benchtool.acquire.average import average
 from benchtool.acquire.calibration import Calibration, calibration_to_dict, require_device
 from benchtool.acquire.plan import plan_from_toml
+from benchtool.core.errors import CalibrationError, FileFormatError
 from benchtool.core.recording import Recording
-from benchtool.errors import CalibrationError, FileFormatError
-from benchtool.store import (
-    VALID_KINDS,
-    Run,
-    aggregate,
-    code_of,
-    data_hash,
-    read_points,
-    read_samples,
-)
-from benchtool.store.write import write_table
+from benchtool.data.columns import VALID_KINDS, code_of
+from benchtool.data.run.digest import data_hash
+from benchtool.data.run.read import read_points, read_samples
+from benchtool.data.run.run import Run
+from benchtool.data.run.settings import aggregate
+from benchtool.data.run.write import write_table
 
 Array = NDArray[np.float64]
 

@@ -13,9 +13,11 @@ from benchtool.bench.bench import Readings
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.standstill import Standstill
 from benchtool.core.channel import Channel
+from benchtool.core.errors import BenchtoolError
 from benchtool.core.recording import Recording
-from benchtool.errors import BenchtoolError
-from benchtool.store import Event, Run, RunWriter
+from benchtool.data.run.events import Event
+from benchtool.data.run.run import Run
+from benchtool.data.run.run_writer import RunWriter
 
 Array = NDArray[np.float64]
 

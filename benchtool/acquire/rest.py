@@ -8,9 +8,9 @@ from benchtool.acquire.average import average
 from benchtool.acquire.motors import Motors
 from benchtool.acquire.plan import RestPart
 from benchtool.acquire.record import Recorder
+from benchtool.core.errors import RunStopped
 from benchtool.core.recording import Recording
-from benchtool.errors import RunStopped
-from benchtool.store import Point
+from benchtool.data.run.points import Point
 
 LOOK_S = 1.0
 """Span over which temperature and voltage are averaged; a choice."""

@@ -14,10 +14,13 @@ from benchtool.acquire.record import LinkQuality
 from benchtool.acquire.sweep import Start
 from benchtool.bench.bench import Identity
 from benchtool.core.counted import counted
+from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.rig import Rig
 from benchtool.core.user_file import read_file
-from benchtool.errors import FileFormatError, InputError
-from benchtool.store import VALID_KINDS, Run, code_of, read_points, run_rig
+from benchtool.data.columns import VALID_KINDS, code_of
+from benchtool.data.run.read import read_points
+from benchtool.data.run.run import Run
+from benchtool.data.run.run_rig import run_rig
 
 GAP_S = 1.0
 """Time of the run that stands for the break, however long it was; the event tells the real one."""

@@ -7,11 +7,11 @@ from math import isfinite, nan
 from typing import TYPE_CHECKING
 from urllib.parse import parse_qsl
 
-from benchtool.errors import InputError, UnknownChoice
+from benchtool.core.errors import InputError, UnknownChoice
 
 if TYPE_CHECKING:
     from benchtool.bench.guard import GuardedBench
-    from benchtool.bench.stage import Pause, Stage
+    from benchtool.bench.stage.stage import Pause, Stage
     from benchtool.core.rig import Rig
 
 _GRBL_OPTIONS = ("baud", "axis", "zero_mm", "direction", "lateral", "lateral_zero_mm")
@@ -40,9 +40,9 @@ def stage_for(
         rig: travel and feed.
         ask: puts a question to the operator.
     """
-    from benchtool.bench.idle_stage import IdleStage
-    from benchtool.bench.one_sided_stage import OneSidedStage
-    from benchtool.bench.stage import DeviceStage, HandStage
+    from benchtool.bench.stage.idle_stage import IdleStage
+    from benchtool.bench.stage.one_sided_stage import OneSidedStage
+    from benchtool.bench.stage.stage import DeviceStage, HandStage
 
     chosen = option or ("device" if bench.identity.moves_plate else rig.plate.moved_by)
     if chosen == "device":
@@ -69,9 +69,9 @@ def stage_for(
 
 
 def _grbl(place: str, rig: Rig, opening: Pause = lambda duration_s: None) -> Stage:
-    from benchtool.bench.grbl_stage import GrblStage
-    from benchtool.bench.grbl_way import GrblAxis
-    from benchtool.bench.serial_port import SerialPort
+    from benchtool.bench.stage.grbl_stage import GrblStage
+    from benchtool.bench.stage.grbl_way import GrblAxis
+    from benchtool.bench.transport.serial_port import SerialPort
 
     port, _, query = place.partition("?")
     options = dict(parse_qsl(query))

@@ -24,13 +24,14 @@ from benchtool.acquire.settle import is_settled
 from benchtool.acquire.tare import Tared, tare, tare_point
 from benchtool.bench.bench import Readings
 from benchtool.bench.guard import GuardedBench
-from benchtool.bench.plate_check import PlateCheck
-from benchtool.bench.stage import Stage
+from benchtool.bench.stage.plate_check import PlateCheck
+from benchtool.bench.stage.stage import Stage
 from benchtool.core.counted import counted
+from benchtool.core.errors import InputError, RunStopped, StandstillNotSeen
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
-from benchtool.errors import InputError, RunStopped, StandstillNotSeen
-from benchtool.store import Point, Run
+from benchtool.data.run.points import Point
+from benchtool.data.run.run import Run
 
 SETTLE_CHECK_S = 0.1
 """How often settling is tested; a choice, a tenth of the usual window."""

@@ -9,9 +9,9 @@ from benchtool.acquire.average import Average, average
 from benchtool.acquire.motors import Motors
 from benchtool.acquire.plan import TarePart
 from benchtool.acquire.record import Recorder
+from benchtool.core.errors import BenchError
 from benchtool.core.rig import Rig
-from benchtool.errors import BenchError
-from benchtool.store import Point
+from benchtool.data.run.points import Point
 
 TRIES = 3
 """Tares before the sweep gives up; a choice: a gust fails one, a loose cell fails all."""

@@ -13,9 +13,9 @@ from typing import Any
 from urllib.parse import parse_qsl
 
 from benchtool.bench.bench import Bench
-from benchtool.bench.parsed_address import Address
-from benchtool.errors import InputError, UnknownChoice
-from benchtool.library.own_code import CodePermit, refuse_code
+from benchtool.bench.transport.parsed_address import Address
+from benchtool.core.errors import InputError, UnknownChoice
+from benchtool.core.own_code import CodePermit, refuse_code
 
 LONGEST_ADDRESS = 1024
 """Longest address, in characters; a choice: a path and some options."""
@@ -113,11 +113,12 @@ def _simulated(address: Address, permit: CodePermit) -> Bench:
             raise InputError(
                 f"option {name} of address {address.text!r} is for mode=pitch; add &mode=pitch"
             )
-    from benchtool.bench.simulated import SimulatedBench
-    from benchtool.bench.virtual_server import standard_truth
+    from benchtool.core.rig_file import rig_named
     from benchtool.core.toml_text import build
-    from benchtool.library import load_model, rig_named
+    from benchtool.physics.model_file import load_model
     from benchtool.simulate.imperfections import Imperfections
+    from benchtool.virtual.serve import standard_truth
+    from benchtool.virtual.simulated import SimulatedBench
 
     rig = rig_named(address.place)
     truth = address.options.get("truth", standard_truth(rig))
@@ -133,9 +134,9 @@ def _simulated(address: Address, permit: CodePermit) -> Bench:
 
 
 def _simulated_pitch(address: Address, permit: CodePermit) -> Bench:
-    from benchtool.bench.pitch_device import pitch_plant
-    from benchtool.bench.simulated_pitch import SimulatedPitch
-    from benchtool.library import rig_named
+    from benchtool.core.rig_file import rig_named
+    from benchtool.virtual.pitch_device import pitch_plant
+    from benchtool.virtual.simulated_pitch import SimulatedPitch
 
     seed = address.whole("seed", 0, 0, 2**32 - 1)
     rate_Hz = address.number("rate", 0.0, 1.0, 5000.0)
@@ -152,16 +153,16 @@ def _simulated_pitch(address: Address, permit: CodePermit) -> Bench:
 
 
 def _serial(address: Address, permit: CodePermit) -> Bench:
-    from benchtool.bench.serial_bench import SerialBench
-    from benchtool.bench.serial_port import SerialPort
+    from benchtool.bench.serial.serial_bench import SerialBench
+    from benchtool.bench.transport.serial_port import SerialPort
 
     baud = address.whole("baud", DEFAULT_BAUD, 1200, 12_000_000)
     return SerialBench(SerialPort(address.place, baud), address.text)
 
 
 def _tcp(address: Address, permit: CodePermit) -> Bench:
-    from benchtool.bench.serial_bench import SerialBench
-    from benchtool.bench.tcp_socket import TcpSocket
+    from benchtool.bench.serial.serial_bench import SerialBench
+    from benchtool.bench.transport.tcp_socket import TcpSocket
 
     host, _, port = address.place.rpartition(":")
     if not host or not port.isdecimal() or not 0 < int(port) < 65536:
@@ -178,9 +179,9 @@ def _replay(address: Address, permit: CodePermit) -> Bench:
 
 
 def _mavlink(address: Address, permit: CodePermit) -> Bench:
-    from benchtool.bench.mavlink_bench import MavlinkBench
-    from benchtool.bench.mavlink_settings import settings_of, transport_of
-    from benchtool.bench.serial_port import SerialPort
+    from benchtool.bench.mavlink.bench import MavlinkBench
+    from benchtool.bench.mavlink.settings import settings_of, transport_of
+    from benchtool.bench.transport.serial_port import SerialPort
 
     settings = settings_of(address)
     cell = SerialPort(*settings.cell) if settings.cell else None
@@ -188,9 +189,9 @@ def _mavlink(address: Address, permit: CodePermit) -> Bench:
 
 
 def _rcbudp(address: Address, permit: CodePermit) -> Bench:
-    from benchtool.bench.rcb_bench import RcbBench
-    from benchtool.bench.rcb_settings import rcb_settings_of
-    from benchtool.bench.udp_socket import UdpSocket
+    from benchtool.bench.rcbenchmark.bench import RcbBench
+    from benchtool.bench.rcbenchmark.settings import rcb_settings_of
+    from benchtool.bench.transport.udp_socket import UdpSocket
 
     settings = rcb_settings_of(address)
     port = UdpSocket(settings.host, settings.port, listen=False, own_port=settings.listen)

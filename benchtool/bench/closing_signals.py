@@ -10,7 +10,7 @@ from collections.abc import Callable
 from types import FrameType, TracebackType
 from typing import Any, Self
 
-from benchtool.bench.stop_signals import SIGNAL_NAMES
+from benchtool.bench.transport.stop_signals import SIGNAL_NAMES
 
 PATIENCE_S = 10.0
 """After so long since the first ignored signal the next one ends the program; a choice: closing a

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from benchtool.bench.bench import Bench, Identity, Readings
 from benchtool.bench.spin_down import SPIN_DOWN_S, see_standstill
 from benchtool.bench.standstill import Standstill, StandstillWatch
+from benchtool.core.errors import StandstillNotSeen
 from benchtool.core.rig import Rig
-from benchtool.errors import StandstillNotSeen
 
 Array = NDArray[np.float64]
 

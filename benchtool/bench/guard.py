@@ -23,12 +23,11 @@ from benchtool.bench.driven import DrivenBench
 from benchtool.bench.host_pause import HostPause
 from benchtool.bench.join_readings import joined
 from benchtool.bench.limit_check import LimitCheck
-from benchtool.bench.plate_check import PlateCheck
-from benchtool.bench.plate_permission import check_travel, wait_for_idle, wait_for_plate
-from benchtool.bench.stop_signals import StopSignals
+from benchtool.bench.stage.plate_check import PlateCheck
+from benchtool.bench.stage.plate_permission import check_travel, wait_for_idle, wait_for_plate
+from benchtool.bench.transport.stop_signals import StopSignals
 from benchtool.core.counted import counted
-from benchtool.core.rig import Limits, Rig
-from benchtool.errors import (
+from benchtool.core.errors import (
     BenchError,
     BenchtoolError,
     CommandRefused,
@@ -37,6 +36,7 @@ from benchtool.errors import (
     LinkLost,
     RunStopped,
 )
+from benchtool.core.rig import Limits, Rig
 
 Array = NDArray[np.float64]
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from benchtool.bench.bench import Identity
-from benchtool.errors import HostPaused
+from benchtool.core.errors import HostPaused
 
 LONGEST_S = 1.0
 """A pause above this ends a run whatever the device's watchdog allows; a choice."""

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.bench.obedience import GAP_S, HostPulses, LoopPulses
-from benchtool.bench.plate_check import CHANNEL, plate_tolerance_m
+from benchtool.bench.stage.plate_check import CHANNEL, plate_tolerance_m
 from benchtool.core.channel import Channel
+from benchtool.core.errors import LimitExceeded
 from benchtool.core.rig import Limits, Rig
-from benchtool.errors import LimitExceeded
 
 Array = NDArray[np.float64]
 

@@ -7,8 +7,8 @@ from math import exp, pi
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.core.errors import LimitExceeded
 from benchtool.core.rig import Propulsion
-from benchtool.errors import LimitExceeded
 
 Array = NDArray[np.float64]
 

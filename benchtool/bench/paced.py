@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.bench.bench import Bench, Identity, Readings
-from benchtool.bench.opened import Opened
+from benchtool.bench.transport.opened import Opened
 
 Array = NDArray[np.float64]
 

@@ -16,12 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.bench.bench import Identity, Readings
-from benchtool.bench.opened import Opened
+from benchtool.bench.transport.opened import Opened
 from benchtool.core.channel import Channel, unit_told_by
 from benchtool.core.counted import counted
+from benchtool.core.errors import CommandRefused, FileFormatError, LinkLost
 from benchtool.core.parsed_text import parse_json
 from benchtool.core.user_file import MOST_DATA_BYTES, MOST_FACTS_BYTES, read_text
-from benchtool.errors import CommandRefused, FileFormatError, LinkLost
 
 Array = NDArray[np.float64]
 

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.bench.bench import Bench, Identity, Readings
-from benchtool.bench.opened import Opened
 from benchtool.bench.read_ahead import Listener, Overheard
-from benchtool.errors import BenchtoolError, CommandRefused, RunStopped, StageError
+from benchtool.bench.transport.opened import Opened
+from benchtool.core.errors import BenchtoolError, CommandRefused, RunStopped, StageError
 
 Array = NDArray[np.float64]
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
+from benchtool.core.errors import UnknownChoice
 from benchtool.core.units import unit_named
-from benchtool.errors import UnknownChoice
 
 CHANNEL_NAMES: tuple[str, ...] = (
     *("time_s", "device_time_us", "elapsed_s", "point", "kind", "setting", "repeat", "phase"),

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from benchtool.core.errors import InputError
 from benchtool.core.toml_text import FiniteTable
 from benchtool.core.units import unit_named
-from benchtool.errors import InputError
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import errno
 
-from benchtool.errors import ResourceExhausted
+from benchtool.core.errors import ResourceExhausted
 
 _WORDS: dict[int, tuple[str, str]] = {
     errno.ENOSPC: ("the disk is full", "make room on the disk"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from benchtool.errors import InputError
+from benchtool.core.errors import InputError
 
 
 def are_texts(value: Any) -> bool:

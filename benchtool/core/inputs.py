@@ -27,6 +27,7 @@ from typing import (
 
 from annotated_types import Ge, Gt, Le
 
+from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.input_text import (
     are_texts,
     read_number,
@@ -36,7 +37,6 @@ from benchtool.core.input_text import (
     words_of,
 )
 from benchtool.core.toml_text import FiniteTable, RefusedValue, check_value
-from benchtool.errors import InputError, UnknownChoice
 
 T = TypeVar("T")
 

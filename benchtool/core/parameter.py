@@ -10,8 +10,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.units import unit_named
-from benchtool.errors import InputError, UnknownChoice
 
 Array = NDArray[np.float64]
 

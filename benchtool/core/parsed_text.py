@@ -7,7 +7,7 @@ import tomllib
 from math import isfinite
 from typing import Any
 
-from benchtool.errors import FileFormatError
+from benchtool.core.errors import FileFormatError
 
 MOST_DEPTH = 32
 """Deepest nesting of tables and lists; the deepest of our own files has six levels."""

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.channel import Channel
+from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.units import to_si
-from benchtool.errors import InputError, UnknownChoice
 
 Array = NDArray[np.float64]
 

@@ -10,8 +10,8 @@ import numpy as np
 from annotated_types import Ge, Gt, Le
 from numpy.typing import NDArray
 
+from benchtool.core.errors import InputError
 from benchtool.core.toml_text import FiniteTable
-from benchtool.errors import InputError
 
 Array = NDArray[np.float64]
 NotNegative = Annotated[float, Ge(0.0)]

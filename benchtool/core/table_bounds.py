@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from benchtool.errors import FileFormatError
+from benchtool.core.errors import FileFormatError
 
 MOST_COLUMNS = 4096
 """Most columns of any table; the widest logs have some hundred. A choice."""

@@ -23,8 +23,8 @@ from typing import (
     get_type_hints,
 )
 
+from benchtool.core.errors import FileFormatError, InputError, UnknownChoice
 from benchtool.core.parsed_text import parse_toml
-from benchtool.errors import FileFormatError, InputError, UnknownChoice
 
 if TYPE_CHECKING:
     from pydantic import TypeAdapter

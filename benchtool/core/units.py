@@ -12,7 +12,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.errors import InputError, UnknownChoice
+from benchtool.core.errors import InputError, UnknownChoice
 
 Number = TypeVar("Number", float, NDArray[np.float64])
 

@@ -12,7 +12,7 @@ import stat
 from io import BufferedReader
 from pathlib import Path
 
-from benchtool.errors import FileFormatError
+from benchtool.core.errors import FileFormatError
 
 MOST_TEXT_BYTES = 1 << 20
 """Largest file of settings (plan, rig, model, map): hundreds of times what ships. A choice."""

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from math import degrees
 
 from benchtool.core.counted import counted
-from benchtool.effects.effect import Effect
-from benchtool.explain.explanation import Explanation
+from benchtool.explain.engine.explanation import Explanation
+from benchtool.explain.engine.verdict import Verdict
 from benchtool.explain.recordings import Source
-from benchtool.explain.verdict import Verdict
-from benchtool.library import LoadedModel
+from benchtool.physics.effects.effect import Effect
+from benchtool.physics.model_file import LoadedModel
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

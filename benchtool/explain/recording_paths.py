@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from benchtool.errors import FileFormatError, InputError
-from benchtool.store import is_run
-from benchtool.store.entry import kind_of
+from benchtool.core.errors import FileFormatError, InputError
+from benchtool.data.run.entry import kind_of
+from benchtool.data.run.read import is_run
 
 TOLD = 6
 """As many recordings of a folder are named; a choice."""

@@ -10,23 +10,18 @@ from pathlib import Path
 import numpy as np
 
 from benchtool.core.column_source import ColumnSource
+from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.recording import Recording
-from benchtool.effects.effect import BenchKind
-from benchtool.errors import FileFormatError, InputError
+from benchtool.data.columns import VALID_KINDS
+from benchtool.data.csv_text import read_csv_text
+from benchtool.data.run.digest import data_hash
+from benchtool.data.run.pitch import read_pitch
+from benchtool.data.run.read import is_run, read_points, sample_names
+from benchtool.data.run.recording_file import beside, read_recording
+from benchtool.data.table import read_table
 from benchtool.explain.recording_paths import unreadable
-from benchtool.library import LoadedModel
-from benchtool.store import (
-    VALID_KINDS,
-    data_hash,
-    is_run,
-    read_pitch,
-    read_points,
-    read_recording,
-    read_table,
-    sample_names,
-)
-from benchtool.store.csv_text import read_csv_text
-from benchtool.store.recording_file import beside
+from benchtool.physics.effects.effect import BenchKind
+from benchtool.physics.model_file import LoadedModel
 
 TELLS: dict[BenchKind, str] = {"pitch": "theta_rad", "sweep": "thrust_N"}
 """The channel by which a bench is told; a hinge goes before a load cell."""

@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 from matplotlib.figure import Figure as Figure
 
-from benchtool.errors import UnknownChoice, WouldOverwrite
+from benchtool.core.errors import UnknownChoice, WouldOverwrite
 from benchtool.report.style import look
 
 Format = Literal["svg", "png", "pdf"]

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 # Callers name the type from here: matplotlib itself stays in this package.
 from matplotlib.figure import Figure as Figure
 
-from benchtool.errors import InputError
+from benchtool.core.errors import InputError
 
 
 @dataclass(frozen=True, slots=True)

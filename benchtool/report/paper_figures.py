@@ -10,7 +10,7 @@ from dataclasses import replace
 
 from matplotlib.figure import Figure
 
-from benchtool.report.ground_effect import Curve, RatioPoints, ratio_figure
+from benchtool.report.sweep.ground_effect import Curve, RatioPoints, ratio_figure
 
 
 def two_rigs_figure(

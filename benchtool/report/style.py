@@ -13,7 +13,7 @@ import matplotlib as mpl
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from benchtool.errors import UnknownChoice
+from benchtool.core.errors import UnknownChoice
 from benchtool.report.palette import BLACK, GREY, PALE, VERMILION
 
 P = ParamSpec("P")

@@ -17,8 +17,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.errors import InputError
-from benchtool.simulate.height_grid import DiscGrid, HeightGrid
+from benchtool.core.errors import InputError
+from benchtool.simulate.flight.height_grid import DiscGrid, HeightGrid
 
 Array = NDArray[np.float64]
 

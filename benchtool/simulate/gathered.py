@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.aero.expression import loop_part
+from benchtool.physics.expression import loop_part
 
 Array = NDArray[Any]
 

@@ -8,9 +8,9 @@ from typing import Annotated
 
 from annotated_types import Ge
 
+from benchtool.core.errors import InputError
 from benchtool.core.rig import Rig
 from benchtool.core.toml_text import FiniteTable
-from benchtool.errors import InputError
 
 NotNegative = Annotated[float, Ge(0.0)]
 

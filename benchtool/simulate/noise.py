@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.aero.expression import Quantity, expression
+from benchtool.physics.expression import Quantity, expression
 
 MULTIPLIER = 2147483085
 LOW_32 = 4294967295

@@ -5,7 +5,7 @@ from __future__ import annotations
 import traceback
 from typing import Any
 
-from benchtool.errors import InputError
+from benchtool.core.errors import InputError
 
 
 def made(controller: type[Any], name: str) -> Any:

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.channel import Channel
+from benchtool.core.errors import InputError
 from benchtool.core.rig import Rig
 from benchtool.core.units import from_si
-from benchtool.effects.model import Model
-from benchtool.errors import InputError
+from benchtool.physics.model import Model
 from benchtool.simulate.battery import Battery
 from benchtool.simulate.imperfections import Imperfections
 from benchtool.simulate.load_cell import LoadCell

@@ -20,9 +20,9 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from benchtool.aero.expression import compiled_folder, expression
-from benchtool.effects.effect import Effect
-from benchtool.errors import InputError
+from benchtool.core.errors import InputError
+from benchtool.physics.effects.effect import Effect
+from benchtool.physics.expression import compiled_folder, expression
 
 
 class Spelling:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from benchtool.aero.expression import Quantity, expression
+from benchtool.physics.expression import Quantity, expression
 
 
 @expression

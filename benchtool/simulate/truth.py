@@ -8,11 +8,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.aero.validity import VALIDITY_Z_OVER_R
 from benchtool.core.rig import Rig
-from benchtool.effects.conditions import Conditions, plate_coverage
-from benchtool.effects.effect import Flow
-from benchtool.effects.model import Model
+from benchtool.physics.conditions import Conditions, plate_coverage
+from benchtool.physics.effects.effect import Flow
+from benchtool.physics.model import Model
+from benchtool.physics.validity import VALIDITY_Z_OVER_R
 from benchtool.simulate.play import Play
 from benchtool.simulate.powertrain import SpeedChange
 

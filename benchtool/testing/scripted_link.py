@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from benchtool.errors import LinkError
+from benchtool.core.errors import LinkError
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,8 +8,8 @@ from nicegui import ui
 
 from benchtool.acquire.arming import CONFIRMATION, arming_warnings
 from benchtool.bench.bench import Identity
+from benchtool.core.errors import InputError
 from benchtool.core.rig import Rig
-from benchtool.errors import InputError
 from benchtool.web.context import PageContext
 from benchtool.web.notifications import shows_errors
 

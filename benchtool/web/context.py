@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from time import monotonic
 
-from benchtool.errors import InputError
-from benchtool.store.runs_folder import RunsFolder
+from benchtool.core.errors import InputError
+from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.web.bench_process.client import BenchClient
 from benchtool.web.jobs import WorkerProcess
 

@@ -25,7 +25,7 @@ from multiprocessing.connection import Connection as Pipe
 from pathlib import Path
 from typing import Any, Generic, Literal, TypeVar
 
-from benchtool.errors import BenchtoolError, InputError, RunStopped, WouldOverwrite
+from benchtool.core.errors import BenchtoolError, InputError, RunStopped, WouldOverwrite
 
 T = TypeVar("T")
 

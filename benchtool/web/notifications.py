@@ -10,7 +10,7 @@ from typing import Any
 
 from nicegui import Client, ui
 
-from benchtool.errors import BenchtoolError
+from benchtool.core.errors import BenchtoolError
 from benchtool.web.bench_process.events import Notice
 from benchtool.web.jobs import fault_sentence
 

@@ -12,8 +12,8 @@ from contextlib import suppress
 from html import escape
 from pathlib import Path
 
-from benchtool.errors import InputError
-from benchtool.store.state import state_folder
+from benchtool.core.errors import InputError
+from benchtool.data.run.state import state_folder
 from benchtool.web.access import LOOPBACK, Access, is_loopback
 from benchtool.web.bench_process.spawn import ProcessHandle, quick_import
 

@@ -10,9 +10,9 @@ from datetime import datetime
 
 from nicegui import events, ui
 
-from benchtool.errors import InputError
-from benchtool.store.runs_folder import RunsFolder
-from benchtool.store.upload import MOST_BYTES, keep_table
+from benchtool.core.errors import InputError
+from benchtool.data.run.runs_folder import RunsFolder
+from benchtool.data.run.upload import MOST_BYTES, keep_table
 from benchtool.web.context import PageContext
 from benchtool.web.notifications import notify_error, shows_errors
 from benchtool.web.sections import HtmlFragment, PageSection

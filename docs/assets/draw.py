@@ -10,11 +10,11 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from benchtool.recipes.demo_story import Story, overview
-from benchtool.recipes.paper_layouts import Series, paper_layouts
-from benchtool.recipes.recipe import read_recipe
-from benchtool.recipes.run_recipe import run_recipe
+from benchtool.fit.recipe import read_recipe
+from benchtool.fit.run_recipe import run_recipe
+from benchtool.report.demo_story import Story, overview
 from benchtool.report.files import save_figure
+from benchtool.report.paper_layouts import Series, paper_layouts
 
 HERE = Path(__file__).parent
 FITS = HERE.parents[1] / "fits"

@@ -9,15 +9,16 @@ from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from benchtool.library import gains_named, rig_named
+from benchtool.core.rig_file import rig_named
 from benchtool.report.files import save_figure
-from benchtool.simulate.flight_vehicle import FlightVehicle
-from benchtool.studies.campaign import write_campaign
-from benchtool.studies.campaign_flight import OGE, FlightCampaign
-from benchtool.studies.campaign_map import campaign_map, campaign_panels
-from benchtool.studies.design import Design
-from benchtool.studies.flight_setup import FlightSetup
-from benchtool.studies.flight_table import GYRO_NOISE_RAD_S
+from benchtool.report.flight.campaign_map import campaign_map, campaign_panels
+from benchtool.report.flight.table import GYRO_NOISE_RAD_S
+from benchtool.simulate.campaign import write_campaign
+from benchtool.simulate.campaign_flight import OGE, FlightCampaign
+from benchtool.simulate.design import Design
+from benchtool.simulate.flight.setup import FlightSetup
+from benchtool.simulate.flight.vehicle import FlightVehicle
+from benchtool.simulate.gain_file import gains_named
 
 TARGET = Path(__file__).parent / "flight-campaign"
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from benchtool.effects.catalogue import EFFECTS
-from benchtool.effects.effect import BENCH_KINDS, BenchKind, Effect
-from benchtool.effects.tolerances import default_tolerances
-from benchtool.library import rig_named
+from benchtool.core.rig_file import rig_named
+from benchtool.physics.catalogue import EFFECTS
+from benchtool.physics.effects.effect import BENCH_KINDS, BenchKind, Effect
+from benchtool.physics.effects.tolerances import default_tolerances
 
 PAGE = Path(__file__).with_name("effects.md")
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from benchtool import errors
-from benchtool.cli.app import UNEXPECTED
+from benchtool.commands.app import UNEXPECTED
+from benchtool.core import errors
 
 HEAD = """# Exit codes
 
-Written by `python docs/reference/write_exit_codes.py` from `benchtool/errors.py` (tested).
+Written by `python docs/reference/write_exit_codes.py` from `benchtool/core/errors.py` (tested).
 Every error is one sentence on standard error, beginning with `benchtool: `.
 
 | Code | Raised as | Meaning |

@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 
 import benchtool
-from benchtool.effects.catalogue import EFFECTS
+from benchtool.physics.catalogue import EFFECTS
 
 PACKAGE = Path(benchtool.__file__).parent
-FREE_OF_NAMES = ("estimate", "explain", "recipes/run_recipe.py")
+FREE_OF_NAMES = ("fit", "explain")
 NAME = re.compile(rf"({'|'.join(EFFECTS)})(\.\w+)?")
 
 

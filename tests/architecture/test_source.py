@@ -77,13 +77,13 @@ def test_every_test_asserts_something() -> None:
     assert silent == []
 
 
-def test_optimisers_are_called_in_estimate_only() -> None:
+def test_optimisers_are_called_in_fit_only() -> None:
     """Keep what import-linter cannot see: it knows scipy only as a whole."""
     strays = [
         relative(path)
         for path in python_files("benchtool")
         if "scipy.optimize" in path.read_text("utf-8")
-        and not path.is_relative_to(ROOT / "benchtool" / "estimate")
+        and not path.is_relative_to(ROOT / "benchtool" / "fit")
     ]
     assert strays == []
 

@@ -10,7 +10,7 @@ from inspect import getdoc
 import pytest
 import typer
 
-from benchtool.cli.app import COMMANDS, module_of
+from benchtool.commands.app import COMMANDS, module_of
 
 HEAVY = (
     "numpy", "numba", "scipy", "emcee", "matplotlib", "pandas", "pyarrow", "serial", "pymavlink",
@@ -19,7 +19,7 @@ HEAVY = (
 
 PROBE = """
 import sys
-from benchtool.cli.app import main
+from benchtool.commands.app import main
 try:
     main(sys.argv[1:])
 except SystemExit as leaving:

@@ -21,12 +21,12 @@ from typing import Self
 
 import numpy as np
 
-from benchtool.bench.virtual_device import virtual_plant
+from benchtool.bench.serial.board import board_named
+from benchtool.bench.serial.sketch_files import sketch_files
 from benchtool.core.rig import Rig
-from benchtool.library import load_model
-from benchtool.library.board import board_named
-from benchtool.library.sketch_files import sketch_files
+from benchtool.physics.model_file import load_model
 from benchtool.simulate.plate_bench import PlateBench
+from benchtool.virtual.device import virtual_plant
 
 INSTALL = "apt-get install gcc-avr avr-libc simavr libsimavr-dev libelf-dev"
 BOARD = board_named("uno")

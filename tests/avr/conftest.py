@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from benchtool.library import rig_named
+from benchtool.core.rig_file import rig_named
 from tests.avr.avr_bench import AvrBench, PacedAvrBench, build, build_peer, missing, physics
 
 RIG = rig_named("pquad_single")

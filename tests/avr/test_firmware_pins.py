@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchtool.bench.serial_bench import SerialBench
-from benchtool.errors import DeviceStopped
+from benchtool.bench.serial.serial_bench import SerialBench
+from benchtool.core.errors import DeviceStopped
 from tests.avr.avr_bench import AvrBench
 
 FLASH_BYTES, RAM_BYTES, BOOTLOADER_BYTES = 32_768, 2_048, 512

@@ -13,8 +13,9 @@ import numpy as np
 from benchtool.bench.address import open_bench
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.limit_check import LimitCheck
-from benchtool.bench.virtual_device import virtual_plant
-from benchtool.library import load_model, rig_named
+from benchtool.core.rig_file import rig_named
+from benchtool.physics.model_file import load_model
+from benchtool.virtual.device import virtual_plant
 
 RIG = rig_named("pquad")
 TRUTH = load_model("quad_body_lift", RIG).model

@@ -16,14 +16,15 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
-from benchtool.library import gains_named, rig_named
-from benchtool.simulate.flight_vehicle import FlightVehicle
-from benchtool.studies.campaign import Campaign, write_campaign
-from benchtool.studies.campaign_flight import FlightCampaign
-from benchtool.studies.campaign_pitch import PitchCampaign
-from benchtool.studies.design import Design
-from benchtool.studies.flight_setup import FlightSetup
-from benchtool.studies.pitch_setup import pitch_setup
+from benchtool.core.rig_file import rig_named
+from benchtool.simulate.campaign import Campaign, write_campaign
+from benchtool.simulate.campaign_flight import FlightCampaign
+from benchtool.simulate.campaign_pitch import PitchCampaign
+from benchtool.simulate.design import Design
+from benchtool.simulate.flight.setup import FlightSetup
+from benchtool.simulate.flight.vehicle import FlightVehicle
+from benchtool.simulate.gain_file import gains_named
+from benchtool.simulate.pitch.setup import pitch_setup
 
 RUNS = {"flight": (500, 2000, 8000), "pitch": (1000, 4000, 16000)}
 """How many runs each line has."""

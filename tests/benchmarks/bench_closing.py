@@ -35,19 +35,20 @@ print(spent, int(status["VmHWM"].split()[0]) / 1024)
 """
 
 STATEMENTS = {
-    "nothing but imports": "from benchtool.store import Run, read_samples",
-    "close": "from benchtool.store import Run; Run.open(run).close()",
+    "nothing but imports": "from benchtool.data.run.run import Run"
+    "; from benchtool.data.run.read import read_samples",
+    "close": "from benchtool.data.run.run import Run; Run.open(run).close()",
     "read for --resume": (
-        "from benchtool.store.interrupted import scan_samples, take_marked, write_marked\n"
+        "from benchtool.data.run.interrupted import scan_samples, take_marked, write_marked\n"
         "found = scan_samples(run / 'samples.csv', frozenset(range(1, 100)))\n"
         "write_marked(run / 'samples.csv', found); take_marked(run / 'samples.csv')"
     ),
     "mean thrust of closed samples": (
-        "from benchtool.store import read_samples\n"
+        "from benchtool.data.run.read import read_samples\n"
         "read_samples(run, ['time_s', 'phase', 'thrust_N']).column('thrust_N').mean()"
     ),
     "mean thrust of samples.csv": (
-        "from benchtool.store import read_samples\n"
+        "from benchtool.data.run.read import read_samples\n"
         "read_samples(run / 'samples.csv', ['time_s', 'phase', 'thrust_N']).values.mean(0)"
     ),
 }
@@ -59,7 +60,8 @@ def make_run(path: Path, rows: int) -> None:
     import pyarrow as pa
     from pyarrow import csv
 
-    from benchtool.store import Point, Run
+    from benchtool.data.run.points import Point
+    from benchtool.data.run.run import Run
 
     rig = {"name": "bench"}
     run = Run.create(path, "", {"simulated": True, "rig": rig, "state": "running"})

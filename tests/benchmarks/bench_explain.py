@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import time
 
-from benchtool.explain.explain import explain
-from benchtool.explain.pitch_log import pitch_log
-from benchtool.explain.pitch_subject import PitchSubject
-from benchtool.library import load_model
+from benchtool.explain.engine.explain import explain
+from benchtool.explain.pitch.log import pitch_log
+from benchtool.explain.pitch.subject import PitchSubject
+from benchtool.physics.model_file import load_model
 from tests.blind.pitch.records import make_record
 from tests.blind.score_pitch import MODEL, recording_of
 

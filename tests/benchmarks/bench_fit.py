@@ -19,14 +19,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from benchtool.effects.conditions import Conditions
-from benchtool.effects.model import Model
-from benchtool.estimate.ensemble import advance, fit_ensemble, sampler_of
-from benchtool.estimate.least_squares import fit_least_squares
-from benchtool.estimate.log_probability import log_probability
-from benchtool.estimate.model_problem import problem_from_model
-from benchtool.estimate.problem import Problem
-from benchtool.library.rig_file import rig_named
+from benchtool.core.rig_file import rig_named
+from benchtool.fit.ensemble import advance, fit_ensemble, sampler_of
+from benchtool.fit.least_squares import fit_least_squares
+from benchtool.fit.log_probability import log_probability
+from benchtool.fit.model_problem import problem_from_model
+from benchtool.fit.problem import Problem
+from benchtool.physics.conditions import Conditions
+from benchtool.physics.model import Model
 
 Array = NDArray[np.float64]
 WALKERS, STEPS, ROUNDS, REPEATS = 64, 5000, 3, 200

@@ -18,18 +18,19 @@ from typing import Any
 
 import numpy as np
 
-from benchtool.control.flight_controller import (
+from benchtool.core.rig_file import rig_named
+from benchtool.simulate.controllers.flight_controller import (
     FlightCommand,
     FlightMeasurement,
     FlightReference,
 )
-from benchtool.library import gains_named, rig_named
 from benchtool.simulate.environment import Environment
-from benchtool.simulate.flight import FlightCase, fly
-from benchtool.simulate.flight_cases import flight_case
-from benchtool.simulate.flight_own import fly_own
-from benchtool.simulate.flight_vehicle import FlightVehicle
-from benchtool.simulate.height_grid import HeightGrid
+from benchtool.simulate.flight.cases import flight_case
+from benchtool.simulate.flight.flight import FlightCase, fly
+from benchtool.simulate.flight.height_grid import HeightGrid
+from benchtool.simulate.flight.own import fly_own
+from benchtool.simulate.flight.vehicle import FlightVehicle
+from benchtool.simulate.gain_file import gains_named
 
 ROUNDS, OURS_S, THEIRS_S = 5, 60.0, 2.0
 

@@ -18,7 +18,7 @@ from time import perf_counter
 
 import numpy as np
 
-from benchtool.importers import import_file
+from benchtool.data.formats.formats import import_file
 
 
 def best(work: Callable[[], object], times: int = 3) -> float:
@@ -66,7 +66,7 @@ def bench_csv(folder: Path, rows: int) -> None:
     """Print the cost of a long CSV, read and written."""
     import pandas as pd
 
-    from benchtool.store import write_recording
+    from benchtool.data.run.recording_file import write_recording
 
     path = folder / "stand.csv"
     write_stand_log(path, rows)

@@ -11,16 +11,17 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 
-from benchtool.bench.firmware import Firmware
-from benchtool.bench.mavlink_bench import MavlinkBench
-from benchtool.bench.mavlink_dialect import dialect
-from benchtool.bench.mavlink_frames import MavlinkFrames
-from benchtool.bench.mavlink_rows import MavlinkRows
-from benchtool.bench.mavlink_settings import MavlinkSettings
-from benchtool.bench.mavlink_wiring import Wiring
-from benchtool.bench.virtual_autopilot import VirtualAutopilot
-from benchtool.bench.virtual_device import hello_of, virtual_plant
-from benchtool.library import load_model, rig_named
+from benchtool.bench.mavlink.bench import MavlinkBench
+from benchtool.bench.mavlink.dialect import dialect
+from benchtool.bench.mavlink.frames import MavlinkFrames
+from benchtool.bench.mavlink.rows import MavlinkRows
+from benchtool.bench.mavlink.settings import MavlinkSettings
+from benchtool.bench.mavlink.wiring import Wiring
+from benchtool.core.rig_file import rig_named
+from benchtool.physics.model_file import load_model
+from benchtool.virtual.autopilot import VirtualAutopilot
+from benchtool.virtual.device import hello_of, virtual_plant
+from benchtool.virtual.firmware import Firmware
 
 MESSAGES = 60_000
 CHUNK = 1000

@@ -18,14 +18,14 @@ from typing import Any
 
 import numpy as np
 
-from benchtool.control.controller import PitchCommand, PitchMeasurement, PitchReference
-from benchtool.control.pitch import PitchControl, PulseLaw
 from benchtool.core.schedule import PlateVisit, SampledSchedule, Schedule, Signal
-from benchtool.library import load_model
-from benchtool.simulate.pitch_batch import simulate_many
-from benchtool.simulate.pitch_bench import PitchBench
-from benchtool.simulate.pitch_run import PitchJob, PitchLoop
-from benchtool.simulate.pitch_simulate import simulate_controller, simulate_pitch
+from benchtool.physics.model_file import load_model
+from benchtool.simulate.controllers.controller import PitchCommand, PitchMeasurement, PitchReference
+from benchtool.simulate.controllers.pitch import PitchControl, PulseLaw
+from benchtool.simulate.pitch.batch import simulate_many
+from benchtool.simulate.pitch.bench import PitchBench
+from benchtool.simulate.pitch.run import PitchJob, PitchLoop
+from benchtool.simulate.pitch.simulate import simulate_controller, simulate_pitch
 
 DURATION_S, ROUNDS, RUNS = 10.0, 7, 3000
 KP, KI, KD = 350.0, 350.0, 65.0

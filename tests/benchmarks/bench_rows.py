@@ -15,10 +15,10 @@ from time import perf_counter
 import numpy as np
 
 from benchtool.bench.limit_check import LimitCheck
-from benchtool.library import rig_named
-from benchtool.store import Point, channel_called
-from benchtool.store.points import PointWriter
-from benchtool.store.samples import SampleWriter
+from benchtool.core.rig_file import rig_named
+from benchtool.data.columns import channel_called
+from benchtool.data.run.points import Point, PointWriter
+from benchtool.data.run.samples import SampleWriter
 
 RIG = rig_named("pquad_single")
 NAMES = (

@@ -10,7 +10,7 @@ import subprocess
 import sys
 import time
 
-from benchtool.cli.app import COMMANDS
+from benchtool.commands.app import COMMANDS
 
 ROUNDS = 15
 BASE = ["-c", "import typer"]

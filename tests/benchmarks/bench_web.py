@@ -167,7 +167,8 @@ def main() -> None:
 
 def lost(runs: Path) -> None:
     """Print what the run's log lacks, by the device's own time."""
-    from benchtool.store import Run, read_samples
+    from benchtool.data.run.read import read_samples
+    from benchtool.data.run.run import Run
 
     (path,) = runs.iterdir()
     link = Run.open(path).metadata["link"]

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable
 from typing import Protocol
 
-from benchtool.estimate.telling import CANNOT_TELL, evidence
+from benchtool.fit.telling import CANNOT_TELL, evidence
 
 __all__ = ["CANNOT_TELL", "Telling", "class_confirmed", "evidence"]
 

@@ -14,13 +14,13 @@ import numpy as np
 
 from benchtool.core.channel import Channel
 from benchtool.core.recording import Recording
-from benchtool.explain.effect_knobs import with_every_effect
-from benchtool.explain.explain import explain
-from benchtool.explain.explanation import Explanation
-from benchtool.explain.pitch_log import PitchLog, pitch_log
-from benchtool.explain.pitch_subject import PitchSubject
-from benchtool.explain.verdict import Verdict
-from benchtool.library import load_model
+from benchtool.explain.engine.effect_knobs import with_every_effect
+from benchtool.explain.engine.explain import explain
+from benchtool.explain.engine.explanation import Explanation
+from benchtool.explain.engine.verdict import Verdict
+from benchtool.explain.pitch.log import PitchLog, pitch_log
+from benchtool.explain.pitch.subject import PitchSubject
+from benchtool.physics.model_file import load_model
 from tests.blind.pitch.gap import floor_of
 from tests.blind.pitch.information import information
 from tests.blind.pitch.library import NAMED

@@ -13,13 +13,13 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.explain.explain import explain
-from benchtool.explain.explanation import Explanation
-from benchtool.explain.sweep_subject import SweepSubject
-from benchtool.explain.verdict import Verdict
-from benchtool.library import load_model
-from benchtool.store import read_points
-from benchtool.store.columns import KINDS
+from benchtool.data.columns import KINDS
+from benchtool.data.run.read import read_points
+from benchtool.explain.engine.explain import explain
+from benchtool.explain.engine.explanation import Explanation
+from benchtool.explain.engine.verdict import Verdict
+from benchtool.explain.sweep.subject import SweepSubject
+from benchtool.physics.model_file import load_model
 from tests.blind.scored import Scored
 from tests.blind.scoring import Asked, plan, run, score, single_effects
 from tests.blind.sweep.information import information

@@ -17,8 +17,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from benchtool.effects.catalogue import EFFECTS
-from benchtool.explain.explanation import Explanation
+from benchtool.explain.engine.explanation import Explanation
+from benchtool.physics.catalogue import EFFECTS
 from tests.blind.families import NONE, PAIR
 from tests.blind.fisher import Telling, class_confirmed
 from tests.blind.pitch.seeds import DEVELOPMENT_SEEDS, SCORING_SEEDS, SCORING_SWITCH

@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from benchtool.effects.catalogue import candidates
-from benchtool.effects.conditions import Conditions
-from benchtool.effects.tolerances import tolerances
-from benchtool.library import load_model, rig_named
-from benchtool.store import read_points
-from benchtool.store.points import point_columns
-from benchtool.store.ratios import relative_speed_error
+from benchtool.core.rig_file import rig_named
+from benchtool.data.run.points import point_columns
+from benchtool.data.run.ratios import relative_speed_error
+from benchtool.data.run.read import read_points
+from benchtool.physics.catalogue import candidates
+from benchtool.physics.conditions import Conditions
+from benchtool.physics.effects.tolerances import tolerances
+from benchtool.physics.model_file import load_model
 from tests.blind.sweep.layouts import LAYOUTS, Layout
 from tests.blind.sweep.library import NAMED
 from tests.blind.sweep.records import HiddenSweep, make_record, write_record

@@ -20,14 +20,15 @@ from unittest.mock import patch
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.bench.device_link import DeviceLink
-from benchtool.bench.firmware import Firmware
-from benchtool.bench.server_links import PtyLink
-from benchtool.bench.virtual_server import standard_truth, virtual_server
+from benchtool.core.rig_file import rig_named
 from benchtool.core.units import STANDARD_GRAVITY_M_S2
-from benchtool.library import load_model, rig_named
+from benchtool.physics.model_file import load_model
 from benchtool.simulate import plate_bench
 from benchtool.simulate.load_cell import LoadCell
+from benchtool.virtual.device_link import DeviceLink
+from benchtool.virtual.firmware import Firmware
+from benchtool.virtual.serve import standard_truth, virtual_server
+from benchtool.virtual.server_links import PtyLink
 from tests.wire.version_1 import VersionOne
 
 ROOT = Path(__file__).parents[2]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from benchtool.store import Run
+from benchtool.data.run.run import Run
 from tests.browser.conftest import Web, connect, go_to
 
 if TYPE_CHECKING:

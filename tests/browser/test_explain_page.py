@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from benchtool.store.recording_file import write_recording
-from benchtool.studies.pitch import pitch_study
-from benchtool.studies.pitch_setup import changed, pitch_setup
+from benchtool.data.run.recording_file import write_recording
+from benchtool.report.flight.pitch_study import pitch_study
+from benchtool.simulate.pitch.setup import changed, pitch_setup
 from tests.browser.conftest import Web, serving
 
 if TYPE_CHECKING:

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from benchtool.explain.answer_page import answer_page
-from benchtool.explain.verdict import Kind
+from benchtool.explain.engine.verdict import Kind
+from benchtool.report.answer.page import answer_page
 from benchtool.report.html import render_report
 from tests.unit.explain.hand_made import answer
 

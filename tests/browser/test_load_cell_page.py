@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from benchtool.core.rig_file import rig_named
 from benchtool.core.units import STANDARD_GRAVITY_M_S2
-from benchtool.library import rig_named
+from benchtool.data.run.read import read_points
 from benchtool.simulate.imperfections import Imperfections
-from benchtool.store import read_points
 from tests.browser.conftest import Web, connect
 from tests.browser.device import Device
 from tests.browser.sweeping import SWEEP_MS, only_run, start

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from benchtool.store import Run
+from benchtool.data.run.run import Run
 from tests.browser.conftest import Web, connect
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from benchtool.store import read_points
+from benchtool.data.run.read import read_points
 from tests.browser.conftest import Web, connect, go_to
 from tests.browser.device import Device, served_device
 from tests.browser.sweeping import SWEEP_MS, begin, only_run, wait_for_points

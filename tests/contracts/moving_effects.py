@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.effects.conditions import Conditions
-from benchtool.effects.effect import OwnState
-from benchtool.effects.model import Model
+from benchtool.physics.conditions import Conditions
+from benchtool.physics.effects.effect import OwnState
+from benchtool.physics.model import Model
 
 Array = NDArray[np.float64]
 

@@ -15,23 +15,24 @@ import pytest
 
 from benchtool.bench.address import open_bench
 from benchtool.bench.bench import Bench
-from benchtool.bench.firmware import Firmware
 from benchtool.bench.guard import GuardedBench
-from benchtool.bench.mavlink_bench import MavlinkBench
-from benchtool.bench.mavlink_settings import MavlinkSettings
-from benchtool.bench.pitch_device import pitch_hello, pitch_plant
-from benchtool.bench.rcb_bench import RcbBench
-from benchtool.bench.serial_bench import SerialBench
-from benchtool.bench.server_links import PtyLink, ServerLink, TcpLink
-from benchtool.bench.virtual_autopilot import VirtualAutopilot
-from benchtool.bench.virtual_bridge import VirtualBridge
-from benchtool.bench.virtual_device import hello_of, virtual_plant
-from benchtool.bench.virtual_server import virtual_server
+from benchtool.bench.mavlink.bench import MavlinkBench
+from benchtool.bench.mavlink.settings import MavlinkSettings
+from benchtool.bench.rcbenchmark.bench import RcbBench
+from benchtool.bench.serial.serial_bench import SerialBench
+from benchtool.core.errors import BenchError, BenchtoolError, InputError, LinkLost, StageError
+from benchtool.core.rig_file import rig_named
 from benchtool.core.units import unit_named
-from benchtool.errors import BenchError, BenchtoolError, InputError, LinkLost, StageError
-from benchtool.library import load_model, rig_named
+from benchtool.physics.model_file import load_model
 from benchtool.simulate.imperfections import Imperfections
 from benchtool.testing.loopback_link import LoopbackLink
+from benchtool.virtual.autopilot import VirtualAutopilot
+from benchtool.virtual.bridge import VirtualBridge
+from benchtool.virtual.device import hello_of, virtual_plant
+from benchtool.virtual.firmware import Firmware
+from benchtool.virtual.pitch_device import pitch_hello, pitch_plant
+from benchtool.virtual.serve import virtual_server
+from benchtool.virtual.server_links import PtyLink, ServerLink, TcpLink
 
 RIG = rig_named("pquad_single")
 TRUTH = load_model("single", RIG).model

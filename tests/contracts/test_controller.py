@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchtool.control.controller import PitchMeasurement, PitchReference
-from benchtool.control.pitch import PITCH_CONTROLLERS, pitch_controller
-from benchtool.control.pitch_law import AttitudeController
-from benchtool.library import gain_names, gains_named
-from benchtool.simulate.pitch_pack import torque_limit_Nm
-from benchtool.simulate.pitch_run import PitchJob
-from benchtool.simulate.pitch_simulate import simulate_controller, simulate_pitch
+from benchtool.simulate.controllers.controller import PitchMeasurement, PitchReference
+from benchtool.simulate.controllers.pitch import PITCH_CONTROLLERS, pitch_controller
+from benchtool.simulate.controllers.pitch_law import AttitudeController
+from benchtool.simulate.gain_file import gain_names, gains_named
+from benchtool.simulate.pitch.pack import torque_limit_Nm
+from benchtool.simulate.pitch.run import PitchJob
+from benchtool.simulate.pitch.simulate import simulate_controller, simulate_pitch
 from tests.unit.simulate.pitching import STEADY_PLATE, SWAY, noisy_bench, sampled
 
 EACH = pytest.mark.parametrize("name", PITCH_CONTROLLERS)

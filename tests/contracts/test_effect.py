@@ -7,13 +7,13 @@ import pytest
 
 from benchtool.core.parameter import Parameter
 from benchtool.core.rig import Rig
-from benchtool.effects.catalogue import EFFECTS
-from benchtool.effects.conditions import Conditions
-from benchtool.effects.effect import BENCH_KINDS, STAGES, BenchKind, Effect, Flow, OwnState
-from benchtool.effects.model import Model
-from benchtool.effects.prepared import Prepared
-from benchtool.effects.tolerances import default_tolerances
-from benchtool.library import rig_named
+from benchtool.core.rig_file import rig_named
+from benchtool.physics.catalogue import EFFECTS
+from benchtool.physics.conditions import Conditions
+from benchtool.physics.effects.effect import BENCH_KINDS, STAGES, BenchKind, Effect, Flow, OwnState
+from benchtool.physics.effects.tolerances import default_tolerances
+from benchtool.physics.model import Model
+from benchtool.physics.prepared import Prepared
 from tests.contracts.moving_effects import moving_thrust_N
 
 EACH = pytest.mark.parametrize("name", sorted(EFFECTS))

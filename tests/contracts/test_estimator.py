@@ -7,11 +7,11 @@ from functools import cache
 import numpy as np
 import pytest
 
+from benchtool.core.errors import UnknownChoice
 from benchtool.core.fit_result import FitResult
-from benchtool.errors import UnknownChoice
-from benchtool.estimate.estimator import ESTIMATORS, estimator_named
-from benchtool.estimate.problem import Problem
-from tests.unit.estimate.cases import SMALL
+from benchtool.fit.estimator import ESTIMATORS, estimator_named
+from benchtool.fit.problem import Problem
+from tests.unit.fit.cases import SMALL
 
 every_pair = pytest.mark.parametrize(
     ("method", "name"), [(method, name) for method in ESTIMATORS for name in SMALL]

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from benchtool.bench.bench import Bench, Readings
-from benchtool.bench.firmware import Firmware
-from benchtool.bench.mavlink_bench import MavlinkBench
-from benchtool.bench.mavlink_settings import MavlinkSettings
+from benchtool.bench.mavlink.bench import MavlinkBench
+from benchtool.bench.mavlink.settings import MavlinkSettings
 from benchtool.bench.read_ahead import Overheard
 from benchtool.bench.stoppable import StoppableBench
-from benchtool.bench.virtual_autopilot import VirtualAutopilot
-from benchtool.bench.virtual_device import hello_of, virtual_plant
 from benchtool.testing.loopback_link import LoopbackLink
+from benchtool.virtual.autopilot import VirtualAutopilot
+from benchtool.virtual.device import hello_of, virtual_plant
+from benchtool.virtual.firmware import Firmware
 from tests.contracts.test_bench import RIG, TRUTH, bridged, looped
 
 LONGEST_S = 0.15

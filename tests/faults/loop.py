@@ -24,14 +24,15 @@ from typing import Any
 from unittest import mock
 
 from benchtool.bench.address import SCHEMES
-from benchtool.bench.device_link import DeviceLink
-from benchtool.bench.faults import fault_from
-from benchtool.bench.firmware import Firmware
-from benchtool.bench.serial_bench import SerialBench
-from benchtool.bench.virtual_server import standard_truth, virtual_server
-from benchtool.cli.app import main
-from benchtool.errors import LinkLost
-from benchtool.library import load_model, rig_named
+from benchtool.bench.serial.serial_bench import SerialBench
+from benchtool.commands.app import main
+from benchtool.core.errors import LinkLost
+from benchtool.core.rig_file import rig_named
+from benchtool.physics.model_file import load_model
+from benchtool.virtual.device_link import DeviceLink
+from benchtool.virtual.faults import fault_from
+from benchtool.virtual.firmware import Firmware
+from benchtool.virtual.serve import standard_truth, virtual_server
 from tests.faults.proxy import TURNING_US, Fault, Proxy, Seen
 
 STEP_S = 0.002

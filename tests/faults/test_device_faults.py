@@ -7,7 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchtool.store import code_of, read_events, read_samples
+from benchtool.data.columns import code_of
+from benchtool.data.run.events import read_events
+from benchtool.data.run.read import read_samples
 from tests.faults.loop import ADDRESS, World, command
 
 SMALL = ["--rig", "pquad_single", "--repeats", "2", "--z-over-r", "0.5,1", "--sample-s", "1"]

@@ -12,9 +12,9 @@ from pathlib import Path
 
 import pytest
 
-from benchtool.errors import ResourceExhausted
-from benchtool.store import Run
-from tests.unit.store.run_of import small_run
+from benchtool.core.errors import ResourceExhausted
+from benchtool.data.run.run import Run
+from tests.unit.data.run_of import small_run
 
 pytestmark = pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs Linux")
 
@@ -137,7 +137,7 @@ def test_a_read_only_folder_is_not_closed_and_said_so(tmp_path: Path) -> None:
 IMPORTS = """
 import sys
 from benchtool.bench.guard import GuardedBench
-from benchtool.cli.app import main
+from benchtool.commands.app import main
 
 turning, imported = [], []
 sys.addaudithook(

@@ -7,7 +7,7 @@ from unittest import mock
 
 import pytest
 
-from benchtool.bench.hello import Hello, hello_lines
+from benchtool.bench.serial.hello import Hello, hello_lines
 from tests.faults.loop import ADDRESS, Outcome, World, command, plan, sweep
 from tests.faults.proxy import Fault, Kind, Phase
 from tests.wire.version_1 import VersionOne
@@ -92,7 +92,7 @@ def test_a_number_out_of_its_range_ends_in_one_sentence(
         assert said != list(true)
         return said
 
-    with mock.patch("benchtool.bench.device_link.hello_lines", lines):
+    with mock.patch("benchtool.virtual.device_link.hello_lines", lines):
         outcome = sweep(tmp_path, plan(), [])
     assert (*key, value) in said
     assert outcome.code == 3

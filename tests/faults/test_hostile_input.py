@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from benchtool.cli.app import main
+from benchtool.commands.app import main
 
 DIGITS = "1" * 4400
 DEEP = "[" * 3000

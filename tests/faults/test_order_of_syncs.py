@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from benchtool.store import Run
+from benchtool.data.run.run import Run
 from tests.faults.loop import plan, sweep
 
 pytestmark = pytest.mark.skipif(not Path("/proc/self/fd").is_dir(), reason="needs /proc")

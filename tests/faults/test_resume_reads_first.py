@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from benchtool.acquire import resume
-from benchtool.bench.serial_bench import SerialBench
-from benchtool.store import Run
+from benchtool.bench.serial.serial_bench import SerialBench
+from benchtool.data.run.run import Run
 from tests.faults.loop import ADDRESS, World, command, plan, sweep
 
 

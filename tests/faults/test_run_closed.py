@@ -10,7 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from benchtool.store import Run, read_events, read_samples, read_settings
+from benchtool.data.run.events import read_events
+from benchtool.data.run.read import read_samples
+from benchtool.data.run.run import Run, read_settings
 from tests.faults.loop import ADDRESS, Outcome, World, command, plan, sweep
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")

@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 
 from benchtool.bench.bench import Identity, Readings
-from benchtool.bench.simulated import SimulatedBench
-from benchtool.cli.app import main
+from benchtool.commands.app import main
 from benchtool.core.channel import Channel
-from benchtool.store import read_events
+from benchtool.data.run.events import read_events
+from benchtool.virtual.simulated import SimulatedBench
 from tests.faults.loop import plan, sweep
 from tests.faults.proxy import TURNING_US, Fault
 

@@ -18,11 +18,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchtool.bench.virtual_device import virtual_plant
-from benchtool.bench.virtual_stand import VIRTUAL_1580, StandReadings
-from benchtool.errors import BenchtoolError
-from benchtool.library import load_model, rig_named
-from benchtool.library.bridge_file import BridgePlace, bridge_text
+from benchtool.bench.rcbenchmark.bridge_file import BridgePlace, bridge_text
+from benchtool.core.errors import BenchtoolError
+from benchtool.core.rig_file import rig_named
+from benchtool.physics.model_file import load_model
+from benchtool.virtual.device import virtual_plant
+from benchtool.virtual.stand import VIRTUAL_1580, StandReadings
 
 GUI = Path(__file__).with_name("gui.js")
 RIG = rig_named("pquad_single")

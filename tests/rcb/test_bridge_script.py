@@ -17,14 +17,15 @@ import pytest
 
 from benchtool.bench.address import open_bench
 from benchtool.bench.bench import Bench
-from benchtool.bench.firmware import Firmware
-from benchtool.bench.rcb_words import RcbEar
-from benchtool.bench.virtual_bridge import VirtualBridge
-from benchtool.bench.virtual_device import hello_of, virtual_plant
-from benchtool.errors import CommandRefused, DeviceStopped, LinkLost
-from benchtool.library import load_model
-from benchtool.library.bridge_file import RAMP_MS, SILENCE_MS
-from benchtool.store import Run, read_points
+from benchtool.bench.rcbenchmark.bridge_file import RAMP_MS, SILENCE_MS
+from benchtool.bench.rcbenchmark.words import RcbEar
+from benchtool.core.errors import CommandRefused, DeviceStopped, LinkLost
+from benchtool.data.run.read import read_points
+from benchtool.data.run.run import Run
+from benchtool.physics.model_file import load_model
+from benchtool.virtual.bridge import VirtualBridge
+from benchtool.virtual.device import hello_of, virtual_plant
+from benchtool.virtual.firmware import Firmware
 from tests.rcb.stand import RIG, Stand, gui, needs_node
 from tests.system.served import environment_of, run
 
@@ -85,7 +86,7 @@ import sys
 import numpy as np
 from benchtool.bench.address import open_bench
 from benchtool.bench.bench import Bench
-from benchtool.bench.firmware import Firmware
+from benchtool.virtual.firmware import Firmware
 with open_bench(sys.argv[1]) as bench:
     bench.set_pwm(np.array([1500.0]))
     print("turning", flush=True)

@@ -15,12 +15,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from benchtool.bench.device_link import DeviceLink
-from benchtool.bench.firmware import Firmware
-from benchtool.bench.serial_bench import SerialBench
-from benchtool.bench.server import BenchServer, Outbox
-from benchtool.bench.server_links import PtyLink, ServerLink, TcpLink, link_named
-from benchtool.errors import (
+from benchtool.bench.serial.serial_bench import SerialBench
+from benchtool.core.errors import (
     BenchError,
     DeviceStopped,
     InputError,
@@ -28,6 +24,10 @@ from benchtool.errors import (
     PortBusy,
     StageError,
 )
+from benchtool.virtual.device_link import DeviceLink
+from benchtool.virtual.firmware import Firmware
+from benchtool.virtual.server import BenchServer, Outbox
+from benchtool.virtual.server_links import PtyLink, ServerLink, TcpLink, link_named
 from tests.system.served import DeviceTime, posix, turning
 from tests.wire.still_plant import StillPlant, still_hello
 

@@ -9,14 +9,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchtool.cli.app import main
-from benchtool.control.pitch import PitchControl
+from benchtool.commands.app import main
 from benchtool.core.recording import Recording
-from benchtool.library import gains_named, load_model, schedule_named
-from benchtool.simulate.pitch_bench import PitchBench
-from benchtool.simulate.pitch_run import PitchJob
-from benchtool.simulate.pitch_simulate import simulate_pitch
-from tests.unit.importers.flight_logs import Record, dataflash
+from benchtool.core.schedule_file import schedule_named
+from benchtool.physics.model_file import load_model
+from benchtool.simulate.controllers.pitch import PitchControl
+from benchtool.simulate.gain_file import gains_named
+from benchtool.simulate.pitch.bench import PitchBench
+from benchtool.simulate.pitch.run import PitchJob
+from benchtool.simulate.pitch.simulate import simulate_pitch
+from tests.unit.data.flight_logs import Record, dataflash
 
 FRICTION_NM = 0.012
 RATE_HZ = 250.0

@@ -7,8 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchtool.bench.motor_map import read_motor_map
-from benchtool.store import Run, read_events, read_pitch
+from benchtool.bench.mavlink.motor_map import read_motor_map
+from benchtool.data.run.events import read_events
+from benchtool.data.run.pitch import read_pitch
+from benchtool.data.run.run import Run
 from tests.system.served import free_port, run, serving
 
 pytestmark = pytest.mark.real_time(deadline_s=0.1)

@@ -11,13 +11,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchtool.bench.firmware import Firmware
-from benchtool.bench.server import BenchServer
-from benchtool.bench.udp_link import UdpLink
-from benchtool.bench.virtual_autopilot import VirtualAutopilot
-from benchtool.bench.virtual_device import hello_of, virtual_plant
-from benchtool.library import load_model, rig_named
-from benchtool.store import Run, read_events, read_points, read_samples
+from benchtool.bench.rcbenchmark.udp_link import UdpLink
+from benchtool.core.rig_file import rig_named
+from benchtool.data.run.events import read_events
+from benchtool.data.run.read import read_points, read_samples
+from benchtool.data.run.run import Run
+from benchtool.physics.model_file import load_model
+from benchtool.virtual.autopilot import VirtualAutopilot
+from benchtool.virtual.device import hello_of, virtual_plant
+from benchtool.virtual.firmware import Firmware
+from benchtool.virtual.server import BenchServer
 from tests.system.served import DeviceTime, free_port, posix, run, serving, turning
 
 SMALL = ["--rig", "pquad_single", "--repeats", "1", "--z-over-r", "0.5,1", "--sample-s", "1"]

@@ -8,20 +8,22 @@ import pytest
 
 from benchtool.acquire.pitch_experiment import PitchExperiment
 from benchtool.acquire.pitch_record import record_pitch
-from benchtool.bench.firmware import Firmware
 from benchtool.bench.guard import GuardedBench
-from benchtool.bench.mavlink_bench import MavlinkBench
-from benchtool.bench.mavlink_settings import MavlinkSettings
-from benchtool.bench.motor_map import MotorMap
-from benchtool.bench.pitch_device import pitch_hello, pitch_plant
-from benchtool.bench.virtual_autopilot import VirtualAutopilot
-from benchtool.explain.explain import explain
-from benchtool.explain.pitch_log import PitchLog, pitch_log
-from benchtool.explain.pitch_subject import PitchSubject
-from benchtool.library import load_model, rig_named
-from benchtool.store import Run, read_pitch
-from benchtool.studies.pitch_setup import changed_job
+from benchtool.bench.mavlink.bench import MavlinkBench
+from benchtool.bench.mavlink.motor_map import MotorMap
+from benchtool.bench.mavlink.settings import MavlinkSettings
+from benchtool.core.rig_file import rig_named
+from benchtool.data.run.pitch import read_pitch
+from benchtool.data.run.run import Run
+from benchtool.explain.engine.explain import explain
+from benchtool.explain.pitch.log import PitchLog, pitch_log
+from benchtool.explain.pitch.subject import PitchSubject
+from benchtool.physics.model_file import load_model
+from benchtool.simulate.pitch.setup import changed_job
 from benchtool.testing.loopback_link import LoopbackLink
+from benchtool.virtual.autopilot import VirtualAutopilot
+from benchtool.virtual.firmware import Firmware
+from benchtool.virtual.pitch_device import pitch_hello, pitch_plant
 
 HIDDEN_NM = 0.02
 MAP = MotorMap(

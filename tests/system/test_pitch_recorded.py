@@ -15,8 +15,11 @@ import pytest
 
 from benchtool.bench.address import open_bench
 from benchtool.bench.bench import Bench
-from benchtool.errors import DeviceStopped
-from benchtool.store import Run, read_events, read_pitch, read_samples
+from benchtool.core.errors import DeviceStopped
+from benchtool.data.run.events import read_events
+from benchtool.data.run.pitch import read_pitch
+from benchtool.data.run.read import read_samples
+from benchtool.data.run.run import Run
 from tests.system.served import COMMAND, posix, start
 from tests.system.served import serving as serving_bench
 

@@ -12,8 +12,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchtool.cli.app import main
-from benchtool.store import KINDS, read_events, read_points, read_samples, read_settings
+from benchtool.commands.app import main
+from benchtool.data.columns import KINDS
+from benchtool.data.run.events import read_events
+from benchtool.data.run.read import read_points, read_samples
+from benchtool.data.run.run import read_settings
 
 SMALL = ["--repeats", "2", "--z-over-r", "0.5,1,2", "--pwm", "1500", "--sample-s", "1"]
 
@@ -171,7 +174,7 @@ def test_another_device_cannot_go_on(capsys: pytest.CaptureFixture[str]) -> None
 
 
 def test_a_limit_stops_the_sweep_at_once(capsys: pytest.CaptureFixture[str]) -> None:
-    from benchtool.library.packaged import read_named
+    from benchtool.core.packaged import read_named
 
     text = read_named("rig", "rigs", "pquad_single")[0]
     Path("tight.toml").write_text(

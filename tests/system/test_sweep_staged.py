@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchtool.store import Run, read_points, read_samples
+from benchtool.data.run.read import read_points, read_samples
+from benchtool.data.run.run import Run
 from tests.system.served import environment_of, run, serving
 
 pytestmark = [

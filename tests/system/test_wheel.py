@@ -56,6 +56,6 @@ def test_the_command_line_runs_from_the_wheel_alone(wheel: Path, tmp_path: Path)
 WHERE = """
 import benchtool
 print(benchtool.__file__)
-from benchtool.cli.app import main
+from benchtool.commands.app import main
 main(["--help"])
 """

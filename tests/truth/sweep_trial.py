@@ -20,16 +20,17 @@ from benchtool.acquire.plan import (
 )
 from benchtool.acquire.sweep import run_sweep
 from benchtool.bench.guard import GuardedBench
-from benchtool.bench.one_sided_stage import OneSidedStage
-from benchtool.bench.simulated import SimulatedBench
-from benchtool.bench.stage import DeviceStage
+from benchtool.bench.stage.one_sided_stage import OneSidedStage
+from benchtool.bench.stage.stage import DeviceStage
 from benchtool.core.rig import Rig
-from benchtool.effects.model import Model
-from benchtool.library import load_model, rig_to_dict
-from benchtool.recipes.recipe import Method, Recipe
-from benchtool.recipes.run_recipe import run_recipe
+from benchtool.core.rig_file import rig_to_dict
+from benchtool.data.run.run import Run
+from benchtool.fit.recipe import Method, Recipe
+from benchtool.fit.run_recipe import run_recipe
+from benchtool.physics.model import Model
+from benchtool.physics.model_file import load_model
 from benchtool.simulate.imperfections import Imperfections
-from benchtool.store import Run
+from benchtool.virtual.simulated import SimulatedBench
 
 COUNTED = ("k", "R_m", "body_lift.K_b")
 RATE_HZ = 80.0

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from benchtool.recipes.recipe import Method
+from benchtool.fit.recipe import Method
 from tests.truth.sweep_trial import COUNTED, Trial, run_trial
 
 SCORED = range(2000, 2400)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.bench.hello import Hello
+from benchtool.bench.serial.hello import Hello
 from benchtool.core.channel import Channel
 
 Array = NDArray[np.float64]

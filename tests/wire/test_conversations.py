@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchtool.bench.commands import (
+from benchtool.bench.serial.commands import (
     Arm,
     AskHello,
     AskPlate,
@@ -15,8 +15,8 @@ from benchtool.bench.commands import (
     SetRate,
     Stop,
 )
-from benchtool.bench.hello import hello_lines
-from benchtool.bench.link import (
+from benchtool.bench.serial.hello import hello_lines
+from benchtool.bench.serial.link import (
     HEARTBEAT,
     crc16,
     frame,
@@ -24,8 +24,8 @@ from benchtool.bench.link import (
     frame_fields,
     payload_of,
 )
-from benchtool.bench.serial_bench import SerialBench
-from benchtool.errors import (
+from benchtool.bench.serial.serial_bench import SerialBench
+from benchtool.core.errors import (
     CommandRefused,
     DeviceStopped,
     InputError,

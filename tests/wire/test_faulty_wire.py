@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchtool.bench.commands import MovePlate, Reply
-from benchtool.bench.faults import Corrupt, Delay, Drop, Fault, LinkFaults, Silence
-from benchtool.bench.firmware import Firmware
-from benchtool.bench.link import HEARTBEAT
-from benchtool.bench.serial_bench import SerialBench
-from benchtool.errors import CommandRefused, DeviceStopped, HostPaused, LinkLost
+from benchtool.bench.serial.commands import MovePlate, Reply
+from benchtool.bench.serial.link import HEARTBEAT
+from benchtool.bench.serial.serial_bench import SerialBench
+from benchtool.core.errors import CommandRefused, DeviceStopped, HostPaused, LinkLost
 from benchtool.testing.loopback_link import LoopbackLink
+from benchtool.virtual.faults import Corrupt, Delay, Drop, Fault, LinkFaults, Silence
+from benchtool.virtual.firmware import Firmware
 from tests.wire.still_plant import StillPlant, still_hello
 
 

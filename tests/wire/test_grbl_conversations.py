@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from benchtool.bench.grbl_stage import GrblStage
-from benchtool.bench.grbl_way import GrblAxis
-from benchtool.bench.strangers import KNOCK
-from benchtool.errors import LinkLost, NoDevice, StageError
+from benchtool.bench.doctor.strangers import KNOCK
+from benchtool.bench.stage.grbl_stage import GrblStage
+from benchtool.bench.stage.grbl_way import GrblAxis
+from benchtool.core.errors import LinkLost, NoDevice, StageError
 from benchtool.testing.scripted_link import ScriptedLink, Turn
 from tests.wire.grbl_recordings import settings_text
 

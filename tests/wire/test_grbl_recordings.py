@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from benchtool.bench.grbl_stage import GrblStage
-from benchtool.bench.grbl_way import GrblAxis
-from benchtool.errors import BenchtoolError
+from benchtool.bench.stage.grbl_stage import GrblStage
+from benchtool.bench.stage.grbl_way import GrblAxis
+from benchtool.core.errors import BenchtoolError
 from tests.wire.grbl_recordings import RecordedStage, Recording, names
 
 FEED_M_S = {"driver_very_slow_move": 0.0005}

@@ -7,15 +7,13 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from benchtool.bench.firmware import Firmware
 from benchtool.bench.guard import GuardedBench
-from benchtool.bench.mavlink_bench import MavlinkBench
-from benchtool.bench.mavlink_frames import MavlinkFrames
-from benchtool.bench.mavlink_pilots import ArduPilot, Order
-from benchtool.bench.mavlink_settings import MavlinkSettings
-from benchtool.bench.motor_map import MotorMap
-from benchtool.bench.virtual_autopilot import VirtualAutopilot
-from benchtool.errors import (
+from benchtool.bench.mavlink.bench import MavlinkBench
+from benchtool.bench.mavlink.frames import MavlinkFrames
+from benchtool.bench.mavlink.motor_map import MotorMap
+from benchtool.bench.mavlink.pilots import ArduPilot, Order
+from benchtool.bench.mavlink.settings import MavlinkSettings
+from benchtool.core.errors import (
     CommandRefused,
     DeviceStopped,
     HostPaused,
@@ -24,8 +22,10 @@ from benchtool.errors import (
     ProtocolError,
     StageError,
 )
-from benchtool.library import rig_named
+from benchtool.core.rig_file import rig_named
 from benchtool.testing.loopback_link import LoopbackLink
+from benchtool.virtual.autopilot import VirtualAutopilot
+from benchtool.virtual.firmware import Firmware
 from tests.wire.still_plant import StillPlant, still_hello
 
 PLUS = MotorMap(rig="two", autopilot="ArduPilot", motors=(1, 2), outputs=(3, 1), escs=(3, 1))

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import pytest
 
-from benchtool.bench.conversation import Conversation
-from benchtool.bench.link import frame
-from benchtool.bench.mavlink_dialect import dialect
-from benchtool.bench.mavlink_frames import MavlinkFrames
-from benchtool.bench.mavlink_pilots import ArduPilot, Order, Px4
-from benchtool.bench.mavlink_streams import Wish, ask_for, interval
-from benchtool.bench.mavlink_talk import MavlinkTalk
-from benchtool.bench.strangers import KNOCK
-from benchtool.errors import InputError, LinkLost, NoDevice, ProtocolError
+from benchtool.bench.doctor.strangers import KNOCK
+from benchtool.bench.mavlink.dialect import dialect
+from benchtool.bench.mavlink.frames import MavlinkFrames
+from benchtool.bench.mavlink.pilots import ArduPilot, Order, Px4
+from benchtool.bench.mavlink.streams import Wish, ask_for, interval
+from benchtool.bench.mavlink.talk import MavlinkTalk
+from benchtool.bench.serial.conversation import Conversation
+from benchtool.bench.serial.link import frame
+from benchtool.core.errors import InputError, LinkLost, NoDevice, ProtocolError
 from benchtool.testing.scripted_link import ScriptedLink, Turn
 
 WORDS = dialect()

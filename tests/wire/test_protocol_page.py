@@ -11,11 +11,11 @@ from pathlib import Path
 
 import pytest
 
-from benchtool.bench.commands import COMMAND_NAMES, command_from
-from benchtool.bench.device_link import DeviceLink
-from benchtool.bench.faults import FAULTS, fault_from
-from benchtool.bench.firmware import Firmware
-from benchtool.bench.link import Decoder, crc16
+from benchtool.bench.serial.commands import COMMAND_NAMES, command_from
+from benchtool.bench.serial.link import Decoder, crc16
+from benchtool.virtual.device_link import DeviceLink
+from benchtool.virtual.faults import FAULTS, fault_from
+from benchtool.virtual.firmware import Firmware
 from tests.wire.still_plant import StillPlant, still_hello
 
 PAGE = (Path(__file__).parents[2] / "docs/reference/bench-protocol.md").read_text(encoding="utf-8")

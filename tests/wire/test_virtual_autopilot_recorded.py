@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchtool.bench.firmware import Firmware
-from benchtool.bench.mavlink_dialect import Message
-from benchtool.bench.virtual_autopilot import VirtualAutopilot
+from benchtool.bench.mavlink.dialect import Message
+from benchtool.virtual.autopilot import VirtualAutopilot
+from benchtool.virtual.firmware import Firmware
 from tests.wire.recorded_autopilot import (
     Chunk,
     chunks_of,

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from benchtool.bench.virtual_grbl import VirtualGrbl
-from benchtool.bench.virtual_grbl_homing import Surroundings
+from benchtool.virtual.grbl import VirtualGrbl
+from benchtool.virtual.grbl_homing import Surroundings
 from tests.wire.grbl_recordings import CASE_SETTINGS, Entry, Recording, names
 
 STAGE = names("driver_", "plain_", "sweep_")

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from benchtool.bench.commands import AskHello, Reply, command_from
-from benchtool.bench.device_link import DeviceLink
-from benchtool.bench.firmware import Firmware
-from benchtool.bench.hello import hello_lines
-from benchtool.bench.link import Message, frame_fields
-from benchtool.errors import BenchtoolError
+from benchtool.bench.serial.commands import AskHello, Reply, command_from
+from benchtool.bench.serial.hello import hello_lines
+from benchtool.bench.serial.link import Message, frame_fields
+from benchtool.core.errors import BenchtoolError
+from benchtool.virtual.device_link import DeviceLink
+from benchtool.virtual.firmware import Firmware
 
 
 class VersionOne(DeviceLink):

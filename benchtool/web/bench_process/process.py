@@ -18,7 +18,7 @@ from benchtool.bench.address import open_bench
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.paced import PacedBench
 from benchtool.bench.stoppable import StoppableBench
-from benchtool.errors import BenchtoolError, StandstillNotSeen
+from benchtool.core.errors import BenchtoolError, StandstillNotSeen
 from benchtool.web.bench_process.commands import (
     AnswerQuestion,
     Command,

@@ -25,9 +25,11 @@ from benchtool.acquire.sweep import Start, run_sweep
 from benchtool.bench.bench import Identity
 from benchtool.bench.guard import GuardedBench
 from benchtool.core.counted import counted
+from benchtool.core.errors import BenchError, BenchtoolError, InputError, RunStopped
 from benchtool.core.rig import Rig
-from benchtool.errors import BenchError, BenchtoolError, InputError, RunStopped
-from benchtool.store import Event, Point, Run
+from benchtool.data.run.events import Event
+from benchtool.data.run.points import Point
+from benchtool.data.run.run import Run
 from benchtool.web.bench_process.commands import StartRecording, StartSweep
 from benchtool.web.bench_process.events import RunEvent, SweepStatus
 from benchtool.web.bench_process.publisher import EventPublisher

@@ -11,8 +11,8 @@ from benchtool.acquire.calibration_file import calibration_for
 from benchtool.bench.bench import Bench, Identity
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.stoppable import AskedToStop
+from benchtool.core.errors import BenchError, BenchtoolError, InputError
 from benchtool.core.rig import Rig
-from benchtool.errors import BenchError, BenchtoolError, InputError
 from benchtool.web.bench_process.commands import (
     ArmMotors,
     Calibrate,

@@ -10,10 +10,10 @@ import numpy as np
 from benchtool.acquire.calibrate_bench import mean_counts
 from benchtool.acquire.calibration import Calibration, calibration_to_dict, fit_calibration
 from benchtool.bench.bench import Bench
+from benchtool.core.errors import InputError
 from benchtool.core.rig import Rig
 from benchtool.core.units import STANDARD_GRAVITY_M_S2
-from benchtool.errors import InputError
-from benchtool.store.state import remember
+from benchtool.data.run.state import remember
 
 LONGEST_S = 60.0
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.bench.bench import Identity, Readings
-from benchtool.store import channel_called
+from benchtool.data.columns import channel_called
 
 Array = NDArray[np.float64]
 

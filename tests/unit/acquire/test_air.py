@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from benchtool.acquire.air import Air, air_density_kg_m3
-from benchtool.errors import InputError
+from benchtool.core.errors import InputError
 
 
 @pytest.mark.parametrize(

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from benchtool.acquire.arming import arming_warnings
-from benchtool.bench.hello import UNPROTECTED
-from benchtool.library import rig_named
+from benchtool.bench.serial.hello import UNPROTECTED
+from benchtool.core.rig_file import rig_named
 from tests.wire.still_plant import still_hello
 
 

@@ -10,7 +10,7 @@ from benchtool.acquire.calibration import (
     calibration_to_dict,
     fit_calibration,
 )
-from benchtool.errors import CalibrationError, UnknownChoice
+from benchtool.core.errors import CalibrationError, UnknownChoice
 
 MASSES = np.array([0.0, 0.2, 0.5, 1.0, 1.5, 1.0, 0.5, 0.2, 0.0])
 G = 9.81

@@ -22,9 +22,14 @@ from benchtool.acquire.pitch_record import PitchSummary, record_pitch, summary_l
 from benchtool.bench.address import open_bench
 from benchtool.bench.bench import Readings
 from benchtool.bench.guard import GuardedBench
-from benchtool.errors import FileFormatError, InputError, LimitExceeded, PlanError, RunStopped
-from benchtool.library import rig_named, schedule_named
-from benchtool.store import Run, RunWriter, read_events, read_pitch, read_samples
+from benchtool.core.errors import FileFormatError, InputError, LimitExceeded, PlanError, RunStopped
+from benchtool.core.rig_file import rig_named
+from benchtool.core.schedule_file import schedule_named
+from benchtool.data.run.events import read_events
+from benchtool.data.run.pitch import read_pitch
+from benchtool.data.run.read import read_samples
+from benchtool.data.run.run import Run
+from benchtool.data.run.run_writer import RunWriter
 
 RIG = rig_named("pquad")
 HOVER = PitchExperiment(seconds=40.0, collective_us=hover_pulse_us(RIG))
@@ -46,11 +51,12 @@ def recorded(
 
 
 def test_a_recording_is_a_pitch_recording_of_what_the_simulation_gives(tmp_path: Path) -> None:
-    from benchtool.control.pitch import pitch_controller
-    from benchtool.library import gains_named, load_model
-    from benchtool.simulate.pitch_bench import PitchBench
-    from benchtool.simulate.pitch_run import PitchJob
-    from benchtool.simulate.pitch_simulate import simulate_pitch
+    from benchtool.physics.model_file import load_model
+    from benchtool.simulate.controllers.pitch import pitch_controller
+    from benchtool.simulate.gain_file import gains_named
+    from benchtool.simulate.pitch.bench import PitchBench
+    from benchtool.simulate.pitch.run import PitchJob
+    from benchtool.simulate.pitch.simulate import simulate_pitch
 
     run, summary = recorded(tmp_path / "run")
     recording = read_pitch(run.path)

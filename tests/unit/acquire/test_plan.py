@@ -12,8 +12,14 @@ from benchtool.acquire.check_plan import check_plan, expected_extremes
 from benchtool.acquire.duration import expected_duration_s, least_duration_s, visit_s
 from benchtool.acquire.order import settings_of, visits_of
 from benchtool.acquire.plan import Plan, plan_from_toml, plan_to_toml
-from benchtool.errors import BenchtoolError, FileFormatError, InputError, PlanError, UnknownChoice
-from benchtool.library import rig_named
+from benchtool.core.errors import (
+    BenchtoolError,
+    FileFormatError,
+    InputError,
+    PlanError,
+    UnknownChoice,
+)
+from benchtool.core.rig_file import rig_named
 
 SINGLE, QUAD = rig_named("pquad_single"), rig_named("pquad")
 

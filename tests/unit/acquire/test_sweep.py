@@ -14,8 +14,8 @@ from benchtool.acquire.plan import Plan, plan_from_toml, plan_to_toml
 from benchtool.acquire.recalibrate import recalibrate
 from benchtool.acquire.sweep import Summary, run_sweep
 from benchtool.bench.guard import GuardedBench
-from benchtool.bench.stage import DeviceStage
-from benchtool.errors import (
+from benchtool.bench.stage.stage import DeviceStage
+from benchtool.core.errors import (
     BenchError,
     CalibrationError,
     LinkLost,
@@ -24,18 +24,13 @@ from benchtool.errors import (
     StandstillNotSeen,
     WouldOverwrite,
 )
-from benchtool.library import rig_named
-from benchtool.store import (
-    KINDS,
-    Point,
-    Run,
-    code_of,
-    data_hash,
-    read_events,
-    read_points,
-    read_samples,
-)
-from benchtool.store.columns import PHASES
+from benchtool.core.rig_file import rig_named
+from benchtool.data.columns import KINDS, PHASES, code_of
+from benchtool.data.run.digest import data_hash
+from benchtool.data.run.events import read_events
+from benchtool.data.run.points import Point
+from benchtool.data.run.read import read_points, read_samples
+from benchtool.data.run.run import Run
 from tests.unit.acquire.fake_bench import FakeBench
 
 RIG = rig_named("pquad_single")

@@ -14,11 +14,14 @@ from benchtool.acquire.resume import unfinished
 from benchtool.acquire.stage_choice import stage_for
 from benchtool.acquire.sweep import run_sweep
 from benchtool.bench.guard import GuardedBench
-from benchtool.bench.idle_stage import IdleStage
-from benchtool.bench.simulated import SimulatedBench
-from benchtool.errors import BenchtoolError, InputError, StageError
-from benchtool.library import load_model, rig_named
-from benchtool.store import Run, read_events, read_points
+from benchtool.bench.stage.idle_stage import IdleStage
+from benchtool.core.errors import BenchtoolError, InputError, StageError
+from benchtool.core.rig_file import rig_named
+from benchtool.data.run.events import read_events
+from benchtool.data.run.read import read_points
+from benchtool.data.run.run import Run
+from benchtool.physics.model_file import load_model
+from benchtool.virtual.simulated import SimulatedBench
 from tests.unit.acquire.fake_bench import FakeBench
 from tests.unit.acquire.test_sweep import PLAN
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from benchtool.bench.bench import Identity, Readings
 from benchtool.core.channel import Channel
-from benchtool.library import rig_named
+from benchtool.core.rig_file import rig_named
 
 RIG = rig_named("pquad_single")
 NAMES = ("thrust_N", "rpm1", "voltage_V", "current_A", "temperature_degC")

@@ -3,9 +3,9 @@
 import pytest
 
 from benchtool.bench.address import SCHEMES, open_bench, parse_address
-from benchtool.bench.serial_bench import SerialBench
-from benchtool.bench.simulated import SimulatedBench
-from benchtool.errors import FileFormatError, InputError, UnknownChoice
+from benchtool.bench.serial.serial_bench import SerialBench
+from benchtool.core.errors import FileFormatError, InputError, UnknownChoice
+from benchtool.virtual.simulated import SimulatedBench
 
 TRUTH = """
 [model]

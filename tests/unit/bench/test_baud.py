@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from benchtool.bench.baud import check_rate, highest_rate_Hz
-from benchtool.errors import InputError
+from benchtool.bench.transport.baud import check_rate, highest_rate_Hz
+from benchtool.core.errors import InputError
 
 
 def test_the_refusal_shows_the_arithmetic() -> None:

@@ -1,7 +1,7 @@
 """A device that moves its own plate, as a stage."""
 
 from benchtool.bench.address import open_bench
-from benchtool.bench.stage import DeviceStage
+from benchtool.bench.stage.stage import DeviceStage
 
 
 def test_a_device_may_be_its_own_stage():

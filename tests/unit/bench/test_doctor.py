@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import pytest
 
-from benchtool.bench.doctor import INSTALL_RULE, findings, udev_rule
-from benchtool.bench.port_holders import Holder
-from benchtool.bench.ports import Port
-from benchtool.bench.surroundings import Surroundings, look_around
+from benchtool.bench.doctor.doctor import INSTALL_RULE, findings, udev_rule
+from benchtool.bench.doctor.surroundings import Surroundings, look_around
+from benchtool.bench.transport.port_holders import Holder
+from benchtool.bench.transport.ports import Port
 
 FTDI = Port(
     name="/dev/ttyUSB0",
@@ -56,7 +56,7 @@ WINDOWS = Surroundings(
 def by_id_leads_to_the_port(monkeypatch):
     real = {FTDI.by_id: FTDI.name}
     monkeypatch.setattr(
-        "benchtool.bench.surroundings.os.path.realpath", lambda path: real.get(path, path)
+        "benchtool.bench.doctor.surroundings.os.path.realpath", lambda path: real.get(path, path)
     )
 
 

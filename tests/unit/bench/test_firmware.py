@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchtool.bench.commands import (
+from benchtool.bench.serial.commands import (
     AskHello,
     AskPlate,
     Clear,
@@ -18,7 +18,7 @@ from benchtool.bench.commands import (
     Stop,
     Tare,
 )
-from benchtool.bench.firmware import REMIND_S, Firmware
+from benchtool.virtual.firmware import REMIND_S, Firmware
 from tests.wire.still_plant import StillPlant, still_hello
 
 SPIN = SetPwm((1200.0, 1200.0))

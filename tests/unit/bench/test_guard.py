@@ -11,7 +11,7 @@ import pytest
 
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.spin_down import SPIN_DOWN_S
-from benchtool.errors import (
+from benchtool.core.errors import (
     DeviceStopped,
     LimitExceeded,
     LinkLost,

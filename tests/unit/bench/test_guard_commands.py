@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from benchtool.bench.guard import GuardedBench
-from benchtool.errors import CommandRefused, InputError, StageError, StandstillNotSeen
-from benchtool.library import rig_named
+from benchtool.core.errors import CommandRefused, InputError, StageError, StandstillNotSeen
+from benchtool.core.rig_file import rig_named
 from tests.unit.bench.guarded_fake import RIG
 
 

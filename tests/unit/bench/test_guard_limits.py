@@ -10,7 +10,7 @@ import pytest
 
 from benchtool.bench.guard import GuardedBench
 from benchtool.core.channel import Channel
-from benchtool.errors import LimitExceeded, StandstillNotSeen
+from benchtool.core.errors import LimitExceeded, StandstillNotSeen
 from tests.unit.bench.guarded_fake import RIG, check_zeroed_once_then_closed
 
 

@@ -2,9 +2,9 @@
 
 import pytest
 
-from benchtool.bench.stage import HandStage
-from benchtool.errors import StageError
-from benchtool.library import rig_named
+from benchtool.bench.stage.stage import HandStage
+from benchtool.core.errors import StageError
+from benchtool.core.rig_file import rig_named
 
 PLATE = rig_named("pquad_single").plate
 

@@ -6,10 +6,10 @@ import random
 
 import pytest
 
-from benchtool.bench.hello import Hello, channel_hash, hello_from, hello_lines
-from benchtool.bench.hello_reader import MOST_LINES, HelloReader
-from benchtool.bench.link import crc16, payload_of
-from benchtool.errors import ProtocolError
+from benchtool.bench.serial.hello import Hello, channel_hash, hello_from, hello_lines
+from benchtool.bench.serial.hello_reader import MOST_LINES, HelloReader
+from benchtool.bench.serial.link import crc16, payload_of
+from benchtool.core.errors import ProtocolError
 from tests.wire.still_plant import StillPlant, still_hello
 
 LINES = hello_lines(still_hello())

@@ -5,10 +5,10 @@
 import numpy as np
 import pytest
 
-from benchtool.bench.conversation import ANSWER_S as TRY_S
-from benchtool.bench.conversation import TRIES
 from benchtool.bench.guard import GuardedBench
-from benchtool.errors import DeviceStopped, HostPaused
+from benchtool.bench.serial.conversation import ANSWER_S as TRY_S
+from benchtool.bench.serial.conversation import TRIES
+from benchtool.core.errors import DeviceStopped, HostPaused
 from tests.unit.bench.guarded_fake import RIG
 
 SAID = "did not run benchtool for 2.0 s, limit 0.25 s"

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from benchtool.bench.guard import GuardedBench
-from benchtool.bench.idle_stage import IdleStage
-from benchtool.bench.simulated import SimulatedBench
-from benchtool.errors import StageError
-from benchtool.library import load_model, rig_named
+from benchtool.bench.stage.idle_stage import IdleStage
+from benchtool.core.errors import StageError
+from benchtool.core.rig_file import rig_named
+from benchtool.physics.model_file import load_model
+from benchtool.virtual.simulated import SimulatedBench
 from tests.unit.bench.test_one_sided_stage import Listed, pause
 
 

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from benchtool.bench.limit_check import LimitCheck, unwatched_limits
 from benchtool.bench.obedience import speeds_of
 from benchtool.core.channel import Channel
-from benchtool.errors import LimitExceeded
-from benchtool.library import rig_named
+from benchtool.core.errors import LimitExceeded
+from benchtool.core.rig_file import rig_named
 
 Array = NDArray[np.float64]
 

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchtool.bench.commands import AskHello, SetPwm
-from benchtool.bench.link import (
+from benchtool.bench.serial.commands import AskHello, SetPwm
+from benchtool.bench.serial.link import (
     HEARTBEAT,
     MAX_LINE_BYTES,
     Decoder,

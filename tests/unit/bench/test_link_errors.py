@@ -11,12 +11,12 @@ from pathlib import Path
 import pytest
 import serial
 
-from benchtool.bench.link_errors import opening_error
-from benchtool.bench.port_holders import holders, holders_text
-from benchtool.bench.serial_port import SerialPort
-from benchtool.bench.tcp_socket import TcpSocket
-from benchtool.bench.udp_socket import UdpSocket
-from benchtool.errors import InputError, LinkError, LinkLost, NoDevice, PortBusy, PortDenied
+from benchtool.bench.transport.link_errors import opening_error
+from benchtool.bench.transport.port_holders import holders, holders_text
+from benchtool.bench.transport.serial_port import SerialPort
+from benchtool.bench.transport.tcp_socket import TcpSocket
+from benchtool.bench.transport.udp_socket import UdpSocket
+from benchtool.core.errors import InputError, LinkError, LinkLost, NoDevice, PortBusy, PortDenied
 
 posix = pytest.mark.skipif(os.name != "posix", reason="pseudo-terminals are POSIX")
 

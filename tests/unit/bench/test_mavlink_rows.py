@@ -3,10 +3,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchtool.bench.mavlink_dialect import ESC_STATUS, dialect
-from benchtool.bench.mavlink_rows import MavlinkRows
-from benchtool.bench.mavlink_wiring import ThrustSource, Wiring, channels_of
-from benchtool.errors import InputError
+from benchtool.bench.mavlink.dialect import ESC_STATUS, dialect
+from benchtool.bench.mavlink.rows import MavlinkRows
+from benchtool.bench.mavlink.wiring import ThrustSource, Wiring, channels_of
+from benchtool.core.errors import InputError
 
 W = dialect()
 TWO = {"motors": (1, 2), "outputs": (3, 1), "escs": (3, 1)}

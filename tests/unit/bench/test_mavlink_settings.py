@@ -6,12 +6,12 @@ from pathlib import Path
 import pytest
 
 from benchtool.bench.address import MAVLINK_OPTIONS, open_bench, parse_address
-from benchtool.bench.mavlink_settings import read_key, settings_of, transport_of
-from benchtool.bench.motor_map import MotorMap, read_motor_map
-from benchtool.bench.serial_port import SerialPort
-from benchtool.bench.tcp_socket import TcpSocket
-from benchtool.bench.udp_socket import UdpSocket
-from benchtool.errors import FileFormatError, InputError, PortBusy, UnknownChoice
+from benchtool.bench.mavlink.motor_map import MotorMap, read_motor_map
+from benchtool.bench.mavlink.settings import read_key, settings_of, transport_of
+from benchtool.bench.transport.serial_port import SerialPort
+from benchtool.bench.transport.tcp_socket import TcpSocket
+from benchtool.bench.transport.udp_socket import UdpSocket
+from benchtool.core.errors import FileFormatError, InputError, PortBusy, UnknownChoice
 
 
 def test_links() -> None:

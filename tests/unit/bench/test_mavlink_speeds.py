@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from benchtool.bench.mavlink_speeds import SpeedSources
+from benchtool.bench.mavlink.speeds import SpeedSources
 
 STEP_US = 50_000
 

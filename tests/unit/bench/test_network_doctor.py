@@ -6,8 +6,8 @@ import socket
 
 import pytest
 
-from benchtool.bench.network_doctor import network_findings, serial_port_of
-from benchtool.errors import InputError
+from benchtool.bench.doctor.network_doctor import network_findings, serial_port_of
+from benchtool.core.errors import InputError
 
 
 @pytest.mark.parametrize(

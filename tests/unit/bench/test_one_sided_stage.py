@@ -7,12 +7,13 @@ from typing import ClassVar
 
 import numpy as np
 
-from benchtool.bench.one_sided_stage import OneSidedStage
-from benchtool.bench.simulated import SimulatedBench
-from benchtool.bench.stage import DeviceStage
+from benchtool.bench.stage.one_sided_stage import OneSidedStage
+from benchtool.bench.stage.stage import DeviceStage
 from benchtool.core.rig import PlateStage
-from benchtool.library import load_model, rig_named
+from benchtool.core.rig_file import rig_named
+from benchtool.physics.model_file import load_model
 from benchtool.simulate.imperfections import Imperfections
+from benchtool.virtual.simulated import SimulatedBench
 
 
 class Listed:

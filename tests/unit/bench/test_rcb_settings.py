@@ -9,10 +9,10 @@ from contextlib import contextmanager
 
 import pytest
 
-from benchtool.bench import rcb_talk
 from benchtool.bench.address import open_bench, parse_address
-from benchtool.bench.rcb_settings import RcbSettings, rcb_settings_of
-from benchtool.errors import InputError, LinkError, NoDevice, PortBusy, ProtocolError
+from benchtool.bench.rcbenchmark import talk as rcb_talk
+from benchtool.bench.rcbenchmark.settings import RcbSettings, rcb_settings_of
+from benchtool.core.errors import InputError, LinkError, NoDevice, PortBusy, ProtocolError
 
 
 def test_an_address_says_both_ports() -> None:
@@ -86,8 +86,8 @@ def test_what_answers_instead_is_told_apart(
 
 
 def test_a_flight_controller_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    from benchtool.bench.mavlink_dialect import dialect
-    from benchtool.bench.mavlink_frames import MavlinkFrames
+    from benchtool.bench.mavlink.dialect import dialect
+    from benchtool.bench.mavlink.frames import MavlinkFrames
 
     monkeypatch.setattr(rcb_talk, "HELLO_S", 0.3)
     beat = MavlinkFrames(1, 1).pack(dialect().MAVLink_heartbeat_message(2, 3, 81, 0, 3, 3))

@@ -7,8 +7,8 @@ from math import isnan
 
 import pytest
 
-from benchtool.bench.rcb_words import RcbEar, StandClock, words_for
-from benchtool.errors import ProtocolError
+from benchtool.bench.rcbenchmark.words import RcbEar, StandClock, words_for
+from benchtool.core.errors import ProtocolError
 
 ENTRY = {"bridge": 1, "n": 7, "t_ms": 1250.5, "us": 1400, "why": ""}
 

@@ -3,9 +3,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchtool.bench.device_clock import DeviceClock
-from benchtool.bench.side_cell import CellLines, SideCell, in_order
-from benchtool.errors import NoDevice
+from benchtool.bench.rcbenchmark.side_cell import CellLines, SideCell, in_order
+from benchtool.bench.serial.device_clock import DeviceClock
+from benchtool.core.errors import NoDevice
 from benchtool.testing.scripted_link import ScriptedLink
 
 

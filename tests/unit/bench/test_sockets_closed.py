@@ -9,11 +9,11 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from benchtool.bench.server_links import TcpLink
-from benchtool.bench.tcp_socket import TcpSocket
-from benchtool.bench.udp_link import UdpLink
-from benchtool.bench.udp_socket import UdpSocket
-from benchtool.errors import InputError, LinkError
+from benchtool.bench.rcbenchmark.udp_link import UdpLink
+from benchtool.bench.transport.tcp_socket import TcpSocket
+from benchtool.bench.transport.udp_socket import UdpSocket
+from benchtool.core.errors import InputError, LinkError
+from benchtool.virtual.server_links import TcpLink
 
 NAME_TOO_LONG = "x" * 70  # a label of a host's name has at most 63 letters: UnicodeError
 

@@ -16,8 +16,7 @@ from benchtool.bench.standstill import (
     unmeasured_rotors,
 )
 from benchtool.core.channel import Channel
-from benchtool.library import rig_named
-from benchtool.library.rig_file import rig_names
+from benchtool.core.rig_file import rig_named, rig_names
 
 RIG = rig_named("pquad")
 STOP, DRIVEN = np.full(4, 1000.0), np.full(4, 1500.0)

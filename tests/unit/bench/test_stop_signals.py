@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from benchtool.bench.guard import GuardedBench
-from benchtool.bench.stop_signals import StopSignals
-from benchtool.errors import RunStopped
+from benchtool.bench.transport.stop_signals import StopSignals
+from benchtool.core.errors import RunStopped
 from tests.unit.bench.guarded_fake import RIG
 
 

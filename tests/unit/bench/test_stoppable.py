@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from benchtool.bench.address import open_bench
-from benchtool.bench.firmware import Firmware
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.paced import PacedBench
-from benchtool.bench.serial_bench import SerialBench
+from benchtool.bench.serial.serial_bench import SerialBench
 from benchtool.bench.stoppable import AskedToStop, StoppableBench
-from benchtool.errors import LinkLost
-from benchtool.library import rig_named
+from benchtool.core.errors import LinkLost
+from benchtool.core.rig_file import rig_named
 from benchtool.testing.loopback_link import LoopbackLink
+from benchtool.virtual.firmware import Firmware
 from tests.unit.acquire.fake_bench import FakeBench
 from tests.wire.still_plant import StillPlant, still_hello
 

@@ -8,14 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from benchtool.bench.grbl_stage import GrblStage
-from benchtool.bench.grbl_way import GrblAxis
-from benchtool.bench.link import frame
-from benchtool.bench.mavlink_dialect import dialect
-from benchtool.bench.mavlink_frames import MavlinkFrames
-from benchtool.bench.mavlink_talk import MavlinkTalk
-from benchtool.bench.side_cell import SideCell
-from benchtool.bench.strangers import (
+from benchtool.bench.doctor.strangers import (
     Kind,
     kind_of,
     not_a_bench,
@@ -23,7 +16,14 @@ from benchtool.bench.strangers import (
     not_mavlink,
     not_the_bridge,
 )
-from benchtool.errors import ProtocolError
+from benchtool.bench.mavlink.dialect import dialect
+from benchtool.bench.mavlink.frames import MavlinkFrames
+from benchtool.bench.mavlink.talk import MavlinkTalk
+from benchtool.bench.rcbenchmark.side_cell import SideCell
+from benchtool.bench.serial.link import frame
+from benchtool.bench.stage.grbl_stage import GrblStage
+from benchtool.bench.stage.grbl_way import GrblAxis
+from benchtool.core.errors import ProtocolError
 from benchtool.testing.scripted_link import ScriptedLink
 
 BEAT = MavlinkFrames(1, 1).pack(dialect().MAVLink_heartbeat_message(2, 3, 81, 0, 3, 3))

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from annotated_types import Ge, Gt, Le
 
+from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.inputs import Input, Inputs, changed, items, make, words
 from benchtool.core.toml_text import read_strict
-from benchtool.errors import InputError, UnknownChoice
 
 Positive = Annotated[float, Gt(0.0), Le(100.0)]
 

@@ -8,10 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from benchtool.core.channel import Channel
+from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.parameter import Parameter, Parameters, Prior
 from benchtool.core.recording import Recording
 from benchtool.core.units import UNITS, from_si, same_dimension, to_si
-from benchtool.errors import InputError, UnknownChoice
 
 
 @pytest.mark.parametrize(

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchtool.core.errors import FileFormatError, InputError, UnknownChoice
 from benchtool.core.schedule import PARKED_M, PlateVisit, Schedule, Signal, Switch
-from benchtool.errors import FileFormatError, InputError, UnknownChoice
-from benchtool.library import schedule_named, schedule_names
+from benchtool.core.schedule_file import schedule_named, schedule_names
 
 T = np.arange(0.0, 10.0, 0.01)
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import pytest
 
+from benchtool.core.errors import FileFormatError, UnknownChoice
 from benchtool.core.toml_text import (
     FileTable,
     Sources,
@@ -15,7 +16,6 @@ from benchtool.core.toml_text import (
     require_sources,
     unwrap_quantities,
 )
-from benchtool.errors import FileFormatError, UnknownChoice
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from benchtool.core.errors import FileFormatError
 from benchtool.core.parsed_text import parse_json, parse_toml
 from benchtool.core.user_file import open_file, read_file, read_text
-from benchtool.errors import FileFormatError
 
 
 @pytest.mark.parametrize(

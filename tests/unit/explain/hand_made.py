@@ -12,12 +12,9 @@ from benchtool.core.channel import Channel
 from benchtool.core.parameter import Parameters
 from benchtool.core.recording import Recording
 from benchtool.core.schedule import PlateVisit, Schedule, Signal
-from benchtool.effects.catalogue import EFFECTS
-from benchtool.effects.tolerances import tolerances
 from benchtool.explain.answer import Answer
-from benchtool.explain.explanation import Disagreement, Explanation, Overlay
-from benchtool.explain.recordings import Source
-from benchtool.explain.verdict import (
+from benchtool.explain.engine.explanation import Disagreement, Explanation, Overlay
+from benchtool.explain.engine.verdict import (
     FoundParameter,
     Gap,
     Kind,
@@ -29,7 +26,10 @@ from benchtool.explain.verdict import (
     Verdict,
     Where,
 )
-from benchtool.library import LoadedModel, load_model
+from benchtool.explain.recordings import Source
+from benchtool.physics.catalogue import EFFECTS
+from benchtool.physics.effects.tolerances import tolerances
+from benchtool.physics.model_file import LoadedModel, load_model
 
 MODEL = Path(__file__).parents[3] / "datasets" / "pitch_bench" / "model.toml"
 

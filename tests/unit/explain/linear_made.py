@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchtool.explain.knob import Knob
+from benchtool.explain.engine.knob import Knob
 
 Array = np.ndarray
 

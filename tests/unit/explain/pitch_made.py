@@ -8,13 +8,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.control.pitch import PitchControl
 from benchtool.core.recording import Recording
-from benchtool.effects.model import Model
-from benchtool.library import gains_named, schedule_named
-from benchtool.simulate.pitch_bench import PitchBench
-from benchtool.simulate.pitch_run import PitchJob
-from benchtool.simulate.pitch_simulate import simulate_pitch
+from benchtool.core.schedule_file import schedule_named
+from benchtool.physics.model import Model
+from benchtool.simulate.controllers.pitch import PitchControl
+from benchtool.simulate.gain_file import gains_named
+from benchtool.simulate.pitch.bench import PitchBench
+from benchtool.simulate.pitch.run import PitchJob
+from benchtool.simulate.pitch.simulate import simulate_pitch
 
 RATE_HZ = 250.0
 

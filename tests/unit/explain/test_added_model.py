@@ -7,13 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from benchtool.cli.app import main
+from benchtool.commands.app import main
+from benchtool.core.errors import WouldOverwrite
 from benchtool.core.parameter import Parameters
-from benchtool.errors import WouldOverwrite
-from benchtool.explain.added_model import added_model
-from benchtool.explain.answer_folder import refuse_taken, write_folder
-from benchtool.library import load_model
-from benchtool.library.model_file import model_from_toml
+from benchtool.explain.engine.added_model import added_model
+from benchtool.physics.model_file import load_model, model_from_toml
+from benchtool.report.answer.folder import refuse_taken, write_folder
 from tests.unit.explain.hand_made import MODEL, answer, verdict
 
 
@@ -124,7 +123,7 @@ def test_a_rig_beside_the_parent_goes_with_the_model(tmp_path: Path) -> None:
     from importlib import resources
 
     rig = tmp_path / "mine.toml"
-    text = (resources.files("benchtool.library") / "rigs" / "beam.toml").read_text("utf-8")
+    text = (resources.files("benchtool") / "library" / "rigs" / "beam.toml").read_text("utf-8")
     rig.write_text(text.replace('name = "beam"', 'name = "mine"'), encoding="utf-8")
     parent = tmp_path / "model.toml"
     parent.write_text(MODEL.read_text("utf-8").replace('"beam"', '"mine.toml"'), encoding="utf-8")

@@ -9,11 +9,11 @@ from typing import Any
 
 import pytest
 
-from benchtool.explain.answer_file import Written, answer_tables, next_file
-from benchtool.explain.answer_page import answer_page
+from benchtool.core.schedule_file import schedule_named
+from benchtool.explain.engine.verdict import KINDS, Kind, NotJudged
 from benchtool.explain.recordings import names_of
-from benchtool.explain.verdict import KINDS, Kind, NotJudged
-from benchtool.library import schedule_named
+from benchtool.report.answer.file import Written, answer_tables, next_file
+from benchtool.report.answer.page import answer_page
 from benchtool.report.html import render_report
 from tests.unit.explain.hand_made import NEXT, answer, gap, source, verdict
 

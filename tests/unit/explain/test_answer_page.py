@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import pytest
 
-from benchtool.explain.answer_figures import answer_figures
-from benchtool.explain.answer_page import OVERLAY, answer_page, overlay_caption, where_sentence
-from benchtool.explain.next_steps import next_sentence
-from benchtool.explain.verdict import EVERYWHERE, KINDS, Kind, NotJudged, Where
+from benchtool.explain.engine.next_steps import next_sentence
+from benchtool.explain.engine.verdict import EVERYWHERE, KINDS, Kind, NotJudged, Where
+from benchtool.report.answer.figures import answer_figures
+from benchtool.report.answer.page import OVERLAY, answer_page, overlay_caption, where_sentence
 from benchtool.report.html import render_report
 from tests.unit.explain.hand_made import answer
 

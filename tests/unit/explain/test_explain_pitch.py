@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchtool.effects.model import Model
-from benchtool.explain.explain import explain
-from benchtool.explain.explanation import Explanation
-from benchtool.explain.pitch_log import PitchLog, pitch_log
-from benchtool.explain.pitch_subject import PitchSubject
-from benchtool.library import load_model
+from benchtool.explain.engine.explain import explain
+from benchtool.explain.engine.explanation import Explanation
+from benchtool.explain.pitch.log import PitchLog, pitch_log
+from benchtool.explain.pitch.subject import PitchSubject
+from benchtool.physics.model import Model
+from benchtool.physics.model_file import load_model
 from tests.unit.explain.pitch_made import recorded
 
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchtool.effects.model import Model
-from benchtool.explain.explain import explain
-from benchtool.explain.pitch_log import PitchLog, pitch_log
-from benchtool.explain.pitch_subject import PitchSubject
-from benchtool.explain.verdict import Verdict
-from benchtool.library import load_model
-from benchtool.simulate.pitch_follow import follow
+from benchtool.explain.engine.explain import explain
+from benchtool.explain.engine.verdict import Verdict
+from benchtool.explain.pitch.log import PitchLog, pitch_log
+from benchtool.explain.pitch.subject import PitchSubject
+from benchtool.physics.model import Model
+from benchtool.physics.model_file import load_model
+from benchtool.simulate.pitch.follow import follow
 from tests.unit.explain.pitch_made import recorded, without
 
 BEFORE_SPEED = ("motor_lag", "transport_delay", "battery_sag")

@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import pytest
 
-from benchtool.cli.app import build
+from benchtool.commands.app import build
 from benchtool.core.parameter import Parameters
-from benchtool.effects.catalogue import EFFECTS
-from benchtool.explain.added_words import added_sentence, changes, changes_table
-from benchtool.explain.answer_page import answer_page
-from benchtool.explain.next_steps import lines, next_sentence, next_steps
-from benchtool.explain.verdict import KINDS, Kind, NotJudged
+from benchtool.explain.engine.next_steps import lines, next_sentence, next_steps
+from benchtool.explain.engine.verdict import KINDS, Kind, NotJudged
+from benchtool.physics.catalogue import EFFECTS
+from benchtool.report.answer.added_words import added_sentence, changes, changes_table
+from benchtool.report.answer.page import answer_page
 from benchtool.report.html import render_report
 from tests.unit.explain.hand_made import FRICTION, NEXT, answer, verdict
 

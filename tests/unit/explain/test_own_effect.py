@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from benchtool.explain.explain import explain
-from benchtool.explain.sweep_subject import SweepSubject
-from benchtool.library import load_model
-from benchtool.library.own_effects import own_effects
+from benchtool.explain.engine.explain import explain
+from benchtool.explain.sweep.subject import SweepSubject
+from benchtool.physics.model_file import load_model
+from benchtool.physics.own_effects import own_effects
 from tests.unit.explain.test_sweep_subject import halves
 
 MINE = """
-from benchtool.aero.expression import expression
+from benchtool.physics.expression import expression
 from benchtool.core.parameter import Parameter
-from benchtool.effects.effect import Effect
+from benchtool.physics.effects.effect import Effect
 
 
 @expression

@@ -7,7 +7,7 @@ import pytest
 
 from benchtool.core.channel import Channel
 from benchtool.core.recording import Recording
-from benchtool.explain.pitch_clock import even_rows
+from benchtool.explain.pitch.clock import even_rows
 
 UNITS = {"time_s": "s", "theta_rad": "rad", "gyro_rad_s": "rad/s", "pwm1_us": "pwm_us"}
 

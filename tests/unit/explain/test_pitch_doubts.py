@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchtool.core.errors import InputError
 from benchtool.core.recording import Recording
-from benchtool.effects.model import Model
-from benchtool.errors import InputError
-from benchtool.explain.pitch_log import pitch_log
-from benchtool.library import load_model
+from benchtool.explain.pitch.log import pitch_log
+from benchtool.physics.model import Model
+from benchtool.physics.model_file import load_model
 from tests.unit.explain.pitch_made import changed, recorded, without
 
 

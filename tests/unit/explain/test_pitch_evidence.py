@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchtool.explain.pitch_evidence import PitchEvidence
-from benchtool.explain.pitch_log import pitch_log
-from benchtool.library import load_model
+from benchtool.explain.pitch.evidence import PitchEvidence
+from benchtool.explain.pitch.log import pitch_log
+from benchtool.physics.model_file import load_model
 from tests.unit.explain.pitch_made import recorded, without
 
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from benchtool.core.channel import Channel
+from benchtool.core.errors import InputError
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
-from benchtool.errors import InputError
-from benchtool.explain.pitch_log import pitch_log
-from benchtool.library import rig_named
+from benchtool.core.rig_file import rig_named
+from benchtool.explain.pitch.log import pitch_log
 
 Array = np.ndarray
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from benchtool.core.recording import Recording
-from benchtool.effects.model import Model
-from benchtool.explain.pitch_evidence import PitchEvidence
-from benchtool.explain.pitch_log import pitch_log
-from benchtool.explain.plate_transit import on_its_way
-from benchtool.library import load_model
+from benchtool.explain.engine.plate_transit import on_its_way
+from benchtool.explain.pitch.evidence import PitchEvidence
+from benchtool.explain.pitch.log import pitch_log
+from benchtool.physics.model import Model
+from benchtool.physics.model_file import load_model
 from tests.unit.explain.pitch_made import recorded, without
 
 

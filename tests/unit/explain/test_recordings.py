@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from benchtool.core.channel import Channel
+from benchtool.core.errors import BenchtoolError
 from benchtool.core.recording import Recording
-from benchtool.errors import BenchtoolError
+from benchtool.data.run.recording_file import write_recording
 from benchtool.explain.recordings import bench_of, read_sources
-from benchtool.library import LoadedModel, load_model
-from benchtool.store import write_recording
+from benchtool.physics.model_file import LoadedModel, load_model
 from tests.unit.explain.hand_made import MODEL, source
 
 THEIRS = "t,theta_ref,theta,gyro,pwm1,pwm2,rpm1,rpm2,plate_z"

@@ -8,15 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchtool.explain.knob import parameters_at
-from benchtool.explain.next_sweep import as_read
-from benchtool.explain.sweep_evidence import SweepEvidence
-from benchtool.explain.sweep_log import sweep_log
-from benchtool.explain.sweep_noise import SweepNoise
-from benchtool.explain.sweep_plan import speed_at
-from benchtool.library import load_model
-from benchtool.store import read_points
-from benchtool.store.columns import KINDS
+from benchtool.data.columns import KINDS
+from benchtool.data.run.read import read_points
+from benchtool.explain.engine.knob import parameters_at
+from benchtool.explain.sweep.evidence import SweepEvidence
+from benchtool.explain.sweep.log import sweep_log
+from benchtool.explain.sweep.next_sweep import as_read
+from benchtool.explain.sweep.noise import SweepNoise
+from benchtool.explain.sweep.plan import speed_at
+from benchtool.physics.model_file import load_model
 
 QUAD = Path(__file__).parents[3] / "datasets" / "quad" / "run"
 

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchtool.core.errors import InputError
 from benchtool.core.recording import Recording
-from benchtool.errors import InputError
-from benchtool.explain.sweep_log import sweep_log
-from benchtool.library import rig_named
-from benchtool.store import read_points
-from benchtool.store.columns import KINDS, channel_called
+from benchtool.core.rig_file import rig_named
+from benchtool.data.columns import KINDS, channel_called
+from benchtool.data.run.read import read_points
+from benchtool.explain.sweep.log import sweep_log
 
 RIG = rig_named("pquad")
 QUAD = Path(__file__).parents[3] / "datasets" / "quad" / "run"

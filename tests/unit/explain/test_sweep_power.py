@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchtool.explain.sweep_log import sweep_log
-from benchtool.explain.sweep_power import FIRST_VISITS, Power
-from benchtool.library import load_model
-from benchtool.store import read_points
-from benchtool.store.columns import KINDS
+from benchtool.data.columns import KINDS
+from benchtool.data.run.read import read_points
+from benchtool.explain.sweep.log import sweep_log
+from benchtool.explain.sweep.power import FIRST_VISITS, Power
+from benchtool.physics.model_file import load_model
 
 QUAD = Path(__file__).parents[3] / "datasets" / "quad" / "run"
 

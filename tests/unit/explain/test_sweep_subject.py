@@ -12,17 +12,18 @@ import pytest
 from benchtool.acquire.check_plan import check_plan
 from benchtool.acquire.plan import plan_from_toml
 from benchtool.core.recording import Recording
-from benchtool.explain.added_model import added_model
-from benchtool.explain.explain import explain
-from benchtool.explain.explanation import Explanation
-from benchtool.explain.next_sweep import OPTIONS, next_sweep_experiment
-from benchtool.explain.sweep_plan import points_of, proposed
-from benchtool.explain.sweep_subject import SweepSubject
-from benchtool.library import load_model
-from benchtool.recipes.recipe import Recipe
-from benchtool.recipes.run_recipe import run_recipe
-from benchtool.store import read_points, read_table
-from benchtool.store.columns import KINDS
+from benchtool.data.columns import KINDS
+from benchtool.data.run.read import read_points
+from benchtool.data.table import read_table
+from benchtool.explain.engine.added_model import added_model
+from benchtool.explain.engine.explain import explain
+from benchtool.explain.engine.explanation import Explanation
+from benchtool.explain.sweep.next_sweep import OPTIONS, next_sweep_experiment
+from benchtool.explain.sweep.plan import points_of, proposed
+from benchtool.explain.sweep.subject import SweepSubject
+from benchtool.fit.recipe import Recipe
+from benchtool.fit.run_recipe import run_recipe
+from benchtool.physics.model_file import load_model
 from tests.unit.explain.hand_made import answer
 
 DATASETS = Path(__file__).parents[3] / "datasets"

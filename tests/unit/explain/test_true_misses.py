@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from benchtool.explain.explanation import TrueMisses
+from benchtool.explain.engine.explanation import TrueMisses
 
 
 def test_the_worst_channel_counts_against_the_floor() -> None:

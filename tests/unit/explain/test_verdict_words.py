@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import pytest
 
-from benchtool.effects.catalogue import EFFECTS
-from benchtool.effects.effect import STAGES
-from benchtool.explain.stage_words import PLACES, stage_words
-from benchtool.explain.verdict import KINDS, Kind, in_sentence
+from benchtool.explain.engine.stage_words import PLACES, stage_words
+from benchtool.explain.engine.verdict import KINDS, Kind, in_sentence
+from benchtool.physics.catalogue import EFFECTS
+from benchtool.physics.effects.effect import STAGES
 from tests.unit.explain.hand_made import FRICTION, verdict
 
 

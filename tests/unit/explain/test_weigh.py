@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from benchtool.explain.weigh import Fit, weighed
+from benchtool.explain.engine.weigh import Fit, weighed
 
 GOOD = Fit(ratio=0.9, leftover=0.75)
 OPEN = Fit(ratio=3.0, leftover=0.75)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchtool.explain.describe import where_shown
-from benchtool.explain.evidence import EARLY, LATE, RowGroups
+from benchtool.explain.engine.describe import where_shown
+from benchtool.explain.engine.evidence import EARLY, LATE, RowGroups
 
 N = 900
 TIME = np.arange(N)

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from benchtool.errors import InputError
-from benchtool.report.disagreement import MOST_REGIMES, StageSizes, disagreement_figure
-from benchtool.report.effect_sizes import EffectSize, effect_size_figure
+from benchtool.core.errors import InputError
+from benchtool.report.answer.disagreement import MOST_REGIMES, StageSizes, disagreement_figure
+from benchtool.report.answer.gap import GapBar, gap_figure
+from benchtool.report.answer.probabilities import probability_figure
 from benchtool.report.files import figure_bytes
-from benchtool.report.gap import GapBar, gap_figure
-from benchtool.report.overlay import AFTER, BEFORE, Curves, overlay_figure, worst_stretch
-from benchtool.report.probabilities import probability_figure
+from benchtool.report.flight.effect_sizes import EffectSize, effect_size_figure
+from benchtool.report.sweep.overlay import AFTER, BEFORE, Curves, overlay_figure, worst_stretch
 
 
 def curves(*, as_lines: bool = True, changed: bool = True) -> Curves:

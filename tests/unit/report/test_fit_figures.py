@@ -7,14 +7,14 @@ import pytest
 from matplotlib.container import ErrorbarContainer
 from matplotlib.patches import Rectangle
 
-from benchtool.errors import InputError
-from benchtool.report.area import AreaPoints, area_figure
-from benchtool.report.chains import Chains, chain_figure
-from benchtool.report.corner import corner_figure
+from benchtool.core.errors import InputError
 from benchtool.report.files import figure_bytes
-from benchtool.report.residuals import Residuals, residual_figure
+from benchtool.report.fit.chains import Chains, chain_figure
+from benchtool.report.fit.corner import corner_figure
+from benchtool.report.fit.residuals import Residuals, residual_figure
 from benchtool.report.runs import runs_of_sign
-from benchtool.report.thrust import ThrustSeries, thrust_figure
+from benchtool.report.sweep.area import AreaPoints, area_figure
+from benchtool.report.sweep.thrust import ThrustSeries, thrust_figure
 
 SPEED = np.array([300.0, 450.0, 600.0])
 

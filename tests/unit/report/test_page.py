@@ -10,15 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchtool.core.errors import InputError, WouldOverwrite
 from benchtool.core.fit_result import Estimate, FitResult, Outcome
-from benchtool.errors import InputError, WouldOverwrite
-from benchtool.report.fit_tables import (
-    ModelScore,
-    comparison_table,
-    estimates_table,
-    methods_table,
-)
-from benchtool.report.ground_effect import Curve, RatioPoints, ratio_figure
+from benchtool.report.fit.tables import ModelScore, comparison_table, estimates_table, methods_table
 from benchtool.report.html import render_report, write_report
 from benchtool.report.numbers import unit_for_people, value_with_sd
 from benchtool.report.page import (
@@ -31,6 +25,7 @@ from benchtool.report.page import (
     Table,
     Warnings,
 )
+from benchtool.report.sweep.ground_effect import Curve, RatioPoints, ratio_figure
 
 VOID = {"meta", "br", "hr", "img", "link", "input"}
 

@@ -13,12 +13,12 @@ from matplotlib.colors import to_hex
 from matplotlib.container import ErrorbarContainer
 from matplotlib.figure import Figure
 
-from benchtool.errors import InputError
+from benchtool.core.errors import InputError
 from benchtool.report import paper_figures
 from benchtool.report.files import figure_bytes
-from benchtool.report.ground_effect import Band, Curve, RatioPoints, ratio_figure
 from benchtool.report.palette import LOOKS
 from benchtool.report.style import SIMULATED_GID
+from benchtool.report.sweep.ground_effect import Band, Curve, RatioPoints, ratio_figure
 
 Z = np.linspace(0.3, 6.0, 58)
 FACTOR = 1.0 / (1.0 - (1.0 / (4.0 * Z)) ** 2)

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from benchtool.core.channel import Channel
+from benchtool.core.errors import InputError
 from benchtool.core.recording import Recording
-from benchtool.errors import InputError
-from benchtool.report.calibration import CalibrationPoints, calibration_figure
-from benchtool.report.envelope import envelope
-from benchtool.report.sweep import PointWindow, SweepTraces, sweep_figure
+from benchtool.report.flight.envelope import envelope
+from benchtool.report.sweep.calibration import CalibrationPoints, calibration_figure
+from benchtool.report.sweep.sweep import PointWindow, SweepTraces, sweep_figure
 
 
 def traces(n: int = 200, rotors: int = 4, last_s: float = 100.0) -> SweepTraces:

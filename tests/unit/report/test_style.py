@@ -8,7 +8,7 @@ import matplotlib as mpl
 import pytest
 from matplotlib.figure import Figure
 
-from benchtool.errors import UnknownChoice, WouldOverwrite
+from benchtool.core.errors import UnknownChoice, WouldOverwrite
 from benchtool.report.files import figure_bytes, save_figure
 from benchtool.report.palette import CYCLE, LOOKS
 from benchtool.report.style import (

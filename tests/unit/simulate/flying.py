@@ -7,11 +7,11 @@ from math import acos, cos, exp, pi, radians, sin, sqrt
 
 import numpy as np
 
-from benchtool.library.gain_file import gains_named
-from benchtool.library.rig_file import rig_named
-from benchtool.simulate.flight import Flight, FlightCase, fly
-from benchtool.simulate.flight_cases import flight_case
-from benchtool.simulate.flight_vehicle import FlightVehicle
+from benchtool.core.rig_file import rig_named
+from benchtool.simulate.flight.cases import flight_case
+from benchtool.simulate.flight.flight import Flight, FlightCase, fly
+from benchtool.simulate.flight.vehicle import FlightVehicle
+from benchtool.simulate.gain_file import gains_named
 
 PQUAD = FlightVehicle(rig=rig_named("pquad"))
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from benchtool.aero.expression import expression
 from benchtool.core.parameter import Parameter
-from benchtool.effects.effect import Effect, Flow, OwnState, Quantity, Values
+from benchtool.physics.effects.effect import Effect, Flow, OwnState, Quantity, Values
+from benchtool.physics.expression import expression
 
 
 @expression

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
-from benchtool.control.pitch import Feedforward, PitchControl, pitch_controller
+from benchtool.core.rig_file import rig_named
 from benchtool.core.schedule import PlateVisit, SampledSchedule, Schedule, Signal
-from benchtool.effects.model import Model
-from benchtool.library import gains_named, load_model, rig_named
-from benchtool.simulate.pitch_bench import PitchBench
-from benchtool.simulate.pitch_run import PitchJob
+from benchtool.physics.model import Model
+from benchtool.physics.model_file import load_model
+from benchtool.simulate.controllers.pitch import Feedforward, PitchControl, pitch_controller
+from benchtool.simulate.gain_file import gains_named
+from benchtool.simulate.pitch.bench import PitchBench
+from benchtool.simulate.pitch.run import PitchJob
 
 
 def quiet_bench(rig: str = "beam", **effects: dict[str, float]) -> PitchBench:

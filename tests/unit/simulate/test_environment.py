@@ -9,12 +9,12 @@ from math import inf
 import numpy as np
 import pytest
 
-from benchtool.aero.coverage import rectangle_coverage
-from benchtool.aero.multirotor import multirotor_factors
-from benchtool.errors import InputError
+from benchtool.core.errors import InputError
+from benchtool.physics.coverage import rectangle_coverage
+from benchtool.physics.multirotor import multirotor_factors
 from benchtool.simulate.environment import Block, Environment, Tables
-from benchtool.simulate.flight import static_moment_Nm
-from benchtool.simulate.flight_ground import (
+from benchtool.simulate.flight.flight import static_moment_Nm
+from benchtool.simulate.flight.ground import (
     COVERAGE,
     FACTOR,
     HEIGHT,
@@ -25,8 +25,8 @@ from benchtool.simulate.flight_ground import (
     look_down,
     new_ground,
 )
-from benchtool.simulate.height_grid import HeightGrid
-from benchtool.simulate.rigid_body import at_rest, from_euler
+from benchtool.simulate.flight.height_grid import HeightGrid
+from benchtool.simulate.flight.rigid_body import at_rest, from_euler
 from tests.unit.simulate.flying import PQUAD
 
 OBSTACLE = Environment(blocks=(Block(x_m=(3.0, 5.0)),))

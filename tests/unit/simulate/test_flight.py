@@ -7,18 +7,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchtool.errors import InputError, UnknownChoice
-from benchtool.library import load_model
-from benchtool.library.gain_file import gains_named
-from benchtool.library.rig_file import rig_named
-from benchtool.simulate import flight as flight_module
+from benchtool.core.errors import InputError, UnknownChoice
+from benchtool.core.rig_file import rig_named
+from benchtool.physics.model_file import load_model
+from benchtool.report.flight.table import TABLE, Row
 from benchtool.simulate.environment import Block, Environment
-from benchtool.simulate.flight import FlightCase, Goal, fly
-from benchtool.simulate.flight_cases import FLIGHTS, flight_case
-from benchtool.simulate.flight_measures import arrival_s, count_push_backs, measure
-from benchtool.simulate.flight_vehicle import FlightVehicle
-from benchtool.simulate.height_grid import HeightGrid
-from benchtool.studies.flight_table import TABLE, Row
+from benchtool.simulate.flight import flight as flight_module
+from benchtool.simulate.flight.cases import FLIGHTS, flight_case
+from benchtool.simulate.flight.flight import FlightCase, Goal, fly
+from benchtool.simulate.flight.height_grid import HeightGrid
+from benchtool.simulate.flight.measures import arrival_s, count_push_backs, measure
+from benchtool.simulate.flight.vehicle import FlightVehicle
+from benchtool.simulate.gain_file import gains_named
 from tests.unit.simulate.flying import PQUAD, Slice, case, flown
 
 

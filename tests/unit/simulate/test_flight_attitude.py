@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchtool.errors import InputError, UnknownChoice
-from benchtool.library.rig_file import rig_named
-from benchtool.simulate.attitude import hover_authority_Nm, restoring_moment
+from benchtool.core.errors import InputError, UnknownChoice
+from benchtool.core.rig_file import rig_named
+from benchtool.simulate.pitch.attitude import hover_authority_Nm, restoring_moment
 
 Z = np.array([1.0, 1.25, 1.5, 2.0, 3.0, 4.0, 5.0])
 HALF = [

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from benchtool.simulate import euler_lagrange
-from benchtool.simulate.rigid_body import (
+from benchtool.simulate.flight.rigid_body import (
     GRAVITY_M_S2,
     at_rest,
     drift,
@@ -19,6 +18,7 @@ from benchtool.simulate.rigid_body import (
     rotation_matrix,
     yaw_of,
 )
+from benchtool.simulate.pitch import euler_lagrange
 
 INERTIA = np.array([0.018, 0.025, 0.036])
 MASS = 1.4

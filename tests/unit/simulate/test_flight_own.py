@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchtool.control.flight_controller import (
+from benchtool.core.errors import InputError
+from benchtool.simulate.controllers.flight_controller import (
     FlightCommand,
     FlightMeasurement,
     FlightReference,
 )
-from benchtool.errors import InputError
-from benchtool.library.gain_file import gains_named
 from benchtool.simulate.environment import Environment
-from benchtool.simulate.flight import FlightCase, Goal, fly
-from benchtool.simulate.flight_own import fly_own
+from benchtool.simulate.flight.flight import FlightCase, Goal, fly
+from benchtool.simulate.flight.own import fly_own
+from benchtool.simulate.gain_file import gains_named
 from benchtool.simulate.own_controller import made
 from tests.unit.simulate.flying import PQUAD, case
 

@@ -8,7 +8,7 @@ from threading import Barrier
 
 import pytest
 
-from benchtool.errors import InputError
+from benchtool.core.errors import InputError
 from benchtool.simulate.in_order import results_in_order
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchtool.library import rig_named
+from benchtool.core.rig_file import rig_named
 from benchtool.simulate.battery import Battery
 from benchtool.simulate.plate_motion import Axis
 from benchtool.simulate.powertrain import Powertrain

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from benchtool.simulate.noise import lane_states, next_state, normal, uniform
-from benchtool.simulate.pitch_batch import LANES, simulate_many
-from benchtool.simulate.pitch_run import PitchLoop
-from benchtool.simulate.pitch_simulate import simulate_pitch, taken
+from benchtool.simulate.pitch.batch import LANES, simulate_many
+from benchtool.simulate.pitch.run import PitchLoop
+from benchtool.simulate.pitch.simulate import simulate_pitch, taken
 from benchtool.simulate.trigonometry import cosine, sine
 from tests.unit.simulate.pitching import STEADY_PLATE, SWAY, job, noisy_bench, sampled, soft
 
@@ -66,7 +66,7 @@ def test_plain_python_gives_the_same_numbers_as_the_compiled_loop() -> None:
     code = (
         "import sys; sys.modules['numba'] = None\n"
         "from tests.unit.simulate.pitching import *\n"
-        "from benchtool.simulate.pitch_simulate import simulate_pitch\n"
+        "from benchtool.simulate.pitch.simulate import simulate_pitch\n"
         "short = sampled(0.06, reference_deg=SWAY, plate=STEADY_PLATE)\n"
         "bench = noisy_bench('pitch_beam')\n"
         "run = simulate_pitch(job(bench, soft('observer+feedforward')), short, seed=4)\n"

@@ -7,17 +7,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchtool.control.pitch import PitchControl
-from benchtool.effects.model import Model
-from benchtool.errors import InputError
-from benchtool.explain.pitch_filter import pitch_filter
-from benchtool.library import load_model, rig_named, schedule_named
-from benchtool.library.gain_file import gains_named
-from benchtool.simulate.pitch_bench import PitchBench
-from benchtool.simulate.pitch_follow import LoggedPitch, follow, follow_windows
-from benchtool.simulate.pitch_run import PitchJob
-from benchtool.simulate.pitch_simulate import simulate_pitch
-from benchtool.simulate.pitch_track import FREE, WAIT
+from benchtool.core.errors import InputError
+from benchtool.core.rig_file import rig_named
+from benchtool.core.schedule_file import schedule_named
+from benchtool.explain.pitch.filter import pitch_filter
+from benchtool.physics.model import Model
+from benchtool.physics.model_file import load_model
+from benchtool.simulate.controllers.pitch import PitchControl
+from benchtool.simulate.gain_file import gains_named
+from benchtool.simulate.pitch.bench import PitchBench
+from benchtool.simulate.pitch.follow import LoggedPitch, follow, follow_windows
+from benchtool.simulate.pitch.run import PitchJob
+from benchtool.simulate.pitch.simulate import simulate_pitch
+from benchtool.simulate.pitch.track import FREE, WAIT
 
 RATE_HZ = 250.0
 

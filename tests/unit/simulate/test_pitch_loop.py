@@ -7,17 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchtool.control.pitch import PulseLaw
+from benchtool.core.errors import InputError
+from benchtool.core.rig_file import rig_named
 from benchtool.core.schedule import PlateVisit, Signal
-from benchtool.effects.catalogue import EFFECTS
-from benchtool.effects.model import Model
-from benchtool.errors import InputError
-from benchtool.library import rig_named
-from benchtool.simulate import pitch_rows as r
-from benchtool.simulate.pitch_bench import PitchBench, PitchSensor
-from benchtool.simulate.pitch_pack import ALWAYS
-from benchtool.simulate.pitch_run import PitchLoop
-from benchtool.simulate.pitch_simulate import simulate_pitch
+from benchtool.physics.catalogue import EFFECTS
+from benchtool.physics.model import Model
+from benchtool.simulate.controllers.pitch import PulseLaw
+from benchtool.simulate.pitch import rows as r
+from benchtool.simulate.pitch.bench import PitchBench, PitchSensor
+from benchtool.simulate.pitch.pack import ALWAYS
+from benchtool.simulate.pitch.run import PitchLoop
+from benchtool.simulate.pitch.simulate import simulate_pitch
 from tests.unit.simulate.pitching import (
     STEADY_PLATE,
     SWAY,

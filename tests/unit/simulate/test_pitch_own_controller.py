@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchtool.control.controller import PitchCommand, PitchMeasurement, PitchReference
-from benchtool.errors import InputError
+from benchtool.core.errors import InputError
+from benchtool.simulate.controllers.controller import PitchCommand, PitchMeasurement, PitchReference
 from benchtool.simulate.own_controller import made
-from benchtool.simulate.pitch_simulate import simulate_controller, simulate_pitch
+from benchtool.simulate.pitch.simulate import simulate_controller, simulate_pitch
 from tests.unit.simulate.pitching import STEADY_PLATE, SWAY, job, noisy_bench, sampled, soft
 
 

@@ -12,9 +12,9 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from benchtool.simulate.pitch_result import PlateNumbers
-from benchtool.studies.pitch import pitch_study, visit_numbers
-from benchtool.studies.pitch_setup import changed, pitch_setup
+from benchtool.report.flight.pitch_study import pitch_study, visit_numbers
+from benchtool.simulate.pitch.result import PlateNumbers
+from benchtool.simulate.pitch.setup import changed, pitch_setup
 
 SETS = {
     "soft": ("s3", {}),

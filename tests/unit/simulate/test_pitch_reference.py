@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
-from benchtool.effects.model import Model
-from benchtool.library import rig_named
-from benchtool.simulate.pitch_bench import PitchBench
-from benchtool.simulate.pitch_replay import replay_pulses
+from benchtool.core.rig_file import rig_named
+from benchtool.physics.model import Model
+from benchtool.simulate.pitch.bench import PitchBench
+from benchtool.simulate.pitch.replay import replay_pulses
 
 WINDOW, TICKS = 250, 7500
 

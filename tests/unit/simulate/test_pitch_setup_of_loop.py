@@ -11,15 +11,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchtool.control.pitch import Feedforward
+from benchtool.core.errors import InputError, UnknownChoice
+from benchtool.core.rig_file import rig_named
 from benchtool.core.schedule import PlateVisit
-from benchtool.effects.effect import Effect
-from benchtool.effects.model import Model
-from benchtool.errors import InputError, UnknownChoice
-from benchtool.library import rig_named
-from benchtool.simulate.pitch_bench import PitchBench
-from benchtool.simulate.pitch_run import PitchLoop
-from benchtool.simulate.pitch_simulate import simulate_pitch
+from benchtool.physics.effects.effect import Effect
+from benchtool.physics.model import Model
+from benchtool.simulate.controllers.pitch import Feedforward
+from benchtool.simulate.pitch.bench import PitchBench
+from benchtool.simulate.pitch.run import PitchLoop
+from benchtool.simulate.pitch.simulate import simulate_pitch
 from benchtool.simulate.spelled import Spelling
 from tests.unit.simulate.own_effect import MAGNET, SLUGGISH
 from tests.unit.simulate.pitching import job, quiet_bench, sampled, soft
@@ -98,7 +98,7 @@ def test_an_edit_of_one_s_own_effect_is_noticed(
     texts = []
     for stiffness in ("1.0", "2.0"):
         (tmp_path / "edited_effect.py").write_text(
-            "from benchtool.aero.expression import expression\n\n\n@expression\n"
+            "from benchtool.physics.expression import expression\n\n\n@expression\n"
             f"def torque(flow, p):\n    return {stiffness} * p[0]\n",
             encoding="utf-8",
         )

@@ -5,9 +5,10 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from benchtool.effects.conditions import Conditions
-from benchtool.effects.model import Model
-from benchtool.library import load_model, rig_named
+from benchtool.core.rig_file import rig_named
+from benchtool.physics.conditions import Conditions
+from benchtool.physics.model import Model
+from benchtool.physics.model_file import load_model
 from benchtool.simulate.imperfections import Imperfections
 from benchtool.simulate.plate_bench import PlateBench
 

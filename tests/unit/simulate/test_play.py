@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchtool.effects.conditions import Conditions
-from benchtool.effects.model import Model
-from benchtool.library import rig_named
+from benchtool.core.rig_file import rig_named
+from benchtool.physics.conditions import Conditions
+from benchtool.physics.model import Model
 from benchtool.simulate.imperfections import Imperfections
 from benchtool.simulate.plate_bench import PlateBench
 from benchtool.simulate.play import Play

@@ -6,7 +6,7 @@ import os
 import time
 from collections.abc import Callable
 
-from benchtool.errors import UnknownChoice
+from benchtool.core.errors import UnknownChoice
 from benchtool.web.jobs import ReportProgress
 
 Function = Callable[[ReportProgress], int]

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from benchtool.errors import BenchtoolError, InputError, RunStopped, WouldOverwrite
+from benchtool.core.errors import BenchtoolError, InputError, RunStopped, WouldOverwrite
 from benchtool.web.jobs import (
     NICENESS,
     FolderJob,

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from benchtool.errors import BenchtoolError, InputError
-from benchtool.store.entry import entry_of
-from benchtool.store.runs_folder import RunsFolder
+from benchtool.core.errors import BenchtoolError, InputError
+from benchtool.data.run.entry import entry_of
+from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.web.sections import PageSection
 from benchtool.web.tabs.runs.detail import downloads
 from benchtool.web.tabs.runs.view import (

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 from benchtool.acquire.plan import Plan
 from benchtool.core.inputs import make
-from benchtool.library import rig_named
+from benchtool.core.rig_file import rig_named
 from benchtool.web.bench_process.client import BenchClient
 from benchtool.web.bench_process.events import ConnectionStatus, SweepStatus
 from benchtool.web.tabs.sweep.form import FIELDS, plan_texts

@@ -5,8 +5,8 @@ from __future__ import annotations
 from nicegui import run, ui
 
 from benchtool.bench.address import SCHEMES
-from benchtool.errors import BenchtoolError
-from benchtool.library import rig_named, rig_names
+from benchtool.core.errors import BenchtoolError
+from benchtool.core.rig_file import rig_named, rig_names
 from benchtool.web.bench_process.commands import Connect, Disconnect, SetClockSpeed
 from benchtool.web.context import PageContext
 from benchtool.web.notifications import shows_errors
@@ -92,7 +92,7 @@ class ConnectCard:
         self._command.show(check or ["bench", "check", address, *rig])
 
     async def _find(self) -> None:
-        from benchtool.bench.ports import serial_ports
+        from benchtool.bench.transport.ports import serial_ports
 
         self._menu.clear()
         try:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from nicegui import ui
 
-from benchtool.errors import InputError
+from benchtool.core.errors import InputError
 from benchtool.web.bench_process.commands import (
     Calibrate,
     Connect,

@@ -16,7 +16,7 @@ from benchtool.acquire.pitch_experiment import (
     expected_on,
     hover_pulse_us,
 )
-from benchtool.errors import InputError
+from benchtool.core.errors import InputError
 from benchtool.web.arm_dialog import confirm_arming
 from benchtool.web.bench_process.commands import StartRecording
 from benchtool.web.context import PageContext

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from nicegui import app, ui
 
-from benchtool.errors import BenchtoolError
+from benchtool.core.errors import BenchtoolError
 from benchtool.web.context import PageContext
 from benchtool.web.notifications import notify, shows_errors
 from benchtool.web.progress import JobProgress

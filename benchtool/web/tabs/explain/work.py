@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from benchtool.errors import InputError
+from benchtool.core.errors import InputError
 from benchtool.web.jobs import (
     FolderJob,
     Job,
@@ -117,14 +117,14 @@ def explain(
     Raises:
         BenchtoolError: recordings or model that no verdict can stand on.
     """
-    from benchtool.explain.added_model import added_effects
-    from benchtool.explain.added_words import added_sentence
-    from benchtool.explain.answer_figures import answer_figures
-    from benchtool.explain.answer_file import next_file
-    from benchtool.explain.answer_folder import write_folder
-    from benchtool.explain.answer_page import answer_page
-    from benchtool.explain.answered import answered
-    from benchtool.explain.asked import asked
+    from benchtool.explain.engine.added_model import added_effects
+    from benchtool.explain.engine.answered import answered
+    from benchtool.explain.engine.asked import asked
+    from benchtool.report.answer.added_words import added_sentence
+    from benchtool.report.answer.figures import answer_figures
+    from benchtool.report.answer.file import next_file
+    from benchtool.report.answer.folder import write_folder
+    from benchtool.report.answer.page import answer_page
     from benchtool.report.page import Facts, Paragraph
     from benchtool.web.drawing import fragments
 
@@ -179,8 +179,8 @@ def _drawn(blocks: Sequence[Block], files: Mapping[int, Path]) -> tuple[HtmlFrag
 
 def _new_model(out: Path) -> str:
     """Return the name of the model in an answer's folder, empty without one."""
-    from benchtool.explain.added_model import MODEL
-    from benchtool.library import load_model
+    from benchtool.explain.engine.added_model import MODEL
+    from benchtool.physics.model_file import load_model
 
     path = out / MODEL
     return load_model(path).model.name if path.is_file() else ""

@@ -9,13 +9,13 @@ from typing import Literal
 
 from benchtool.core.channel import unit_told_by
 from benchtool.core.column_source import ColumnSource
+from benchtool.core.errors import InputError
 from benchtool.core.units import UNITS, unit_named
-from benchtool.errors import InputError
-from benchtool.importers.headed import head_of
-from benchtool.importers.named_columns import channel_meant
-from benchtool.library import read_columns
-from benchtool.store.csv_text import read_csv_text
-from benchtool.store.upload import columns_file
+from benchtool.data.csv_text import read_csv_text
+from benchtool.data.repairs.headed import head_of
+from benchtool.data.repairs.named_columns import channel_meant
+from benchtool.data.run.upload import columns_file
+from benchtool.physics.model_file import read_columns
 
 FIT_CHANNELS: tuple[str, ...] = (
     "thrust_N",

@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 from nicegui import ui
 
-from benchtool.store.csv_text import read_csv_text
-from benchtool.store.entry import Entry
-from benchtool.store.upload import columns_file
+from benchtool.data.csv_text import read_csv_text
+from benchtool.data.run.entry import Entry
+from benchtool.data.run.upload import columns_file
 from benchtool.web.context import PageContext
 from benchtool.web.notifications import notify, notify_error, shows_errors
 from benchtool.web.tabs.fit.columns import ColumnLine, columns_of, lines_for, units_for

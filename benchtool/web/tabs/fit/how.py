@@ -7,7 +7,7 @@ from typing import Any, get_args
 
 from nicegui import ui
 
-from benchtool.recipes.recipe import Basis, Noise, Recipe
+from benchtool.fit.recipe import Basis, Noise, Recipe
 
 BASES = {
     "joint": "thrust itself (joint fit)",

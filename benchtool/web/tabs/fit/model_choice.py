@@ -7,15 +7,15 @@ from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path, PurePosixPath
 
+from benchtool.core.errors import InputError
+from benchtool.core.own_code import refuse_code
 from benchtool.core.parsed_text import parse_toml
 from benchtool.core.rig import Rig
+from benchtool.core.rig_file import rig_names
 from benchtool.core.user_file import read_text
-from benchtool.errors import InputError
-from benchtool.library import LoadedModel, load_model, model_names
-from benchtool.library.own_code import refuse_code
-from benchtool.library.rig_file import rig_names
-from benchtool.store.entry import Entry
-from benchtool.store.runs_folder import RunsFolder
+from benchtool.data.run.entry import Entry
+from benchtool.data.run.runs_folder import RunsFolder
+from benchtool.physics.model_file import LoadedModel, load_model, model_names
 
 MODEL_FILE = "model.toml"
 

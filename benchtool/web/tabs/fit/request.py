@@ -7,15 +7,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from benchtool.core.errors import InputError
 from benchtool.core.rig import Rig
-from benchtool.errors import InputError
-from benchtool.recipes.fit_options import recipe_of_options, words_of_recipe
-from benchtool.recipes.recipe import Recipe
-from benchtool.store import rig_of_data
-from benchtool.store.csv_text import read_csv_text
-from benchtool.store.entry import Entry
-from benchtool.store.runs_folder import RunsFolder
-from benchtool.store.upload import columns_file
+from benchtool.data.csv_text import read_csv_text
+from benchtool.data.run.entry import Entry
+from benchtool.data.run.run_rig import rig_of_data
+from benchtool.data.run.runs_folder import RunsFolder
+from benchtool.data.run.upload import columns_file
+from benchtool.fit.fit_options import recipe_of_options, words_of_recipe
+from benchtool.fit.recipe import Recipe
 from benchtool.web.tabs.fit.model_choice import (
     ParameterChoice,
     adjustables,

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 from nicegui import ui
 
-from benchtool.errors import BenchtoolError
-from benchtool.recipes.fit_options import recipe_of_options
-from benchtool.store.runs_folder import RunsFolder
+from benchtool.core.errors import BenchtoolError
+from benchtool.data.run.runs_folder import RunsFolder
+from benchtool.fit.fit_options import recipe_of_options
 from benchtool.web.context import PageContext
 from benchtool.web.jobs import FolderJob
 from benchtool.web.notifications import shows_errors

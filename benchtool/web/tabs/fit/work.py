@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 
 from benchtool.core.column_source import ColumnSource
-from benchtool.library import columns_to_toml
-from benchtool.recipes.recipe import Recipe
-from benchtool.store.atomic import replace_text
-from benchtool.store.runs_folder import RunsFolder
-from benchtool.store.table import read_table
-from benchtool.store.upload import columns_file
+from benchtool.data.atomic import replace_text
+from benchtool.data.run.runs_folder import RunsFolder
+from benchtool.data.run.upload import columns_file
+from benchtool.data.table import read_table
+from benchtool.fit.recipe import Recipe
+from benchtool.physics.model_file import columns_to_toml
 from benchtool.web.jobs import (
     FolderJob,
     Job,
@@ -58,8 +58,8 @@ def fit_into(
     Raises:
         BenchtoolError: the data or the model do not allow the fit.
     """
-    from benchtool.recipes.fit_folder import refuse_full, write_fit
-    from benchtool.recipes.run_recipe import run_recipe
+    from benchtool.fit.run_recipe import run_recipe
+    from benchtool.report.fit.folder import refuse_full, write_fit
 
     refuse_full(out)
     report("reading", 0.0)
@@ -78,8 +78,8 @@ def fit_into(
 
 def view_fit(root: Path, name: str) -> PageSection:
     """Return what `benchtool fit` prints of a stored fit, and its figures."""
-    from benchtool.recipes.fit_page import CAPTIONS
-    from benchtool.recipes.kept_fit import SIMULATED, figure_files, read_kept
+    from benchtool.report.fit.kept_fit import SIMULATED, figure_files, read_kept
+    from benchtool.report.fit.page import CAPTIONS
     from benchtool.report.page import Paragraph
     from benchtool.web.drawing import FigureImage, fragments
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import asyncio
 
-from benchtool.store.entry import Entry
-from benchtool.store.run_list import Seen, list_entries
-from benchtool.store.runs_folder import RunsFolder
+from benchtool.data.run.entry import Entry
+from benchtool.data.run.run_list import Seen, list_entries
+from benchtool.data.run.runs_folder import RunsFolder
 
 
 class RunsListing:

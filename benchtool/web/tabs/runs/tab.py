@@ -8,9 +8,9 @@ from urllib.parse import urlencode
 
 from nicegui import ui
 
-from benchtool.store.entry import ENTRY_KINDS, Entry
-from benchtool.store.run_list import search
-from benchtool.store.runs_folder import RunsFolder
+from benchtool.data.run.entry import ENTRY_KINDS, Entry
+from benchtool.data.run.run_list import search
+from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.web.context import PageContext
 from benchtool.web.notifications import shows_errors
 from benchtool.web.tabs.runs.detail import RunDetail

@@ -11,12 +11,12 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from benchtool.errors import FileFormatError, InputError
-from benchtool.store.atomic import read_json
-from benchtool.store.csv_text import read_csv_text
-from benchtool.store.entry import ANSWER_FILE, Entry, entry_of
-from benchtool.store.export import exported
-from benchtool.store.runs_folder import RunsFolder
+from benchtool.core.errors import FileFormatError, InputError
+from benchtool.data.atomic import read_json
+from benchtool.data.csv_text import read_csv_text
+from benchtool.data.run.entry import ANSWER_FILE, Entry, entry_of
+from benchtool.data.run.export import exported
+from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.web.sections import PageSection
 from benchtool.web.tabs.fit.work import view_fit
 
@@ -53,7 +53,7 @@ def view_entry(root: Path, name: str) -> tuple[PageSection, tuple[str, ...]]:
     report = _report(path, entry)
     blocks: list[Block] = [Paragraph(report.summary)]
     if entry.kind == "sweep":
-        from benchtool.report.run_facts import simple_facts
+        from benchtool.report.sweep.run_facts import simple_facts
 
         blocks.append(Facts(simple_facts(read_json(path / "metadata.json"))))
     section = PageSection(
@@ -81,8 +81,8 @@ def view_part(root: Path, name: str, part: str) -> PageSection:
 
 def view_comparison(root: Path, names: Sequence[str]) -> PageSection:
     """Return several sweeps in one plot, with the settings that they share."""
-    from benchtool.recipes.swept import read_swept
-    from benchtool.recipes.swept_compared import compared_page
+    from benchtool.fit.swept import read_swept
+    from benchtool.report.sweep.compared import compared_page
     from benchtool.web.drawing import fragments
 
     paths = [RunsFolder(root).path_of(name) for name in names]
@@ -107,18 +107,18 @@ def _made(path: Path, kind: str, stamp: int) -> Report:
     """Return the report of a run; its figures are drawn when they are asked for."""
     del stamp  # another one after every change on the disk
     if kind == "sweep":
-        from benchtool.recipes.swept import read_swept
-        from benchtool.recipes.swept_page import swept_page
+        from benchtool.fit.swept import read_swept
+        from benchtool.report.sweep.page import swept_page
 
         return swept_page(read_swept(path), None, ())
-    from benchtool.recipes.replay_page import recording_page
-    from benchtool.recipes.replayed import Beside
+    from benchtool.explain.pitch.replayed import Beside
+    from benchtool.report.replay.replay_page import recording_page
 
     return recording_page(path, Beside(), ())
 
 
 def _answer(path: Path, name: str) -> PageSection:
-    from benchtool.explain.answer_page import CAPTIONS, PLACE, overlay_caption
+    from benchtool.report.answer.page import CAPTIONS, PLACE, overlay_caption
     from benchtool.report.page import Facts, Paragraph
     from benchtool.web.drawing import FigureImage, fragments
 
@@ -162,7 +162,7 @@ def _table(path: Path, name: str) -> PageSection:
 
 def report_bytes(root: Path, names: Sequence[str]) -> bytes:
     """Return the report of an entry, or of several sweeps, as an HTML file."""
-    from benchtool.recipes.report_file import page_text
+    from benchtool.report.report_file import page_text
 
     folder = RunsFolder(root)
     return page_text([folder.path_of(name) for name in names]).encode("utf-8")

@@ -7,20 +7,22 @@ from math import floor, log10
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from benchtool.effects.catalogue import candidates
-from benchtool.effects.tolerances import default_tolerances
-from benchtool.errors import InputError
-from benchtool.library import gains_named, rig_named, schedule_named
+from benchtool.core.errors import InputError
+from benchtool.core.rig_file import rig_named
+from benchtool.core.schedule_file import schedule_named
+from benchtool.physics.catalogue import candidates
+from benchtool.physics.effects.tolerances import default_tolerances
 from benchtool.report.numbers import unit_for_people
-from benchtool.simulate.flight import FlightControl
-from benchtool.simulate.flight_cases import FLIGHTS
-from benchtool.simulate.flight_vehicle import FlightVehicle
-from benchtool.studies.flight_setup import FlightSetup
-from benchtool.studies.flight_setup import changed as changed_flight
-from benchtool.studies.pitch_setup import PLATE_DISTANCE, PitchSetup, changed, pitch_setup
+from benchtool.simulate.flight.cases import FLIGHTS
+from benchtool.simulate.flight.flight import FlightControl
+from benchtool.simulate.flight.setup import FlightSetup
+from benchtool.simulate.flight.setup import changed as changed_flight
+from benchtool.simulate.flight.vehicle import FlightVehicle
+from benchtool.simulate.gain_file import gains_named
+from benchtool.simulate.pitch.setup import PLATE_DISTANCE, PitchSetup, changed, pitch_setup
 
 if TYPE_CHECKING:
-    from benchtool.studies.preview import Preview
+    from benchtool.report.preview import Preview
 
 
 MOST = 12.0
@@ -115,13 +117,13 @@ class FlightAsk:
 
     def preview(self, quick: bool) -> Preview:
         """Simulate, for the page."""
-        from benchtool.studies.flight_preview import flight_preview
+        from benchtool.report.flight_preview import flight_preview
 
         return flight_preview(self.setup(), self.controllers, self.seed, quick=quick)
 
     def write(self, folder: Path) -> list[Path]:
         """Simulate, and write what the command writes with --out."""
-        from benchtool.studies.flight_report import fly_each, write_flights
+        from benchtool.report.flight.report import fly_each, write_flights
 
         flights = fly_each(self.setup().flown("pid", self.seed), self.controllers)
         return write_flights(folder, flights)
@@ -231,13 +233,13 @@ class PitchAsk:
 
     def preview(self, quick: bool) -> Preview:
         """Simulate, for the page."""
-        from benchtool.studies.pitch_preview import pitch_preview
+        from benchtool.report.pitch_preview import pitch_preview
 
         return pitch_preview(self.setup(), self.seed, quick=quick)
 
     def write(self, folder: Path) -> list[Path]:
         """Simulate, and write what the command writes with --out."""
-        from benchtool.studies.pitch import pitch_study, write_study
+        from benchtool.report.flight.pitch_study import pitch_study, write_study
 
         return write_study(pitch_study(self.setup(), self.seed), folder)
 

@@ -8,8 +8,8 @@ from urllib.parse import urlencode
 
 from nicegui import ui
 
-from benchtool.library import model_names
-from benchtool.store.runs_folder import RunsFolder
+from benchtool.data.run.runs_folder import RunsFolder
+from benchtool.physics.model_file import model_names
 from benchtool.web.context import PageContext
 from benchtool.web.notifications import shows_errors
 from benchtool.web.tabs.simulate.inputs import PitchAsk

@@ -12,13 +12,15 @@ from nicegui import background_tasks, json, ui
 from nicegui.element import Element
 from nicegui.elements.echart import EChart as EChart
 
-from benchtool.control.pitch import PITCH_CONTROLLERS
-from benchtool.errors import BenchtoolError
-from benchtool.library import gain_names, rig_named, rig_names, schedule_names
+from benchtool.core.errors import BenchtoolError
+from benchtool.core.rig_file import rig_named, rig_names
+from benchtool.core.schedule_file import schedule_names
 from benchtool.report.palette import BLUE, VERMILION
 from benchtool.report.side_view import ADDED_TIMES
-from benchtool.simulate.flight import FlightControl
-from benchtool.simulate.flight_cases import FLIGHTS
+from benchtool.simulate.controllers.pitch import PITCH_CONTROLLERS
+from benchtool.simulate.flight.cases import FLIGHTS
+from benchtool.simulate.flight.flight import FlightControl
+from benchtool.simulate.gain_file import gain_names
 from benchtool.web.context import PageContext
 from benchtool.web.tabs.simulate.inputs import (
     FlightAsk,

@@ -12,10 +12,10 @@ from zipfile import ZIP_DEFLATED, ZipFile
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.data.run.recording_file import beside
 from benchtool.report.palette import BLUE, GREEN, GREY, VERMILION
+from benchtool.report.preview import Curve, Lane, Motion, Preview, Role
 from benchtool.report.side_view import side_view_svg
-from benchtool.store.recording_file import beside
-from benchtool.studies.preview import Curve, Lane, Motion, Preview, Role
 from benchtool.web.jobs import complete_folder, partial_folder
 from benchtool.web.tabs.simulate.inputs import FlightAsk, PitchAsk
 

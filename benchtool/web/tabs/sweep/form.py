@@ -8,10 +8,10 @@ from nicegui import events, ui
 
 from benchtool.acquire.inputs import AirInputs, SweepInputs
 from benchtool.acquire.plan import Plan, plan_from_toml
+from benchtool.core.errors import FileFormatError
 from benchtool.core.input_text import text_of
 from benchtool.core.inputs import items, values_of
 from benchtool.core.rig import Rig
-from benchtool.errors import FileFormatError
 from benchtool.web.form import InputForm
 from benchtool.web.notifications import shows_errors
 

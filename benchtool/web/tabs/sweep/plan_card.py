@@ -14,9 +14,9 @@ from benchtool.acquire.duration import expected_duration_s, minutes
 from benchtool.acquire.inputs import SweepInputs
 from benchtool.acquire.order import settings_of, visits_of
 from benchtool.acquire.plan import Plan
+from benchtool.core.errors import BenchtoolError, InputError
 from benchtool.core.rig import Rig
-from benchtool.errors import BenchtoolError, InputError
-from benchtool.store.atomic import read_json
+from benchtool.data.atomic import read_json
 from benchtool.web.arm_dialog import confirm_arming
 from benchtool.web.bench_process.commands import StartSweep
 from benchtool.web.context import PageContext

@@ -9,11 +9,11 @@ from typing import Any
 
 from nicegui import ui
 
+from benchtool.core.errors import BenchtoolError
 from benchtool.core.rig import Rig
-from benchtool.errors import BenchtoolError
-from benchtool.library import model_names
+from benchtool.data.run.ratios import RATIO_BASES
+from benchtool.physics.model_file import model_names
 from benchtool.report.palette import BLUE, GREY, LOOKS, VERMILION
-from benchtool.store.ratios import RATIO_BASES
 from benchtool.web.bench_process.client import BenchClient
 from benchtool.web.context import PageContext
 from benchtool.web.tabs.sweep.work import (

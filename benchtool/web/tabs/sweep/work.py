@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from benchtool.core.errors import BenchtoolError
 from benchtool.core.rig import Rig
-from benchtool.errors import BenchtoolError
 
 CURVE_POINTS = 80
 
@@ -38,15 +38,17 @@ class RatioCurve:
 
 def measured_ratios(run: Path, basis: str) -> MeasuredRatios:
     """Return the ratios of a run as far as it is."""
-    from benchtool.store import code_of, read_points
-    from benchtool.store.ratios import ratios
+    from benchtool.data.columns import code_of
+    from benchtool.data.run.ratios import ratios
+    from benchtool.data.run.read import read_points
 
     try:
         points = read_points(run)
         ratio, ratio_se = ratios(points, basis)
     except BenchtoolError as error:
         return MeasuredRatios(why=str(error))
-    from benchtool.store import Run, run_rig
+    from benchtool.data.run.run import Run
+    from benchtool.data.run.run_rig import run_rig
 
     facts = Run.open(run).metadata
     rig = run_rig(run, facts)
@@ -64,8 +66,8 @@ def model_curves(model: str, rig: Rig, z_over_R: tuple[float, float]) -> tuple[R
     Raises:
         BenchtoolError: the model cannot be read, or is of another rig.
     """
-    from benchtool.recipes.curves import bands_over, factor_over, formula_curves
-    from benchtool.recipes.model_band import believed
+    from benchtool.fit.model_band import believed
+    from benchtool.report.fit.curves import bands_over, factor_over, formula_curves
 
     low, high = z_over_R
     x = np.geomspace(max(low, 0.5), max(high, low + 0.5), CURVE_POINTS)

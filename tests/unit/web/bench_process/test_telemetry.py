@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchtool.library import rig_named
+from benchtool.core.rig_file import rig_named
 from benchtool.web.bench_process.telemetry import limit_shares
 
 LIMITS = rig_named("pquad").limits

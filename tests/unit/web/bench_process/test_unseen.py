@@ -7,7 +7,7 @@ from multiprocessing import Pipe
 
 import pytest
 
-from benchtool.errors import LinkLost, StandstillNotSeen
+from benchtool.core.errors import LinkLost, StandstillNotSeen
 from benchtool.web.bench_process import process
 from benchtool.web.bench_process.client import BenchClient
 from benchtool.web.bench_process.commands import Connect

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from benchtool.errors import FileFormatError, InputError
-from benchtool.store.runs_folder import RunsFolder
+from benchtool.core.errors import FileFormatError, InputError
+from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.web.tabs.explain.sources import (
     EXAMPLE,
     RecordingSources,

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from benchtool.cli.app import main
-from benchtool.errors import InputError
-from benchtool.store.recording_file import write_recording
-from benchtool.studies.pitch import pitch_study
-from benchtool.studies.pitch_setup import changed, pitch_setup
+from benchtool.commands.app import main
+from benchtool.core.errors import InputError
+from benchtool.data.run.recording_file import write_recording
+from benchtool.report.flight.pitch_study import pitch_study
+from benchtool.simulate.pitch.setup import changed, pitch_setup
 from benchtool.web.jobs import partial_folder
 from benchtool.web.tabs.explain.sources import Question
 from benchtool.web.tabs.explain.work import EXPLANATIONS, clear, start

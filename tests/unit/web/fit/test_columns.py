@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from benchtool.core.column_source import ColumnSource
-from benchtool.errors import FileFormatError, InputError, MissingColumn
-from benchtool.library import read_columns
-from benchtool.store.upload import columns_file
+from benchtool.core.errors import FileFormatError, InputError, MissingColumn
+from benchtool.data.run.upload import columns_file
+from benchtool.physics.model_file import read_columns
 from benchtool.web.tabs.fit.columns import (
     FIT_CHANNELS,
     ColumnLine,

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from benchtool.errors import BenchtoolError, InputError
-from benchtool.library import load_model, model_to_toml
-from benchtool.recipes.fit_data import recipe_model
-from benchtool.recipes.fit_options import recipe_of_options
-from benchtool.store.entry import Entry
-from benchtool.store.runs_folder import RunsFolder
+from benchtool.core.errors import BenchtoolError, InputError
+from benchtool.data.run.entry import Entry
+from benchtool.data.run.runs_folder import RunsFolder
+from benchtool.fit.fit_data import recipe_model
+from benchtool.fit.fit_options import recipe_of_options
+from benchtool.physics.model_file import load_model, model_to_toml
 from benchtool.web.tabs.fit.model_choice import (
     ParameterChoice,
     adjustables,

@@ -8,14 +8,14 @@ from pathlib import Path
 
 import pytest
 
-from benchtool.errors import BenchtoolError, InputError, WouldOverwrite
-from benchtool.recipes.fit_data import recipe_model
-from benchtool.recipes.kept_fit import read_kept
-from benchtool.recipes.run_recipe import run_recipe
-from benchtool.store.entry import Entry
-from benchtool.store.run_list import list_entries
-from benchtool.store.runs_folder import RunsFolder
-from benchtool.store.upload import columns_file
+from benchtool.core.errors import BenchtoolError, InputError, WouldOverwrite
+from benchtool.data.run.entry import Entry
+from benchtool.data.run.run_list import list_entries
+from benchtool.data.run.runs_folder import RunsFolder
+from benchtool.data.run.upload import columns_file
+from benchtool.fit.fit_data import recipe_model
+from benchtool.fit.run_recipe import run_recipe
+from benchtool.report.fit.kept_fit import read_kept
 from benchtool.web.tabs.fit.model_choice import ParameterChoice, adjustables
 from benchtool.web.tabs.fit.request import (
     FitRequest,

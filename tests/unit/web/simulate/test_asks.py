@@ -8,10 +8,11 @@ import zipfile
 import numpy as np
 import pytest
 
-from benchtool.cli.app import main
-from benchtool.errors import InputError
-from benchtool.library import rig_names, schedule_names
-from benchtool.simulate.flight_cases import FLIGHTS
+from benchtool.commands.app import main
+from benchtool.core.errors import InputError
+from benchtool.core.rig_file import rig_names
+from benchtool.core.schedule_file import schedule_names
+from benchtool.simulate.flight.cases import FLIGHTS
 from benchtool.web.tabs.simulate.inputs import FlightAsk, PitchAsk, flight_sliders, pitch_sliders
 from benchtool.web.tabs.simulate.work import Simulation, simulated, zipped
 

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from benchtool.cli.app import main
-from benchtool.errors import WouldOverwrite
-from benchtool.store.entry import entry_of
-from benchtool.store.recording_file import read_recording
-from benchtool.store.runs_folder import RunsFolder
+from benchtool.commands.app import main
+from benchtool.core.errors import WouldOverwrite
+from benchtool.data.run.entry import entry_of
+from benchtool.data.run.recording_file import read_recording
+from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.web.tabs.simulate.inputs import PitchAsk, hidden_slider, hideable
 from benchtool.web.tabs.simulate.work import write_into
 

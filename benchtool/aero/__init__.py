@@ -1,1 +1,0 @@
-"""Ground-effect physics, written once: branch-free expressions for NumPy and compiled loops."""

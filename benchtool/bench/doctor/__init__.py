@@ -1,0 +1,1 @@
+"""Why a bench does not answer."""

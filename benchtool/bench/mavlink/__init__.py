@@ -1,0 +1,1 @@
+"""Autopilots as benches."""

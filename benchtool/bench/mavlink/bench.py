@@ -1,0 +1,381 @@
+"""A flight controller as the bench: `mavlink:` addresses.
+
+Orders to turn end by themselves after a quarter of a second and are sent again by whoever reads,
+never by a thread: a host whose control loop hangs falls silent, and its motors stop. What the
+motors do is read back from the outputs, because an acknowledgement proves nothing.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.bench.bench import Identity, Readings
+from benchtool.bench.mavlink.dialect import Message
+from benchtool.bench.mavlink.drive import Drive, PitchDrive, TestDrive
+from benchtool.bench.mavlink.frames import LinkQuality, MavlinkFrames
+from benchtool.bench.mavlink.health import Health
+from benchtool.bench.mavlink.learn import Learnt, identity_of, learn
+from benchtool.bench.mavlink.plate import move_virtual_plate
+from benchtool.bench.mavlink.rows import MavlinkRows
+from benchtool.bench.mavlink.settings import LEAST_HZ, MOST_HZ, MavlinkSettings
+from benchtool.bench.mavlink.streams import (
+    LATE_S,
+    OUTPUT_MESSAGES,
+    ask_for,
+    check_fit,
+    fitted,
+    interval,
+    require_outputs,
+    switch_off_others,
+    told,
+    wishes,
+)
+from benchtool.bench.mavlink.talk import MavlinkTalk
+from benchtool.bench.mavlink.watch import RunWatch
+from benchtool.bench.mavlink.wiring import PITCH_CHANNELS, THRUST_MESSAGES, channels_of
+from benchtool.bench.rcbenchmark.side_cell import SideCell, in_order
+from benchtool.bench.read_ahead import Listener, ReadAhead
+from benchtool.bench.serial.device_clock import DeviceClock
+from benchtool.bench.transport.opened import Opened
+from benchtool.bench.transport.transport import Transport
+from benchtool.core.channel import Channel
+from benchtool.core.errors import BenchError, InputError, LinkLost, StageError
+
+Array = NDArray[np.float64]
+
+TARE_S = 1.0
+"""A tare takes the mean of the load cell over so long (bench time); a choice: 80 readings."""
+
+
+class MavlinkBench(Opened):
+    """Drive motors through an autopilot and read what it tells.
+
+    Args:
+        transport: carries the bytes.
+        address: as the user gave it, for the identity and messages.
+        settings: what the address says.
+        clock: monotonic wall clock in seconds.
+        since_1970_s: wall clock for signatures.
+        cell: port of a load cell beside the autopilot.
+    """
+
+    def __init__(
+        self,
+        transport: Transport,
+        address: str,
+        settings: MavlinkSettings | None = None,
+        clock: Callable[[], float] = time.monotonic,
+        since_1970_s: Callable[[], float] = time.time,
+        cell: Transport | None = None,
+    ) -> None:
+        self.address = address
+        self._transport, self._clock, self._since_1970_s = transport, clock, since_1970_s
+        self._settings = settings or MavlinkSettings()
+        self._cell = SideCell(cell, self._settings.cell_name, clock) if cell else None
+        self._ports = [transport] if cell is None else [transport, cell]
+        self._learnt: Learnt | None = None
+        self._channels: tuple[Channel, ...] = ()
+        self._rate_Hz = self._settings.rate_Hz
+        self._ahead = ReadAhead()
+
+    @property
+    def identity(self) -> Identity:
+        learnt = self._known()
+        more = {"system": str(self._talk.system), **told(self._became), **self._quality.facts()}
+        return identity_of(
+            self.address,
+            learnt,
+            self._settings,
+            self._channels,
+            self._rate_Hz,
+            self._talk.slowest_s,
+            more,
+        )
+
+    def now_s(self) -> float:
+        return self._opened_s + (self._clock() - self._opened_s) * self._speed
+
+    def open(self) -> None:
+        if self._learnt is not None:
+            return
+        settings = self._settings
+        frames = MavlinkFrames(key=settings.key, now_s=self._since_1970_s())
+        self._talk = talk = MavlinkTalk(self._transport, self.address, self._clock, frames)
+        self._opened_s = self._stamped_s = self._clock()
+        self._device_clock = DeviceClock()
+        self._quality = LinkQuality()
+        self._counts: Counter[str] = Counter()
+        self._messages: list[str] = [settings.warning] if settings.warning else []
+        self._zero_N = 0.0
+        self._given_us = -1
+        self._ahead.take()
+        self._plate_state: list[float] = []
+        try:
+            if self._cell is not None:
+                self._cell.open()
+            beat = talk.find(settings.system)
+            learnt = learn(talk, beat, settings, self._clock)
+            self._rows = MavlinkRows(learnt.wiring, learnt.pulses.idle_us, settings.speeds)
+            pitch = settings.mode == "pitch"
+            self._health = Health(pitch or learnt.pilot.arms)
+            made = PitchDrive if pitch else TestDrive
+            self._drive: Drive = made(talk, learnt, self._health, settings.arm, self._clock)
+            talk.on_message = self._take
+            n = learnt.wiring.n_rotors
+            self._baud = 0 if learnt.simulated else self._transport.baud or 0
+            asked, news = fitted(settings, n, self._baud)
+            self._rate_Hz, self._messages = asked.rate_Hz, [*self._messages, *news]
+            self._became = ask_for(
+                talk, wishes(asked, n), self._counts.__getitem__,
+                self._clock, learnt.speed,
+            )  # fmt: skip
+            if self._baud:
+                self._messages += switch_off_others(talk, self._counts, self._became)
+            if talk.slowest_s > LATE_S:
+                self._messages.append(
+                    f"acknowledgements take up to {talk.slowest_s:.1f} s: the link carries more "
+                    f"than it can; ask for less (rate=, rpm=none), or raise its baud rate"
+                )
+            self._choose_channels(learnt)
+            talk.frames.take_counts(talk.system)
+            self._watch = RunWatch(self.address, talk, self._health, self._drive, self._rows)
+            self._watch.ask_again = [
+                interval(name, self._rate_Hz)
+                for name in OUTPUT_MESSAGES
+                if self._became.get(name) == "comes"
+            ]
+            self._learnt = learnt
+        except BaseException:
+            for port in self._ports:
+                port.close()
+            raise
+
+    def close(self) -> None:
+        if self._learnt is None:
+            return
+        try:
+            self._drive.let_go()
+            for name, became in self._became.items():
+                if became == "comes":
+                    self._talk.order(interval(name, 0.0))
+        except BenchError:
+            pass  # The time-out of the motor test stops the motors where we cannot.
+        finally:
+            for port in self._ports:
+                port.close()
+            self._learnt = None
+
+    def set_pwm(self, pwm_us: Array) -> None:
+        learnt = self._known()
+        self._watch.raise_if_stopped()
+        pulses = np.asarray(pwm_us, float).ravel()
+        if len(pulses) != learnt.wiring.n_rotors or not np.isfinite(pulses).all():
+            raise InputError(
+                f"pulses {pulses.tolist()} were not sent; {learnt.wiring.n_rotors} finite ones "
+                f"are needed, one for each rotor"
+            )
+        low_us, high_us = learnt.pulses.stop_us, learnt.pulses.high_us
+        if (pulses < low_us).any() or (pulses > high_us).any():
+            raise InputError(
+                f"pulses {pulses.tolist()} were not sent; the autopilot's outputs go from "
+                f"{low_us:g} to {high_us:g} us"
+            )
+        self._drive.command(tuple(pulses.tolist()))
+
+    def stop(self) -> None:
+        self._known()
+        self._drive.stop()
+
+    def overhear(self, listener: Listener) -> None:
+        """Tell samples as they come, also while the plate moves or the load cell is tared."""
+        self._ahead.overhear(listener)
+
+    def move_plate(self, z_m: float, x_m: float = 0.0, tilt_rad: float = 0.0) -> None:
+        learnt = self._known()
+        self._watch.raise_if_stopped()
+        if not learnt.simulated:
+            raise StageError(
+                "an autopilot does not move the plate; give --stage hand or --stage grbl:PORT"
+            )
+        idle_us = learnt.pulses.idle_us
+        if (highest_us := self._drive.highest_us) > idle_us:
+            raise StageError(
+                f"the plate was not moved: a motor is commanded {highest_us:g} us, above idle at "
+                f"{idle_us:g} us; command idle first"
+            )
+        move_virtual_plate(self, self._talk, (z_m, x_m, tilt_rad))
+
+    def listen(self, timeout_s: float) -> list[float]:
+        """Read on, keep the samples for the next `read`, and return what the plate told."""
+        self._ahead.keep(self._read_fresh(timeout_s))
+        state, self._plate_state = self._plate_state, []
+        return state
+
+    def tare(self) -> None:
+        """Take the mean of the load cell over a second as zero: autopilots have no tare."""
+        names = [channel.name for channel in self.identity.channels]
+        if "thrust_N" not in names:
+            raise InputError("this bench streams no thrust, so there is nothing to tare")
+        index, parts = names.index("thrust_N"), []
+        until_s = self.now_s() + TARE_S
+        while (left_s := until_s - self.now_s()) > 1e-9:
+            readings = self._read_fresh(left_s)
+            self._ahead.keep(readings)
+            parts.append(readings.values[:, index])
+        seen = np.concatenate(parts) if parts else np.empty(0)
+        if np.isfinite(seen).any():
+            self._zero_N += float(np.nanmean(seen))
+
+    def set_rate(self, rate_Hz: float) -> None:
+        self._known()
+        if not LEAST_HZ <= rate_Hz <= MOST_HZ:
+            raise InputError(
+                f"a stream of {rate_Hz:g} Hz is not possible; ask for {LEAST_HZ:g} to {MOST_HZ:g}"
+            )
+        check_fit(self._settings, rate_Hz, self._known().wiring.n_rotors, self._baud)
+        for name in (*OUTPUT_MESSAGES, "ATTITUDE", "ATTITUDE_TARGET"):
+            if self._became.get(name) == "comes":
+                self._talk.exchange(interval(name, rate_Hz))
+        self._rate_Hz = rate_Hz
+
+    def read(self, timeout_s: float) -> Readings:
+        self._known()
+        return self._ahead.read(lambda: self._read_fresh(timeout_s))
+
+    def _read_fresh(self, timeout_s: float) -> Readings:
+        speed = self._known().speed
+        deadline_s = self._clock() + timeout_s / speed
+        while True:
+            readings = self._readings()
+            if len(readings):
+                return readings
+            # What was read before a stop is handed out first: no sample is lost to its news.
+            self._watch.raise_if_stopped(again=False)
+            left_s = deadline_s - self._clock()
+            if left_s <= 0.0:
+                return readings
+            self._watch.pump(left_s)
+            if self._cell is not None:
+                self._cell.poll()
+
+    def outputs_us(self) -> tuple[int, ...]:
+        """Return the pulse of every output, 0 where there is none."""
+        return self._rows.outputs_us
+
+    def speeds_rpm(self) -> dict[int, float]:
+        """Return the speed that each ESC last told, by its place from 1."""
+        return dict(self._rows.speeds_rpm)
+
+    def last_text(self) -> str:
+        """Return what the autopilot said last."""
+        return self._health.refusal or "it does not say why"
+
+    def _known(self) -> Learnt:
+        if self._learnt is None:
+            raise LinkLost(f"{self.address} is not open; open it first")
+        return self._learnt
+
+    def _choose_channels(self, learnt: Learnt) -> None:
+        """Keep the channels that live; say which messages do not come.
+
+        Raises:
+            ProtocolError: no outputs are told, so that nothing could be read back.
+        """
+        require_outputs(self._became, self._talk.system)
+        n = learnt.wiring.n_rotors
+        every = channels_of(n)
+        self._rows.take_rows()
+        alive = np.arange(len(every)) < n
+        alive[self._rows.live_columns()] = True
+        if self._settings.mode == "plate":
+            # Where a router asks for attitude, the bench is no pitch bench.
+            alive &= [channel.name not in PITCH_CHANNELS for channel in every]
+        if self._cell is not None:
+            alive |= [channel.name in ("thrust_N", "thrust_raw") for channel in every]
+        self._columns = np.flatnonzero(alive)
+        self._channels = tuple(every[index] for index in self._columns.tolist())
+        names = [channel.name for channel in self._channels]
+        self._thrust = names.index("thrust_N") if "thrust_N" in names else -1
+        # What it says of messages that it does not have is told once, below.
+        denied = "No ap_message for mavlink id"
+        self._health.texts[:] = [t for t in self._health.texts if not t.startswith(denied)]
+        for name, became in self._became.items():
+            if became not in ("comes", "comes unasked"):
+                self._messages.append(f"{name}: {became}")
+
+    def _take(self, message: Message, arrived_s: float) -> None:
+        """Take one message of the autopilot."""
+        name, own = message.msgname, self._talk.is_own(message)
+        if own or name in THRUST_MESSAGES:
+            self._counts[name] += 1
+        if name == "STATUSTEXT":
+            self._health.text(message, own)
+        elif not own:
+            self._rows.take(message, self._device_us(arrived_s))
+        elif name == "HEARTBEAT":
+            self._health.beat(message, arrived_s, self._drive.shown())
+        elif name == "NAMED_VALUE_FLOAT" and message.name == "plate_mov":
+            self._plate_state.append(float(message.value))
+        else:
+            self._rows.take(message)
+            if name in OUTPUT_MESSAGES:
+                self._stamped_s = arrived_s
+                found = self._drive.seen(self._rows.outputs_us, arrived_s)
+                if found is not None:
+                    self._rows.wire(*found)
+                    self._messages.append(f"rotor {found[0]} hangs on output {found[1]}")
+                device_s = 1e-6 * self._rows.time.last_us
+                self._quality.arrived(arrived_s, device_s / self._speed)
+
+    def _device_us(self, arrived_s: float) -> int:
+        """Return the autopilot's time at which something of another component arrived."""
+        since_s = max(arrived_s - self._stamped_s, 0.0) * self._speed
+        return self._rows.time.last_us + round(1e6 * since_s)
+
+    @property
+    def _speed(self) -> float:
+        return self._learnt.speed if self._learnt else 1.0
+
+    def _readings(self) -> Readings:
+        """Return the rows that have come, on the host's clock."""
+        times_us, values = self._rows.take_rows()
+        values = values[:, self._columns]
+        some = ~np.isnan(values).all(axis=1)
+        times_us, values = times_us[some], values[some]
+        if len(times_us):
+            self._device_clock.learn(int(times_us[-1]), self._on_bench_clock(self._clock()))
+        if self._cell is not None and self._given_us + len(times_us) >= 0:
+            columns = [self._thrust + 1, self._thrust]
+            cell = self._cell.rows(
+                self._on_bench_clock, self._device_clock, len(self._channels), columns
+            )
+            cell[1][:, self._thrust] *= self._settings.thrust_scale_N
+            times_us, values = in_order((times_us, values), cell, self._given_us)
+        if len(times_us):
+            self._given_us = int(times_us[-1])
+        if self._thrust >= 0:
+            values[:, self._thrust] -= self._zero_N
+        counted = self._talk.frames.take_counts(self._talk.system)
+        self._quality.count(counted)
+        self._messages += self._health.texts
+        self._messages += self._rows.speeds.take_news()
+        self._health.texts.clear()
+        messages: tuple[str, ...] = ()
+        if len(times_us):
+            messages, self._messages = tuple(self._messages), []
+        return Readings(
+            time_s=self._device_clock.host_time_s(times_us),
+            device_time_us=times_us.astype(float),
+            values=values,
+            lost=counted.lost,
+            corrupt=counted.corrupt,
+            messages=messages,
+        )
+
+    def _on_bench_clock(self, wall_s: float) -> float:
+        return self._opened_s + (wall_s - self._opened_s) * self._known().speed

@@ -1,0 +1,240 @@
+"""MAVLink's bytes: frames to messages and back, what was lost on the way, how evenly. Pure."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from dataclasses import dataclass, field
+from math import sqrt
+
+from benchtool.bench.mavlink.dialect import Message, dialect
+
+GROUND_SYSTEM, GROUND_COMPONENT = 255, 190
+"""How a ground station names itself (MAVLink's conventions: system 255, mission planner)."""
+
+AUTOPILOT_COMPONENT = 1
+
+SEQUENCE_MODULUS = 256
+
+WINDOW = 64
+"""A frame may come so many frames late and is still that one: a link that reorders is off by a few,
+an autopilot that started again by any number. A choice, a quarter of the modulus."""
+
+MAVLINK_2, SIGNED = 0xFD, 1
+"""First byte of a frame of MAVLink 2, and the bit of its third that says that it is signed."""
+
+SIGNING_EPOCH_S = 1_420_070_400.0
+"""Signing counts tens of microseconds since 2015-01-01 UTC (MAVLink 2 message signing)."""
+
+
+@dataclass(frozen=True, slots=True)
+class LinkCounts:
+    """Count frames since the last look.
+
+    Attributes:
+        messages: received, without duplicates.
+        lost: that the sequence numbers miss, over all components of a system.
+        corrupt: thrown away for checksum or signature.
+        duplicates: that came a second time and were dropped.
+        reordered: that came after a later one.
+    """
+
+    messages: int = 0
+    lost: int = 0
+    corrupt: int = 0
+    duplicates: int = 0
+    reordered: int = 0
+
+
+@dataclass(slots=True)
+class _Source:
+    """Follow the sequence numbers of one component; each counts its own."""
+
+    last: int | None = None
+    lately: OrderedDict[int, bytes] = field(default_factory=OrderedDict)
+    missing: set[int] = field(default_factory=set)
+    messages: int = 0
+    lost: int = 0
+    duplicates: int = 0
+    reordered: int = 0
+    unnumbered: bool = False
+
+    def take(self, number: int, frame: bytes) -> bool:
+        """Note a frame; tell whether it is a new one.
+
+        A component that numbers all its frames alike, as some scripts do, has none that could be
+        missed or be there twice.
+        """
+        before = self.lately.get(number, frame)
+        if number == self.last and frame != before:
+            self.unnumbered = True
+        if self.unnumbered:
+            self.messages += 1
+            return True
+        if number in self.lately and frame == before:
+            self.duplicates += 1
+            return False
+        step = 0 if self.last is None else (number - self.last) % SEQUENCE_MODULUS
+        if step >= SEQUENCE_MODULUS - WINDOW and number in self.missing:
+            self.missing.discard(number)
+            self.lost -= 1
+            self.reordered += 1
+        else:
+            if 1 < step < SEQUENCE_MODULUS - WINDOW:
+                # A number that counts from its beginning anew has lost what lies between as well.
+                self.lost += step - 1
+                self.missing |= {
+                    (number - back) % SEQUENCE_MODULUS for back in range(1, min(step, WINDOW))
+                }
+            self.last = number
+            if self.missing:
+                ages = {back: (number - back) % SEQUENCE_MODULUS for back in self.missing}
+                self.missing = {back for back, age in ages.items() if 0 < age < WINDOW}
+        self.messages += 1
+        self.lately[number] = frame
+        self.lately.move_to_end(number)
+        if len(self.lately) > WINDOW:
+            self.lately.popitem(last=False)
+        return True
+
+
+class MavlinkFrames:
+    """Pack and parse messages in the name of one system.
+
+    Attributes:
+        corrupt: frames thrown away since the last `take_counts`, for checksum or signature.
+        unsigned: how many of all corrupt frames so far were refused for their signature.
+        heard: whether any whole frame was understood yet.
+        signs: whether what is sent bears a signature, and what comes must.
+
+    Args:
+        system: our own number.
+        component: our own component number.
+        key: 32 bytes that sign what is sent and check what comes; None signs nothing.
+        now_s: time since 1970, for the signatures.
+    """
+
+    def __init__(
+        self,
+        system: int = GROUND_SYSTEM,
+        component: int = GROUND_COMPONENT,
+        key: bytes | None = None,
+        now_s: float = 0.0,
+    ) -> None:
+        words = dialect()
+        self.corrupt = self.unsigned = 0
+        self.heard = False
+        self._sources: dict[tuple[int, int], _Source] = {}
+        self._owed: dict[int, int] = {}
+        self._bad = words.MAVLink_bad_data
+        self._mav = words.MAVLink(None, system, component)
+        self._mav.robust_parsing = True
+        self.signs = key is not None
+        if key is not None:
+            signing = self._mav.signing
+            signing.secret_key, signing.sign_outgoing = key, True
+            signing.link_id = 0
+            signing.timestamp = max(0, round((now_s - SIGNING_EPOCH_S) * 1e5))
+
+    def pack(self, message: Message) -> bytes:
+        """Return a message as the bytes of one frame, MAVLink 2."""
+        frame: bytes = bytes(message.pack(self._mav))
+        self._mav.seq = (self._mav.seq + 1) % SEQUENCE_MODULUS
+        return frame
+
+    def parse(self, data: bytes) -> list[Message]:
+        """Return the messages that `data` completes; garbage never raises."""
+        found = self._mav.parse_buffer(data) if data else None
+        if not found:
+            return []
+        good = []
+        for message in found:
+            if type(message) is self._bad:
+                self._refuse(message)
+                continue
+            source = (message.get_srcSystem(), message.get_srcComponent())
+            state = self._sources.setdefault(source, _Source())
+            if state.take(message.get_seq(), bytes(message.get_msgbuf())):
+                good.append(message)
+        self.heard = self.heard or bool(good)
+        return good
+
+    def take_counts(self, system: int) -> LinkCounts:
+        """Return what came and what did not, of every component of a system, since the last call.
+
+        Sequence numbers count modulo 256, so that a gap of 256 and more counts as less than it was.
+        """
+        counts = dict.fromkeys(("messages", "lost", "duplicates", "reordered"), 0)
+        for (owner, _), state in self._sources.items():
+            if owner == system:
+                for name in counts:
+                    counts[name] += getattr(state, name)
+                    setattr(state, name, 0)
+        # One that was late is given back by the look in which it came, or by the next ones.
+        counts["lost"] += self._owed.get(system, 0)
+        self._owed[system] = min(counts["lost"], 0)
+        counts["lost"] = max(counts["lost"], 0)
+        corrupt, self.corrupt = self.corrupt, 0
+        return LinkCounts(corrupt=corrupt, **counts)
+
+    def _refuse(self, message: Message) -> None:
+        """Count a frame that is none; text and boot messages before the first one do not count."""
+        if "signature" in str(message.reason):
+            self.unsigned += 1
+        if self.heard or "signature" in str(message.reason):
+            self.corrupt += 1
+
+
+def is_signed(message: Message) -> bool:
+    """Tell whether a message came in a frame with a signature, whether or not it was checked."""
+    frame = bytes(message.get_msgbuf())
+    return frame[0] == MAVLINK_2 and bool(frame[2] & SIGNED)
+
+
+class LinkQuality:
+    """Count messages and measure how unevenly they arrive.
+
+    Jitter is the standard deviation of arrival time minus the autopilot's own time, over steps from
+    one message to the next (RFC 3550 smooths the same quantity).
+    """
+
+    def __init__(self) -> None:
+        self.messages = self.lost = self.corrupt = self.duplicates = self.reordered = 0
+        self._steps = 0
+        self._squares_s2 = 0.0
+        self._before: tuple[float, float] | None = None
+
+    def count(self, counts: LinkCounts) -> None:
+        """Add what came, what the sequence numbers miss, and what was thrown away."""
+        self.messages += counts.messages
+        self.lost += counts.lost
+        self.corrupt += counts.corrupt
+        self.duplicates += counts.duplicates
+        self.reordered += counts.reordered
+
+    def arrived(self, arrived_s: float, device_s: float) -> None:
+        """Note when a message came and when it was made, each on its own clock."""
+        if self._before is not None and device_s > self._before[1]:
+            step_s = (arrived_s - self._before[0]) - (device_s - self._before[1])
+            self._steps += 1
+            self._squares_s2 += step_s**2
+        self._before = (arrived_s, device_s)
+
+    @property
+    def jitter_s(self) -> float:
+        """Standard deviation of the steps, 0 without any."""
+        return sqrt(self._squares_s2 / self._steps) if self._steps else 0.0
+
+    @property
+    def lost_share(self) -> float:
+        """Lost messages over all that were sent."""
+        sent = self.messages + self.lost
+        return self.lost / sent if sent else 0.0
+
+    def facts(self) -> dict[str, str]:
+        """Return it in words, for a run's facts."""
+        return {
+            "link_lost": f"{self.lost} of {self.messages + self.lost} messages",
+            "link_duplicates": str(self.duplicates),
+            "link_reordered": str(self.reordered),
+            "link_jitter_ms": f"{1e3 * self.jitter_s:.2f}",
+        }

@@ -1,0 +1,194 @@
+"""What ends a run by itself on an autopilot: its own words, disarming, a restart. Pure."""
+
+from __future__ import annotations
+
+import re
+from typing import Literal
+
+from benchtool.bench.mavlink.dialect import Message
+from benchtool.core.errors import LinkLost
+
+HEARTBEAT_LOST_S = 5.5
+"""Heartbeats come every second; five missing ones, beside streams that go on, are a dead autopilot.
+A choice: of a link that loses every tenth frame five in a row are missing once in a day."""
+
+ARMED = 128
+HIL = 32
+"""Bits of the heartbeat's base_mode (MAV_MODE_FLAG): motors live; hardware in the loop, where
+"all motors / actuators are blocked": what the virtual autopilot shows."""
+
+STALE_S = 1.0
+"""A link that brings nothing for so long is lost (wall time); a choice, as on other benches."""
+
+SILENT_S = 0.3
+"""Orders to turn end so long after the last bytes of the autopilot: nobody sees any more what its
+outputs do. Outputs come at 10 Hz at least."""
+
+CHUNK = 50
+"""Letters of one STATUSTEXT; a longer text comes in several with one number."""
+
+ARMING_S = 1.5
+"""So long after the first order the heartbeat may still show disarmed: it comes once a second."""
+
+WARNING = 4
+"""MAV_SEVERITY: what is told as a notice, as information or for debugging ends nothing."""
+
+RESTARTED = "the autopilot restarted"
+
+TextKind = Literal["information", "failsafe", "refusal", "restart"]
+
+_STARTING = re.compile(r"^ArduPilot Ready$|^Motor Test: Board initialising$")
+_REFUSAL = re.compile(r"^Motor Test: ")
+_FAILSAFE = re.compile(
+    r"failsafe|crash|thrust loss|yaw imbalance|disarm|kill|emergency|terminat", re.I
+)
+_PASSES = re.compile(r"^(PreArm|Arm): |cleared", re.I)
+
+
+def kind_of_text(text: str, severity: int) -> TextKind:
+    """Return what a text of the autopilot itself means for a run.
+
+    Severity decides first: of what is less than a warning only the words of a start count. Arming
+    checks are repeated every 30 s and say nothing about motor tests.
+    """
+    if _STARTING.search(text):
+        return "restart"
+    if severity > WARNING or _PASSES.search(text):
+        return "information"
+    if _REFUSAL.search(text):
+        return "refusal"
+    return "failsafe" if _FAILSAFE.search(text) else "information"
+
+
+class Health:
+    """Judge an autopilot by its heartbeats and texts.
+
+    Attributes:
+        armed: as the last heartbeat says.
+        texts: what it said since they were last taken, oldest first.
+        refusal: its last words of warning or worse, until `drive` or the caller empties them.
+        driven: whether motors are commanded above stop.
+
+    Args:
+        arms: whether the heartbeat shows armed while motors are driven.
+    """
+
+    def __init__(self, arms: bool) -> None:
+        self.armed = False
+        self.texts: list[str] = []
+        self.refusal = ""
+        self._arms = arms
+        self._beat_s: float | None = None
+        self._driven_since_s: float | None = None
+        self._was_armed = False
+        self._fault: str | None = None
+        self._chunks: dict[tuple[int, int], list[str]] = {}
+
+    @property
+    def driven(self) -> bool:
+        """Whether motors are commanded above stop."""
+        return self._driven_since_s is not None
+
+    def drive(self, driven: bool, now_s: float) -> None:
+        """Note whether motors are commanded above stop."""
+        if not driven:
+            self._driven_since_s, self._was_armed = None, False
+        elif self._driven_since_s is None:
+            self._driven_since_s = now_s
+            self._fault = RESTARTED if self._fault == RESTARTED else None
+
+    def beat(self, message: Message, now_s: float, shown: bool = True) -> None:
+        """Note a heartbeat.
+
+        Args:
+            message: the heartbeat.
+            now_s: its arrival.
+            shown: whether the outputs show what was commanded. Where they do not, the motor test
+                has ended, as when orders get lost; the outputs say what that means.
+        """
+        self._beat_s = now_s
+        self.armed = bool(message.base_mode & ARMED)
+        if self._driven_since_s is None or not self._arms or not shown:
+            return
+        self._was_armed = self._was_armed or self.armed
+        if not self.armed and self._was_armed:
+            self._fault = "the autopilot disarmed"
+        elif not self.armed and now_s - self._driven_since_s > ARMING_S:
+            self._fault = "the autopilot stayed disarmed while a motor was commanded"
+
+    def text(self, message: Message, own: bool = True) -> None:
+        """Note a STATUSTEXT.
+
+        Args:
+            message: the text, or a piece of it.
+            own: whether the autopilot itself says it; others end nothing.
+        """
+        component = 0 if own else int(message.get_srcComponent())
+        text = _whole(message, component, self._chunks)
+        if text is None:
+            return
+        self.texts.append(text if own else f"component {component}: {text}")
+        if not own:
+            return
+        kind = kind_of_text(text, message.severity)
+        if message.severity <= WARNING:
+            self.refusal = text
+        if kind == "restart":
+            self.restarted()
+        elif kind != "information" and self.driven:
+            self._fault = text
+
+    def restarted(self) -> None:
+        """Note that the autopilot began anew."""
+        self._fault = RESTARTED
+
+    def take_fault(self) -> str | None:
+        """Return why the run ends, once, or None."""
+        fault, self._fault = self._fault, None
+        return fault
+
+    def silence_s(self, now_s: float) -> float:
+        """Return for how long no heartbeat came."""
+        if self._beat_s is None:
+            self._beat_s = now_s
+        return now_s - self._beat_s
+
+    def skip(self, pause_s: float) -> None:
+        """Leave out a pause in which nobody listened."""
+        if self._beat_s is not None:
+            self._beat_s += pause_s
+        if self._driven_since_s is not None:
+            self._driven_since_s += pause_s
+
+
+def silence_of(address: str, silent_s: float, quiet_s: float) -> LinkLost | None:
+    """Return the error that a silence is, None for one that is short enough.
+
+    Args:
+        address: for the message.
+        silent_s: for so long nothing came from the autopilot.
+        quiet_s: for so long no heartbeat came.
+    """
+    if silent_s > STALE_S:
+        return LinkLost(
+            f"{address} sent nothing for {silent_s:.1f} s, limit {STALE_S:g} s; no order to turn "
+            f"was sent after {SILENT_S:g} s of it, and motor tests end by themselves; check cable "
+            f"and power, then start again"
+        )
+    if quiet_s > HEARTBEAT_LOST_S:
+        return LinkLost(
+            f"{address} sends, but no heartbeat came for {quiet_s:.1f} s, limit "
+            f"{HEARTBEAT_LOST_S:g} s; check the flight controller, then start again"
+        )
+    return None
+
+
+def _whole(
+    message: Message, component: int, chunks: dict[tuple[int, int], list[str]]
+) -> str | None:
+    """Return a text of up to 50 letters, or several of them joined, None until it is whole."""
+    part, number = str(message.text), int(message.id)
+    if not number:
+        return part
+    chunks.setdefault((component, number), []).append(part)
+    return "".join(chunks.pop((component, number))) if len(part) < CHUNK else None

@@ -1,0 +1,1 @@
+"""RCbenchmark stands."""

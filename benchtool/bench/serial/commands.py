@@ -1,0 +1,183 @@
+"""What a host may ask of a bench device: each command a small value, with its text fields.
+
+Pure: text fields in, values out. `docs/reference/bench-protocol.md` documents every field.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from math import isfinite
+
+from benchtool.core.errors import InputError, ProtocolError, UnknownChoice
+
+PROTOCOL_VERSION = 2
+"""The version that this library speaks; of a device of version 1 the hello is asked twice."""
+
+
+@dataclass(frozen=True, slots=True)
+class AskHello:
+    """Ask who is there; always executed, stops the stream and starts the numbering anew."""
+
+    version: int = PROTOCOL_VERSION
+
+
+@dataclass(frozen=True, slots=True)
+class SetPwm:
+    """Command every motor's pulse (n_rotors,): us."""
+
+    pwm_us: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class MovePlate:
+    """Send the plate somewhere; acknowledged when accepted, an `arrived` event says when there."""
+
+    z_m: float
+    x_m: float = 0.0
+    tilt_rad: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class AskPlate:
+    """Ask where the plate was last sent and whether it still moves."""
+
+
+@dataclass(frozen=True, slots=True)
+class Tare:
+    """Take the present load-cell reading as zero thrust."""
+
+
+@dataclass(frozen=True, slots=True)
+class SetRate:
+    """Stream so many samples per second; 0 stops the stream."""
+
+    rate_Hz: float
+
+
+@dataclass(frozen=True, slots=True)
+class SetLimit:
+    """Make one device-side limit narrower; the device never makes one wider."""
+
+    name: str
+    value: float
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """Command zero to every motor and halt the plate at once."""
+
+
+@dataclass(frozen=True, slots=True)
+class Clear:
+    """Stop, and lift the latch that a watchdog or a limit has set."""
+
+
+@dataclass(frozen=True, slots=True)
+class Arm:
+    """Let the device obey pulses above stop and moves of the plate until the next stop.
+
+    Acknowledged with the hash of the channel map.
+    """
+
+
+Command = AskHello | SetPwm | MovePlate | AskPlate | Tare | SetRate | SetLimit | Stop | Clear | Arm
+
+
+@dataclass(frozen=True, slots=True)
+class Reply:
+    """Answer one command: accepted or refused, and why.
+
+    Attributes:
+        ok: whether the command was accepted.
+        reason: the device's words when it was not.
+        fields: what the acknowledgement carries beyond the device time, as text.
+    """
+
+    ok: bool
+    reason: str = ""
+    fields: tuple[str, ...] = ()
+
+
+def _number(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        raise ProtocolError(f"{text!r} is not a number; send digits, sign, point") from None
+    if not isfinite(value):
+        raise ProtocolError(f"{text!r} is not finite; send a finite number")
+    return value
+
+
+def _take(name: str, fields: Sequence[str], count: int) -> tuple[float, ...]:
+    if len(fields) != count:
+        raise ProtocolError(f"command {name} takes {count} fields, got {len(fields)}")
+    return tuple(_number(field) for field in fields)
+
+
+def _parse_limit(fields: Sequence[str]) -> Command:
+    if len(fields) != 2:
+        raise ProtocolError(f"command limit takes 2 fields, got {len(fields)}")
+    return SetLimit(fields[0], _number(fields[1]))
+
+
+_PARSERS: Mapping[str, Callable[[Sequence[str]], Command]] = {
+    "hello": lambda fields: AskHello(int(_take("hello", fields, 1)[0])),
+    "pwm": lambda fields: SetPwm(tuple(_number(field) for field in fields)),
+    "plate": lambda fields: MovePlate(*_take("plate", fields, 3)),
+    "where": lambda fields: AskPlate(*_take("where", fields, 0)),
+    "tare": lambda fields: Tare(*_take("tare", fields, 0)),
+    "rate": lambda fields: SetRate(*_take("rate", fields, 1)),
+    "limit": _parse_limit,
+    "stop": lambda fields: Stop(*_take("stop", fields, 0)),
+    "clear": lambda fields: Clear(*_take("clear", fields, 0)),
+    "arm": lambda fields: Arm(*_take("arm", fields, 0)),
+}
+
+COMMAND_NAMES: tuple[str, ...] = tuple(_PARSERS)
+"""Every command by its name on the wire."""
+
+
+def text_of(value: float) -> str:
+    """Return a number as it is sent: nine significant digits, no exponent padding."""
+    if not isfinite(value):
+        raise InputError(f"{value} cannot be sent to a device; give a finite number")
+    return f"{value:.9g}"
+
+
+def fields_of(command: Command) -> tuple[str, ...]:
+    """Return the command's name on the wire followed by its fields."""
+    match command:
+        case AskHello(version):
+            return ("hello", str(version))
+        case SetPwm(pwm_us):
+            return ("pwm", *(text_of(value) for value in pwm_us))
+        case MovePlate(z_m, x_m, tilt_rad):
+            return ("plate", text_of(z_m), text_of(x_m), text_of(tilt_rad))
+        case AskPlate():
+            return ("where",)
+        case Tare():
+            return ("tare",)
+        case SetRate(rate_Hz):
+            return ("rate", text_of(rate_Hz))
+        case SetLimit(name, value):
+            return ("limit", name, text_of(value))
+        case Stop():
+            return ("stop",)
+        case Clear():
+            return ("clear",)
+        case Arm():
+            return ("arm",)
+
+
+def command_from(fields: Sequence[str]) -> Command:
+    """Read a command from its name and fields.
+
+    Raises:
+        UnknownChoice: no command of that name; the message lists the known ones.
+        ProtocolError: the fields do not fit the command.
+    """
+    name = fields[0] if fields else ""
+    if name not in _PARSERS:
+        raise UnknownChoice("command", name, COMMAND_NAMES)
+    return _PARSERS[name](fields[1:])

@@ -1,0 +1,296 @@
+"""The host's end of the wire: hello, numbered commands until acknowledged, heartbeats, news."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import inf
+
+from benchtool.bench.doctor.strangers import not_a_bench
+from benchtool.bench.host_pause import Gaps
+from benchtool.bench.serial.commands import (
+    PROTOCOL_VERSION,
+    Arm,
+    AskHello,
+    AskPlate,
+    Command,
+    Reply,
+    SetPwm,
+    Stop,
+    fields_of,
+)
+from benchtool.bench.serial.hello import Hello
+from benchtool.bench.serial.hello_reader import HelloReader
+from benchtool.bench.serial.link import (
+    HEARTBEAT,
+    Batch,
+    Decoder,
+    Message,
+    frame_command,
+    frame_version_1,
+)
+from benchtool.bench.serial.order_check import LATE, OLDEST_S, too_old
+from benchtool.bench.serial.sample_order import TIME_MODULUS_US, signed_step
+from benchtool.bench.transport.transport import Transport
+from benchtool.core.errors import HostPaused, LinkLost, NoDevice, PortBusy, ProtocolError
+from benchtool.virtual.firmware import Event
+
+HELLO_S = 5.0
+"""How long the hello is repeated: boards that reset when their port is opened boot meanwhile."""
+
+HELLO_TRY_S = 0.25
+ANSWER_S = 0.1
+"""How long one try of a command waits: six latency periods (16 ms) of an FTDI adapter."""
+
+TRIES = 5
+HEARTBEAT_S = 0.08
+"""A third of the 250 ms watchdog: two heartbeats may get lost."""
+
+FRESH_S = 0.1
+"""An order repeats a device time that was read no longer ago; a fifth of the age at which the
+device refuses it."""
+
+LAST_NUMBER_1 = 65535
+"""Largest number of a command in version 1, where they start over."""
+
+LONGEST_WAIT_S = 0.02
+_SHOWN_BYTES = 200
+
+
+class Conversation:
+    """Hold one conversation with a device over a transport.
+
+    Args:
+        transport: carries the bytes.
+        address: for messages.
+        clock: monotonic wall clock in seconds.
+        take: is given every batch of samples and the wall time of its arrival, whatever is waited
+            for meanwhile.
+    """
+
+    def __init__(
+        self,
+        transport: Transport,
+        address: str,
+        clock: Callable[[], float],
+        take: Callable[[float, Batch], None] = lambda arrived_s, batch: None,
+    ) -> None:
+        self.transport = transport
+        self._address = address
+        self._clock = clock
+        self._take = take
+        self._decoder = Decoder()
+        self._reader = HelloReader()
+        self._version = 1
+        self._number = 0
+        self._sent_s = 0.0
+        self._device_us = 0  # newest device time that was read, wrapped
+        self._device_read_s = -inf
+        self._events: list[Event] = []
+        self._replies: dict[int, Reply] = {}
+        self._gaps = Gaps()
+        self._losses = (0, 0, 0)
+        self._heard = b""
+
+    def open(self) -> Hello:
+        """Open the transport and ask who is there until somebody answers.
+
+        Raises:
+            PortBusy, PortDenied, NoDevice: the port cannot be had, or it stays silent.
+            ProtocolError: what answers speaks something else.
+        """
+        self._decoder = Decoder()
+        self._reader = HelloReader()
+        self._number, self._device_read_s = 0, -inf
+        self._heard = b""
+        self.transport.open()
+        self._gaps.begin(self._clock())
+        hello = self._ask_hello()
+        self._version = hello.version
+        self._decoder.expect(len(hello.channels))
+        self._losses = (0, 0, 0)
+        self._events = []
+        return hello
+
+    def close(self) -> None:
+        """Give the transport back."""
+        self.transport.close()
+
+    def exchange(self, command: Command, tries: int = TRIES, moves: bool = False) -> Reply:
+        """Send a command until it is answered; the device carries each number out once.
+
+        All tries are the same line: the age of an order is counted from the first.
+
+        Args:
+            command: what to send.
+            tries: how often.
+            moves: whether something may move by it: then it is not sent after a pause of this
+                computer, also to a device that does not know the age of orders.
+
+        Raises:
+            LinkLost: no answer to any try.
+            HostPaused: this computer stood still meanwhile, and the order moves something; or it
+                did so since the order before, and this one was refused as late.
+        """
+        before_s = self._gaps.longest_s
+        self._gaps.begin(self._clock())
+        aged = self._version > 1 and not isinstance(command, AskPlate | Stop)
+        # After a pause, samples that waited in a buffer are read with old times. Orders to arm and
+        # to turn stay that old, so that a stop on the way outdates them.
+        paused = before_s > FRESH_S and not isinstance(command, Arm | SetPwm)
+        if aged and (paused or self._clock() > self._device_read_s + FRESH_S):
+            self._converse(AskPlate(), tries)  # Its answer brings the device's time.
+        reply = self._converse(command, tries, moves)
+        if too_old(reply.reason) and before_s > OLDEST_S:
+            raise HostPaused(before_s, OLDEST_S)
+        return reply
+
+    def _converse(self, command: Command, tries: int, moves: bool = False) -> Reply:
+        if moves:
+            self._raise_if_paused()
+        number = self._number = self._number + 1
+        if self._version > 1:
+            line = frame_command(number, command, self._device_us)
+        else:
+            number = (number - 1) % LAST_NUMBER_1 + 1
+            line = frame_version_1(number, command)
+        self._replies.clear()
+        for _ in range(tries):
+            reply = self._try(number, line, ANSWER_S)
+            if moves or (reply is not None and reply.reason.startswith(LATE)):
+                self._raise_if_paused()
+            if reply is not None:
+                return reply
+        raise LinkLost(
+            f"{self._address} did not answer {','.join(fields_of(command))!r} in {tries} tries of "
+            f"{1000.0 * ANSWER_S:.0f} ms; the device should stop its motors by its watchdog; check "
+            f"cable and power, then start again"
+        )
+
+    def halt(self) -> None:
+        """Send a stop without waiting for its answer; another thread may be in an exchange.
+
+        Raises:
+            LinkLost: the other end went away or takes nothing.
+        """
+        if self._version == 1:
+            # Far from the numbers in use: a device of version 1 carries no number out twice.
+            far = (self._number + LAST_NUMBER_1 // 2) % LAST_NUMBER_1 + 1
+            self.transport.write(frame_version_1(far, Stop()))
+        else:
+            self.transport.write(frame_command(0, Stop()))
+
+    def pump(self, timeout_s: float) -> bool:
+        """Send a heartbeat when one is due and take what arrives within a short wait.
+
+        Returns:
+            whether anything arrived.
+        """
+        now_s = self._clock()
+        self._gaps.note(now_s)
+        if now_s - self._sent_s >= HEARTBEAT_S:
+            self._send(HEARTBEAT)
+        data = self.transport.read(min(timeout_s, LONGEST_WAIT_S))
+        self._gaps.note(self._clock())
+        if not data:
+            return False
+        if len(self._heard) < _SHOWN_BYTES:
+            self._heard = (self._heard + data)[:_SHOWN_BYTES]
+        batch = self._decoder.feed(data)
+        lost, corrupt, repeated = self._losses
+        self._losses = lost + batch.lost, corrupt + batch.corrupt, repeated + batch.repeated
+        arrived_s = self._clock()
+        for message in batch.messages:
+            self._sort(message)
+        if len(batch.device_time_us):
+            self._note_time(str(int(batch.device_time_us[-1]) % TIME_MODULUS_US))
+            self._take(arrived_s, batch)
+        return True
+
+    def take_events(self) -> list[Event]:
+        """Return the device's news since the last call, oldest first."""
+        events, self._events = self._events, []
+        return events
+
+    def take_losses(self) -> tuple[int, int, int]:
+        """Return lost samples, corrupt lines and repeated samples since the last call."""
+        losses, self._losses = self._losses, (0, 0, 0)
+        return losses
+
+    def _try(self, number: int, line: bytes, wait_s: float) -> Reply | None:
+        self._send(line)
+        deadline_s = self._clock() + wait_s
+        while True:
+            if number in self._replies:
+                return self._replies.pop(number)
+            left_s = deadline_s - self._clock()
+            if left_s <= 0.0:
+                return None
+            self.pump(left_s)
+
+    def _raise_if_paused(self) -> None:
+        if (paused_s := self._gaps.longest_s) > OLDEST_S:
+            raise HostPaused(paused_s, OLDEST_S)
+
+    def _ask_hello(self) -> Hello:
+        deadline_s = self._clock() + HELLO_S
+        version = PROTOCOL_VERSION
+        while self._clock() < deadline_s:
+            self._number += 1
+            self._reader.begin()
+            self._send(frame_command(self._number, AskHello(version)))
+            try_s = self._clock() + HELLO_TRY_S
+            answered = False
+            while not answered and (left_s := try_s - self._clock()) > 0.0:
+                self.pump(left_s)
+                while self._replies:
+                    number, reply = self._replies.popitem()
+                    if not reply.ok and version == 1:
+                        raise ProtocolError(
+                            f"{self._address} refused the hello: {reply.reason}; update its "
+                            f"firmware"
+                        )
+                    version = version if reply.ok else 1
+                    # On a slow line this answers an earlier try; lines with an index are as good.
+                    answered = number == self._number
+                    indexed = len(reply.fields) > 1
+                    if (answered or indexed) and (hello := self._reader.hello(reply.fields)):
+                        if not answered:
+                            self._device_read_s = -inf  # The next try stops the device once more.
+                        return hello
+        if not self._heard:
+            raise NoDevice(
+                f"{self._address} is open, but nothing answered for {HELLO_S:g} s; check power, "
+                f"firmware and baud rate (`benchtool doctor` tries each cause)"
+            )
+        raise ProtocolError(f"{self._address} {not_a_bench(self._heard, self._address)}")
+
+    def _note_time(self, text: str) -> None:
+        """Note a device time that was read, unless it is older than what is known."""
+        if not (text.isdecimal() and int(text) < TIME_MODULUS_US):
+            return
+        first = self._device_read_s == -inf
+        if first or signed_step(int(text), self._device_us, TIME_MODULUS_US) > 0:
+            self._device_us, self._device_read_s = int(text), self._clock()
+
+    def _send(self, data: bytes) -> None:
+        self.transport.write(data)
+        self._sent_s = self._clock()
+
+    def _sort(self, message: Message) -> None:
+        letter, fields = message.letter, message.fields
+        if letter == "A" and len(fields) >= 2 and fields[0].isdecimal():
+            self._note_time(fields[1])
+            self._replies[int(fields[0])] = Reply(True, fields=fields[2:])
+        elif letter == "N" and len(fields) >= 2 and fields[0].isdecimal():
+            # In version 1 a refusal carries no time.
+            aged = len(fields) > 2 and fields[1].isdecimal()
+            if aged:
+                self._note_time(fields[1])
+            self._replies[int(fields[0])] = Reply(False, ",".join(fields[1 + aged :]))
+        elif letter == "H":
+            self._reader.take(fields)
+        elif letter == "E" and fields:
+            event = Event(fields[0], ",".join(fields[1:]))
+            if event.kind == "busy":
+                raise PortBusy(f"{self._address} is in use by {event.text}; end that and try again")
+            self._events.append(event)

@@ -1,0 +1,254 @@
+"""What a device says of itself when it is asked: the hello, as a value and as text lines."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from math import nan
+
+from benchtool.bench.bench import Identity
+from benchtool.bench.serial.commands import PROTOCOL_VERSION
+from benchtool.bench.serial.link import MAX_LINE_BYTES, crc16
+from benchtool.core.channel import Channel
+from benchtool.core.errors import InputError, ProtocolError
+
+Fields = tuple[str, ...]
+
+UNLIMITED_BAUD = 0
+"""The baud rate of a link that has none: USB CDC, TCP, a pseudo-terminal."""
+
+SPOKEN = ("1", "2")
+"""Protocol versions that a host understands."""
+
+LARGEST_SPEED = 1000.0
+"""Fastest virtual bench."""
+
+UNPROTECTED = (
+    "the device speaks protocol version 1 and is unprotected against late orders: one that the "
+    "link holds back may turn its motors again after a stop; stay clear until its power is off, "
+    "or update its firmware"
+)
+"""What is said before such a device is armed."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Hello:
+    """Say who the device is and what it streams.
+
+    Attributes:
+        device_id: the device's own unchanging name (serial number).
+        firmware: name and version in the device's words.
+        n_rotors: how many motors can be commanded.
+        channels: (c,) what a sample carries, in order.
+        channel_rates_Hz: (c,) how often each channel has a new value.
+        rate_Hz: stream rate that the device proposes.
+        limits: device-side limits by name (`thrust_N`, `rpm`, `voltage_min_V` ...).
+        pwm_stop_us: pulse at which the motors stand still.
+        pwm_idle_us: longest pulse at which the plate may move.
+        watchdog_s: the motors stop after so long without a valid line, wall time.
+        moves_plate: whether the device moves the plate itself.
+        simulated: True when no physical motor turns.
+        frame_bytes: longest sample frame, for the arithmetic of rate against baud.
+        baud: what the device's serial port runs at, 0 where the link has no baud rate.
+        speed: device seconds per wall second; 1 on every physical device.
+        has_loop: a control loop on the device makes the pulses once it is armed.
+        facts: anything else worth keeping with a run.
+        version: protocol version.
+    """
+
+    device_id: str
+    firmware: str
+    n_rotors: int
+    channels: tuple[Channel, ...]
+    channel_rates_Hz: tuple[float, ...]
+    rate_Hz: float
+    limits: Mapping[str, float]
+    pwm_stop_us: float
+    pwm_idle_us: float
+    watchdog_s: float = 0.25
+    moves_plate: bool = True
+    simulated: bool = False
+    frame_bytes: int = 128
+    baud: int = UNLIMITED_BAUD
+    speed: float = 1.0
+    has_loop: bool = False
+    facts: Mapping[str, str] = field(default_factory=dict)
+    version: int = PROTOCOL_VERSION
+
+    @property
+    def channel_hash(self) -> str:
+        """The CRC of the channel map, which a device of version 2 repeats when it is armed."""
+        return channel_hash(self.channels)
+
+    def identity(self, address: str, rate_Hz: float) -> Identity:
+        """Return the identity of a bench that was opened at `address`."""
+        facts = dict(self.facts)
+        if self.speed != 1.0:
+            facts["speed"] = f"{self.speed:g}"
+        if self.version < 2:
+            facts["warning"] = UNPROTECTED
+        facts["pwm_stop_us"] = f"{self.pwm_stop_us:g}"
+        facts["pwm_idle_us"] = f"{self.pwm_idle_us:g}"
+        return Identity(
+            address=address,
+            device_id=self.device_id,
+            firmware=self.firmware,
+            protocol=f"benchtool-{self.version}",
+            channels=self.channels,
+            rate_Hz=rate_Hz,
+            n_rotors=self.n_rotors,
+            simulated=self.simulated,
+            moves_plate=self.moves_plate,
+            limits=dict(self.limits),
+            watchdog_s=self.watchdog_s,
+            channel_rates_Hz=self.channel_rates_Hz,
+            has_loop=self.has_loop,
+            pwm_stop_us=self.pwm_stop_us,
+            pwm_idle_us=self.pwm_idle_us,
+            speed=self.speed,
+            orders_protected=self.version >= 2,
+            channel_hash=self.channel_hash,
+            facts=facts,
+        )
+
+
+def hello_lines(hello: Hello) -> tuple[Fields, ...]:
+    """Return the hello as lines of fields, in the order in which they are sent."""
+    lines: list[Fields] = [
+        ("protocol", str(hello.version)),
+        ("device", hello.device_id),
+        ("firmware", hello.firmware),
+        ("rotors", str(hello.n_rotors)),
+        ("pwm", f"{hello.pwm_stop_us:g}", f"{hello.pwm_idle_us:g}"),
+        ("rate", f"{hello.rate_Hz:g}"),
+        ("watchdog", f"{1000.0 * hello.watchdog_s:g}"),
+        ("plate", str(int(hello.moves_plate))),
+        ("simulated", str(int(hello.simulated))),
+        ("frame", str(hello.frame_bytes)),
+        ("baud", str(hello.baud)),
+        ("speed", f"{hello.speed:g}"),
+    ]
+    if hello.has_loop:
+        lines.append(("loop", "1"))
+    for channel, rate_Hz in zip(hello.channels, hello.channel_rates_Hz, strict=True):
+        lines.append(("channel", channel.name, channel.unit, f"{rate_Hz:g}"))
+    lines += [("limit", name, f"{value:.9g}") for name, value in hello.limits.items()]
+    lines += [("fact", name, text) for name, text in hello.facts.items()]
+    return tuple(lines)
+
+
+def channel_hash(channels: Sequence[Channel]) -> str:
+    """Return the CRC of a channel map, names and units in order, as four hexadecimal digits."""
+    lines = (f"{channel.name},{channel.unit}\n" for channel in channels)
+    return f"{crc16(''.join(lines).encode('ascii', 'replace')):04X}"
+
+
+_NEEDED = ("protocol", "device", "firmware", "rotors", "pwm", "rate", "channel")
+_COUNTS = {"channel": 3, "limit": 2, "fact": 2, "pwm": 2}
+_LONGEST_TEXT = 100
+
+
+def hello_from(lines: Iterable[Sequence[str]]) -> Hello:
+    """Read a hello from its lines; unknown keys are skipped, so that later versions can add some.
+
+    Raises:
+        ProtocolError: another protocol version, a line that is missing, or a value out of range.
+    """
+    single: dict[str, Sequence[str]] = {}
+    channels: list[Channel] = []
+    rates_Hz: list[float] = []
+    limits: dict[str, float] = {}
+    facts: dict[str, str] = {}
+    for line in lines:
+        key, fields = line[0], line[1:]
+        if len(fields) < _COUNTS.get(key, 1):
+            raise _wrong(f"the line {','.join(line)!r} has too few fields")
+        if not all(text.isprintable() for text in line):
+            raise _wrong(f"the line {','.join(line)!r} holds what cannot be printed")
+        if key == "channel":
+            channels.append(_channel(fields[0], fields[1]))
+            rates_Hz.append(_number(f"rate of {fields[0]}", fields[2], 0.0, 1e6))
+        elif key == "limit":
+            # A stage may reach its zero and have no room sideways; no other limit can be 0.
+            low = 0.0 if fields[0].startswith("plate_") else 1e-9
+            limits[fields[0]] = _number(f"limit {fields[0]}", fields[1], low, 1e9)
+        elif key == "fact":
+            facts[fields[0]] = fields[1]
+        else:
+            single[key] = fields
+    _check(single, channels)
+    # What may be left out.
+    told: dict[str, Sequence[str]] = {"watchdog": ["250"], "plate": ["0"], "simulated": ["0"]}
+    told |= {"frame": ["128"], "baud": [str(UNLIMITED_BAUD)], "speed": ["1"]}
+    told |= {"loop": ["0"]} | single
+    stop_us = _number("stop pulse", told["pwm"][0], 0.0, 20e3)
+    return Hello(
+        version=int(told["protocol"][0]),
+        device_id=_text("device", told["device"][0]),
+        firmware=_text("firmware", told["firmware"][0]),
+        n_rotors=_whole("rotors", told["rotors"][0], 1, 64),
+        pwm_stop_us=stop_us,
+        pwm_idle_us=_number("idle pulse", told["pwm"][1], stop_us, 20e3),
+        rate_Hz=_number("rate", told["rate"][0], 0.01, 1e6),
+        watchdog_s=_number("watchdog", told["watchdog"][0], 100.0, 10e3) / 1000.0,
+        moves_plate=_whole("plate", told["plate"][0], 0, 1) == 1,
+        simulated=_whole("simulated", told["simulated"][0], 0, 1) == 1,
+        frame_bytes=_whole("frame", told["frame"][0], 8, MAX_LINE_BYTES),
+        baud=_whole("baud", told["baud"][0], 0, 100_000_000),
+        speed=_number("speed", told["speed"][0], 0.001, LARGEST_SPEED),
+        has_loop=_whole("loop", told["loop"][0], 0, 1) == 1,
+        channels=tuple(channels),
+        channel_rates_Hz=tuple(rates_Hz),
+        limits=limits,
+        facts=facts,
+    )
+
+
+def _check(single: Mapping[str, Sequence[str]], channels: Sequence[Channel]) -> None:
+    """Refuse another version, lines that are missing, and channels that come twice."""
+    spoken = single.get("protocol", ("none",))[0]
+    if spoken not in SPOKEN:
+        raise ProtocolError(
+            f"the device speaks protocol version {spoken[:20]}, this program versions "
+            f"{' and '.join(SPOKEN)}; update the older of the two"
+        )
+    found = {*single, *(("channel",) if channels else ())}
+    if missing := [key for key in _NEEDED if key not in found]:
+        raise _wrong(f"it has no line {missing[0]!r}; it needs: {', '.join(_NEEDED)}")
+    names = [channel.name for channel in channels]
+    if twice := {name for name in names if names.count(name) > 1}:
+        raise _wrong(f"channel {min(twice)!r} comes twice")
+
+
+def _channel(name: str, unit: str) -> Channel:
+    try:
+        return Channel(name, unit)
+    except InputError as error:
+        raise _wrong(str(error)) from error
+
+
+def _text(key: str, text: str) -> str:
+    if not 0 < len(text) <= _LONGEST_TEXT:
+        raise _wrong(f"{key} is {text[:20]!r}, not a text of 1 to {_LONGEST_TEXT} characters")
+    return text
+
+
+def _number(key: str, text: str, low: float, high: float) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = nan
+    if not low <= value <= high:
+        raise _wrong(f"{key} is {text[:20]!r}, not a number from {low:g} to {high:g}")
+    return value
+
+
+def _whole(key: str, text: str, low: int, high: int) -> int:
+    value = _number(key, text, low, high)
+    if value != int(value):
+        raise _wrong(f"{key} is {text[:20]!r}, not a whole number")
+    return int(value)
+
+
+def _wrong(what: str) -> ProtocolError:
+    return ProtocolError(f"the device's hello makes no sense: {what}; update its firmware")

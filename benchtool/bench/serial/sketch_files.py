@@ -1,0 +1,71 @@
+"""The bench firmware as files: the C sources in `sketch/` with a rig's numbers filled in."""
+
+from __future__ import annotations
+
+import re
+from importlib import resources
+
+from benchtool import __version__
+from benchtool.bench.serial.board import Board
+from benchtool.bench.serial.esc_pulses import refuse_pulses_outside
+from benchtool.core.errors import InputError
+from benchtool.core.rig import Rig
+
+MOST_MOTORS = 2
+"""Pulse outputs of the one 16-bit timer (data sheet ATmega328P, chapter 16: OC1A and OC1B)."""
+
+SHORTEST_US, LONGEST_US = 500.0, 2500.0
+"""Pulses that an ESC could mean; a choice, hobby ESCs and servos stay within."""
+
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,31}")
+
+
+def sketch_files(board: Board, rig: Rig, device_id: str, folder: str) -> dict[str, str]:
+    """Return the text of every file of the firmware by its name.
+
+    Args:
+        board: what it shall run on.
+        rig: motors, pulses and limits.
+        device_id: the device's own unchanging name.
+        folder: name of the folder that will hold them; an Arduino sketch is named after it.
+
+    Raises:
+        InputError: a name that cannot be one, or a rig that the board cannot drive.
+    """
+    for what, name in (("device name", device_id), ("folder name for a sketch", folder)):
+        if not _NAME.fullmatch(name):
+            raise InputError(
+                f"{name!r} cannot be a {what}; take 1 to 32 letters, digits, - and _, a letter or "
+                f"digit first"
+            )
+    numbers = {**_rig_numbers(board, rig), "DEVICE": device_id}
+    numbers |= {"MCU": board.mcu, "F_CPU": str(board.clock_Hz)}
+    numbers |= {"UPLOAD_BAUD": str(board.upload_baud), "VERSION": __version__}
+    files = {}
+    for item in (resources.files("benchtool") / "library" / "sketch").iterdir():
+        name = f"{folder}.ino" if item.name == "sketch.ino" else item.name
+        text = item.read_text(encoding="utf-8")
+        files[name] = re.sub(r"@([A-Z_]+)@", lambda found: numbers[found[1]], text)
+    return dict(sorted(files.items()))
+
+
+def _rig_numbers(board: Board, rig: Rig) -> dict[str, str]:
+    pulse, limits = rig.propulsion, rig.limits
+    if rig.n_rotors > MOST_MOTORS:
+        raise InputError(
+            f"rig {rig.name} has {rig.n_rotors} motors, and the timer of board {board.name} makes "
+            f"pulses for {MOST_MOTORS}; take a rig with 1 or {MOST_MOTORS} rotors"
+        )
+    range_us = f"ESC pulses lie from {SHORTEST_US:g} to {LONGEST_US:g} us"
+    refuse_pulses_outside(rig, SHORTEST_US, LONGEST_US, range_us)
+    return {
+        "BOARD": board.name,
+        "RIG": rig.name,
+        "MOTORS": str(rig.n_rotors),
+        "PWM_STOP": f"{pulse.pwm_stop_us:g}",
+        "PWM_IDLE": f"{max(pulse.pwm_stop_us, pulse.pwm_start_us):g}",
+        "LIMIT_PWM": f"{limits.pwm_us:g}",
+        "LIMIT_THRUST": f"{min(limits.thrust_N, limits.load_cell_rating_N):g}",
+        "LIMIT_RPM": f"{limits.rpm:g}",
+        "LIMIT_VOLTAGE": f"{limits.voltage_min_V:g}",
+    }

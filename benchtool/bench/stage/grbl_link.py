@@ -1,0 +1,268 @@
+"""One conversation with a GRBL 1.1 stage: lines answered by `ok`, states asked for, silences."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+from benchtool.bench.doctor.strangers import knocked, not_a_stage
+from benchtool.bench.stage.grbl_settings import GrblSettings
+from benchtool.bench.stage.grbl_words import (
+    HOLD,
+    RESET,
+    SETTINGS,
+    STATUS,
+    Alarm,
+    Banner,
+    Ear,
+    Error,
+    Note,
+    Ok,
+    Other,
+    Report,
+    Setting,
+    Word,
+)
+from benchtool.bench.stage.stage import Pause
+from benchtool.bench.transport.transport import Transport
+from benchtool.core.errors import NoDevice, ProtocolError, StageError
+
+WAKE_S = 5.0
+"""Boards that reset when their port is opened take 1 to 2 s to boot; a margin on that."""
+
+WAKE_TRY_S = 1.0
+ANSWER_S = 2.0
+"""GRBL answers in milliseconds (95 % in 13 ms) except while homing; a longer silence is a fault."""
+
+LISTEN_S = 0.02
+AFTER_BANNER_S = 0.1
+"""The word that G-code is locked follows the banner at once."""
+
+ASK_S = 0.2
+SETTINGS_TRIES = 3
+MOST_REPORTS = 40
+"""The work offset comes in every 10th to 30th report (Grbl 1.1 configuration)."""
+
+_SHOWN_BYTES = 200
+
+
+class GrblLink:
+    """Talk to a stage.
+
+    Attributes:
+        locked: it takes no G-code before it is unlocked or homed.
+        homed: it knows where it stands.
+        unanswered: a line was sent that has no answer; half of it may wait there for the rest.
+
+    Args:
+        transport: carries the bytes.
+        clock: monotonic seconds.
+        name: of the stage, for messages.
+    """
+
+    def __init__(self, transport: Transport, clock: Callable[[], float], name: str) -> None:
+        self.locked = False
+        self.homed = False
+        self.unanswered = False
+        self.name = name
+        self._transport = transport
+        self._clock = clock
+        self._ear = Ear()
+        self._heard = b""
+
+    def open(self) -> None:
+        """Open the port; nothing is said yet."""
+        self._transport.open()
+        self.locked = self.homed = self.unanswered = False
+
+    def close(self) -> None:
+        """Give the port back."""
+        self._transport.close()
+
+    def send(self, data: bytes) -> None:
+        """Send bytes that have no answer of their own."""
+        self._transport.write(data)
+
+    def wake(self) -> None:
+        """Reset the stage until it says its name.
+
+        Raises:
+            NoDevice: it says nothing.
+            ProtocolError: it says something else.
+        """
+        self._heard = b""
+        deadline_s = self._clock() + WAKE_S
+        while self._clock() < deadline_s:
+            self._transport.write(RESET)
+            try_s = min(self._clock() + WAKE_TRY_S, deadline_s)
+            while self._clock() < try_s:
+                if any(isinstance(word, Banner) for word in self._hear()):
+                    self.unanswered = False
+                    return
+        self._heard = self._heard or knocked(self._transport, self._clock)
+        if self._heard:
+            raise ProtocolError(f"{self.name} {not_a_stage(self._heard)}")
+        raise NoDevice(
+            f"{self.name} did not answer a reset within {WAKE_S:g} s; check its power, port and "
+            f"baud rate (GRBL: 115200)"
+        )
+
+    def order(self, line: bytes, what: str, longest_s: float, pause: Pause) -> None:
+        """Send a line and wait for its `ok`, in silence if need be."""
+        self._collect(line, what, longest_s, pause)
+
+    def settings(self, pause: Pause) -> GrblSettings:
+        """Return the numbered settings; asked again where noise has eaten a line."""
+        found: dict[int, float] = {}
+        for tries_left in reversed(range(SETTINGS_TRIES)):
+            try:
+                words = self._collect(SETTINGS, "a question for its settings", ANSWER_S, pause)
+            except StageError:
+                if not tries_left:
+                    raise
+                continue
+            found |= {word.number: word.value for word in words if isinstance(word, Setting)}
+            if not any(isinstance(word, Other) for word in words):
+                break
+        return GrblSettings(found)
+
+    def _collect(self, line: bytes, what: str, longest_s: float, pause: Pause) -> list[Word]:
+        """Send a line and return all that is said until its `ok`."""
+        self._throw_away(what)
+        self._send_line(line)
+        said: list[Word] = []
+        deadline_s = self._clock() + longest_s
+        while self._clock() < deadline_s:
+            pause(LISTEN_S)
+            for word in self._hear():
+                self._raise_for(word, what)
+                if isinstance(word, Ok):
+                    self.unanswered = False
+                    return said
+                said.append(word)
+        raise self.given_up(what, longest_s)
+
+    def watched(self, line: bytes, what: str, pause: Pause) -> Iterator[Report]:
+        """Send a line and give every report from then on, asking all the while; never ends.
+
+        The line's `ok` proves nothing that the reports do not: it may be lost, and noise that
+        ends a line twice makes two of them.
+
+        Raises:
+            StageError: refused, alarmed, started anew, or silent for `ANSWER_S`.
+        """
+        self._send_line(line)
+        heard_s = asked_s = self._clock()
+        while True:
+            if self._clock() - heard_s > ANSWER_S:
+                self._transport.write(HOLD)  # it may hear what it cannot answer
+                raise self.given_up(what, ANSWER_S)
+            if self._clock() - asked_s >= ASK_S:
+                asked_s = self._clock()
+                self._transport.write(STATUS)
+            pause(LISTEN_S)
+            for word in self._hear():
+                self._raise_for(word, what)
+                if isinstance(word, Ok):
+                    self.unanswered = False
+                if isinstance(word, Report):
+                    heard_s = self._clock()
+                    yield word
+
+    def listen(self, seconds: float, what: str, pause: Pause) -> None:
+        """Raise for what is said of alarms and restarts within so long."""
+        until_s = self._clock() + seconds
+        while self._clock() < until_s:
+            pause(LISTEN_S)
+            for word in self._hear():
+                self._raise_for(word, what)
+
+    def ask(self, pause: Pause) -> Report:
+        """Return a status report; asked again every `ASK_S`, as a byte may be lost."""
+        what = "a question for its state"
+        self._throw_away(what)
+        deadline_s = self._clock() + ANSWER_S
+        while (asked_s := self._clock()) < deadline_s:
+            self._transport.write(STATUS)
+            while self._clock() - asked_s < ASK_S:
+                for word in self._hear():
+                    self._raise_for(word, what)
+                    if isinstance(word, Report):
+                        return word
+                pause(LISTEN_S)
+        raise self.given_up(what, ANSWER_S)
+
+    def position_mm(self, pause: Pause) -> dict[str, float]:
+        """Return the machine position by axis letter; asks until it can be known."""
+        for _ in range(MOST_REPORTS):
+            place = self.place_mm(self.ask(pause))
+            if place is not None:
+                return place
+        raise StageError(
+            f"{self.name} reports work positions without their offset; set $10=1 (machine "
+            f"position) and start again"
+        )
+
+    def place_mm(self, report: Report) -> dict[str, float] | None:
+        """Return the machine position in a report by axis letter, None while it cannot be known."""
+        place = self._ear.machine_mm(report)
+        return None if place is None else dict(zip("XYZABC", place, strict=False))
+
+    def given_up(self, what: str, silent_s: float) -> StageError:
+        """Return the error of a stage that says nothing; where it stands is not known any more."""
+        self.homed, self.unanswered = False, True
+        return StageError(
+            f"{self.name} answered nothing to {what} for {silent_s:.0f} s and is given up; switch "
+            f"it off and on, then start again"
+        )
+
+    def _send_line(self, line: bytes) -> None:
+        self.unanswered = True
+        self._transport.write(line)
+
+    def _throw_away(self, what: str) -> None:
+        """Take what is left of earlier answers, so that it is not taken for that of the next."""
+        for word in self._hear(0.0):
+            self._raise_for(word, what)
+
+    def _hear(self, timeout_s: float = LISTEN_S) -> list[Word]:
+        data = self._transport.read(timeout_s)
+        if len(self._heard) < _SHOWN_BYTES:
+            self._heard = (self._heard + data)[:_SHOWN_BYTES]
+        words = self._ear.feed(data)
+        for word in words:
+            if isinstance(word, Banner):
+                words += self._after_banner()
+                break
+        for word in words:
+            if isinstance(word, Note) and word.locked:
+                self.locked = True
+            elif isinstance(word, Alarm) and word.loses_position:
+                self.homed = False
+        return words
+
+    def _after_banner(self) -> list[Word]:
+        """Listen for what follows a banner; without word of a lock there is none."""
+        self.locked = False
+        until_s = self._clock() + AFTER_BANNER_S
+        words: list[Word] = []
+        while self._clock() < until_s:
+            words += self._ear.feed(self._transport.read(LISTEN_S))
+        return words
+
+    def _raise_for(self, word: Word, what: str) -> None:
+        """Turn a refusal, an alarm or a restart into an error; the stage is woken from alarms."""
+        if isinstance(word, Error):
+            self.unanswered = False
+            raise StageError(f"{self.name} refused {what}: {word}")
+        if isinstance(word, Alarm):
+            # After a limit it answers nothing until it is reset.
+            self.wake()
+            raise StageError(f"{self.name} stopped during {what}: {word}")
+        if isinstance(word, Report) and word.state == "Alarm":
+            raise StageError(f"{self.name} is locked by an alarm during {what}; home it")
+        if isinstance(word, Banner):
+            self.homed = False
+            raise StageError(
+                f"{self.name} started anew during {what} and lost its position; check its power "
+                f"and its emergency stop, then start again"
+            )

@@ -1,0 +1,154 @@
+"""The seam for moving the plate: by the device itself, by a G-code stage, or by hand."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+from typing import Protocol
+
+from benchtool.bench.bench import Bench
+from benchtool.core.errors import StageError
+from benchtool.core.rig import PlateStage
+
+Pause = Callable[[float], None]
+"""pause(s): wait about so long; whoever moves the plate calls it instead of sleeping, so that the
+bench is listened to meanwhile."""
+
+
+RULER_M = 0.002
+"""How far what a person measures may be from a reading. A choice, two marks of a ruler."""
+
+
+class Stage(Protocol):
+    """Move the plate; every method blocks until it is done or has failed."""
+
+    @property
+    def facts(self) -> Mapping[str, str | float]:
+        """What moves the plate, for the run's metadata; `stage` is the `--stage` to say again."""
+        ...
+
+    @property
+    def measures_to_m(self) -> float:
+        """How far its word may be from a reading beyond what the rig allows."""
+        ...
+
+    def open(self) -> None:
+        """Get ready; homes where that is needed.
+
+        Raises:
+            LinkError: the stage's port cannot be had.
+            StageError: it answers, but cannot be made ready.
+        """
+        ...
+
+    def move(self, z_m: float, x_m: float, tilt_rad: float, pause: Pause) -> float:
+        """Move to a distance, lateral position and tilt; return the distance that was reached: m.
+
+        Raises:
+            StageError: it refused, alarmed, or did not arrive in time.
+        """
+        ...
+
+    def hold(self) -> None:
+        """Stop moving at once, where it is."""
+        ...
+
+    def close(self) -> None:
+        """Let go; safe to call twice, never raises."""
+        ...
+
+
+class DeviceStage:
+    """Let the bench move its own plate."""
+
+    facts: Mapping[str, str | float] = MappingProxyType({"stage": "device"})
+    measures_to_m = 0.0
+
+    def __init__(self, bench: Bench) -> None:
+        self._bench = bench
+
+    def open(self) -> None:
+        """Do nothing: the bench is opened by whoever owns it."""
+
+    def move(self, z_m: float, x_m: float, tilt_rad: float, pause: Pause) -> float:
+        self._bench.move_plate(z_m, x_m, tilt_rad)
+        return z_m
+
+    def hold(self) -> None:
+        self._bench.stop()
+
+    def close(self) -> None:
+        """Do nothing, as in `open`."""
+
+
+class HandStage:
+    """Let the operator move the plate and check what they say.
+
+    Args:
+        ask: shows a question and returns the answer.
+        plate: least and greatest distance.
+        tolerance_m: how far the distance typed in may be from the one asked for.
+        tries: how often a wrong answer is asked again.
+    """
+
+    facts: Mapping[str, str | float] = MappingProxyType({"stage": "hand"})
+    measures_to_m = RULER_M
+
+    def __init__(
+        self,
+        ask: Callable[[str], str],
+        plate: PlateStage,
+        tolerance_m: float = 0.005,
+        tries: int = 3,
+    ) -> None:
+        self._ask = ask
+        self._plate = plate
+        self._tolerance_m = tolerance_m
+        self._tries = tries
+
+    def open(self) -> None:
+        """Do nothing: there is no port."""
+
+    def move(self, z_m: float, x_m: float, tilt_rad: float, pause: Pause) -> float:
+        """Ask for the distance that was set, in millimetres as a ruler shows it."""
+        place = f"{1e3 * z_m:.1f} mm"
+        if x_m:
+            place += f", {1e3 * x_m:+.1f} mm sideways"
+        if tilt_rad:
+            place += f", tilted {57.29577951308232 * tilt_rad:+.1f} degrees"
+        question = f"Move the plate to {place}, then type the distance that you measure in mm: "
+        problem = ""
+        for _ in range(self._tries):
+            answer = self._ask(problem + question).strip().removesuffix("mm").strip()
+            try:
+                measured_m = 1e-3 * float(answer.replace(",", "."))
+            except ValueError:
+                problem = f"{answer!r} is not a number. "
+                continue
+            problem = self._problem(measured_m, z_m)
+            if not problem:
+                return measured_m
+        raise StageError(
+            f"the plate was not set to {1e3 * z_m:.1f} mm after {self._tries} tries: "
+            f"{problem.strip() or 'no number was typed'}; set it and start again"
+        )
+
+    def hold(self) -> None:
+        """Do nothing: nobody pushes."""
+
+    def close(self) -> None:
+        """Do nothing, as in `open`."""
+
+    def _problem(self, measured_m: float, asked_m: float) -> str:
+        low_m, high_m = self._plate.z_min_m, self._plate.z_max_m
+        if not low_m <= measured_m <= high_m:
+            return (
+                f"{1e3 * measured_m:.1f} mm is outside {1e3 * low_m:.1f} to {1e3 * high_m:.1f} mm. "
+            )
+        off_m = measured_m - asked_m
+        if abs(off_m) > self._tolerance_m:
+            return (
+                f"{1e3 * measured_m:.1f} mm is {1e3 * abs(off_m):.1f} mm off, tolerance "
+                f"{1e3 * self._tolerance_m:.1f} mm. "
+            )
+        return ""

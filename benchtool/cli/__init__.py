@@ -1,1 +1,0 @@
-"""The command line: one file per command, none of them with a heavy import at its top."""

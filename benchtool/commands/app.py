@@ -1,0 +1,237 @@
+"""The command line's entry: the table of commands and the one boundary where errors end.
+
+A command is a module of its name in this package with a function ``command`` (and a ``Parser``
+where words are taken in a way of its own), or, where it has subcommands, a ``typer.Typer`` named
+``app``. Only the module of the command that was asked for is imported; the others
+appear in the help by their line in `COMMANDS`.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import sys
+from collections.abc import Callable, Sequence
+from importlib import import_module
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperGroup
+
+from benchtool import __version__
+from benchtool.commands.terminal.exhausted_output import exhaustion_behind, flush_output, say_error
+from benchtool.core.errors import BenchtoolError, InputError, UnknownChoice
+from benchtool.core.user_file import shown_name
+
+COMMANDS: dict[str, str] = {
+    "demo": "Sweep two virtual benches, fit, and write a report",
+    "sweep": "Sweep plate distance and throttle into a run folder",
+    "record": "Record a pitch experiment from a bench into a run folder",
+    "runs": "Close runs whose program ended before it could",
+    "calibrate": "Calibrate a load cell with known masses",
+    "recalibrate": "Apply a calibration to a run, its raw data untouched",
+    "import": "Import flight logs and other makers' files, every repair told",
+    "fit": "Fit a ground-effect model to run folders or any CSV",
+    "explain": "Name the effect that a model lacks, and show the gap shrink",
+    "report": "Write a report page of a run, fit or recording",
+    "simulate": "Simulate benches and flights near surfaces in closed loop",
+    "web": "Serve a page to watch, sweep, fit and explain in a browser",
+    "bench": "Serve a virtual bench; check a bench before motors spin",
+    "firmware": "Write the firmware that makes an Arduino a rotor bench",
+    "ports": "List serial ports and, with --probe, what answers on them",
+    "doctor": "Explain what keeps a serial port from working",
+    "flow": "Picture the flow below a quadrotor",
+    "rigs": "List rigs, or show one with the source of every number",
+    "models": "List models, or show one with its effects and parameters",
+    "effects": "List physical effects, or show one with law and parameters",
+}
+"""Name of each command, in the order of the help, and its one line there. The line is also the
+first line of the command's docstring."""
+
+REMOVED: dict[str, str] = {
+    "figures": "benchtool report --layout paper takes the same options",
+    "flow export": "benchtool flow picture draws the flow, benchtool flow table prints it",
+    "simulate attitude": "benchtool simulate paper --out FOLDER draws its curve (fig09-attitude)",
+    "simulate pitch --feedforward": "benchtool simulate pitch takes plate distances from the "
+    "schedule, with errors as --set feedforward.height_error_m=0.02 states them",
+    "report --pdf": "benchtool report writes the page, and a browser prints it to a PDF file",
+}
+"""Commands, subcommands and options (``command --option``) of earlier versions, and what does their
+work now."""
+
+_KEYWORDS = {"import": "import_file"}
+"""Commands whose name Python keeps for itself, and the module that holds them."""
+
+_OF_A_NAME = {errno.ENAMETOOLONG, errno.ENOTDIR, errno.EISDIR, errno.EEXIST, errno.ELOOP}
+"""What the system says of a path that cannot be one; where it was typed does not matter."""
+
+UNEXPECTED = 70
+"""Exit code of a fault in benchtool itself (EX_SOFTWARE of BSD's sysexits.h)."""
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command line and leave the process with its exit code.
+
+    Args:
+        arguments: words after the program's name; those of the process when left out.
+    """
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    for stream in (sys.stdout, sys.stderr):
+        # A console that cannot show a character gets a stand-in for it instead of a traceback.
+        if reconfigure := getattr(stream, "reconfigure", None):
+            reconfigure(errors="replace")
+    try:
+        _check_text(words)
+        _refuse_removed(words)
+        code = build(words)(args=words, prog_name="benchtool", standalone_mode=False)
+        flush_output()
+        sys.exit(code if isinstance(code, int) else 0)
+    except typer.TyperException as error:
+        say_error(_describe_misuse(error))
+        sys.exit(error.exit_code)
+    except typer.Abort:
+        say_error("aborted; nothing was answered")
+        sys.exit(1)
+    except BenchtoolError as error:
+        say_error(str(error))
+        sys.exit(error.exit_code)
+    except KeyboardInterrupt:
+        sys.exit(130)
+    except Exception as error:
+        if os.environ.get("BENCHTOOL_DEBUG"):
+            raise
+        if isinstance(error, OSError) and error.errno in _OF_A_NAME and error.filename:
+            said = (error.strerror or "it cannot be used").lower()
+            say_error(f"{shown_name(error.filename)}: {said}; name another")
+            sys.exit(InputError.exit_code)
+        if (exhausted := exhaustion_behind(error)) is not None:
+            say_error(str(exhausted))
+            sys.exit(exhausted.exit_code)
+        say_error(_describe_fault(error))
+        sys.exit(UNEXPECTED)
+
+
+def _check_text(words: Sequence[str]) -> None:
+    """Refuse a word that is no UTF-8 text: it could be neither stored nor shown."""
+    for word in words:
+        try:
+            word.encode()
+        except UnicodeEncodeError:
+            shown = word[:60].encode("ascii", "backslashreplace").decode()
+            raise InputError(f"the word {shown} is not UTF-8 text; write it otherwise") from None
+
+
+def _refuse_removed(words: Sequence[str]) -> None:
+    """Refuse what earlier versions had, in a sentence that names what does its work now."""
+    for removed, instead in REMOVED.items():
+        *command, last = removed.split()
+        given = words[len(command) :] if list(words[: len(command)]) == command else []
+        if last in (given if last.startswith("--") else given[:1]):
+            raise InputError(f"benchtool {removed} was removed; {instead}")
+
+
+def build(words: Sequence[str]) -> typer.Typer:
+    """Assemble the application for one invocation, importing at most one command.
+
+    Args:
+        words: words after the program's name; the first that is no option names the command.
+    """
+    app = typer.Typer(
+        cls=_Group,
+        help="Drive rotor test benches near surfaces and fit ground-effect models.",
+        add_completion=False,
+        rich_markup_mode=None,
+        pretty_exceptions_enable=False,
+    )
+    app.callback()(_options)
+    asked = next((word for word in words if not word.startswith("-")), None)
+    if asked is not None and asked not in COMMANDS:
+        raise UnknownChoice("command", asked, COMMANDS)
+    for name, line in COMMANDS.items():
+        if name == asked:
+            _attach(app, name)
+        else:
+            app.command(name, help=line)(_unloaded)
+    return app
+
+
+class _Group(TyperGroup):
+    """A group that shows its help without a word and converts no value on the way to a command.
+
+    A help option that was not given has no value, and to convert that one typer imports pydantic;
+    False needs no conversion.
+    """
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        return super().parse_args(ctx, args or ["--help"])
+
+    def get_help_option(self, ctx: Any) -> Any:
+        option = super().get_help_option(ctx)
+        if option is not None:
+            option.default = False
+        return option
+
+
+def module_of(name: str) -> str:
+    """Return the module that holds a command."""
+    return f"benchtool.commands.{_KEYWORDS.get(name, name)}"
+
+
+def _attach(app: typer.Typer, name: str) -> None:
+    module = import_module(module_of(name))
+    group: typer.Typer | None = getattr(module, "app", None)
+    if group is not None:
+        app.add_typer(group, name=name, cls=_Group, help=COMMANDS[name])
+        return
+    command: Callable[..., Any] = module.command
+    app.command(name, cls=getattr(module, "Parser", None))(command)
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        print(f"benchtool {__version__}")
+        raise typer.Exit
+
+
+def _options(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", callback=_show_version, is_eager=True, help="Show the version and exit."
+        ),
+    ] = False,
+) -> None:
+    """Take the options that stand before any command."""
+
+
+def _unloaded() -> None:
+    """Stand in for a command that was not asked for."""
+
+
+def _describe_misuse(error: typer.TyperException) -> str:
+    """Join what typer says about wrong words into one sentence with the value and a next step."""
+    said = " ".join(error.format_message().split()).rstrip(".?")
+    details = getattr(error.__cause__, "errors", None)  # a ValidationError holds what was given
+    given = f" (given: {details()[0]['input']!r})" if callable(details) else ""
+    context = getattr(error, "ctx", None)
+    command = context.command_path if context is not None else "benchtool"
+    return f"{said}{given}; see {command} --help"
+
+
+def _describe_fault(error: Exception) -> str:
+    """Keep the traceback of a fault of our own in a file and say where it is."""
+    import tempfile
+    import traceback
+
+    try:
+        handle, path = tempfile.mkstemp(prefix="benchtool-fault-", suffix=".txt", text=True)
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            file.write(f"benchtool {__version__}, python {sys.version}\n{sys.argv}\n")
+            traceback.print_exception(error, file=file)
+    except OSError:
+        path = "these words"
+    summary = " ".join(str(error).split())
+    return (
+        f"a fault in benchtool itself, {type(error).__name__}: {summary}; please report it with "
+        f"{path}, or run again with BENCHTOOL_DEBUG=1 to see the traceback"
+    )

@@ -1,0 +1,157 @@
+"""`benchtool calibrate`: known masses on the load cell, a line with its covariance."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final
+
+import typer
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from benchtool.acquire.calibration import Calibration
+
+    Array = NDArray[np.float64]
+
+FIGURES: Final = ("svg", "png")
+
+LONGEST_S = 600.0
+"""Longest average of one mass; a choice, above which drift outweighs noise."""
+
+
+def command(
+    address: Annotated[
+        str, typer.Argument(help="The bench; left out with --from and --device-id.")
+    ] = "",
+    masses: Annotated[
+        str,
+        typer.Option(help="Masses in kg as they will hang, up and down: 0,0.2,0.5,0."),
+    ] = "",
+    source: Annotated[
+        Path | None, typer.Option("--from", help="CSV with columns mass_kg and thrust_raw.")
+    ] = None,
+    device_id: Annotated[str, typer.Option(help="Device of the CSV's counts.")] = "",
+    rig: Annotated[str | None, typer.Option(help="Rig by name, or a rig file.")] = None,
+    lever_ratio: Annotated[
+        float, typer.Option(help="Force on the cell over force at the rotor.")
+    ] = 1.0,
+    gravity: Annotated[float, typer.Option(help="Local gravity, m/s2.")] = 9.80665,
+    seconds: Annotated[float, typer.Option(help="Counts are averaged for so long.")] = 3.0,
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Write the calibration to this new file, too, and its figure beside it."),
+    ] = None,
+) -> None:
+    """Calibrate a load cell with known masses.
+
+    The calibration is kept and used by every run that follows on that device.
+    """
+    from datetime import datetime
+
+    from benchtool.acquire.calibration import calibration_to_dict, fit_calibration
+    from benchtool.core.errors import InputError
+    from benchtool.data.atomic import replace_json
+    from benchtool.data.run.state import remember
+    from benchtool.report.files import refuse_existing
+
+    if (source is None) == (not masses):
+        raise InputError("give either --masses, to hang them now, or --from CSV with counts")
+    if out is not None:
+        refuse_existing([out, *(out.with_suffix(f".{kind}") for kind in FIGURES)])
+    if source is not None:
+        kilograms, counts = _from_csv(source)
+        if not device_id:
+            raise InputError(
+                "which device gave these counts? name it with --device-id (benchtool ports shows "
+                "it, and so does a run's metadata.json)"
+            )
+    else:
+        if not address:
+            raise InputError("which bench? name its address before --masses")
+        kilograms, counts, device_id = _from_bench(address, masses, rig, seconds)
+    calibration = fit_calibration(
+        kilograms,
+        counts,
+        date=datetime.now().astimezone().strftime("%Y-%m-%dT%H%M%S"),
+        device_id=device_id,
+        lever_ratio=lever_ratio,
+        gravity_m_s2=gravity,
+    )
+    _show(calibration)
+    facts = calibration_to_dict(calibration)
+    kept = remember("calibration", device_id, facts)
+    if out is not None:
+        replace_json(out, facts)
+        _draw(facts, out, simulated=address.startswith("sim:"))
+    print(f"kept in {out or kept}; every run on {device_id} uses it from now on")
+
+
+def _draw(facts: Mapping[str, Any], out: Path, *, simulated: bool) -> None:
+    from benchtool.report.files import save_figure
+    from benchtool.report.sweep.calibration_drawn import calibration_drawn
+
+    figure = calibration_drawn(facts, simulated=simulated)
+    for path in save_figure(figure, out.with_suffix(""), FIGURES):
+        print(f"written: {path}")
+
+
+def _from_csv(source: Path) -> tuple[Array, Array]:
+    from benchtool.data.table import read_table
+
+    table = read_table(source, {"mass_kg": "mass_kg", "thrust_raw": "thrust_raw"})
+    return table.column("mass_kg"), table.column("thrust_raw")
+
+
+def _from_bench(
+    address: str, masses: str, rig: str | None, seconds: float
+) -> tuple[Array, Array, str]:
+    import numpy as np
+
+    from benchtool.acquire.calibrate_bench import mean_counts, require_raw_counts
+    from benchtool.acquire.inputs import rig_for
+    from benchtool.bench.address import open_bench
+    from benchtool.commands.terminal.announce_code import announce_code
+    from benchtool.commands.terminal.sweep_operator import LOOK_S, answer_to
+    from benchtool.core.errors import InputError
+    from benchtool.core.input_text import read_numbers
+    from benchtool.core.units import STANDARD_GRAVITY_M_S2
+
+    kilograms = np.array(read_numbers(masses, "--masses", float, None))
+    if not np.isfinite(kilograms).all():
+        raise InputError(f"--masses is {masses!r}, but every number must be finite; correct it")
+    if not 0.0 < seconds <= LONGEST_S:
+        raise InputError(f"--seconds is {seconds:g}; give more than 0 and at most {LONGEST_S:g}")
+    counts = []
+    rating_N = rig_for(address, rig).limits.load_cell_rating_N
+    heaviest_N = float(kilograms.max()) * STANDARD_GRAVITY_M_S2
+    if heaviest_N > rating_N:
+        raise InputError(
+            f"{kilograms.max():g} kg pull with {heaviest_N:.3g} N, the load cell's rating is "
+            f"{rating_N:g} N; leave the heavier masses away"
+        )
+    # Not under the guard of a sweep: thrust without a turning rotor is what is wanted here.
+    with open_bench(address, announce_code) as bench:
+        require_raw_counts(bench)
+        is_virtual = address.startswith("sim:")
+        for kilogram in kilograms:
+            question = f"hang {kilogram:g} kg, wait until it is still, then press Enter: "
+            answer_to(question, None if is_virtual else lambda: bench.read(LOOK_S))
+            found = mean_counts(bench, seconds)
+            print(f"  {found.mean:.1f} counts, +- {found.se:.1f}")
+            counts.append(found.mean)
+        device_id = bench.identity.device_id
+    return kilograms, np.array(counts), device_id
+
+
+def _show(calibration: Calibration) -> None:
+    c = calibration
+    print(f"slope {c.slope_N_per_count:.6g} N per count, +- {100.0 * c.relative_sd:.2g} %")
+    told = "not known, masses went one way only"
+    if c.hysteresis is not None:
+        told = f"{100.0 * c.hysteresis:.3f} % of full scale"
+    print(f"straightness {100.0 * c.straightness:.3f} % of full scale, hysteresis {told}")
+    for kilogram, count, residual_N in zip(c.masses_kg, c.counts, c.residuals_N, strict=True):
+        print(f"  {kilogram:8.4f} kg  {count:14.1f}  {1000.0 * residual_N:+8.2f} mN")

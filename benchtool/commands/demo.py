@@ -1,0 +1,128 @@
+"""`benchtool demo`: the whole story on virtual benches, over a real pseudo-terminal."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+STEPS = 4
+
+
+def command(
+    out: Annotated[
+        Path | None,
+        typer.Option(help="New folder; benchtool-demo, then benchtool-demo-2, when left out."),
+    ] = None,
+    speed: Annotated[
+        float,
+        typer.Option(
+            help="How much faster than life the virtual benches run.", min=1.0, max=1000.0
+        ),
+    ] = 20.0,
+    seed: Annotated[int, typer.Option(help="Seed of the virtual benches' noise.", min=0)] = 1,
+) -> None:
+    """Sweep two virtual benches, fit, and write a report."""
+    from benchtool.report.fit.folder import refuse_full
+
+    out = out or free_folder(Path("benchtool-demo"))
+    refuse_full(out)
+    out.mkdir(parents=True, exist_ok=True)
+    print(f"two virtual benches, {speed:g} times faster than life; no motor turns anywhere")
+    print(f"everything goes into {out}")
+    commands: list[str] = []
+    runs = {}
+    for step, (name, rig) in enumerate((("single", "pquad_single"), ("quad", "pquad")), start=1):
+        _say(step, f"sweep {'one rotor' if name == 'single' else 'the quadrotor'}")
+        runs[name] = out / "runs" / name
+        _swept(name, rig, runs[name], speed, seed, commands)
+    _say(3, "fit: one rotor by eq. (2); four rotors by eq. (3) and by eq. (4)")
+    _fit_and_report(out, runs, commands)
+
+
+def free_folder(first: Path) -> Path:
+    """Return the folder of that name, with -2, -3 and so on behind it while something is there."""
+    folder, count = first, 1
+    while folder.exists():
+        count += 1
+        folder = first.with_name(f"{first.name}-{count}")
+    return folder
+
+
+def _say(step: int, text: str) -> None:
+    print(f"\n[{step}/{STEPS}] {text}", flush=True)
+
+
+def _swept(name: str, rig: str, run: Path, speed: float, seed: int, commands: list[str]) -> None:
+    from importlib.resources import as_file, files
+
+    from benchtool.report.demo_story import TRUTHS
+
+    link = "tcp:0" if os.name == "nt" else "pty"
+    serve = ["bench", "serve", "--rig", rig, "--truth", TRUTHS[name], "--link", link]
+    serve += ["--speed", f"{speed:g}", "--seed", str(seed)]
+    packaged = files("benchtool") / "library" / "plans" / f"demo_{name}.toml"
+    with as_file(packaged) as plan, _served(serve) as address:
+        sweep = ["sweep", address, "--rig", rig, "--plan", str(plan), "--yes", "--out", str(run)]
+        shown = ["sweep", address, "--rig", rig, "--plan", plan.name, "--yes", "--out", str(run)]
+        for words in (serve, shown):
+            commands.append("benchtool " + " ".join(words))
+            print(f"$ {commands[-1]}", flush=True)
+        done = subprocess.run([sys.executable, "-m", "benchtool", *sweep], check=False)
+    if done.returncode:
+        sys.exit(done.returncode)
+
+
+@contextmanager
+def _served(words: list[str]) -> Iterator[str]:
+    """Run a virtual bench as a process of its own; gives its address."""
+    from benchtool.core.errors import NoDevice
+
+    bench = subprocess.Popen(
+        [sys.executable, "-m", "benchtool", *words],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+    )
+    try:
+        assert bench.stdout is not None
+        address = bench.stdout.readline().strip()
+        if not address:
+            raise NoDevice(
+                f"the virtual bench ended before it answered; run it by hand to see why: "
+                f"benchtool {' '.join(words)}"
+            )
+        yield address
+    finally:
+        bench.terminate()
+        bench.wait(timeout=10.0)
+
+
+def _fit_and_report(out: Path, runs: dict[str, Path], commands: list[str]) -> None:
+    from benchtool.commands.terminal.show_fit import print_fit, working
+    from benchtool.report.demo_story import story_page, tell, verdict
+    from benchtool.report.fit.folder import write_fit
+    from benchtool.report.html import write_report
+
+    both = "--method least_squares --method emcee"
+    commands += [
+        f"benchtool fit {runs['single']} --model single_bench {both}",
+        f"benchtool fit {runs['quad']} --model quad_bench {both} --compare single --compare quad",
+    ]
+    with working() as show:
+        story = tell(runs["single"], runs["quad"], show)
+    print_fit(story.eq4)
+    _say(4, "write the report")
+    for name, output in (("single", story.single), ("quad", story.eq4)):
+        write_fit(out / "fits" / name, output, commands)
+    page = write_report(out / "report.html", story_page(story, runs, commands))
+    print(f"\n{verdict(story)}")
+    print(f"\nThe report: {page.resolve()}")

@@ -1,0 +1,33 @@
+"""`benchtool doctor`: what keeps a port from working."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+
+def command(
+    port: Annotated[
+        str, typer.Argument(help="What to look at: /dev/ttyUSB0, COM12, or a bench's address.")
+    ] = "",
+    udev_rule: Annotated[
+        bool, typer.Option("--udev-rule", help="Print the udev rule for Linux and exit.")
+    ] = False,
+) -> None:
+    """Explain what keeps a serial port from working."""
+    from benchtool.bench.doctor import doctor
+    from benchtool.bench.doctor.network_doctor import network_findings, serial_port_of
+    from benchtool.bench.doctor.surroundings import look_around
+
+    if udev_rule:
+        print(doctor.udev_rule(), end="")
+        return
+    place = serial_port_of(port)
+    found = network_findings(port) if place is None else doctor.findings(look_around(place))
+    for finding in found:
+        print(f"{finding.verdict:11}  {finding.name}: {finding.sentence}")
+        if finding.fix:
+            print(f"{'':11}  -> {finding.fix}")
+    if any(finding.verdict == "problem" for finding in found):
+        raise typer.Exit(3)

@@ -1,0 +1,118 @@
+"""`benchtool explain`: where a model disagrees with recordings, and which effect it lacks."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperCommand
+
+CHECK = "--check"
+
+
+class Parser(TyperCommand):
+    """A command whose --check takes every word up to the next option.
+
+    Without it a second word would pass for a recording to learn from, and nobody would notice.
+    """
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        return super().parse_args(ctx, spread(args))
+
+
+def spread(words: list[str]) -> list[str]:
+    """Return the words with --check before each of those that follow it."""
+    out: list[str] = []
+    follows = False  # whether the last option was --check with a word of its own
+    for place, word in enumerate(words):
+        before = words[place - 1] if place else ""
+        if word.startswith("-") and len(word) > 1:
+            follows = word.startswith(f"{CHECK}=")
+        elif before == CHECK:
+            follows = True
+        elif follows:
+            out.append(CHECK)
+        out.append(word)
+    return out
+
+
+def command(
+    recordings: Annotated[
+        list[str] | None,
+        typer.Argument(help="To learn from: CSV, Parquet of benchtool import, run folders."),
+    ] = None,
+    model: Annotated[
+        str, typer.Option(help="Shipped model (benchtool models) or the path of a model file.")
+    ] = "",
+    check: Annotated[
+        list[str] | None,
+        typer.Option(help="To check on: same bench, not learned from; one or more."),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for page, figures, new model or next experiment.")
+    ] = None,
+    json_file: Annotated[
+        Path | None, typer.Option("--json", help="File for the answer as JSON.")
+    ] = None,
+    effects: Annotated[
+        str | None, typer.Option(help="Python file or module with effects of your own.")
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Seed of everything random.", min=0)] = 0,
+    draws: Annotated[
+        int, typer.Option(help="Draws of the noise behind the floor.", min=20, max=100_000)
+    ] = 128,
+    bootstrap: Annotated[
+        int,
+        typer.Option(help="Simulated records behind p-values; asymptotic ones without.", min=0),
+    ] = 0,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace an earlier answer's files.")
+    ] = False,
+) -> None:
+    """Name the effect that a model lacks, and show the gap shrink
+
+    The first line printed is the verdict: an effect, several, a class that this data cannot tell
+    apart, none, or unknown. The last lines say what was added to which file and what to type next:
+    after a named effect, to ask again with the new model, to fit and to simulate with it; after a
+    class or an unknown, the experiment that separates what is likely.
+    """
+    import shlex
+    import sys
+    import time
+    from dataclasses import replace
+
+    from benchtool.commands.terminal.announce_code import announce_code
+    from benchtool.commands.terminal.show_explain import (
+        for_a_reader,
+        print_answer,
+        print_next,
+        working,
+    )
+    from benchtool.explain.engine.answered import answered
+    from benchtool.explain.engine.asked import asked
+    from benchtool.report.answer.file import Written
+    from benchtool.report.answer.folder import refuse_taken, write_folder, write_json
+
+    began = time.monotonic()
+    question = asked(recordings or [], check or [], model, effects, announce_code)
+    if not overwrite:
+        refuse_taken(out, json_file)
+    with working(", ".join([*(recordings or []), *(check or [])])) as tell:
+        answer = answered(
+            question,
+            commands=[shlex.join(["benchtool", *sys.argv[1:]])],
+            seed=seed,
+            draws=draws,
+            bootstrap=bootstrap,
+            progress=tell,
+        )
+    answer = replace(answer, seconds=time.monotonic() - began)
+    written = Written()
+    if out is not None:
+        written = write_folder(out, answer, question.effects_file)
+    if json_file is not None:
+        write_json(json_file, answer, written)
+    with for_a_reader():
+        print_answer(answer)
+        print_next(answer, out, json_file)

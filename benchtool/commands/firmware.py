@@ -1,0 +1,49 @@
+"""`benchtool firmware`: the program that turns a microcontroller into a bench."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def command(
+    out: Annotated[
+        Path, typer.Option(help="Folder to make; the Arduino sketch is named after it.")
+    ],
+    board: Annotated[str, typer.Option(help="What it shall run on: uno, nano.")] = "uno",
+    rig: Annotated[
+        str, typer.Option(help="Rig or rig file whose motors, pulses and limits it takes.")
+    ] = "pquad_single",
+    device_id: Annotated[
+        str, typer.Option(help="The device's own name; a new one when left out.")
+    ] = "",
+) -> None:
+    """Write the firmware that makes an Arduino a rotor bench."""
+    from secrets import token_hex
+
+    from benchtool.bench.serial.board import board_named
+    from benchtool.bench.serial.sketch_files import sketch_files
+    from benchtool.core.errors import InputError, WouldOverwrite
+    from benchtool.core.rig_file import rig_named
+
+    known = board_named(board)
+    name = device_id or f"{board}-{token_hex(3)}"
+    folder = out.resolve()
+    files = sketch_files(known, rig_named(rig), name, folder.name)
+    if out.exists() or out.is_symlink():
+        raise WouldOverwrite(str(out))
+    try:
+        folder.mkdir(parents=True)
+        for file, text in files.items():
+            (folder / file).write_text(text, encoding="utf-8", newline="\n")
+    except OSError as error:
+        raise InputError(
+            f"{out} cannot be written ({error.strerror}); choose another folder with --out"
+        ) from error
+    print(f"written: {out}, {len(files)} files for {known.title}, device {name}")
+    print("look through settings.h (limits, sensors) and pins.h (wiring), then one of:")
+    print(f"  make -C {out} upload PORT=/dev/ttyACM0   (needs avr-gcc, avr-libc, avrdude)")
+    print(f"  open {out / folder.name}.ino in the Arduino IDE and press Upload")
+    print("and, with the propeller off: benchtool ports --probe --baud 500000")

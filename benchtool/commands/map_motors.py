@@ -1,0 +1,125 @@
+"""`benchtool bench map`: which motor, output and ESC belongs to each rotor of a rig."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from benchtool.bench.bench import Bench
+    from benchtool.core.rig import Rig
+
+
+def map_motors(
+    address: Annotated[str, typer.Argument(help="The flight controller: mavlink:...")],
+    rig: Annotated[str | None, typer.Option(help="Rig by name, or a rig file.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="File to write; RIG.motors.toml when left out.")
+    ] = None,
+    motors: Annotated[
+        str | None,
+        typer.Option(
+            help="Test number of each rotor, in the rig's order: 1,4,3,2; asked for each motor "
+            "that has turned when left out."
+        ),
+    ] = None,
+    yes: Annotated[
+        bool, typer.Option("--yes", help="No typed confirmation; simulated benches only.")
+    ] = False,
+) -> None:
+    """Turn each motor of a flight controller alone, slowly, and write down what it drives."""
+    from benchtool.acquire.arming import CONFIRMATION
+    from benchtool.acquire.bench_check import low_throttle_us
+    from benchtool.acquire.inputs import rig_for
+    from benchtool.acquire.learn_motors import learn_motors
+    from benchtool.bench.address import open_bench, parse_address
+    from benchtool.bench.guard import GuardedBench
+    from benchtool.commands.terminal.announce_code import announce_code
+    from benchtool.commands.terminal.sweep_operator import confirm_arming, say_of_bench, say_of_end
+    from benchtool.core.errors import InputError, WouldOverwrite
+
+    stands = rig_for(address, rig)
+    numbers = _numbers(motors, stands, yes)
+    parsed = parse_address(address)
+    if parsed.scheme != "mavlink" or "map" in parsed.options:
+        raise InputError(
+            "a map is learnt from a mavlink: address without map=; name one, for example "
+            "mavlink:udpin:127.0.0.1:14550"
+        )
+    target = out or Path(f"{stands.name}.motors.toml")
+    if target.exists():
+        raise WouldOverwrite(str(target))
+    with GuardedBench(open_bench(address, announce_code), stands) as bench:
+        say_of_bench(bench.identity, stands)
+        text = (
+            f"motors 1 to {stands.n_rotors} will turn one after another at "
+            f"{low_throttle_us(stands):g} us; see which rotor each one is"
+        )
+        if not yes:
+            confirm_arming(text, CONFIRMATION, bench)
+        elif not bench.identity.simulated:
+            raise InputError("--yes is for simulated benches only; leave it out and type ARM")
+        which = numbers.index if numbers else _Asked(stands, bench)
+        found = learn_motors(bench, stands, which, lambda told: print(told, flush=True))
+    say_of_end(bench)
+    try:
+        target.write_text(found.to_toml(), encoding="utf-8")
+    except OSError as error:
+        raise InputError(
+            f"{target} cannot be written ({error.strerror}); choose another --out"
+        ) from error
+    joint = "&" if "?" in address else "?"
+    print(f"written to {target}; from now on use {address}{joint}map={target}")
+
+
+class _Asked:
+    """Ask the operator which rotor has turned; nothing but eyes can tell."""
+
+    def __init__(self, rig: Rig, bench: Bench) -> None:
+        self._names = [rotor.name for rotor in rig.rotors]
+        self._bench = bench
+        self._left = set(range(rig.n_rotors))
+
+    def __call__(self, motor: int) -> int:
+        from benchtool.commands.terminal.sweep_operator import LOOK_S, answer_to
+
+        while len(self._left) > 1:
+            listed = ", ".join(f"{rotor + 1} {self._names[rotor]}" for rotor in sorted(self._left))
+            question = f"motor {motor} has turned; which rotor was it? ({listed}): "
+            answer = answer_to(question, lambda: self._bench.read(LOOK_S)).strip()
+            rotor = int(answer) - 1 if answer.isdecimal() else -1
+            if rotor in self._left:
+                self._left.remove(rotor)
+                return rotor
+        return self._left.pop()
+
+
+def _numbers(text: str | None, rig: Rig, unattended: bool) -> tuple[int, ...]:
+    """Return the motor of every rotor; none where the operator must be asked.
+
+    The order is never guessed: ArduPilot counts motors clockwise from the front, rigs
+    counter-clockwise.
+    """
+    from benchtool.core.errors import InputError
+
+    n_rotors = rig.n_rotors
+    if text is None:
+        if n_rotors == 1:
+            return (1,)
+        if unattended:
+            names = ", ".join(rotor.name for rotor in rig.rotors)
+            raise InputError(
+                f"--yes leaves nobody to say which rotor a motor turns; give --motors, the test "
+                f"number of each rotor in the order {names} (ArduPilot counts clockwise from the "
+                f"front), or leave --yes out"
+            )
+        return ()
+    given = [int(part) if part.strip().isdecimal() else 0 for part in text.split(",")]
+    if sorted(given) != list(range(1, n_rotors + 1)):
+        raise InputError(
+            f"--motors is {text!r}, but every number from 1 to {n_rotors} must stand in it once, "
+            f"in the order of the rig's rotors"
+        )
+    return tuple(given)

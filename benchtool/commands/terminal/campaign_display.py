@@ -1,0 +1,96 @@
+"""A campaign on the terminal: what is run, progress, how fast it went, and the files."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from benchtool import __version__
+from benchtool.core.counted import counted
+from benchtool.core.errors import InputError, WouldOverwrite
+from benchtool.data.run.campaign import unfinished
+from benchtool.report.files import refuse_existing, save_figure
+from benchtool.report.flight.campaign_map import campaign_map, campaign_panels
+from benchtool.simulate.campaign import Campaign, measure_named, write_campaign
+from benchtool.simulate.design import Design
+
+
+def run_with_progress(
+    campaign: Campaign, design: Design, settings: Sequence[str], measure: str, out: Path | None
+) -> None:
+    """Run a campaign, show how far it is, write its table and its map.
+
+    Args:
+        campaign: what is run.
+        design: at which points.
+        settings: what was set on the command line, for the table's file.
+        measure: what the map shows; the main one when empty.
+        out: folder.
+    """
+    drawn = measure_named(campaign, measure)
+    if out is None:
+        raise InputError("a campaign writes its results to disk; add --out FOLDER")
+    table = out / "campaign.parquet"
+    if out.exists() and not out.is_dir():
+        raise WouldOverwrite(str(out))
+    refuse_existing([table, unfinished(table), out / "campaign.svg", out / "campaign.png"])
+    campaign.check(design)
+    series = len(campaign.gain_sets) * len(campaign.controllers)
+    total = design.n_points * design.seeds * series
+    print(
+        f"SIMULATED campaign: {campaign.title}; {design.describe()}; {counted(total, 'run')}",
+        flush=True,
+    )
+    metadata = {
+        "simulated": "true", "benchtool": __version__, **campaign.metadata, **design.words(),
+        "set": " ".join(settings),
+    }  # fmt: skip
+    began = time.monotonic()
+    with _progress() as progress, _kept(table):
+        task = progress.add_task("runs", total=total)
+        count = write_campaign(
+            campaign.rows(design),
+            table,
+            metadata,
+            lambda done: progress.update(task, completed=done),
+        )
+    took_s = max(time.monotonic() - began, 1e-9)
+    print(f"{counted(count, 'run')} in {took_s:.1f} s, {count / took_s:.3g} runs/s")
+    print(f"written: {table}", flush=True)
+    panels = campaign_panels(table, campaign, design, drawn)
+    print(f"{campaign.measures[drawn].text}, mean of all:")
+    for panel in panels:
+        mean = panel.total.sum() / max(panel.count.sum(), 1.0)
+        print(f"  {', '.join(filter(None, (panel.column, panel.row)))}: {mean:.3g}")
+    figure = campaign_map(panels, campaign, design, drawn)
+    for path in save_figure(figure, out / "campaign"):
+        print(f"written: {path}")
+
+
+def _progress() -> Progress:
+    """Return a bar that shows on a terminal and nowhere else."""
+    return Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        console=Console(stderr=True),
+        disable=not sys.stderr.isatty(),
+    )
+
+
+@contextmanager
+def _kept(table: Path) -> Iterator[None]:
+    """Say where the rows are when a campaign is broken off."""
+    try:
+        yield
+    except BaseException:
+        if unfinished(table).exists():
+            print(f"broken off; the rows so far are in {unfinished(table)}", file=sys.stderr)
+        raise

@@ -1,0 +1,63 @@
+"""Standard output that is full or closed, and other things that the system ran out of."""
+
+from __future__ import annotations
+
+import os
+import sys
+from contextlib import suppress
+
+from benchtool.core.errors import ResourceExhausted
+from benchtool.core.exhausted import exhausted, is_exhaustion
+
+_NO_MEMORY = ("cannot allocate memory", "failed to map segment", "can't start new thread")
+"""What loaders and threads say where an allocation failed; they raise no MemoryError for it."""
+
+
+def flush_output() -> None:
+    """Write out what was printed.
+
+    Raises:
+        ResourceExhausted: standard output is full or closed.
+    """
+    if (error := _output_error()) is not None:
+        raise exhausted(error, "standard output cannot be written") from error
+
+
+def exhaustion_behind(error: BaseException) -> ResourceExhausted | None:
+    """Return the error for people where something was used up or refused, else None."""
+    # A write that failed names no file, and fails again where it was that of standard output.
+    unnamed = isinstance(error, OSError) and error.filename is None
+    if (output := _output_error("\n" if unnamed else "")) is not None:
+        return exhausted(output, "standard output cannot be written")
+    if isinstance(error, MemoryError) or any(words in str(error).lower() for words in _NO_MEMORY):
+        return exhausted(MemoryError(), "this command was given up")
+    if isinstance(error, OSError) and is_exhaustion(error):
+        return exhausted(error, "a file cannot be read or written")
+    return None
+
+
+def say_error(text: str) -> None:
+    """Print a sentence on standard error, where that can still be written."""
+    _output_error()
+    with suppress(OSError, ValueError):
+        print(f"benchtool: {text}", file=sys.stderr, flush=True)
+
+
+def _output_error(text: str = "") -> OSError | None:
+    """Print a text and return why that fails; standard output leads nowhere from then on."""
+    stream = sys.__stdout__
+    try:
+        sys.stdout.write(text)
+        sys.stdout.flush()
+        if stream is not None and not stream.closed:
+            stream.flush()
+    except OSError as error:
+        # What is left in the buffer would raise once more when the interpreter ends.
+        with suppress(OSError, ValueError):
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nowhere, sys.__stdout__.fileno() if sys.__stdout__ else 1)
+            os.close(nowhere)
+        return error
+    except (ValueError, AttributeError):  # it was closed before we began
+        return None
+    return None

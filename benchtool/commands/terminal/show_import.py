@@ -1,0 +1,59 @@
+"""Show what an import found: one line of what was read, then a table of findings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.table import Table
+
+from benchtool.data.repairs.imported import Imported
+
+FILE_WIDTH = 110
+"""Width where no terminal gives one."""
+
+
+def print_import(read: Imported, target: Path | None) -> None:
+    """Print one import."""
+    console = Console(soft_wrap=True, highlight=False)
+    if not console.is_terminal:
+        console.width = FILE_WIDTH
+    tally = read.tally
+    parts = [f"{tally.kept:,} of {tally.total:,} {tally.unit}s kept"]
+    if tally.not_needed:
+        parts.append(f"{tally.not_needed:,} of kinds that are not needed")
+    parts.append(f"{tally.refused:,} refused")
+    source = read.recording.provenance.get("file", "")
+    console.print(f"{source}: {read.format}; {', '.join(parts)}", markup=False)
+    console.print(f"channels: {', '.join(read.recording.names)}", markup=False)
+    for window in read.windows:
+        rotor = f"rotor {window.rotor}" if window.rotor else "all rotors"
+        console.print(
+            f"over a surface: {rotor}, {window.start_s:.6g} s to {window.end_s:.6g} s "
+            f"(says {window.source})",
+            markup=False,
+        )
+    if read.findings:
+        console.print(_table(read))
+    if target is not None:
+        console.print(f"written: {target} and {target.name}.json", markup=False)
+
+
+def _table(read: Imported) -> Table:
+    table = Table(box=SIMPLE_HEAD)
+    table.add_column("kind", no_wrap=True)
+    table.add_column("what", overflow="fold", max_width=18)
+    table.add_column("channel", overflow="fold", max_width=16)
+    table.add_column("words", overflow="fold")
+    for item in read.findings:
+        lines = item.lines if len(item.lines) <= 40 else f"{item.lines[:36]} ..."
+        words = f"{item.words} (line {lines})" if item.lines else item.words
+        table.add_row(*map(_plain, (item.kind, item.what, item.channel, words)))
+    return table
+
+
+def _plain(text: str) -> str:
+    """Keep what a foreign file says from being taken for markup, or for orders to a terminal."""
+    printable = "".join(letter if letter.isprintable() else "�" for letter in text)
+    return printable.replace("[", r"\[")

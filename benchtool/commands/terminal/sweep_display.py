@@ -1,0 +1,137 @@
+"""Show a sweep while it runs: a bar and a live table on a terminal, plain lines elsewhere."""
+
+from __future__ import annotations
+
+from collections import deque
+from types import TracebackType
+from typing import Self
+
+from rich.console import Console, Group
+from rich.live import Live
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+from rich.table import Table
+
+from benchtool.acquire.duration import minutes
+from benchtool.acquire.order import Visit
+from benchtool.data.run.events import Event
+from benchtool.data.run.points import Point
+
+LATEST = 8
+"""Points in the live table."""
+
+_QUIET = frozenset({"device"})
+"""Events that are kept in events.jsonl but not shown."""
+
+
+class PlainDisplay:
+    """Print one line for every point and event."""
+
+    def __init__(self, radius_m: float) -> None:
+        self._radius_m = radius_m
+        self._visits = self._done = 0
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        pass
+
+    def started(self, visits: int, done: int, expected_s: float) -> None:
+        self._visits, self._done = visits, done
+        print(f"{visits - done} of {visits} visits to go, about {minutes(expected_s)}", flush=True)
+
+    def visiting(self, visit: Visit) -> None:
+        pass
+
+    def measured(self, point: Point, remaining_s: float) -> None:
+        self._done += 1
+        ratio = point.plate_z_m / self._radius_m
+        print(
+            f"{self._done}/{self._visits} {point.kind:<9} z/R {ratio:5.2f}"
+            f"  {max(point.pwm_us):4.0f} us  {point.thrust_N:8.3f} +- {point.thrust_se_N:.3f} N"
+            f"  {'' if point.settled else 'not settled  '}{minutes(remaining_s)} left",
+            flush=True,
+        )
+
+    def happened(self, event: Event) -> None:
+        if event.event not in _QUIET:
+            print(f"{event.time_s:8.1f} s  {event.event}: {event.text}", flush=True)
+
+
+class LiveDisplay:
+    """Draw a progress bar with the time left, and a table of the latest points and events."""
+
+    def __init__(self, radius_m: float, console: Console) -> None:
+        self._radius_m = radius_m
+        self._latest: deque[Point] = deque(maxlen=LATEST)
+        self._news = ""
+        self._bar = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TextColumn("{task.fields[left]} left"),
+            console=console,
+        )
+        self._task = self._bar.add_task("sweep", total=None, left="?")
+        self._live = Live(
+            console=console, refresh_per_second=4, get_renderable=self._render, transient=False
+        )
+
+    def __enter__(self) -> Self:
+        self._live.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._live.stop()
+
+    def started(self, visits: int, done: int, expected_s: float) -> None:
+        self._bar.update(self._task, total=visits, completed=done, left=minutes(expected_s))
+
+    def visiting(self, visit: Visit) -> None:
+        place = visit.setting.place
+        where = "parked" if place.parked else f"z/R {place.z_m / self._radius_m:.2f}"
+        self._bar.update(
+            self._task, description=f"{visit.kind} {where}, {visit.setting.level_us:.0f} us"
+        )
+
+    def measured(self, point: Point, remaining_s: float) -> None:
+        self._latest.append(point)
+        self._bar.update(self._task, advance=1, left=minutes(remaining_s))
+
+    def happened(self, event: Event) -> None:
+        if event.event not in _QUIET:
+            self._news = f"{event.time_s:.1f} s  {event.event}: {event.text}"
+
+    def _render(self) -> Group:
+        table = Table(box=None, pad_edge=False)
+        for name in ("point", "kind", "z/R", "pwm us", "rpm", "thrust N", "+-", "V", ""):
+            table.add_column(name, justify="left" if name == "kind" else "right")
+        for point in list(self._latest):
+            table.add_row(
+                str(point.point),
+                point.kind,
+                f"{point.plate_z_m / self._radius_m:.2f}",
+                f"{max(point.pwm_us):.0f}",
+                f"{max(point.rpm):.0f}",
+                f"{point.thrust_N:.3f}",
+                f"{point.thrust_se_N:.3f}",
+                f"{point.voltage_V:.2f}",
+                "" if point.settled else "not settled",
+            )
+        return Group(table, self._news, self._bar)
+
+
+def display_for(radius_m: float) -> LiveDisplay | PlainDisplay:
+    """Return the live display on a terminal, plain lines elsewhere."""
+    console = Console()
+    return LiveDisplay(radius_m, console) if console.is_terminal else PlainDisplay(radius_m)

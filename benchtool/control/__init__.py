@@ -1,1 +1,0 @@
-"""Feedback laws as values: expressions that any loop can run, compiled or not."""

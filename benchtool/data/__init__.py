@@ -1,0 +1,1 @@
+"""Runs on disk and files of other makers."""

@@ -1,0 +1,80 @@
+"""Write small files so that a reader sees the old one or the new one, never a half."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from math import isfinite
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from benchtool.core.errors import FileFormatError
+from benchtool.core.parsed_text import parse_json
+from benchtool.core.user_file import MOST_FACTS_BYTES, read_text
+
+
+@contextmanager
+def replacing(path: Path, beside: Path) -> Iterator[BinaryIO]:
+    """Give a new file `beside`; at the end force it to the disk and put it in place of `path`.
+
+    After an error it is removed, and `path` stays as it was.
+    """
+    try:
+        beside.unlink(missing_ok=True)
+        with open(beside, "xb") as file:
+            yield file
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(beside, path)
+    except BaseException:
+        with suppress(OSError):
+            beside.unlink()
+        raise
+    sync_folder(path.parent)
+
+
+def replace_text(path: Path, text: str) -> None:
+    """Write text in place of a file in one step, on the disk before it is in place."""
+    with replacing(path, path.with_name(f".{path.name}.{os.getpid()}.new")) as file:
+        file.write(text.encode())
+
+
+def replace_json(path: Path, data: Mapping[str, Any]) -> None:
+    """Write a JSON object in one step; numbers that JSON has not (nan) are refused early."""
+    replace_text(path, json.dumps(data, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
+
+
+def json_ready(value: Any) -> Any:
+    """Return the value with nan and infinity as None and NumPy numbers as plain ones."""
+    if isinstance(value, Mapping):
+        return {str(key): json_ready(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [json_ready(item) for item in value]
+    if isinstance(value, np.generic):
+        return json_ready(value.item())
+    if isinstance(value, float) and not isfinite(value):
+        return None
+    return value
+
+
+def read_json(path: Path, *, follow: bool = True) -> dict[str, Any]:
+    """Return the JSON object in a file, or say where it breaks."""
+    data = parse_json(read_text(path, MOST_FACTS_BYTES, follow=follow), str(path))
+    if not isinstance(data, dict):
+        raise FileFormatError(str(path), "a JSON object is needed; restore the file from a copy")
+    return data
+
+
+def sync_folder(folder: Path) -> None:
+    """Force a folder's entries to the disk where the system can (not on Windows)."""
+    if os.name == "nt":
+        return
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)

@@ -1,0 +1,111 @@
+"""What the columns of our own files are called, which unit a name tells, and the words in them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+
+import numpy as np
+
+from benchtool.core.channel import Channel, unit_told_by
+from benchtool.core.errors import FileFormatError, UnknownChoice
+from benchtool.core.recording import Recording
+
+VALID_KINDS: tuple[str, ...] = ("measure", "reference", "anchor", "tare")
+"""Kinds of points that measure something."""
+
+KINDS: tuple[str, ...] = (*VALID_KINDS, "failed")
+"""Kinds of points; in a `Recording` the channel `kind` holds the position in this tuple.
+
+measure: a setting of the plan; reference: the same throttle with the plate parked, which counts as
+out of ground effect; anchor: one setting repeated to see drift; tare: what was left after a tare;
+failed: a visit of which too few samples came, which no reader uses and a resumed run repeats.
+"""
+
+PHASES: tuple[str, ...] = (
+    "tare",
+    "move",
+    "rest",
+    "ramp",
+    "settle",
+    "sample",
+    "end",
+    "interrupted",
+)
+"""Phases of samples; in a `Recording` the channel `phase` holds the position in this tuple.
+
+Only `sample` rows make points. Rows of a visit that was cut short are `interrupted` after the run
+was resumed.
+"""
+
+WORDS: dict[str, tuple[str, ...]] = {"kind": KINDS, "phase": PHASES}
+"""Columns that hold a word, with the words they may hold."""
+
+SAMPLE_START: tuple[str, ...] = ("time_s", "device_time_us", "point", "phase")
+"""First columns of samples.csv; the device's channels follow in its own order."""
+
+_SPEED = re.compile(r"rpm\d+|pwm\d+_us")
+
+
+def speed_columns(names: Iterable[str], family: str = "") -> list[str]:
+    """Return the columns of rotor speeds and pulses, or only those that begin with `family`."""
+    return [name for name in names if _SPEED.fullmatch(name) and name.startswith(family)]
+
+
+WHOLE: tuple[str, ...] = ("point", "setting", "repeat", "n_samples", "n_repeats", "settled")
+"""Columns of our own files that hold whole numbers from 0."""
+
+LONGEST_S = 1e8
+"""Three years: no run is longer. A choice."""
+
+LONGEST_US = 1e15
+"""Thirty years of a device that was never switched off. A choice."""
+
+_PIECE = 1 << 16
+
+
+def check_numbers(recording: Recording, where: str) -> None:
+    """Refuse numbers that none of our own files holds.
+
+    Raises:
+        FileFormatError: an infinite number, a time that is none, a number of a visit that is not
+            whole.
+    """
+    for name in recording.names:
+        column = recording.column(name)
+        for start in range(0, len(column), _PIECE):  # a few bytes a row, not three copies
+            values = column[start : start + _PIECE]
+            wrong = np.isinf(values)
+            if name in WHOLE:
+                wrong |= ~((values >= 0.0) & (values < 2.0**53) & (values == np.floor(values)))
+            elif name == "time_s":
+                wrong |= ~(np.abs(values) <= LONGEST_S)
+            elif name == "device_time_us":
+                wrong |= ~(np.abs(values) <= LONGEST_US)
+            if wrong.any():
+                row = int(np.argmax(wrong))
+                raise FileFormatError(
+                    f"{where}, row {start + row + 1}",
+                    f"{name} is {values[row]:g}, which no run holds; restore the file from a copy",
+                )
+
+
+def channel_called(name: str) -> Channel:
+    """Return the channel of a column of our own files."""
+    if name in WORDS:
+        words = ", ".join(f"{index} {word}" for index, word in enumerate(WORDS[name]))
+        return Channel(name, "1", words)
+    return Channel(name, unit_told_by(name))
+
+
+def code_of(column: str, word: str) -> float:
+    """Return the number that stands for a word in a `Recording`."""
+    try:
+        return float(WORDS[column].index(word))
+    except ValueError:
+        raise UnknownChoice(column, word, WORDS[column]) from None
+
+
+def word_of(column: str, code: float) -> str:
+    """Return the word that a number of a `Recording` stands for."""
+    return WORDS[column][int(code)]

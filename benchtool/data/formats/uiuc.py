@@ -1,0 +1,84 @@
+"""Static runs of the UIUC Propeller Database: RPM, CT, CP in a file named after the propeller."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import replace
+from math import pi
+from pathlib import Path
+
+import numpy as np
+
+from benchtool.core.channel import Channel
+from benchtool.core.errors import FileFormatError
+from benchtool.core.units import to_si
+from benchtool.data.formats.text_table import lay_out
+from benchtool.data.repairs.finding import Finding
+from benchtool.data.repairs.imported import Imported
+from benchtool.data.repairs.mapped import Mapped, read_mapped
+
+STANDARD_DENSITY_KG_M3 = 1.225
+"""Air at sea level, ISO 2533. The database gives coefficients and not the day's air: a guess."""
+
+_SIZE = re.compile(r"_(?P<diameter>\d+(?:\.\d+)?)x(?P<pitch>\d+(?:\.\d+)?)")
+
+
+def is_uiuc(first_line: str) -> bool:
+    """Tell whether a header is that of a static run of the database."""
+    return first_line.split()[:3] == ["RPM", "CT", "CP"]
+
+
+def read_uiuc(
+    data: bytes, where: str, provenance: Mapping[str, str], air_density_kg_m3: float | None = None
+) -> Imported:
+    """Return a static run: T = CT rho n^2 D^4, Q = CP rho n^2 D^5 / (2 pi), n in turns a second.
+
+    The diameter stands in the file's name, in inches. Coefficients as in Brandt and Selig,
+    AIAA 2011-1255.
+    """
+    size = _SIZE.search(Path(where).name)
+    if size is None:
+        raise FileFormatError(
+            where,
+            "the diameter stands in the name of such files (apcsf_10x7_static_...); rename it",
+        )
+    diameter_m = float(to_si(float(size["diameter"]), "in"))
+    table = lay_out(
+        re.sub(rb"[ \t]+", b",", re.sub(rb"(?m)^[ \t]+|[ \t]+(?=\r?$)", b"", data)), where
+    )
+    names = {"RPM": "rpm1", "CT": "ct", "CP": "cp"}
+    columns = [
+        Mapped(name=names[head], position=position, source=head)
+        for position, head in enumerate(table.header)
+        if head in names
+    ]
+    density = STANDARD_DENSITY_KG_M3 if air_density_kg_m3 is None else air_density_kg_m3
+    findings = [
+        Finding("lacks", "time", "a table of steady speeds: rows have an order and no time"),
+        Finding(
+            "read as", "diameter",
+            f"{size['diameter']} in by {size['pitch']} in pitch, from the file's name",
+        ),
+    ]  # fmt: skip
+    if air_density_kg_m3 is None:
+        words = f"none in the file; thrust and torque for {density:g} kg/m3 (--air-density)"
+        findings.append(Finding("doubt", "air density", words, "thrust_N"))
+    read = read_mapped(table, columns, "UIUC static", provenance, findings)
+    recording = read.recording
+    for need in ("rpm1", "ct"):
+        if need not in recording:
+            raise FileFormatError(where, f"there is no {need} in it; mend the table")
+    turns_per_s = recording.column("rpm1") / 60.0
+    thrust = recording.column("ct") * density * turns_per_s**2 * diameter_m**4
+    recording = recording.with_column(Channel("thrust_N", "N"), thrust)
+    if "cp" in recording:
+        torque = recording.column("cp") * density * turns_per_s**2 * diameter_m**5 / (2.0 * pi)
+        recording = recording.with_column(Channel("torque_Nm", "N m"), np.asarray(torque))
+    facts = {**recording.provenance, "diameter_m": f"{diameter_m:.6g}", "air_kg_m3": f"{density:g}"}
+    sources = {
+        **read.sources,
+        "thrust_N": "CT rho n^2 D^4",
+        "torque_Nm": "CP rho n^2 D^5 / (2 pi)",
+    }
+    return replace(read, recording=replace(recording, provenance=facts), sources=sources)

@@ -1,0 +1,164 @@
+"""samples.parquet: the samples of a closed run once more, hashed, quicker to read."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchtool.core.errors import FileFormatError
+from benchtool.core.recording import Recording
+from benchtool.core.table_bounds import check_columns, check_decoded
+from benchtool.core.user_file import open_file
+from benchtool.data.atomic import replacing
+from benchtool.data.columns import WORDS, channel_called
+from benchtool.data.run.sample_stream import WholeLines, codes_of, sample_batches
+
+_BATCH_ROWS = 1 << 13
+
+
+def load_library() -> None:
+    """Import what closing a run needs, so that it cannot fail once motors turn."""
+    # Arrow's own allocator takes 1 GB of addresses at once, which a limit on them may not allow.
+    os.environ.setdefault("ARROW_DEFAULT_MEMORY_POOL", "system")
+    for name in ("pyarrow.compute", "pyarrow.csv", "pyarrow.parquet"):
+        import_module(name)
+    import pyarrow as pa
+
+    pa.array([0])  # Arrow imports pandas with its first array
+
+
+def write_parquet(path: Path, samples: Recording) -> None:
+    """Write samples in one step; columns of words become dictionary columns."""
+    import pyarrow as pa
+
+    units = {channel.name: channel.unit for channel in samples.channels}
+    columns = []
+    for name in samples.names:
+        values = samples.column(name)
+        if name in WORDS:
+            columns.append(_words(name, pa.array(values.astype(np.int32))))
+        else:
+            columns.append(pa.array(values, from_pandas=True))
+    with _writer(path, units) as writer:
+        writer.write_table(pa.table(columns, schema=writer.schema))
+
+
+def seal(csv: Path, path: Path) -> None:
+    """Write the rows of samples.csv as Parquet in one step, a batch at a time."""
+    load_library()
+    import pyarrow as pa
+
+    with WholeLines(csv) as lines:
+        names = lines.names
+        units = {name: channel_called(name).unit for name in names}
+        with _writer(path, units) as writer:
+            for batch in sample_batches(lines, csv, names):
+                columns = [
+                    _words(name, codes_of(name, cells, csv)) if name in WORDS else cells
+                    for name, cells in zip(names, batch.columns, strict=True)
+                ]
+                writer.write_batch(pa.record_batch(columns, schema=writer.schema))
+
+
+def read_parquet(path: Path, names: Sequence[str] | None = None) -> Recording:
+    """Return the samples of a Parquet file that was written here.
+
+    Args:
+        path: of the file.
+        names: of the columns to read, those that are not in the file left out; all when left out.
+
+    Raises:
+        FileFormatError: it is no Parquet file, is too large when read, or holds a column that is
+            neither of numbers nor of our own words.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    where = str(path)
+    try:
+        with open_file(path, follow=False) as opened, pq.ParquetFile(opened) as file:
+            schema = file.schema_arrow
+            check_columns(len(schema.names), where)
+            present = [name for name in schema.names if names is None or name in names]
+            for name in present:
+                _check_type(schema.field(name), where)
+            check_decoded(file.metadata.num_rows, len(present), where)
+            values = np.empty((file.metadata.num_rows, len(present)))
+            at = 0
+            for batch in file.iter_batches(_BATCH_ROWS, columns=present, use_threads=False):
+                end = at + batch.num_rows
+                for column, name in enumerate(present):
+                    cells = batch.column(column)
+                    if name in WORDS:
+                        cells = codes_of(name, cells.cast(pa.string()), path)
+                    values[at:end, column] = cells.to_numpy(zero_copy_only=False)
+                at = end
+    except MemoryError:
+        raise
+    except (pa.ArrowException, KeyError, OSError, ValueError) as error:
+        problem = " ".join(str(error).split())[:200]
+        problem = f"it cannot be read as Parquet ({problem}); restore it from a copy"
+        raise FileFormatError(where, problem) from error
+    return Recording(tuple(channel_called(name) for name in present), values[:at])
+
+
+def parquet_names(path: Path) -> tuple[str, ...]:
+    """Return the columns of a Parquet file.
+
+    Raises:
+        FileFormatError: it is no Parquet file.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        with open_file(path, follow=False) as opened:
+            return tuple(pq.read_schema(opened).names)
+    except (pa.ArrowException, OSError) as error:
+        problem = "it cannot be read as Parquet; restore it from a copy"
+        raise FileFormatError(str(path), problem) from error
+
+
+def _check_type(field: Any, where: str) -> None:
+    from pyarrow import types
+
+    kind = field.type
+    if field.name in WORDS:
+        good = types.is_string(kind) or types.is_dictionary(kind)
+    else:
+        good = types.is_floating(kind) or types.is_integer(kind) or types.is_boolean(kind)
+    if not good:
+        raise FileFormatError(
+            where, f"column {field.name!r} holds {kind}, not what it must; restore it from a copy"
+        )
+
+
+@contextmanager
+def _writer(path: Path, units: dict[str, str]) -> Iterator[Any]:
+    """Give a writer of a file that gets its name once it is whole and on the disk."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    word = pa.dictionary(pa.int32(), pa.string())
+    schema = pa.schema(
+        [(name, word if name in WORDS else pa.float64()) for name in units],
+        {f"unit:{name}": unit for name, unit in units.items()},
+    )
+    dictionary = [name for name in units if name in WORDS]
+    with (
+        replacing(path, path.with_name(f".{path.name}.new")) as file,
+        pq.ParquetWriter(file, schema, compression="zstd", use_dictionary=dictionary) as writer,
+    ):
+        yield writer
+
+
+def _words(name: str, codes: Any) -> Any:
+    import pyarrow as pa
+
+    return pa.DictionaryArray.from_arrays(codes, pa.array(WORDS[name]))

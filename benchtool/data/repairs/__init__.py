@@ -1,0 +1,1 @@
+"""What imported columns need before they can be trusted."""

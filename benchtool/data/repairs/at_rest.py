@@ -1,0 +1,117 @@
+"""Doubt a thrust that is not zero at rest, that points the wrong way, or that never moves."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.core.recording import Recording
+from benchtool.data.repairs.finding import Finding
+
+Array = NDArray[np.float64]
+
+UNTARED_SHARE = 0.015
+"""Thrust at rest beyond this share of its range is doubted: a guess. Tared cells were seen to stay
+within 1 %, and the least untared one to read 2 %."""
+
+UNTARED_EXTRAPOLATED = 0.1
+"""The same for a zero extrapolated along rpm^2: propellers leave that law by some per cent."""
+
+_LIVING = re.compile(r"thrust_N|torque_Nm|rpm\d*(_optical)?|voltage_V|current_A|power_W|distance_m")
+_SPEED = re.compile(r"rpm\d+")
+
+
+def rest_doubts(recording: Recording) -> list[Finding]:
+    """Return the doubts about the thrust's zero and sign."""
+    if "thrust_N" not in recording:
+        return []
+    thrust = recording.column("thrust_N")
+    known = np.isfinite(thrust)
+    if np.count_nonzero(known) < 2:
+        return []
+    span = float(np.nanmax(thrust) - np.nanmin(thrust))
+    found = []
+    rest = zero_of(recording, "thrust_N")
+    if span > 0.0 and rest is not None and abs(rest.value) > rest.limit * span:
+        words = (
+            f"{rest.where} it reads {rest.value:.4g} N, {abs(rest.value) / span:.0%} of its range: "
+            f"never tared, or the zero drifted; --tare thrust_N takes it off"
+        )
+        found.append(Finding("doubt", "untared", words, "thrust_N"))
+    zero = 0.0 if rest is None else rest.value
+    loaded = thrust[known & (np.abs(thrust - zero) > 0.1 * span)] - zero
+    if loaded.size and np.count_nonzero(loaded < 0.0) > 0.9 * loaded.size:
+        words = (
+            f"{np.count_nonzero(loaded < 0.0)} of {loaded.size} loaded rows are negative: a pusher "
+            f"mount or a cell the other way round; --flip thrust_N turns it"
+        )
+        found.append(Finding("doubt", "wrong sign", words, "thrust_N", int(loaded.size)))
+    return found
+
+
+@dataclass(frozen=True, slots=True)
+class Zero:
+    """What a channel reads without load, how that is known, and from what share it is doubted."""
+
+    value: float
+    where: str
+    limit: float = UNTARED_SHARE
+
+
+def zero_of(recording: Recording, name: str) -> Zero | None:
+    """Return what a channel reads at rest, or where no row is at rest, extrapolated to it.
+
+    Without speeds rest is the lowest throttle. Extrapolated along rpm^2, which thrust and torque
+    follow closely enough to tell an untared cell.
+    """
+    values = recording.column(name)
+    known = np.isfinite(values)
+    speeds = [recording.column(item) for item in recording.names if _SPEED.fullmatch(item)]
+    throttle = next((item for item in ("pwm1_us", "pwm_raw") if item in recording), None)
+    if not speeds or not np.any(np.nan_to_num(np.array(speeds)) > 0.0):
+        if throttle is None:
+            return None
+        lowest = recording.column(throttle)
+        rows = known & (lowest == _least(lowest))
+        if not rows.any() or _least(lowest) == -_least(-lowest):
+            return None
+        return Zero(float(np.median(values[rows])), "at the lowest throttle")
+    still = known & np.all(np.nan_to_num(np.array(speeds), nan=np.inf) == 0.0, axis=0)
+    if throttle is not None and still.any():
+        # A tachometer that has not caught on yet reads 0 under load.
+        still &= recording.column(throttle) == _least(recording.column(throttle)[still])
+    if still.any():
+        return Zero(float(np.median(values[still])), "with rotors standing still")
+    squared = np.sum(np.square(np.array(speeds)), axis=0)
+    rows = known & np.isfinite(squared) & np.all(np.array(speeds) > 0.0, axis=0)
+    if np.count_nonzero(rows) < 5 or np.ptp(squared[rows]) < 0.5 * np.max(squared[rows]):
+        return None
+    _, at_zero = np.polyfit(squared[rows] / np.max(squared[rows]), values[rows], 1)
+    return Zero(float(at_zero), "extrapolated along rpm^2 to rest", UNTARED_EXTRAPOLATED)
+
+
+def _least(values: Array) -> float:
+    """Return the least number; nan, which equals nothing, where all are blank."""
+    finite = values[np.isfinite(values)]
+    return float(finite.min()) if finite.size else float("nan")
+
+
+def dead_channels(recording: Recording) -> list[Finding]:
+    """Return the doubts about channels that never change."""
+    if len(recording) < 10:
+        return []
+    found = []
+    for name in recording.names:
+        if not _LIVING.fullmatch(name):
+            continue
+        values = recording.column(name)
+        if _least(values) != -_least(-values):
+            continue
+        values = values[np.isfinite(values)]
+        if values.size >= 10:
+            words = f"it reads {values[0]:g} in every row: a dead channel"
+            found.append(Finding("doubt", "dead channel", words, name, int(values.size)))
+    return found

@@ -1,0 +1,142 @@
+"""Units as other people's files write them, turned into ours; pint where our own list ends."""
+
+from __future__ import annotations
+
+import re
+import tokenize
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+from benchtool.core.errors import InputError
+from benchtool.core.units import STANDARD_GRAVITY_M_S2, UNITS, unit_named
+
+_SPELLINGS: dict[str, str] = {
+    "µs": "us",
+    "μs": "us",
+    "usec": "us",
+    "sec": "s",
+    "RPM": "rpm",
+    "Rpm": "rpm",
+    "N·m": "N m",
+    "N⋅m": "N m",
+    "N*m": "N m",
+    "Nm": "N m",
+    "N.m": "N m",
+    "N-m": "N m",
+    "ºC": "degC",
+    "°C": "degC",
+    "C": "degC",
+    "°F": "degF",
+    "º": "deg",
+    "°": "deg",
+    "": "1",
+}
+"""Spellings seen in real headers (RCbenchmark writes µs, N·m and ºC) and what they stand for."""
+
+_FORCE_OF_MASS: dict[str, str] = {"g": "gf", "kg": "kgf", "lb": "lbf", "oz": "ozf"}
+"""A thrust given in a unit of mass is that mass's weight."""
+
+_TURNS: frozenset[str] = frozenset({"Hz", "rps", "rev/s", "1/s"})
+"""A rotor's speed in hertz counts turns; pint would take hertz for radians per second."""
+
+_FOR_PINT: dict[str, str] = {
+    "1": "dimensionless",
+    "rpm": "revolutions_per_minute",
+    "pwm_us": "microsecond",
+    "gf": "force_gram",
+    "kgf": "kilogram_force",
+    "lbf": "pound_force",
+    "ozf": "force_ounce",
+    "lbft": "force_pound * foot",
+    "N m": "newton * meter",
+    "mN m": "millinewton * meter",
+    "kg m2": "kilogram * meter ** 2",
+    "kg/m3": "kilogram / meter ** 3",
+    "m/s2": "meter / second ** 2",
+    "degC": "degC",
+    "degF": "degF",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Conversion:
+    """Turn a file's numbers into ours: ours = factor * theirs + offset."""
+
+    factor: float
+    offset: float = 0.0
+
+
+def spelled(text: str) -> str:
+    """Return a unit as benchtool spells it, where it is only another spelling."""
+    clean = " ".join(text.split())
+    return _SPELLINGS.get(clean, clean)
+
+
+def conversion(text: str, target: str) -> Conversion:
+    """Return how numbers in the unit `text` become numbers in our unit `target`.
+
+    Raises:
+        InputError: a unit that pint does not know, or one that measures something else.
+    """
+    unit = spelled(text)
+    dimension = unit_named(target).dimension
+    if dimension == "force":
+        unit = _FORCE_OF_MASS.get(unit, unit)
+    if dimension == "acceleration" and unit == "g":
+        return Conversion(STANDARD_GRAVITY_M_S2)
+    if dimension == "angular speed" and unit in _TURNS:
+        unit = "revolutions_per_second"
+    if unit == target or (target == "pwm_us" and unit == "us"):
+        return Conversion(1.0)
+    known = UNITS.get(unit)
+    if known is not None and known.dimension == dimension:
+        ours = unit_named(target)
+        return Conversion(known.factor / ours.factor, (known.offset - ours.offset) / ours.factor)
+    return _through_pint(unit, target, text)
+
+
+def _through_pint(unit: str, target: str, text: str) -> Conversion:
+    import pint
+
+    registry = _registry()
+    ours = registry.Unit(_FOR_PINT.get(target, target))
+    try:
+        theirs = registry.Unit(_FOR_PINT.get(unit, re.sub(r"(?<=[a-zA-Z])(\d)", r"**\1", unit)))
+        at_zero, at_one = (
+            float(registry.Quantity(number, theirs).to(ours).magnitude) for number in (0.0, 1.0)
+        )
+    except pint.DimensionalityError as error:
+        raise InputError(
+            f"unit {text!r} does not measure {unit_named(target).dimension} ({target}); give the "
+            f"column's own unit"
+        ) from error
+    except _PINT_FAULTS as error:
+        raise InputError(
+            f"unit {text!r} is unknown; write it as N, gf, lbf, ozf, rpm, Hz, us, degF, ..., or "
+            f"any unit that pint knows"
+        ) from error
+    return Conversion(at_one - at_zero, at_zero)
+
+
+_PINT_FAULTS = (
+    AttributeError,  # pint's UndefinedUnitError is one
+    ValueError,
+    TypeError,
+    KeyError,
+    SyntaxError,
+    AssertionError,
+    ArithmeticError,
+    RecursionError,
+    NotImplementedError,
+    tokenize.TokenError,
+)
+"""What pint raises on text that is no unit; its own errors are of several trees."""
+
+
+@cache
+def _registry() -> Any:
+    """Make pint's registry, which takes a tenth of a second, only when a file needs it."""
+    import pint
+
+    return pint.UnitRegistry(autoconvert_offset_to_baseunit=True)

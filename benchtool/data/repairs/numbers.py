@@ -1,0 +1,196 @@
+"""Turn cells of a laid-out table into numbers; text among them is blanked or refused in words."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import nan
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.core.counted import counted
+from benchtool.data.formats.text_table import TextTable
+from benchtool.data.repairs.even_rows import evened
+from benchtool.data.repairs.finding import Finding, line_ranges
+
+Array = NDArray[np.float64]
+
+_BLOCK_BYTES = 1 << 20
+"""What stays in a processor's cache: four times as much takes twice as long, on any thread."""
+
+_NULLS = ["", "nan", "NaN", "NAN", "NA", "N/A", "null", "None", "-"]
+_NUMBER = re.compile(
+    rb"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?inf(?:inity)?", re.IGNORECASE
+)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Numbers:
+    """Hold the numbers of some columns.
+
+    Attributes:
+        table: as it was read: evened, where it was not even.
+        columns: (c, n) a row per asked column; nan where a cell is blank.
+        lines: (n,) line of each kept row.
+        findings: what was blanked or refused.
+    """
+
+    table: TextTable
+    columns: Array
+    lines: NDArray[np.intp]
+    findings: tuple[Finding, ...]
+
+
+def numbers_of(table: TextTable, positions: Sequence[int]) -> Numbers:
+    """Return the columns at these positions as numbers."""
+    import pyarrow as pa
+
+    try:
+        columns = _floats(table, positions)
+        if table.is_even and np.isnan(columns.sum(axis=1)).all() and _has_empty_row(columns):
+            return numbers_of(evened(table), positions)
+        findings: list[Finding] = []
+        lines = table.lines
+    except pa.ArrowInvalid:
+        if table.is_even:
+            return numbers_of(evened(table), positions)
+        columns, lines, findings = _with_text(table, positions)
+    many = sum(int(np.count_nonzero(np.isinf(column))) for column in columns)
+    if many:
+        endless = np.isinf(columns)
+        columns[endless] = nan
+        at = lines[endless.any(axis=0)]
+        findings.append(
+            Finding(
+                "repaired", "infinite numbers",
+                f"{counted(many, 'cell')} that read infinity are blank now",
+                count=many, lines=line_ranges(at),
+            )
+        )  # fmt: skip
+    return Numbers(table, columns, lines, tuple(findings))
+
+
+def _has_empty_row(columns: Array) -> bool:
+    return bool(np.logical_and.reduce([np.isnan(column) for column in columns]).any())
+
+
+def _floats(table: TextTable, positions: Sequence[int]) -> Array:
+    """Return columns in which no cell is text.
+
+    Looking out for one word of blankness is quickest, and writing each batch where it belongs
+    spares memory, which takes longer to come by than the numbers.
+    """
+    import pyarrow as pa
+
+    values = np.empty((len(positions), len(table.lines)))
+    try:
+        _fill(values, _reader(table, positions, pa.float64(), [""]), positions)
+    except pa.ArrowInvalid:
+        _fill(values, _reader(table, positions, pa.float64(), _NULLS), positions)
+    return values
+
+
+def _fill(values: Array, reader: Any, positions: Sequence[int]) -> None:
+    import pyarrow as pa
+
+    at = 0
+    for batch in reader:
+        end = at + batch.num_rows
+        if end > values.shape[1]:
+            break
+        for row, position in enumerate(positions):
+            values[row, at:end] = batch.column(str(position)).to_numpy(zero_copy_only=False)
+        at = end
+    if at != values.shape[1]:
+        raise pa.ArrowInvalid("rows and lines differ")
+
+
+def _reader(
+    table: TextTable, positions: Sequence[int], cell_type: Any, blank: Sequence[str]
+) -> Any:
+    """Return pyarrow's reader of the asked columns, which rounds decimals correctly."""
+    import pyarrow as pa
+    from pyarrow import csv
+
+    names = [str(position) for position in range(len(table.header))]
+    wanted = list(dict.fromkeys(names[position] for position in positions))
+    return csv.open_csv(
+        pa.BufferReader(pa.py_buffer(table.body)),
+        read_options=csv.ReadOptions(
+            column_names=names, block_size=_block_bytes(table.body), use_threads=False
+        ),
+        parse_options=csv.ParseOptions(
+            delimiter=table.delimiter, quote_char=False, ignore_empty_lines=False
+        ),
+        convert_options=csv.ConvertOptions(
+            column_types=dict.fromkeys(wanted, cell_type),
+            include_columns=wanted,
+            null_values=blank,
+            strings_can_be_null=True,
+            decimal_point=table.decimal,
+            check_utf8=False,
+        ),
+    )
+
+
+def _block_bytes(body: bytes | memoryview) -> int:
+    """Return a block size that holds the longest row, which pyarrow needs: usually the usual."""
+    at = 0
+    while len(body) - at > _BLOCK_BYTES:
+        end = bytes(body[at : at + _BLOCK_BYTES]).rfind(b"\n")
+        if end < 0:
+            return min(len(body), (1 << 31) - 1)
+        at += end + 1
+    return _BLOCK_BYTES
+
+
+def _with_text(table: TextTable, positions: Sequence[int]) -> tuple[Array, Any, list[Finding]]:
+    """Read cell by cell a table in which some cell is no number."""
+    import pyarrow as pa
+
+    read = _reader(table, positions, pa.binary(), _NULLS).read_all()
+    texts = [read.column(str(position)).to_pylist() for position in positions]
+    columns = [np.array([_number(cell, table.decimal) for cell in column]) for column in texts]
+    blank = [np.array([cell is None or not cell.strip() for cell in column]) for column in texts]
+    wrong = [np.isnan(c) & ~b for c, b in zip(columns, blank, strict=True)]
+    for column, cells, bad in zip(columns, texts, wrong, strict=True):
+        for row in np.flatnonzero(bad).tolist():
+            bad[row] = cells[row].strip().decode("latin-1") not in _NULLS
+        column[bad] = nan
+    bad_cells = np.sum(wrong, axis=0)
+    good_cells = np.sum([np.isfinite(column) for column in columns], axis=0)
+    refused = (bad_cells > 0) & (bad_cells >= good_cells)
+    findings = []
+    if refused.any():
+        findings.append(
+            Finding(
+                "refused", "text rows",
+                f"{counted(int(refused.sum()), 'row')} that hold text where numbers belong, as "
+                f"another script or a second header writes them",
+                count=int(refused.sum()), lines=line_ranges(table.lines[refused]),
+            )
+        )  # fmt: skip
+    for position, cells, bad in zip(positions, texts, wrong, strict=True):
+        left = np.flatnonzero(bad & ~refused)
+        if left.size:
+            example = cells[left[0]].decode("utf-8", "replace").strip()[:30]
+            findings.append(
+                Finding(
+                    "repaired", "text cells",
+                    f"{counted(left.size, 'cell')} of text, as {example!r}, are blank now",
+                    table.header[position], left.size, line_ranges(table.lines[left]),
+                )
+            )  # fmt: skip
+    return np.array([column[~refused] for column in columns]), table.lines[~refused], findings
+
+
+def _number(cell: bytes | None, decimal: str) -> float:
+    if cell is None:
+        return nan
+    clean = cell.strip()
+    if decimal == ",":
+        clean = clean.replace(b",", b".")
+    return float(clean) if _NUMBER.fullmatch(clean) else nan

@@ -1,0 +1,133 @@
+"""Doubt speeds that are off by a ratio of small whole numbers, as a wrong pole count makes them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from fractions import Fraction
+from itertools import combinations
+from math import pi
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.core.recording import Recording
+from benchtool.data.repairs.finding import Finding
+
+Array = NDArray[np.float64]
+
+MOST_POLE_PAIRS = 14
+"""Motors with more than 28 magnets are rare."""
+
+LIKELY_EFFICIENCY = 0.9
+"""Small brushless motors turn at most about 85 % of the electrical power into shaft power."""
+
+_ROTOR = re.compile(r"rpm\d+")
+
+
+def small_ratio(ratio: float, within: float = 0.03) -> Fraction | None:
+    """Return the ratio of small whole numbers nearest to `ratio`, if it is near and not 1."""
+    if not np.isfinite(ratio) or not 1.0 / MOST_POLE_PAIRS <= ratio <= MOST_POLE_PAIRS:
+        return None
+    best = min(
+        (Fraction(p, q) for p in range(1, MOST_POLE_PAIRS + 1) for q in range(1, 8)),
+        key=lambda item: abs(float(item) / ratio - 1.0) + 0.002 * item.denominator,
+    )
+    return best if best != 1 and abs(float(best) / ratio - 1.0) < within else None
+
+
+def speed_doubts(recording: Recording) -> list[Finding]:
+    """Return the doubts about the speeds of one recording."""
+    found = []
+    if {"rpm1", "rpm1_optical"} <= set(recording.names):
+        ratio = _ratio(recording.column("rpm1"), recording.column("rpm1_optical"))
+        found += _off(ratio, "the optical probe", "rpm1")
+    rotors = [name for name in recording.names if _ROTOR.fullmatch(name)]
+    if len(rotors) > 1 and not any(name.startswith("pwm2") for name in recording.names):
+        for name in rotors:
+            others = np.median(
+                [recording.column(other) for other in rotors if other != name], axis=0
+            )
+            ratio = _ratio(recording.column(name), others)
+            if abs(ratio - 1.0) > 0.25:
+                found += _off(ratio, "the other rotors at the same throttle", name)
+    return found + _too_efficient(recording)
+
+
+def _ratio(one: Array, other: Array) -> float:
+    rows = np.isfinite(one) & np.isfinite(other) & (one > 0.0) & (other > 0.0)
+    return float(np.median(one[rows] / other[rows])) if np.count_nonzero(rows) >= 3 else 1.0
+
+
+def _off(ratio: float, against: str, name: str) -> list[Finding]:
+    nearest = small_ratio(ratio)
+    if nearest is None:
+        return []
+    words = (
+        f"{ratio:.3g} times {against}, near {nearest}: a wrong pole count? --scale "
+        f"{name}={1 / nearest} mends it"
+    )
+    return [Finding("doubt", "rpm ratio", words, name)]
+
+
+def _too_efficient(recording: Recording) -> list[Finding]:
+    """Doubt speeds at which the shaft would give more than the motor gets."""
+    needed = ("rpm1", "torque_Nm", "voltage_V", "current_A")
+    if any(name not in recording for name in needed):
+        return []
+    rpm, torque, volts, amperes = (recording.column(name) for name in needed)
+    electrical = volts * amperes
+    rows = np.isfinite(rpm * torque * electrical) & (rpm > 0.0)
+    if rows.any():
+        rows &= electrical > max(0.2 * float(np.max(electrical[rows])), 1e-3)
+    if not rows.any():
+        return []
+    shaft = np.abs(torque[rows]) * rpm[rows] * 2.0 * pi / 60.0
+    efficiency = float(np.median(shaft / electrical[rows]))
+    if efficiency < LIKELY_EFFICIENCY:
+        return []
+    words = (
+        f"the shaft would give {efficiency:.0%} of the electrical power: rpm too high (wrong pole "
+        f"count), or torque or current without its zero"
+    )
+    return [Finding("doubt", "impossible efficiency", words, "rpm1", int(np.count_nonzero(rows)))]
+
+
+def compare_speeds(named: Sequence[tuple[str, Recording]]) -> dict[str, list[Finding]]:
+    """Return doubts about files that say another speed at the same pulse and thrust.
+
+    Args:
+        named: file and recording.
+    """
+    found: dict[str, list[Finding]] = {name: [] for name, _ in named}
+    curves = [(name, curve) for name, item in named if (curve := _curve(item)) is not None]
+    for (name, one), (other_name, other) in combinations(curves, 2):
+        low, high = max(one[0][0], other[0][0]), min(one[0][-1], other[0][-1])
+        pulses = one[0][(one[0] >= low) & (one[0] <= high)]
+        if pulses.size < 2:
+            continue
+        thrusts = [np.interp(pulses, curve[0], curve[1]) for curve in (one, other)]
+        speeds = [np.interp(pulses, curve[0], curve[2]) for curve in (one, other)]
+        alike = np.median(np.abs(thrusts[0] - thrusts[1])) < 0.15 * np.median(np.abs(thrusts[0]))
+        ratio = float(np.median(speeds[0] / speeds[1]))
+        nearest = small_ratio(ratio)
+        if alike and nearest is not None and abs(ratio - 1.0) > 0.2:
+            for mine, theirs, off in ((name, other_name, ratio), (other_name, name, 1 / ratio)):
+                words = (
+                    f"{off:.3g} times the speed of {theirs} at the same pulse and thrust, near "
+                    f"{small_ratio(off) or nearest}: one of the two has a wrong pole count"
+                )
+                found[mine].append(Finding("doubt", "rpm ratio", words, "rpm1"))
+    return found
+
+
+def _curve(recording: Recording) -> tuple[Array, Array, Array] | None:
+    """Return pulse, thrust and speed in rows that have all three, by pulse; None without them."""
+    if any(name not in recording for name in ("pwm1_us", "thrust_N", "rpm1")):
+        return None
+    pulse, thrust, rpm = (recording.column(name) for name in ("pwm1_us", "thrust_N", "rpm1"))
+    rows = np.isfinite(pulse * thrust * rpm) & (rpm > 0.0)
+    if np.count_nonzero(rows) < 2:
+        return None
+    order = np.flatnonzero(rows)[np.argsort(pulse[rows], kind="stable")]
+    return pulse[order], thrust[order], rpm[order]

@@ -1,0 +1,1 @@
+"""A run folder: settings, samples, points and events."""

@@ -1,0 +1,134 @@
+"""points.csv: one row for every visit of a setting, and settings.csv made from it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import isnan, nan
+from pathlib import Path
+
+from benchtool.core.counted import counted
+from benchtool.core.errors import FileFormatError
+from benchtool.core.user_file import open_file
+from benchtool.data.run.append import AppendFile
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Point:
+    """Hold one visit of a setting: means over its samples.
+
+    Attributes:
+        point: number of the visit, from 1; 0 for a tare.
+        kind: one of `columns.KINDS`.
+        setting: number of the setting that was visited, from 1; 0 for a tare.
+        repeat: how often this setting had been visited, from 1.
+        time_s: middle of the samples, since the run began.
+        elapsed_s: the same since the last tare.
+        pwm_us, rpm: (n_rotors,) mean command and mean speed; nan where unknown.
+        rpm_se: (n_rotors,) standard error of the mean speed, as that of thrust.
+        thrust_N, thrust_sd_N, thrust_se_N: mean over samples, their standard deviation, and the
+            standard error of the mean with autocorrelation accounted for.
+        n_samples: thrust samples in the mean.
+        plate_z_m: distance of the plate: what the bench read, or the stage's word without it.
+        plate_stage_z_m, plate_read_z_m: both of them, nan where one is missing.
+        settled: whether the settling test passed before its time-out.
+    """
+
+    point: int
+    kind: str
+    setting: int
+    repeat: int
+    time_s: float
+    elapsed_s: float
+    pwm_us: tuple[float, ...]
+    rpm: tuple[float, ...]
+    rpm_se: tuple[float, ...]
+    thrust_N: float
+    thrust_sd_N: float
+    thrust_se_N: float
+    n_samples: int
+    plate_z_m: float
+    plate_x_m: float = 0.0
+    plate_tilt_deg: float = 0.0
+    voltage_V: float = nan
+    current_A: float = nan
+    torque_Nm: float = nan
+    temperature_degC: float = nan
+    settled: bool = True
+    plate_stage_z_m: float = nan
+    plate_read_z_m: float = nan
+
+    @property
+    def sum_rpm2(self) -> float:
+        """Sum of the squared speeds of the rotors that turn; nan when speed is not measured."""
+        return sum(speed**2 for speed in self.rpm)
+
+
+def point_columns(n_rotors: int) -> tuple[str, ...]:
+    """Return the column names of points.csv."""
+    return (
+        *("point", "kind", "setting", "repeat", "time_s", "elapsed_s"),
+        *(f"pwm{i + 1}_us" for i in range(n_rotors)),
+        *(f"rpm{i + 1}" for i in range(n_rotors)),
+        *(f"rpm{i + 1}_se" for i in range(n_rotors)),
+        *("thrust_N", "thrust_sd_N", "thrust_se_N", "n_samples"),
+        *("plate_z_m", "plate_stage_z_m", "plate_read_z_m", "plate_x_m", "plate_tilt_deg"),
+        *("voltage_V", "current_A", "torque_Nm", "temperature_degC", "settled"),
+    )
+
+
+def point_cells(point: Point) -> list[str]:
+    """Return the cells of one row of points.csv."""
+    numbers = (
+        *point.pwm_us,
+        *point.rpm,
+        *point.rpm_se,
+        *(point.thrust_N, point.thrust_sd_N, point.thrust_se_N, point.n_samples),
+        *(point.plate_z_m, point.plate_stage_z_m, point.plate_read_z_m),
+        *(point.plate_x_m, point.plate_tilt_deg),
+        *(point.voltage_V, point.current_A, point.torque_Nm, point.temperature_degC),
+    )
+    return [
+        *(str(point.point), point.kind, str(point.setting), str(point.repeat)),
+        *(f"{point.time_s:.6f}", f"{point.elapsed_s:.6f}"),
+        *(number_cell(number) for number in numbers),
+        "1" if point.settled else "0",
+    ]
+
+
+def number_cell(number: float) -> str:
+    """Return a number as text that reads back to the same number; nan is an empty cell."""
+    return "" if isnan(number) else repr(number)
+
+
+class PointWriter:
+    """Append points; a point is on the disk when `append` returns."""
+
+    def __init__(self, path: Path, n_rotors: int) -> None:
+        header = ",".join(point_columns(n_rotors)).encode() + b"\n"
+        self.file = AppendFile(path)
+        if path.stat().st_size == 0:
+            self.file.write(header)
+            self.file.sync()
+            return
+        with open_file(path, follow=False) as file:
+            if file.readline() != header:
+                self.file.close()
+                raise FileFormatError(
+                    str(path),
+                    f"its columns are not those of a run with {counted(n_rotors, 'rotor')} of this "
+                    f"version of benchtool; go on with the rig and the version that began the run",
+                )
+
+    @property
+    def fragment(self) -> str:
+        """The cut line that a killed process left at the end, empty when there was none."""
+        return self.file.fragment.decode("utf-8", "replace")
+
+    def append(self, point: Point) -> None:
+        """Append one point and force it to the disk."""
+        self.file.write(",".join(point_cells(point)).encode("ascii") + b"\n")
+        self.file.sync()
+
+    def close(self) -> None:
+        """Close the file; safe to call twice."""
+        self.file.close()

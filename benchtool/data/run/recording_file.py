@@ -1,0 +1,119 @@
+"""A recording as one file, CSV or Parquet, with a JSON beside it that says where it comes from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchtool.core.channel import Channel
+from benchtool.core.errors import BenchtoolError, FileFormatError, WouldOverwrite
+from benchtool.core.recording import Recording
+from benchtool.data.atomic import replace_json
+from benchtool.data.columns import channel_called
+from benchtool.data.csv_text import read_csv_text
+from benchtool.data.parquet import read_parquet, write_parquet
+from benchtool.data.run.digest import file_hash
+from benchtool.data.run.facts import read_recording_facts
+from benchtool.data.run.sample_stream import read_stream
+from benchtool.data.table import columns_of
+
+FORMAT = "benchtool-recording-1"
+
+
+def beside(path: Path) -> Path:
+    """Return where the JSON of a recording file stands."""
+    return path.with_name(f"{path.name}.json")
+
+
+def write_recording(
+    path: Path, recording: Recording, facts: Mapping[str, Any], *, overwrite: bool = False
+) -> None:
+    """Write a recording and its facts, each in one step; the JSON last, with the table's hash.
+
+    Args:
+        path: ends in .csv or .parquet.
+        recording: what to write.
+        facts: for the JSON, beside what is written there for every recording.
+        overwrite: replace files of these names.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in (".csv", ".parquet"):
+        raise FileFormatError(str(path), "a recording is written as .csv or .parquet; end it so")
+    if not overwrite:
+        for target in (path, beside(path)):
+            if target.exists():
+                raise WouldOverwrite(str(target))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if suffix == ".csv":
+        _write_csv(path, recording)
+    else:
+        write_parquet(path, recording)
+    channels = [{"name": item.name, "unit": item.unit} for item in recording.channels]
+    replace_json(
+        beside(path),
+        {
+            "format": FORMAT,
+            "sha256": file_hash(path),
+            "rows": len(recording),
+            "simulated": recording.simulated,
+            "channels": channels,
+            "provenance": dict(recording.provenance),
+            **facts,
+        },
+    )
+
+
+def read_recording(path: str | Path) -> Recording:
+    """Return a recording that `write_recording` wrote, with its provenance."""
+    path = Path(path)
+    if not path.is_file():
+        raise FileFormatError(str(path), "there is no such recording; check the path")
+    facts = read_recording_facts(beside(path), FORMAT)
+    if facts.get("sha256") != file_hash(path):
+        raise FileFormatError(
+            str(path), "it has changed since it was written; import it again, or restore it"
+        )
+    if path.suffix.lower() == ".csv":
+        recording = _read_csv(path)
+    else:
+        recording = read_parquet(path)
+    units = {str(item["name"]): str(item["unit"]) for item in facts["channels"]}
+    return replace(
+        recording,
+        channels=tuple(Channel(name, units.get(name, "")) for name in recording.names),
+        provenance={str(key): str(value) for key, value in facts["provenance"].items()},
+        simulated=bool(facts["simulated"]),
+    )
+
+
+def _read_csv(path: Path) -> Recording:
+    try:
+        names, values, _ = read_stream(path, None)
+        return Recording(tuple(map(channel_called, names)), values)
+    except BenchtoolError:  # words, or not as it was written: refused with the line
+        return Recording.from_columns(columns_of(read_csv_text(path, own=True)))
+
+
+def _write_csv(path: Path, recording: Recording) -> None:
+    """Write with pyarrow: numbers read back to the same numbers, nan is an empty cell."""
+    import pyarrow as pa
+    from pyarrow import csv
+
+    blank = np.isnan(recording.values)
+    masks = [blank[:, index].copy() for index in range(len(recording.channels))]
+    # A line of nothing but empty cells would be taken for no row: its first cell says nan.
+    masks[0] &= ~blank.all(axis=1)
+    columns = [
+        pa.array(np.ascontiguousarray(recording.values[:, index]), mask=mask)
+        for index, mask in enumerate(masks)
+    ]
+    table = pa.table(columns, names=list(recording.names))
+    fresh = path.with_name(f".{path.name}.new")
+    with open(fresh, "wb") as file:
+        file.write(f"{','.join(recording.names)}\n".encode())
+        csv.write_csv(table, file, csv.WriteOptions(include_header=False, quoting_style="none"))
+    fresh.replace(path)

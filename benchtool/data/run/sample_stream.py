@@ -1,0 +1,137 @@
+"""samples.csv in batches: memory for some ten thousand rows, however long the run was."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.core.errors import FileFormatError
+from benchtool.core.table_bounds import check_columns, check_decoded
+from benchtool.core.user_file import open_file
+from benchtool.data.columns import WORDS
+
+BLOCK_BYTES = 1 << 20
+"""Read and parsed at once: some 6,000 rows of 20 columns; a choice."""
+
+
+class WholeLines(io.RawIOBase):
+    """Read a file up to its last line end; what a kill left behind it is no row.
+
+    Attributes:
+        names: of the columns.
+        lines: how many there are below the header.
+        cut: whether something stands behind the last line end.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._file = open_file(path, follow=False)
+        self.lines, end, size = -1, 0, 0
+        while block := self._file.read(1 << 20):
+            self.lines += block.count(b"\n")
+            if (last := block.rfind(b"\n")) >= 0:
+                end = size + last + 1
+            size += len(block)
+        self.cut = end < size
+        self._left = end
+        self._file.seek(0)
+        self.names = header_of(path)
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: Any) -> int:
+        view = memoryview(buffer)[: self._left]
+        count = self._file.readinto(view) or 0
+        self._left -= count
+        return count
+
+    def close(self) -> None:
+        self._file.close()
+        super().close()
+
+
+def header_of(path: Path, *, follow: bool = False) -> tuple[str, ...]:
+    """Return the names in the first line of a table."""
+    with open_file(path, follow=follow) as file:
+        line = file.readline(1 << 16).decode("utf-8", "replace")
+    return tuple(line.strip("\r\n").split(","))
+
+
+def sample_batches(lines: WholeLines, path: Path, names: Sequence[str]) -> Iterator[Any]:
+    """Yield record batches of some columns; words are text, a blank number is null.
+
+    Args:
+        lines: of the file, not read yet.
+        path: of the file, for the error.
+        names: of the columns, all of them in the file.
+
+    Raises:
+        FileFormatError: a row or cell that cannot be read.
+    """
+    import pyarrow as pa
+    from pyarrow import csv
+
+    try:
+        yield from csv.open_csv(
+            lines,
+            csv.ReadOptions(use_threads=False, block_size=BLOCK_BYTES),
+            csv.ParseOptions(newlines_in_values=False),
+            csv.ConvertOptions(
+                column_types={
+                    name: pa.string() if name in WORDS else pa.float64() for name in names
+                },
+                include_columns=list(names),
+                null_values=["", "nan"],
+                strings_can_be_null=False,
+            ),
+        )
+    except pa.ArrowException as error:
+        problem = f"{' '.join(str(error).split())[:200]}; mend that line"
+        raise FileFormatError(str(path), problem) from error
+
+
+def codes_of(name: str, words: Any, path: Path) -> Any:
+    """Return the positions of words in their list, as an int32 array.
+
+    Raises:
+        FileFormatError: a word that is not in the list.
+    """
+    import pyarrow as pa
+    from pyarrow import compute
+
+    codes = compute.index_in(words, value_set=pa.array(WORDS[name]))
+    if codes.null_count:
+        strange = words.filter(compute.is_null(codes))[0].as_py()
+        raise FileFormatError(
+            str(path), f"column {name!r} holds {strange[:40]!r}, which is none of {WORDS[name]}"
+        )
+    return codes
+
+
+def read_stream(path: Path, names: Sequence[str] | None) -> tuple[tuple[str, ...], Any, bool]:
+    """Return names and numbers (n, c) of some columns, and whether the last line was cut.
+
+    Args:
+        path: samples.csv.
+        names: of the columns, those that are not in the file left out; all when left out.
+    """
+    with WholeLines(path) as lines:
+        present = tuple(name for name in lines.names if names is None or name in names)
+        check_columns(len(lines.names), str(path))
+        check_decoded(max(lines.lines, 0), len(present), str(path))
+        values: NDArray[np.float64] = np.empty((max(lines.lines, 0), len(present)))
+        at = 0
+        for batch in sample_batches(lines, path, present):
+            end = at + batch.num_rows
+            for column, name in enumerate(present):
+                cells = batch.column(column)
+                if name in WORDS:
+                    cells = codes_of(name, cells, path)
+                values[at:end, column] = cells.to_numpy(zero_copy_only=False)
+            at = end
+        return present, values[:at], lines.cut

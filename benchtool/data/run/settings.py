@@ -1,0 +1,87 @@
+"""settings.csv: means and standard deviations over repeats, T_IGE/T_OGE against references."""
+
+from __future__ import annotations
+
+from math import nan
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.core.errors import InputError
+from benchtool.core.recording import Recording
+from benchtool.data.columns import channel_called, code_of, speed_columns
+from benchtool.data.run.ratios import ratios
+
+Array = NDArray[np.float64]
+
+_MEANS: tuple[str, ...] = (
+    "plate_z_m",
+    "plate_x_m",
+    "plate_tilt_deg",
+    "voltage_V",
+    "current_A",
+    "torque_Nm",
+)
+
+
+def aggregate(points: Recording) -> Recording:
+    """Return one row for every setting that was measured or served as a reference.
+
+    Means are over repeats, `*_sd*` are standard deviations over repeats (nan for a single one),
+    `thrust_se_N` is the standard error of the mean over repeats, or of the one visit. The ratio
+    T_IGE/T_OGE is that of `ratios`, visit by visit: `ratio_equal_pwm` at equal pulse width,
+    `ratio_equal_rpm2` at equal squared speed.
+    """
+    kinds = points.column("kind")
+    measured = points.select(
+        (kinds == code_of("kind", "measure")) | (kinds == code_of("kind", "reference"))
+    )
+    names = [*speed_columns(points.names), *(name for name in _MEANS if name in points)]
+    header = (
+        *("setting", "kind", "n_repeats"),
+        *names,
+        *("thrust_N", "thrust_sd_N", "thrust_se_N"),
+        *("ratio_equal_pwm", "ratio_equal_pwm_sd", "ratio_equal_rpm2", "ratio_equal_rpm2_sd"),
+    )
+    by_pwm = _ratios(measured, "equal_pwm")
+    by_rpm2 = _ratios(measured, "equal_rpm2")
+    settings = measured.column("setting")
+    rows = []
+    for setting in np.unique(settings):
+        here = np.flatnonzero(settings == setting)
+        part = measured.select(here)
+        thrust = part.column("thrust_N")
+        # A reference over itself is 1 by definition and does not scatter.
+        near = part.column("kind")[0] == code_of("kind", "measure")
+        sd = _sd(thrust)
+        se = sd / np.sqrt(len(here)) if len(here) > 1 else float(part.column("thrust_se_N")[0])
+        rows.append(
+            [
+                *(setting, part.column("kind")[0], float(len(here))),
+                *(_mean(part.column(name)) for name in names),
+                *(_mean(thrust), sd, se),
+                *(_mean(by_pwm[here]), _sd(by_pwm[here]) if near else nan),
+                *(_mean(by_rpm2[here]), _sd(by_rpm2[here]) if near else nan),
+            ]
+        )
+    values = np.array(rows, float).reshape(len(rows), len(header))
+    channels = tuple(channel_called(name) for name in header)
+    return Recording(channels, values, points.provenance, points.simulated)
+
+
+def _ratios(points: Recording, basis: str) -> Array:
+    """Return T_IGE/T_OGE of every visit (n,); nan throughout a run without references."""
+    try:
+        return ratios(points, basis)[0]
+    except InputError:
+        return np.full(len(points), np.nan)
+
+
+def _mean(values: Array) -> float:
+    present = values[~np.isnan(values)]
+    return float(present.mean()) if len(present) else float("nan")
+
+
+def _sd(values: Array) -> float:
+    present = values[~np.isnan(values)]
+    return float(present.std(ddof=1)) if len(present) > 1 else float("nan")

@@ -1,0 +1,56 @@
+"""What benchtool remembers between commands on one machine: checked benches, calibrations."""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+from pathlib import Path
+from typing import Any
+
+from benchtool.core.errors import InputError
+from benchtool.data.atomic import read_json, replace_json
+
+
+def state_folder() -> Path:
+    """Return the folder for lasting state of this user.
+
+    BENCHTOOL_STATE where it is set; else what the system names: XDG_STATE_HOME (XDG Base Directory
+    Specification 0.8) or ~/.local/state on Linux, ~/Library/Application Support on macOS,
+    LOCALAPPDATA on Windows.
+    """
+    if chosen := os.environ.get("BENCHTOOL_STATE"):
+        return Path(chosen)
+    if sys.platform == "win32":
+        root = Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
+    elif sys.platform == "darwin":
+        root = Path.home() / "Library" / "Application Support"
+    else:
+        root = Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state")
+    return root / "benchtool"
+
+
+def state_file(kind: str, device_id: str) -> Path:
+    """Return the file that remembers one kind of thing about one device."""
+    safe = re.sub(r"[^A-Za-z0-9._-]", "_", device_id) or "unnamed"
+    return state_folder() / kind / f"{safe}.json"
+
+
+def remember(kind: str, device_id: str, facts: dict[str, Any]) -> Path:
+    """Keep facts about a device, in place of older ones."""
+    path = state_file(kind, device_id)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        replace_json(path, facts)
+    except OSError as error:
+        raise InputError(
+            f"{path} cannot be written ({error.strerror}); name another state folder in the "
+            f"environment variable BENCHTOOL_STATE"
+        ) from error
+    return path
+
+
+def recall(kind: str, device_id: str) -> dict[str, Any] | None:
+    """Return what is remembered about a device, None when nothing is."""
+    path = state_file(kind, device_id)
+    return read_json(path) if path.is_file() else None

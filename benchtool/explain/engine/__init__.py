@@ -1,0 +1,1 @@
+"""Search, weigh and judge hypotheses."""

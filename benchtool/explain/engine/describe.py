@@ -1,0 +1,137 @@
+"""Put hypotheses into words and numbers: parameters with intervals, where it shows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.explain.engine.evidence import EARLY, LATE, RowGroups
+from benchtool.explain.engine.explanation import Disagreement
+from benchtool.explain.engine.hypotheses import Hypotheses, Hypothesis
+from benchtool.explain.engine.subject import Subject
+from benchtool.explain.engine.verdict import FoundParameter, Where
+from benchtool.physics.effects.effect import Effect, Stage
+
+Array = NDArray[np.float64]
+
+SIGMA_95 = 1.959964
+"""Half of a 95 % interval in standard deviations."""
+
+CLOCK_FACTOR = 1.1
+"""How much denser residuals must be in a part of the run than in any regime of plate, speed or
+motion to be told by the clock; a choice."""
+
+
+def effect_of(subject: Subject, name: str) -> Effect:
+    """Return an effect of the subject's model by name."""
+    return next(effect for effect in subject.evidence.model.effects if effect.name == name)
+
+
+def found_parameters(
+    subject: Subject, hypotheses: Hypotheses, one: Hypothesis, name: str
+) -> tuple[FoundParameter, ...]:
+    """Return an effect's numbers under a hypothesis that opens it.
+
+    Their errors are what the data leave open, everything else free within its tolerance, and what
+    a bench departs from the effect's law.
+    """
+    spread = np.sqrt(np.diag(hypotheses.spread(one)))
+    effect = effect_of(subject, name)
+    neutral = {item.name: item.neutral for item in effect.parameters}
+    out = []
+    for knob, turned, sd in zip(hypotheses.evidence.knobs, one.at, spread, strict=True):
+        if knob.effect != name:
+            continue
+        value, std = knob.value(float(turned)), float(sd) * knob.scale
+        own = knob.name.partition(".")[2]
+        stated = neutral[own]
+        rest = knob.start if stated is None else stated
+        std = float(np.hypot(std, subject.law_error(effect) * (value - rest)))
+        out.append(
+            FoundParameter(
+                name=own,
+                unit=knob.unit,
+                value=value,
+                std=std,
+                low=max(value - SIGMA_95 * std, knob.lower),
+                high=min(value + SIGMA_95 * std, knob.upper),
+                tolerance=knob.scale,
+                neutral=rest,
+            )
+        )
+    return tuple(out)
+
+
+def where_shown(
+    groups: RowGroups, before: Array, after: Array, stage: Stage | None
+) -> Where | None:
+    """Return where residuals stand out before the fix.
+
+    The regime is where they are densest; one of the clock only where no other is nearly as dense.
+
+    Args:
+        groups: labels of the rows.
+        before: (n_rows,) residuals within tolerance.
+        after: (n_rows,) with what was named, or of the nearest.
+        stage: of what was named; found from the rows when None.
+    """
+    shown: Stage = stage if stage is not None else loudest(groups, before)
+    rows = groups.stages.get(shown)
+    if rows is None:
+        rows = ~groups.stages.get("pwm_to_rpm", np.zeros(len(before), bool))
+    gained = np.where(rows, before**2 - after**2, 0.0)
+    if gained.sum() <= 0.0:  # nothing was gained: look at what stands out of the noise
+        gained = np.where(rows, before**2 - 1.0, 0.0)
+    total = gained.sum()
+    best, crowded = "everywhere", 1.5
+    for name, mask in groups.regimes.items():
+        inside = gained[mask].sum() / total if total > 0.0 else 0.0
+        dense = inside / max(float(np.mean(mask[rows])), 1e-9)
+        if name in (LATE, EARLY):
+            dense /= CLOCK_FACTOR
+        if inside > 0.3 and dense > crowded:
+            best, crowded = name, dense
+    mask = groups.regimes.get(best, np.ones(len(before), bool)) & rows
+    return Where(
+        stage=shown,
+        regime=best,
+        size=_rms(before[mask]),
+        share=float(gained[mask].sum() / total) if total > 0.0 else 0.0,
+    )
+
+
+def loudest(groups: RowGroups, residuals: Array) -> Stage:
+    """Return the stage whose rows stand out most."""
+    sizes: dict[Stage, float] = {name: _rms(residuals[m]) for name, m in groups.stages.items()}
+    return max(sizes, key=lambda name: sizes[name])
+
+
+def leftover(groups: RowGroups, residuals: Array) -> float:
+    """Return the variance of the residuals (n_rows,) of the stage that stands out most."""
+    return max(_rms(residuals[mask]) ** 2 for mask in groups.stages.values())
+
+
+def disagreements(groups: RowGroups, before: Array, after: Array) -> tuple[Disagreement, ...]:
+    """Return residuals by stage and regime, before and after (n_rows,) each."""
+    out = []
+    for stage, rows in groups.stages.items():
+        if not rows.any():
+            continue
+        masks: Mapping[str, NDArray[np.bool_]] = {
+            "everywhere": np.ones(len(rows), bool),
+            **groups.regimes,
+        }
+        out.append(
+            Disagreement(
+                stage=stage,
+                by_regime={name: _rms(before[mask & rows]) for name, mask in masks.items()},
+                after={name: _rms(after[mask & rows]) for name, mask in masks.items()},
+            )
+        )
+    return tuple(out)
+
+
+def _rms(rows: Array) -> float:
+    return float(np.sqrt(np.mean(rows**2))) if len(rows) else 0.0

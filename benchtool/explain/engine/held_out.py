@@ -1,0 +1,125 @@
+"""The gap on the check recordings: as given, before, after, and the floor of a true model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.explain.engine.subject import ChannelErrors, Subject
+from benchtool.explain.engine.verdict import Gap
+
+Array = NDArray[np.float64]
+
+UPPER = 0.95
+"""Quantile of the floor's draws that counts as the upper end of noise."""
+
+RESAMPLES = 1000
+"""Draws of the block bootstrap."""
+
+
+DOUBT_DRAWS = 64
+"""Draws behind the quantile that decides whether a gap is noise."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Known:
+    """Hold knobs (n_knobs,) with their covariance (n_knobs, n_knobs)."""
+
+    at: Array
+    spread: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class HeldOut:
+    """Hold errors on the check recordings.
+
+    Attributes:
+        errors: by channel; columns are the model as given, before, after.
+        floor: (draws,) by channel, of the model with the named effects taken for true.
+        doubt: the same for the model before and after, its numbers as uncertain as they are.
+    """
+
+    errors: dict[str, ChannelErrors]
+    floor: dict[str, Array]
+    doubt: tuple[dict[str, Array], dict[str, Array]]
+
+    @classmethod
+    def of(
+        cls, subject: Subject, before: Known, after: Known, rng: np.random.Generator, draws: int
+    ) -> HeldOut:
+        """Predict with the numbers before and after."""
+        sets = np.vstack([np.zeros(len(before.at)), before.at, after.at])
+        first = dict(subject.floor(before.at, rng, DOUBT_DRAWS, before.spread))
+        second = first
+        if after is not before:
+            second = dict(subject.floor(after.at, rng, DOUBT_DRAWS, after.spread))
+        return cls(
+            errors=dict(subject.errors(sets)),
+            floor=dict(subject.floor(after.at, rng, draws)),
+            doubt=(first, second),
+        )
+
+    def ratio(self, place: int) -> float:
+        """Return the largest error over the upper noise quantile, before (0) or after (1)."""
+        return max(
+            float(
+                np.sqrt(np.mean(found.squares[:, 1 + place]))
+                / np.quantile(self.doubt[place][name], UPPER)
+            )
+            for name, found in self.errors.items()
+        )
+
+    def closed(self, column: int) -> float:
+        """Return the share of the gap that is closed, in the channel where it is least.
+
+        Root mean square over the floor's median; channels within the noise do not count.
+        """
+        shares = [1.0]
+        for name, found in self.errors.items():
+            floor = float(np.median(self.floor[name]))
+            before, after = np.sqrt(np.mean(found.squares[:, [1, column]], axis=0))
+            if after > np.quantile(self.floor[name], UPPER):
+                shares.append(float((before - after) / max(before - floor, 1e-12)))
+        return min(shares)
+
+    @property
+    def share_closed(self) -> float:
+        """Part of the gap above the floor that the named effects close, in the worst channel."""
+        name = max(self.errors, key=lambda key: self._excess(key, 1))
+        before, after = self._excess(name, 1), self._excess(name, 2)
+        return float((before - after) / before) if before > 0.0 else 0.0
+
+    def _excess(self, name: str, column: int) -> float:
+        """Return how far the squared error is above the floor's median, in floors."""
+        square = float(np.mean(self.errors[name].squares[:, column]))
+        return square / float(np.median(self.floor[name])) ** 2 - 1.0
+
+    def gaps(self, named: bool, rng: np.random.Generator) -> tuple[Gap, ...]:
+        """Return the gap of each channel; `named` tells whether an effect was added."""
+        out = []
+        for name, found in self.errors.items():
+            after = 2 if named else 1
+            roots = np.sqrt(np.mean(found.squares, axis=0))
+            blocks = rng.integers(len(found.squares), size=(RESAMPLES, len(found.squares)))
+            drawn = np.sqrt(np.mean(found.squares[blocks], axis=1))
+            low, high = np.quantile(drawn, [0.025, 0.975], axis=0)
+            floor = self.floor[name]
+            out.append(
+                Gap(
+                    channel=name,
+                    unit=found.unit,
+                    as_given=float(roots[0]),
+                    before=float(roots[1]),
+                    after=float(roots[after]),
+                    floor=float(np.median(floor)),
+                    floor_low=float(np.quantile(floor, 1.0 - UPPER)),
+                    floor_high=float(np.quantile(floor, UPPER)),
+                    before_low=float(low[1]),
+                    before_high=float(high[1]),
+                    after_low=float(low[after]),
+                    after_high=float(high[after]),
+                )
+            )
+        return tuple(out)

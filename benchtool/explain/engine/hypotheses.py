@@ -1,0 +1,228 @@
+"""Hypotheses about what a model lacks, from "nothing that matters" upward.
+
+The null is composite: every effect may be there within its tolerance, and what the owner knows
+only roughly may be anywhere its uncertainty allows. An effect is named only where its own
+tolerance must break. A bench with ten small real imperfections is still a bench on which nothing
+is missing; a test against exactly zero would name one of them on every record.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.explain.engine.evidence import Evidence
+from benchtool.fit.bounded import BoundedSearch, Linearised, Minimum, Region
+from benchtool.fit.telling import evidence
+
+Array = NDArray[np.float64]
+
+SMALL = 1.0 / 3.0
+"""Standard deviation of an effect that is there within its tolerance, in tolerances: what is said
+to be too small to matter reaches to three of them. A choice, not a fit."""
+
+REACH = 2.0
+"""How many standard errors a number that the owner knows roughly may be off."""
+
+UNSEEN = 3.0
+"""An effect that would have to be this many tolerances large to show is called not judged."""
+
+FIRST_STEPS = 1
+"""Steps that every candidate gets, from the base's own neighbourhood; only the best go on."""
+
+FINISHED = 4
+"""How many of the best go on."""
+
+BEHIND = 60.0
+"""A candidate whose neighbourhood promises no better than so far behind the best, in the sum of
+squares over the dispersion, is not followed further: its probability is nothing either way."""
+
+WORTH_A_FIT = 2.0
+"""Gain in the sum of squares that the null's own neighbourhood must promise before a candidate
+gets a fit of its own."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Hypothesis:
+    """Hold a set of effects that may break their tolerances, and the best numbers under it.
+
+    Attributes:
+        opened: names of those effects, in the order in which they were added; none for the null.
+        at: (n_knobs,) the best numbers, in scales.
+        cost: sum of squares there, penalties included.
+        converged: whether the search came to rest.
+    """
+
+    opened: tuple[str, ...]
+    at: Array
+    cost: float
+    converged: bool
+
+
+class Hypotheses:
+    """Fit hypotheses to evidence.
+
+    Args:
+        evidence: what recordings say.
+    """
+
+    def __init__(self, evidence: Evidence) -> None:
+        self.evidence = evidence
+        knobs = evidence.knobs
+        self._limits = (
+            np.array([knob.least for knob in knobs]),
+            np.array([knob.most for knob in knobs]),
+        )
+        self._search = BoundedSearch(evidence.residuals, self._limits)
+        self.effects = tuple(dict.fromkeys(knob.effect for knob in knobs if knob.effect))
+        self._near: dict[bytes, Linearised] = {}
+
+    def region(self, opened: Iterable[str]) -> Region:
+        """Return bounds and penalties under which only some effects may break their tolerance."""
+        names = set(opened)
+        knobs = self.evidence.knobs
+        wide = np.array([knob.effect in names for knob in knobs])
+        held = np.array([knob.held for knob in knobs])
+        limit = np.asarray(np.where(held, REACH, 1.0), float)
+        reach = np.asarray(np.where(wide, np.inf, limit), float)
+        return Region(
+            lower=np.asarray(np.maximum(self._limits[0], -reach), float),
+            upper=np.asarray(np.minimum(self._limits[1], reach), float),
+            penalty=np.asarray(np.where(wide, 0.0, np.where(held, 1.0, 1.0 / SMALL)), float),
+        )
+
+    def dispersion(self, one: Hypothesis) -> float:
+        """Return how much larger residuals are than the stated noise, 1 at least (a variance)."""
+        return max(1.0, one.cost / self.n_rows)
+
+    @cached_property
+    def n_rows(self) -> int:
+        """How many residuals there are."""
+        return len(self.evidence.residuals(np.zeros((1, len(self.evidence.knobs)))))
+
+    def spread(self, one: Hypothesis) -> Array:
+        """Return the covariance of all knobs (n_knobs, n_knobs) at a hypothesis, in scales.
+
+        From the curvature, the noise as large as the residuals say, and the penalties; a knob at
+        the end of its tolerance counts as if it could move on.
+        """
+        region = self.region(one.opened)
+        curvature = self.near(one.at).curvature / self.dispersion(one)
+        ridge = 1e-9 * np.eye(len(curvature))
+        return np.asarray(np.linalg.inv(curvature + np.diag(region.penalty**2) + ridge), float)
+
+    def unseen(self, one: Hypothesis) -> dict[str, float]:
+        """Return effects that the data cannot show: by how many tolerances each would have to act.
+
+        Its tolerance and three standard deviations of the knob that shows best, if that is more
+        than `UNSEEN`.
+        """
+        curvature = self.near(one.at).curvature / self.dispersion(one)
+        out = {}
+        for name in self.effects:
+            penalty = self.region((*one.opened, name)).penalty
+            total = curvature + np.diag(penalty**2) + 1e-9 * np.eye(len(curvature))
+            spread = np.sqrt(np.diag(np.linalg.inv(total)))
+            own = [s for s, knob in zip(spread, self.evidence.knobs, strict=True)
+                   if knob.effect == name]  # fmt: skip
+            needed = 1.0 + 3.0 * min(own)
+            if needed > UNSEEN:
+                out[name] = float(needed)
+        return out
+
+    def evidence_against(self, one: Hypothesis, rival: str) -> float:
+        """Return how clearly such data speak against a rival in the last place, were `one` true.
+
+        Twice the log-likelihood ratio on average, from the hypothesis' own Fisher information; the
+        effect whose place it is lies within its tolerance, as all others do.
+        """
+        region = self.region((*one.opened[:-1], rival))
+        matrix = self.near(one.at).curvature / self.dispersion(one)
+        return evidence(matrix, one.at, region.lower, region.upper)
+
+    def near(self, at: Array) -> Linearised:
+        """Return the neighbourhood of a point; the same one is worked out once."""
+        key = at.tobytes()
+        if key not in self._near:
+            self._near[key] = self._search.linearised(at)
+        return self._near[key]
+
+    def null(self, opened: tuple[str, ...] = ()) -> Hypothesis:
+        """Return the best numbers with those effects open, from the model as given."""
+        return self.fitted(opened, np.array([knob.first for knob in self.evidence.knobs]))
+
+    def fitted(self, opened: tuple[str, ...], start: Array) -> Hypothesis:
+        """Return the best numbers with those effects open, from given ones (n_knobs,) on."""
+        region = self.region(opened)
+        near = self.near(region.clipped(start))
+        return _of(opened, self._search.minimum(start, region, known=near))
+
+    def with_one_more(self, base: Hypothesis) -> list[Hypothesis]:
+        """Return the base with each other effect opened in turn, best first."""
+        near = self.near(base.at)
+        out = []
+        for name in self.effects:
+            if name in base.opened:
+                continue
+            opened = (*base.opened, name)
+            region = self.region(opened)
+            _, promised = near.step(region)
+            if base.cost - promised < WORTH_A_FIT:
+                out.append(Hypothesis(opened=opened, at=base.at, cost=base.cost, converged=True))
+                continue
+            found = self._search.minimum(base.at, region, known=near, most_steps=FIRST_STEPS)
+            out.append(_of(opened, found))
+        out.sort(key=lambda item: item.cost)
+        above = np.inf
+        for place, one in enumerate(out[:FINISHED]):
+            if not one.converged:
+                region = self.region(one.opened)
+                out[place] = _of(one.opened, self._search.minimum(one.at, region, above=above))
+            above = min(above, out[place].cost + BEHIND * self.dispersion(out[place]))
+        return sorted(out, key=lambda item: item.cost)
+
+    def secured(self, base: Hypothesis, others: Iterable[Hypothesis]) -> Hypothesis:
+        """Return the base refitted from others' optima, so that it is not above a feasible one.
+
+        A candidate whose optimum lies inside its tolerance is itself a point of the base; one
+        outside, moved back to the tolerance's edge, is a start that the base may not have seen.
+        """
+        region = self.region(base.opened)
+        best = base
+        above = base.cost + BEHIND * self.dispersion(base)
+        for other in others:
+            start = region.clipped(other.at)
+            found = self._search.minimum(start, region, above=above)
+            if found.cost < best.cost:
+                best = _of(base.opened, found)
+        return best
+
+    def null_gains(self, base: Hypothesis, draws: int, rng: np.random.Generator) -> Array:
+        """Return the largest gain of any candidate (draws,) when the base is the truth.
+
+        White residuals drawn about the base move the gradient of its neighbourhood; there every
+        candidate's bounded problem is solved exactly. Gains are in units of the dispersion.
+        """
+        near = self.near(base.at)
+        spread = self.dispersion(base)
+        curvature = near.curvature / spread
+        root = np.linalg.cholesky(curvature + 1e-9 * np.eye(len(curvature)))
+        regions = [self.region((*base.opened, e)) for e in self.effects if e not in base.opened]
+        own = self.region(base.opened)
+        out = np.empty(draws)
+        for k in range(draws):
+            drawn = Linearised(
+                at=base.at, cost=0.0, gradient=root @ rng.standard_normal(len(root)),
+                curvature=curvature,
+            )  # fmt: skip
+            _, least = drawn.step(own)
+            out[k] = max(least - drawn.step(region)[1] for region in regions)
+        return out
+
+
+def _of(opened: tuple[str, ...], found: Minimum) -> Hypothesis:
+    return Hypothesis(opened=opened, at=found.at, cost=found.cost, converged=found.converged)

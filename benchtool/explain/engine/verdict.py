@@ -1,0 +1,339 @@
+"""What an explanation comes to, as data: where, which, the gap, what to do next."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from math import inf
+from typing import Literal
+
+from benchtool.core.parameter import Parameters
+from benchtool.core.schedule import Schedule
+from benchtool.explain.engine.stage_words import PLACES
+from benchtool.physics.effects.effect import BenchKind, Stage
+
+Kind = Literal["effect", "several", "class", "none", "unknown"]
+KINDS: tuple[Kind, ...] = ("effect", "several", "class", "none", "unknown")
+Unjudged = Literal["too_weak", "no_trace"]
+"""Why an effect is not judged: it would have to be larger to show, or no size would do."""
+
+EVERYWHERE = "everywhere"
+"""The regime of a disagreement that no part of the recordings has more of than others."""
+
+SURE, LIKELY = 0.9, 0.7
+"""Probabilities from which a model is said to lack an effect, and to lack it probably; choices."""
+
+NEVER = 100.0
+"""An effect that would have to be this many tolerances large is said to leave no trace."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FoundParameter:
+    """Hold one number of a named effect.
+
+    Attributes:
+        name: the parameter's own name ("torque_Nm").
+        unit: of all numbers here.
+        value: most likely value.
+        std: standard deviation of it; other effects are free within their tolerances meanwhile.
+        low, high: 95 % interval.
+        tolerance: what would not have mattered.
+        neutral: value at which the effect is absent.
+    """
+
+    name: str
+    unit: str
+    value: float
+    std: float
+    low: float
+    high: float
+    tolerance: float
+    neutral: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NamedEffect:
+    """Hold one effect that an explanation names.
+
+    Attributes:
+        name: as in the catalogue.
+        title: for people.
+        stage: of the chain.
+        probability: that this effect is there, beyond its tolerance.
+        parameters: its numbers.
+        log_likelihood_ratio: against the same model with the effect held within its tolerance.
+        p_value: of that ratio when nothing beyond tolerance is there.
+    """
+
+    name: str
+    title: str
+    stage: Stage
+    probability: float
+    parameters: tuple[FoundParameter, ...]
+    log_likelihood_ratio: float
+    p_value: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Place:
+    """Say what may stand in one place of a verdict, the other named effects taken for granted.
+
+    Attributes:
+        effect: the likeliest one.
+        probabilities: of every effect, "none" and "unknown"; they sum to 1.
+    """
+
+    effect: str
+    probabilities: Mapping[str, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Where:
+    """Say where model and measurement disagree.
+
+    Attributes:
+        stage: link of the chain.
+        regime: part of the recording in which it shows most, in words.
+        size: how far residuals stand out there, in standard deviations of the stated noise.
+        share: part of the whole disagreement that lies in this regime.
+    """
+
+    stage: Stage
+    regime: str
+    size: float
+    share: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Gap:
+    """Hold one channel's prediction error on the check recording, root mean square.
+
+    Attributes:
+        channel: its name.
+        unit: of all numbers here.
+        as_given: of the model as its file states it.
+        before: after what the file calls uncertain or too small to matter was used up.
+        after: with the named effects added; equal to `before` where nothing is named.
+        floor: what a true model would miss, median over draws of the stated noise.
+        floor_low, floor_high: 5 and 95 % of those draws.
+        before_low, before_high, after_low, after_high: 95 % of a block bootstrap over windows.
+    """
+
+    channel: str
+    unit: str
+    as_given: float
+    before: float
+    after: float
+    floor: float
+    floor_low: float
+    floor_high: float
+    before_low: float
+    before_high: float
+    after_low: float
+    after_high: float
+
+    @property
+    def share_closed(self) -> float:
+        """Part of the gap above the floor that the named effects close; 0 where none was."""
+        total = self.before**2 - self.floor**2
+        if total <= 0.0:
+            return 0.0
+        return (self.before**2 - self.after**2) / total
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Nearest:
+    """Say which named effect comes nearest to something unknown, and how much it explains."""
+
+    name: str
+    title: str
+    share_closed: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NotJudged:
+    """Say that data cannot show an effect.
+
+    Attributes:
+        reason: why.
+        size: how large it would have to be to show, in tolerances; inf where no size would do.
+    """
+
+    reason: Unjudged
+    size: float
+
+    @classmethod
+    def below(cls, size: float) -> NotJudged:
+        """Return it for an effect that shows from so many tolerances on."""
+        if size > NEVER:
+            return cls(reason="no_trace", size=inf)
+        return cls(reason="too_weak", size=size)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NextExperiment:
+    """Say what to record next.
+
+    Attributes:
+        candidates: the effects that it is to separate.
+        title: what to do, one line.
+        reason: why that separates them.
+        schedule: commands of a pitch experiment; None for a sweep.
+        plan_toml: a sweep's plan; "" for a pitch experiment.
+        expected: expected log-likelihood ratio between the nearest pair of candidates, by option
+            that was considered, the chosen one first.
+    """
+
+    candidates: tuple[str, ...]
+    title: str
+    reason: str
+    schedule: Schedule | None
+    plan_toml: str
+    expected: Mapping[str, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Verdict:
+    """Hold what an explanation comes to.
+
+    Attributes:
+        kind: effect, several, class, none or unknown.
+        bench: pitch or sweep.
+        effects: named effects; of a class its members, most likely first.
+        probabilities: of every explanation that was weighed, "none" and "unknown" among them; of
+            several effects the greatest over their places.
+        places: the same for each place, one for each named effect of several, else one.
+        where: where the disagreement is; None where there is none.
+        gaps: of the check recordings, one per channel.
+        nearest: for an unknown, the named effect that comes nearest.
+        tolerances: what does not matter, by parameter's full name.
+        not_judged: effects that this data cannot show, by name.
+        remarks: what was mended in the recordings, and what they lack.
+        next: the next experiment, for a class or an unknown.
+        parameters: of the model with the named effects in it.
+        window_s: length of a prediction window.
+        draws: draws behind the floor.
+    """
+
+    kind: Kind
+    bench: BenchKind
+    effects: tuple[NamedEffect, ...]
+    probabilities: Mapping[str, float]
+    places: tuple[Place, ...]
+    where: Where | None
+    gaps: tuple[Gap, ...]
+    nearest: Nearest | None
+    tolerances: Mapping[str, float]
+    not_judged: Mapping[str, NotJudged]
+    remarks: tuple[str, ...]
+    next: NextExperiment | None
+    parameters: Parameters
+    window_s: float
+    draws: int = field(default=0)
+
+    @property
+    def mostly_blind(self) -> bool:
+        """Whether most of the effects could not be judged."""
+        tried = {name.partition(".")[0] for name in self.tolerances}
+        return 2 * len(tried & set(self.not_judged)) > len(tried)
+
+    @property
+    def is_sure(self) -> bool:
+        """Whether effects are named, each likely enough that nothing more need be recorded."""
+        return self.kind in ("effect", "several") and all(
+            one.probability >= SURE for one in self.effects
+        )
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the effects in the verdict."""
+        return tuple(effect.name for effect in self.effects)
+
+    @property
+    def sentence(self) -> str:
+        """The verdict in one sentence."""
+        return _SENTENCES[self.kind](self)
+
+
+def _number(item: FoundParameter) -> str:
+    unit = "" if item.unit == "1" else f" {item.unit}"
+    return f"{item.value:.4g} ± {item.std:.2g}{unit}"
+
+
+def _effect(effect: NamedEffect) -> str:
+    numbers = (f"{effect.name}.{item.name} = {_number(item)}" for item in effect.parameters)
+    return f"{in_sentence(effect.title)}: {', '.join(numbers)}"
+
+
+SURNAMES = ("Coulomb", "Stribeck")
+"""Words that begin a title and keep their capital within a sentence."""
+
+
+def in_sentence(title: str) -> str:
+    """Return an effect's title as it stands within a sentence."""
+    return title if title.startswith(SURNAMES) else title[:1].lower() + title[1:]
+
+
+def _lacks(probability: float) -> str:
+    if probability >= SURE:
+        return "lacks"
+    return "probably lacks" if probability >= LIKELY else "may lack"
+
+
+def _named(verdict: Verdict) -> str:
+    """Tell each effect with its probability, with "lacks" once for those as sure."""
+    told, said = "", ""
+    for one in verdict.effects:
+        shown = f"{one.probability:.2f}"
+        verb = _lacks(one.probability)
+        told += "; and " if told else ""
+        told += f"{_effect(one)}" if verb == said else f"{verb} {_effect(one)}"
+        told += f", probability {'above 0.99' if shown == '1.00' else shown}"
+        said = verb
+    return f"The model {told}."
+
+
+def _class(verdict: Verdict) -> str:
+    together = sum(one.probability for one in verdict.effects)
+    members = ", ".join(in_sentence(one.title) for one in verdict.effects)
+    return (
+        f"The model {_lacks(together)} one of {members}; this data cannot tell them apart; most "
+        f"likely is {_effect(verdict.effects[0])}."
+    )
+
+
+def _none(verdict: Verdict) -> str:
+    tried = {name.partition(".")[0] for name in verdict.tolerances}
+    blind = len(tried & set(verdict.not_judged))
+    if verdict.mostly_blind:
+        return (
+            f"This data can show only {len(tried) - blind} of {len(tried)} effects, and none of "
+            f"those is missing from the model beyond its tolerance."
+        )
+    limits = f"; {blind} of {len(tried)} effects were not judged" if blind else ""
+    return f"Nothing beyond the stated tolerances is missing from the model{limits}."
+
+
+def _unknown(verdict: Verdict) -> str:
+    near = verdict.nearest
+    where = verdict.where
+    place = ""
+    if where is not None:
+        spread = where.regime == EVERYWHERE
+        place = f" {PLACES[where.stage]}" + ("" if spread else f" ({where.regime})")
+    nearest = (
+        f"; the nearest is {in_sentence(near.title)}, which closes "
+        f"{100.0 * near.share_closed:.0f} % of the gap"
+        if near is not None
+        else ""
+    )
+    return f"Something is missing{place} that no named effect explains{nearest}."
+
+
+_SENTENCES = {
+    "effect": _named,
+    "several": _named,
+    "class": _class,
+    "none": _none,
+    "unknown": _unknown,
+}

@@ -1,0 +1,188 @@
+"""What pitch recordings say about a model's numbers: innovations along the log, whitened."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.core.parameter import Parameters
+from benchtool.explain.engine.effect_knobs import (
+    RADIUS_KNOWN,
+    all_shape_names,
+    effect_knobs,
+    with_every_effect,
+)
+from benchtool.explain.engine.evidence import RowGroups
+from benchtool.explain.engine.knob import Knob, parameters_at
+from benchtool.explain.pitch.filter import PitchFilter, pitch_filter
+from benchtool.explain.pitch.regimes import pitch_regimes
+from benchtool.physics.catalogue import candidates
+from benchtool.physics.effects.effect import Effect
+from benchtool.physics.model import Model
+from benchtool.simulate.pitch.bench import STEPS_PER_LAG, PitchBench, rig_sensors
+from benchtool.simulate.pitch.follow import Followed, LoggedPitch, follow
+
+Array = NDArray[np.float64]
+
+PLANT_HZ = 500.0
+"""Least plant steps per second; a motor lag of 20 ms then takes ten of them."""
+
+LEAST_LAG_S = 1.001 * STEPS_PER_LAG / PLANT_HZ
+"""Shortest motor lag that is tried; a quicker one is none at these steps."""
+
+SETTLING_S = 0.3
+"""What a filter needs after it began anew before its innovations count."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Followable:
+    """Hold one recording with what belongs to it."""
+
+    logged: LoggedPitch
+    filter: PitchFilter
+    counted: NDArray[np.bool_]
+
+
+class PitchEvidence:
+    """Hold recordings against a model and every candidate effect.
+
+    Args:
+        model: as given by the user.
+        logs: one per recording.
+        extra: effects of the user's own.
+    """
+
+    def __init__(
+        self, model: Model, logs: Sequence[LoggedPitch], extra: Sequence[Effect] = ()
+    ) -> None:
+        self.model = with_every_effect(model, "pitch", extra)
+        self._extra = tuple(extra)
+        names = {effect.name for effect in (*candidates("pitch"), *extra)}
+        self.logs = [self._prepared(log) for log in logs]
+        self.n_discs = logs[0].n_discs
+        self.knobs = (
+            *effect_knobs(self.model, names, "pitch", _shortest(self.model)),
+            *self._owner_knobs(),
+        )
+
+    # --- knobs ----------------------------------------------------------------------------
+
+    def _owner_knobs(self) -> list[Knob]:
+        items = self.model.parameters
+        radius, inertia = items["R_m"], items["inertia_kgm2"]
+        out = [
+            Knob(
+                name="inertia_kgm2", unit="kg m2", effect="", start=inertia.value,
+                scale=inertia.prior.sd, lower=0.2 * inertia.value, held=True,
+            ),
+            Knob(
+                name="R_m", unit="m", effect="", start=radius.value,
+                scale=radius.prior.sd if radius.prior.kind == "normal"
+                else RADIUS_KNOWN * radius.value,
+                lower=0.2 * radius.value, held=True,
+            ),
+        ]  # fmt: skip
+        for name in all_shape_names(self.model, "pitch", self._extra):
+            item = items[name]
+            out.append(
+                Knob(
+                    name=name, unit=item.unit, effect="", start=item.value, scale=item.prior.sd,
+                    lower=item.lower, upper=item.upper, held=True,
+                    first=1.0 if item.lower == item.value else 0.0,
+                )
+            )  # fmt: skip
+        return out
+
+    # --- data -----------------------------------------------------------------------------
+
+    def _prepared(self, logged: LoggedPitch) -> Followable:
+        bench = self._bench(self.model.parameters, logged.rate_Hz)
+        filter_ = pitch_filter(
+            replace(bench, sensors=rig_sensors(self.model.rig)),
+            logged.rate_Hz,
+            gyro=bool(np.isfinite(logged.gyro_rad_s).any()),
+            speeds=bool(np.isfinite(logged.speed_rad_s).any()),
+        )
+        counted = np.ones(len(logged), bool)
+        wait = round(SETTLING_S * logged.rate_Hz)
+        for start in (0, *np.flatnonzero(logged.mode == 2.0)):
+            counted[start : start + wait] = False
+        return Followable(logged, filter_, counted)
+
+    def _bench(self, parameters: Parameters, rate_Hz: float) -> PitchBench:
+        substeps = max(1, int(np.ceil(PLANT_HZ / rate_Hz)))
+        return PitchBench.of(
+            self.model.at(parameters), sensors={}, pwm_quantum_us=0.0,
+            plant_rate_Hz=substeps * rate_Hz,
+        )  # fmt: skip
+
+    def bench(self, turned: Array, rate_Hz: float) -> PitchBench:
+        """Return the bench with the knobs turned (n_knobs,)."""
+        return self._bench(parameters_at(self.model.parameters, self.knobs, turned), rate_Hz)
+
+    def residuals(self, turned: Array) -> Array:
+        """Return whitened residuals (n_rows, n_sets) for sets of knobs (n_sets, n_knobs)."""
+        return np.concatenate(
+            [np.concatenate(self._of_log(log, np.atleast_2d(turned))) for log in self.logs]
+        )
+
+    def groups(self) -> RowGroups:
+        """Return labels of the rows: which stage they show, which part of the recording."""
+        speeds: list[NDArray[np.bool_]] = []
+        regimes: dict[str, list[NDArray[np.bool_]]] = {}
+        for log in self.logs:
+            found = pitch_regimes(log.logged, self.model.rig.propulsion.radius_m)
+            for of_speed in self._channels(log):
+                speeds.append(np.full(int(log.counted.sum()), of_speed))
+                for name, mask in found.items():
+                    regimes.setdefault(name, []).append(mask[log.counted])
+        turning = np.concatenate(speeds)
+        return RowGroups(
+            stages={"pwm_to_rpm": turning, "hinge": ~turning},
+            regimes={name: np.concatenate(parts) for name, parts in regimes.items()},
+        )
+
+    def _channels(self, log: Followable) -> list[bool]:
+        """Return whether each channel of a log's residuals is a rotor's speed."""
+        read = sum(bool(np.isfinite(row[log.counted]).any()) for row in log.logged.speed_rad_s)
+        return [False] * (1 + _has_gyro(log)) + [True] * read
+
+    def _of_log(self, log: Followable, turned: Array) -> tuple[Array, ...]:
+        benches = [self.bench(one, log.logged.rate_Hz) for one in turned]
+        found = follow(benches, log.logged, log.filter.gains)
+        return self.whitened(log, found)
+
+    def whitened(self, log: Followable, found: Followed) -> tuple[Array, ...]:
+        """Return residuals of pitch, gyro and speeds that were read, (n_counted, n_sets) each."""
+        logged, counted = log.logged, log.counted
+        pitch = (logged.theta_rad[:, None] - found.theta_rad)[counted]
+        gyro = (logged.gyro_rad_s[:, None] - found.gyro_rad_s)[counted]
+        w = log.filter.whitener
+        rows = [np.nan_to_num(w[0, 0] * pitch)]
+        if _has_gyro(log):
+            rows.append(np.nan_to_num(w[1, 0] * np.nan_to_num(pitch) + w[1, 1] * gyro))
+        for i in range(self.n_discs):
+            seen = logged.speed_rad_s[i][counted]
+            if not np.isfinite(seen).any():
+                continue
+            error = seen[:, None] - found.speed_rad_s[:, i][counted]
+            rows.append(np.nan_to_num(error / log.filter.speed_sd_rad_s))
+        return tuple(rows)
+
+
+def _shortest(model: Model) -> dict[str, float]:
+    """Return bounds of time constants, below which the plant's steps cannot follow a lag."""
+    return {
+        f"{effect.name}.{state.time_constant}": LEAST_LAG_S
+        for effect in model.effects
+        for state in effect.states
+        if state.time_constant and state.drive == "speed_rad_s"
+    }
+
+
+def _has_gyro(log: Followable) -> bool:
+    """Whether a log has rates; rows without any would make all others look like less than noise."""
+    return bool(np.isfinite(log.logged.gyro_rad_s[log.counted]).any())

@@ -1,0 +1,314 @@
+"""From a recording to a pitch log that can be followed, with what was mended and what it lacks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from math import hypot
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
+from scipy.signal import savgol_filter
+
+from benchtool.core.errors import InputError
+from benchtool.core.recording import Recording
+from benchtool.core.rig import Rig
+from benchtool.core.schedule import PARKED_M
+from benchtool.explain.engine.plate_transit import READ_S, TRANSIT_S, on_its_way
+from benchtool.explain.pitch.clock import HELD_S, UNSEEN_S, EvenRows, blank_for, even_rows
+from benchtool.explain.pitch.doubts import refuse_doubtful, standing_still
+from benchtool.physics.effects.rotor_count import refuse_other_rotors
+from benchtool.simulate.pitch import track as t
+from benchtool.simulate.pitch.follow import LoggedPitch
+from benchtool.simulate.pitch.replay import PARKED_FROM_M
+
+Array = NDArray[np.float64]
+
+PLATE_SMOOTHING_S = 0.2
+"""Width of the median over plate readings: a plate moves slowly and its sensor is noisy, and near
+the plate a millimetre is felt."""
+
+SPEED_SMOOTHING_S = 0.025
+"""Width of the quadratic through readings of speed that drive a plant: about a motor's lag, within
+which speeds cannot kink. Wider ones round off dither; narrower ones leave more of the readings'
+noise in the thrust."""
+
+QUICK_S = 0.012
+"""A drive that comes at longer steps leaves out what a motor follows; half a usual lag."""
+
+SLOWER = 0.1
+"""Pulses may come so much more seldom than the angle is read before it is told: clocks differ."""
+
+EXACT_RAD = 1e-4
+"""An encoder whose noise and quantum are below this shows what pulses between two rows did; one of
+4096 counts does not. A choice."""
+
+LONGEST_PIECE_S = 1.5
+"""A filter settles in 0.3 s and a prediction lasts 1 s; some of each is needed in one piece."""
+
+SHORTEST_S = 4.0
+"""Below this length a recording says next to nothing about any effect; a choice."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class PitchLog:
+    """Hold a log with what is said about it.
+
+    Attributes:
+        logged: what is followed.
+        reference_rad: (n,) what the controller was told; None where nothing tells.
+        name: of the file, for people.
+        remarks: what was mended, and what the log lacks.
+        driven_by: "pwm" or "rpm".
+    """
+
+    logged: LoggedPitch
+    reference_rad: Array | None
+    name: str
+    remarks: tuple[str, ...]
+    driven_by: str
+
+    @property
+    def duration_s(self) -> float:
+        """How long it is."""
+        return len(self.logged) / self.logged.rate_Hz
+
+
+def pitch_log(
+    recording: Recording, rig: Rig, name: str = "", plate_slide_s: float | None = None
+) -> PitchLog:
+    """Return the log of a recording.
+
+    Args:
+        recording: channels by our names.
+        rig: of the bench.
+        name: what messages call it; of its file when left out.
+        plate_slide_s: how long its plate takes to slide in or out; None where nobody said.
+
+    Raises:
+        InputError: a recording without time, without pitch, or with neither pulses nor rotor
+            speeds; one that is too short.
+    """
+    name = name or recording.provenance.get("file", "the recording")
+    for needed, why in (("time_s", "when"), ("theta_rad", "how far the beam turned")):
+        if needed not in recording or not np.isfinite(recording.si(needed)).any():
+            raise InputError(
+                f"{name} has no {needed}, so nothing tells {why}; map a column to it in the "
+                f"model's [columns], or record with benchtool record"
+            )
+    known = recording.si("theta_rad")[np.isfinite(recording.si("theta_rad"))]
+    if len(known) > 1 and np.ptp(known) == 0.0:
+        raise InputError(
+            f"theta_rad of {name} is {known[0]:g} in every row: a dead channel, or a beam that "
+            f"is held; mend the sensor or let the beam turn, and record again"
+        )
+    rows = even_rows(recording, name)
+    pulsed = _drive(recording, rig, "pwm{}_us")
+    turned = _drive(recording, rig, "rpm{}")
+    refuse_other_rotors(recording, rig, name, lacking=not pulsed and not turned)
+    if not pulsed and not turned:
+        raise InputError(
+            f"{name} tells neither the pulses nor the speeds of all {rig.n_discs} rotors, so "
+            f"the plant cannot be driven; map pwm1_us... or rpm1... in the model's [columns]"
+        )
+    drive = pulsed or turned
+    remarks = [*rows.remarks, *_sparse(recording, drive, rig, name)]
+    rows = _followed(rows, drive, name, plate_slide_s, remarks)
+    recording, mode, rate_Hz = rows.recording, rows.mode, rows.rate_Hz
+    n = len(recording)
+    nothing = np.full(n, np.nan)
+
+    def optional(channel: str) -> Array:
+        return recording.si(channel) if channel in recording else nothing
+
+    discs = _first_rotors(rig)
+    speeds = np.array([optional(f"rpm{rotor}") for rotor in discs])
+    if pulsed:
+        pulses = np.array([recording.column(name) for name in pulsed])
+        if not np.isfinite(speeds).any():
+            remarks.append("no rpm: lag, delay and sag are judged by the motion alone")
+    else:
+        p = rig.propulsion
+        pulses = p.pwm_start_us + _turned(speeds, mode, rate_Hz) / p.speed_per_us_rad_s
+        speeds = np.full_like(speeds, np.nan)
+        remarks.append(
+            "no pulses: driven by the speeds that were measured, so nothing between pulse and "
+            "speed (lag, delay, battery sag) can be judged; record pwm too"
+        )
+    gyro = optional("gyro_rad_s")
+    if not np.isfinite(gyro).any():
+        remarks.append("no gyro: its bias and scale cannot be judged")
+    plate = optional("plate_z_m")
+    if not np.isfinite(plate).any():
+        remarks.append("no plate_z_m: the plate is taken to be parked")
+        plate = np.full(n, PARKED_M)
+    plate = _smooth(_held(plate), rate_Hz)
+    share = optional("coverage1")
+    logged = LoggedPitch(
+        rate_Hz=rate_Hz,
+        pwm_us=np.array([_held(row) for row in pulses]),
+        plate_z_m=plate,
+        plate_share=np.where(np.isfinite(share), share, plate < PARKED_FROM_M),
+        theta_rad=recording.si("theta_rad"),
+        gyro_rad_s=gyro,
+        speed_rad_s=speeds,
+        mode=mode,
+        turned=not pulsed,
+    )
+    refuse_doubtful(logged, rig, name)
+    remarks += filter(None, [standing_still(logged, rig)])
+    reference = optional("theta_ref_rad")
+    return PitchLog(
+        logged=logged,
+        reference_rad=reference if np.isfinite(reference).any() else None,
+        name=name,
+        remarks=tuple(remarks),
+        driven_by="pwm" if pulsed else "rpm",
+    )
+
+
+def _first_rotors(rig: Rig) -> list[int]:
+    """Return the number (from 1) of the first rotor of each disc."""
+    return [int(np.argmax(rig.disc_of_rotor == disc)) + 1 for disc in range(rig.n_discs)]
+
+
+def _drive(recording: Recording, rig: Rig, pattern: str) -> tuple[str, ...]:
+    """Return the channels that tell of every disc what turns it; none where one is missing."""
+    names = tuple(pattern.format(rotor) for rotor in _first_rotors(rig))
+    whole = all(name in recording and np.isfinite(recording.column(name)).any() for name in names)
+    return names if whole else ()
+
+
+def _sparse(recording: Recording, drive: tuple[str, ...], rig: Rig, name: str) -> list[str]:
+    """Return what to say of a drive that comes seldom.
+
+    Raises:
+        InputError: too seldom to follow a plant.
+    """
+    out = []
+    time_s = recording.si("time_s")
+    for channel in drive[:1]:
+        steps = np.diff(time_s[np.isfinite(recording.column(channel)) & np.isfinite(time_s)])
+        step_s = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
+        if step_s > 1.05 * HELD_S:
+            raise InputError(
+                f"{channel} of {name} comes {1.0 / step_s:.3g} times a second, which says too "
+                f"little of what drove the plant; record it {1.0 / HELD_S:g} times a second at "
+                f"least, 100 times to tell effects apart"
+            )
+        if step_s > QUICK_S:
+            out.append(
+                f"{channel} comes {1.0 / step_s:.3g} times a second: what changes within "
+                f"{1000.0 * step_s:.0f} ms goes unseen; record it 100 times a second"
+            )
+        sensor = rig.sensors.get("theta_rad")
+        if sensor is None or hypot(sensor.noise, sensor.quantum) > EXACT_RAD:
+            continue
+        if drive[0].startswith("pwm") and step_s * sensor.rate_Hz > 1.0 + SLOWER:
+            out.append(
+                f"{channel} comes {1.0 / step_s:.3g} times a second, and the beam of rig "
+                f"{rig.name} is read {sensor.rate_Hz:g} times: pulses that a faster loop gave in "
+                f"between turned the beam and are not in the recording. So exact an encoder shows "
+                f"that as a gap that no effect explains; record outputs and attitude as fast as "
+                f"the loop runs, {sensor.rate_Hz:g} times a second here"
+            )
+    return out
+
+
+def _followed(
+    rows: EvenRows,
+    drive: tuple[str, ...],
+    name: str,
+    plate_slide_s: float | None,
+    remarks: list[str],
+) -> EvenRows:
+    """Return the rows along which a plant can be followed: drive and angle known.
+
+    Raises:
+        InputError: too few of them, all in all or in one piece.
+    """
+    blank = blank_for(rows.recording.column("theta_rad"), rows.rate_Hz, UNSEEN_S)
+    for channel in drive:
+        blank |= blank_for(rows.recording.column(channel), rows.rate_Hz, HELD_S)
+    if blank.any():
+        remarks.append(
+            f"{blank.sum() / rows.rate_Hz:.2f} s without an angle, or without what drives the "
+            f"plant, left out; judged in parts"
+        )
+    sliding, times = _sliding(rows, plate_slide_s)
+    if times:
+        remarks.append(
+            f"{(sliding & ~blank).sum() / rows.rate_Hz:.2f} s left out in which the plate slides "
+            f"in or out: nothing tells how much of a disc it covers then; record coverage1, or "
+            f"say in the model's plate_slide_s that it is faster"
+        )
+    rows = rows.kept(~(blank | sliding))
+    early = np.zeros(len(rows.mode), bool)
+    edges = [*np.flatnonzero(rows.mode == t.RESTART), len(rows.mode)]
+    seen = np.isfinite(rows.recording.column("theta_rad"))
+    for first, last in pairwise(edges):
+        early[first : first + int(np.argmax(seen[first:last]))] = True
+    rows = rows.kept(~early)
+    length_s = len(rows.mode) / rows.rate_Hz
+    if length_s < SHORTEST_S:
+        raise InputError(
+            f"{name} is {length_s:.1f} s long; an explanation needs {SHORTEST_S:g} s at least, "
+            f"and 30 s with several collectives and plate distances to tell effects apart"
+        )
+    edges = [*np.flatnonzero(rows.mode == t.RESTART), len(rows.mode)]
+    longest_s = max(last - first for first, last in pairwise(edges)) / rows.rate_Hz
+    if longest_s < LONGEST_PIECE_S:
+        raise InputError(
+            f"the longest piece of {name} without a gap lasts {longest_s:.2f} s, and predictions "
+            f"need {LONGEST_PIECE_S:g} s; record without gaps"
+        )
+    return rows
+
+
+def _sliding(rows: EvenRows, slide_s: float | None) -> tuple[NDArray[np.bool_], int]:
+    """Return the rows in which the plate slides in or out untold, and how often it does."""
+    recording = rows.recording
+    none = np.zeros(len(recording), bool), 0
+    if slide_s == 0.0:
+        return none
+    if "coverage1" in recording and np.isfinite(recording.si("coverage1")).any():
+        return none
+    if "plate_z_m" not in recording or not np.isfinite(recording.si("plate_z_m")).any():
+        return none
+    reach_s = TRANSIT_S if slide_s is None else slide_s + READ_S
+    return on_its_way(_held(recording.si("plate_z_m")), rows.rate_Hz, reach_s)
+
+
+def _turned(speeds: Array, mode: Array, rate_Hz: float) -> Array:
+    """Return rotor speeds (n_discs, n) that can drive a plant: no gaps, less noise."""
+    width = 2 * round(0.5 * SPEED_SMOOTHING_S * rate_Hz) + 1
+    rows = np.arange(speeds.shape[1])
+    out = np.empty_like(speeds)
+    edges = [*np.flatnonzero(mode == t.RESTART), len(rows)]
+    for disc, read in enumerate(speeds):
+        known = np.isfinite(read)
+        out[disc] = np.interp(rows, rows[known], read[known])
+        for first, last in pairwise(edges):
+            if last - first >= width > 3:
+                out[disc, first:last] = savgol_filter(out[disc, first:last], width, 2)
+    return np.maximum(out, 0.0)
+
+
+def _held(values: Array) -> Array:
+    """Return values with each gap filled by the last known one, the first by the next."""
+    known = np.flatnonzero(np.isfinite(values))
+    if not len(known):
+        return values
+    last = np.searchsorted(known, np.arange(len(values)), side="right") - 1
+    held: Array = values[known[np.maximum(last, 0)]]
+    return held
+
+
+def _smooth(plate_m: Array, rate_Hz: float) -> Array:
+    """Return plate distances with their noise taken down; parked stays parked."""
+    width = 2 * round(0.5 * PLATE_SMOOTHING_S * rate_Hz) + 1
+    parked = plate_m >= PARKED_FROM_M
+    smooth: Array = median_filter(plate_m, size=width, mode="nearest")
+    smooth = np.where((smooth >= PARKED_FROM_M) == parked, smooth, plate_m)
+    return np.where(parked, PARKED_M, smooth)

@@ -1,0 +1,216 @@
+"""Pitch recordings as the subject of an explanation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.explain.engine.explanation import Overlay
+from benchtool.explain.engine.subject import ChannelErrors
+from benchtool.explain.engine.verdict import NextExperiment
+from benchtool.explain.engine.weigh import TEMPERATURE
+from benchtool.explain.pitch.evidence import SETTLING_S, PitchEvidence
+from benchtool.explain.pitch.gap import (
+    OVERLAP,
+    errors,
+    expected_leftover,
+    floor,
+    predicted,
+    windows_of,
+)
+from benchtool.explain.pitch.log import PitchLog
+from benchtool.explain.pitch.next_pitch import next_pitch_experiment
+from benchtool.physics.effects.effect import BenchKind, Effect
+from benchtool.physics.model import Model
+
+Array = NDArray[np.float64]
+
+WINDOWS_S = (0.25, 0.5, 1.0)
+"""Lengths that a prediction may have, the shortest first. The plant is predictable over a window
+where a true model's error comes out alike each time; over a near plate the beam falls away from
+any prediction within a second, and few long windows then measure luck."""
+
+ALIKE = 0.05
+"""How far above its mean a true model's error over a recording may be, 95 times in 100, for a
+window to count as predictable. Half of the tenth by which a gap may stand above its floor; the
+other half is left to the wake, whose size nobody states to better than that. A choice."""
+
+ALIKE_DRAWS = 32
+"""Simulated recordings behind that choice."""
+
+ONE_SIDED_95 = 1.645
+"""Normal quantile."""
+
+LEFTOVER_WINDOW_S = 1.0
+"""Length of the parts in which a true model's own leftover is simulated."""
+
+BREAK = np.array([np.nan])
+"""Put between windows, so that lines break there."""
+
+IMPERFECTIONS = 1.5
+"""How much larger than a true model's the variance of residuals may be, as a factor: stated noise
+is seldom known to better than 20 % of its standard deviation, and laws are a little off. Whether
+what is left matters is the gap's to say; this only catches what no bench explains."""
+
+UNITS = {"theta_rad": "rad", "gyro_rad_s": "rad/s", "rpm": "rpm"}
+
+
+class PitchSubject:
+    """Hold pitch recordings against a model.
+
+    Args:
+        model: as given by the user.
+        learn: recordings to learn from.
+        check: recordings to verify on.
+        extra: effects of the user's own.
+    """
+
+    kind: BenchKind = "pitch"
+    closed_enough = float("inf")
+    temperature = TEMPERATURE
+
+    def __init__(
+        self,
+        model: Model,
+        learn: Sequence[PitchLog],
+        check: Sequence[PitchLog],
+        extra: Sequence[Effect] = (),
+    ) -> None:
+        self.learn, self.check = tuple(learn), tuple(check)
+        self.evidence = PitchEvidence(model, [log.logged for log in learn], extra)
+        self._check = PitchEvidence(model, [log.logged for log in check], extra)
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What was mended in the recordings, and what they lack."""
+        found = [
+            f"{log.name}: {remark}" for log in (*self.learn, *self.check) for remark in log.remarks
+        ]
+        return tuple(dict.fromkeys(found))
+
+    @cached_property
+    def window_s(self) -> float:
+        """The longest prediction over which the plant is predictable, judged by simulation alone.
+
+        The model as given simulates its own check recordings with the stated noise.
+        """
+        as_given = np.zeros(len(self.evidence.knobs))
+        predictable = WINDOWS_S[0]
+        for window_s in WINDOWS_S[1:]:
+            found = self._floor(window_s, as_given, np.random.default_rng(0), ALIKE_DRAWS)
+            spread = max(np.std(roots) / np.mean(roots) for roots in found.values())
+            if ONE_SIDED_95 * spread > ALIKE:
+                break
+            predictable = window_s
+        return predictable
+
+    def law_error(self, effect: Effect) -> float:
+        """Return how far a bench departs from an effect's law, over the effect's own size."""
+        return effect.law_error
+
+    def errors(self, sets: Array) -> Mapping[str, ChannelErrors]:
+        """Return errors in each window of the check recordings, by channel."""
+        found: dict[str, list[Array]] = {}
+        for log in self._check.logs:
+            windows = windows_of(log.logged, self.window_s, SETTLING_S, OVERLAP)
+            benches = [self._check.bench(one, log.logged.rate_Hz) for one in sets]
+            runs = predicted(benches, log.logged, log.filter, windows)
+            for name, squares in errors(log.logged, windows, runs).items():
+                found.setdefault(name, []).append(squares)
+        return {
+            name: ChannelErrors(unit=UNITS[name], squares=np.concatenate(squares))
+            for name, squares in found.items()
+        }
+
+    def floor(
+        self, at: Array, rng: np.random.Generator, draws: int, spread: Array | None = None
+    ) -> Mapping[str, Array]:
+        """Return errors of a true model with knobs `at` (draws,), by channel."""
+        return self._floor(self.window_s, at, rng, draws, spread)
+
+    def _floor(
+        self,
+        window_s: float,
+        at: Array,
+        rng: np.random.Generator,
+        draws: int,
+        spread: Array | None = None,
+    ) -> Mapping[str, Array]:
+        total: dict[str, Array] = {}
+        count = 0
+        for log in self._check.logs:
+            windows = windows_of(log.logged, window_s, SETTLING_S, OVERLAP)
+            bench = self._check.bench(at, log.logged.rate_Hz)
+            truths = [bench] * draws
+            if spread is not None:
+                turned = rng.multivariate_normal(at, spread, draws, method="eigh")
+                truths = [self._check.bench(one, log.logged.rate_Hz) for one in turned]
+            found = floor(bench, truths, log.logged, log.filter, windows, rng)
+            for name, roots in found.items():
+                total[name] = total.get(name, 0.0) + len(windows.starts) * roots**2
+            count += len(windows.starts)
+        return {name: np.sqrt(squares / max(count, 1)) for name, squares in total.items()}
+
+    def allowed_leftover(self, at: Array, rng: np.random.Generator) -> float:
+        """Return what a true model leaves in the rows of the hinge, with room for imperfections."""
+        expected = [
+            expected_leftover(
+                self.evidence.bench(at, log.logged.rate_Hz), log.logged, log.filter,
+                windows_of(log.logged, LEFTOVER_WINDOW_S, SETTLING_S), rng,
+            )
+            for log in self.evidence.logs
+        ]  # fmt: skip
+        return IMPERFECTIONS * max(1.0, float(np.mean(expected)))
+
+    def overlays(self, before: Array, after: Array) -> tuple[Overlay, ...]:
+        """Return the first check recording with the predictions of each window, by channel."""
+        log = self._check.logs[0]
+        logged = log.logged
+        windows = windows_of(logged, self.window_s, SETTLING_S)
+        benches = [self._check.bench(one, logged.rate_Hz) for one in (before, after)]
+        runs = predicted(benches, logged, log.filter, windows)
+        measured = {
+            "theta_rad": logged.theta_rad,
+            "gyro_rad_s": logged.gyro_rad_s,
+            "rpm": logged.speed_rad_s[0] * 30.0 / np.pi,
+        }
+        out = []
+        for name, values in measured.items():
+            if not np.isfinite(values).any():
+                continue
+            at: list[Array] = []
+            shown: list[Array] = []
+            lines: list[Array] = []
+            for start, run in zip(windows.starts, runs, strict=True):
+                rows = slice(start, start + windows.rows)
+                predictions = {
+                    "theta_rad": run.theta_rad,
+                    "gyro_rad_s": run.gyro_rad_s,
+                    "rpm": run.speed_rad_s[:, 0] * 30.0 / np.pi,
+                }[name]
+                at += [np.arange(rows.start, rows.stop) / logged.rate_Hz, BREAK]
+                shown += [values[rows], BREAK]
+                lines += [predictions, np.full((1, 2), np.nan)]
+            both = np.concatenate(lines)
+            out.append(
+                Overlay(
+                    channel=name if name != "rpm" else "rpm1",
+                    unit=UNITS[name],
+                    axis="time_s",
+                    at=np.concatenate(at),
+                    measured=np.concatenate(shown),
+                    before=both[:, 0],
+                    after=both[:, 1],
+                )
+            )
+        return tuple(out)
+
+    def next_experiment(
+        self, rivals: Sequence[tuple[str, Array]], rng: np.random.Generator
+    ) -> NextExperiment | None:
+        """Return the experiment that separates hypotheses best."""
+        seed = int(rng.integers(2**31))
+        return next_pitch_experiment(rivals, self.evidence, seed)

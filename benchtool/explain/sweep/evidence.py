@@ -1,0 +1,193 @@
+"""What plate sweeps say about a model's numbers: thrust, and speeds at given pulses, whitened."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.core.parameter import Parameter
+from benchtool.explain.engine.effect_knobs import all_shape_names, effect_knobs, with_every_effect
+from benchtool.explain.engine.evidence import RowGroups
+from benchtool.explain.engine.knob import Knob
+from benchtool.explain.engine.owner_known import known_prior
+from benchtool.explain.sweep.log import SweepLog
+from benchtool.explain.sweep.noise import SweepNoise
+from benchtool.explain.sweep.regimes import sweep_regimes
+from benchtool.physics.catalogue import candidates
+from benchtool.physics.conditions import Conditions
+from benchtool.physics.effects.effect import Effect
+from benchtool.physics.model import Model
+
+Array = NDArray[np.float64]
+
+DROP = "supply.drop"
+CURVE = "supply.curve"
+SUPPLY_KNOBS = (
+    Knob(
+        name=DROP, unit="1", effect="", start=0.02, scale=0.02, lower=0.0, upper=0.3, held=True
+    ),
+    Knob(name=CURVE, unit="1", effect="", start=0.0, scale=0.1, held=True),
+)  # fmt: skip
+"""Share of the open voltage that full load takes, and how far a discharge is from a straight line;
+guesses for lithium polymer packs."""
+
+SUPPLY_LOSSES = tuple(
+    f"{effect.name}.{effect.supply_loss}" for effect in candidates("sweep") if effect.supply_loss
+)
+"""Parameters that are the supply's linear loss, which pulses beside speeds and voltage show."""
+
+
+class SweepEvidence:
+    """Hold sweeps against a model and every candidate effect.
+
+    Args:
+        model: as given by the user.
+        logs: one per sweep.
+        extra: effects of the user's own.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        logs: Sequence[SweepLog],
+        extra: Sequence[Effect] = (),
+    ) -> None:
+        self._given = (model, tuple(extra))
+        self.model = with_every_effect(model, "sweep", extra)
+        self.logs = tuple(logs)
+        names = {effect.name for effect in (*candidates("sweep"), *extra)}
+        self.knobs = (*effect_knobs(self.model, names, "sweep"), *self._owner_knobs())
+        self._places = {name: place for place, name in enumerate(self.model.parameters)}
+        self._turned = {knob.name: place for place, knob in enumerate(self.knobs)}
+        # Every knob acts, wherever it stands: a model leaves out what is neutral and fixed.
+        self._acting = self.model.freed(*(k.name for k in self.knobs if k.name in self._places))
+        self.noise = tuple(self._noise(log) for log in self.logs)
+
+    # --- knobs ----------------------------------------------------------------------------
+
+    def _owner_knobs(self) -> list[Knob]:
+        items = self.model.parameters
+        shapes = all_shape_names(self.model, "sweep", self._given[1])
+        out = [_held(name, items[name]) for name in ("k", "R_m", *shapes)]
+        if any(log.power is not None for log in self.logs):
+            out += SUPPLY_KNOBS
+        return out
+
+    # --- predictions ----------------------------------------------------------------------
+
+    def thrusts(self, conditions: Conditions, turned: Array) -> Array:
+        """Return predicted readings (m, n_sets) for sets of knobs (n_sets, n_knobs): N."""
+        values: list[object] = list(self.model.parameters.values_array())
+        for knob, row in zip(self.knobs, turned.T, strict=True):
+            if knob.name in self._places:
+                values[self._places[knob.name]] = (knob.start + knob.scale * row)[:, None]
+        shown = np.asarray(self._acting.thrust_N(conditions, values), float)
+        return np.broadcast_to(shown, (len(turned), len(conditions))).T
+
+    def kept(self, log: SweepLog, turned: Array) -> Array:
+        """Return supply voltage over its open value at the start (m, n_sets)."""
+        assert log.power is not None
+        loss = np.sum([self._values(name, turned) for name in SUPPLY_LOSSES], axis=0)
+        return log.power.kept(loss, self._values(CURVE, turned), self._values(DROP, turned))
+
+    def _values(self, name: str, turned: Array) -> Array:
+        """Return a knob's values (n_sets,)."""
+        place = self._turned[name]
+        return self.knobs[place].start + self.knobs[place].scale * turned[:, place]
+
+    def speeds(self, log: SweepLog, turned: Array) -> Array:
+        """Return speeds at the log's pulses (m, n_sets), each level's scale fitted: rad/s."""
+        assert log.power is not None
+        return log.power.speeds(self.kept(log, turned))
+
+    def foretold(self, log: SweepLog, turned: Array) -> Array:
+        """Return each rotor's speeds as earlier visits tell them (n, m, n_sets): rad/s."""
+        power = log.power
+        assert power is not None
+        return power.foretold(self.kept(log, turned), power.rotor_rad_s[:, :, None])
+
+    def voltages(self, log: SweepLog, turned: Array) -> Array:
+        """Return voltages (m, n_sets), the open one fitted: V."""
+        assert log.power is not None
+        return log.power.voltages(self.kept(log, turned))
+
+    def of(self, log: SweepLog) -> SweepEvidence:
+        """Return the evidence of another sweep about the same model."""
+        model, extra = self._given
+        return SweepEvidence(model, [log], extra)
+
+    def _noise(self, log: SweepLog) -> SweepNoise:
+        """Return what the sweep's thrusts may be off by, places shared within a stay."""
+        here = np.zeros((1, len(self.knobs)))
+        moved = log.conditions.moved_by(log.place_sd_m)
+        by_place = self.thrusts(moved, here)[:, 0] - self.thrusts(log.conditions, here)[:, 0]
+        items = self.model.parameters
+        se = np.hypot(items["noise.scale"].value * log.se_N, items["noise.sd_N"].value)
+        return SweepNoise.of(se, log.stay, np.where(log.tare, 0.0, by_place))
+
+    # --- evidence -------------------------------------------------------------------------
+
+    def residuals(self, turned: Array) -> Array:
+        """Return whitened residuals (n_rows, n_sets) for sets of knobs (n_sets, n_knobs)."""
+        sets = np.atleast_2d(turned)
+        rows = []
+        for log, noise in zip(self.logs, self.noise, strict=True):
+            shown = self.thrusts(log.conditions, sets)
+            rows.append(noise.whitener @ (log.thrust_N[:, None] - shown))
+            power = log.power
+            if power is not None:
+                missed = power.speed_rad_s[:, None] - self.speeds(log, sets)
+                rows.append(missed / power.speed_se[:, None])
+                read = np.isfinite(power.voltage_V)
+                if read.any():
+                    missed = power.voltage_V[read, None] - self.voltages(log, sets)[read]
+                    rows.append(missed / power.voltage_se)
+        return np.concatenate(rows)
+
+    def groups(self) -> RowGroups:
+        """Return labels of the rows: which stage they show, which part of the sweep."""
+        turning: list[NDArray[np.bool_]] = []
+        regimes: list[dict[str, NDArray[np.bool_]]] = []
+        for log in self.logs:
+            found = sweep_regimes(log, self.model)
+            turning.append(np.zeros(len(log), bool))
+            regimes.append(found)
+            power = log.power
+            if power is not None:
+                running = ~log.tare
+                for rows in (np.ones(len(power.time_s), bool), np.isfinite(power.voltage_V)):
+                    turning.append(np.ones(int(rows.sum()), bool))
+                    regimes.append({name: mask[running][rows] for name, mask in found.items()})
+        labels = np.concatenate(turning)
+        names = dict.fromkeys(name for part in regimes for name in part)
+        return RowGroups(
+            stages={"pwm_to_rpm": labels, "rpm_to_thrust": ~labels}
+            if labels.any()
+            else {"rpm_to_thrust": ~labels},
+            regimes={
+                name: np.concatenate(
+                    [
+                        part.get(name, np.zeros(len(rows), bool))
+                        for part, rows in zip(regimes, turning, strict=True)
+                    ]
+                )
+                for name in names
+            },
+        )
+
+
+def _held(name: str, item: Parameter) -> Knob:
+    """Return the knob of a number that only its prior holds; its own value without one."""
+    prior = known_prior(name, item)
+    return Knob(
+        name=name,
+        unit=item.unit,
+        effect="",
+        start=item.value,
+        scale=item.value if prior is None else prior.sd,
+        lower=max(item.lower, 0.2 * item.value) if item.value > 0.0 else item.lower,
+        upper=item.upper,
+        held=True,
+    )

@@ -1,0 +1,185 @@
+"""From a recording of points to a sweep that can be held against a model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.core.counted import counted
+from benchtool.core.errors import InputError
+from benchtool.core.recording import Recording
+from benchtool.core.rig import Rig, Sensor
+from benchtool.data.columns import code_of
+from benchtool.data.run.ratios import relative_speed_error
+from benchtool.explain.sweep.power import Power, power_of
+from benchtool.physics.conditions import FAR_AWAY_M, Conditions
+from benchtool.physics.effects.load_direction import SAME_PLACE
+from benchtool.physics.effects.rotor_count import refuse_other_rotors
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+LEAST_POINTS = 4
+"""Below this many points a sweep says next to nothing; a choice."""
+
+SAMPLE_S = 2.0
+"""Length of a point's samples where a table does not tell how many there were."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class SweepLog:
+    """Hold the points of one sweep in the order of time.
+
+    Attributes:
+        conditions: of every point (m,), tares among them.
+        thrust_N: (m,) what the load cell showed.
+        se_N: (m,) its stated standard error, that of speeds taken into it.
+        tare: (m,) whether nothing turns and the reading is what a tare left.
+        stay: (m,) number of the stay at one place of the plate.
+        place_sd_m: how far the plate may be from where it is read, by the rig's sheet.
+        power: pulses against speeds, where both are known.
+        name: of the file, for people.
+        remarks: what was mended, and what the sweep lacks.
+    """
+
+    conditions: Conditions
+    thrust_N: Array
+    se_N: Array
+    tare: Mask
+    stay: NDArray[np.intp]
+    place_sd_m: float
+    power: Power | None
+    name: str
+    remarks: tuple[str, ...]
+
+    def __len__(self) -> int:
+        return len(self.thrust_N)
+
+
+def sweep_log(recording: Recording, rig: Rig, name: str = "") -> SweepLog:
+    """Return the sweep of a recording of points.
+
+    Raises:
+        InputError: points without thrust or speed, or too few of them.
+    """
+    label = name or recording.provenance.get("file", "the recording")
+    if "thrust_N" not in recording:
+        raise InputError(
+            f"{label} has no thrust_N, only {', '.join(recording.names)}; map it in [columns] of "
+            f"the model"
+        )
+    refuse_other_rotors(recording, rig, label)
+    if "time_s" in recording:
+        recording = recording.select(np.argsort(recording.column("time_s"), kind="stable"))
+    conditions = Conditions.from_recording(recording, rig)
+    kinds = recording.column("kind") if "kind" in recording else np.zeros(len(recording))
+    tare = kinds == code_of("kind", "tare")
+    conditions = _with_still_rows(conditions, tare)
+    thrust = recording.si("thrust_N")
+    se, told = _errors(recording, rig, conditions)
+    whole = np.isfinite(thrust) & np.isfinite(se) & (se > 0.0) & conditions.known
+    points = int((whole & ~tare).sum())
+    if points < LEAST_POINTS:
+        raise InputError(
+            f"{label} has {points} whole points (thrust, speed and plate known), and at least "
+            f"{LEAST_POINTS} are needed; sweep more distances or levels"
+        )
+    power = power_of(recording.select(whole & ~tare), rig)
+    kept = conditions.select(whole)
+    return SweepLog(
+        conditions=kept,
+        thrust_N=thrust[whole],
+        se_N=se[whole],
+        tare=tare[whole],
+        stay=stays_of(kept, tare[whole], ordered="time_s" in recording),
+        place_sd_m=_place_sd_m(rig),
+        power=power,
+        name=label,
+        remarks=(*told, *_lacks(recording, kept, tare[whole], power, int((~whole).sum()))),
+    )
+
+
+def _with_still_rows(conditions: Conditions, tare: Mask) -> Conditions:
+    """Return conditions whose tares have speeds of 0 and no plate: nothing of it shows."""
+    speed = conditions.speed_rad_s.copy()
+    speed[:, tare] = 0.0
+    coverage = conditions.coverage.copy()
+    coverage[:, tare] = 0.0
+    return replace(
+        conditions,
+        speed_rad_s=speed,
+        coverage=coverage,
+        plate_z_m=np.where(tare, FAR_AWAY_M, conditions.plate_z_m),
+        plate_x_m=np.where(tare, 0.0, conditions.plate_x_m),
+        plate_tilt_rad=np.where(tare, 0.0, conditions.plate_tilt_rad),
+        load_direction=np.where(tare, -1.0, conditions.load_direction),
+    )
+
+
+def _errors(recording: Recording, rig: Rig, conditions: Conditions) -> tuple[Array, list[str]]:
+    """Return the standard error of every thrust (m,), and what had to be assumed for it."""
+    thrust = recording.si("thrust_N")
+    measured = conditions.speed_measured
+    speed_error = relative_speed_error(recording) if measured else np.zeros(len(thrust))
+    for name in ("thrust_se_N", "thrust_sd_N"):
+        if name in recording and np.isfinite(recording.column(name)).any():
+            stated = recording.si(name)
+            break
+    else:
+        sensor = rig.sensors.get("thrust_N", Sensor())
+        stated = np.full(len(thrust), sensor.noise / np.sqrt(sensor.rate_Hz * SAMPLE_S))
+        stated = np.hypot(stated, sensor.quantum / np.sqrt(12.0))
+        if not (stated > 0.0).all():
+            raise InputError(
+                "the points state no standard error of thrust, and rig "
+                f"{rig.name!r} no noise of its load cell; give thrust_se_N, or sensors.thrust_N"
+            )
+        return stated, ["no standard errors of thrust: taken from the rig's load cell"]
+    return np.hypot(stated, thrust * speed_error), []
+
+
+def stays_of(conditions: Conditions, tare: Mask, *, ordered: bool) -> NDArray[np.intp]:
+    """Return the number of the stay of each row (m,): rows at one place without a break.
+
+    Rows whose order nobody knows belong together by place.
+    """
+    place = np.array([conditions.plate_z_m, conditions.plate_x_m, conditions.plate_tilt_rad])
+    if not ordered:
+        numbers: NDArray[np.intp] = np.unique(
+            np.round(place / SAME_PLACE), axis=1, return_inverse=True
+        )[1].reshape(-1)
+        return numbers
+    moved = np.any(np.abs(np.diff(place, axis=1)) > SAME_PLACE, axis=0)
+    moved |= tare[1:] != tare[:-1]
+    return np.concatenate([[0], np.cumsum(moved)]).astype(np.intp)
+
+
+def _place_sd_m(rig: Rig) -> float:
+    """Return the standard deviation of a place: play and quantum, even within their widths."""
+    sensor = rig.sensors.get("plate_z_m", Sensor())
+    widths = (rig.plate.backlash_m, sensor.quantum)
+    return float(np.sqrt(sum(width**2 for width in widths) / 12.0 + sensor.noise**2))
+
+
+def _lacks(
+    recording: Recording, kept: Conditions, tare: Mask, power: Power | None, dropped: int
+) -> list[str]:
+    """Return what a sweep lacks, with what that costs."""
+    out = []
+    if dropped:
+        out.append(
+            f"left out for an empty cell: {dropped} of {counted(dropped + len(tare), 'row')}"
+        )
+    if not tare.any():
+        out.append("no rows of kind 'tare': what stands on the zero shows in thrust alone")
+    if "time_s" not in recording:
+        out.append("no time_s: drift, hysteresis and battery sag cannot be judged")
+    elif not (kept.load_direction[~tare] < 0.0).any():
+        out.append("levels were only ever visited upward: hysteresis looks like a tare offset")
+    if not kept.speed_measured:
+        out.append("no rpm: what is between pulse and speed shows in thrust alone")
+    elif power is None:
+        out.append("no pulses beside the speeds: battery sag cannot be judged")
+    return out

@@ -1,0 +1,243 @@
+"""Sample a problem's posterior with emcee: four ensembles, run until they agree."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import numpy as np
+from emcee import EnsembleSampler
+from numpy.typing import NDArray
+
+from benchtool.core.errors import EstimationError, InputError
+from benchtool.core.fit_result import Estimate, FitResult, Outcome
+from benchtool.fit.convergence import RHAT_LIMIT, TAU_LENGTHS, Convergence, convergence_of
+from benchtool.fit.interval import from_draws
+from benchtool.fit.island_move import IslandStretch
+from benchtool.fit.least_squares import fit_least_squares
+from benchtool.fit.likelihood import fit_quality
+from benchtool.fit.log_probability import log_probability
+from benchtool.fit.problem import Problem
+from benchtool.fit.walker_start import start_walkers
+
+Array = NDArray[np.float64]
+Progress = Callable[[int, int], None]
+"""progress(steps done, steps expected): called now and then."""
+
+ENSEMBLES = 4
+FIRST_STEPS = 800
+TELL_EVERY = 100
+DISCARDED = 0.25
+"""Part of the steps left out at the beginning."""
+
+MOST_DRAWS = 20_000
+
+BOUND_REACH, BOUND_SHARE = 0.1, 0.01
+"""A posterior reaches a bound when more than this share of it lies within this many of its standard
+deviations: a normal one does at a bound nearer than 1.7 standard deviations to its middle."""
+
+
+def fit_ensemble(
+    problem: Problem,
+    *,
+    walkers: int = 32,
+    max_steps: int = 20_000,
+    seed: int = 1,
+    progress: Progress | None = None,
+) -> FitResult:
+    """Sample the posterior until four independently started ensembles agree.
+
+    The number of steps follows from the autocorrelation time. A result whose outcome is
+    `not_converged` says what to change.
+
+    Args:
+        problem: what to fit.
+        walkers: of each ensemble; even, at least twice the free parameters.
+        max_steps: of each walker.
+        seed: of starts and moves.
+        progress: told how far it is.
+
+    Returns:
+        The result; its samples (n_samples, n_free) are ordered by step, then ensemble, then
+        walker, so that they reshape to (-1, facts["ensembles"], facts["walkers"], n_free).
+    """
+    n = len(problem.free_names)
+    if walkers % 2 or walkers < 2 * n + 2:
+        raise InputError(
+            f"{walkers} walkers for {n} free parameters; give an even number from {2 * n + 2} on"
+        )
+    rng = np.random.default_rng(seed)
+    near = _least_squares_or_none(problem)
+    probability = log_probability(problem)
+    with np.errstate(all="ignore"):
+        start = start_walkers(problem, near, probability, ENSEMBLES, walkers, rng)
+        sampler = sampler_of(probability, start, ENSEMBLES, int(rng.integers(2**32)))
+        chains, verdict = _run(sampler, start, walkers, max_steps, progress)
+    return _result(problem, near, sampler, chains, verdict, walkers, seed, max_steps)
+
+
+def sampler_of(
+    probability: Callable[[Array], Array], start: Array, ensembles: int, seed: int
+) -> Any:
+    """Return emcee's sampler for walkers (ensembles * walkers, n), seeded."""
+    sampler = EnsembleSampler(
+        start.shape[0],
+        start.shape[1],
+        probability,
+        moves=IslandStretch(ensembles),
+        vectorize=True,
+    )
+    sampler.random_state = np.random.MT19937(seed).state
+    return sampler
+
+
+def advance(sampler: Any, state: Any, steps: int, tell: Callable[[int], None] | None = None) -> Any:
+    """Advance the sampler by `steps` and return its state."""
+    for step, latest in enumerate(
+        sampler.sample(state, iterations=steps, skip_initial_state_check=True), 1
+    ):
+        state = latest
+        if tell is not None and step % TELL_EVERY == 0:
+            tell(step)
+    return state
+
+
+def _least_squares_or_none(problem: Problem) -> FitResult | None:
+    try:
+        return fit_least_squares(problem)
+    except EstimationError:
+        return None
+
+
+def _run(
+    sampler: Any, start: Array, walkers: int, max_steps: int, progress: Progress | None
+) -> tuple[Array, Convergence]:
+    done, target = 0, min(FIRST_STEPS, max_steps)
+    state: Any = start
+    while True:
+        tell = None if progress is None else partial(_tell, progress, done, target)
+        state = advance(sampler, state, target - done, tell)
+        done = target
+        chain = sampler.get_chain()[int(DISCARDED * done) :]
+        chains = chain.reshape(chain.shape[0], ENSEMBLES, walkers, chain.shape[2])
+        verdict = convergence_of(chains)
+        if verdict.reached or done >= max_steps:
+            return chains, verdict
+        wanted = 1.05 * TAU_LENGTHS / (1.0 - DISCARDED) * verdict.slowest_tau_steps
+        target = int(min(max(wanted, 1.3 * done), max_steps, 4.0 * done))
+
+
+def _tell(progress: Progress, before: int, whole: int, step: int) -> None:
+    progress(before + step, whole)
+
+
+def _result(
+    problem: Problem,
+    near: FitResult | None,
+    sampler: Any,
+    chains: Array,
+    verdict: Convergence,
+    walkers: int,
+    seed: int,
+    max_steps: int,
+) -> FitResult:
+    n = chains.shape[3]
+    tau = verdict.slowest_tau_steps
+    per_step = ENSEMBLES * walkers
+    thin = max(1, int(tau / 5.0) if np.isfinite(tau) else 1)
+    draws = chains[::thin].reshape(-1, n)
+    kept = chains[:: max(thin, -(-chains.shape[0] * per_step // MOST_DRAWS))].reshape(-1, n)
+    estimates = tuple(
+        from_draws(
+            name, problem.parameters[name].unit, draws[:, i], _bound(problem, name, draws[:, i])
+        )
+        for i, name in enumerate(problem.free_names)
+    )
+    log_probs = sampler.get_log_prob(flat=True)
+    best = sampler.get_chain(flat=True)[int(np.argmax(log_probs))]
+    if near is not None and np.all(np.isfinite(near.values)):
+        with np.errstate(all="ignore"):
+            if log_probability(problem)(near.values[None, :])[0] >= np.max(log_probs):
+                best = near.values
+    quality = fit_quality(problem, best)
+    steps = int(sampler.iteration)
+    return FitResult(
+        method="emcee",
+        basis=problem.basis,
+        model=problem.model,
+        estimates=estimates,
+        covariance=np.atleast_2d(np.cov(draws, rowvar=False)),
+        chi2=quality.chi2,
+        dof=problem.dof,
+        log_likelihood=quality.log_likelihood,
+        outcome=_outcome(problem, verdict, steps, max_steps, per_step),
+        warnings=tuple(
+            f"the posterior of {item.name} {item.bound} {_at(problem, item)} and is cut there, and "
+            f"other numbers lean on it: widen the bound or fix the parameter"
+            for item in estimates
+            if item.bound
+        ),
+        samples=np.ascontiguousarray(kept),
+        facts={
+            **problem.facts,
+            "points": len(problem),
+            "prior_rows": len(problem.priors),
+            "seed": seed,
+            "ensembles": ENSEMBLES,
+            "walkers": walkers,
+            "steps": steps,
+            "steps_kept": verdict.steps,
+            "tau_steps": tau,
+            "rhat": float(np.max(verdict.rhat)),
+            "acceptance": float(np.mean(sampler.acceptance_fraction)),
+        },
+    )
+
+
+def _bound(problem: Problem, name: str, draws: Array) -> str:
+    """Return which bound a posterior (n,) piles up against, in words; empty where none."""
+    item = problem.parameters[name]
+    near = BOUND_REACH * float(np.std(draws))
+    for side, bound in (("lower", item.lower), ("upper", item.upper)):
+        if np.mean(np.abs(draws - bound) < near) > BOUND_SHARE:
+            return f"reaches its {side} bound"
+    return ""
+
+
+def _at(problem: Problem, estimate: Estimate) -> str:
+    """Return the bound that an estimate reaches, with its unit."""
+    item = problem.parameters[estimate.name]
+    bound = item.lower if "lower" in estimate.bound else item.upper
+    return f"{bound:g} {item.unit}".removesuffix(" 1")
+
+
+def _outcome(
+    problem: Problem, verdict: Convergence, steps: int, max_steps: int, per_step: int
+) -> Outcome:
+    evaluations = steps * per_step
+    if verdict.reached:
+        return Outcome(
+            "converged",
+            f"{ENSEMBLES} ensembles agree (R-hat {np.max(verdict.rhat):.4f}) over {verdict.steps} "
+            f"steps of {verdict.slowest_tau_steps:.0f} autocorrelation steps each",
+            evaluations,
+        )
+    worst = problem.free_names[int(np.argmax(verdict.rhat))]
+    if not verdict.mixed:
+        said = (
+            f"after {steps} steps the ensembles still disagree about {worst} (R-hat "
+            f"{np.max(verdict.rhat):.3f}, limit {RHAT_LIMIT})"
+        )
+    else:
+        slowest = problem.free_names[int(np.argmax(verdict.tau_steps))]
+        said = (
+            f"{verdict.steps} kept steps are {verdict.steps / verdict.slowest_tau_steps:.0f} "
+            f"autocorrelation times of {slowest}, {TAU_LENGTHS} are needed"
+        )
+    return Outcome(
+        "not_converged",
+        f"{said}; allow more than {max_steps} steps, or fix a parameter or state a prior where "
+        f"least squares says that parameters cannot be told apart",
+        evaluations,
+    )

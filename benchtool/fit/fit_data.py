@@ -1,0 +1,314 @@
+"""From files to what a fit takes: points, conditions, errors, and what was left out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.core.column_source import ColumnSource
+from benchtool.core.counted import counted
+from benchtool.core.errors import InputError
+from benchtool.core.own_code import CodePermit, refuse_code
+from benchtool.core.parameter import Parameters, full_name
+from benchtool.core.recording import Recording
+from benchtool.core.rig import Rig
+from benchtool.core.rig_file import rig_named
+from benchtool.data.columns import code_of
+from benchtool.data.run.digest import data_hash
+from benchtool.data.run.ratios import ratios, relative_speed_error
+from benchtool.data.run.read import is_run, read_points
+from benchtool.data.run.run_rig import differences, rig_of_data
+from benchtool.data.table import read_table
+from benchtool.fit.recipe import Recipe
+from benchtool.physics.conditions import Conditions
+from benchtool.physics.effects.rotor_count import refuse_other_rotors
+from benchtool.physics.model_file import LoadedModel, load_model, read_columns
+
+Array = NDArray[np.float64]
+
+
+FAR_Z_OVER_R = 9.0
+"""Beyond it eq. (4) leaves less than one per cent; the tables of the literature end at 5 to 6."""
+
+NO_PLATE_Z_OVER_R = 1e6
+"""Beyond it stands `FAR_AWAY_M`: a recording without a plate, which is fine."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class FitData:
+    """Hold the points of a fit.
+
+    Attributes:
+        points: all that were read (n rows).
+        conditions: of all points.
+        observed: (n,) thrust in N, or the ratio of the recipe's basis.
+        standard_error: (n,) stated; 1 where none is stated.
+        errors: "within" visits of a run, "stated" by a table, or "none".
+        used: (n,) False for points that the fit leaves out.
+        left_out: sentences that say which points and why.
+        z_over_R: (n,) least distance over the rig's radius.
+        groups: (n,) number of the setting that each point repeats; None where nobody numbered them.
+        hashes: SHA-256 by data path.
+        reference: (n,) what each point of a ratio was divided by: the plate where it was parked.
+        calibration_sd: relative standard error of the load cell's scale, common to all points; 0
+            where no calibration was applied.
+    """
+
+    points: Recording
+    conditions: Conditions
+    observed: Array
+    standard_error: Array
+    errors: str
+    used: NDArray[np.bool_]
+    left_out: tuple[str, ...]
+    z_over_R: Array
+    groups: NDArray[np.intp] | None
+    hashes: Mapping[str, str]
+    reference: Conditions | None = None
+    calibration_sd: float = 0.0
+
+    @property
+    def rows(self) -> NDArray[np.intp]:
+        """Positions of the used points."""
+        return np.flatnonzero(self.used)
+
+
+def recipe_model(recipe: Recipe, permit: CodePermit = refuse_code) -> LoadedModel:
+    """Return the recipe's model on its data's rig, parameters freed and fixed as it says.
+
+    Raises:
+        InputError: runs of two vehicles, or a model that holds numbers of another one.
+    """
+    loaded = load_model(recipe.model, rig_of_recipe(recipe), permit=permit)
+    _refuse_twice(recipe, loaded.model.parameters)
+    model = loaded.model.freed(*recipe.free)
+    for name, value in recipe.fix.items():
+        model = model.fixed(name, value)
+    for name in recipe.hold:
+        model = model.fixed(name)
+    if recipe.basis != "joint":
+        # A ratio does not know the thrust coefficient, nor what a load cell adds.
+        model = model.fixed("k")
+    return replace(loaded, model=model)
+
+
+def _refuse_twice(recipe: Recipe, parameters: Parameters) -> None:
+    """Refuse a parameter that a recipe both frees and holds, or holds twice."""
+    named: set[str] = set()
+    for typed in (*recipe.free, *recipe.fix, *recipe.hold):
+        name = full_name(typed, parameters)
+        if name in named:
+            raise InputError(f"{name} is named twice; free it, or fix it at one value")
+        named.add(name)
+
+
+def rig_of_recipe(recipe: Recipe) -> Rig | None:
+    """Return the rig of a recipe's data: the runs' own, else the one that it names, else None."""
+    own = rig_of_data(recipe.data)
+    if recipe.rig is None:
+        return own
+    given = rig_named(recipe.rig)
+    if own is not None and (different := differences(own, given)):
+        raise InputError(
+            f"--rig {recipe.rig} is not the rig that the run was recorded on ({different[0]}), and "
+            f"the run's own is taken; leave --rig out"
+        )
+    return given if own is None else own
+
+
+def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
+    """Read the recipe's data for its model.
+
+    Raises:
+        InputError: data that lack what the basis needs, or of which nothing is left.
+    """
+    hashes = _hashes(recipe.data)
+    parts = [_read_one(path, recipe, loaded) for path in recipe.data]
+    points = _joined(parts)
+    _need_thrust(points)
+    model = loaded.model
+    for path, part in zip(recipe.data, parts, strict=True):
+        refuse_other_rotors(part, model.rig, path)
+    conditions = Conditions.from_recording(points, model.rig)
+    if recipe.basis == "joint":
+        observed, error, errors = _thrust_with_error(points, all(map(is_run, recipe.data)))
+    else:
+        # Each run is divided by its own references.
+        pairs = [ratios(part, recipe.basis) for part in parts]
+        observed = np.concatenate([ratio for ratio, _ in pairs])
+        error = np.concatenate([ratio_error for _, ratio_error in pairs])
+        errors = "within" if np.isfinite(error).any() else "none"
+        error = np.where(np.isfinite(error), error, np.nan if errors == "within" else 1.0)
+    _refuse_dead_speed(points, conditions)
+    z_over_R = model.z_over_R(conditions)
+    used, left_out = _selected(observed, error, conditions.known, z_over_R, recipe)
+    parked_m = None
+    if recipe.basis != "joint":
+        parked_m = np.concatenate([_parked_m(part) for part in parts])
+        # A reference over itself is 1 by arithmetic and says nothing.
+        used = used & (points.column("kind") != code_of("kind", "reference"))
+    return FitData(
+        points=points,
+        conditions=conditions,
+        observed=observed,
+        standard_error=error,
+        errors=errors,
+        used=used,
+        left_out=left_out,
+        z_over_R=z_over_R,
+        groups=_settings(points),
+        hashes=hashes,
+        reference=None if parked_m is None else _parked(parked_m, conditions, model.rig),
+        calibration_sd=_calibration_sd(parts, recipe.data),
+    )
+
+
+def _hashes(paths: Sequence[str]) -> dict[str, str]:
+    """Return the hash of every data path; the same data twice would count twice."""
+    found: dict[str, str] = {}
+    for path in paths:
+        digest = data_hash(path)
+        for other, known in found.items():
+            if known == digest:
+                raise InputError(
+                    f"{path} holds the same data as {other}; points count once, so name it once"
+                )
+        found[path] = digest
+    return found
+
+
+def _read_one(path: str, recipe: Recipe, loaded: LoadedModel) -> Recording:
+    if is_run(path):
+        return read_points(path)
+    columns: Mapping[str, ColumnSource] = dict(loaded.columns)
+    if recipe.columns is not None:
+        columns = {**columns, **read_columns(recipe.columns)}
+    where = [*(f"{key}={value}" for key, value in loaded.row_filter.items()), *recipe.where]
+    if not columns and Path(path).name == "points.csv":
+        return read_points(path)
+    return read_table(path, columns, where)
+
+
+def _joined(parts: Sequence[Recording]) -> Recording:
+    if len(parts) == 1:
+        return parts[0]
+    names = [name for name in parts[0].names if all(name in part for part in parts)]
+    if "thrust_N" not in names:
+        raise InputError(
+            "the data have no thrust_N in common; fit run folders and foreign tables separately"
+        )
+    columns = []
+    for name in names:
+        values = np.concatenate([part.column(name) for part in parts])
+        if name == "setting":
+            steps = np.cumsum([0.0, *(part.column(name).max() for part in parts[:-1])])
+            values = np.concatenate(
+                [part.column(name) + step for part, step in zip(parts, steps, strict=True)]
+            )
+        columns.append((parts[0].channels[parts[0].index(name)], values))
+    return Recording.from_columns(
+        columns, parts[0].provenance, any(part.simulated for part in parts)
+    )
+
+
+def _need_thrust(points: Recording) -> None:
+    if "thrust_N" not in points:
+        raise InputError(
+            f"there is no thrust_N to fit, only {', '.join(points.names)}; map it in [columns] of "
+            f"the model: thrust_N = {{ column = 'their name', unit = 'gf' }}"
+        )
+
+
+def _thrust_with_error(points: Recording, is_whole_run: bool) -> tuple[Array, Array, str]:
+    thrust = points.si("thrust_N")
+    for name in ("thrust_se_N", "thrust_sd_N"):
+        if name in points and np.isfinite(points.column(name)).any():
+            error = np.hypot(points.si(name), thrust * relative_speed_error(points))
+            return thrust, error, "within" if is_whole_run else "stated"
+    return thrust, np.ones(len(points)), "none"
+
+
+def _refuse_dead_speed(points: Recording, conditions: Conditions) -> None:
+    if not np.any(conditions.speed_rad_s > 0.0):
+        most = float(np.nanmax(np.abs(points.si("thrust_N"))))
+        raise InputError(
+            f"no rotor turns in {counted(len(points), 'point')} while thrust reaches {most:.3g} N: "
+            f"the speed channel is dead, or another column holds the speed; map that one to rpm1"
+        )
+
+
+def _calibration_sd(parts: Sequence[Recording], paths: Sequence[str]) -> float:
+    """Return the relative error of the load cell's scale that all points share.
+
+    Runs through different calibrations do not share one.
+    """
+    found = [part.provenance.get("calibration", "") for part in parts]
+    for path, name in zip(paths, found, strict=True):
+        if name != found[0]:
+            raise InputError(
+                f"{paths[0]} went through calibration {found[0] or 'none'}, {path} through "
+                f"{name or 'none'}; recalibrate one of them, or fit them separately"
+            )
+    return float(parts[0].provenance.get("calibration_relative_sd") or 0.0)
+
+
+def _parked_m(part: Recording) -> Array:
+    """Return where one run's plate was parked for its references, for every point (n,): m."""
+    parked = part.column("kind") == code_of("kind", "reference")
+    return np.full(len(part), float(part.si("plate_z_m")[parked].mean()))
+
+
+def _parked(parked_m: Array, conditions: Conditions, rig: Rig) -> Conditions:
+    """Return the conditions with the plate where each point's references were measured."""
+    return Conditions.of(
+        rig,
+        speed_rad_s=conditions.speed_rad_s,
+        plate_z_m=parked_m,
+        voltage_V=conditions.voltage_V,
+        elapsed_s=conditions.elapsed_s,
+        time_s=conditions.time_s,
+    )
+
+
+def _selected(
+    observed: Array, error: Array, known: NDArray[np.bool_], z_over_R: Array, recipe: Recipe
+) -> tuple[NDArray[np.bool_], tuple[str, ...]]:
+    finite = np.isfinite(observed) & np.isfinite(error) & (error > 0.0) & known
+    near = finite & (z_over_R < recipe.min_z_over_R)
+    said = []
+    if not finite.all():
+        said.append(
+            f"{np.count_nonzero(~finite)} of {len(observed)} points have an empty cell in thrust, "
+            f"its error, speed or plate and were left out (the first: {_row(~finite)})"
+        )
+    if near.any():
+        said.append(
+            f"{np.count_nonzero(near)} of {len(observed)} points lie below z/R = "
+            f"{recipe.min_z_over_R:g}, outside the formulae's validity, and were left out; "
+            f"take them in with --min-z-over-r 0"
+        )
+    used = finite & ~near
+    if used.any() and FAR_Z_OVER_R < float(z_over_R[used].min()) < NO_PLATE_Z_OVER_R:
+        said.append(
+            f"the nearest point lies at z/R = {z_over_R[used].min():.3g}, where there is no ground "
+            f"effect to fit; check the unit of plate_z_m"
+        )
+    if not used.any():
+        raise InputError(
+            f"none of {len(observed)} points can be fitted: {'; '.join(said) or 'there is none'}"
+        )
+    return used, tuple(said)
+
+
+def _row(rows: NDArray[np.bool_]) -> str:
+    return f"data row {int(np.argmax(rows)) + 1}"
+
+
+def _settings(points: Recording) -> NDArray[np.intp] | None:
+    if "setting" not in points or not np.isfinite(points.column("setting")).all():
+        return None
+    return points.column("setting").astype(np.intp)

@@ -1,0 +1,202 @@
+"""A problem from a ground-effect model and settled bench conditions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.core.errors import InputError, UnknownChoice
+from benchtool.core.parameter import Parameters
+from benchtool.fit.problem import IntArray, Problem
+from benchtool.physics.conditions import FAR_AWAY_M, Conditions
+from benchtool.physics.effects.tolerances import with_tolerances
+from benchtool.physics.model import Model
+from benchtool.physics.prepared import Prepared
+from benchtool.physics.validity import VALIDITY_Z_OVER_R
+
+Array = NDArray[np.float64]
+Basis = Literal["joint", "equal_rpm2", "equal_pwm", "equal_power"]
+"""What is fitted: thrust in newtons against everything ("joint"), or the ratio T_IGE/T_OGE with
+rotor speed, pulse width or electrical power held equal."""
+
+BASES: tuple[Basis, ...] = get_args(Basis)
+
+SAME_DISTANCE_M = 1e-3
+"""Points whose plate stands within this of each other belong to one setting."""
+
+
+def problem_from_model(
+    model: Model,
+    conditions: Conditions,
+    observed: Array,
+    standard_error: Array | None = None,
+    *,
+    basis: Basis = "joint",
+    nearest_z_over_R: float | None = VALIDITY_Z_OVER_R,
+    labels: Sequence[str] = (),
+    groups: IntArray | None = None,
+    covariates: Mapping[str, Array] | None = None,
+    reference: Conditions | None = None,
+) -> Problem:
+    """Return the problem of fitting a model's free parameters to a settled bench.
+
+    Points nearer than the formulae hold for are left out, and their number is told in the facts
+    (`left_out_near`). In a fit of ratios, free parameters that only move the reading (k, tare,
+    drift) are held at their values and named in the facts (`held`).
+
+    Args:
+        model: with its free parameters.
+        conditions: of m points.
+        observed: (m,) thrust of the whole vehicle in N for basis "joint", else T_IGE/T_OGE.
+        standard_error: (m,) of the observed; without it they are taken as equal and unknown.
+        basis: what is held equal where thrusts are compared; "joint" fits newtons.
+        nearest_z_over_R: points below are left out; None keeps all.
+        labels: (m,) names of the points.
+        groups: (m,) settings; by the plate's position when left out.
+        covariates: further columns (m,) to look at residuals against.
+        reference: (m,) what each point was divided by, for a ratio: a parked plate is far, not
+            gone, and its own few per mille would go into R and K_b; no plate when left out.
+    """
+    if basis not in BASES:
+        raise UnknownChoice("basis", basis, BASES)
+    if len(observed) != len(conditions):
+        raise InputError(f"{len(conditions)} conditions, but {len(observed)} points were observed")
+    distance = model.z_over_R(conditions)
+    kept = np.arange(len(conditions))
+    if nearest_z_over_R is not None:
+        kept = np.flatnonzero(distance >= nearest_z_over_R * (1.0 - 1e-9))
+        if not kept.size:
+            raise InputError(
+                f"all {len(conditions)} points are nearer than z/R {nearest_z_over_R:g}; measure "
+                f"farther away, or allow nearer points"
+            )
+    left_out = len(conditions) - len(kept)
+    conditions = conditions.select(kept)
+    far = conditions.out_of_ground_effect() if reference is None else reference.select(kept)
+    facts: dict[str, str | int | float | bool | None] = {"left_out_near": left_out}
+    parameters = with_tolerances(model, "sweep")
+    if standard_error is None:
+        standard_error = np.ones(len(observed))
+        parameters = parameters.replaced("noise.scale", parameters["noise.scale"].freed())
+        facts["standard_errors"] = "unknown, taken as equal"
+    model = model.at(parameters)
+    if basis != "joint":
+        model, held = _without_reading(model)
+        facts["held"] = ", ".join(held)
+    columns = {
+        "z_over_R": distance[kept],
+        "speed_rad_s": _levels(conditions.speed_rad_s.max(axis=0)),
+        "time_s": conditions.time_s,
+    }
+    columns |= {name: column[kept] for name, column in (covariates or {}).items()}
+    return Problem(
+        model=model.name,
+        parameters=model.parameters,
+        predict=_thrust(model, conditions) if basis == "joint" else _ratio(model, conditions, far),
+        observed=np.asarray(observed, float)[kept],
+        standard_error=np.asarray(standard_error, float)[kept],
+        basis=basis,
+        labels=tuple(labels[int(i)] for i in kept)
+        if labels
+        else _labels(conditions, distance[kept]),
+        groups=plate_settings(conditions) if groups is None else groups[kept],
+        covariates=_telling(columns),
+        facts=facts,
+    )
+
+
+def plate_settings(conditions: Conditions) -> IntArray:
+    """Return which plate setting (distance, tilt, coverage) each point belongs to (m,)."""
+    table = np.column_stack(
+        [
+            np.round(conditions.plate_z_m / SAME_DISTANCE_M),
+            np.round(conditions.plate_tilt_rad, 3),
+            np.round(conditions.coverage, 2).T,
+        ]
+    )
+    return np.unique(table, axis=0, return_inverse=True)[1].reshape(-1).astype(np.intp)
+
+
+SAME_LEVEL = 0.02
+"""Speeds within this part of the fastest belong to one throttle level: a pack that sags would else
+put the speeds of a level in the order of time."""
+
+
+def _levels(speed_rad_s: Array) -> Array:
+    """Return speeds (m,) rounded to throttle levels."""
+    step = SAME_LEVEL * float(speed_rad_s.max()) or 1.0
+    return np.asarray(np.round(speed_rad_s / step) * step, float)
+
+
+def _telling(columns: Mapping[str, Array]) -> dict[str, Array]:
+    """Return the columns that vary, plates far away cut off at ten times the farthest near one."""
+    out = {}
+    for name, column in columns.items():
+        finite = column[column < 1e3] if name == "z_over_R" else column
+        if finite.size and np.ptp(finite) > 0.0:
+            out[name] = np.minimum(column, 10.0 * finite.max()) if name == "z_over_R" else column
+    return out
+
+
+def _labels(conditions: Conditions, z_over_R: Array) -> tuple[str, ...]:
+    speed = conditions.speed_rad_s.max(axis=0)
+    return tuple(
+        f"point {i + 1} ({f'z/R {z:.3g}' if far < FAR_AWAY_M else 'no plate'}, {w:.4g} rad/s)"
+        for i, (z, far, w) in enumerate(zip(z_over_R, conditions.plate_z_m, speed, strict=True))
+    )
+
+
+def _without_reading(model: Model) -> tuple[Model, list[str]]:
+    """Return the model without its reading effects, k held, and the names that were free there."""
+    held = []
+    for effect in model.effects:
+        if effect.thrust_reading is not None:
+            held += [n for n in model.parameters.free_names if n.startswith(f"{effect.name}.")]
+            model = model.without(effect.name)
+    if model.parameters["k"].free:
+        held.insert(0, "k")
+        model = model.fixed("k")
+    return model, held
+
+
+def _thrust(model: Model, conditions: Conditions) -> Callable[[Any], Any]:
+    prepared = Prepared(model, conditions)
+    fill = _filler(model.parameters)
+
+    def predict(values: Any) -> Any:
+        return prepared.thrust_N(fill(values))
+
+    return predict
+
+
+def _ratio(model: Model, conditions: Conditions, reference: Conditions) -> Callable[[Any], Any]:
+    """Return the thrust ratio at equal speeds, which the law takes for equal pwm and power too."""
+    near, far = Prepared(model, conditions), Prepared(model, reference)
+    fill = _filler(model.parameters)
+
+    def predict(values: Any) -> Any:
+        full = fill(values)
+        return near.thrust_N(full) / far.thrust_N(full)
+
+    return predict
+
+
+def _filler(parameters: Parameters) -> Callable[[Any], list[Any]]:
+    """Return the function from free shape values to all values, in order."""
+    template: list[Any] = [item.value for item in parameters.values()]
+    places = [
+        position
+        for position, (name, item) in enumerate(parameters.items())
+        if item.free and not name.startswith("noise.")
+    ]
+
+    def fill(values: Any) -> list[Any]:
+        full = template.copy()
+        for place, value in zip(places, values, strict=True):
+            full[place] = value
+        return full
+
+    return fill

@@ -1,0 +1,125 @@
+"""The free noise parameter in least squares: the value at which chi-square meets its dof.
+
+Shape parameters and noise are solved in turn: for a noise value the shape is fitted anew, and the
+noise is moved until chi2 = dof (Mandel and Paule, Anal. Chem. 42, 1970, for `noise.sd`; for
+`noise.scale` without priors this is the usual sqrt(chi2/dof) in one step). Its interval ends
+where chi2 meets its own quantiles.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from scipy.optimize import brentq
+
+from benchtool.core.counted import counted
+from benchtool.core.errors import EstimationError
+from benchtool.core.fit_result import Estimate
+from benchtool.fit.interval import bound_hit, chi2_limits
+from benchtool.fit.problem import NOISE_SCALE, Problem
+from benchtool.fit.solve import Solution
+
+MAD_TO_SD = 1.4826
+"""Standard deviation of a normal distribution over its median absolute deviation."""
+
+Refit = Callable[[float, Solution], Solution]
+"""refit(noise, near) -> the solution with the standard errors of that noise value."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Noise:
+    """Hold the fitted noise, and the shape's solution at it.
+
+    Attributes:
+        estimate: value and intervals.
+        solution: with rows weighted by the fitted noise.
+    """
+
+    estimate: Estimate
+    solution: Solution
+
+
+def fit_noise(problem: Problem, first: Solution, refit: Refit, robust: bool) -> Noise:
+    """Return the fitted noise, starting from the solution at the noise's present value."""
+    name = problem.noise_name
+    assert name is not None
+    if problem.dof < 1:
+        raise EstimationError(
+            f"with {counted(len(problem), 'point')} no degree of freedom is left to estimate "
+            f"{name} beside {counted(len(problem.shape_names), 'parameter')}; measure more points "
+            f"or fix {name}"
+        )
+    if name == NOISE_SCALE and (robust or not len(problem.priors)):
+        return _scale(problem, first, refit, robust)
+    return _searched(problem, name, first, refit)
+
+
+def _scale(problem: Problem, first: Solution, refit: Refit, robust: bool) -> Noise:
+    """Return the scale in closed form, or by the median absolute residual under a robust loss."""
+    item = problem.parameters[NOISE_SCALE]
+    value, solution = item.value, first
+    if robust:
+        for _ in range(20):
+            points = np.abs(solution.rows[: len(problem)])
+            factor = max(MAD_TO_SD * float(np.median(points)), 1e-300)
+            value *= factor * float(np.sqrt(len(problem) / max(problem.dof, 1)))
+            solution = refit(value, solution)
+            if abs(factor - 1.0) < 1e-6:
+                break
+    else:
+        value *= float(np.sqrt(solution.chi2 / problem.dof))
+        solution = _reweighted(solution, item.value / value if value > 0.0 else 1.0)
+    one, two = (
+        (value * float(np.sqrt(problem.dof / high)), value * float(np.sqrt(problem.dof / low)))
+        for low, high in chi2_limits(problem.dof)
+    )
+    sd = value / float(np.sqrt(2.0 * problem.dof))
+    return Noise(Estimate(NOISE_SCALE, item.unit, value, sd, one, two), solution)
+
+
+def _reweighted(solution: Solution, factor: float) -> Solution:
+    """Return a solution without priors as it is with all standard errors divided by `factor`."""
+    return Solution(
+        shape=solution.shape,
+        rows=solution.rows * factor,
+        jacobian=solution.jacobian * factor,
+        cost=solution.cost * factor**2,
+        finished=solution.finished,
+        evaluations=solution.evaluations,
+        way=solution.way,
+    )
+
+
+def _searched(problem: Problem, name: str, first: Solution, refit: Refit) -> Noise:
+    item = problem.parameters[name]
+    typical = float(np.sqrt(np.mean(problem.standard_error**2)))
+    unit = 1.0 if name == NOISE_SCALE else typical
+    lower = max(item.lower, 1e-3 * unit if name == NOISE_SCALE else 0.0)
+    latest = first
+
+    def excess(noise: float, target: float) -> float:
+        nonlocal latest
+        latest = refit(noise, latest)
+        return latest.chi2 / target - 1.0
+
+    def where(target: float) -> float:
+        if excess(lower, target) <= 0.0:
+            return lower
+        low, high = lower, unit
+        while excess(high, target) > 0.0:
+            if high >= item.upper or high > 1e9 * unit:
+                return min(high, item.upper)
+            low, high = high, min(2.0 * high, item.upper)
+        root = brentq(partial(excess, target=target), low, high, rtol=1e-9, xtol=1e-9 * unit)
+        return float(root)
+
+    value = where(float(problem.dof))
+    solution = refit(value, latest)
+    ends = [tuple(where(limit) for limit in (high, low)) for low, high in chi2_limits(problem.dof)]
+    one, two = ((low, high) for low, high in ends)
+    sd = 0.5 * (one[1] - one[0])
+    hit = bound_hit(replace(item, lower=lower), value, sd)
+    return Noise(Estimate(name, item.unit, value, sd, one, two, hit), solution)

@@ -1,0 +1,107 @@
+"""Normal priors as residual rows, so that one formula serves both estimators."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.core.errors import EstimationError
+from benchtool.core.parameter import Parameters
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class JointPrior:
+    """State a normal prior on several parameters at once, with their covariance.
+
+    Attributes:
+        names: (p,) full names.
+        mean: (p,) in the parameters' units.
+        covariance: (p, p) positive definite.
+        source: where it comes from (a calibration, by its date).
+    """
+
+    names: tuple[str, ...]
+    mean: Array
+    covariance: Array
+    source: str = ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PriorRows:
+    """Hold all normal priors as rows (q,) = matrix (q, n) @ (values - mean).
+
+    Each row has variance one. `log_norm` is the constant of the log density.
+    """
+
+    matrix: Array
+    mean: Array
+    log_norm: float
+
+    def __len__(self) -> int:
+        return int(self.matrix.shape[0])
+
+
+def prior_rows(
+    parameters: Parameters, names: Sequence[str], joint: Sequence[JointPrior]
+) -> PriorRows:
+    """Return the rows of all normal priors on the free parameters `names` (n,).
+
+    A joint prior speaks for the free ones among its names; fixed ones keep their value, and the
+    rest is conditioned on it.
+    """
+    n = len(names)
+    mean = np.zeros(n)
+    rows: list[Array] = []
+    log_norm = 0.0
+    taken: set[str] = set()
+    for prior in joint:
+        free = [name for name in prior.names if name in names]
+        taken.update(free)
+        if not free:
+            continue
+        block_mean, covariance = _conditioned(prior, free, parameters)
+        try:
+            root = np.linalg.cholesky(covariance)
+        except np.linalg.LinAlgError as cause:
+            raise EstimationError(
+                f"the prior covariance of {', '.join(prior.names)} is not positive definite; "
+                f"give variances above 0 and correlations between -1 and 1"
+            ) from cause
+        block = np.zeros((len(free), n))
+        columns = [names.index(name) for name in free]
+        block[:, columns] = np.linalg.inv(root)
+        mean[columns] = block_mean
+        rows.extend(block)
+        log_norm -= float(np.log(np.diag(root)).sum())
+    for position, name in enumerate(names):
+        single = parameters[name].prior
+        if single.kind == "normal" and name not in taken:
+            row = np.zeros(n)
+            row[position] = 1.0 / single.sd
+            mean[position] = single.mean
+            rows.append(row)
+            log_norm -= float(np.log(single.sd))
+    matrix = np.array(rows) if rows else np.empty((0, n))
+    return PriorRows(matrix, mean, log_norm - 0.5 * len(rows) * float(np.log(2.0 * np.pi)))
+
+
+def _conditioned(
+    prior: JointPrior, free: Sequence[str], parameters: Parameters
+) -> tuple[Array, Array]:
+    """Return mean and covariance of the free ones, given the values of the fixed ones."""
+    keep = [prior.names.index(name) for name in free]
+    held = [i for i in range(len(prior.names)) if i not in keep]
+    covariance = prior.covariance
+    if not held:
+        return prior.mean[keep], covariance[np.ix_(keep, keep)]
+    gain = covariance[np.ix_(keep, held)] @ np.linalg.inv(covariance[np.ix_(held, held)])
+    shift = np.array([parameters[prior.names[i]].value for i in held]) - prior.mean[held]
+    return (
+        prior.mean[keep] + gain @ shift,
+        covariance[np.ix_(keep, keep)] - gain @ covariance[np.ix_(held, keep)],
+    )

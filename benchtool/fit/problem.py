@@ -1,0 +1,282 @@
+"""The problem: data, prediction, parameters and priors, as both estimators take it.
+
+The free parameters fall in two kinds. Shape parameters move the prediction. A noise parameter
+moves the standard errors only: `noise.scale` multiplies them, `noise.sd...` adds in quadrature.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.core.errors import InputError
+from benchtool.core.parameter import Parameter, Parameters
+from benchtool.fit.prior import JointPrior, PriorRows, prior_rows
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.intp]
+
+Predict = Callable[[Any], Any]
+"""predict(values) -> prediction: values (n_shape,) or (n_shape, w, 1), real or complex, in the
+order of `Problem.shape_names`; prediction (m,) or (w, m)."""
+
+NOISE_SCALE = "noise.scale"
+NOISE_SD = "noise.sd"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Problem:
+    """State what is to be estimated from what.
+
+    Attributes:
+        model: name for results.
+        parameters: all parameters; the free ones are estimated.
+        predict: see `Predict`.
+        observed: (m,) what was measured.
+        standard_error: (m,) its stated standard errors, above 0.
+        basis: what is held equal when thrust is compared, or "joint".
+        labels: (m,) names of the points for messages; numbered when left out.
+        groups: (m,) which points belong to one setting; held out together by `compare`.
+        covariates: (m,) each, against which residuals are looked at ("z_over_R", "time_s").
+        joint_priors: normal priors on several parameters, for example of a calibration.
+        facts: carried into the result (counts, hashes).
+    """
+
+    model: str
+    parameters: Parameters
+    predict: Predict
+    observed: Array
+    standard_error: Array
+    basis: str = "joint"
+    labels: tuple[str, ...] = ()
+    groups: IntArray | None = None
+    covariates: Mapping[str, Array] = field(default_factory=dict)
+    joint_priors: tuple[JointPrior, ...] = ()
+    facts: Mapping[str, str | int | float | bool | None] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        m = len(self.observed)
+        sizes = {
+            "standard_error": len(self.standard_error),
+            "labels": len(self.labels) or m,
+            "groups": m if self.groups is None else len(self.groups),
+            **{name: len(column) for name, column in self.covariates.items()},
+        }
+        for name, size in sizes.items():
+            if size != m:
+                raise InputError(f"{m} points were observed, but {name} has {size} entries")
+        if not self.shape_names:
+            raise InputError(
+                f"model {self.model!r} has no free parameter that moves its prediction; free one "
+                f"of: {', '.join(name for name in self.parameters if not _is_noise(name))}"
+            )
+        if sum(_is_noise(name) for name in self.parameters.free_names) > 1:
+            raise InputError("noise.scale and noise.sd are both free; free one of them")
+        for i in np.flatnonzero(~np.isfinite(self.observed))[:1]:
+            raise InputError(
+                f"{self.label(int(i))} was observed as {self.observed[i]}; leave it out"
+            )
+        bad = ~(np.isfinite(self.standard_error) & (self.standard_error > 0.0))
+        for i in np.flatnonzero(bad)[:1]:
+            raise InputError(
+                f"{self.label(int(i))} has standard error {self.standard_error[i]:g}, not a "
+                f"number above 0; give the scatter of repeats, or 1 with noise.scale free"
+            )
+
+    def __len__(self) -> int:
+        return len(self.observed)
+
+    def label(self, point: int) -> str:
+        """Return the name of a point for messages."""
+        return self.labels[point] if self.labels else f"point {point + 1}"
+
+    # --- parameters -----------------------------------------------------------------------
+
+    @cached_property
+    def free_names(self) -> tuple[str, ...]:
+        """Full names of all free parameters (n_free,), in the order of every answer."""
+        return self.parameters.free_names
+
+    @cached_property
+    def shape_names(self) -> tuple[str, ...]:
+        """Free parameters that move the prediction (n_shape,), in order."""
+        return tuple(name for name in self.parameters.free_names if not _is_noise(name))
+
+    @cached_property
+    def noise_name(self) -> str | None:
+        """The free noise parameter, if there is one."""
+        return next((name for name in self.free_names if _is_noise(name)), None)
+
+    @cached_property
+    def shape_index(self) -> IntArray:
+        """Positions of the shape parameters among the free ones (n_shape,)."""
+        return np.array([self.free_names.index(name) for name in self.shape_names], np.intp)
+
+    @cached_property
+    def start(self) -> Array:
+        """Present values of the shape parameters (n_shape,)."""
+        return self.parameters.pack()[self.shape_index]
+
+    @cached_property
+    def shape_bounds(self) -> tuple[Array, Array]:
+        """Lower and upper bounds of the shape parameters, (n_shape,) each."""
+        lower, upper = self.parameters.bounds()
+        return lower[self.shape_index], upper[self.shape_index]
+
+    @cached_property
+    def priors(self) -> PriorRows:
+        """All normal priors on the shape parameters."""
+        return prior_rows(self.parameters, self.shape_names, self.joint_priors)
+
+    @cached_property
+    def dof(self) -> int:
+        """Rows (points and normal priors) less shape parameters."""
+        return len(self) + len(self.priors) - len(self.shape_names)
+
+    # --- residuals ------------------------------------------------------------------------
+
+    def sigma(self, noise: float | None = None) -> Array:
+        """Return the standard errors (m,) at a value of the free noise parameter.
+
+        Without `noise` its present value is taken; fixed noise parameters count as they are.
+        """
+        scale, added = 1.0, 0.0
+        for name, item in self.parameters.items():
+            if _is_noise(name):
+                value = noise if noise is not None and name == self.noise_name else item.value
+                if name == NOISE_SCALE:
+                    scale = value
+                else:
+                    added = value
+        if added == 0.0:
+            return self.standard_error * scale
+        quadrature: Array = np.hypot(self.standard_error * scale, added)
+        return quadrature
+
+    def predicted(self, shape: Array) -> Array:
+        """Return the prediction (m,) at shape values (n_shape,)."""
+        return np.broadcast_to(np.asarray(self.predict(shape), float), self.observed.shape)
+
+    def rows(self, shape: Array, sigma: Array) -> Array:
+        """Return weighted residuals (m + q,): points first, then the rows of the priors."""
+        data = (self.predict(shape) - self.observed) / sigma
+        if not len(self.priors):
+            return np.asarray(data, float)
+        return np.concatenate([data, self.priors.matrix @ (shape - self.priors.mean)])
+
+    # --- variations -----------------------------------------------------------------------
+
+    def at(self, values: Array) -> Problem:
+        """Return the problem starting from these free values (n_free,)."""
+        return replace(self, parameters=self.parameters.at(values))
+
+    def fixed(self, name: str, value: float) -> Problem:
+        """Return the problem with one free parameter held at `value`."""
+        parameters = self.parameters.replaced(name, self.parameters[name].fixed(value))
+        if _is_noise(name):
+            return replace(self, parameters=parameters)
+        position = self.shape_names.index(name)
+        inner = self.predict
+
+        def predict(values: Any) -> Any:
+            return inner(np.insert(values, position, value, axis=0))
+
+        return replace(self, parameters=parameters, predict=predict)
+
+    def subset(self, rows: IntArray) -> Problem:
+        """Return the problem of only those points."""
+        inner, m = self.predict, len(self)
+
+        def predict(values: Any) -> Any:
+            whole = np.asarray(inner(values))
+            return np.broadcast_to(whole, (*whole.shape[:-1], m))[..., rows]
+
+        return replace(
+            self,
+            predict=predict,
+            observed=self.observed[rows],
+            standard_error=self.standard_error[rows],
+            labels=tuple(self.label(int(i)) for i in rows),
+            groups=None if self.groups is None else self.groups[rows],
+            covariates={name: column[rows] for name, column in self.covariates.items()},
+        )
+
+    def with_calibration(self, covariance: Array, source: str = "") -> Problem:
+        """Return the problem with the load cell's calibration as two nuisance parameters.
+
+        What is observed is `calibration.scale` times the prediction plus `calibration.offset_N`;
+        both are free under the calibration's normal prior, about 1 and 0.
+
+        Args:
+            covariance: (2, 2) of scale and offset: 1, N.
+            source: which calibration.
+        """
+        sd = np.sqrt(np.diag(covariance))
+        scale = Parameter("scale", "1", 1.0, 1.0, free=True, tolerance=float(sd[0]), source=source)
+        offset = Parameter(
+            "offset_N", "N", 0.0, 0.0, free=True, tolerance=float(sd[1]), source=source
+        )
+        names = ("calibration.scale", "calibration.offset_N")
+        inner = self.predict
+
+        def predict(values: Any) -> Any:
+            return values[-2] * inner(values[:-2]) + values[-1]
+
+        return replace(
+            self,
+            predict=predict,
+            parameters=Parameters(
+                (*self.parameters.items(), (names[0], scale), (names[1], offset))
+            ),
+            joint_priors=(
+                *self.joint_priors,
+                JointPrior(names, np.array([1.0, 0.0]), np.asarray(covariance, float), source),
+            ),
+        )
+
+
+def noise_parameter(value: float = 1.0) -> Parameter:
+    """Return a free `noise.scale`: the standard errors are known up to a factor."""
+    return Parameter(
+        "scale",
+        "1",
+        value,
+        lower=0.0,
+        free=True,
+        description="factor on the stated standard errors",
+    )
+
+
+def function_problem(
+    name: str,
+    parameters: Mapping[str, Parameter],
+    predict: Predict,
+    observed: Array,
+    standard_error: Array | None = None,
+    **more: Any,
+) -> Problem:
+    """Return the problem of fitting any function, vectorised as `Predict` says.
+
+    Without standard errors they are taken as equal and unknown: 1 times a free `noise.scale`.
+    """
+    named = Parameters(parameters.items())
+    if standard_error is None:
+        standard_error = np.ones(len(observed))
+        named = Parameters((*named.items(), (NOISE_SCALE, noise_parameter())))
+    return Problem(
+        model=name,
+        parameters=named,
+        predict=predict,
+        observed=np.asarray(observed, float),
+        standard_error=np.asarray(standard_error, float),
+        **more,
+    )
+
+
+def _is_noise(name: str) -> bool:
+    return name == NOISE_SCALE or name.startswith(NOISE_SD)

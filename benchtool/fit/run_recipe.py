@@ -1,0 +1,249 @@
+"""Run a recipe: read its data, estimate by each method, hold models against each other."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from benchtool import __version__
+from benchtool.core.counted import counted
+from benchtool.core.fit_result import FitResult
+from benchtool.core.own_code import CodePermit, refuse_code
+from benchtool.core.rig import Rig
+from benchtool.fit.compare import Comparison, compare
+from benchtool.fit.derived import with_derived
+from benchtool.fit.diagnose import with_diagnosis
+from benchtool.fit.ensemble import fit_ensemble
+from benchtool.fit.fit_data import FitData, read_fit_data, recipe_model, rig_of_recipe
+from benchtool.fit.least_squares import fit_least_squares
+from benchtool.fit.model_problem import problem_from_model
+from benchtool.fit.problem import Problem
+from benchtool.fit.profile import with_profile
+from benchtool.fit.recipe import Recipe
+from benchtool.physics.effects.effect import Derived
+from benchtool.physics.model import Model
+from benchtool.physics.model_file import LoadedModel, load_model, model_names
+
+Progress = Callable[[str, int, int], None]
+"""progress(what is being done, steps done, steps expected)."""
+
+
+TARED_ZERO_N = 1e-6
+"""What is left of a calibration's zero after a tare: nothing; above 0 for the prior's sake."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class FitOutput:
+    """Carry everything that a fit made.
+
+    Attributes:
+        recipe: what was asked.
+        loaded: the model as it was fitted, before.
+        data: the points.
+        problem: as both estimators took it.
+        results: one for each method, in the recipe's order.
+        comparison: of the recipe's models on held-out points, None when none were named.
+    """
+
+    recipe: Recipe
+    loaded: LoadedModel
+    data: FitData
+    problem: Problem
+    results: tuple[FitResult, ...]
+    comparison: Comparison | None = None
+
+    @property
+    def fitted(self) -> Model:
+        """The model at the first method's values, its noise parameters as they were."""
+        model = self.loaded.model
+        parameters = model.parameters
+        for estimate in self.results[0].estimates:
+            if estimate.name in parameters and not estimate.name.startswith("noise."):
+                item = parameters[estimate.name]
+                value = float(np.clip(estimate.value, item.lower, item.upper))
+                told = ", ".join(filter(None, (self.recipe.name, estimate.bound)))
+                fitted = replace(item.at(value), source=f"fitted: {told}")
+                parameters = parameters.replaced(estimate.name, fitted)
+        return model.at(parameters)
+
+
+def run_recipe(
+    recipe: Recipe,
+    progress: Progress | None = None,
+    *,
+    profile: bool = False,
+    permit: CodePermit = refuse_code,
+) -> FitOutput:
+    """Run a recipe and return what it made.
+
+    Args:
+        recipe: what to fit.
+        progress: told what is being done.
+        profile: intervals of least squares from the profile likelihood.
+        permit: called with the file of a model's own effects before it is run.
+
+    Raises:
+        InputError: the data or the model do not allow the fit.
+        EstimationError: no estimate can be given.
+    """
+    loaded = recipe_model(recipe, permit)
+    data = read_fit_data(recipe, loaded)
+    loaded = replace(loaded, model=_with_noise(loaded.model, recipe, data.errors))
+    problem = _problem(loaded.model, recipe, data)
+    told = _rig_told(recipe, loaded.model.rig)
+    results = tuple(
+        _named(
+            loaded.model,
+            data,
+            problem,
+            _estimate(problem, recipe, method, progress, profile),
+            told,
+        )
+        for method in recipe.methods
+    )
+    comparison = None
+    if recipe.compare:
+        names = list(dict.fromkeys((recipe.model, *recipe.compare)))
+        rig = loaded.model.rig
+        others = [
+            _as_compared(load_model(name, rig, permit=permit).model, loaded.model, recipe)
+            for name in names[1:]
+        ]
+        problems = [problem, *(_problem(other, recipe, data) for other in others)]
+        comparison = compare(problems, seed=recipe.seed)
+    return FitOutput(
+        recipe=recipe,
+        loaded=loaded,
+        data=data,
+        problem=problem,
+        results=results,
+        comparison=comparison,
+    )
+
+
+def _with_noise(model: Model, recipe: Recipe, errors: str) -> Model:
+    """Return the model with the noise parameter free that the recipe asks for."""
+    kind = recipe.noise
+    typed = {name.rpartition(".")[2] for name in (*recipe.free, *recipe.fix, *recipe.hold)}
+    if kind == "auto":
+        kind = "stated" if errors == "stated" or typed & {"scale", "sd_N"} else "scale"
+    for name in ("noise.scale", "noise.sd_N"):
+        wanted = {"noise.scale": "scale", "noise.sd_N": "add"}[name] == kind
+        if name.rpartition(".")[2] in typed:  # named by itself, which goes before the kind
+            wanted = model.parameters[name].free
+        item = model.parameters[name]
+        if wanted and name == "noise.sd_N" and item.value == 0.0:
+            item = item.at(1e-3)
+        model = model.at(model.parameters.replaced(name, replace(item, free=wanted)))
+    return model
+
+
+def _problem(model: Model, recipe: Recipe, data: FitData) -> Problem:
+    rows = data.rows
+    problem = problem_from_model(
+        model,
+        data.conditions.select(rows),
+        data.observed[rows],
+        None if data.errors == "none" else data.standard_error[rows],
+        basis=recipe.basis,
+        nearest_z_over_R=None,
+        groups=None if data.groups is None else data.groups[rows],
+        reference=None if data.reference is None else data.reference.select(rows),
+    )
+    if recipe.basis != "joint" or data.calibration_sd == 0.0:
+        return problem  # a ratio of two thrusts does not know the calibration's scale
+    covariance = np.diag([data.calibration_sd**2, TARED_ZERO_N**2])
+    return problem.with_calibration(covariance, "the run's calibration")
+
+
+def _as_compared(other: Model, model: Model, recipe: Recipe) -> Model:
+    """Return another model of the same rig, with the same noise and the same nuisances free."""
+    own = {effect.name for effect in other.effects}
+    for effect in model.effects:
+        is_nuisance = effect.stage in ("sensor", "plate")
+        if effect.name not in own and is_nuisance:
+            other = other.with_effect(effect)
+            for name, item in model.parameters.items():
+                if name.startswith(f"{effect.name}."):
+                    other = other.at(other.parameters.replaced(name, item))
+    for name in ("noise.scale", "noise.sd_N"):
+        other = other.at(other.parameters.replaced(name, model.parameters[name]))
+    return other if recipe.basis == "joint" else other.fixed("k")
+
+
+def _estimate(
+    problem: Problem, recipe: Recipe, method: str, progress: Progress | None, profile: bool
+) -> FitResult:
+    if method == "least_squares":
+        if progress is not None:
+            progress("least squares", 0, 1)
+        result = fit_least_squares(problem, loss=recipe.loss, seed=recipe.seed)
+        return with_profile(problem, result) if profile else result
+    tell = None
+    if progress is not None:
+
+        def tell(done: int, expected: int) -> None:
+            progress("emcee", done, expected)
+
+    return fit_ensemble(
+        problem,
+        walkers=recipe.walkers,
+        max_steps=recipe.max_steps,
+        seed=recipe.seed,
+        progress=tell,
+    )
+
+
+def _rig_told(recipe: Recipe, rig: Rig) -> tuple[str, ...]:
+    """Say which vehicle a shipped model brought along, where data and options name none."""
+    if rig_of_recipe(recipe) is not None or recipe.model not in model_names():
+        return ()
+    rotors = counted(rig.n_rotors, "rotor")
+    return (
+        f"the data name no rig, so that of model {recipe.model} was taken: {rig.name}, {rotors} of "
+        f"radius {rig.propulsion.radius_m:g} m; if yours is another, give it with --rig FILE",
+    )
+
+
+FAR_FROM_RIG = 3.0
+"""A thrust coefficient this many times off the rig's is a slip of units or another vehicle: grams
+for newtons make 102, rad/s for rpm 91, poles for pairs 4; a choice."""
+
+
+def _far_from_rig(model: Model, result: FitResult) -> tuple[str, ...]:
+    """Say when the fitted thrust coefficient cannot be that of the rig's motors."""
+    own = model.rig.propulsion.thrust_coefficient_N_s2
+    found = next((item.value for item in result.estimates if item.name == "k"), own)
+    if found > 0.0 and 1.0 / FAR_FROM_RIG < found / own < FAR_FROM_RIG:
+        return ()
+    return (
+        f"k is {found / own:.3g} times the thrust coefficient of rig {model.rig.name} ({own:g} "
+        f"N/(rad/s)2): check the units of thrust and speed, the motors' pole count, and that the "
+        f"rig is yours",
+    )
+
+
+def _named(
+    model: Model, data: FitData, problem: Problem, result: FitResult, rig_told: tuple[str, ...]
+) -> FitResult:
+    """Return the result with its diagnosis, derived quantities, what was left out, hashes."""
+    free = [estimate.name for estimate in result.estimates]
+    quantities: list[Derived] = []
+    if "R_m" in free:
+        radius = model.rig.propulsion.radius_m
+        quantities.append(Derived("R_over_rotor_radius", "1", lambda v: v["R_m"] / radius))
+    for effect in model.effects:
+        if effect.derived is not None:
+            own = [name for name in free if name.startswith(f"{effect.name}.")]
+            quantities += effect.derived(own)
+    facts = {
+        **result.facts,
+        "benchtool": __version__,
+        "simulated": data.points.simulated,
+        **{f"sha256.{path}": digest for path, digest in data.hashes.items()},
+    }
+    warnings = (*rig_told, *_far_from_rig(model, result), *data.left_out, *result.warnings)
+    result = replace(result, facts=facts, warnings=warnings)
+    return with_derived(with_diagnosis(problem, result), quantities)

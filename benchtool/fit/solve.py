@@ -1,0 +1,210 @@
+"""One weighted nonlinear least-squares solution: the only caller of scipy's optimiser."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from benchtool.core.errors import EstimationError
+from benchtool.fit.covariance import RANK_LIMIT
+from benchtool.fit.jacobian import Way, central_differences, complex_step, way_for
+from benchtool.fit.problem import Problem
+
+Array = NDArray[np.float64]
+Loss = Literal["linear", "soft_l1", "huber"]
+LOSSES: tuple[Loss, ...] = ("linear", "soft_l1", "huber")
+
+TOLERANCE = 1e-10
+"""Relative change of cost and of step below which the trust region hands over to the polish."""
+
+POLISH = 1e-8
+"""Part of a parameter's standard deviation below which a Gauss-Newton step no longer matters."""
+
+POLISH_STEPS = 12
+"""At most so many; a step that does not shrink ends them, for then only rounding is left."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Solution:
+    """Hold one minimum.
+
+    Attributes:
+        shape: (n_shape,) values.
+        rows: (m + q,) weighted residuals there.
+        jacobian: (m + q, n_shape) of the rows, plain (no loss in it).
+        cost: half the sum of squares, after the loss.
+        finished: whether a tolerance was met.
+        evaluations: of the prediction, its derivatives counted as one each.
+        way: how derivatives were taken.
+    """
+
+    shape: Array
+    rows: Array
+    jacobian: Array
+    cost: float
+    finished: bool
+    evaluations: int
+    way: Way
+
+    @property
+    def chi2(self) -> float:
+        """Sum of squared rows."""
+        return float(self.rows @ self.rows)
+
+
+def row_jacobian(problem: Problem, way: Way) -> Callable[[Array, Array], Array]:
+    """Return the function (shape, sigma) -> d rows / d shape (m + q, n_shape)."""
+    m, priors, predict = len(problem), problem.priors, problem.predict
+    lower, upper = problem.shape_bounds
+
+    def jacobian(shape: Array, sigma: Array) -> Array:
+        if way == "complex_step":
+            data = complex_step(predict, shape, m)
+        else:
+            data = central_differences(predict, shape, m, lower, upper)
+        data /= sigma[:, None]
+        return np.concatenate([data, priors.matrix]) if len(priors) else data
+
+    return jacobian
+
+
+def solve(
+    problem: Problem,
+    sigma: Array,
+    start: Array | None = None,
+    *,
+    loss: Loss = "linear",
+    way: Way | None = None,
+    max_evaluations: int | None = None,
+) -> Solution:
+    """Return the minimum reached from `start` (n_shape,), by default the problem's own.
+
+    Args:
+        problem: what to fit.
+        sigma: (m,) standard errors.
+        start: where to begin.
+        loss: how far points count less; rows of priors always count in full.
+        way: how to take derivatives; found out when left out.
+        max_evaluations: of the prediction.
+    """
+    lower, upper = problem.shape_bounds
+    begin = np.clip(problem.start if start is None else start, lower, upper)
+    with np.errstate(all="ignore"):
+        first = problem.rows(begin, sigma)
+        _refuse_unusable(problem, first)
+        if way is None:
+            way = way_for(problem.predict, begin, len(problem), lower, upper)
+        jacobian = row_jacobian(problem, way)
+        counted: Any = loss if loss == "linear" else _loss_of_points(loss, len(problem))
+        found: Any = least_squares(
+            problem.rows,
+            begin,
+            jac=jacobian,
+            bounds=(lower, upper),
+            method="trf",
+            x_scale="jac",
+            ftol=TOLERANCE,
+            xtol=TOLERANCE,
+            gtol=None,
+            loss=counted,
+            max_nfev=max_evaluations or 200 * len(begin),
+            args=(sigma,),
+        )
+        shape, rows = np.asarray(found.x, float), np.asarray(found.fun, float)
+        plain = np.asarray(found.jac) if loss == "linear" else jacobian(shape, sigma)
+        solution = Solution(
+            shape=shape,
+            rows=rows,
+            jacobian=plain,
+            cost=float(found.cost),
+            finished=found.status > 0,
+            evaluations=int(found.nfev) + int(found.njev),
+            way=way,
+        )
+        return _polished(problem, sigma, solution, jacobian) if loss == "linear" else solution
+
+
+def _polished(
+    problem: Problem,
+    sigma: Array,
+    solution: Solution,
+    jacobian: Callable[[Array, Array], Array],
+) -> Solution:
+    """Return the solution after Gauss-Newton steps, taken while they shrink and stay in bounds.
+
+    A trust region stops when the cost no longer falls, which leaves values good to the square
+    root of that; these steps bring them to the rounding of the model itself.
+    """
+    lower, upper = problem.shape_bounds
+    before = np.inf
+    left = max(len(solution.rows) - len(solution.shape), 1)
+    for _ in range(POLISH_STEPS):
+        norms = np.linalg.norm(solution.jacobian, axis=0)
+        if not np.all(norms > 0.0):
+            break
+        u, singular, v = np.linalg.svd(solution.jacobian / norms, full_matrices=False)
+        if len(singular) < len(norms) or singular[-1] <= RANK_LIMIT[solution.way] * singular[0]:
+            break
+        step = -(v.T @ ((u.T @ solution.rows) / singular)) / norms
+        sd = np.sqrt(np.sum((v.T / singular) ** 2, axis=1)) / norms
+        sd *= np.sqrt(2.0 * solution.cost / left)
+        size = float(np.max(np.abs(step) / np.where(sd > 0.0, sd, np.inf)))
+        shape = solution.shape + step
+        if size < POLISH or size > 0.9 * before or np.any((shape <= lower) | (shape >= upper)):
+            break
+        rows = problem.rows(shape, sigma)
+        cost = 0.5 * float(rows @ rows)
+        if not cost <= solution.cost * (1.0 + 1e-9):
+            break
+        before = size
+        solution = replace(
+            solution,
+            shape=shape,
+            rows=rows,
+            jacobian=jacobian(shape, sigma),
+            cost=cost,
+            evaluations=solution.evaluations + 2,
+        )
+    return solution
+
+
+def _refuse_unusable(problem: Problem, rows: Array) -> None:
+    bad = np.flatnonzero(~np.isfinite(rows[: len(problem)]))
+    if bad.size:
+        raise EstimationError(
+            f"the model gives no finite prediction for {problem.label(int(bad[0]))} (and "
+            f"{bad.size - 1} more) at the starting values; start elsewhere or leave it out"
+        )
+
+
+def _loss_of_points(loss: Loss, m: int) -> Callable[[Array], Array]:
+    """Return rho (3, rows) of the squared rows: robust for points, linear for priors.
+
+    Both losses as scipy defines them, with the change from quadratic to linear at one standard
+    error for soft_l1 and at 1.345 (95 % efficiency; Huber 1964) for huber.
+    """
+    limit2 = 1.345**2 if loss == "huber" else 1.0
+
+    def rho(squares: Array) -> Array:
+        z = squares / limit2
+        out = np.empty((3, len(z)))
+        if loss == "soft_l1":
+            root = np.sqrt(1.0 + z)
+            out[0], out[1], out[2] = 2.0 * (root - 1.0), 1.0 / root, -0.5 / root**3
+        else:
+            near = z <= 1.0
+            root = np.sqrt(np.where(near, 1.0, z))
+            out[0] = np.where(near, z, 2.0 * root - 1.0)
+            out[1] = np.where(near, 1.0, 1.0 / root)
+            out[2] = np.where(near, 0.0, -0.5 / root**3)
+        out[0, m:], out[1, m:], out[2, m:] = z[m:], 1.0, 0.0
+        out[0] *= limit2
+        out[2] /= limit2
+        return out
+
+    return rho

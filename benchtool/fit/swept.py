@@ -1,0 +1,189 @@
+"""A sweep's run folder as a report takes it: everything read once, nothing worked out twice."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.core.errors import FileFormatError, InputError
+from benchtool.core.recording import Recording
+from benchtool.core.rig import Rig
+from benchtool.data.columns import code_of, speed_columns, word_of
+from benchtool.data.run.digest import data_hash, file_hash
+from benchtool.data.run.events import Event, read_events
+from benchtool.data.run.ratios import ratios
+from benchtool.data.run.read import read_points, read_samples, sample_names
+from benchtool.data.run.run import Run
+from benchtool.data.run.run_rig import run_rig
+from benchtool.data.run.settings import aggregate
+
+Array = NDArray[np.float64]
+
+FILES = (
+    "plan.toml",
+    "metadata.json",
+    "points.csv",
+    "samples.csv",
+    "samples.parquet",
+    "settings.csv",
+    "events.jsonl",
+)
+"""Files of a run folder, in the order in which a report lists their hashes."""
+
+
+_HEALTH = ("voltage_V", "current_A", "temperature_degC")
+"""Channels beside thrust and speed whose limits are looked at."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Swept:
+    """Hold a run of `benchtool sweep`.
+
+    Attributes:
+        path: its folder.
+        metadata: as they stand in its JSON.
+        plan_text: the plan, every number filled in.
+        rig: as it was when the run began.
+        points: visits without tares.
+        tares: what was left after each tare; None where none was made.
+        samples: every sample; None where the folder holds none (`recalibrated-...`).
+        settings: means over repeats.
+        thrust_error_N: (s,) standard deviation over repeats, or the standard error of a visit where
+            that is larger: two repeats may agree by chance.
+        ratio, ratio_error: (s,) T_IGE/T_OGE of each setting and the same of it; nan where there is
+            none.
+        basis: what is held equal in the ratio.
+        events: oldest first.
+        sha256: of points and samples.
+        files: SHA-256 by file name.
+    """
+
+    path: Path
+    metadata: Mapping[str, Any]
+    plan_text: str
+    rig: Rig
+    points: Recording
+    tares: Recording | None
+    samples: Recording | None
+    settings: Recording
+    thrust_error_N: Array
+    ratio: Array
+    ratio_error: Array
+    basis: str
+    events: tuple[Event, ...]
+    sha256: str
+    files: Mapping[str, str]
+
+    @property
+    def name(self) -> str:
+        """The folder's own name."""
+        return self.path.resolve().name
+
+    @property
+    def simulated(self) -> bool:
+        """Whether no physical motor turned."""
+        return bool(self.metadata.get("simulated", False))
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """What each visit was for."""
+        return tuple(word_of("kind", code) for code in self.points.column("kind"))
+
+    def z_over_R(self, recording: Recording) -> Array:
+        """Return the plate distance of rows over the rig's rotor radius; nan without one."""
+        if "plate_z_m" not in recording:
+            return np.full(len(recording), np.nan)
+        return recording.column("plate_z_m") / self.rig.propulsion.radius_m
+
+    def measured(self) -> NDArray[np.bool_]:
+        """Tell which settings are near the plate, not references (s,)."""
+        near: NDArray[np.bool_] = self.settings.column("kind") == code_of("kind", "measure")
+        return near
+
+    def column(self, name: str) -> Array:
+        """Return a column of the settings (s,), nan where the run has none of the name."""
+        if name in self.settings:
+            return self.settings.column(name)
+        return np.full(len(self.settings), np.nan)
+
+    def level_us(self) -> Array:
+        """Return the longest pulse of each setting (s,): its throttle level."""
+        names = speed_columns(self.settings.names, "pwm")
+        if not names:
+            return np.full(len(self.settings), np.nan)
+        pulses = np.nan_to_num([self.settings.column(name) for name in names])
+        return np.asarray(pulses.max(axis=0), float)
+
+
+def read_swept(path: Path) -> Swept:
+    """Return a sweep's run folder.
+
+    Raises:
+        FileFormatError: no run, one without a rig, or one that measured nothing yet.
+    """
+    run = Run.open(path)
+    metadata = run.metadata
+    points = read_points(path)
+    settings = aggregate(points)
+    basis, ratio, error = _ratio(points, settings)
+    return Swept(
+        path=path,
+        metadata=metadata,
+        plan_text=run.plan_text,
+        rig=run_rig(path, metadata),
+        points=points,
+        tares=_tares(path),
+        samples=_samples(path) if (path / "samples.csv").is_file() else None,
+        settings=settings,
+        thrust_error_N=_larger(settings, "thrust_sd_N", points, points.column("thrust_se_N")),
+        ratio=ratio,
+        ratio_error=error,
+        basis=basis,
+        events=read_events(path / "events.jsonl"),
+        sha256=data_hash(path),
+        files={name: file_hash(path / name) for name in FILES if (path / name).is_file()},
+    )
+
+
+def _samples(path: Path) -> Recording:
+    """Return the samples of the columns that pages show; a long run has no room for the others."""
+    names = ("time_s", "point", "phase", "thrust_N", "thrust_raw", "plate_z_m", *_HEALTH)
+    speeds = speed_columns(sample_names(path))
+    return read_samples(path, [*names, *speeds])
+
+
+def _tares(path: Path) -> Recording | None:
+    try:
+        return read_points(path, ["tare"])
+    except FileFormatError:
+        return None
+
+
+def _ratio(points: Recording, settings: Recording) -> tuple[str, Array, Array]:
+    """Return T_IGE/T_OGE of each setting at equal squared speed, else at equal pulse width."""
+    basis = "equal_rpm2"
+    if not np.isfinite(settings.column("ratio_equal_rpm2")).any():
+        basis = "equal_pwm"
+    ratio = settings.column(f"ratio_{basis}")
+    try:
+        visit_error = ratios(points, basis)[1]
+    except InputError:  # a sweep without references has no ratio
+        return basis, ratio, settings.column(f"ratio_{basis}_sd")
+    return basis, ratio, _larger(settings, f"ratio_{basis}_sd", points, visit_error)
+
+
+def _larger(settings: Recording, sd: str, points: Recording, visit_error: Array) -> Array:
+    """Return the scatter over repeats (s,), or the mean error of a visit where that is larger."""
+    numbers = points.column("setting")
+    single = np.full(len(settings), np.nan)
+    for place, number in enumerate(settings.column("setting")):
+        known = visit_error[(numbers == number) & np.isfinite(visit_error)]
+        if known.size:
+            single[place] = known.mean()
+    larger: Array = np.fmax(settings.column(sd), single)
+    return larger

@@ -1,0 +1,1 @@
+"""What a rotor near a surface does; each equation once."""

@@ -1,0 +1,226 @@
+"""Conditions: what a settled bench was set to and what its rotors did, sample by sample."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.core.errors import InputError
+from benchtool.core.recording import Recording
+from benchtool.core.rig import Rig
+from benchtool.physics.coverage import plate_coverages
+from benchtool.physics.effects.load_direction import load_directions
+from benchtool.physics.rotor import speed_from_pwm
+
+Array = NDArray[np.float64]
+
+FAR_AWAY_M = 1e6
+"""Plate distance that stands for no plate at all; its images vanish to rounding."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Conditions:
+    """Hold what a settled prediction needs.
+
+    Attributes:
+        speed_rad_s: (n_rotors, m) rotor speeds; 0 where a rotor is off.
+        plate_z_m: (m,) distance from rotor plane to plate along the rotor axis at the centre.
+        plate_tilt_rad: (m,) commanded tilt about the y axis; positive brings +x rotors nearer.
+        coverage: (n_discs, m) fraction of each disc over the plate.
+        voltage_V: (m,) battery voltage.
+        elapsed_s: (m,) time since the last tare.
+        time_s: (m,) time since the run began.
+        load_direction: (m,) +1 where the load was approached from below, -1 from above, 0 where
+            nobody knows.
+        plate_x_m: (m,) lateral position of the plate's centre.
+        speed_measured: whether the speeds were read from the rotors; else they follow from pulse
+            widths, and effects between pulse and speed act on them.
+    """
+
+    speed_rad_s: Array
+    plate_z_m: Array
+    plate_tilt_rad: Array
+    coverage: Array
+    voltage_V: Array
+    elapsed_s: Array
+    time_s: Array
+    load_direction: Array
+    plate_x_m: Array
+    speed_measured: bool = True
+
+    def __len__(self) -> int:
+        return int(self.plate_z_m.shape[0])
+
+    @property
+    def known(self) -> NDArray[np.bool_]:
+        """Whether speeds, plate and coverage of each sample are all known (m,)."""
+        whole: NDArray[np.bool_] = (
+            np.isfinite(self.speed_rad_s).all(axis=0)
+            & np.isfinite(self.coverage).all(axis=0)
+            & np.isfinite(self.plate_z_m + self.plate_tilt_rad + self.elapsed_s)
+        )
+        return whole
+
+    def select(self, rows: NDArray[np.bool_] | NDArray[np.intp]) -> Conditions:
+        """Return the conditions of only those samples."""
+        return Conditions(
+            speed_rad_s=self.speed_rad_s[:, rows],
+            plate_z_m=self.plate_z_m[rows],
+            plate_tilt_rad=self.plate_tilt_rad[rows],
+            coverage=self.coverage[:, rows],
+            voltage_V=self.voltage_V[rows],
+            elapsed_s=self.elapsed_s[rows],
+            time_s=self.time_s[rows],
+            load_direction=self.load_direction[rows],
+            plate_x_m=self.plate_x_m[rows],
+            speed_measured=self.speed_measured,
+        )
+
+    def moved_by(self, farther_m: float) -> Conditions:
+        """Return the same conditions with the plate farther away."""
+        return replace(self, plate_z_m=self.plate_z_m + farther_m)
+
+    def out_of_ground_effect(self) -> Conditions:
+        """Return the same conditions with no plate anywhere."""
+        return replace(
+            self,
+            plate_z_m=np.full_like(self.plate_z_m, FAR_AWAY_M),
+            plate_tilt_rad=np.zeros_like(self.plate_tilt_rad),
+            coverage=np.zeros_like(self.coverage),
+        )
+
+    @classmethod
+    def of(
+        cls,
+        rig: Rig,
+        *,
+        speed_rad_s: Array,
+        plate_z_m: Array,
+        plate_x_m: Array | float = 0.0,
+        plate_tilt_rad: Array | float = 0.0,
+        coverage: Array | None = None,
+        voltage_V: Array | float | None = None,
+        elapsed_s: Array | float = 0.0,
+        time_s: Array | float = 0.0,
+        load_direction: Array | float = 0.0,
+        speed_measured: bool = True,
+    ) -> Conditions:
+        """Build conditions for a rig; everything broadcasts against plate_z_m (m,).
+
+        Coverage follows from the rig's plate and its lateral position when it is not given.
+        """
+        z = np.atleast_1d(np.asarray(plate_z_m, float))
+        m = z.shape[0]
+
+        def full(value: Array | float) -> Array:
+            return np.broadcast_to(np.asarray(value, float), (m,)).copy()
+
+        speed = np.asarray(speed_rad_s, float)
+        if speed.ndim == 1:
+            speed = speed[:, None]
+        speed = np.broadcast_to(speed, (rig.n_rotors, m)).copy()
+        if coverage is None:
+            coverage = plate_coverage(rig, full(plate_x_m))
+        nominal = rig.propulsion.voltage_nominal_V
+        return cls(
+            speed_rad_s=speed,
+            plate_z_m=z,
+            plate_tilt_rad=full(plate_tilt_rad),
+            coverage=np.broadcast_to(coverage, (rig.n_discs, m)).copy(),
+            voltage_V=full(nominal if voltage_V is None else voltage_V),
+            elapsed_s=full(elapsed_s),
+            time_s=full(time_s),
+            load_direction=full(load_direction),
+            plate_x_m=full(plate_x_m),
+            speed_measured=speed_measured,
+        )
+
+    @classmethod
+    def from_recording(cls, recording: Recording, rig: Rig) -> Conditions:
+        """Build conditions from the columns of a recording.
+
+        Uses rpm1.. when it has them, else pwm1_us.. through the rig's map; one speed column stands
+        for all rotors. Missing plate columns mean that there is no plate; an empty cell in a
+        column that is there stays nan, and its row is for a fit to leave out. Without a column
+        load_direction, the visits of a run tell it by their order (`load_direction`).
+        """
+        m = len(recording)
+        zeros = np.zeros(m)
+
+        def optional(name: str, default: Array) -> Array:
+            return recording.si(name) if name in recording else default
+
+        z = optional("plate_z_m", np.full(m, FAR_AWAY_M))
+        nominal = np.full(m, rig.propulsion.voltage_nominal_V)
+        voltage = optional("voltage_V", nominal)
+        voltage = np.where(np.isnan(voltage), nominal, voltage)
+        plate_x = optional("plate_x_m", zeros)
+        coverage = plate_coverage(rig, plate_x)
+        for disc in range(rig.n_discs):
+            coverage[disc] = optional(f"coverage{disc + 1}", coverage[disc])
+        coverage = np.where(z >= FAR_AWAY_M, 0.0, coverage)
+        time = optional("time_s", zeros)
+        elapsed = optional("elapsed_s", zeros)
+        tilt = optional("plate_tilt_deg", zeros)
+        speed = _speeds(recording, rig, voltage)
+        direction = np.nan_to_num(optional("load_direction", zeros))
+        if {"point", "time_s"} <= set(recording.names) and "load_direction" not in recording:
+            place = np.array([z, plate_x, tilt])
+            direction = load_directions(time, elapsed, place, np.sum(speed**2, axis=0))
+        return cls(
+            speed_rad_s=speed,
+            plate_z_m=z,
+            plate_tilt_rad=tilt,
+            coverage=coverage,
+            voltage_V=voltage,
+            elapsed_s=elapsed,
+            time_s=time,
+            load_direction=direction,
+            plate_x_m=plate_x,
+            speed_measured="rpm1" in recording,
+        )
+
+
+def plate_coverage(rig: Rig, plate_x_m: Array) -> Array:
+    """Return the covered fraction of each disc (n_discs, m) for a plate centred at x (m,)."""
+    return plate_coverages(
+        rig.disc_positions_m[:, 0],
+        rig.disc_positions_m[:, 1],
+        rig.propulsion.radius_m,
+        (rig.plate.size_x_m, rig.plate.size_y_m),
+        plate_x_m,
+    )
+
+
+def _speeds(recording: Recording, rig: Rig, voltage_V: Array) -> Array:
+    n = rig.n_rotors
+    for family, own in (("rpm", "rpm{}"), ("pwm", "pwm{}_us")):
+        names = [own.format(i + 1) for i in range(n)]
+        present = [name for name in names if name in recording]
+        if not present:
+            continue
+        if len(present) not in (1, n):
+            missing = next(name for name in names if name not in recording)
+            raise InputError(
+                f"the recording has {len(present)} of {n} {family} columns of rig {rig.name!r}; "
+                f"add {missing} (or give {names[0]} alone when all rotors share it)"
+            )
+        stack = np.array([recording.si(name) for name in present], float)
+        if family == "pwm":
+            p = rig.propulsion
+            stack = np.asarray(
+                speed_from_pwm(
+                    stack,
+                    p.speed_per_us_rad_s,
+                    p.pwm_start_us,
+                    voltage_V,
+                    p.voltage_nominal_V,
+                )
+            )
+        return np.broadcast_to(stack, (n, len(recording))).copy()
+    raise InputError(
+        "the recording tells neither rotor speed nor pulse width; map a column to rpm1 or pwm1_us "
+        "in the model's [columns] (a constant will do: rpm1 = { constant = 6300, unit = 'rpm' })"
+    )

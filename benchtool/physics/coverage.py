@@ -1,0 +1,112 @@
+"""Which fraction of a rotor disc lies over a half plane, a strip or a rectangle: exact areas.
+
+The disc of a tilted rotor projects to an ellipse; at 10 degrees that is 1.5 % of area, ignored.
+Roots are of (1 - u)(1 + u), not 1 - u^2: that keeps a disc that only just touches exact.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.physics.expression import Quantity, expression
+
+
+@expression
+def half_plane_coverage(inside_m: Quantity, radius_m: Quantity) -> Quantity:
+    """Return the covered fraction of a disc whose centre lies `inside_m` within a straight edge.
+
+    The area is R^2 (pi - arccos(s/R)) + s sqrt(R^2 - s^2): none for s <= -R, all for s >= R.
+    """
+    u = np.minimum(np.maximum(inside_m / radius_m, -1.0), 1.0)
+    return 1.0 + (u * np.sqrt((1.0 - u) * (1.0 + u)) - np.arccos(u)) / np.pi
+
+
+@expression
+def strip_coverage(x_m: Quantity, radius_m: Quantity, x1_m: Quantity, x2_m: Quantity) -> Quantity:
+    """Return the covered fraction of a disc centred at x over the strip x1 <= x2."""
+    return (
+        half_plane_coverage(x_m - x1_m, radius_m) + half_plane_coverage(x2_m - x_m, radius_m) - 1.0
+    )
+
+
+@expression
+def half_disc_integral(u: Quantity) -> Quantity:
+    """Return the integral of sqrt(1 - t^2) from 0 to u, for -1 <= u <= 1."""
+    return 0.5 * (u * np.sqrt((1.0 - u) * (1.0 + u)) + np.arcsin(u))
+
+
+@expression
+def corner_integral(u: Quantity, v: Quantity) -> Quantity:
+    """Return the integral over t from 0 to u of v clipped to the unit disc, |t| and |v| up to 1.
+
+    The clipped ordinate is v where |t| <= c = sqrt(1 - v^2), and the disc's edge beyond: the
+    integral is v clip(u, -c, c), plus the half disc beyond c with the sign of v. Odd in u and v.
+    """
+    c = np.sqrt((1.0 - v) * (1.0 + v))
+    beyond = half_disc_integral(np.maximum(u, c)) + half_disc_integral(np.minimum(u, -c))
+    return v * np.minimum(np.maximum(u, -c), c) + np.sign(np.real(v)) * beyond
+
+
+@expression
+def rectangle_coverage(
+    x_m: Quantity,
+    y_m: Quantity,
+    radius_m: Quantity,
+    x1_m: Quantity,
+    x2_m: Quantity,
+    y1_m: Quantity,
+    y2_m: Quantity,
+) -> Quantity:
+    """Return the covered fraction of a disc centred at (x, y) over [x1, x2] x [y1, y2].
+
+    Sides may be infinite. Exact: four corner integrals, checked against the half-plane formula,
+    the corner formula of the circle and Monte Carlo.
+    """
+    u1 = np.minimum(np.maximum((x1_m - x_m) / radius_m, -1.0), 1.0)
+    u2 = np.minimum(np.maximum((x2_m - x_m) / radius_m, -1.0), 1.0)
+    v1 = np.minimum(np.maximum((y1_m - y_m) / radius_m, -1.0), 1.0)
+    v2 = np.minimum(np.maximum((y2_m - y_m) / radius_m, -1.0), 1.0)
+    area = (
+        corner_integral(u2, v2)
+        - corner_integral(u1, v2)
+        - corner_integral(u2, v1)
+        + corner_integral(u1, v1)
+    )
+    return np.minimum(np.maximum(area / np.pi, 0.0), 1.0)
+
+
+def plate_coverages(
+    x_m: NDArray[np.float64],
+    y_m: NDArray[np.float64],
+    radius_m: float,
+    size_m: tuple[float, float],
+    plate_x_m: Quantity = 0.0,
+    plate_y_m: Quantity = 0.0,
+) -> NDArray[np.float64]:
+    """Return the covered fraction of each disc (n, ...) for a plate centred at (plate_x, plate_y).
+
+    Args:
+        x_m: disc centres along x (n,): m.
+        y_m: disc centres along y (n,): m.
+        radius_m: rotor radius: m.
+        size_m: plate size along x and y: m.
+        plate_x_m: lateral position of the plate's centre along x (...): m.
+        plate_y_m: the same along y (...): m.
+    """
+    half_x, half_y = 0.5 * size_m[0], 0.5 * size_m[1]
+    return np.array(
+        [
+            rectangle_coverage(
+                x,
+                y,
+                radius_m,
+                plate_x_m - half_x,
+                plate_x_m + half_x,
+                plate_y_m - half_y,
+                plate_y_m + half_y,
+            )
+            for x, y in zip(x_m, y_m, strict=True)
+        ],
+        float,
+    )

@@ -1,0 +1,56 @@
+"""The speed that a pulse gives falls as the battery empties."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from benchtool.core.parameter import Parameter
+from benchtool.core.rig import Rig
+from benchtool.physics.effects.effect import BenchKind, Effect, Flow, Quantity, Values
+from benchtool.physics.expression import expression
+
+
+@expression
+def speed(i: int, speed_rad_s: Quantity, flow: Flow, p: Values) -> Quantity:
+    """Return the speed after a linear loss of the gain with time: rad/s."""
+    return speed_rad_s * (1.0 - p[0] * flow.time_s)
+
+
+LOSS_THAT_MATTERS = 0.015
+"""Share of the gain lost by the end of a run: 0.0005 1/s over 30 s, what a bench's owner named."""
+
+RUN_S: Mapping[BenchKind, float] = {"pitch": 30.0, "sweep": 600.0}
+"""How long a run takes: a pitch recording of that bench; ten minutes for a sweep, a guess."""
+
+
+def tolerance_of(rig: Rig, bench: BenchKind) -> Mapping[str, float]:
+    """Return the rate that loses as much by the end of a usual run on that bench: 1/s."""
+    return {"rate_per_s": LOSS_THAT_MATTERS / RUN_S[bench]}
+
+
+EFFECT = Effect(
+    name="battery_sag",
+    title="Battery sag",
+    description="Voltage falls during the run, and with it the speed at a given pulse width.",
+    stage="pwm_to_rpm",
+    law="speed = gain * pulse * (1 - rate * t)",
+    parameters=(
+        Parameter(
+            "rate_per_s",
+            "1/s",
+            0.0,
+            neutral=0.0,
+            lower=-0.01,
+            upper=0.01,
+            description="linear loss of the pwm-to-rpm gain",
+            source="neutral value",
+        ),
+    ),
+    shows="late in the run, at high throttle; the voltage column shows it first",
+    source="linear loss over a few minutes; a guess for longer runs",
+    confused_with={"load_cell_drift": "the voltage column and rpm separate them"},
+    benches=frozenset({"pitch", "sweep"}),
+    supply_loss="rate_per_s",
+    tolerance_of=tolerance_of,
+    speed=speed,
+)

@@ -1,0 +1,54 @@
+"""Lift of the body in the upwash between the rotors: the fountain term of eq. (4)."""
+
+from __future__ import annotations
+
+from benchtool.core.parameter import Parameter
+from benchtool.physics.body_lift import body_term
+from benchtool.physics.effects.effect import Effect, Flow, Quantity, Values
+from benchtool.physics.expression import expression
+
+
+@expression
+def denominator(i: int, flow: Flow, p: Values) -> Quantity:
+    """Return K_b w R^2 sum_j z_i / (2 (c_j^2 + 4 z_i^2)^(3/2)) of eq. (4)."""
+    return body_term(p[0], flow.body_weight, flow.radius_m, flow.body_images[i])
+
+
+EFFECT = Effect(
+    name="body_lift",
+    title="Body lift (fountain)",
+    description=(
+        "Between the rotors the wakes meet, turn upward and push on the body; the vehicle lifts "
+        "more than its rotors' images explain."
+    ),
+    stage="rpm_to_thrust",
+    law="denominator - K_b w 2 R^2 z / (b^2 + 4 z^2)^(3/2) for a quadrotor",
+    parameters=(
+        Parameter(
+            "K_b",
+            "1",
+            2.0,
+            neutral=0.0,
+            lower=0.0,
+            upper=20.0,
+            tolerance=0.25,
+            description="body lift coefficient",
+            source="paper: 'close to 2' (eq. 4)",
+        ),
+    ),
+    shows="several rotors over the plate, z/R below 5",
+    source="Sanchez-Cuevas et al. 2017, eq. (4); wake shares are an assumption of the model",
+    confused_with={
+        "plate_offset": "three plate distances separate them",
+        "neighbour_images": "distances below and above half the rotor spacing separate them",
+    },
+    benches=frozenset({"pitch", "sweep"}),
+    separated_by={
+        "R_m": (
+            "plate distances both below z/R = 1, where R rules, and from 2 to 5, where K_b does"
+        ),
+        "k": "reference points without the plate",
+    },
+    trends_over=("z_over_R",),
+    denominator=denominator,
+)

@@ -1,0 +1,169 @@
+"""Physics written once: branch-free functions that NumPy runs and numba can compile.
+
+A function marked `@expression` stays what it is: called from Python it works on scalars, arrays
+and complex steps with plain NumPy. The mark only records it, so that `compile_expressions` can
+make the very same source callable from compiled loops where numba is installed.
+
+What an expression may hold: arithmetic, NumPy's elementwise functions, `np.minimum` and
+`np.maximum`, loops over rotors, other expressions. What it may not: `if`, `np.where`, `abs` of
+anything that depends on a parameter (complex steps have no absolute value). The rotor axis comes
+first: `q[i]` is a scalar in a compiled loop and any broadcastable array outside of one.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import sys
+from collections.abc import Callable
+from functools import lru_cache, wraps
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, TypeAlias, TypeVar
+
+from benchtool.core.errors import MissingLibrary
+
+Quantity: TypeAlias = Any
+"""A scalar in a compiled loop; outside, anything that broadcasts: float, complex, array."""
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+_recorded: list[Callable[..., Any]] = []
+_recorded_parts: list[Callable[..., Any]] = []
+_registered: set[int] = set()
+_asked_to_compile: bool = False
+
+
+def expression(function: Function) -> Function:
+    """Mark a branch-free function for `compile_expressions` and return it unchanged."""
+    _recorded.append(function)
+    if _asked_to_compile:
+        compile_expressions()
+    return function
+
+
+def recorded_expressions() -> tuple[Callable[..., Any], ...]:
+    """Return every function marked so far, in order of definition."""
+    return tuple(_recorded)
+
+
+def compile_expressions() -> None:
+    """Make every marked function callable from compiled loops; call it before such a loop compiles.
+
+    What is marked later is registered as it is marked. Division by zero follows NumPy's rules
+    (infinity, not an exception) in the compiled form too. A compiled loop that is cached on disk
+    knows only its own file's age: key its cache by the version of the project.
+    """
+    global _asked_to_compile
+    try:
+        from numba.extending import register_jitable
+    except ImportError as missing:
+        raise MissingLibrary("numba", "a compiled simulation", "fast") from missing
+    _asked_to_compile = True
+    for function in (*_recorded, *_recorded_parts):
+        if id(function) not in _registered:
+            register_jitable(error_model="numpy", forceinline=True, no_cfunc_wrapper=True)(function)
+            _registered.add(id(function))
+
+
+def loop_part(function: Function) -> Function:
+    """Mark a piece of a compiled loop and return it unchanged: scalars only, branches allowed.
+
+    For what is called by a function that `compiled` marks and is no expression: it may hold `if`,
+    `while` and indexed arrays. Without numba it runs as it stands.
+    """
+    _recorded_parts.append(function)
+    if _asked_to_compile:
+        compile_expressions()
+    return function
+
+
+def compiled(function: Function) -> Function:
+    """Make a loop run compiled where numba is installed, and as plain Python where it is not.
+
+    It compiles on its first call and is kept on disk for later processes, in a folder whose name
+    holds a hash of the sources it may be made of: an edit of any of them compiles anew. The plain
+    function stays reachable as `__wrapped__`.
+    """
+    made: Callable[..., Any] | None = None
+
+    @wraps(function)
+    def call(*arguments: Any) -> Any:
+        nonlocal made
+        if made is None:
+            made = _machine_code(function)
+        return made(*arguments)
+
+    return call  # type: ignore[return-value]
+
+
+def compiled_closure(function: Function, key: str) -> Function:
+    """Compile a closure, kept on disk under a key: what it was made of.
+
+    numba knows a closure by the place of its source alone, which many closures share. Without
+    numba the closure is returned as it stands; without a folder that can be written, or where
+    numba's cache has changed, it compiles anew in every process.
+    """
+    return _machine_code(function, key)  # type: ignore[return-value]
+
+
+def _machine_code(function: Callable[..., Any], key: str = "") -> Callable[..., Any]:
+    """Return the compiled form of a function, or the function itself without numba."""
+    try:
+        compile_expressions()
+    except MissingLibrary:
+        return function
+    import numba
+
+    settings: Any = numba.config
+    machine_code: Callable[..., Any] = numba.njit(error_model="numpy", nogil=True)(function)
+    before, settings.CACHE_DIR = settings.CACHE_DIR, str(compiled_folder())
+    try:
+        if key:
+            machine_code._cache = _cache_under(key)(function)  # type: ignore[attr-defined]  # noqa: SLF001
+        else:
+            machine_code.enable_caching()  # type: ignore[attr-defined]
+    except (ImportError, AttributeError, TypeError, OSError, RuntimeError):
+        pass  # no folder that can be written, or another numba: compile in every process
+    finally:
+        settings.CACHE_DIR = before
+    return machine_code
+
+
+def _cache_under(key: str) -> Any:
+    """Return numba's cache of functions with a key of ours in its index."""
+    from numba.core.caching import FunctionCache
+
+    class KeyedCache(FunctionCache):
+        def _index_key(self, sig: Any, codegen: Any) -> Any:
+            return sig, codegen.magic_tuple(), key
+
+    return KeyedCache
+
+
+@lru_cache(maxsize=1)
+def compiled_folder() -> Path:
+    """Return the folder of compiled loops: of this user, and of these very sources."""
+    package = Path(__file__).resolve().parent.parent
+    digest = hashlib.sha256(sys.version.encode())
+    for part in ("aero", "effects", "control", "simulate"):
+        for path in sorted((package / part).glob("*.py")):
+            digest.update(path.name.encode() + path.read_bytes())
+    return _cache_root() / f"compiled-{digest.hexdigest()[:16]}"
+
+
+def _cache_root() -> Path:
+    """Return where this user keeps what can be made again."""
+    if given := os.environ.get("NUMBA_CACHE_DIR"):
+        return Path(given)
+    home = Path.home()
+    if sys.platform == "win32":
+        return Path(os.environ.get("LOCALAPPDATA", home / "AppData" / "Local")) / "benchtool"
+    if sys.platform == "darwin":
+        return home / "Library" / "Caches" / "benchtool"
+    return Path(os.environ.get("XDG_CACHE_HOME") or home / ".cache") / "benchtool"
+
+
+def can_compile() -> bool:
+    """Whether numba is installed, so that loops run at full speed."""
+    return find_spec("numba") is not None

@@ -1,0 +1,87 @@
+"""Rotors and their image sources: ground effect of one rotor and of several (eq. 1 to 3).
+
+Each rotor is a source of strength R^2 v / 4 (v its induced velocity), mirrored below the plate.
+The image of a rotor at horizontal distance d blows upward at a rotor at height z with
+v (R^2/2) z / (d^2 + 4 z^2)^(3/2). At equal power, thrust times inflow is constant, so that
+T_IGE/T_OGE = 1 / (1 - D) with D the sum of all images over v. The paper states that for equal
+power and applies the same factor at equal rotor speed (eq. 10); so do we.
+
+Source: Sanchez-Cuevas, Heredia, Ollero 2017, sections 2.1 and 2.2; the sum over any number of
+rotors, each at its own height, follows from the same derivation.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from benchtool.physics.expression import Quantity, expression
+
+
+@expression
+def image_velocity(z_m: Quantity, distance_m: Quantity) -> Quantity:
+    """Return z / (2 (d^2 + 4 z^2)^(3/2)): 1/m2.
+
+    Times R^2 this is the upward velocity at a rotor at height z, in units of the induced velocity,
+    from the image of a rotor at horizontal distance d. At d = 0, times R^2, it is (R/4z)^2.
+    """
+    squared = distance_m * distance_m + 4.0 * z_m * z_m
+    return 0.5 * z_m / (squared * np.sqrt(squared))
+
+
+@expression
+def self_image(z_m: Quantity) -> Quantity:
+    """Return 1 / (16 z^2), what a rotor's own image contributes per R^2 (eq. 2): 1/m2."""
+    return 0.0625 / (z_m * z_m)
+
+
+@expression
+def neighbour_images(i: int, z_m: Quantity, coverage: Quantity, distance_m: Quantity) -> Quantity:
+    """Return what the images of all other rotors contribute at rotor i per R^2 (eq. 3): 1/m2.
+
+    Args:
+        i: the rotor.
+        z_m: height of each rotor (n, ...): m; the rotor's own one enters.
+        coverage: fraction of each disc over the plate (n, ...), 0 for a rotor that is off.
+        distance_m: array of horizontal distances between axes (n, n): m.
+    """
+    total = 0.0 * z_m[i]
+    for j in range(len(coverage)):
+        other = 1.0 - 1.0 * (j == i)
+        total = total + other * coverage[j] * image_velocity(z_m[i], distance_m[i, j])
+    return total
+
+
+@expression
+def thrust_factor(denominator_sum: Quantity) -> Quantity:
+    """Return T_IGE/T_OGE = 1 / (1 - D) for the sum D of the denominator's terms (eq. 2 to 4)."""
+    return 1.0 / (1.0 - denominator_sum)
+
+
+@expression
+def partial_factor(factor: Quantity, area: Quantity) -> Quantity:
+    """Return 1 + a (F - 1): the increment F - 1 is linear in the covered fraction a.
+
+    Source: section 3.1 of the paper, after measurements on a helicopter rotor (its reference 36).
+    """
+    return 1.0 + area * (factor - 1.0)
+
+
+@expression
+def single_rotor_factor(radius_m: Quantity, z_m: Quantity) -> Quantity:
+    """Return eq. (2) as printed: 1 / (1 - (R/4z)^2)."""
+    ratio = radius_m / (4.0 * z_m)
+    return 1.0 / (1.0 - ratio * ratio)
+
+
+@expression
+def quad_factor(radius_m: Quantity, z_m: Quantity, spacing_m: Quantity) -> Quantity:
+    """Return eq. (3) as printed: a quadrotor whose adjacent axes are `spacing_m` = d apart."""
+    ratio = radius_m / (4.0 * z_m)
+    adjacent = spacing_m * spacing_m + 4.0 * z_m * z_m
+    opposite = 2.0 * spacing_m * spacing_m + 4.0 * z_m * z_m
+    return 1.0 / (
+        1.0
+        - ratio * ratio
+        - radius_m * radius_m * (z_m / np.sqrt(adjacent * adjacent * adjacent))
+        - 0.5 * radius_m * radius_m * (z_m / np.sqrt(opposite * opposite * opposite))
+    )

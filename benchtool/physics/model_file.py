@@ -1,0 +1,382 @@
+"""Models as TOML files: a rig, named effects, parameters, and the columns of somebody's CSV."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from math import inf, isclose, isfinite, isnan
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+
+from benchtool.core.channel import require_known_channel
+from benchtool.core.column_source import ColumnSource
+from benchtool.core.errors import FileFormatError, InputError
+from benchtool.core.own_code import CodePermit, refuse_code
+from benchtool.core.packaged import packaged_names, read_named
+from benchtool.core.parameter import Parameter, Prior
+from benchtool.core.parsed_text import parse_toml
+from benchtool.core.rig import Rig
+from benchtool.core.rig_file import rig_named
+from benchtool.core.toml_text import FileTable, FiniteTable, build
+from benchtool.physics.body_lift import BodyDistance
+from benchtool.physics.catalogue import effect_named
+from benchtool.physics.effects.effect import Effect
+from benchtool.physics.model import Model
+from benchtool.physics.own_effects import own_effects
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Head(FileTable):
+    name: str
+    rig: str
+    description: str = ""
+    wake_rule: str = "notes"
+    body_distance: BodyDistance = "half_diagonal"
+    effects_file: str = ""
+    plate_slide_s: float | None = None
+
+    def __post_init__(self) -> None:
+        slide_s = self.plate_slide_s
+        if slide_s is not None and not 0.0 <= slide_s < inf:
+            raise InputError(f"plate_slide_s is {slide_s:g}; give seconds from 0")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _ModelFile(FiniteTable):
+    model: _Head
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    effects: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    columns: Mapping[str, ColumnSource] = field(default_factory=dict)
+    where: Mapping[str, str] = field(default_factory=dict)
+    imperfections: Mapping[str, float] = field(default_factory=dict)
+    provenance: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _ParameterTable(FileTable):
+    value: float | None = None
+    lower: float | None = None
+    upper: float | None = None
+    free: bool = False
+    tolerance: float | None = None
+    prior: Prior | None = None
+    source: str = ""
+    assumed: bool = False
+
+    def __post_init__(self) -> None:
+        for name, number in (("value", self.value), ("tolerance", self.tolerance)):
+            if number is not None and not isfinite(number):
+                raise InputError(f"{name} is {number:g}; give a finite number")
+        for name, bound in (("lower", self.lower), ("upper", self.upper)):
+            if bound is not None and isnan(bound):
+                raise InputError(f"{name} is nan; give a number, or inf for no bound")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoadedModel:
+    """A model with what its file says beyond physics.
+
+    Attributes:
+        model: the physics.
+        columns: our channel name to the source column, for somebody's CSV.
+        row_filter: column to value: only those rows are read.
+        imperfections: numbers of a virtual bench, when the file describes a truth.
+        rig_name: how the file names its rig; empty for a model that no file describes.
+        effects_file: Python file with effects of the user's own; empty without.
+        plate_slide_s: how long the bench's plate takes to slide in or out; None: not said.
+    """
+
+    model: Model
+    columns: Mapping[str, ColumnSource] = field(default_factory=dict)
+    row_filter: Mapping[str, str] = field(default_factory=dict)
+    imperfections: Mapping[str, float] = field(default_factory=dict)
+    rig_name: str = ""
+    effects_file: str = ""
+    plate_slide_s: float | None = None
+
+
+def model_names() -> tuple[str, ...]:
+    """Return the names of the models that benchtool ships."""
+    return packaged_names("models")
+
+
+def load_model(
+    name_or_path: str | Path, rig: Rig | None = None, permit: CodePermit = refuse_code
+) -> LoadedModel:
+    """Return a shipped model by name, or a user's own by the path of its TOML file.
+
+    Args:
+        name_or_path: shipped name or path. A path's rig may be a path beside it.
+        rig: of the data; it goes before the one that the file names (`_for_rig`).
+        permit: called with the file of own effects before it is run.
+    """
+    text, where = read_named("model", "models", name_or_path)
+    if kind := _kind_of_other(text):
+        raise FileFormatError(
+            where,
+            f"this looks like {kind}, and a model is a TOML file with a table [model]; name one, "
+            f"or a shipped model: {', '.join(model_names())}",
+        )
+    return model_from_toml(text, where, rig, permit)
+
+
+def _kind_of_other(text: str) -> str:
+    """Return what a text is that has neither a table nor a key of TOML; empty where it has one."""
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
+    if not lines or any(line.startswith("[") or "=" in line for line in lines):
+        return ""
+    return "a CSV table" if any(mark in lines[0] for mark in ",;\t") else "plain text"
+
+
+def model_from_toml(
+    text: str, where: str, rig: Rig | None = None, permit: CodePermit = refuse_code
+) -> LoadedModel:
+    """Return the model that TOML text describes; own effects are run by permit only.
+
+    Raises:
+        UnknownChoice: a key, effect, parameter, rule or unit that does not exist.
+        FileFormatError: a value of the wrong type or range.
+    """
+    read = build(_ModelFile, parse_toml(text, where), where)
+    baseline = _flattened(read.parameters)
+    chosen = rig if rig is not None else _rig_beside(read.model.rig, where)
+    try:
+        if rig is not None:
+            baseline = _for_rig(rig, read.model.rig, baseline, where)
+        model = replace(
+            Model.single(chosen, read.model.name),
+            wake_rule=read.model.wake_rule,
+            body_distance=read.model.body_distance,
+            description=read.model.description,
+            provenance=dict(read.provenance),
+        )
+        own = {effect.name: effect for effect in _own(read.model.effects_file, where, permit)}
+        for name, tables in read.effects.items():
+            effect = own.get(name) or effect_named(name)
+            settings = tables.get("settings", {})
+            if effect.configure is not None:
+                effect = effect.configure(settings)
+            elif settings:
+                raise InputError(f"effect {name!r} takes no settings; take them out")
+            model = model.with_effect(effect)
+            given = {key: table for key, table in tables.items() if key != "settings"}
+            model = _set(model, {f"{name}.{key}": table for key, table in given.items()}, where)
+        model = _set(model, baseline, where)
+    except InputError as error:
+        if isinstance(error, FileFormatError):
+            raise
+        raise FileFormatError(where, str(error)) from error
+    _check_channels(read.columns, where)
+    return LoadedModel(
+        model=model,
+        columns=read.columns,
+        row_filter=read.where,
+        imperfections=read.imperfections,
+        rig_name=read.model.rig,
+        effects_file=read.model.effects_file,
+        plate_slide_s=read.model.plate_slide_s,
+    )
+
+
+def read_columns(path: str | Path) -> Mapping[str, ColumnSource]:
+    """Return the `[columns]` of a mapping file of its own."""
+    text, where = read_named("columns file", "models", path)
+
+    data = parse_toml(text, where)
+    read = build(_ColumnsFile, data if "columns" in data else {"columns": data}, where)
+    _check_channels(read.columns, where)
+    return read.columns
+
+
+def _check_channels(columns: Mapping[str, ColumnSource], where: str) -> None:
+    for name in columns:
+        try:
+            require_known_channel(name)
+        except InputError as error:
+            raise FileFormatError(f"[columns] of {where}", str(error)) from error
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _ColumnsFile(FileTable):
+    columns: Mapping[str, ColumnSource]
+
+
+def model_to_toml(loaded: LoadedModel, rig: str | None = None) -> str:
+    """Return a model as TOML text that reads back to the same model."""
+    model = loaded.model
+    effects: dict[str, dict[str, Any]] = {}
+    for effect in model.effects:
+        tables: dict[str, Any] = {
+            item.name: _parameter_table(model.parameters[f"{effect.name}.{item.name}"])
+            for item in effect.parameters
+        }
+        knots = [
+            model.parameters[f"{effect.name}.{item.name}"].value
+            for item in effect.parameters
+            if item.name.startswith("knot_")
+        ]
+        if knots:
+            tables = {key: table for key, table in tables.items() if "knot_" not in key}
+            tables["settings"] = {"coverages": knots}
+        effects[effect.name] = tables
+    baseline = {
+        name: _parameter_table(item)
+        for name, item in model.parameters.items()
+        if name.split(".")[0] not in effects
+    }
+    data: dict[str, Any] = {
+        "model": {
+            "name": model.name,
+            "rig": rig or model.rig.name,
+            "description": model.description,
+            "wake_rule": model.wake_rule,
+            "body_distance": model.body_distance,
+        },
+        "parameters": baseline,
+        "effects": effects,
+    }
+    if loaded.effects_file:
+        data["model"]["effects_file"] = loaded.effects_file
+    if loaded.plate_slide_s is not None:
+        data["model"]["plate_slide_s"] = loaded.plate_slide_s
+    if loaded.columns:
+        data["columns"] = {name: _column_table(column) for name, column in loaded.columns.items()}
+    if loaded.row_filter:
+        data["where"] = dict(loaded.row_filter)
+    if loaded.imperfections:
+        data["imperfections"] = dict(loaded.imperfections)
+    if model.provenance:
+        data["provenance"] = dict(model.provenance)
+    return tomli_w.dumps(data)
+
+
+def columns_to_toml(columns: Mapping[str, ColumnSource]) -> str:
+    """Return a mapping file's text, which `read_columns` reads back."""
+    return tomli_w.dumps({"columns": {name: _column_table(item) for name, item in columns.items()}})
+
+
+def _own(effects_file: str, where: str, permit: CodePermit) -> tuple[Effect, ...]:
+    """Return the effects of a Python file that stands beside a model file."""
+    if not effects_file:
+        return ()
+    if not effects_file.endswith(".py"):
+        raise FileFormatError(
+            where, f"effects_file is {effects_file[:80]!r}; name a Python file that ends in .py"
+        )
+    return own_effects(str(Path(where).parent / effects_file), permit)
+
+
+def _rig_beside(name: str, where: str) -> Rig:
+    beside = Path(where).parent / name
+    return rig_named(beside if name.endswith(".toml") and beside.exists() else name)
+
+
+def _for_rig(rig: Rig, name: str, tables: Mapping[str, Any], where: str) -> dict[str, Any]:
+    """Return a file's baseline tables for a rig that may be another than the file's own.
+
+    The baseline (k, R_m, inertia) belongs to a vehicle. Where the two rigs differ in one of these
+    numbers, the rig's own replaces a start value and a number that only repeats the file's rig.
+
+    Args:
+        rig: of the data.
+        name: of the file's rig, or its path beside the file.
+        tables: of parameters by full name.
+        where: the model file.
+
+    Raises:
+        InputError: a number held, or a prior stated, for another vehicle.
+    """
+    ours = Model.single(rig).parameters
+    try:
+        named = _rig_beside(name, where)
+    except InputError:  # a fit may have been brought here without its rig
+        if name == rig.name:
+            return dict(tables)
+        theirs = None
+    else:
+        theirs = Model.single(named).parameters
+    out = dict(tables)
+    for key in ("k", "R_m", "inertia_kgm2"):
+        own, other = ours[key].value, None if theirs is None else theirs[key].value
+        if key not in tables or (other is not None and isclose(own, other, rel_tol=1e-9)):
+            continue
+        table = tables[key] if isinstance(tables[key], Mapping) else {"value": tables[key]}
+        value = table.get("value")
+        repeats = {own, other, None}
+        if not table.get("free", False) and value not in repeats:
+            raise InputError(
+                f"{key} is held at {value:g}, a number of rig {name!r}, but the data are of rig "
+                f"{rig.name!r} ({key} {own:g}); free it, or take its value out of the file"
+            )
+        if "prior" in table:
+            raise InputError(
+                f"{key} has a prior for rig {name!r}, but the data are of rig {rig.name!r} "
+                f"({key} {own:g}); take the prior out of the file, or state one for that rig"
+            )
+        out[key] = {"free": bool(table.get("free", False))}
+    return out
+
+
+def _flattened(tables: Mapping[str, Any]) -> dict[str, Any]:
+    """Return {"noise": {"scale": 1}} as {"noise.scale": 1}, leaving parameter tables whole."""
+    flat: dict[str, Any] = {}
+    for key, table in tables.items():
+        if isinstance(table, Mapping) and not set(table) & _KEYS:
+            flat.update({f"{key}.{name}": item for name, item in table.items()})
+        else:
+            flat[key] = table
+    return flat
+
+
+_KEYS = {item.name for item in fields(_ParameterTable)}
+
+
+def _set(model: Model, tables: Mapping[str, Any], where: str) -> Model:
+    parameters = model.parameters
+    for name, table in tables.items():
+        present = parameters[name]
+        given = {"value": table} if isinstance(table, int | float) else table
+        if not isinstance(given, Mapping):
+            raise FileFormatError(
+                where, f"{name} is {given!r}; write a number or {{ value = ..., source = ... }}"
+            )
+        read = build(_ParameterTable, given, f"{where}: {name}")
+        parameters = parameters.replaced(
+            name,
+            replace(
+                present,
+                value=present.value if read.value is None else read.value,
+                lower=present.lower if read.lower is None else read.lower,
+                upper=present.upper if read.upper is None else read.upper,
+                free=read.free,
+                tolerance=present.tolerance if read.tolerance is None else read.tolerance,
+                prior=present.prior if read.prior is None else read.prior,
+                source=read.source or present.source,
+            ),
+        )
+    return model.at(parameters)
+
+
+def _parameter_table(item: Parameter) -> dict[str, Any]:
+    table: dict[str, Any] = {"value": item.value, "free": item.free}
+    table |= {"lower": item.lower, "upper": item.upper}
+    if item.tolerance is not None:
+        table["tolerance"] = item.tolerance
+    if item.prior.kind != "uniform":
+        table["prior"] = {
+            "kind": item.prior.kind,
+            "mean": item.prior.mean,
+            "sd": item.prior.sd,
+            "source": item.prior.source,
+        }
+    if item.source:
+        table["source"] = item.source
+    return table
+
+
+def _column_table(column: ColumnSource) -> dict[str, Any]:
+    given = {item.name: getattr(column, item.name) for item in fields(column)}
+    usual = {item.name: item.default for item in fields(column)}
+    return {name: value for name, value in given.items() if value != usual[name]}

@@ -1,0 +1,102 @@
+"""What a new model has that the old one had not, in words and as a table."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import isclose
+from pathlib import Path
+
+from benchtool.core.parameter import Parameter
+from benchtool.explain.answer import Answer
+from benchtool.explain.engine.added_model import MODEL, NOTHING, added_effects, mended
+from benchtool.explain.engine.verdict import in_sentence
+from benchtool.report.numbers import unit_for_people
+from benchtool.report.page import Table
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """Hold a number in which the new model differs from the old.
+
+    Attributes:
+        name: the parameter's full name.
+        before: its value in the old model; None where that has no such effect.
+        now: the whole value in the new one, nothing to be added to the old.
+        unit: of both.
+        found: whether it belongs to what was named; others moved within what was known of them.
+    """
+
+    name: str
+    before: float | None
+    now: float
+    unit: str
+    found: bool
+
+    @property
+    def told(self) -> str:
+        """Name, value and unit, with the value before."""
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        before = "absent" if self.before is None else f"{self.before:.4g}"
+        return f"{self.name} = {self.now:.4g}{unit} ({before} before)"
+
+
+def changes(answer: Answer) -> tuple[Change, ...]:
+    """Return where the new model differs from the old, what was found first; none without one."""
+    if not answer.has_model:
+        return ()
+    old = answer.loaded.model.parameters
+    named = {effect.name for effect in added_effects(answer)}
+
+    def change(name: str, item: Parameter) -> Change:
+        before = old[name].value if name in old else None
+        return Change(name, before, item.value, item.unit, name.partition(".")[0] in named)
+
+    new = mended(answer)
+    fresh = answer.loaded.model
+    for effect in new.effects:
+        if all(present.name != effect.name for present in fresh.effects):
+            fresh = fresh.with_effect(effect)
+    told = [
+        change(name, item)
+        for name, item in new.parameters.items()
+        if not isclose(fresh.parameters[name].value, item.value, abs_tol=NOTHING)
+    ]
+    return tuple(sorted(told, key=lambda one: not one.found))
+
+
+def changes_table(answer: Answer) -> Table:
+    """List what is new in the new model."""
+    return Table(
+        "What is different in the new model. Each value is the whole one, no addition to the old.",
+        ("parameter", "why", "unit", "before", "now"),
+        [
+            (
+                one.name,
+                "found" if one.found else "adjusted within what was known of it",
+                "–" if one.unit == "1" else unit_for_people(one.unit),
+                "absent" if one.before is None else f"{one.before:.4g}",
+                f"{one.now:.4g}",
+            )
+            for one in changes(answer)
+        ],
+        text_columns=3,
+    )
+
+
+def added_sentence(answer: Answer, folder: str = "") -> str:
+    """Say what was added, and to which file.
+
+    Args:
+        answer: what is told.
+        folder: that the answer is written to; empty where it is not.
+    """
+    kind = answer.verdict.kind
+    old = answer.loaded.model.name
+    if not answer.has_model:
+        why = "nothing is missing" if kind == "none" else "no effect is named"
+        return f"No new model: {why}, so {old} stays as it is."
+    names = " and ".join(in_sentence(effect.title) for effect in added_effects(answer))
+    guess = ", the likeliest of the class," if kind == "class" else ""
+    if not folder:
+        return f"Not written yet: a model that is {old} with {names}{guess} in it."
+    return f"Written: {Path(folder) / MODEL}, which is {old} with {names}{guess} in it."

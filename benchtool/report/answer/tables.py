@@ -1,0 +1,200 @@
+"""Tables of an answer, for the page and, narrower, for the terminal."""
+
+from __future__ import annotations
+
+from benchtool.explain.answer import Answer, channel_words
+from benchtool.explain.engine.stage_words import stage_words
+from benchtool.explain.engine.verdict import FoundParameter, Gap, NamedEffect
+from benchtool.report.answer.figures import parameter_text
+from benchtool.report.answer.probabilities import percentage
+from benchtool.report.numbers import decimals_for, exponent_of, power_of_ten, scaled
+from benchtool.report.numbers import unit_for_people as people
+from benchtool.report.page import Table
+
+
+def effects_table(answer: Answer) -> Table:
+    """List every named effect with its parameters, intervals and evidence."""
+    rows = []
+    for effect in answer.verdict.effects:
+        for place, item in enumerate(effect.parameters):
+            rows.append(_effect_row(effect, item, first=place == 0))
+    return Table(
+        _effects_caption(answer, "; log ratio: of likelihoods, with the effect over without it"),
+        (
+            *("effect", "stage", "parameter", "value", "95 % interval", "tolerance"),
+            *("probability", "log ratio", "p"),
+        ),
+        rows,
+        text_columns=3,
+    )
+
+
+def short_effects_table(answer: Answer) -> Table:
+    """List every named effect in the width of a terminal."""
+    whole = effects_table(answer)
+    kept = (0, 2, 3, 4, 5, 6)
+    return Table(
+        _effects_caption(answer),
+        [whole.header[column] for column in kept],
+        [[row[column] for column in kept] for row in whole.rows],
+        text_columns=2,
+    )
+
+
+def _effects_caption(answer: Answer, more: str = "") -> str:
+    alone = (
+        " A member of a class has the numbers that it would have by itself."
+        if answer.verdict.kind == "class"
+        else ""
+    )
+    return (
+        f"What was found. Value: the whole parameter in the new model, nothing to add to the old "
+        f"one; tolerance: a change that would not matter{more}.{alone}"
+    )
+
+
+def _effect_row(effect: NamedEffect, item: FoundParameter, *, first: bool) -> tuple[str, ...]:
+    evidence = (
+        (
+            percentage(effect.probability),
+            f"{effect.log_likelihood_ratio:.1f}",
+            _p_value(effect.p_value),
+        )
+        if first
+        else ("", "", "")
+    )
+    return (
+        effect.name if first else "",
+        stage_words(effect.stage) if first else "",
+        item.name,
+        parameter_text(item),
+        _interval(item),
+        _quantity(item.tolerance, item.unit),
+        *evidence,
+    )
+
+
+def _p_value(value: float) -> str:
+    # A line may break behind a hyphen, never behind a minus.
+    shown = f"<\u00a0{1e-15:.0e}" if value < 1e-15 else f"{value:.2g}"
+    return shown.replace("-", "−")
+
+
+def _interval(item: FoundParameter) -> str:
+    exponent = exponent_of(item.value, item.std)
+    decimals = decimals_for(item.std / 10.0**exponent)
+    shown = f"{scaled(item.low, exponent, decimals)} … {scaled(item.high, exponent, decimals)}"
+    return f"({shown})·{power_of_ten(exponent)}" if exponent else shown
+
+
+def _quantity(value: float, unit: str) -> str:
+    return f"{value:.3g}" + ("" if unit == "1" else f" {people(unit)}")
+
+
+SHORT_LEGEND = (
+    "Before: the model with what is uncertain or within tolerance adjusted; after: with what was "
+    "named, too. Floor: what a true model would still miss, because sensors and wake are noisy. "
+    "Closed: how much of the squared error above the floor is gone, 100 % at the floor."
+)
+LEGEND = f"As given: the model as its file states it. {SHORT_LEGEND}"
+"""What the columns of the gap are."""
+
+
+def gap_table(answer: Answer) -> Table:
+    """List the gap of each channel: as given, before, after, floor."""
+    return Table(
+        f"{_gap_caption(answer)} {LEGEND}",
+        (
+            *("channel", "unit", "as given", "before (95 %)", "after (95 %)", "floor"),
+            *("floor, 5 to 95 %", "closed"),
+        ),
+        [_gap_row(gap, answer.has_model) for gap in answer.verdict.gaps],
+        text_columns=2,
+    )
+
+
+def short_gap_table(answer: Answer) -> Table:
+    """List the gap in the width of a terminal."""
+    rows = []
+    for gap in answer.verdict.gaps:
+        row = _gap_row(gap, answer.has_model)
+        rows.append((row[0], row[1], row[3], row[4], row[5], row[7]))
+    return Table(
+        f"{_gap_caption(answer)} {SHORT_LEGEND}",
+        ("channel", "unit", "before (95 %)", "after (95 %)", "floor", "closed"),
+        rows,
+        text_columns=2,
+    )
+
+
+def _gap_caption(answer: Answer) -> str:
+    window = answer.verdict.window_s
+    each = f"over windows of {window:g} s" if window > 0.0 else "of settled points"
+    return f"Prediction error on the check recordings, root mean square {each}."
+
+
+def _gap_row(gap: Gap, changed: bool) -> tuple[str, ...]:
+    words = channel_words(gap.channel, gap.unit)
+
+    def shown(value: float) -> str:
+        return f"{words.factor * value:.3g}"
+
+    return (
+        words.title,
+        words.unit,
+        shown(gap.as_given),
+        f"{shown(gap.before)} ({shown(gap.before_low)} … {shown(gap.before_high)})",
+        f"{shown(gap.after)} ({shown(gap.after_low)} … {shown(gap.after_high)})"
+        if changed
+        else "as before",
+        shown(gap.floor),
+        f"{shown(gap.floor_low)} … {shown(gap.floor_high)}",
+        _share(gap) if changed else "–",
+    )
+
+
+def _share(gap: Gap) -> str:
+    """Return how much of a gap is closed; nothing is said of one that noise could have made."""
+    if gap.before <= gap.floor_high:
+        return "within noise"
+    return f"{100.0 * min(1.0, max(0.0, gap.share_closed)):.0f} %"
+
+
+def unjudged_sentence(answer: Answer, name: str) -> str:
+    """Say of an effect why this data cannot show it."""
+    one = answer.verdict.not_judged[name]
+    if one.reason == "no_trace":
+        return "leaves no trace in this data, however large it is"
+    items, tolerances = answer.verdict.parameters, answer.verdict.tolerances
+    sizes = [
+        f"{full.partition('.')[2]} off by {_quantity(one.size * value, items[full].unit)}"
+        for full, value in tolerances.items()
+        if full.partition(".")[0] == name and full in items
+    ]
+    own = f" ({', '.join(sizes)})" if sizes else ""
+    return f"would have to be {one.size:.2g} tolerances large to show{own}"
+
+
+def tolerances_table(answer: Answer) -> Table:
+    """List the tolerances of every effect that was tried."""
+    items = answer.verdict.parameters
+    rows = [
+        (name, _quantity(value, items[name].unit if name in items else "1"))
+        for name, value in answer.verdict.tolerances.items()
+    ]
+    return Table(
+        "What does not matter on this bench; an effect is named only beyond it.",
+        ("parameter", "tolerance"),
+        rows,
+    )
+
+
+def next_table(answer: Answer) -> Table:
+    """List the experiments that were weighed, the best first."""
+    experiment = answer.verdict.next
+    expected = experiment.expected if experiment is not None else {}
+    return Table(
+        "Experiments that were weighed: expected log-likelihood ratio between the likeliest two.",
+        ("experiment", "expected evidence"),
+        [(name, f"{value:.1f}") for name, value in expected.items()],
+    )

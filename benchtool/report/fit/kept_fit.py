@@ -1,0 +1,188 @@
+"""A fit as its folder keeps it, and what is said of it: on a terminal, on the page, in a report."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchtool.core.errors import FileFormatError
+from benchtool.core.fit_result import Estimate, FitResult, Outcome
+from benchtool.data.run.entry import FIT_FILE, read_result
+from benchtool.fit.compare import Comparison, Score
+from benchtool.fit.result_file import result_tables
+from benchtool.fit.run_recipe import FitOutput
+from benchtool.report.fit.page import CAPTIONS, comparison_table, sentence_of
+from benchtool.report.fit.tables import methods_table, short_table
+from benchtool.report.page import Block, Paragraph, Warnings
+
+SIMULATED = "SIMULATED DATA: no physical bench produced these points"
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class KeptFit:
+    """Hold what result.json tells of a fit.
+
+    Attributes:
+        recipe: what was asked, as the file has it.
+        model: its name.
+        rig: name of the rig that it was fitted on; empty where the file does not say.
+        basis: see `Recipe`.
+        simulated: whether any of the data came from no physical bench.
+        read, used: how many points.
+        left_out: sentences that say which points and why.
+        results: one for each method; their samples stand in samples.csv.
+        comparison: of models on held-out points, None when none were compared.
+    """
+
+    recipe: Mapping[str, Any]
+    model: str
+    rig: str
+    basis: str
+    simulated: bool
+    read: int
+    used: int
+    left_out: tuple[str, ...]
+    results: tuple[FitResult, ...]
+    comparison: Comparison | None = None
+
+    @property
+    def sentence(self) -> str:
+        """What the fit found, in one or two sentences."""
+        return sentence_of(
+            self.results[0],
+            model=self.model,
+            rig=self.rig,
+            basis=self.basis,
+            used=self.used,
+            read=self.read,
+        )
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What a reader must know before using a number, each once."""
+        return tuple(dict.fromkeys(line for result in self.results for line in result.warnings))
+
+    @property
+    def told(self) -> tuple[Block, ...]:
+        """What `benchtool fit` prints, block by block."""
+        blocks: list[Block] = [Paragraph(SIMULATED)] if self.simulated else []
+        blocks.append(Paragraph(self.sentence))
+        for result in self.results:
+            blocks += [
+                short_table(result),
+                Paragraph(f"{result.method}: {result.outcome.message}"),
+            ]
+        if len(self.results) > 1:
+            blocks.append(methods_table(self.results))
+        if self.comparison is not None:
+            blocks += [Paragraph(self.comparison.sentence), comparison_table(self.comparison)]
+        return (*blocks, Warnings(self.warnings))
+
+
+def kept(output: FitOutput) -> KeptFit:
+    """Return a fit as its folder would keep it."""
+    return _from_tables(result_tables(output), FIT_FILE)
+
+
+def read_kept(folder: Path) -> KeptFit:
+    """Return the fit that a folder keeps.
+
+    Raises:
+        FileFormatError: a result.json that does not say what it must.
+    """
+    return _from_tables(read_result(folder), str(folder / FIT_FILE))
+
+
+def figure_files(folder: Path) -> dict[str, Path]:
+    """Return the figures of a fit's folder by name, in the order of its report."""
+    files = {name: folder / f"{name}.svg" for name in CAPTIONS}
+    return {name: path for name, path in files.items() if path.is_file()}
+
+
+def _from_tables(tables: Mapping[str, Any], where: str) -> KeptFit:
+    try:
+        points = tables["points"]
+        results = tuple(
+            _result(method, table, str(tables["model"]), str(tables["basis"]))
+            for method, table in tables["results"].items()
+        )
+        if not results:
+            raise FileFormatError(where, "no method has a result in it; fit again")
+        return KeptFit(
+            recipe=tables["recipe"],
+            model=str(tables["model"]),
+            rig=str(tables.get("rig", "")),
+            basis=str(tables["basis"]),
+            simulated=bool(tables["simulated"]),
+            read=int(points["read"]),
+            used=int(points["used"]),
+            left_out=tuple(points["left_out"]),
+            results=results,
+            comparison=_comparison(tables.get("comparison")),
+        )
+    except KeyError as error:
+        raise FileFormatError(where, f"there is no {error} in it; fit again") from error
+    except (TypeError, ValueError, AttributeError) as error:
+        raise FileFormatError(where, f"it is no result of a fit ({error}); fit again") from error
+
+
+def _result(method: Any, table: Mapping[str, Any], model: str, basis: str) -> FitResult:
+    order = table["order"]
+    return FitResult(
+        method=method,
+        basis=basis,
+        model=model,
+        estimates=tuple(_estimate(name, table["estimates"][name]) for name in order),
+        derived=tuple(_estimate(name, item) for name, item in table["derived"].items()),
+        covariance=np.array([_numbers(row) for row in table["covariance"]], float),
+        chi2=_number(table["chi2"]),
+        dof=int(table["dof"]),
+        log_likelihood=_number(table["log_likelihood"]),
+        outcome=Outcome(**table["outcome"]),
+        warnings=tuple(table["warnings"]),
+        facts=table["facts"],
+    )
+
+
+def _estimate(name: str, table: Mapping[str, Any]) -> Estimate:
+    low_68, high_68 = _numbers(table["interval_68"])
+    low_95, high_95 = _numbers(table["interval_95"])
+    return Estimate(
+        name=name,
+        unit=str(table["unit"]),
+        value=_number(table["value"]),
+        sd=_number(table["sd"]),
+        interval_68=(low_68, high_68),
+        interval_95=(low_95, high_95),
+        bound=str(table.get("bound", "")),
+    )
+
+
+def _comparison(table: Mapping[str, Any] | None) -> Comparison | None:
+    if not table:
+        return None
+    return Comparison(
+        scores=tuple(_score(score) for score in table["scores"]),
+        folds=int(table.get("folds", 0)),
+        settings=int(table.get("settings", 0)),
+        seed=int(table.get("seed", 0)),
+    )
+
+
+def _score(table: Mapping[str, Any]) -> Score:
+    numbers: dict[str, Any] = {item.name: _number(table[item.name]) for item in fields(Score)[1:]}
+    numbers["parameters"] = int(table["parameters"])
+    return Score(model=str(table["model"]), **numbers)
+
+
+def _numbers(values: Any) -> list[float]:
+    return [_number(value) for value in values]
+
+
+def _number(value: Any) -> float:
+    """Return a number of the JSON, where null stands for one that does not exist."""
+    return float("nan") if value is None else float(value)

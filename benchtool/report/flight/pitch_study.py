@@ -1,0 +1,205 @@
+"""The pitch bench under every controller: runs, a table of numbers, recordings, a figure."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from benchtool import __version__
+from benchtool.core.counted import counted
+from benchtool.core.schedule import PlateVisit
+from benchtool.simulate.controllers.pitch import PitchControl
+from benchtool.simulate.gain_file import gain_names, gains_named
+from benchtool.simulate.in_order import results_in_order
+from benchtool.simulate.own_controller import made
+from benchtool.simulate.pitch.result import PitchRun, PlateNumbers, plate_numbers
+from benchtool.simulate.pitch.run import PitchJob
+from benchtool.simulate.pitch.setup import PitchSetup
+from benchtool.simulate.pitch.simulate import simulate_controller, simulate_pitch
+
+if TYPE_CHECKING:
+    from benchtool.report.files import Figure
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class PitchStudy:
+    """Hold the runs of a study.
+
+    Attributes:
+        setup: what was simulated.
+        runs: one per controller; away: the same with the plate parked, empty where not asked for.
+        seed: of the noise.
+    """
+
+    setup: PitchSetup
+    runs: tuple[PitchRun, ...]
+    away: tuple[PitchRun, ...]
+    seed: int
+
+
+def pitch_study(
+    setup: PitchSetup,
+    seed: int = 0,
+    own: Sequence[tuple[str, type[Any]]] = (),
+    only_own: bool = False,
+    with_away: bool = True,
+) -> PitchStudy:
+    """Run every controller of a setup, with the plate and without, under the same noise.
+
+    Args:
+        setup: bench, controllers, schedule.
+        seed: of the noise.
+        own: name and class of the user's controllers; a new one is made for every run.
+        only_own: leave the built-in controllers out.
+        with_away: run them without the plate too; a study without has no figure.
+    """
+    radius_m = setup.bench.model.rig.propulsion.radius_m
+    rate_Hz = setup.rate_Hz
+    near = setup.schedule.sampled(rate_Hz, radius_m)
+    far = replace(setup.schedule, plate=()).sampled(rate_Hz, radius_m)
+    jobs = [
+        PitchJob(setup.bench, control, setup.believed)
+        for control in (() if only_own else setup.controls)
+    ]
+    schedules = (near, far) if with_away else (near,)
+    every = list(
+        results_in_order(
+            partial(simulate_pitch, job, schedule, seed) for schedule in schedules for job in jobs
+        )
+    )
+    runs, away = every[: len(jobs)], every[len(jobs) :]
+    for name, kind in own:
+        job = PitchJob(setup.bench, setup.controls[0], setup.believed)
+        for schedule, kept in zip(schedules, (runs, away), strict=False):
+            run = simulate_controller(made(kind, name), job, schedule, seed, name=name)
+            kept.append(run)
+    return PitchStudy(setup=setup, runs=tuple(runs), away=tuple(away), seed=seed)
+
+
+def visit_numbers(run: PitchRun, visit: PlateVisit, duration_s: float) -> PlateNumbers:
+    """Return a run's numbers for one visit of the plate."""
+    return plate_numbers(run, visit.in_s, min(visit.out_s, duration_s), visit.move_s)
+
+
+def table_lines(study: PitchStudy) -> list[str]:
+    """Return the table of numbers: one line per controller and visit, or RMS errors without."""
+    schedule = study.setup.schedule
+    visits = [visit for visit in schedule.plate if visit.in_s < schedule.duration_s]
+    width = max(len("controller"), *(len(run.controller) for run in study.runs))
+    if not visits:
+        lines = [f"{'controller':<{width}}  RMS error [deg]  largest [deg]"]
+        for run in study.runs:
+            error = np.degrees(run.column("true_theta_rad") - run.column("reference_rad"))
+            rms, most = np.sqrt(np.mean(error**2)), np.max(np.abs(error))
+            lines.append(f"{run.controller:<{width}}  {rms:>15.2f}  {most:>13.2f}")
+        return lines
+    lines = [
+        f"{'controller':<{width}}   z/R  quiet RMS    peak  settling  residual  rebound",
+        f"{'':<{width}}              [deg]   [deg]       [s]     [deg]    [deg]",
+    ]
+    for run in study.runs:
+        for visit in visits:
+            numbers = visit_numbers(run, visit, schedule.duration_s)
+            settling = "noise" if np.isnan(numbers.settling_s) else f"{numbers.settling_s:.1f}"
+            lines.append(
+                f"{run.controller:<{width}}  {visit.z_over_R:>4g}  "
+                f"{np.degrees(numbers.quiet_rms_rad):>9.2f}  {np.degrees(numbers.peak_rad):>6.2f}  "
+                f"{settling:>8}  {np.degrees(numbers.residual_rad):>8.2f}  "
+                f"{np.degrees(numbers.rebound_rad):>7.2f}"
+            )
+    return lines
+
+
+def warnings_of(study: PitchStudy) -> list[str]:
+    """Return what a reader of the numbers must know: clamps and end stops that acted."""
+    out = []
+    for run in study.runs:
+        if run.clamped_steps:
+            out.append(
+                f"{run.controller}: a rotor came nearer than z/R = 0.5 in "
+                f"{counted(run.clamped_steps, 'step')}; its height was held there, where the "
+                f"formulae end"
+            )
+        if run.stopped_steps:
+            steps = counted(run.stopped_steps, "step")
+            out.append(f"{run.controller}: the hinge lay at its stop in {steps}")
+    return out
+
+
+def study_figure(study: PitchStudy) -> Figure:
+    """Draw the study as the paper lays out its figures 26 to 28."""
+    from benchtool.report.flight.pitch import PitchTrace, pitch_figure
+
+    traces = [
+        PitchTrace(
+            label=run.controller,
+            time_s=run.time_s,
+            pitch_deg=np.degrees(run.column("true_theta_rad")),
+            reference_deg=np.degrees(run.column("reference_rad")),
+            covered=run.column("plate_share"),
+            away_deg=np.degrees(far.column("true_theta_rad")),
+        )
+        for run, far in zip(study.runs, study.away, strict=True)
+    ]
+    rig, schedule = study.setup.bench.model.rig, study.setup.schedule
+    return pitch_figure(traces, title=f"{rig.name}: {schedule.title}", simulated=True)
+
+
+def report_lines(study: PitchStudy) -> list[str]:
+    """Return all that is said of a study: what it is, the table, the warnings."""
+    setup, gains = study.setup, study.setup.controls[0].gains
+    head = (
+        f"SIMULATED pitch bench {setup.bench.model.rig.name}, model {setup.bench.model.name}, "
+        f"gains {gains.name if gains else 'none'}, schedule {setup.schedule.name}, "
+        f"seed {study.seed}"
+    )
+    return [head, *table_lines(study), *warnings_of(study)]
+
+
+def write_study(study: PitchStudy, out: Path) -> list[Path]:
+    """Write a recording per controller, the lines of the report, the figure; overwrite nothing.
+
+    Returns:
+        the files.
+    """
+    from benchtool.data.run.recording_file import beside, write_recording
+    from benchtool.report.files import refuse_existing, save_figure
+
+    setup = study.setup
+    rig = setup.bench.model.rig
+    recordings = {out / f"{_file_name(run.controller)}.csv": run for run in study.runs}
+    table = out / "numbers.txt"
+    sidecars = [beside(path) for path in recordings]
+    refuse_existing([*recordings, *sidecars, table, out / "pitch.svg", out / "pitch.png"])
+    out.mkdir(parents=True, exist_ok=True)
+    gains = {control.name: _gains_told(control) for control in setup.controls}
+    for path, run in recordings.items():
+        provenance = {
+            "device": f"simulated pitch bench {rig.name}",
+            "model": setup.bench.model.name,
+            "controller": run.controller,
+            "gains": gains.get(run.controller, ""),
+            "schedule": setup.schedule.name,
+            "seed": str(study.seed),
+        }
+        write_recording(
+            path, run.recording(rig, provenance), {"software": f"benchtool {__version__}"}
+        )
+    table.write_text("\n".join(report_lines(study)) + "\n", encoding="utf-8")
+    return [*recordings, table, *save_figure(study_figure(study), out / "pitch")]
+
+
+def _gains_told(control: PitchControl) -> str:
+    """Return the name of a controller's gain set; empty where its numbers were changed."""
+    gains = control.gains
+    known = gains is not None and gains.name in gain_names() and gains == gains_named(gains.name)
+    return gains.name if gains is not None and known else ""
+
+
+def _file_name(controller: str) -> str:
+    return controller.replace(":", "-").replace("+", "-")

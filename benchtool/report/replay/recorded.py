@@ -1,0 +1,189 @@
+"""A recording with what stands beside it on the disk, and the sections of a page that tell it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from benchtool import __version__
+from benchtool.core.recording import Recording
+from benchtool.data.run.digest import data_hash, file_hash
+from benchtool.data.run.facts import read_recording_facts
+from benchtool.data.run.pitch import read_pitch
+from benchtool.data.run.recording_file import FORMAT, read_recording
+from benchtool.data.run.recording_file import beside as facts_beside
+from benchtool.data.run.run import Run
+from benchtool.explain.pitch.replayed import provenance_of_run
+from benchtool.report.page import Block, Facts, Listing, Paragraph, Section, Table
+from benchtool.report.sweep.run_facts import (
+    MISSING,
+    air_facts,
+    calibration_facts,
+    device_facts,
+    rig_facts,
+    state_facts,
+    version_facts,
+)
+
+MODELLED = ("model", "controller", "gains", "schedule", "seed", "truth", "rig", "device")
+"""Facts of a recording that stand above others on its page."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Recorded:
+    """Hold a recording with all that is written beside it.
+
+    Attributes:
+        path: run folder or file.
+        recording: its values.
+        facts: metadata of a run, or the JSON beside a file.
+        provenance: controller, gains and so on, where anything tells them.
+        plan_text: of a run; empty for a file.
+        sha256: of the data.
+    """
+
+    path: Path
+    recording: Recording
+    facts: Mapping[str, Any]
+    provenance: Mapping[str, str]
+    plan_text: str
+    sha256: str
+
+    @property
+    def name(self) -> str:
+        """The folder's or file's own name."""
+        return self.path.resolve().name
+
+    @property
+    def is_run(self) -> bool:
+        """Whether it is a run folder."""
+        return self.path.is_dir()
+
+
+def read_recorded(path: Path) -> Recorded:
+    """Return a pitch run or a recording file with what stands beside it."""
+    if path.is_dir():
+        run = Run.open(path)
+        metadata = run.metadata
+        return Recorded(
+            path=path,
+            recording=read_pitch(path),
+            facts=metadata,
+            provenance=provenance_of_run(metadata),
+            plan_text=run.plan_text,
+            sha256=data_hash(path),
+        )
+    recording = read_recording(path)
+    return Recorded(
+        path=path,
+        recording=recording,
+        facts=read_recording_facts(facts_beside(path), FORMAT),
+        provenance=recording.provenance,
+        plan_text="",
+        sha256=file_hash(path),
+    )
+
+
+def sections_behind(recorded: Recorded) -> list[Section]:
+    """Return the sections on what stands behind a recording: rig, air, repairs, hashes."""
+    facts, recording = recorded.facts, recorded.recording
+    if recorded.is_run:
+        conditions = state_facts(facts) | air_facts(facts) | calibration_facts(facts)
+        hashes = version_facts(facts) | {
+            "reported with": f"benchtool {__version__}",
+            "sha256 of the run's data (points and samples)": recorded.sha256,
+            "sha256 of samples.csv": file_hash(recorded.path / "samples.csv"),
+        }
+        return [
+            Section("Rig and device", [Facts(rig_facts(facts) | device_facts(facts))]),
+            Section("Conditions and calibration", [Facts(conditions)]),
+            Section("Experiment", [Listing("What was asked (plan.toml).", recorded.plan_text)]),
+            Section("Software and data", [Facts(hashes)]),
+        ]
+    sections = []
+    if findings := facts.get("findings"):
+        sections.append(Section("Repairs and doubts", _findings(findings, facts)))
+    stated = {key: value for key, value in recording.provenance.items() if value}
+    ordered = {key: stated[key] for key in MODELLED if key in stated}
+    if "file" in stated:
+        stated["file"] = Path(stated["file"]).name
+    told = ordered | {key: value for key, value in stated.items() if key not in ordered}
+    channels = ", ".join(f"{item.name} [{item.unit}]" for item in recording.channels)
+    sections.append(
+        Section(
+            "Where it comes from",
+            [
+                Facts(
+                    told
+                    | {
+                        "read as": str(facts.get("imported_as", "a recording of benchtool")),
+                        "rows": str(len(recording)),
+                        "channels": channels,
+                    }
+                    | _windows(facts)
+                )
+            ],
+        )
+    )
+    sections.append(
+        Section(
+            "Software and data",
+            [
+                Facts(
+                    _made_with(recorded)
+                    | {
+                        "reported with": f"benchtool {__version__}",
+                        f"sha256 of {recorded.name}": recorded.sha256,
+                    }
+                )
+            ],
+        )
+    )
+    return sections
+
+
+def _made_with(recorded: Recorded) -> dict[str, str]:
+    """Return what recorded a file, and what benchtool did: import it, or make it."""
+    facts = recorded.facts
+    (listed,) = version_facts(facts).values()
+    if listed == MISSING and "software" in facts:
+        listed = str(facts["software"])
+    if "imported_as" in facts:
+        device = recorded.recording.provenance.get("device") or MISSING
+        return {"recorded with": device, "imported with": listed}
+    return {"simulated with" if recorded.recording.simulated else "written with": listed}
+
+
+def _windows(facts: Mapping[str, Any]) -> dict[str, str]:
+    told = [
+        f"{item['start_s']:g} to {item['end_s']:g} s, "
+        f"{'all rotors' if not item['rotor'] else 'rotor ' + str(item['rotor'])} ({item['source']})"
+        for item in facts.get("windows") or []
+    ]
+    return {"over a surface": "; ".join(told)} if told else {}
+
+
+def _findings(findings: Sequence[Mapping[str, Any]], facts: Mapping[str, Any]) -> list[Block]:
+    blocks: list[Block] = []
+    if tally := facts.get("tally"):
+        blocks.append(
+            Paragraph(
+                f"{tally['total']} {tally['unit']}s in the file: {tally['kept']} kept, "
+                f"{tally['refused']} refused, {tally['not_needed']} of kinds that no recording "
+                f"needs."
+            )
+        )
+    rows = [
+        (item["kind"], item["what"], item.get("channel") or "–", item["words"]) for item in findings
+    ]
+    blocks.append(
+        Table(
+            "What was repaired, doubted, refused or found missing while importing.",
+            ("kind", "what", "channel", "words"),
+            rows,
+            text_columns=4,
+        )
+    )
+    return blocks

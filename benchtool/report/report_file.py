@@ -1,0 +1,157 @@
+"""One report of whatever a path names: a sweep, a fit, an explanation, a recording."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Literal
+
+from benchtool.core.errors import FileFormatError, InputError, WouldOverwrite
+from benchtool.data.run.entry import ANSWER_FILE, FIT_FILE
+from benchtool.data.run.pitch import is_pitch_run
+from benchtool.data.run.read import is_run
+from benchtool.data.run.recording_file import beside as facts_beside
+from benchtool.explain.pitch.replayed import Beside
+from benchtool.fit.model_band import believed
+from benchtool.fit.swept import read_swept
+from benchtool.report import html
+from benchtool.report.files import write_whole
+from benchtool.report.page import Report
+from benchtool.report.replay.replay_page import recording_page
+from benchtool.report.sweep.compared import compared_page
+from benchtool.report.sweep.page import swept_page
+
+Kind = Literal["sweep", "pitch", "recording", "fit", "explanation"]
+
+TAKES = (
+    "a run folder of benchtool sweep or record, a folder of benchtool fit --out or explain --out, "
+    "or a recording of benchtool import or simulate"
+)
+"""What a report can be made of, for the one sentence that refuses anything else."""
+
+MARKS: dict[str, Kind] = {FIT_FILE: "fit", ANSWER_FILE: "explanation"}
+"""Files that tell a folder, whose report.html is its report already."""
+
+PAGE = "report.html"
+
+
+def kind_of(path: Path) -> Kind:
+    """Return what stands at a path.
+
+    Raises:
+        FileFormatError: nothing, or nothing that a report can be made of.
+    """
+    if not path.exists():
+        raise FileFormatError(str(path), f"there is no such file or folder; name {TAKES}")
+    if path.is_dir():
+        if is_run(path):
+            return "pitch" if is_pitch_run(path) else "sweep"
+        for name, kind in MARKS.items():
+            if (path / name).is_file():
+                return kind
+        inside = ", ".join(sorted(item.name for item in path.iterdir())[:6]) or "nothing"
+        raise FileFormatError(str(path), f"this folder (it holds: {inside}) is none of {TAKES}")
+    if facts_beside(path).is_file():
+        return "recording"
+    if is_run(path.parent):
+        raise FileFormatError(str(path), f"this is a file of a run; name its folder, {path.parent}")
+    raise FileFormatError(
+        str(path),
+        f"this file has no {facts_beside(path).name} beside it; make a recording of it with "
+        f"benchtool import {path}, or name {TAKES}",
+    )
+
+
+def usual_out(paths: Sequence[Path]) -> Path:
+    """Return where a report is written when nobody says where: in its folder, or beside a file."""
+    if len(paths) > 1:
+        return Path(PAGE)
+    path = paths[0]
+    return path / PAGE if path.is_dir() else path.with_name(f"{path.stem}-{PAGE}")
+
+
+def page_text(
+    paths: Sequence[Path], beside: Beside | None = None, commands: Sequence[str] = ()
+) -> str:
+    """Return the report of what the paths name as HTML text.
+
+    Args:
+        paths: one of what `TAKES` lists, or several sweeps, which are compared.
+        beside: model and controller whose simulated run stands beside the data.
+        commands: as they were typed, for the page.
+
+    Raises:
+        InputError: paths that make no report.
+    """
+    beside = beside or Beside()
+    kinds = [kind_of(path) for path in paths]
+    if len(paths) > 1 and set(kinds) != {"sweep"}:
+        told = ", ".join(f"{path} ({kind})" for path, kind in zip(paths, kinds, strict=True))
+        raise InputError(f"several runs are compared where all are sweeps, but these are: {told}")
+    if not paths:
+        raise InputError(f"nothing to report: name {TAKES}")
+    if kinds[0] in ("fit", "explanation"):
+        return _written_page(paths[0], kinds[0])
+    return html.render_report(_made(paths, kinds[0], beside, commands))
+
+
+def write_report(
+    paths: Sequence[Path],
+    out: Path | None = None,
+    *,
+    beside: Beside | None = None,
+    commands: Sequence[str] = (),
+    replace: bool = False,
+) -> Path:
+    """Write the report of what the paths name as one self-contained HTML file.
+
+    The page of a fit or an explanation is written when it is made: without `out`, its path is
+    returned as it stands.
+
+    Args:
+        paths: one of what `TAKES` lists, or several sweeps, which are compared.
+        out: the file; `usual_out` when None.
+        beside: model and controller whose simulated run stands beside the data.
+        commands: as they were typed, for the page.
+        replace: write over a file of that name.
+
+    Raises:
+        InputError: paths that make no report.
+        WouldOverwrite: the file exists.
+    """
+    if not paths:
+        raise InputError(f"nothing to report: name {TAKES}")
+    target = out or usual_out(paths)
+    own = len(paths) == 1 and kind_of(paths[0]) in ("fit", "explanation")
+    if own and beside not in (None, Beside()):
+        raise InputError(
+            f"the page of {paths[0]} was written when it was made; --model and what goes with it "
+            f"are for runs and recordings"
+        )
+    if own and target.resolve() == (paths[0] / PAGE).resolve() and target.is_file():
+        return target
+    if target.exists() and not replace:
+        raise WouldOverwrite(str(target), "--overwrite")
+    write_whole(target, page_text(paths, beside, commands).encode("utf-8"))
+    return target
+
+
+def _made(paths: Sequence[Path], kind: Kind, beside: Beside, commands: Sequence[str]) -> Report:
+    if kind != "sweep":
+        return recording_page(paths[0], beside, commands)
+    beside.refuse_controller("a sweep has no controller")
+    runs = [read_swept(path) for path in paths]
+    model = believed(beside.model, runs[0].rig, beside.permit) if beside.model else None
+    if len(runs) > 1:
+        return compared_page(runs, model, commands)
+    return swept_page(runs[0], model, commands)
+
+
+def _written_page(path: Path, kind: Kind) -> str:
+    page = path / PAGE
+    if not page.is_file():
+        made = "benchtool fit" if kind == "fit" else "benchtool explain"
+        raise FileFormatError(
+            str(path), f"there is no {PAGE} in it, which {made} --out writes; make it again"
+        )
+    return page.read_text("utf-8")

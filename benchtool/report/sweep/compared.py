@@ -1,0 +1,132 @@
+"""Several sweeps on one page: ratios over each other, where they differ, then each in full."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import hypot, isfinite
+
+import numpy as np
+
+from benchtool import __version__
+from benchtool.fit.model_band import Believed
+from benchtool.fit.swept import Swept
+from benchtool.report.numbers import value_with_sd
+from benchtool.report.page import (
+    Block,
+    Commands,
+    FigureBlock,
+    Heading,
+    Paragraph,
+    Report,
+    Section,
+    Table,
+)
+from benchtool.report.sweep.figures import plain, runs_ratio
+from benchtool.report.sweep.page import run_sentence, swept_sections
+from benchtool.report.sweep.run_facts import MISSING, air_facts, calibration_facts, state_facts
+from benchtool.report.sweep.tables import BASES, ERRORS
+
+Place = tuple[float, float]
+
+CLEAR = 3.0
+"""A difference of more than so many of its standard deviations is called one."""
+
+
+def compared_page(runs: Sequence[Swept], model: Believed | None, commands: Sequence[str]) -> Report:
+    """Return the report page of several runs."""
+    table, sentence = common_table(runs)
+    blocks: list[Block] = []
+    if (figure := runs_ratio(list(runs), model)) is not None:
+        blocks.append(
+            FigureBlock(
+                figure,
+                f"Thrust near the plate over thrust with the plate parked, run by run, at "
+                f"{BASES[runs[0].basis]}. Bars: {ERRORS}. Dashed: the closed image formula at the "
+                f"radius of the first run's rig.",
+            )
+        )
+    blocks += [*([table] if table.rows else []), facts_table(runs)]
+    sections = [Section("Runs compared", blocks)]
+    for run in runs:
+        parts: list[Block] = [Paragraph(run_sentence(run))]
+        for section in swept_sections(run, model):
+            parts += [Heading(section.title), *section.blocks]
+        sections.append(Section(f"The run {run.name}", parts))
+    return Report(
+        title=f"Sweeps compared: {', '.join(run.name for run in runs)}",
+        summary=sentence,
+        sections=(*sections, Section("Made with", [Commands(commands)])),
+        simulated=any(run.simulated for run in runs),
+        made=f"benchtool {__version__}",
+    )
+
+
+def common_table(runs: Sequence[Swept]) -> tuple[Table, str]:
+    """Return the ratios at settings that every run has, and what they say in a sentence.
+
+    Differences are those of each run from the first.
+    """
+    found = [_by_place(run) for run in runs]
+    common = [place for place in found[0] if all(place in one for one in found[1:])]
+    rows, apart, worst = [], 0, (0.0, "")
+    for place in common:
+        (first, first_error), *others = (one[place] for one in found)
+        cells = [f"{place[0]:.3g}", f"{place[1]:g}", value_with_sd(first, first_error)]
+        for run, (value, error) in zip(runs[1:], others, strict=True):
+            spread = hypot(error, first_error)
+            size = abs(value - first) / spread if spread > 0.0 else float("nan")
+            cells += [value_with_sd(value, error), f"{size:.1f}" if isfinite(size) else "–"]
+            apart += size > CLEAR
+            if size > worst[0]:
+                worst = (size, f"{run.name} at z/R {place[0]:.3g}, {place[1]:g} µs")
+        rows.append(cells)
+    header = ["plate z/R", "pulse [µs]", runs[0].name]
+    for run in runs[1:]:
+        header += [run.name, "apart [sd]"]
+    table = Table(
+        "T_IGE/T_OGE at the settings that all runs have; apart: difference from the first run over "
+        "its standard deviation.",
+        header,
+        rows,
+    )
+    if not common:
+        return table, "The runs have no setting of the same distance and pulse in common."
+    count = len(common) * (len(runs) - 1)
+    said = (
+        f"{apart} of {count} ratios at common settings are more than {CLEAR:g} standard deviations "
+        f"from the first run's"
+    )
+    return table, f"{said}, the farthest {worst[1]} ({worst[0]:.1f})." if worst[1] else f"{said}."
+
+
+def _by_place(run: Swept) -> dict[Place, tuple[float, float]]:
+    z, levels = run.z_over_R(run.settings).round(2), run.level_us().round(0)
+    return {
+        (float(z[row]), float(levels[row])): (float(run.ratio[row]), float(run.ratio_error[row]))
+        for row in np.flatnonzero(plain(run) & np.isfinite(run.ratio))
+    }
+
+
+def facts_table(runs: Sequence[Swept]) -> Table:
+    """Set who measured what, when and in which air side by side."""
+    told = []
+    for run in runs:
+        air, state = air_facts(run.metadata), state_facts(run.metadata)
+        told.append(
+            {
+                "rig": run.rig.name,
+                "device": str(run.metadata.get("device_id", MISSING)),
+                "started": state["started"],
+                "state": state["state"],
+                "air density": air.get("density", air["air"]),
+                "calibration": calibration_facts(run.metadata)["calibration"],
+                "visits": str(len(run.points)),
+                "sha256 of the data": f"{run.sha256[:16]}…",
+            }
+        )
+    return Table(
+        "The runs.",
+        ("", *(run.name for run in runs)),
+        [(key, *(one[key] for one in told)) for key in told[0]],
+        text_columns=1 + len(runs),
+    )

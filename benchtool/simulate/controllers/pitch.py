@@ -1,0 +1,99 @@
+"""Controllers of the pitch bench as values: which laws act, with which numbers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from benchtool.core.errors import InputError, UnknownChoice
+from benchtool.simulate.gain_file import Gains
+
+PITCH_CONTROLLERS = {
+    "pid": "cascaded PID alone",
+    "observer": "PID with the disturbance observer of eq. (12)",
+    "feedforward": "PID with each rotor's thrust divided by the expected factor",
+    "observer+feedforward": "PID with both",
+}
+"""The built-in controllers by name, each with one line."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PulseLaw:
+    """A PID written in pulse widths: us = kp e + ki int(e) - kd gyro.
+
+    Attributes:
+        kp_us_per_rad, ki_us_per_rad_s, kd_us_s_per_rad: gains; all zero is no such law.
+        limit_rad_s: limit of the integral.
+    """
+
+    kp_us_per_rad: float = 0.0
+    ki_us_per_rad_s: float = 0.0
+    kd_us_s_per_rad: float = 0.0
+    limit_rad_s: float = 0.5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Feedforward:
+    """Say what a feedforward knows.
+
+    Attributes:
+        strength: share of the expected increment that it compensates; 0 is none.
+        height_error_m: what its map adds to the true distance.
+        late_s: how much later than the plate its map changes; negative is early.
+    """
+
+    strength: float = 0.0
+    height_error_m: float = 0.0
+    late_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PitchControl:
+    """Hold one controller of the pitch bench.
+
+    Attributes:
+        name: for tables and figures.
+        gains: the cascade's gain set; None leaves the cascade out.
+        observer: whether the disturbance observer runs.
+        feedforward: what the feedforward knows.
+        pulses: a law in pulse widths beside the cascade.
+        rate_Hz: control rate; the gain set's own when None.
+    """
+
+    name: str
+    gains: Gains | None
+    observer: bool = False
+    feedforward: Feedforward = Feedforward()
+    pulses: PulseLaw = PulseLaw()
+    rate_Hz: float | None = None
+
+    @property
+    def control_rate_Hz(self) -> float:
+        """How often the controller runs."""
+        if self.rate_Hz is not None:
+            return self.rate_Hz
+        if self.gains is None:
+            raise InputError(f"controller {self.name!r} has no gains and no rate; give rate_Hz")
+        return self.gains.control_rate_Hz
+
+
+def pitch_controller(
+    name: str, gains: Gains, feedforward: Feedforward | None = None
+) -> PitchControl:
+    """Return a built-in controller by name.
+
+    Args:
+        name: one of `PITCH_CONTROLLERS`.
+        gains: gain set.
+        feedforward: what a feedforward knows; 90 % of the true effect when left out (assumed: a
+            model is never exact).
+    """
+    if name not in PITCH_CONTROLLERS:
+        raise UnknownChoice("controller", name, PITCH_CONTROLLERS)
+    parts = name.split("+")
+    known = feedforward if feedforward is not None else Feedforward(strength=0.9)
+    return PitchControl(
+        name=name,
+        gains=gains,
+        observer="observer" in parts,
+        feedforward=known if "feedforward" in parts else Feedforward(),
+    )

@@ -1,0 +1,177 @@
+"""From names and numbers on a command line to a flight."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from benchtool.core.errors import InputError, UnknownChoice
+from benchtool.core.schedule import LONGEST_S
+from benchtool.simulate.environment import Environment
+from benchtool.simulate.flight.cases import FLIGHTS, flight_case
+from benchtool.simulate.flight.flight import FlightCase, Goal
+from benchtool.simulate.flight.vehicle import FlightVehicle
+from benchtool.simulate.gain_changes import changed_gains
+from benchtool.simulate.gain_file import Gains
+from benchtool.simulate.sensible import refuse_outside
+
+FLIGHT_NUMBERS = (
+    "z_over_R", "speed_m_s", "gyro_noise_rad_s", "map_strength", "drag_N_s_m", "step_s",
+)  # fmt: skip
+VEHICLE_NUMBERS = (
+    "K_b", "neighbours", "lag_s", "turned_deg", "inertia_scale", "undercarriage_m",
+)  # fmt: skip
+MAP_OFFSETS = ("map_offset_x_m", "map_offset_y_m", "map_offset_z_m")
+GAIN_TABLES = ("gains.position", "gains.attitude", "gains.altitude", "gains.yaw", "gains.observer")
+CONTROL_HZ = (1.0, 1e5)
+FARTHEST_M = 1000.0
+"""Farthest goal and offset of a map. A choice."""
+"""Rates of control: from slower than any to a thousandfold of an autopilot's (a guess)."""
+
+USUAL_STEP_S, LEAST_STEP_S = 0.001, 1e-6
+"""Longest step of the plant unless another is asked for, and the least that can be."""
+
+CHANGEABLE = (*FLIGHT_NUMBERS, *VEHICLE_NUMBERS, *MAP_OFFSETS, *GAIN_TABLES)
+"""What can be set or varied; and every single gain, as gains.attitude.k_q_per_s."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlightSetup:
+    """Describe a shipped flight and what is asked of it.
+
+    Attributes:
+        case: one of the shipped flights.
+        vehicle: what flies.
+        gains: of every loop.
+        z_over_R: height over the obstacle in rotor radii.
+        speed_m_s: speed limit; the flight's own when None.
+        duration_s: length; the flight's own when None.
+        goal_m: x and y to fly to in place of the flight's own goal.
+        below: what to fly over in place of the flight's own obstacle.
+        step_s: longest step of the plant; 1 ms when None, and never above a control period.
+        drag_N_s_m: of the vehicle against the air; the flight's own when None.
+        ramp, gyro_noise_rad_s, map_offset_m, map_strength: as in `FlightCase`.
+    """
+
+    case: str
+    vehicle: FlightVehicle
+    gains: Gains
+    z_over_R: float = 2.0
+    speed_m_s: float | None = None
+    duration_s: float | None = None
+    goal_m: tuple[float, float] | None = None
+    below: Environment | None = None
+    drag_N_s_m: float | None = None
+    step_s: float | None = None
+    ramp: bool = False
+    gyro_noise_rad_s: float = 0.0
+    map_offset_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    map_strength: float = 1.0
+
+    def __post_init__(self) -> None:
+        for name, values in (("goal_m", self.goal_m or ()), ("map_offset_m", self.map_offset_m)):
+            for value in values:
+                refuse_outside(name, value, -FARTHEST_M, FARTHEST_M)
+        if self.duration_s is not None:
+            refuse_outside("duration_s", self.duration_s, 0.0, LONGEST_S)
+
+    def flown(self, control: str, seed: int = 1) -> FlightCase:
+        """Return the case for one controller under one noise."""
+        changes: dict[str, Any] = {
+            "step_s": self._step_s(),
+            "control": control,
+            "seed": seed,
+            "ramp": self.ramp,
+            "gyro_noise_rad_s": self.gyro_noise_rad_s,
+            "map_offset_m": self.map_offset_m,
+            "map_strength": self.map_strength,
+        }
+        if self.duration_s is not None:
+            changes["duration_s"] = self.duration_s
+        titled = FLIGHTS[self.case].title if self.case in FLIGHTS else ""
+        if self.below is not None:
+            changes["below"] = self.below
+            titled = f"Flying over {self.below.name}"
+        if self.goal_m is not None and self.case in FLIGHTS:
+            x_m, y_m = self.goal_m
+            z_m = self.z_over_R * self.vehicle.rig.propulsion.radius_m
+            speed_m_s = FLIGHTS[self.case].speed_m_s if self.speed_m_s is None else self.speed_m_s
+            titled += f", to x {x_m:g} m, y {y_m:g} m"
+            changes["goals"] = (Goal(x_m=x_m, y_m=y_m, z_m=z_m, speed_m_s=speed_m_s),)
+        flown = flight_case(
+            self.case, self.vehicle, self.gains,
+            z_over_R=self.z_over_R, speed_m_s=self.speed_m_s, **changes,
+        )  # fmt: skip
+        flown = replace(flown, title=titled)
+        if self.drag_N_s_m is None:
+            return flown
+        return replace(flown, vehicle=replace(flown.vehicle, drag_N_s_m=self.drag_N_s_m))
+
+    def _step_s(self) -> float:
+        """Return the step of the plant, or refuse what cannot be simulated with any."""
+        rate_Hz, lag_s = self.gains.control_rate_Hz, self.vehicle.lag_s
+        refuse_outside("control_rate_Hz", rate_Hz, *CONTROL_HZ)
+        if 0.0 < lag_s < 2.0 * LEAST_STEP_S:
+            raise InputError(
+                f"lag_s is {lag_s:g}; give at least {2.0 * LEAST_STEP_S:g} s, or 0 for motors "
+                f"without lag"
+            )
+        step_s = USUAL_STEP_S if self.step_s is None else self.step_s
+        if 0.0 < lag_s < 2.0 * min(step_s, 1.0 / rate_Hz):
+            raise InputError(
+                f"lag_s is {lag_s:g}, too short for a step_s of {step_s:g}; add --set "
+                f"step_s={0.4 * lag_s:g}, give a longer lag, or 0 for motors without"
+            )
+        return min(step_s, 1.0 / rate_Hz)
+
+    def words(self) -> dict[str, str]:
+        """Return the numbers asked for as text by name."""
+        vehicle = {name: getattr(self.vehicle, name) for name in VEHICLE_NUMBERS}
+        own = {name: getattr(self, name) for name in FLIGHT_NUMBERS}
+        offsets = dict(zip(MAP_OFFSETS, self.map_offset_m, strict=True))
+        numbers = {**own, **vehicle, **offsets, "duration_s": self.duration_s}
+        said = {name: "the flight's own" if n is None else f"{n:g}" for name, n in numbers.items()}
+        environment = "the flight's own" if self.below is None else self.below.name
+        return {"rig": self.vehicle.rig.name, "environment": environment, **said}
+
+
+def full_name(name: str) -> str:
+    """Return the name of a number for what somebody typed: the unit may be left out.
+
+    Raises:
+        UnknownChoice: there is no such number, or there are several.
+    """
+    if name in CHANGEABLE or (name.startswith("gains.") and len(name) > len("gains.")):
+        return name
+    alike = [each for each in CHANGEABLE if each.startswith(f"{name}_")]
+    if len(alike) == 1:
+        return alike[0]
+    raise UnknownChoice("number of a flight", name, alike or CHANGEABLE)
+
+
+def changed(setup: FlightSetup, values: Mapping[str, float]) -> FlightSetup:
+    """Return the setup with some numbers changed, by name.
+
+    A name is one of `CHANGEABLE`, where a table of gains takes a factor on all its gains, or a
+    single gain ("gains.attitude.k_q_per_s").
+    """
+    for typed, value in values.items():
+        setup = _changed(setup, full_name(typed), float(value))
+    return setup
+
+
+def _changed(setup: FlightSetup, name: str, value: float) -> FlightSetup:
+    numbers: dict[str, Any] = {name: value}
+    if name.startswith("gains."):
+        gains = changed_gains(setup.gains, name.removeprefix("gains."), value)
+        return replace(setup, gains=gains)
+    if name in VEHICLE_NUMBERS:
+        return replace(setup, vehicle=replace(setup.vehicle, **numbers))
+    if name in MAP_OFFSETS:
+        x_m, y_m, z_m = (
+            value if each == name else old
+            for each, old in zip(MAP_OFFSETS, setup.map_offset_m, strict=True)
+        )
+        return replace(setup, map_offset_m=(x_m, y_m, z_m))
+    return replace(setup, **numbers)

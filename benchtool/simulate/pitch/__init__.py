@@ -1,0 +1,1 @@
+"""The hinged body on its bench."""

@@ -1,0 +1,167 @@
+"""The pitch bench as a value: hinge, rotors, plate, sensors and limits."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from math import isfinite, pi
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.core.errors import InputError, UnknownChoice
+from benchtool.core.rig import Rig, Sensor
+from benchtool.physics.effects.effect import Effect
+from benchtool.physics.model import Model
+
+Array = NDArray[np.float64]
+
+GRAVITY_M_S2 = 9.81
+"""Acceleration of free fall, as the pitch bench's owner rounds it."""
+
+STEPS_PER_LAG = 2.0
+"""Least number of plant steps within the fastest lag; below, a step is refused as too large."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PitchSensor:
+    """Describe one sensor in SI units; every number is exactly absent at 0.
+
+    Attributes:
+        noise: standard deviation of the white noise of one reading.
+        bias: what it shows too much.
+        quantum: least difference between readings.
+        rate_Hz: how often it reads; 0 is once per control tick.
+        delay_s: how old a reading is; in whole control ticks.
+    """
+
+    noise: float = 0.0
+    bias: float = 0.0
+    quantum: float = 0.0
+    rate_Hz: float = 0.0
+    delay_s: float = 0.0
+
+
+SENSOR_NAMES = ("theta_rad", "gyro_rad_s", "plate_z_m", "rpm")
+"""Sensors of a pitch bench, in the order of the loop."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PitchBench:
+    """Hold a pitch bench.
+
+    Attributes:
+        model: the physics; its rig gives rotors, inertia, mass and pulse map.
+        inertia_kgm2: about the hinge.
+        sensors: by name, see `SENSOR_NAMES`; a missing one is perfect. Rotor speeds in rad/s.
+        covered: (n_discs,) share of each disc over the plate when it is all the way in.
+        stop_rad: end stop of the hinge on both sides.
+        pwm_min_us, pwm_max_us, pwm_quantum_us: what the motors take.
+        plant_rate_Hz: steps of the integration per second.
+    """
+
+    model: Model
+    inertia_kgm2: float
+    sensors: Mapping[str, PitchSensor] = field(default_factory=dict)
+    covered: tuple[float, ...] = (1.0,)
+    stop_rad: float = pi / 3.0
+    pwm_min_us: float = 1000.0
+    pwm_max_us: float = 2000.0
+    pwm_quantum_us: float = 0.0
+    plant_rate_Hz: float = 1000.0
+
+    @classmethod
+    def of(cls, model: Model, **changes: Any) -> PitchBench:
+        """Return the bench of a model's rig, with some attributes changed.
+
+        The plate lies under the first disc. Sensors are the rig's own; `motor_lag` becomes the
+        rig's where the model does not state one.
+        """
+        rig = model.rig
+        if all(effect.name != "motor_lag" for effect in model.effects):
+            model = model.with_effect("motor_lag", tau_s=rig.propulsion.lag_s)
+        return cls(
+            **{
+                "model": model,
+                "inertia_kgm2": model.parameters["inertia_kgm2"].value,
+                "sensors": rig_sensors(rig),
+                "covered": (1.0, *(0.0,) * (rig.n_discs - 1)),
+                "pwm_min_us": rig.propulsion.pwm_start_us,
+                "pwm_max_us": rig.propulsion.pwm_max_us,
+                "pwm_quantum_us": 1.0,
+                **changes,
+            }
+        )
+
+    def __post_init__(self) -> None:
+        rig = self.model.rig
+        unknown = [name for name in self.sensors if name not in SENSOR_NAMES]
+        if unknown:
+            raise UnknownChoice("sensor of a pitch bench", unknown[0], SENSOR_NAMES)
+        if len(self.covered) != rig.n_discs:
+            raise InputError(
+                f"covered has {len(self.covered)} numbers for {rig.n_discs} discs; give one each"
+            )
+        for name in ("inertia_kgm2", "stop_rad", "plant_rate_Hz", "pwm_max_us"):
+            _positive(name, getattr(self, name))
+        if self.stop_rad > 1.5:
+            raise InputError(
+                f"stop_rad is {self.stop_rad:g}, above 1.5 (86 degrees), where a hinge is no pitch "
+                f"bench any more; lower it"
+            )
+        for name, sensor in self.sensors.items():
+            for item in fields(sensor):
+                value = getattr(sensor, item.name)
+                if not isfinite(value) or (value < 0.0 and item.name != "bias"):
+                    raise InputError(
+                        f"{name}.{item.name} is {value:g}; give a finite number, 0 or more"
+                    )
+        for name, value in self.model.parameters.items():
+            if not isfinite(value.value):
+                raise InputError(f"{name} is {value.value:g}; give a finite number")
+        lag_s = self.parameter("motor_lag", "tau_s")
+        if 0.0 < lag_s < STEPS_PER_LAG / self.plant_rate_Hz:
+            raise InputError(
+                f"motor_lag.tau_s is {lag_s:g} s, but a plant step takes "
+                f"{1.0 / self.plant_rate_Hz:g} s; raise plant_rate_Hz to "
+                f"{STEPS_PER_LAG / lag_s:.0f} or more, or leave the lag out"
+            )
+
+    def parameter(self, effect: str, name: str) -> float:
+        """Return an effect's parameter: the model's, or the neutral value."""
+        full = f"{effect}.{name}"
+        return self.model.parameters[full].value if full in self.model.parameters else 0.0
+
+    def effect(self, name: str) -> Effect | None:
+        """Return the model's effect of that name."""
+        return next((item for item in self.model.effects if item.name == name), None)
+
+    @property
+    def hover_N(self) -> float:
+        """Thrust of one rotor that carries its share of the weight."""
+        return self.model.rig.body.mass_kg * GRAVITY_M_S2 / self.model.rig.n_rotors
+
+    def with_sensor(self, name: str, **changes: float) -> PitchBench:
+        """Return the bench with some numbers of one sensor changed."""
+        sensor = replace(self.sensors.get(name, PitchSensor()), **changes)
+        return replace(self, sensors={**self.sensors, name: sensor})
+
+
+def rig_sensors(rig: Rig) -> dict[str, PitchSensor]:
+    """Return the sensors of a rig that a pitch bench reads, in SI."""
+    return {
+        name: _from_rig(name, rig.sensors[name]) for name in SENSOR_NAMES if name in rig.sensors
+    }
+
+
+def _from_rig(name: str, sensor: Sensor) -> PitchSensor:
+    factor = pi / 30.0 if name == "rpm" else 1.0
+    return PitchSensor(
+        noise=sensor.noise * factor, quantum=sensor.quantum * factor, rate_Hz=sensor.rate_Hz
+    )
+
+
+def _positive(name: str, value: float) -> None:
+    if not (isfinite(value) and value > 0.0):
+        raise InputError(f"{name} is {value:g}; give a finite number above 0")

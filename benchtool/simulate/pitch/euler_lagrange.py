@@ -1,0 +1,93 @@
+"""The same rigid body in the paper's form: M(q) qdd + C(q, qd) qd + G = F (eq. 5 to 7 and 11).
+
+q holds position and Euler angles (roll, pitch, yaw). The angles' part is J(eta) = W^T I W, with W
+from angle rates to body rates; the paper's "J in the inertial frame" can only mean this one. Its
+generalized force is (R F, W^T tau): forces and torques of the body, the ground effect's among them,
+are turned, which eq. (7) and (11) leave to the reader. Where cos(pitch) vanishes the form has no
+inverse; a flight uses `rigid_body`, and this module is its check.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.simulate.flight.rigid_body import GRAVITY_M_S2, from_euler, rotation_matrix
+
+Array = NDArray[np.float64]
+
+
+def rate_matrix(roll_rad: float, pitch_rad: float) -> Array:
+    """Return W (3, 3): body rates from the rates of roll, pitch and yaw."""
+    cr, sr = math.cos(roll_rad), math.sin(roll_rad)
+    cp, sp = math.cos(pitch_rad), math.sin(pitch_rad)
+    return np.array([[1.0, 0.0, -sp], [0.0, cr, sr * cp], [0.0, -sr, cr * cp]])
+
+
+def rate_matrix_derivatives(roll_rad: float, pitch_rad: float) -> tuple[Array, Array, Array]:
+    """Return dW over roll, pitch and yaw, (3, 3) each."""
+    cr, sr = math.cos(roll_rad), math.sin(roll_rad)
+    cp, sp = math.cos(pitch_rad), math.sin(pitch_rad)
+    by_roll = np.array([[0.0, 0.0, 0.0], [0.0, -sr, cr * cp], [0.0, -cr, -sr * cp]])
+    by_pitch = np.array([[0.0, 0.0, -cp], [0.0, 0.0, -sr * sp], [0.0, 0.0, -cr * sp]])
+    return by_roll, by_pitch, np.zeros((3, 3))
+
+
+def mass_matrix(mass_kg: float, inertia_kgm2: Array, angles_rad: Array) -> Array:
+    """Return M (6, 6): the mass, and W^T I W, for principal moments of inertia (3,)."""
+    W = rate_matrix(angles_rad[0], angles_rad[1])
+    M = np.zeros((6, 6))
+    M[:3, :3] = mass_kg * np.eye(3)
+    M[3:, 3:] = W.T @ np.diag(inertia_kgm2) @ W
+    return M
+
+
+def coriolis_matrix(inertia_kgm2: Array, angles_rad: Array, angle_rates_rad_s: Array) -> Array:
+    """Return C (6, 6) by Christoffel's symbols of W^T I W: M' - 2C is skew-symmetric."""
+    W = rate_matrix(angles_rad[0], angles_rad[1])
+    inertia = np.diag(inertia_kgm2)
+    slopes = [
+        dW.T @ inertia @ W + W.T @ inertia @ dW
+        for dW in rate_matrix_derivatives(angles_rad[0], angles_rad[1])
+    ]
+    C = np.zeros((6, 6))
+    for i in range(3):
+        for j in range(3):
+            C[3 + i, 3 + j] = 0.5 * sum(
+                (slopes[k][i, j] + slopes[j][i, k] - slopes[i][j, k]) * angle_rates_rad_s[k]
+                for k in range(3)
+            )
+    return C
+
+
+def gravity_vector(mass_kg: float) -> Array:
+    """Return G (6,): weight along z."""
+    return np.array([0.0, 0.0, mass_kg * GRAVITY_M_S2, 0.0, 0.0, 0.0])
+
+
+def generalized_force(angles_rad: Array, force_N: Array, torque_Nm: Array) -> Array:
+    """Return (R F, W^T tau) (6,) of a force and a torque in body axes."""
+    turned = rotation_matrix(from_euler(*angles_rad)) @ force_N
+    return np.concatenate([turned, rate_matrix(angles_rad[0], angles_rad[1]).T @ torque_Nm])
+
+
+def acceleration(
+    mass_kg: float, inertia_kgm2: Array, q: Array, q_dot: Array, force_N: Array, torque_Nm: Array
+) -> Array:
+    """Return the second derivative of q (6,) for a force and a torque in body axes (eq. 11).
+
+    Args:
+        mass_kg: mass.
+        inertia_kgm2: principal moments (3,).
+        q: position (m) and roll, pitch, yaw (rad) (6,).
+        q_dot: its rate (6,).
+        force_N: of the rotors, ground effect included, without weight (3,).
+        torque_Nm: the same (3,).
+    """
+    angles, rates = q[3:], q_dot[3:]
+    right: Array = generalized_force(angles, force_N, torque_Nm) - gravity_vector(mass_kg)
+    right[3:] -= (coriolis_matrix(inertia_kgm2, angles, rates) @ q_dot)[3:]
+    solved: Array = np.asarray(np.linalg.solve(mass_matrix(mass_kg, inertia_kgm2, angles), right))
+    return solved

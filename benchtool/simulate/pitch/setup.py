@@ -1,0 +1,211 @@
+"""From names and numbers on a command line to a bench with its controllers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from benchtool.core.errors import InputError, UnknownChoice
+from benchtool.core.own_code import CodePermit, refuse_code
+from benchtool.core.parameter import full_name
+from benchtool.core.rig_file import rig_named
+from benchtool.core.schedule import FARTHEST_PLATE, Schedule
+from benchtool.core.schedule_file import schedule_named
+from benchtool.physics.catalogue import EFFECTS
+from benchtool.physics.model import Model
+from benchtool.physics.model_file import load_model, model_names
+from benchtool.simulate.controllers.pitch import Feedforward, PitchControl, pitch_controller
+from benchtool.simulate.gain_changes import changed_gains
+from benchtool.simulate.gain_file import gains_named
+from benchtool.simulate.pitch.bench import STEPS_PER_LAG, PitchBench
+from benchtool.simulate.pitch.run import PitchJob, substeps_of
+from benchtool.simulate.sensible import refuse_outside
+
+BENCH_NUMBERS = ("inertia_kgm2", "plant_rate_Hz", "stop_rad", "pwm_quantum_us")
+GAIN_TABLES = ("attitude", "observer")
+FASTEST_PLANT_HZ = 1e5
+"""A hundred times the usual rate, so that a slip of the keys does not run for hours. A choice."""
+
+SLOWEST_CONTROL_HZ = 1.0
+"""Slower than any controller of an attitude (a guess)."""
+
+LEAST_LAG_S = STEPS_PER_LAG / FASTEST_PLANT_HZ
+"""The quickest motor that the fastest plant can follow."""
+
+FEEDFORWARD_NUMBERS = {
+    "strength": (0.0, 10.0), "height_error_m": (-10.0, 10.0), "late_s": (-3600.0, 3600.0),
+}  # fmt: skip
+"""Numbers of a feedforward with what they may be: beyond anything a map does (a guess)."""
+
+SENSIBLE = {
+    "inertia_kgm2": (1e-6, 1e4), "pwm_quantum_us": (0.0, 1e3), "stop_rad": (1e-3, 1.5),
+}  # fmt: skip
+"""Numbers of a bench with what they may be: from an insect to a helicopter (a guess)."""
+
+PLATE_DISTANCE = "plate.z_over_R"
+
+
+@dataclass(frozen=True, kw_only=True)
+class PitchSetup:
+    """Hold what a pitch simulation is made of.
+
+    Attributes:
+        bench: the plant.
+        controls: built-in controllers.
+        schedule: what they are told.
+        believed: the model that mixer and feedforward take for true; the bench's when None.
+        rate_Hz: control rate.
+    """
+
+    bench: PitchBench
+    controls: tuple[PitchControl, ...]
+    schedule: Schedule
+    believed: Model | None = None
+
+    @property
+    def rate_Hz(self) -> float:
+        """The controllers' common rate."""
+        rates = {control.control_rate_Hz for control in self.controls}
+        if len(rates) != 1:
+            raise InputError(f"controllers of different rates, {sorted(rates)} Hz; give one rate")
+        rate_Hz = rates.pop()
+        refuse_outside("control_rate_Hz", rate_Hz, SLOWEST_CONTROL_HZ, FASTEST_PLANT_HZ)
+        substeps_of(self.bench, rate_Hz)
+        return rate_Hz
+
+
+def pitch_setup(
+    rig: str = "pquad",
+    model: str | None = None,
+    gains: str = "s3",
+    controllers: Sequence[str] = ("pid", "feedforward", "observer"),
+    schedule: str = "plate",
+    feedforward: Feedforward | None = None,
+    permit: CodePermit = refuse_code,
+) -> PitchSetup:
+    """Return the setup of these names; the model is the rig's own pitch model when left out.
+
+    `permit` is called with the file of a model's own effects before it is run.
+    """
+    own = f"pitch_{rig}"
+    if model is not None:
+        physics = load_model(model, permit=permit).model
+    elif own in model_names():
+        physics = load_model(own).model
+    else:
+        physics = Model.single(rig_named(rig))
+    set_ = gains_named(gains)
+    return PitchSetup(
+        bench=PitchBench.of(physics),
+        controls=tuple(pitch_controller(name, set_, feedforward) for name in controllers),
+        schedule=schedule_named(schedule),
+    )
+
+
+def changed(setup: PitchSetup, values: Mapping[str, float]) -> PitchSetup:
+    """Return the setup with some numbers changed, by name.
+
+    A name is a model parameter ("k", "body_lift.K_b", or "K_b" alone where only one effect has
+    it), a gain ("gains.attitude.k_q_per_s"), a factor on all gains of a table ("gains.attitude"),
+    a number of the bench ("bench.inertia_kgm2") or of the feedforward ("feedforward.strength"), or
+    the distance of every visit of the plate ("plate.z_over_R").
+    """
+    for name, value in values.items():
+        setup = _changed(setup, name, float(value))
+    return setup
+
+
+def changed_job(job: PitchJob, values: Mapping[str, float]) -> PitchJob:
+    """Return a single job with some numbers changed, by the names of `changed`."""
+    none = Schedule(name="none", title="no number stands in a schedule", duration_s=1.0)
+    setup = PitchSetup(
+        bench=job.bench, controls=(job.control,), schedule=none, believed=job.believed
+    )
+    new = changed(setup, values)
+    return replace(job, bench=new.bench, control=new.controls[0])
+
+
+def _changed(setup: PitchSetup, name: str, value: float) -> PitchSetup:
+    head, _, rest = name.partition(".")
+    if head == "gains" and rest:
+        return replace(
+            setup, controls=tuple(_with_gain(each, rest, value) for each in setup.controls)
+        )
+    if name == "bench.inertia_kgm2":
+        name = rest
+    elif head == "bench":
+        if rest not in BENCH_NUMBERS:
+            raise UnknownChoice("number of the bench", rest, BENCH_NUMBERS)
+        if rest == "plant_rate_Hz" and value > FASTEST_PLANT_HZ:
+            raise InputError(
+                f"bench.plant_rate_Hz is {value:g}; give at most {FASTEST_PLANT_HZ:g} Hz"
+            )
+        if rest in SENSIBLE:
+            refuse_outside(name, value, *SENSIBLE[rest])
+        numbers: dict[str, Any] = {rest: value}
+        return replace(setup, bench=replace(setup.bench, **numbers))
+    if name == PLATE_DISTANCE:
+        return replace(setup, schedule=_with_plate_at(setup.schedule, value))
+    if head == "feedforward":
+        if rest not in FEEDFORWARD_NUMBERS:
+            raise UnknownChoice("number of the feedforward", rest, FEEDFORWARD_NUMBERS)
+        refuse_outside(name, value, *FEEDFORWARD_NUMBERS[rest])
+        known: dict[str, Any] = {rest: value}
+        return replace(
+            setup,
+            controls=tuple(
+                replace(each, feedforward=replace(each.feedforward, **known))
+                if each.feedforward.strength > 0.0
+                else each
+                for each in setup.controls
+            ),
+        )
+    model = _with_parameter(setup.bench.model, name, value)
+    inertia_kgm2 = model.parameters["inertia_kgm2"].value
+    return replace(setup, bench=replace(setup.bench, model=model, inertia_kgm2=inertia_kgm2))
+
+
+def _with_plate_at(schedule: Schedule, z_over_R: float) -> Schedule:
+    if not schedule.plate:
+        raise InputError(
+            f"schedule {schedule.name!r} brings no plate, so it has no {PLATE_DISTANCE}; take one "
+            f"that does, as plate"
+        )
+    if not 0.0 < z_over_R <= FARTHEST_PLATE:
+        raise InputError(
+            f"{PLATE_DISTANCE} is {z_over_R:g}; give rotor radii above 0, {FARTHEST_PLATE:g} at "
+            f"most"
+        )
+    plate = tuple(replace(visit, z_over_R=z_over_R) for visit in schedule.plate)
+    return replace(schedule, plate=plate)
+
+
+def _with_gain(control: PitchControl, name: str, value: float) -> PitchControl:
+    if control.gains is None:
+        return control
+    return replace(control, gains=changed_gains(control.gains, name, value))
+
+
+def _with_parameter(model: Model, name: str, value: float) -> Model:
+    full = _full_name(model, name)
+    if full in SENSIBLE:
+        refuse_outside(full, value, *SENSIBLE[full])
+    if full == "motor_lag.tau_s" and 0.0 < value < LEAST_LAG_S:
+        raise InputError(
+            f"{full} is {value:g} s; give at least {LEAST_LAG_S:g} s, or 0 for motors without lag"
+        )
+    if full not in model.parameters:
+        effect = full.partition(".")[0]
+        model = model.with_effect(effect)
+    return model.fixed(full, value)
+
+
+def _full_name(model: Model, name: str) -> str:
+    """Return a parameter's full name, of the model or of an effect that it may be given."""
+    offered = (
+        f"{effect.name}.{item.name}" for effect in EFFECTS.values() for item in effect.parameters
+    )
+    known = dict.fromkeys((*model.parameters, *offered))
+    gains = [f"gains.{table}" for table in GAIN_TABLES]
+    return full_name(name, known, "number to set or vary", (*gains, PLATE_DISTANCE))

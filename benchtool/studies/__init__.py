@@ -1,1 +1,0 @@
-"""Whole studies: simulate, tabulate, draw and write what belongs together."""

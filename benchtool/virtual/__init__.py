@@ -1,0 +1,1 @@
+"""Devices that answer like real ones."""

@@ -1,0 +1,381 @@
+"""A virtual autopilot: what ArduPilot or PX4 answers, in front of simulated physics. Pure.
+
+Quiet until it is asked; acknowledges what it does not do; turns motors for as long as a test's
+time-out says, disarmed or not; forgets at a restart what it was asked for. Wall time is handed in;
+time-outs run on it, readings on the device's own time. The heartbeat shows "hardware in the loop":
+no motor turns. Three named values are the virtual world's own: `plate_z`, `plate_x`, `plate_tilt`
+sent to it move the plate, `plate_mov` tells how that goes.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from math import isfinite
+
+import numpy as np
+
+from benchtool.bench.mavlink.dialect import Message, dialect
+from benchtool.bench.mavlink.frames import AUTOPILOT_COMPONENT, MavlinkFrames
+from benchtool.bench.mavlink.health import ARMED, HIL
+from benchtool.bench.mavlink.pilots import ARM_DISARM, MOTOR_TEST
+from benchtool.bench.serial.commands import MovePlate, SetPwm, Stop
+from benchtool.core.counted import counted
+from benchtool.virtual.autopilot_orders import (
+    ACCEPTED,
+    AUTOPILOTS,
+    CRITICAL,
+    DENIED,
+    FAILED,
+    INFO,
+    UNSUPPORTED,
+    WARNING,
+    Said,
+    orders_of,
+)
+from benchtool.virtual.autopilot_streams import Streams
+from benchtool.virtual.firmware import Firmware
+
+BEAT_S = 1.0
+SET_INTERVAL, REQUEST_MESSAGE, REBOOT = 511, 512, 246
+"""MAV_CMD_SET_MESSAGE_INTERVAL, MAV_CMD_REQUEST_MESSAGE, MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN."""
+
+SILENT_S, READY_S = 1.0, 2.4
+"""After a restart: until the first heartbeat, and until motor tests are taken (as recorded)."""
+
+FASTEST_HZ = 400.0
+"""Rate of the main loop, which bounds that of streams (SCHED_LOOP_RATE)."""
+
+PLATE_US = 50_000
+"""The virtual world tells its plate's distance twenty times a second; a choice."""
+
+TEXT = 50
+"""Letters in one STATUSTEXT."""
+
+GROUND_LOST_S = 5.0
+"""Without a ground station's heartbeat for so long an armed autopilot ends its flight (ArduPilot's
+FS_GCS_TIMEOUT)."""
+
+
+class VirtualAutopilot:
+    """Speak MAVLink for a virtual bench.
+
+    Attributes:
+        speed: device seconds per wall second.
+        greeted_s: wall time of the first message of the present host.
+
+    Args:
+        firmware: limits, plate and time of the bench behind it.
+        kind: "ardupilot" or "px4".
+        system: number of this system.
+        key: 32 bytes that sign every frame; None signs nothing.
+        now_s: time since 1970, for signatures.
+        hover_us: pulse that a pilot holds once the autopilot is armed, on a pitch bench.
+    """
+
+    def __init__(
+        self,
+        firmware: Firmware,
+        kind: str = "ardupilot",
+        system: int = 1,
+        key: bytes | None = None,
+        now_s: float = 0.0,
+        hover_us: float | None = None,
+    ) -> None:
+        hello = firmware.hello
+        self.firmware, self.kind, self.speed = firmware, kind, hello.speed
+        self.greeted_s: float | None = None
+        self._words = words = dialect()
+        self._system = system
+        self._frames = MavlinkFrames(system, AUTOPILOT_COMPONENT, key, now_s)
+        self._orders = orders_of(kind, hello)
+        silent = (words.MAVLINK_MSG_ID_RPM,)
+        self._streams = Streams(hello.channels, self._orders.outputs, silent)
+        self._booted_s: float | None = None
+        self._boot_us = 0
+        self._key, self._since_1970_s = key, now_s
+        self._hover_us = hover_us
+        self._armed = self._shows_armed = False
+        self._every_us: dict[int, float] = {}
+        self._due_us: dict[int, float] = {}
+        self._beat_s = -BEAT_S
+        self._heard_s = 0.0
+        self._aside = {"plate_x": 0.0, "plate_tilt": 0.0}
+        names = [channel.name for channel in hello.channels]
+        self._thrust = names.index("thrust_N") if "thrust_N" in names else None
+        self._plate_us = 0
+        self._texts = 0
+        self._news: list[Message] = []
+        self._pulses = np.full(hello.n_rotors, hello.pwm_stop_us)
+        self._show()
+
+    def receive(self, data: bytes, now_s: float) -> bytes:
+        self.firmware.hear(now_s)
+        if self._booting(now_s, SILENT_S):
+            return b""
+        answers = [
+            answer
+            for message in self._frames.parse(data)
+            for answer in self._answer(message, now_s)
+        ]
+        return b"".join(map(self._frames.pack, answers))
+
+    def tick(self, n: int, now_s: float) -> tuple[bytes, list[bytes]]:
+        # The time-outs of motor tests take the place of a host's heartbeat.
+        self.firmware.hear(now_s)
+        self._drive(now_s)
+        rows = self.firmware.advance(n, now_s)
+        told = [*self._events(), *self._take_news()]
+        if self._booting(now_s, SILENT_S):
+            return b"", []
+        if self._booted_s is not None and not self._booting(now_s, READY_S):
+            self._booted_s = None
+            told += self._text("ArduPilot Ready", INFO)
+            self._show()
+        if now_s - self._beat_s >= BEAT_S:
+            self._beat_s = now_s
+            told.append(self._heartbeat())
+        frames = [self._frames.pack(message) for message in told]
+        stream: list[bytes] = []
+        if self._every_us:
+            for time_us, row in zip(
+                rows.device_time_us.tolist(), rows.values.tolist(), strict=True
+            ):
+                stream.extend(self._sample(time_us, row))
+        return b"".join(frames), stream
+
+    def tell_dropped(self, count: int) -> bytes:
+        text = self._text(f"{counted(count, 'frame')} dropped; read faster")
+        return b"".join(map(self._frames.pack, text))
+
+    @property
+    def outputs_us(self) -> tuple[int, ...]:
+        """Pulse of every output."""
+        return tuple(self._streams.outputs_us)
+
+    def _sample(self, time_us: int, row: list[float]) -> list[bytes]:
+        streams, made = self._streams, []
+        streams.hold(row)
+        time_us -= self._boot_us
+        for number, due_us in self._due_us.items():
+            if time_us >= due_us:
+                every_us = self._every_us[number]
+                self._due_us[number] = max(due_us + every_us, time_us - every_us)
+                if (message := streams.message(number, time_us)) is not None:
+                    made.append(message)
+        thrust_N = row[self._thrust] if self._thrust is not None else np.nan
+        if isfinite(thrust_N):
+            made.append(streams.named("thrust", thrust_N, time_us))
+        plate_z_m = streams.value("plate_z_m")
+        if isfinite(plate_z_m) and time_us - self._plate_us >= PLATE_US:
+            self._plate_us = time_us
+            made.append(streams.named("plate_z", plate_z_m, time_us))
+        return [self._frames.pack(message) for message in made]
+
+    def _answer(self, message: Message, now_s: float) -> list[Message]:
+        if self.greeted_s is None:
+            self.greeted_s = now_s
+        self._heard_s = now_s
+        name = message.msgname
+        if getattr(message, "target_system", self._system) not in (0, self._system):
+            return []
+        if name == "COMMAND_LONG":
+            result, told = self._command(message, now_s)
+            ack = self._words.MAVLink_command_ack_message(
+                message.command, result, 0, 0, message.get_srcSystem(), message.get_srcComponent()
+            )
+            return [ack, *told]
+        if name == "PARAM_REQUEST_READ":
+            return self._parameter(str(message.param_id))
+        if name == "NAMED_VALUE_FLOAT":
+            self._place(str(message.name), float(message.value), now_s)
+        return self._take_news()
+
+    def _command(self, message: Message, now_s: float) -> tuple[int, list[Message]]:
+        given = tuple(getattr(message, f"param{number}") for number in range(1, 8))
+        command = message.command
+        if command == REBOOT:
+            return self._reboot(now_s)
+        if command == SET_INTERVAL:
+            return self._set_interval(int(given[0]), given[1])
+        if command == REQUEST_MESSAGE:
+            asked = int(given[0]) == self._words.MAVLINK_MSG_ID_AUTOPILOT_VERSION
+            return (ACCEPTED, [self._version()]) if asked else (UNSUPPORTED, [])
+        if command == ARM_DISARM:
+            return self._arm(given[0] > 0.5, now_s)
+        if command == MOTOR_TEST and self._booted_s is not None:
+            return FAILED, self._text("Motor Test: Board initialising", CRITICAL)
+        before = self._orders.running
+        result = self._orders.order(command, given, now_s)
+        self._shows_armed = self._shows_armed or (self._orders.running and not before)
+        said = self._take_said()
+        self._drive(now_s)
+        return result, said
+
+    def _reboot(self, now_s: float) -> tuple[int, list[Message]]:
+        """Start anew, unless a motor turns."""
+        if self._orders.running or self._armed:
+            return FAILED, []
+        self.restart(now_s)
+        return ACCEPTED, []
+
+    def restart(self, now_s: float) -> None:
+        """Begin anew as after a loss of power: nothing that was asked for is known any more."""
+        self._orders = orders_of(self.kind, self.firmware.hello)
+        self._frames = MavlinkFrames(
+            self._system, AUTOPILOT_COMPONENT, self._key, self._since_1970_s
+        )
+        self._every_us, self._due_us = {}, {}
+        self._booted_s, self._boot_us = now_s, self.firmware.device_time_us
+        self._armed, self._beat_s, self._plate_us = False, -BEAT_S, 0
+        self.firmware.execute(Stop(), now_s)
+        self._pulses = np.array(self.firmware.pwm_us)
+        self._streams.outputs_us[:] = [0] * 16
+
+    def _booting(self, now_s: float, lasts_s: float) -> bool:
+        return self._booted_s is not None and now_s - self._booted_s < lasts_s
+
+    def _set_interval(self, number: int, every_us: float) -> tuple[int, list[Message]]:
+        if number not in self._streams.known or number in self._orders.lacks:
+            text = f"No ap_message for mavlink id ({number})"
+            return DENIED, self._text(text, INFO) if self.kind == "ardupilot" else []
+        if 0.0 < every_us < 1e6 / FASTEST_HZ:
+            text = f"Requested rate for message ID {number} too fast. Increase SCHED_LOOP_RATE"
+            return DENIED, self._text(text, INFO)
+        self._every_us.pop(number, None)
+        self._due_us.pop(number, None)
+        if every_us > 0.0:
+            self._every_us[number] = every_us
+            self._due_us[number] = float(self.firmware.device_time_us - self._boot_us)
+        return ACCEPTED, []
+
+    def _arm(self, wanted: bool, now_s: float) -> tuple[int, list[Message]]:
+        if wanted and self._orders.running:
+            return ACCEPTED, []  # A motor test has armed it.
+        if wanted and self._hover_us is None:
+            return FAILED, self._text("Arm: Throttle too high", CRITICAL)
+        if wanted and self._hover_us is not None:
+            hover = np.full(self.firmware.hello.n_rotors, self._hover_us)
+            reply = self.firmware.execute(SetPwm(tuple(hover.tolist())), now_s)
+            if not reply.ok:
+                return FAILED, self._text(f"Arm: {reply.reason}", CRITICAL)
+            self._armed = True
+        else:
+            # Disarming ends no motor test.
+            if self._armed:
+                self.firmware.execute(Stop(), now_s)
+            self._armed, self._shows_armed = False, False
+        self._beat_s = -BEAT_S
+        return ACCEPTED, []
+
+    def _drive(self, now_s: float) -> None:
+        """Let the motors follow the tests, as long as these last."""
+        if self._armed:
+            if now_s - self._heard_s > GROUND_LOST_S:
+                self._arm(False, now_s)
+                self._news += self._text("GCS Failsafe", CRITICAL)
+            return
+        hello = self.firmware.hello
+        pulses = self._orders.pulses_us(now_s)
+        self._news += self._take_said()
+        # What reaches an output is not what the bench behind it can do.
+        within = np.clip(pulses, hello.pwm_stop_us, hello.limits.get("pwm_us", np.inf))
+        within = np.where(self._orders.safe, hello.pwm_stop_us, within)
+        if not np.array_equal(within, self.firmware.pwm_us):
+            reply = self.firmware.execute(SetPwm(tuple(within.tolist())), now_s)
+            if not reply.ok:
+                self._orders.end()
+                self._news += self._text(f"Motor Test: {reply.reason}", CRITICAL)
+                pulses = np.array(self.firmware.pwm_us)
+        self._pulses = pulses
+        self._show()
+
+    def _show(self) -> None:
+        """Put pulses on the outputs that drive them; those of a frame's other motors stand."""
+        shown = self._streams.outputs_us
+        if self._booted_s is not None or self._orders.safe:
+            shown[:] = [0] * 16
+            return
+        stop_us = round(self.firmware.hello.pwm_stop_us)
+        shown[: self._orders.n_outputs] = [stop_us] * self._orders.n_outputs
+        pulses = self.firmware.pwm_us if self._armed else self._pulses
+        for output, pulse_us in zip(self._orders.outputs, pulses, strict=True):
+            shown[output - 1] = round(float(pulse_us))
+
+    def _take_said(self) -> list[Message]:
+        """Return what was said of motors."""
+        said: list[Said] = self._orders.said.copy()
+        self._orders.said.clear()
+        return [message for severity, text in said for message in self._text(text, severity)]
+
+    def _events(self) -> list[Message]:
+        """Tell in an autopilot's words what the bench behind it reports."""
+        told: list[Message] = []
+        for event in self.firmware.take_events():
+            if event.stops_motors:
+                self._orders.end()
+                self._armed = False
+                self._pulses = np.array(self.firmware.pwm_us)
+                self._show()
+                told += self._text(f"Failsafe: {event.text}", CRITICAL)
+            elif event.kind == "arrived":
+                told.append(self._plate(0.0))
+        return told
+
+    def _place(self, name: str, value: float, now_s: float) -> None:
+        """Move the plate of the virtual world."""
+        if name in self._aside:
+            self._aside[name] = value
+        elif name == "plate_z":
+            move = MovePlate(value, self._aside["plate_x"], self._aside["plate_tilt"])
+            reply = self.firmware.execute(move, now_s)
+            if not reply.ok:
+                self._news += self._text(f"plate: {reply.reason}", WARNING)
+            self._news.append(self._plate(1.0 if reply.ok else -1.0))
+        elif name == "plate_halt":
+            self.firmware.execute(Stop(), now_s)
+
+    def _take_news(self) -> list[Message]:
+        news, self._news = self._news, []
+        return news
+
+    def _plate(self, state: float) -> Message:
+        """Return how the plate's move goes: 1 on its way, 0 there, -1 refused."""
+        time_us = self.firmware.device_time_us - self._boot_us
+        return self._streams.named("plate_mov", state, time_us)
+
+    def _text(self, text: str, severity: int = WARNING) -> list[Message]:
+        """Return a text as one message, or as several under one number where it is longer."""
+        made = self._words.MAVLink_statustext_message
+        if len(text) <= TEXT:
+            return [made(severity, text.encode("ascii", "replace"), 0, 0)]
+        self._texts = self._texts % 65535 + 1
+        parts = [text[at : at + TEXT] for at in range(0, len(text) + 1, TEXT)]
+        return [
+            made(severity, part.encode("ascii", "replace"), self._texts, number)
+            for number, part in enumerate(parts)
+        ]
+
+    def _heartbeat(self) -> Message:
+        # A quadrotor (2), or whatever has as few rotors; custom modes (1) as both autopilots have.
+        testing = self.kind == "ardupilot" and self._orders.running
+        self._shows_armed = self._shows_armed and testing
+        armed = self._armed or self._shows_armed
+        mode = 1 | HIL | (ARMED if armed else 0)
+        return self._words.MAVLink_heartbeat_message(2, AUTOPILOTS[self.kind], mode, 0, 3, 3)
+
+    def _version(self) -> Message:
+        digest = hashlib.sha256(self.firmware.hello.device_id.encode()).digest()
+        release = 4 << 24 | 7 << 16 if self.kind == "ardupilot" else 1 << 24 | 16 << 16
+        return self._words.MAVLink_autopilot_version_message(
+            0, release, 0, 0, 0, [0] * 8, [0] * 8, [0] * 8, 0, 0,
+            int.from_bytes(digest[:7], "little"), list(digest[:18]),
+        )  # fmt: skip
+
+    def _parameter(self, name: str) -> list[Message]:
+        """Answer for a parameter; for an unknown one not at all."""
+        known = {**self._orders.parameters, "SIM_SPEEDUP": self.speed}
+        if name not in known:
+            return []
+        # As a float (9), and with the index of a parameter that was asked for by name.
+        made = self._words.MAVLink_param_value_message
+        return [made(name.encode(), known[name], 9, len(known), 65535)]

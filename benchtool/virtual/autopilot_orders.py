@@ -1,0 +1,248 @@
+"""What the virtual ArduPilot and PX4 do with orders: acknowledge, perhaps turn a motor. Pure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf, isfinite
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.bench.mavlink.dialect import ESC_STATUS
+from benchtool.bench.mavlink.pilots import (
+    ACTUATOR_TEST,
+    LEAST_US,
+    LONGEST_US,
+    MOTOR_TEST,
+    MOTORS_OF_FRAME,
+)
+from benchtool.bench.serial.hello import Hello
+
+Array = NDArray[np.float64]
+
+AUTOPILOTS = {"ardupilot": 3, "px4": 12}
+"""MAV_AUTOPILOT of what can be imitated, by name."""
+
+LONGEST_S = 600.0
+PX4_LONGEST_S = 3.0
+"""Longest time-outs that are taken (ArduCopter's MOTOR_TEST_TIMEOUT_SEC, PX4's ACTUATOR_TEST)."""
+
+ACCEPTED, DENIED, UNSUPPORTED, FAILED = 0, 2, 3, 4
+"""MAV_RESULT."""
+
+CRITICAL, WARNING, INFO = 2, 4, 6
+"""MAV_SEVERITY."""
+
+SET_SERVO, TERMINATE, AUX_FUNCTION, SAFETY_SWITCH = 183, 185, 218, 5300
+SET_MODE, CAMERA = 176, 206
+EMERGENCY_STOP = 31.0
+"""Number of ArduPilot's auxiliary function that stops motors, for DO_AUX_FUNCTION."""
+
+PLUS_ORDER = (3, 1, 4, 2, 5, 6, 7, 8, 9, 10, 11, 12)
+"""Output of each motor, in the order of ArduCopter's motor test on a plus frame."""
+
+STRAIGHT_ORDER = tuple(range(1, 13))
+
+Said = tuple[int, str]
+"""Severity and words of a text."""
+
+
+class Orders(Protocol):
+    """Be how one kind of autopilot takes orders and turns motors by them.
+
+    Attributes:
+        outputs: (n_rotors,) output of each motor, from 1.
+        n_outputs: how many outputs are motors', whether or not one hangs there.
+        lacks: numbers of the messages that it does not have.
+        parameters: by name.
+        safe: whether a safety switch keeps every output without a pulse.
+        said: what it says aloud of its motors, until it is taken.
+    """
+
+    outputs: tuple[int, ...]
+    n_outputs: int
+    lacks: frozenset[int]
+    parameters: dict[str, float]
+    safe: bool
+    said: list[Said]
+
+    @property
+    def running(self) -> bool:
+        """Whether a motor test runs."""
+        ...
+
+    def order(self, command: int, given: tuple[float, ...], now_s: float) -> int:
+        """Take an order; return its MAV_RESULT."""
+        ...
+
+    def pulses_us(self, now_s: float) -> Array:
+        """Return the pulse of every motor (n_rotors,) at a wall time: us."""
+        ...
+
+    def end(self) -> None:
+        """End every test, as when the bench behind it stops the motors."""
+        ...
+
+
+@dataclass(slots=True)
+class _Test:
+    motor: int
+    kind: float
+    value: float
+    timeout_s: float
+    count: int
+    since_s: float
+
+
+class ArduPilotOrders:
+    """Do with motor tests what ArduCopter 4.6.2 was recorded to do.
+
+    One test runs at a time, but its outputs stay as they were written until it ends: an order for
+    another motor leaves the first one turning. Neither disarming nor a failsafe ends it, a time-out
+    below 0 never does, and pulses outside of MOT_PWM_MIN to MOT_PWM_MAX reach the output.
+    """
+
+    def __init__(self, hello: Hello) -> None:
+        self.outputs = PLUS_ORDER[: hello.n_rotors]
+        self.n_outputs = max(4, hello.n_rotors)
+        self.lacks = frozenset({251, 339, 290, ESC_STATUS, 375, ACTUATOR_TEST})
+        self.safe = False
+        self.said: list[Said] = []
+        self._stop_us, self._n_rotors = hello.pwm_stop_us, hello.n_rotors
+        self._emergency = False
+        self._test: _Test | None = None
+        self._pulses: Array = np.full(hello.n_rotors, hello.pwm_stop_us)
+        high_us = hello.limits.get("pwm_us", 2000.0)
+        span_us = max(high_us - hello.pwm_stop_us, 1.0)
+        frames = {motors: frame for frame, motors in reversed(MOTORS_OF_FRAME.items())}
+        self.parameters = {
+            "FRAME_CLASS": float(frames.get(hello.n_rotors, 1)),
+            "MOT_PWM_MIN": hello.pwm_stop_us,
+            "MOT_PWM_MAX": high_us,
+            "MOT_SPIN_ARM": (hello.pwm_idle_us - hello.pwm_stop_us) / span_us,
+        }
+
+    @property
+    def running(self) -> bool:
+        return self._test is not None
+
+    def order(self, command: int, given: tuple[float, ...], now_s: float) -> int:
+        if command == MOTOR_TEST:
+            return self._start(given, now_s)
+        if command == SAFETY_SWITCH:
+            self.safe = given[0] == 0.0
+            return ACCEPTED
+        if command == AUX_FUNCTION and given[0] == EMERGENCY_STOP:
+            self._emergency = given[1] == 2.0
+            return ACCEPTED
+        if command == SET_SERVO:
+            said = f"ServoRelayEvent: Channel {int(given[0])} is already in use"
+            self.said.append((INFO, said))
+            return FAILED
+        # Accepted, and no motor test ends by them.
+        return ACCEPTED if command in (CAMERA, TERMINATE, SET_MODE) else UNSUPPORTED
+
+    def _start(self, given: tuple[float, ...], now_s: float) -> int:
+        motor, kind, value, timeout_s, count = given[:5]
+        if self._test is None:
+            why = "Safety switch" if self.safe else "Motor Emergency Stopped"
+            if self.safe or self._emergency:
+                self.said.append((CRITICAL, f"Motor Test: {why}"))
+                return FAILED
+            self.said.append((INFO, "starting motor test"))
+        lasts_s = inf if timeout_s < 0.0 else min(timeout_s, LONGEST_S)
+        self._test = _Test(int(motor), kind, value, lasts_s, max(int(count), 1), now_s)
+        if lasts_s == 0.0 or self._pulse_us(self._test) is None:
+            self.end()
+        return ACCEPTED
+
+    def pulses_us(self, now_s: float) -> Array:
+        test = self._test
+        if test is None:
+            return self._pulses
+        since_s = now_s - test.since_s
+        if since_s < test.timeout_s:
+            pulse_us = self._pulse_us(test)
+            if pulse_us is not None and 1 <= test.motor <= self._n_rotors:
+                self._pulses = self._pulses.copy()
+                self._pulses[test.motor - 1] = pulse_us
+        elif test.count <= 1:
+            self.end()
+        else:
+            # The next motor, after a pause of half the time-out.
+            self._pulses = np.full(self._n_rotors, self._stop_us)
+            if since_s >= 1.5 * test.timeout_s:
+                test.motor, test.count, test.since_s = test.motor + 1, test.count - 1, now_s
+        return self._pulses
+
+    def end(self) -> None:
+        if self._test is not None:
+            self.said.append((INFO, "finished motor test"))
+        self._test = None
+        self._pulses = np.full(self._n_rotors, self._stop_us)
+
+    def _pulse_us(self, test: _Test) -> float | None:
+        """Return the pulse that a test gives, None where it makes no sense."""
+        least_us, most_us = self.parameters["MOT_PWM_MIN"], self.parameters["MOT_PWM_MAX"]
+        if test.kind == 0.0:
+            pulse_us = least_us + 0.01 * test.value * (most_us - least_us)
+            return float(round(pulse_us)) if 0.0 <= test.value <= 100.0 else None
+        if test.kind == 2.0:
+            return least_us  # the pilot's throttle, which is down
+        whole_us = float(int(test.value)) if isfinite(test.value) else 0.0
+        return whole_us if test.kind == 1.0 and LEAST_US <= whole_us <= LONGEST_US else None
+
+
+class Px4Orders:
+    """Turn any number of motors by actuator tests."""
+
+    def __init__(self, hello: Hello) -> None:
+        self.outputs = STRAIGHT_ORDER[: hello.n_rotors]
+        self.n_outputs = hello.n_rotors
+        self.lacks = frozenset({226, 251, 339, 290, 11030, 11031, 11032})
+        self.safe = False
+        self.said: list[Said] = []
+        self._stop_us, self._n_rotors = hello.pwm_stop_us, hello.n_rotors
+        self._running: dict[int, tuple[float, float]] = {}
+        self.parameters = {
+            "CA_ROTOR_COUNT": float(hello.n_rotors),
+            "PWM_MAIN_MIN1": hello.pwm_idle_us,
+            "PWM_MAIN_MAX1": hello.limits.get("pwm_us", 2000.0),
+            "PWM_MAIN_DIS1": hello.pwm_stop_us,
+        }
+
+    @property
+    def running(self) -> bool:
+        return bool(self._running)
+
+    def order(self, command: int, given: tuple[float, ...], now_s: float) -> int:
+        if command != ACTUATOR_TEST:
+            return UNSUPPORTED
+        value, timeout_s, motor = given[0], given[1], int(given[4])
+        if not 1 <= motor <= 12 or timeout_s > PX4_LONGEST_S:
+            return DENIED
+        if not isfinite(value):
+            self._running.pop(motor, None)
+            return ACCEPTED
+        if not 0.0 <= value <= 1.0:
+            return DENIED
+        low_us, high_us = self.parameters["PWM_MAIN_MIN1"], self.parameters["PWM_MAIN_MAX1"]
+        if timeout_s > 0.0 and motor <= self._n_rotors:
+            self._running[motor] = (low_us + value * (high_us - low_us), now_s + timeout_s)
+        return ACCEPTED
+
+    def pulses_us(self, now_s: float) -> Array:
+        self._running = {m: test for m, test in self._running.items() if test[1] > now_s}
+        pulses = np.full(self._n_rotors, self._stop_us)
+        for motor, (pulse_us, _) in self._running.items():
+            pulses[motor - 1] = pulse_us
+        return pulses
+
+    def end(self) -> None:
+        self._running = {}
+
+
+def orders_of(kind: str, hello: Hello) -> Orders:
+    """Return how that autopilot takes orders, in front of a bench that says this hello."""
+    return Px4Orders(hello) if kind == "px4" else ArduPilotOrders(hello)

@@ -1,0 +1,340 @@
+"""The device's side without any wire: limits on every tick, the latch, the watchdog.
+
+Pure: no I/O and no clock. Two times exist. Device time counts the plant's ticks; it is the time in
+samples and runs faster than the wall in a virtual bench at speed 20. Wall time (`now_s`) is handed
+in and feeds only the watchdog, which guards against a host that has died.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.bench.serial.commands import (
+    Arm,
+    AskHello,
+    AskPlate,
+    Clear,
+    Command,
+    MovePlate,
+    Reply,
+    SetLimit,
+    SetPwm,
+    SetRate,
+    Stop,
+    Tare,
+    text_of,
+)
+from benchtool.bench.serial.hello import Hello
+from benchtool.core.channel import Channel
+from benchtool.core.errors import BenchtoolError
+
+Array = NDArray[np.float64]
+
+MAX_RATE_HZ = 5000.0
+"""Fastest stream that a device accepts; a guess at what a small microcontroller can print."""
+
+LONGEST_REASON = 300
+"""Characters of a failure's reason that are sent, so that the line stays one that a host takes."""
+
+REMIND_S = 1.0
+"""A stopped device repeats why, so that a lost line cannot hide it."""
+
+
+class Plant(Protocol):
+    """Be the physical bench that a device measures and drives; knows no protocol and no clock."""
+
+    @property
+    def channels(self) -> tuple[Channel, ...]:
+        """What a row of `advance` holds, in order."""
+        ...
+
+    @property
+    def rate_Hz(self) -> float:
+        """Ticks per second of device time."""
+        ...
+
+    @property
+    def plate_moving(self) -> bool:
+        """Whether the plate is still on its way."""
+        ...
+
+    def set_rate(self, rate_Hz: float) -> None:
+        """Take this many ticks per second from now on."""
+        ...
+
+    def command_pwm(self, pwm_us: Array) -> None:
+        """Apply pulses (n_rotors,): us."""
+        ...
+
+    def command_plate(self, z_m: float, x_m: float, tilt_rad: float) -> None:
+        """Start moving the plate at stage speed.
+
+        Raises:
+            StageError: the stage refuses; the device answers nak with this message.
+        """
+        ...
+
+    def halt_plate(self) -> None:
+        """Stop the plate where it is."""
+        ...
+
+    def tare(self) -> None:
+        """Take the present load-cell reading as zero thrust."""
+        ...
+
+    def advance(self, n: int) -> Array:
+        """Return the next n ticks (n, c), nan where a channel has no new value."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """Report something unasked: `watchdog`, `limit`, `arrived`, `stage`, `boot`, `dropped`."""
+
+    kind: str
+    text: str
+
+    @property
+    def stops_motors(self) -> bool:
+        """Whether the device's motors stand still because of it."""
+        return self.kind in ("watchdog", "limit", "boot")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rows:
+    """Hold consecutive ticks: device time (n,): us, not wrapped; values (n, c)."""
+
+    device_time_us: NDArray[np.int64]
+    values: Array
+
+
+class Firmware:
+    """Guard a plant: accept commands, check limits on every tick, stop when the host is silent.
+
+    Args:
+        plant: what is measured and driven.
+        hello: what the device says of itself; its limits hold from the start.
+        now_s: wall time at power-up.
+    """
+
+    def __init__(self, plant: Plant, hello: Hello, now_s: float = 0.0) -> None:
+        self.hello = hello
+        self.rate_Hz = 0.0
+        self.latched: Event | None = None
+        self.pwm_us: Array = np.full(hello.n_rotors, hello.pwm_stop_us)
+        self.limits: dict[str, float] = dict(hello.limits)
+        self._plant = plant
+        self._events: list[Event] = []
+        self._heard_s = now_s
+        self._reminded_s = now_s
+        self._device_us = 0.0
+        self._target: tuple[float, float, float] | None = None
+        self._moving = False
+        self._columns = {name: _columns(name, plant.channels) for name in self.limits}
+        plant.command_pwm(self.pwm_us)
+
+    @property
+    def device_time_us(self) -> int:
+        """Device time of the last tick: us since power-up, not wrapped."""
+        return int(self._device_us)
+
+    @property
+    def idle(self) -> bool:
+        """Whether every pulse is at or below idle, so that the plate may move."""
+        return bool(np.all(self.pwm_us <= self.hello.pwm_idle_us))
+
+    def hear(self, now_s: float) -> None:
+        """Note that a valid line (a heartbeat or anything else) came at wall time `now_s`."""
+        self._heard_s = now_s
+
+    def take_events(self) -> tuple[Event, ...]:
+        """Return what happened since the last call, oldest first."""
+        events, self._events = tuple(self._events), []
+        return events
+
+    def execute(self, command: Command, now_s: float) -> Reply:
+        """Carry out one command that arrived at wall time `now_s`."""
+        self.hear(now_s)
+        match command:
+            case AskHello():
+                self._zero()
+                self.rate_Hz = 0.0
+                return Reply(True)
+            case Arm():
+                return self._refuse_latched() or Reply(True, fields=(self.hello.channel_hash,))
+            case SetPwm(pwm_us):
+                return self._set_pwm(np.array(pwm_us, float))
+            case MovePlate(z_m, x_m, tilt_rad):
+                return self._move(z_m, x_m, tilt_rad)
+            case AskPlate():
+                at = self._target or (np.nan, np.nan, np.nan)
+                fields = ("" if np.isnan(value) else text_of(value) for value in at)
+                return Reply(True, fields=(str(int(self._plant.plate_moving)), *fields))
+            case Tare():
+                self._plant.tare()
+                return Reply(True)
+            case SetRate(rate_Hz):
+                return self._set_rate(rate_Hz)
+            case SetLimit(name, value):
+                return self._set_limit(name, value)
+            case Stop():
+                self._zero()
+                return Reply(True)
+            case Clear():
+                self._zero()
+                self.latched = None
+                return Reply(True)
+
+    def carry_plate(self, z_m: float) -> None:
+        """Bring the plate where something else than this device has it."""
+        self._plant.command_plate(z_m, 0.0, 0.0)
+
+    def advance(self, n: int, now_s: float) -> Rows:
+        """Run n ticks that end at wall time `now_s`, with watchdog and limits.
+
+        The limits are checked over the whole block, so n is the device's time to react. With n = 0
+        only the watchdog looks at the time.
+
+        Raises:
+            BenchtoolError: what runs on the plant failed; the motors have been stopped.
+        """
+        self._check_watchdog(now_s)
+        if n == 0:
+            return Rows(np.empty(0, np.int64), np.empty((0, len(self.hello.channels))))
+        try:
+            values = self._plant.advance(n)
+        except BenchtoolError as error:
+            # The plant's own program failed: nothing may turn, and the host is told why.
+            self._latch(Event("limit", f"{str(error)[:LONGEST_REASON]}; motors stopped"), now_s)
+            raise
+        step_us = 1e6 / self._plant.rate_Hz
+        times_us = self._device_us + step_us * np.arange(1, n + 1)
+        self._device_us += step_us * n
+        self._check_limits(values, now_s)
+        if self._moving and not self._plant.plate_moving:
+            self._moving = False
+            assert self._target is not None
+            self._events.append(Event("arrived", ",".join(map(text_of, self._target))))
+        return Rows(times_us.astype(np.int64), values)
+
+    def _zero(self) -> None:
+        self.pwm_us = np.full(self.hello.n_rotors, self.hello.pwm_stop_us)
+        self._plant.command_pwm(self.pwm_us)
+        self._plant.halt_plate()
+        self._moving = False
+
+    def _latch(self, event: Event, now_s: float) -> None:
+        self._zero()
+        self.latched = event
+        self._reminded_s = now_s
+        self._events.append(event)
+
+    def _check_watchdog(self, now_s: float) -> None:
+        silent_s = now_s - self._heard_s
+        running = bool(np.any(self.pwm_us > self.hello.pwm_stop_us)) or self._moving
+        if running and silent_s >= self.hello.watchdog_s:
+            text = f"no line for {1000.0 * silent_s:.0f} ms; motors stopped"
+            self._latch(Event("watchdog", text), now_s)
+        elif self.latched is not None and now_s - self._reminded_s >= REMIND_S:
+            self._reminded_s = now_s
+            self._events.append(self.latched)
+
+    def _check_limits(self, values: Array, now_s: float) -> None:
+        if self.latched is not None:
+            return
+        for name, columns in self._columns.items():
+            limit = self.limits[name]
+            for index in columns:
+                column = values[:, index]
+                broken = column < limit if _is_lower_bound(name) else np.abs(column) > limit
+                if broken.any():
+                    worst = float(column[broken][0])
+                    channel = self._plant.channels[index].name
+                    text = f"{channel} {worst:.6g} against limit {limit:.6g}; motors stopped"
+                    self._latch(Event("limit", text), now_s)
+                    return
+
+    def _set_pwm(self, pwm_us: Array) -> Reply:
+        stop_us, max_us = self.hello.pwm_stop_us, self.limits.get("pwm_us", np.inf)
+        if len(pwm_us) != self.hello.n_rotors:
+            return Reply(False, f"{self.hello.n_rotors} pulses needed; {len(pwm_us)} given")
+        if np.any((pwm_us < stop_us) | (pwm_us > max_us)):
+            return Reply(False, f"pulses must lie from {stop_us:g} to {max_us:g} us")
+        if np.any(pwm_us > stop_us):
+            if refused := self._refuse_latched():
+                return refused
+            if self._moving and np.any(pwm_us > self.hello.pwm_idle_us):
+                return Reply(False, "the plate is moving; wait until it has arrived")
+        self.pwm_us = pwm_us
+        self._plant.command_pwm(pwm_us)
+        return Reply(True)
+
+    def _refuse_latched(self) -> Reply | None:
+        if self.latched is None:
+            return None
+        why = f"{self.latched.kind}: {self.latched.text}"
+        return Reply(False, f"stopped by {why}; send clear first")
+
+    def _move(self, z_m: float, x_m: float, tilt_rad: float) -> Reply:
+        if not self.hello.moves_plate:
+            return Reply(False, "this device does not move the plate")
+        if not self.idle:
+            return Reply(False, f"pulses above {self.hello.pwm_idle_us:g} us; idle them first")
+        low_m = self.limits.get("plate_z_min_m", 0.0)
+        high_m = self.limits.get("plate_z_max_m", np.inf)
+        if not low_m <= z_m <= high_m:
+            return Reply(False, f"plate distance {z_m:g} m outside {low_m:g} to {high_m:g} m")
+        side_m = self.limits.get("plate_x_max_m", np.inf)
+        if not abs(x_m) <= side_m or not np.isfinite((x_m, tilt_rad)).all():
+            return Reply(False, f"lateral {x_m:g} m, tilt {tilt_rad:g} rad; limit {side_m:g} m")
+        try:
+            self._plant.command_plate(z_m, x_m, tilt_rad)
+        except BenchtoolError as error:
+            return Reply(False, str(error))
+        self._target = (z_m, x_m, tilt_rad)
+        self._moving = True
+        return Reply(True)
+
+    def _set_rate(self, rate_Hz: float) -> Reply:
+        if not 0.0 <= rate_Hz <= MAX_RATE_HZ:
+            return Reply(False, f"rate {rate_Hz:g} Hz outside 0 to {MAX_RATE_HZ:g} Hz")
+        if rate_Hz > 0.0:
+            try:
+                self._plant.set_rate(rate_Hz)
+            except BenchtoolError as error:
+                return Reply(False, str(error))
+        self.rate_Hz = rate_Hz
+        return Reply(True)
+
+    def _set_limit(self, name: str, value: float) -> Reply:
+        if name not in self.limits:
+            return Reply(False, f"no limit {name}; known: {' '.join(sorted(self.limits))}")
+        present = self.limits[name]
+        wider = value < present if _is_lower_bound(name) else value > present
+        if wider:
+            return Reply(False, f"{name} {value:g} is wider than {present:g}; only narrower ones")
+        self.limits[name] = value
+        return Reply(True)
+
+
+def _is_lower_bound(name: str) -> bool:
+    return "_min_" in name
+
+
+def _columns(name: str, channels: tuple[Channel, ...]) -> tuple[int, ...]:
+    """Return which channels a limit guards: `rpm` guards rpm1, rpm2 ...; `voltage_min_V` voltage_V.
+
+    Limits on commands (`pwm_us`, `plate_z_min_m`) are checked where the command arrives.
+    """
+    if name == "pwm_us" or name.startswith("plate_"):
+        return ()
+    family = name.replace("_min_", "_").replace("_max_", "_")
+    return tuple(
+        index
+        for index, channel in enumerate(channels)
+        if channel.name == family or channel.name.rstrip("0123456789") == family
+    )

@@ -1,0 +1,339 @@
+"""The pitch bench as a device's plant: the closed loop runs on the device, the host only arms it.
+
+Pulses above idle arm the loop: their mean is the collective, and the schedule begins. Pulses at or
+below idle go straight to the motors, while a catch holds the beam and brings it back to level.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.core.channel import Channel
+from benchtool.core.errors import InputError, StageError
+from benchtool.core.schedule import PARKED_M, Schedule
+from benchtool.simulate.controllers.controller import PitchMeasurement, PitchReference
+from benchtool.simulate.noise import lane_states
+from benchtool.simulate.own_controller import made
+from benchtool.simulate.pitch import rows as r
+from benchtool.simulate.pitch.own import PitchController, own_ticks
+from benchtool.simulate.pitch.run import PAST, PitchJob, PitchLoop
+
+Array = NDArray[np.float64]
+
+HOLD_S = 2.0
+"""Behind its end a schedule holds; its last values stand in a block of this length. A choice."""
+
+CATCH_RAD_S = 0.5
+"""How fast the catch brings the beam back to level; an assumption."""
+
+IDLE_SHARE = 0.05
+"""Share of the pulse range that counts as idle, as on the plate bench; an assumption."""
+
+SLOWEST_RPM = 60.0
+"""Below this a tachometer shows 0, five times the noise of the rigs that ship; an assumption."""
+
+IDLE_RUN = 2**31
+"""Number of the run whose noise the sensors have before the first arming: none that counts up."""
+
+_CONTROLLER = (
+    r.RATE_INTEGRAL,
+    r.ACCELERATION_INTEGRAL,
+    r.EXPLAINED,
+    r.ERROR_INTEGRAL,
+    r.ESTIMATE,
+    r.TORQUE,
+    r.DIFFERENCE,
+)
+"""Rows that begin anew with every arming."""
+
+
+class PitchPlant:
+    """Be a pitch bench with its controller, advanced tick by tick.
+
+    Args:
+        job: bench and built-in controller.
+        schedule: what the controller is told from the moment of arming on.
+        seed: of the noise; the n-th arming (from 0) has the noise of run n, as `simulate_pitch`.
+        rate_Hz: stream rate, the control rate over a whole number; the control rate when None.
+        own: class of the user's own controller, made anew for every arming; that of the job, None.
+    """
+
+    def __init__(
+        self,
+        job: PitchJob,
+        schedule: Schedule,
+        seed: int,
+        rate_Hz: float | None = None,
+        own: type[PitchController] | None = None,
+    ) -> None:
+        self.job, self.schedule, self.rig = job, schedule, job.bench.model.rig
+        self.control_rate_Hz = job.control.control_rate_Hz
+        self.rate_Hz = self.control_rate_Hz
+        self._every = 1
+        self._seed, self._armings = seed, 0
+        held = replace(schedule, duration_s=schedule.duration_s + HOLD_S)
+        sampled = held.sampled(self.control_rate_Hz, self.rig.propulsion.radius_m)
+        self._hold = round(HOLD_S * self.control_rate_Hz)
+        _hold_end(
+            [
+                sampled.reference_rad,
+                sampled.collective,
+                sampled.dither_us,
+                sampled.plate_z_m,
+                sampled.plate_share,
+                sampled.observer,
+                sampled.feedforward,
+            ],
+            len(sampled) - self._hold,
+        )
+        self._loop = PitchLoop([job], sampled, seed, [IDLE_RUN])
+        self._loop.drive(np.zeros((self._loop.n_discs, len(sampled))))
+        self._own = own
+        self._controller: PitchController = _Still() if own is None else made(own, job.control.name)
+        self._own_ticks = None if own is None else own_ticks(self._loop)
+        self._ticks_armed = 0
+        self._visits = self._loop.table[[r.S_PLATE, r.S_SHARE]].copy()
+        self._believed = self._loop.table[[r.S_BELIEVED_PLATE, r.S_BELIEVED_SHARE]].copy()
+        self._tick = 0
+        self._plate_m = self._target_m = PARKED_M
+        pulse = self.rig.propulsion
+        start_us = max(pulse.pwm_stop_us, pulse.pwm_start_us)
+        self.idle_us = start_us + IDLE_SHARE * (pulse.pwm_max_us - start_us)
+        self._armed = False
+        self._rest()
+        self.command_pwm(np.full(self.rig.n_rotors, pulse.pwm_stop_us))
+        # Compiles, where it must, before anybody waits for an answer.
+        self._run(1)
+        if self._own_ticks is not None:
+            self._own_ticks(_Still(), self._tick, self._tick + 1, 0)
+        if rate_Hz is not None:
+            self.set_rate(rate_Hz)
+
+    @property
+    def channels(self) -> tuple[Channel, ...]:
+        n = self.rig.n_rotors
+        return (
+            Channel("theta_ref_rad", "rad", "wanted pitch, positive nose down"),
+            Channel("theta_rad", "rad", "encoder"),
+            Channel("gyro_rad_s", "rad/s", "gyro"),
+            *(Channel(f"pwm{k + 1}_us", "pwm_us", "pulse") for k in range(n)),
+            *(Channel(f"rpm{k + 1}", "rpm", "rotor speed") for k in range(n)),
+            Channel("plate_z_m", "m", "distance with the beam level; 1 or more is parked"),
+            Channel("torque_Nm", "N m", "torque that the controller asks for"),
+            Channel("disturbance_Nm", "N m", "torque that the observer sees"),
+        )
+
+    @property
+    def channel_rates_Hz(self) -> tuple[float, ...]:
+        """How often each channel of the stream has a new value."""
+        return tuple(min(self._sensor_Hz(channel), self.rate_Hz) for channel in self.channels)
+
+    @property
+    def plate_moving(self) -> bool:
+        return self._plate_m != self._target_m
+
+    @property
+    def clamped_readings(self) -> int:
+        """Plant steps with a disc nearer than the formulae hold."""
+        return int(self._loop.row(r.CLAMPED)[0])
+
+    @property
+    def armed(self) -> bool:
+        """Whether the loop is closed."""
+        return self._armed
+
+    def set_rate(self, rate_Hz: float) -> None:
+        every = round(self.control_rate_Hz / rate_Hz)
+        if every < 1 or abs(every * rate_Hz - self.control_rate_Hz) > 1e-6 * rate_Hz:
+            control_Hz = self.control_rate_Hz
+            rates = ", ".join(f"{control_Hz / k:g}" for k in (1, 2, 5))
+            raise InputError(
+                f"a stream of {rate_Hz:g} Hz does not fit a controller at {control_Hz:g} Hz; ask "
+                f"for that over a whole number, as {rates}"
+            )
+        self._every, self.rate_Hz = every, self.control_rate_Hz / every
+
+    def command_pwm(self, pwm_us: Array) -> None:
+        """Take pulses (n_rotors,): above idle their mean is the collective, and the loop closes."""
+        mean_us = float(np.mean(pwm_us))
+        loop, pulse = self._loop, self.rig.propulsion
+        if mean_us > self.idle_us:
+            if not self._armed:
+                self._arm()
+            believed = self.job.belief
+            speed_rad_s = pulse.speed_per_us_rad_s * (mean_us - pulse.pwm_start_us)
+            thrust_N = believed.parameters["k"].value * speed_rad_s**2
+            loop.table[r.S_COLLECTIVE] = loop.schedule.collective * thrust_N
+            return
+        if self._armed:
+            self._armed = False
+            loop.plan[3] = 2
+            for row in _CONTROLLER:
+                loop.row(row)[0] = 0.0
+            self._jump(0)
+        for rotor, disc in enumerate(self.rig.disc_of_rotor):
+            loop.table[r.S_PULSES + disc] = pwm_us[rotor]
+
+    def command_plate(self, z_m: float, x_m: float, tilt_rad: float) -> None:
+        """Start moving the plate under the first disc to a distance; `PARKED_M` or more is away."""
+        if x_m or tilt_rad:
+            raise StageError(
+                f"the plate of a pitch bench moves in distance alone, not to x {x_m:g} m, tilt "
+                f"{tilt_rad:g} rad; leave both 0"
+            )
+        self._target_m = z_m
+
+    def halt_plate(self) -> None:
+        self._target_m = self._plate_m
+
+    def tare(self) -> None:
+        raise InputError("a pitch bench has no load cell to tare; leave the tare out")
+
+    def advance(self, n: int) -> Array:
+        """Return the next n ticks (n, c), nan where a channel has no new value."""
+        every = self._every
+        parts, fresh = self._run(n * every)
+        last = np.arange(every - 1, n * every, every)
+        seen = fresh.reshape(n, every, -1).any(axis=1)
+        rows: Array = parts[last]
+        rows[~seen] = np.nan
+        return rows
+
+    def _run(self, ticks: int) -> tuple[Array, NDArray[np.bool_]]:
+        """Run control ticks; return held values (ticks, c) and which of them are new."""
+        blocks = []
+        loop, end = self._loop, len(self._loop.schedule)
+        while ticks > 0:
+            first = self._tick
+            if first >= end or not self._armed:
+                first = end - self._hold if self._armed else 0
+                self._jump(first)
+            # A plate that moves or a catch that holds acts once for each short block.
+            most = ticks if self._armed and not self.plate_moving else 10
+            count = min(ticks, end - first, most)
+            self._place_plate(first, count)
+            if self._armed and self._own_ticks is not None:
+                self._own_ticks(self._controller, first, first + count, self._ticks_armed)
+                self._ticks_armed += count
+            else:
+                loop.run(first, first + count)
+            self._tick = first + count
+            blocks.append(self._taken(first, count))
+            if not self._armed:
+                self._catch(count)
+            ticks -= count
+        return (
+            np.concatenate([values for values, _ in blocks]),
+            np.concatenate([fresh for _, fresh in blocks]),
+        )
+
+    def _taken(self, first: int, count: int) -> tuple[Array, NDArray[np.bool_]]:
+        loop, n = self._loop, self._loop.n_discs
+        log = loop.log[first : first + count, :, 0]
+        discs = self.rig.disc_of_rotor
+        rpm = log[:, 10 + n + discs] * 30.0 / np.pi
+        values = np.column_stack(
+            [
+                log[:, [0, 1, 2]],
+                log[:, 10 + discs],
+                np.where(rpm < SLOWEST_RPM, 0.0, rpm),
+                log[:, 4],
+                log[:, [6, 7]],
+            ]
+        )
+        flags = loop.fresh[first : first + count].astype(bool)
+        closed = np.full(count, self._armed)
+        rotors = np.ones((1, self.rig.n_rotors), bool)
+        fresh = np.column_stack(
+            [
+                closed,
+                flags[:, r.F_THETA],
+                flags[:, r.F_GYRO],
+                np.ones(count, bool)[:, None] & rotors,
+                flags[:, r.F_SPEED, None] & rotors,
+                flags[:, r.F_PLATE],
+                closed,
+                closed,
+            ]
+        )
+        return values, fresh
+
+    def _place_plate(self, first: int, count: int) -> None:
+        """Write where the plate is over the next ticks: on a visit, else where it was sent."""
+        step_m = self.rig.plate.speed_m_s / self.control_rate_Hz
+        way_m = self._target_m - self._plate_m
+        steps_m = np.sign(way_m) * np.minimum(step_m * np.arange(1, count + 1), abs(way_m))
+        stands_m = self._plate_m + steps_m
+        self._plate_m = float(stands_m[-1])
+        if abs(self._target_m - self._plate_m) < 1e-9:
+            self._plate_m = self._target_m
+        under = (stands_m < PARKED_M).astype(float)
+        block = slice(first, first + count)
+        away_m = self.job.control.feedforward.height_error_m
+        for (z_row, share_row), (visit_m, visit), error_m in (
+            ((r.S_PLATE, r.S_SHARE), self._visits[:, block], 0.0),
+            ((r.S_BELIEVED_PLATE, r.S_BELIEVED_SHARE), self._believed[:, block], away_m),
+        ):
+            visiting = (visit > 0.0) & self._armed
+            self._loop.table[z_row, block] = np.where(visiting, visit_m, stands_m + error_m)
+            self._loop.table[share_row, block] = np.where(visiting, visit, under)
+
+    def _arm(self) -> None:
+        """Close the loop at the schedule's beginning, with noise of its own for every arming."""
+        loop = self._loop
+        loop.states[:] = lane_states(self._seed, [self._armings])
+        self._armings += 1
+        for row in _CONTROLLER:
+            loop.row(row)[0] = 0.0
+        loop.plan[3] = 0
+        if self._own is not None:
+            loop.plan[3] = 1
+            self._controller = made(self._own, self.job.control.name)
+            self._ticks_armed = 0
+        self._jump(0)
+        self._armed = True
+
+    def _catch(self, ticks: int) -> None:
+        """Hold the beam and bring it towards level, as long as the loop is open."""
+        back_rad = CATCH_RAD_S * ticks / self.control_rate_Hz
+        theta = self._loop.row(r.THETA)
+        theta[0] -= np.clip(theta[0], -back_rad, back_rad)
+        self._loop.row(r.RATE)[0] = 0.0
+
+    def _rest(self) -> None:
+        """Begin with rotors that stand still."""
+        loop = self._loop
+        for rows in (r.SPEED, r.TARGET, r.OLD, r.NEW, r.READ_SPEED):
+            for disc in range(loop.n_discs):
+                loop.row(rows + disc)[0] = 0.0
+        loop.sent[:] = 0.0
+
+    def _jump(self, tick: int) -> None:
+        """Go on at another tick of the schedule; what is late or delayed stays in order."""
+        loop, shift = self._loop, tick - self._tick
+        if shift:
+            sent, past = loop.sent.reshape(-1, loop.ring), loop.past.reshape(-1, PAST)
+            sent[:] = np.roll(sent, shift, axis=1)
+            past[:] = np.roll(past, shift, axis=1)
+        self._tick = tick
+
+    def _sensor_Hz(self, channel: Channel) -> float:
+        family = channel.name.rstrip("0123456789")
+        sensor = self.job.bench.sensors.get(family)
+        return sensor.rate_Hz if sensor and sensor.rate_Hz else self.control_rate_Hz
+
+
+class _Still:
+    """Ask for nothing; pulses drive the motors while it stands in for a controller."""
+
+    def step(self, measurement: PitchMeasurement, reference: PitchReference, dt_s: float) -> float:
+        return 0.0
+
+
+def _hold_end(tracks: list[Array], ticks: int) -> None:
+    """Hold what stands at the last of so many ticks to the end of every track."""
+    for track in tracks:
+        track[ticks:] = track[ticks - 1]

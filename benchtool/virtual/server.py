@@ -1,0 +1,153 @@
+"""The virtual bench as a process of its own: physics in real time or faster, behind a link.
+
+Device time runs `speed` times faster than the wall; watchdog and link run on wall time.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from benchtool.core.errors import BenchtoolError
+from benchtool.virtual.faults import LinkFaults
+from benchtool.virtual.served_device import ServedDevice
+from benchtool.virtual.server_links import ServerLink
+
+NAP_S = 0.004
+LONGEST_CATCH_UP_S = 0.5
+"""Wall time that the physics makes up for after the process was held; more is left out."""
+
+LAST_WORDS_S = 1.0
+"""A device whose program failed says so for as long before it is gone. A choice."""
+
+OUTBOX_BYTES = 65536
+"""What the device keeps for a host that does not read, on top of what the link holds; samples
+beyond it are dropped and counted. A choice: 0.6 s of 12 channels at 1 kHz, for busy machines."""
+
+
+class Outbox:
+    """Hold what is to be sent: answers always, samples only while there is room."""
+
+    def __init__(self, room_bytes: int = OUTBOX_BYTES) -> None:
+        self.dropped = 0
+        self._room_bytes = room_bytes
+        self._waiting = bytearray()
+
+    def add(self, data: bytes) -> None:
+        """Add what must get through."""
+        self._waiting += data
+
+    def add_sample(self, line: bytes) -> None:
+        """Add a sample, or drop and count it when there is no room."""
+        if len(self._waiting) + len(line) > self._room_bytes:
+            self.dropped += 1
+        else:
+            self._waiting += line
+
+    def flush(self, write: Callable[[bytes], int]) -> None:
+        """Hand over as much as `write` takes."""
+        if self._waiting:
+            del self._waiting[: write(bytes(self._waiting))]
+
+    def clear(self) -> None:
+        """Forget what waits."""
+        self._waiting.clear()
+
+
+class BenchServer:
+    """Serve one device over one link, to one host after another.
+
+    Args:
+        device: served; its speed sets the pace.
+        link: where it listens.
+        tick_Hz: ticks of the plant per second of device time, at present.
+        faults: what goes wrong on the wire.
+        on_hello: called when a host has said hello.
+        clock: monotonic wall clock in seconds.
+    """
+
+    def __init__(
+        self,
+        device: ServedDevice,
+        link: ServerLink,
+        tick_Hz: Callable[[], float],
+        faults: LinkFaults | None = None,
+        on_hello: Callable[[], None] = lambda: None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.outbox = Outbox()
+        self._device = device
+        self._link = link
+        self._tick_Hz = tick_Hz
+        self._faults = faults or LinkFaults()
+        self._on_hello = on_hello
+        self._clock = clock
+        self._dropped_before = 0
+        self._tell_from = 1
+        self._owed = 0.0
+        self._last_s = clock()
+        self._greeted_s: float | None = None
+
+    def run(self, keep_on: Callable[[], bool] = lambda: True, nap_s: float = NAP_S) -> None:
+        """Serve until `keep_on` says no, or until an exception (Ctrl-C) ends it.
+
+        Raises:
+            BenchtoolError: what runs on the device failed. The motors stand by then, and a host
+                has had the time to read why.
+        """
+        while keep_on():
+            try:
+                self.step()
+            except BenchtoolError:
+                until_s = self._clock() + LAST_WORDS_S
+                while self._clock() < until_s:
+                    self.step()
+                    time.sleep(nap_s)
+                raise
+            time.sleep(nap_s)
+
+    def step(self) -> None:
+        """Read, let the time that has passed pass in the plant, and write."""
+        now_s = self._clock()
+        answers = self._device.receive(self._link.read(), now_s)
+        self._greet()
+        since_s = self._since_hello_s(now_s)
+        self._plug(since_s)
+        self.outbox.add(self._faults.carry(answers, since_s))
+        passed_s = min(now_s - self._last_s, LONGEST_CATCH_UP_S)
+        self._last_s = now_s
+        self._owed += passed_s * self._device.speed * self._tick_Hz()
+        n, self._owed = int(self._owed), self._owed % 1.0
+        # Without a tick due the watchdog still looks at the time.
+        news, samples = self._device.tick(n, now_s)
+        self.outbox.add(self._faults.carry(news, since_s))
+        for line in samples:
+            self.outbox.add_sample(self._faults.carry(line, since_s))
+        self._tell_dropped()
+        self.outbox.flush(self._link.write)
+
+    def _since_hello_s(self, now_s: float) -> float:
+        return 0.0 if self._greeted_s is None else now_s - self._greeted_s
+
+    def _greet(self) -> None:
+        """Start the count of what goes wrong anew with every host that says hello."""
+        if self._device.greeted_s != self._greeted_s:
+            self._greeted_s = self._device.greeted_s
+            self._dropped_before, self._tell_from = self.outbox.dropped, 1
+            self._on_hello()
+
+    def _plug(self, since_s: float) -> None:
+        change = self._faults.plugged(since_s)
+        if change is False:
+            self.outbox.clear()
+            self._link.unplug()
+        elif change is True:
+            self._greeted_s = None
+            self._link.replug()
+
+    def _tell_dropped(self) -> None:
+        count = self.outbox.dropped - self._dropped_before
+        # Told at every doubling, so that the news does not fill a line that is already full.
+        if count >= self._tell_from and self._greeted_s is not None:
+            self.outbox.add(self._device.tell_dropped(count))
+            self._tell_from = 2 * count

@@ -1,0 +1,238 @@
+"""The virtual bench in the same process, on a virtual clock: `sim:` addresses.
+
+Nothing waits: `read(10.0)` returns ten seconds of samples at once. The device's side is the same
+firmware that answers on a port, with its limits and its latch; the host's heartbeat cannot fail
+here, because host and device are one process.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.bench.bench import Identity, Readings
+from benchtool.bench.serial.commands import (
+    AskHello,
+    Clear,
+    Command,
+    MovePlate,
+    SetLimit,
+    SetPwm,
+    SetRate,
+    Stop,
+    Tare,
+)
+from benchtool.bench.serial.hello import Hello
+from benchtool.bench.transport.opened import Opened
+from benchtool.core.errors import CommandRefused, DeviceStopped, InputError, LinkLost, StageError
+from benchtool.core.rig import Rig
+from benchtool.physics.model import Model
+from benchtool.simulate.imperfections import Imperfections
+from benchtool.simulate.plate_bench import PlateBench
+from benchtool.virtual.device import hello_of, virtual_plant
+from benchtool.virtual.firmware import Event, Firmware, Rows
+
+if TYPE_CHECKING:
+    from benchtool.virtual.pitch_plant import PitchPlant
+
+Array = NDArray[np.float64]
+
+MOVE_STEP_S = 0.1
+"""While the plate moves, time passes in steps of this length, to stop soon after it has arrived."""
+
+MOVE_LIMIT_S = 600.0
+"""A plate that has not arrived after this long never will."""
+
+
+class SimulatedBench(Opened):
+    """Answer as a rotor bench does, from simulated physics, without waiting.
+
+    Args:
+        address: as the user gave it.
+        rig: what stands on the bench.
+        truth: the model whose thrust the load cell shows.
+        seed: of every random number.
+        rate_Hz: stream rate.
+        imperfections: how far from perfect; the default bench when left out.
+        max_step_s: most time that passes between two looks of the device at its own limits.
+    """
+
+    def __init__(
+        self,
+        address: str,
+        rig: Rig,
+        truth: Model,
+        seed: int = 0,
+        rate_Hz: float = 200.0,
+        imperfections: Imperfections | None = None,
+        max_step_s: float = 10.0,
+    ) -> None:
+        plant = virtual_plant(rig, truth, seed, imperfections, rate_Hz)
+        self._power_up(address, plant, hello_of(plant, truth, seed), max_step_s)
+
+    def _power_up(
+        self, address: str, plant: PlateBench | PitchPlant, hello: Hello, max_step_s: float
+    ) -> None:
+        """Switch the device on."""
+        self._address = address
+        self._plant = plant
+        self._hello = hello
+        self._firmware = Firmware(self._plant, self._hello)
+        self._rate_Hz = plant.rate_Hz
+        self._max_step_s = max_step_s
+        self._now_s = 0.0
+        self._next_tick_s = 1.0 / plant.rate_Hz
+        self._waiting: list[tuple[Array, Rows]] = []
+        self._messages: list[str] = []
+        self._stopped: Event | None = None
+        self._told = False
+        self._clamped = False
+        self._open = False
+
+    @property
+    def identity(self) -> Identity:
+        return self._hello.identity(self._address, self._rate_Hz)
+
+    def now_s(self) -> float:
+        return self._now_s
+
+    def open(self) -> None:
+        self._open = True
+        self._firmware.execute(AskHello(), self._now_s)
+        self.clear()
+        self._command("rate", SetRate(self._rate_Hz))
+
+    def close(self) -> None:
+        if self._open:
+            self.stop()
+            self._open = False
+
+    def set_pwm(self, pwm_us: Array) -> None:
+        self._raise_if_stopped()
+        pulses = np.asarray(pwm_us, float)
+        if not np.all(np.isfinite(pulses)):
+            raise InputError(f"pulses {pulses.tolist()} are not all finite; give numbers in us")
+        self._command("pwm", SetPwm(tuple(pulses.tolist())))
+
+    def stop(self) -> None:
+        if self._open:
+            self._firmware.execute(Stop(), self._now_s)
+
+    def move_plate(self, z_m: float, x_m: float = 0.0, tilt_rad: float = 0.0) -> None:
+        self._raise_if_stopped()
+        try:
+            self._command("plate", MovePlate(z_m, x_m, tilt_rad))
+        except CommandRefused as error:
+            raise StageError(f"the plate stays where it is: {error.reason}") from error
+        deadline_s = self._now_s + MOVE_LIMIT_S
+        while self._plant.plate_moving:
+            if self._now_s >= deadline_s:
+                raise StageError(
+                    f"the plate did not reach {z_m:g} m within {MOVE_LIMIT_S:g} s; check the "
+                    f"rig's plate.speed_m_s"
+                )
+            self._pass(MOVE_STEP_S)
+            self._note_events()
+            self._raise_if_stopped()
+
+    def tare(self) -> None:
+        self._command("tare", Tare())
+
+    def set_rate(self, rate_Hz: float) -> None:
+        if not rate_Hz > 0.0:
+            raise InputError(f"a stream rate of {rate_Hz:g} Hz is no stream; ask for 1 to 5000")
+        try:
+            self._command("rate", SetRate(rate_Hz))
+        except CommandRefused as error:
+            raise InputError(f"the device cannot stream that fast: {error.reason}") from error
+        self._rate_Hz = rate_Hz
+        self._next_tick_s = self._now_s + 1.0 / rate_Hz
+
+    def set_limit(self, name: str, value: float) -> None:
+        """Make one device-side limit narrower.
+
+        Raises:
+            CommandRefused: no such limit, or the value is wider than the present one.
+        """
+        self._command("limit", SetLimit(name, value))
+
+    def clear(self) -> None:
+        """Lift the latch of a device that stopped by itself; its motors stay at zero."""
+        self._command("clear", Clear())
+        self._note_events()
+        self._stopped, self._told = None, False
+
+    def read(self, timeout_s: float) -> Readings:
+        self._need_open("read")
+        # What was read before a stop is handed out first: no sample is lost to its news.
+        if not self._waiting and not self._told:
+            self._raise_if_stopped()
+        if self._stopped is None or self._told:
+            self._pass(timeout_s)
+        self._note_events()
+        self._note_clamp()
+        times = [time_s for time_s, _ in self._waiting]
+        rows = [row for _, row in self._waiting]
+        self._waiting = []
+        messages, self._messages = tuple(self._messages), []
+        if not rows:
+            return Readings(
+                np.empty(0), np.empty(0), np.empty((0, len(self._hello.channels))), 0, 0, messages
+            )
+        return Readings(
+            time_s=np.concatenate(times),
+            device_time_us=np.concatenate([row.device_time_us for row in rows]).astype(float),
+            values=np.concatenate([row.values for row in rows]),
+            messages=messages,
+        )
+
+    def _pass(self, duration_s: float) -> None:
+        """Let time pass and keep the samples that fall into it."""
+        until_s = self._now_s + duration_s
+        while True:
+            # A tick that falls on the end of the span belongs to it, rounding or not.
+            left = int(np.floor((until_s - self._next_tick_s) * self._rate_Hz + 1e-6)) + 1
+            if left <= 0:
+                break
+            n = min(left, max(1, round(self._max_step_s * self._rate_Hz)))
+            time_s = self._next_tick_s + np.arange(n) / self._rate_Hz
+            self._now_s = float(time_s[-1])
+            self._firmware.hear(self._now_s)
+            self._waiting.append((time_s, self._firmware.advance(n, self._now_s)))
+            self._next_tick_s = self._now_s + 1.0 / self._rate_Hz
+        self._now_s = max(until_s, self._now_s)
+
+    def _command(self, name: str, command: Command) -> None:
+        self._need_open(name)
+        reply = self._firmware.execute(command, self._now_s)
+        if not reply.ok:
+            raise CommandRefused(name, reply.reason)
+
+    def _note_events(self) -> None:
+        for event in self._firmware.take_events():
+            self._messages.append(f"{event.kind}: {event.text}")
+            if event.stops_motors:
+                self._stopped = event
+
+    def _note_clamp(self) -> None:
+        """Say once that the plate came nearer than the physics reaches."""
+        if self._plant.clamped_readings and not self._clamped:
+            self._clamped = True
+            self._messages.append(
+                "clamped: the plate is nearer than z/R = 0.5, where the image formulae end; thrust "
+                "is that of z/R = 0.5"
+            )
+
+    def _raise_if_stopped(self) -> None:
+        if self._stopped is not None:
+            self._told = True
+            raise DeviceStopped(
+                f"the device stopped its motors by itself ({self._stopped.kind}: "
+                f"{self._stopped.text}); remove the cause and start again"
+            )
+
+    def _need_open(self, what: str) -> None:
+        if not self._open:
+            raise LinkLost(f"{what} was asked of a bench that is not open; open it first")

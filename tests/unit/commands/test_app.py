@@ -1,0 +1,151 @@
+"""The boundary where errors end: one sentence, one exit code."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
+from typing import Annotated
+
+import pytest
+import typer
+
+from benchtool import __version__
+from benchtool.commands import app
+from benchtool.core.errors import BenchtoolError, LinkLost, UnknownChoice
+
+Run = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture
+def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
+    """Give a call that runs ``benchtool`` with a command ``try`` which raises what it is given."""
+    monkeypatch.delenv("BENCHTOOL_DEBUG", raising=False)
+
+    def call(*words: str, raising: BaseException | None = None) -> tuple[int, str, str]:
+        def command(times: Annotated[int, typer.Option(help="How often.")] = 1) -> None:
+            """Try something."""
+            if raising is not None:
+                raise raising
+            print("done", times)
+
+        module = ModuleType("benchtool.commands.try")
+        module.command = command  # type: ignore[attr-defined]
+        monkeypatch.setitem(sys.modules, module.__name__, module)
+        monkeypatch.setattr(app, "COMMANDS", {"try": "Try something", "absent": "Not loaded"})
+        with pytest.raises(SystemExit) as leaving:
+            app.main(words)
+        printed = capsys.readouterr()
+        return int(leaving.value.code or 0), printed.out, printed.err
+
+    return call
+
+
+def test_a_command_runs(run: Run) -> None:
+    assert run("try", "--times", "3") == (0, "done 3\n", "")
+
+
+def test_no_words_show_the_help_with_commands_that_are_not_imported(run: Run) -> None:
+    code, out, err = run()
+    assert (code, err) == (0, "")
+    assert re.search(r"^  try +Try something\n  absent +Not loaded$", out, re.MULTILINE)
+
+
+def test_the_version_is_shown_alone(run: Run) -> None:
+    assert run("--version") == (0, f"benchtool {__version__}\n", "")
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        BenchtoolError("no"),
+        LinkLost("the device went silent"),
+        UnknownChoice("unit", "furlong", ["m", "s"]),
+    ],
+    ids=lambda error: type(error).__name__,
+)
+def test_our_errors_end_as_one_sentence(run: Run, error: BenchtoolError) -> None:
+    assert run("try", raising=error) == (error.exit_code, "", f"benchtool: {error}\n")
+
+
+def test_an_interrupt_ends_with_130(run: Run) -> None:
+    assert run("try", raising=KeyboardInterrupt())[0] == 130
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["tri"], "unknown command 'tri'; did you mean 'try'? known: absent, try"),
+        (
+            ["try", "--tims"],
+            "No such option: --tims (Possible options: --times); see benchtool try --help",
+        ),
+        (
+            ["try", "--times", "x"],
+            "Invalid value for '--times': Input should be a valid integer, unable to parse string "
+            "as an integer (given: 'x'); see benchtool try --help",
+        ),
+    ],
+)
+def test_bad_words_end_as_one_sentence(run: Run, words: list[str], sentence: str) -> None:
+    assert run(*words) == (2, "", f"benchtool: {sentence}\n")
+
+
+@pytest.mark.parametrize("removed", app.REMOVED)
+def test_what_was_removed_is_refused_with_what_does_its_work(
+    removed: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as leaving:
+        app.main(removed.split())
+    assert leaving.value.code == 2
+    sentence = capsys.readouterr().err
+    assert sentence == f"benchtool: benchtool {removed} was removed; {app.REMOVED[removed]}\n"
+    assert "benchtool " in app.REMOVED[removed]
+
+
+def test_an_option_that_was_removed_is_refused_wherever_it_stands(
+    run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(app, "REMOVED", {"try --loudly": "raise the volume"})
+    sentence = "benchtool: benchtool try --loudly was removed; raise the volume\n"
+    assert run("try", "--times", "2", "--loudly") == (2, "", sentence)
+    assert run("try", "--times", "2")[0] == 0
+
+
+def test_a_fault_keeps_its_traceback_in_a_file(
+    run: Run,
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+) -> None:
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    code, _, err = run("try", raising=ZeroDivisionError("a\nb"))
+    (kept,) = tmp_path.iterdir()
+    assert code == app.UNEXPECTED
+    assert err.startswith("benchtool: a fault in benchtool itself, ZeroDivisionError: a b; ")
+    assert err.count("\n") == 1
+    assert str(kept) in err
+    assert "in command" in kept.read_text(encoding="utf-8")
+
+
+def test_a_fault_shows_its_traceback_when_asked(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("BENCHTOOL_DEBUG", "1")
+    with pytest.raises(ZeroDivisionError):
+        run("try", raising=ZeroDivisionError())
+
+
+def test_a_group_of_commands_is_loaded_by_its_name(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    group = typer.Typer()
+    group.command("one")(lambda: print("one ran"))
+    group.command("two")(lambda: print("two ran"))
+    module = ModuleType("benchtool.commands.several")
+    module.app = group  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, module.__name__, module)
+    monkeypatch.setattr(app, "COMMANDS", {"several": "Try several things"})
+    for words, shown in [(["several", "two"], "two ran\n"), (["several"], "Usage: benchtool sev")]:
+        with pytest.raises(SystemExit):
+            app.main(words)
+        assert "".join(capsys.readouterr()).startswith(shown)

@@ -1,0 +1,231 @@
+"""`benchtool explain`: what it prints and writes, and what it refuses."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchtool.commands.app import main
+from benchtool.commands.explain import spread
+from benchtool.data.run.recording_file import read_recording, write_recording
+from benchtool.physics.model_file import load_model
+from tests.system.served import COMMAND
+from tests.unit.explain.hand_made import MODEL
+from tests.unit.physics.test_own_effects import GOOD
+
+PAIR = MODEL.parents[1] / "pitch_friction"
+LEARN, CHECK = str(PAIR / "learn.parquet"), str(PAIR / "check.parquet")
+
+
+def run(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str, str]:
+    with pytest.raises(SystemExit) as left:
+        main(["explain", *words])
+    said = capsys.readouterr()
+    assert isinstance(left.value.code, int)
+    return left.value.code, said.out, said.err
+
+
+def shortened(folder: Path, name: str, seconds: float) -> str:
+    """Write the beginning of a recording that ships."""
+    whole = read_recording(LEARN)
+    part = whole.select(whole.column("time_s") < seconds)
+    write_recording(folder / name, part, {})
+    return str(folder / name)
+
+
+def test_hidden_friction_is_named_and_everything_is_written(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    out, answer = tmp_path / "out", tmp_path / "answer.json"
+    words = (LEARN, "--model", str(MODEL), "--check", CHECK, "--draws", "30")
+    code, said, _ = run(capsys, *words, "--out", str(out), "--json", str(answer))
+    assert code == 0
+    lines = said.splitlines()
+    assert lines[0].startswith("SIMULATED DATA")
+    assert lines[1].startswith(
+        "The model lacks Coulomb friction: coulomb_friction.torque_Nm = 0.01"
+    )
+    assert lines[2].startswith("The disagreement is at the hinge")
+    assert re.search(r"coulomb_friction\.torque_Nm +0\.002\sN\sm", said)
+    short = said[said.index("In short\n") :].splitlines()
+    assert short[1] == lines[1]
+    assert short[2].startswith(f"Written: {out / 'model.toml'}, which is pitch_bench with Coulomb")
+    assert short[3].startswith("  coulomb_friction.torque_Nm = 0.01")
+    again = short.index("# ask again: is anything still missing?")
+    assert short[again + 1] == (
+        f"benchtool explain {LEARN} --model {out / 'model.toml'} --check {CHECK} --out {out}-again"
+    )
+    assert re.search(r"pitch +deg", said)
+    found = json.loads(answer.read_text("utf-8"))
+    assert found["verdict"] == "effect"
+    torque = found["effects"][0]["parameters"]["torque_Nm"]
+    assert torque["value"] == pytest.approx(0.012, abs=0.001)
+    gap = found["gap"]["theta_rad"]
+    assert gap["after"] < 0.7 * gap["before"]
+    assert found["model_out"] == str(out / "model.toml")
+    new = load_model(found["model_out"]).model
+    assert new.parameters["coulomb_friction.torque_Nm"].value == torque["value"]
+    assert new.parameters["inertia_kgm2"].value == pytest.approx(0.0306, rel=0.02)
+    assert set(found["data"]["learn"].values()) <= set(new.provenance.values())
+    assert "simulated-stamp" in (out / "overlay_theta_rad.svg").read_text("utf-8")
+    code, _, refused = run(capsys, *words, "--out", str(out))
+    assert code == 2
+    assert f"{out} exists already" in refused
+    assert refused.endswith("choose another name, or replace it with --overwrite\n")
+
+
+def test_the_new_model_explains_the_recordings_within_their_noise(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    text = MODEL.read_text("utf-8")
+    start = text.index("[effects.coulomb_friction]")
+    mended = text[:start] + text[start:].replace(
+        "torque_Nm = { value = 0.0", "torque_Nm = { value = 0.012", 1
+    )
+    (tmp_path / "model.toml").write_text(mended, encoding="utf-8")
+    code, said, _ = run(
+        capsys, LEARN, "--model", str(tmp_path / "model.toml"), "--check", CHECK, "--draws", "30",
+        "--json", str(tmp_path / "answer.json"),
+    )  # fmt: skip
+    assert code == 0
+    assert "Nothing beyond the stated tolerances is missing" in said
+    assert "add --out FOLDER" in said
+    found = json.loads((tmp_path / "answer.json").read_text("utf-8"))
+    assert found["verdict"] == "none"
+    assert found["model_out"] is None
+
+
+@pytest.mark.slow  # a new law is compiled
+@pytest.mark.timeout(600)
+def test_an_effect_of_the_users_own_is_tried_and_goes_with_the_model(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    own = tmp_path / "mine.py"
+    own.write_text(GOOD, encoding="utf-8")
+    code, _, _ = run(
+        capsys, shortened(tmp_path, "a.csv", 12.0), "--model", str(MODEL), "--check", CHECK,
+        "--effects", str(own), "--draws", "20", "--json", str(tmp_path / "answer.json"),
+    )  # fmt: skip
+    assert code == 0
+    found = json.loads((tmp_path / "answer.json").read_text("utf-8"))
+    assert found["tolerances"]["cubic_damping.c_Nms3"] == 0.002
+    assert "cubic_damping" in found["probabilities"]
+
+
+def test_what_a_recording_lacks_is_told_with_the_verdict(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    whole = read_recording(LEARN)
+    kept = whole.select((whole.column("time_s") < 6.0) | (whole.column("time_s") > 8.0))
+    columns = [
+        (channel, np.zeros(len(kept)) if channel.name == "rpm1" else kept.column(channel.name))
+        for channel in kept.channels
+    ]
+    write_recording(tmp_path / "a.csv", whole.from_columns(columns), {})
+    code, said, _ = run(
+        capsys, str(tmp_path / "a.csv"), "--model", str(MODEL), "--check", CHECK, "--draws", "20"
+    )
+    assert code == 0
+    assert "! a.csv: rpm1 is 0 in every row: a dead channel, left out" in said
+    beside = said.splitlines()[2]
+    assert beside.startswith("Mind what it rests on: a.csv: ")
+    assert beside.endswith("more remark with what was not judged).")
+    assert said.count(beside) == 2  # beside the verdict, and again in short
+    assert "! a.csv: 1 gap in time, the first at 5.996 s" in said
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ((), "nothing to explain"),
+        (("a.csv",), "no check recording"),
+        (("a.csv", "--check", "b.csv"), "which model"),
+        (("a.csv", "--check", "b.csv", "--model", "nothing"), "unknown model"),
+        (("a.csv", "--check", "b.csv", "--model", "single"), "no such run or file"),
+        (("--check", "b.csv", "a.csv"), "nothing to explain"),
+        (("short.csv", "--model", str(MODEL), "--check", CHECK), "2.0 s long"),
+        ((LEARN, "--model", str(MODEL), "--check", CHECK, "--effects", "no.py"), "no such file"),
+        (("--check", "b.csv", "a.csv"), "(every word behind --check is to check on)"),
+        (
+            (LEARN, "no.csv", "--model", "bad.csv"),
+            "3 things to mend: (1) no.csv: there is no such run or file; check the path. "
+            "(2) bad.csv: this looks like a CSV table, and a model is a TOML file with a table "
+            "[model]; name one, or a shipped model: ",
+        ),
+        ((LEARN, "no.csv", "--model", "bad.csv"), ". (3) there is no check recording; name one"),
+        ((LEARN, "--model", "word.txt", "--check", CHECK), "word.txt: this looks like plain text"),
+        ((LEARN, "--model", ".", "--check", CHECK), "a folder; name a TOML file in it: mine.toml"),
+        (
+            (LEARN, "--model", "pitch_pquad", "--check", CHECK),
+            "learn.parquet has pulses or speeds of 2 rotors, and the model 4 (rig 'pquad'); name",
+        ),
+    ],
+)
+def test_what_cannot_be_answered_ends_with_one_sentence(
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    words: tuple[str, ...],
+    said: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    shortened(tmp_path, "short.csv", 2.0)
+    (tmp_path / "bad.csv").write_text("t,theta\n0,1\n", "utf-8")
+    (tmp_path / "word.txt").write_text("hello\n", "utf-8")
+    (tmp_path / "mine.toml").write_text("[model]\n", "utf-8")
+    code, out, err = run(capsys, *words)
+    assert code == 2
+    assert said in err
+    assert out == ""
+    assert len(err.strip().splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("words", "meant"),
+    [
+        ("a b --check c d --model m", "a b --check c --check d --model m"),
+        ("a --check c --check d", "a --check c --check d"),
+        ("a --check=c d --out o", "a --check=c --check d --out o"),
+        ("--model m a --check c", "--model m a --check c"),
+        ("a --model m b", "a --model m b"),
+    ],
+)
+def test_every_word_behind_check_is_a_check_recording(words: str, meant: str) -> None:
+    assert spread(words.split()) == meant.split()
+
+
+@pytest.mark.slow
+def test_a_record_of_another_simulator_is_explained_as_it_stands(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, reference_data: Path
+) -> None:
+    folder = reference_data / "pitch_bench"
+    code, said, _ = run(
+        capsys, str(folder / "body_lift.csv"), "--model", str(MODEL),
+        "--check", str(folder / "body_lift_check.csv"), "--out", str(tmp_path / "out"),
+    )  # fmt: skip
+    assert code == 0
+    assert said.splitlines()[0].startswith("The model lacks body lift (fountain): body_lift.K_b = ")
+    assert "between rotor speed and thrust" in said
+    assert (tmp_path / "out" / "report.html").is_file()
+
+
+@pytest.mark.slow
+def test_a_reader_who_leaves_early_loses_no_file(tmp_path: Path) -> None:
+    """As `benchtool explain ... | head -1` does."""
+    words = [shortened(tmp_path, "a.csv", 8.0), "--model", str(MODEL), "--check", CHECK]
+    answer = tmp_path / "answer.json"
+    process = subprocess.Popen(
+        [*COMMAND, "explain", *words, "--draws", "20", "--json", str(answer)],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    assert process.stdout is not None
+    process.stdout.close()
+    _, complaint = process.communicate(timeout=300)
+    assert process.returncode == 0
+    assert complaint == (f"explaining {words[0]}, {CHECK}; the answer can take a minute or more\n")
+    assert json.loads(answer.read_text("utf-8"))["version"] == 2

@@ -1,0 +1,156 @@
+"""`benchtool import`: what it writes, shows and refuses."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchtool.commands.app import main
+from benchtool.core.errors import FileFormatError, WouldOverwrite
+from benchtool.core.recording import Recording
+from benchtool.data.columns import channel_called
+from benchtool.data.formats.formats import import_file
+from benchtool.data.run.recording_file import read_recording, write_recording
+from benchtool.data.table import read_table
+from tests.unit.data.stand_logs import log_text, steps_1580
+
+
+@pytest.fixture
+def log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "steps.csv"
+    thrust = steps_1580()["Thrust (gf)"] - 40.0
+    thrust[3] = np.nan
+    path.write_text(log_text(steps_1580(**{"Thrust (gf)": thrust})))
+    return path
+
+
+def run(*words: str | Path) -> int:
+    with pytest.raises(SystemExit) as left:
+        main(["import", *map(str, words)])
+    return int(left.value.code or 0)
+
+
+@pytest.mark.parametrize("ending", ["csv", "parquet"])
+def test_what_is_written_reads_back(log: Path, ending: str) -> None:
+    assert run(log, "--out", f"out/steps.{ending}", "--tare", "thrust_N") == 0
+    recording = read_recording(f"out/steps.{ending}")
+    wanted = import_file(log).recording
+    assert recording.names == wanted.names
+    assert [item.unit for item in recording.channels] == [item.unit for item in wanted.channels]
+    np.testing.assert_array_equal(recording.column("rpm1"), wanted.column("rpm1"))
+    assert np.isnan(recording.column("thrust_N")[3])
+    assert recording.column("thrust_N")[0] == 0.0
+    assert recording.provenance["device"] == "RCbenchmark Series 1580/1585"
+    facts = json.loads(Path(f"out/steps.{ending}.json").read_text("utf-8"))
+    assert facts["tally"] == {
+        "unit": "row", "total": 20, "kept": 20, "refused": 0, "not_needed": 0,
+    }  # fmt: skip
+    assert {item["what"] for item in facts["findings"]} >= {"untared", "blank cells"}
+    assert facts["sources"]["thrust_N"] == "Thrust (gf)"
+    assert facts["options"] == {"tare": "('thrust_N',)"}
+
+
+def test_a_fit_reads_what_is_written(log: Path) -> None:
+    assert run(log) == 0
+    table = read_table("imported/steps.csv")
+    np.testing.assert_array_equal(
+        table.column("thrust_N"), import_file(log).recording.column("thrust_N")
+    )
+
+
+def test_findings_are_shown(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(log, "--dry-run") == 0
+    said = capsys.readouterr().out
+    assert "20 of 20 rows kept, 0 refused" in said
+    assert "untared" in said
+    assert not Path("imported").exists()
+
+
+def test_nothing_is_overwritten_untold(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(log) == 0
+    before = Path("imported/steps.csv").read_bytes()
+    assert run(log, "--flip", "thrust_N") == 2
+    assert Path("imported/steps.csv").read_bytes() == before
+    assert "choose another name, or replace it with --overwrite" in capsys.readouterr().err
+    assert run(log, "--flip", "thrust_N", "--overwrite") == 0
+    assert Path("imported/steps.csv").read_bytes() != before
+
+
+def test_two_files_cannot_become_one(log: Path) -> None:
+    Path("other").mkdir()
+    Path("other/steps.csv").write_bytes(log.read_bytes())
+    assert run(log, "other/steps.csv") == 2
+    assert run(log, "other/steps.csv", "--out", "one.csv") == 2
+    assert not Path("imported").exists()
+
+
+def test_a_folder_names_the_files_in_it(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = log.parent / "my logs"
+    folder.mkdir()
+    assert run("my logs") == 2
+    assert "none of its files is known; name the file" in capsys.readouterr().err
+    assert run(".", "--dry-run") == 2
+    assert "benchtool import steps.csv" in capsys.readouterr().err
+    (folder / "one").mkdir()
+    assert run("my logs") == 2
+    assert "look into my logs/one/" in capsys.readouterr().err
+    (folder / "notes.txt").write_text("nothing, here\n1, 2\n")
+    (folder / "photo.jpg").write_bytes(b"\xff\xd8\xff\xe0\0\0")
+    (folder / "a.csv").write_bytes(log.read_bytes())
+    (folder / "b.ulg").write_bytes(b"ULog\x01\x12\x35\x01")
+    assert run("my logs") == 2
+    said = capsys.readouterr().err
+    assert "benchtool import 'my logs/a.csv' 'my logs/b.ulg'" in " ".join(said.split())
+    assert "notes" not in said
+    for copy in range(9):
+        (folder / f"a{copy}.csv").write_bytes(log.read_bytes())
+    assert run("my logs") == 2
+    assert "(and 3 more)" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        (),
+        ("none.csv",),
+        ("steps.csv", "--over", "x"),
+        ("steps.csv", "--out", "a.csv", "--scale", "x"),
+    ],
+)
+def test_bad_words_are_refused(log: Path, words: tuple[str, ...]) -> None:
+    assert log.exists()
+    assert run(*words) == 2
+
+
+def test_a_foreign_file_gives_the_terminal_no_orders(
+    log: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log.write_text(log_text(steps_1580()).replace("App message", "\x1b[31mred[/b]"))
+    assert run(log, "--dry-run") == 0
+    said = capsys.readouterr().out
+    assert "\x1b" not in said
+    assert "[31mred" in said
+    log.write_text("\x1b[31mred,blue\n1,2\n")
+    assert run(log, "--dry-run") == 2
+    assert "\x1b" not in capsys.readouterr().err
+
+
+def test_a_recording_that_changed_is_refused(log: Path) -> None:
+    recording = Recording(
+        (channel_called("thrust_N"), channel_called("rpm1")),
+        np.array([[1.5, np.nan], [np.nan, np.nan], [np.nan, 2.5]]),
+    )
+    target = log.with_name("mine.csv")
+    write_recording(target, recording, {})
+    with pytest.raises(WouldOverwrite):
+        write_recording(target, recording, {})
+    np.testing.assert_array_equal(read_recording(target).values, recording.values)
+    target.write_text(target.read_text() + "7\n")
+    with pytest.raises(FileFormatError, match="has changed since"):
+        read_recording(target)
+    with pytest.raises(FileFormatError, match=r"\.csv or \.parquet"):
+        write_recording(log.with_name("mine.xls"), recording, {})

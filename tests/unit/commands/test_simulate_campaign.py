@@ -1,0 +1,140 @@
+"""Campaigns: the design, the table on disk, the map, and memory that does not grow."""
+
+from __future__ import annotations
+
+import tracemalloc
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchtool.commands.app import main
+from benchtool.core.errors import WouldOverwrite
+from benchtool.data.run.campaign import CampaignWriter, read_campaign, unfinished
+from benchtool.simulate.campaign import Row, write_campaign
+from benchtool.simulate.campaign_pitch import PitchCampaign
+from benchtool.simulate.design import Design
+from benchtool.simulate.pitch.setup import PitchSetup, pitch_setup
+
+WORDS = ("simulate", "pitch", "--duration-s", "12", "--controllers", "pid,observer")
+
+
+def short(duration_s: float = 12.0) -> PitchSetup:
+    setup = pitch_setup(controllers=("pid",))
+    return replace(setup, schedule=setup.schedule.lasting(duration_s))
+
+
+def test_every_point_sees_the_same_noise_and_stands_as_if_run_alone() -> None:
+    setup = short()
+    design = Design.read(["bench.inertia_kgm2=0.015:0.021:3"], seeds=2, seed=5)
+    rows = list(PitchCampaign(setups={"s3": setup}).rows(design))
+    assert [row["seed"] for row in rows] == [5.0, 6.0] * 3
+    one = Design.read(["bench.inertia_kgm2=0.018:0.018:1"], seeds=2, seed=5)
+    alone = list(PitchCampaign(setups={"s3": setup}).rows(one))
+    for mine, other in zip(rows[2:4], alone, strict=True):
+        assert mine["rms_deg"] == pytest.approx(float(other["rms_deg"]), rel=1e-9)
+    assert rows[0]["rms_deg"] != rows[1]["rms_deg"]
+
+
+def test_the_command_writes_a_tidy_table_and_a_map(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    out = tmp_path / "campaign"
+    vary = ("--vary", "gains.attitude=0.8:1.2:2", "--vary", "K_b=1.5:2.5:3", "--seeds", "2")
+    with pytest.raises(SystemExit) as left:
+        main([*WORDS, *vary, "--out", str(out)])
+    assert left.value.code == 0
+    assert "24 runs in" in capsys.readouterr().out
+    table = read_campaign(
+        out / "campaign.parquet", ["gains.attitude", "K_b", "controller", "seed", "peak_deg"]
+    )
+    assert {len(column) for column in table.values()} == {24}
+    pid = table["controller"] == "pid"
+    soft = pid & (table["gains.attitude"] == 0.8)
+    stiff = pid & (table["gains.attitude"] == 1.2)
+    assert np.abs(table["peak_deg"][soft]).mean() > 1.3 * np.abs(table["peak_deg"][stiff]).mean()
+    svg = (out / "campaign.svg").read_text(encoding="utf-8")
+    assert "simulated-stamp" in svg
+    assert sorted(path.name for path in out.iterdir()) == [
+        "campaign.parquet", "campaign.png", "campaign.svg",
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--vary", "K_b=1:2:3"), "add --out FOLDER"),
+        (("--vary", "K_b=1:2:3", "--vary", "K_b=1:2:3", "--out", "x"), "one number twice"),
+        (("--vary", "Kb=1:2:3", "--out", "x"), "unknown number to set or vary"),
+        (("--vary", "K_b=1:2:3", "--measure", "rms", "--out", "x"), "did you mean 'rms_deg'"),
+        (("--vary", "K_b=1:2:3", "--seeds", "0", "--out", "x"), "given: '0'"),
+        (("--vary", "K_b=2:1:3", "--out", "x"), "is no range"),
+        (("--seeds", "3"), "--seeds is for a campaign; add --vary"),
+        (("--gains", "s3", "--gains", "stiff"), "2 gain sets (s3, stiff) are for a campaign"),
+        (("--gains", "s3,s3", "--vary", "K_b=1:2:3", "--out", "x"), "name each gain set once"),
+        (("--vary", "gains.control_rate_Hz=250:500:2", "--out", "x"), "cannot vary control_rate"),
+    ],
+)
+def test_a_campaign_that_cannot_be_run_is_refused(
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    words: tuple[str, ...],
+    message: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as left:
+        main([*WORDS, *words])
+    assert left.value.code == 2
+    assert message in capsys.readouterr().err
+    assert not list(tmp_path.rglob("*.parquet"))
+
+
+def test_gain_sets_stand_side_by_side(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    vary = ("--vary", "K_b=1.5:2.5:2", "--gains", "s3", "--gains", "stiff")
+    with pytest.raises(SystemExit) as left:
+        main([*WORDS, *vary, "--measure", "peak_deg", "--out", str(tmp_path)])
+    assert left.value.code == 0
+    said = capsys.readouterr().out
+    assert "8 runs" in said
+    peaks = {line.split(":")[0].strip(): float(line.split(":")[1]) for line in said.splitlines()
+             if line.startswith("  ")}  # fmt: skip
+    assert list(peaks) == ["s3, pid", "s3, observer", "stiff, pid", "stiff, observer"]
+    assert abs(peaks["stiff, pid"]) < 0.5 * abs(peaks["s3, pid"])
+
+
+def test_a_campaign_that_is_broken_off_keeps_its_rows_and_is_not_written_over(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "campaign.parquet"
+
+    def rows() -> Iterator[Row]:
+        yield from ({"K_b": float(number)} for number in range(10))
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        write_campaign(rows(), path, {}, lambda _: None)
+    assert not path.exists()
+    assert read_campaign(unfinished(path), ["K_b"])["K_b"].tolist() == list(range(10))
+    with pytest.raises(WouldOverwrite, match=r"campaign\.parquet\.part exists already"):
+        CampaignWriter(path, {})
+
+
+def test_memory_does_not_grow_with_the_number_of_runs(tmp_path: Path) -> None:
+    row = {"K_b": 1.0, "controller": "pid", "rms_deg": 0.5}
+
+    def peak_of(count: int) -> int:
+        def rows() -> Iterator[dict[str, float | str]]:
+            for _ in range(count):
+                yield dict(row)
+
+        tracemalloc.start()
+        write_campaign(rows(), tmp_path / f"{count}.parquet", {}, lambda _: None)
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return peak
+
+    peak_of(10)
+    assert peak_of(80_000) < 1.3 * peak_of(10_000)

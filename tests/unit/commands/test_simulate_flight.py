@@ -1,0 +1,227 @@
+"""`benchtool simulate flight`: the table, the files, and what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchtool.commands.app import main
+from benchtool.data.run.recording_file import read_recording
+from benchtool.data.table import read_csv_text
+
+
+def run(*words: str) -> int:
+    with pytest.raises(SystemExit) as leaving:
+        main(["simulate", "flight", *words])
+    return int(leaving.value.code or 0)
+
+
+def test_a_flight_under_each_controller(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "flight"
+    assert run("--controllers", "pid,observer", "--out", str(out)) == 0
+    printed = capsys.readouterr().out
+    assert printed.startswith("SIMULATED flight over")
+    lines = printed.splitlines()
+    assert lines[3].split()[2] == "38.1"
+    assert "never" in lines[4]
+    tables = ("oge.csv", "pid.csv", "observer.csv")
+    assert {path.name for path in out.iterdir()} == {
+        *tables, *(f"{name}.json" for name in tables), "numbers.txt", "flight.svg", "flight.png",
+    }  # fmt: skip
+    said = (out / "numbers.txt").read_text(encoding="utf-8").splitlines()
+    assert said == lines[: len(said)]
+    assert said[0].startswith("SIMULATED flight over")
+    provenance = read_recording(out / "observer.csv").provenance
+    assert provenance["control"] == "observer"
+    assert provenance["ending"] == "flown"
+    table = read_csv_text(out / "pid.csv")
+    assert table.header[:4] == ("time_s", "x_m", "y_m", "z_m")
+    assert len(table.rows) == 6000
+    x = np.array([float(row[1]) for row in table.rows])
+    assert 3.1 < x.max() < 3.2
+    assert run("--controllers", "pid", "--out", str(out)) == 2
+    assert "exists already" in capsys.readouterr().err
+
+
+def test_a_map_from_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    places = [(x, y) for x in np.arange(-1.0, 9.0, 0.1) for y in (-1.0, 0.0, 1.0)]
+    rows = [f"{x:.3f},{y},{0.0 if 3.0 <= x <= 5.0 else ''}" for x, y in places]
+    (tmp_path / "heights.csv").write_text("x_m,y_m,height_m\n" + "\n".join(rows) + "\n")
+    (tmp_path / "map.toml").write_text(
+        'name = "shelf"\nfloor_m = -5.0\n[grid]\nfile = "heights.csv"\n'
+    )
+    shelf = str(tmp_path / "map.toml")
+    assert run("--map", shelf, "--controllers", "pid") == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].startswith("SIMULATED flight over: Flying over shelf; rig pquad")
+    assert "never" in lines[4]
+    assert run("--map", shelf, "--goal-m", "20,0") == 2
+    assert "the map does not cover the path: x = 20 m" in capsys.readouterr().err
+    (tmp_path / "wrong.toml").write_text("[[blocks]]\nx_m = [3.0, 5.0]\nheight = 1.0\n")
+    assert run("--map", str(tmp_path / "wrong.toml")) == 2
+    assert "height" in capsys.readouterr().err
+    (tmp_path / "torn.csv").write_text("x_m,y_m,height_m\n0,0,0\n0,1,0\n1,0,zero\n1,1,0\n")
+    assert run("--map", str(tmp_path / "torn.csv")) == 2
+    assert "line 4: height_m is 'zero'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["--case", "ovr"], "did you mean 'over'"),
+        (["--controllers", "pdi"], "unknown controller of a flight 'pdi'"),
+        (["--controllers", ","], "no controller was named"),
+        (["--layout", "x"], "known: cross, plus"),
+        (["--map-offset-m", "1,2"], "give 3 numbers"),
+        (["--map-offset-m", "nan,0,0"], "--map-offset-m is 'nan,0,0'"),
+        (["--goal-m", "inf,0"], "--goal-m is 'inf,0'"),
+        (["--z-over-r", "nan"], "z/R is nan"),
+        (["--speed-m-s", "-1"], "goal speed_m_s is -1"),
+        (["--gyro-noise-rad-s", "inf"], "gyro_noise_rad_s is inf"),
+        (["--rig", "pquad_single"], "four rotors or more"),
+        (["--lag-s", "0.001"], "add --set step_s=0.0004"),
+        (["--lag-s", "1e-9"], "lag_s is 1e-09; give at least 2e-06 s"),
+        (["--set", "step_s=0"], "step_s is 0; give 1e-06 to 0.004"),
+        (["--set", "gains.control_rate_Hz=1e9"], "control_rate_Hz is 1e+09; give 1 to 100000"),
+        (["--set", "gains.control_rate_Hz=1e-9"], "control_rate_Hz is 1e-09; give 1 to 100000"),
+        (["--controllers", "PID"], "did you mean 'pid'"),
+    ],
+)
+def test_bad_input_is_one_sentence(
+    words: list[str], says: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(*words) == 2
+    error = capsys.readouterr().err
+    assert says in error
+    assert error.count("\n") == 1
+
+
+def test_a_step_for_quick_motors_and_quick_control(capsys: pytest.CaptureFixture[str]) -> None:
+    quick = ("--set", "step_s=0.0004", "--set", "gains.control_rate_Hz=2000")
+    assert run("--controllers", "pid", "--duration-s", "2", "--lag-s", "0.001", *quick) == 0
+    assert capsys.readouterr().out.startswith("SIMULATED flight over")
+
+
+def test_a_flight_beyond_anything_sensible_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    wild = ("--set", "gains.attitude=1e12")
+    assert run("--controllers", "pid", "--duration-s", "20", *wild) == 0
+    out = capsys.readouterr().out
+    assert "PID: it flew as no such vehicle does (+" in out
+    assert "limits guessed as 10 m, 75 deg, 30 m/s" in out
+    assert run("--controllers", "pid", "--duration-s", "20") == 0
+    assert "no such vehicle" not in capsys.readouterr().out
+
+
+LAW = """
+class Law:
+    def step(self, seen, want, dt_s):
+        climb = 4.0 * (want.z_m - seen.z_m) - 3.2 * seen.vz_m_s
+        return want.hover_N * (1.0 + climb / 9.81), 0.0, -0.5 * seen.pitch_rad, 0.0
+
+
+class Bad(Law):
+    def step(self, seen, want, dt_s):
+        thrust, roll, pitch, yaw = super().step(seen, want, dt_s)
+        return thrust, roll, pitch * float("nan"), yaw
+
+
+class Breaks(Law):
+    def step(self, seen, want, dt_s):
+        return [][int(seen.time_s)]
+"""
+
+
+def test_a_controller_of_ones_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "flownlaw.py").write_text(LAW)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    short = ("--duration-s", "2", "--out", "out")
+    assert run(*short, "--controllers", "pid,flownlaw:Law") == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines[3:6]] == ["PID", "PID", "flownlaw:Law"]
+    table = read_csv_text(tmp_path / "out" / "flownlaw-Law.csv")
+    wanted = table.header.index("pitch_ref_rad")
+    assert {row[wanted] for row in table.rows} == {""}
+    for name, says in (
+        ("flownlaw:Bad", "returned pitch_Nm = nan at 0 s, in "),
+        ("flownlaw:Breaks", "raised IndexError"),
+        ("flownlaw:None_", "has no class None_ with a method step"),
+        ("no_module_of_mine:Law", "No module named"),
+    ):
+        assert run("--duration-s", "2", "--controller", name) == 2
+        code_file, sentence = capsys.readouterr().err.splitlines()
+        assert code_file.startswith("runs Python code of your own: ")
+        assert says in sentence
+        assert ("flownlaw.py line" in sentence) is (name in ("flownlaw:Bad", "flownlaw:Breaks"))
+
+
+def test_a_vehicle_that_turns_over_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("--controllers", "pid", "--lag-s", "10") == 0
+    assert "PID: it turned over (roll " in capsys.readouterr().out
+
+
+def test_the_range_of_height_is_told_and_a_near_surface(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    low = ("--gains", "stiff", "--z-over-r", "1.5", "--controllers", "observer")
+    assert run(*low) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[1].index("z from set") < lines[1].index("x in last 20 s")
+    assert lines[3].split()[-2] == "0.0..0.0"
+    assert lines[4].split()[-2] == "-17.7..15.5"
+    assert any("came within 3 cm of the surface, where hub or legs may" in line for line in lines)
+    assert run(*low, "--set", "undercarriage_m=0.1") == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert "hits the obstacle" in lines[4]
+    assert any("hub, legs or a rotor touched the obstacle at 2" in line for line in lines)
+
+
+def test_the_table_stands_under_its_heads(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("--controllers", "pid", "--duration-s", "5") == 0
+    lines = capsys.readouterr().out.splitlines()
+    at = lines[1].index("arrives s")
+    assert [line[at - 2 : at] for line in lines[1:5]] == ["  "] * 4
+    assert [line[at : at + 5] for line in lines[3:5]] == ["never"] * 2
+
+
+def test_a_flight_too_short_says_why_it_never_arrives(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("--controllers", "pid", "--duration-s", "20") == 0
+    assert "a way of 7 m at 0.2 m/s takes 35 s of a flight of 20 s" in capsys.readouterr().out
+    assert run("--controllers", "observer") == 0
+    assert "a way of" not in capsys.readouterr().out
+
+
+def test_a_map_that_never_acts_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    far = tmp_path / "far.toml"
+    words = ("--map", str(far), "--controllers", "pid")
+    far.write_text("[[blocks]]\nx_m = [30.0, 50.0]\n", encoding="utf-8")
+    assert run(*words) == 0
+    said = capsys.readouterr().out
+    assert said.startswith("SIMULATED flight over: Flying over far;")
+    assert "no rotor was ever over anything of 'far' (the nearest box is 23 m from" in said
+    assert run(*words, "--goal-m", "0,7") == 0
+    said = capsys.readouterr().out
+    assert "Flying over far, to x 0 m, y 7 m;" in said
+    assert "the nearest box is 30 m from" in said
+    far.write_text("[[blocks]]\nx_m = [3.0, 5.0]\ntop_m = -4.0\n", encoding="utf-8")
+    assert run(*words) == 0
+    assert (
+        "nothing below acts: its surface is never nearer than z/R = 35" in capsys.readouterr().out
+    )
+
+
+@pytest.mark.parametrize("command", ["pitch", "flight", "paper"])
+def test_the_list_of_simulations_is_not_cut(
+    command: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit):
+        main(["simulate", "--help"])
+    (line,) = [
+        line for line in capsys.readouterr().out.splitlines() if line.startswith(f"  {command} ")
+    ]
+    assert line.endswith(".")
+    assert not line.endswith("...")

@@ -1,0 +1,126 @@
+"""`benchtool simulate flight --vary`: the table, the map, and what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from benchtool.commands.app import main
+from benchtool.data.run.campaign import read_campaign
+
+
+def run(*words: str) -> int:
+    with pytest.raises(SystemExit) as leaving:
+        main(["simulate", "flight", *words])
+    return int(leaving.value.code or 0)
+
+
+def test_which_gains_cross_at_which_speed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "crossing"
+    assert run(
+        "--vary", "speed=0.2:0.8:2", "--vary", "gains.attitude=1.0:1.6:2", "--seeds", "2",
+        "--gains", "s3", "--gains", "stiff", "--duration-s", "60", "--out", str(out),
+    ) == 0  # fmt: skip
+    said = capsys.readouterr().out.splitlines()
+    assert said[0] == (
+        "SIMULATED campaign: Flying over an obstacle (case 1), pquad; 2 speed_m_s x "
+        "2 gains.attitude, 2 seeds; 32 runs"
+    )
+    assert said[3:8] == [
+        "share of flights that arrive, mean of all:",
+        "  s3, oge: 1",
+        "  s3, pid: 0.75",
+        "  stiff, oge: 1",
+        "  stiff, pid: 1",
+    ]
+    assert sorted(path.name for path in out.iterdir()) == [
+        "campaign.parquet", "campaign.png", "campaign.svg",
+    ]  # fmt: skip
+    names = ["speed_m_s", "gains.attitude", "gains", "controller", "seed", "arrives", "ending"]
+    table = read_campaign(out / "campaign.parquet", names)
+    never = table["arrives"] == 0.0
+    assert set(table["seed"][never]) == {1.0, 2.0}
+    for name, value in zip(names[:4], (0.2, 1.0, "s3", "pid"), strict=True):
+        assert set(table[name][never]) == {value}
+    assert set(table["ending"]) == {"flown"}
+    told = {
+        key.decode(): value.decode()
+        for key, value in pq.read_schema(out / "campaign.parquet").metadata.items()
+    }
+    assert told["simulated"] == "true"
+    assert (told["gyro_noise_rad_s"], told["vary.speed_m_s"]) == ("0.015", "0.2:0.8:2")
+    assert "simulated-stamp" in (out / "campaign.svg").read_text(encoding="utf-8")
+    assert run("--vary", "K_b=1:2:2", "--out", str(out)) == 2
+    assert "exists already" in capsys.readouterr().err
+
+
+def test_a_random_design_of_another_measure(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(
+        "--case", "plate", "--duration-s", "14", "--vary", "z_over_R=1:3:2", "--samples", "12",
+        "--controllers", "pid", "--measure", "max_pitch_deg", "--out", str(tmp_path),
+    ) == 0  # fmt: skip
+    assert "largest pitch [deg], mean of all:" in capsys.readouterr().out
+    table = read_campaign(tmp_path / "campaign.parquet", ["z_over_R", "max_pitch_deg"])
+    assert len(set(table["z_over_R"])) == 12
+    assert np.corrcoef(table["z_over_R"], table["max_pitch_deg"])[0, 1] < -0.8
+
+
+def test_a_point_of_a_campaign_can_be_flown_alone(capsys: pytest.CaptureFixture[str]) -> None:
+    words = ("--set", "speed=0.5", "--set", "z_over_R=3", "--set", "gains.attitude=1.4")
+    assert run("--controllers", "pid", *words) == 0
+    assert "z/R 3, 0.5 m/s" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["--vary", "sped=0.2:1:3", "--out", "x"], "did you mean 'speed_m_s'? known: K_b, drag"),
+        (["--vary", "gains.atitude=1:2:3", "--out", "x"], "did you mean 'attitude'? known: alti"),
+        (["--vary", "speed=1:0.2:3", "--out", "x"], "is no range; give FROM below TO"),
+        (["--vary", "speed=nan:1:3", "--out", "x"], "write NAME=FROM:TO:COUNT"),
+        (["--vary", "speed=0.2:1:3", "--seeds", "0", "--out", "x"], "given: '0'"),
+        (["--vary", "speed=0.2:1:3", "--samples", "-1", "--out", "x"], "given: '-1'"),
+        (["--vary", "speed=0:1:3", "--out", "x"], "goal speed_m_s is 0"),
+        (["--vary", "speed=0.01:1:3", "--out", "x"], "hardly any could arrive"),
+        (["--vary", "speed=0.2:1:3"], "add --out FOLDER"),
+        (["--vary", "speed=0.2:1:3", "--vary", "speed_m_s=1:2:3", "--out", "x"], "twice"),
+        (["--vary", "K_b=1:2:3", "--measure", "arive", "--out", "x"], "did you mean 'arrives'"),
+        (
+            ["--vary", "K_b=1:2:3", "--controllers", "ogi", "--out", "x"],
+            "feedforward, observer, oge",
+        ),
+        (["--vary", "K_b=1:2:3", "--controllers", "pid,pid", "--out", "x"], "named twice"),
+        (["--vary", "K_b=1:2:3", "--gains", "s4", "--out", "x"], "known: s1a, s3, stiff"),
+        (
+            ["--vary", "K_b=1:2:3", "--seeds", "3", "--gyro-noise-rad-s", "0", "--out", "x"],
+            "all would be alike",
+        ),
+        (["--samples", "3"], "--samples is for a campaign"),
+        (["--measure", "struck"], "--measure is for a campaign"),
+        (["--gains", "s3", "--gains", "stiff"], "2 gain sets (s3, stiff) are for a campaign"),
+        (["--controllers", "oge"], "unknown controller of a flight 'oge'"),
+        (["--set", "K_b=nan"], "write NAME=NUMBER"),
+        (["--vary", "K_b=1:2:3", "--out", "taken"], "dir 'taken' is a file"),
+    ],
+)
+def test_bad_input_is_one_sentence_and_leaves_nothing(
+    words: list[str],
+    says: str,
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "taken").write_text("a file")
+    assert run(*words) == 2
+    error = capsys.readouterr().err
+    assert says in error
+    assert error.count("\n") == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["taken"]

@@ -1,0 +1,289 @@
+"""`benchtool simulate pitch`: numbers, recordings, figure, and refusals."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchtool.commands.app import main
+from benchtool.data.run.read import read_samples
+from benchtool.data.run.recording_file import read_recording
+from benchtool.report.flight.pitch_study import pitch_study, table_lines
+from benchtool.simulate.pitch.setup import changed, pitch_setup
+
+SHORT = ("--duration-s", "13")
+
+
+def simulate(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str, str]:
+    with pytest.raises(SystemExit) as left:
+        main(["simulate", "pitch", *words])
+    said = capsys.readouterr()
+    assert isinstance(left.value.code, int)
+    return left.value.code, said.out, said.err
+
+
+def test_it_prints_one_line_of_numbers_per_controller(capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, _ = simulate(capsys, *SHORT)
+    assert code == 0
+    lines = out.splitlines()
+    assert lines[0].startswith("SIMULATED pitch bench pquad, model pitch_pquad, gains s3")
+    assert [line.split()[0] for line in lines[3:6]] == ["pid", "feedforward", "observer"]
+    assert float(lines[3].split()[3]) == pytest.approx(-1.6, abs=0.2)
+
+
+def test_it_writes_recordings_a_table_and_a_figure_and_overwrites_nothing(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    out = tmp_path / "study"
+    words = (*SHORT, "--controllers", "pid,observer+feedforward", "--out", str(out))
+    assert simulate(capsys, *words)[0] == 0
+    assert sorted(path.name for path in out.iterdir()) == [
+        "numbers.txt", "observer-feedforward.csv", "observer-feedforward.csv.json", "pid.csv",
+        "pid.csv.json", "pitch.png", "pitch.svg",
+    ]  # fmt: skip
+    assert read_recording(out / "pid.csv").simulated
+    said = (out / "numbers.txt").read_text(encoding="utf-8")
+    assert said.startswith("SIMULATED pitch bench pquad, model pitch_pquad, gains s3")
+    recording = read_samples(out / "pid.csv")
+    assert recording.names[:5] == ("time_s", "theta_ref_rad", "theta_rad", "gyro_rad_s", "pwm1_us")
+    assert {"pwm4_us", "rpm4", "plate_z_m", "disturbance_Nm"} <= set(recording.names)
+    assert len(recording) == 13 * 250
+    parked = recording.column("plate_z_m") == 1.0
+    assert parked[:2000].all()
+    assert recording.column("plate_z_m")[~parked].mean() == pytest.approx(0.24, abs=1e-3)
+    svg = (out / "pitch.svg").read_text(encoding="utf-8")
+    assert "simulated-stamp" in svg
+    assert svg.count('id="over-plate"') == 2
+    code, _, err = simulate(capsys, *words)
+    assert code == 2
+    assert "exists already" in err
+
+
+def test_a_controller_of_ones_own_is_named_on_the_command_line(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "lawofmine.py").write_text(
+        "class Law:\n    def step(self, measurement, reference, dt_s):\n"
+        "        error = reference.theta_rad - measurement.theta_rad\n"
+        "        return 0.018 * 7.4 * (2.9 * error - measurement.rate_rad_s)\n"
+        "class Bad:\n    def step(self, measurement, reference, dt_s):\n"
+        "        return 1.0 / 0.0\n",
+        encoding="utf-8",
+    )
+    monkeypatch.chdir(tmp_path)
+    code, out, _ = simulate(capsys, *SHORT, "--controllers", "pid,lawofmine:Law")
+    assert code == 0
+    pid, own = out.splitlines()[3:5]
+    assert pid.split()[1:] == own.split()[1:]
+    code, _, err = simulate(capsys, *SHORT, "--controllers", "lawofmine:Bad")
+    assert code == 2
+    assert "lawofmine.py line 7: return 1.0 / 0.0" in err
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--controllers", "pdi"), "unknown controller"),
+        (("--controllers", ","), "no controller was named"),
+        (("--controllers", "no_such_module_here:Law"), "No module named"),
+        (("--controllers", "math:Law"), "has no class Law with a method step"),
+        (("--gains", "s4"), "unknown gain set"),
+        (("--schedule", "plat"), "did you mean 'plate'"),
+        (("--set", "K_b"), "write NAME=NUMBER"),
+        (("--set", "K_b=nan"), "write NAME=NUMBER"),
+        (("--set", "Kb=2"), "unknown number to set or vary 'Kb'"),
+        (("--set", "stiffness_Nm_per_rad=2"), "known: cable.stiffness.*hinge_spring.stiffness"),
+        (("--set", "coulomb_friction.torque_Nm=-1"), "outside its bounds"),
+        (("--set", "motor_lag.tau_s=0.0001"), "raise plant_rate_Hz to 20000"),
+        (("--set", "bench.inertia_kgm2=0"), "inertia_kgm2 is 0"),
+        (("--set", "bench.mass=1"), "known: inertia_kgm2"),
+        (("--set", "gains.attitude.kq=1"), "known: k_i_q_per_s2"),
+        (("--duration-s", "-1"), "duration_s is -1"),
+        (("--controllers", "PID"), "did you mean 'pid'"),
+        (("--controllers", "obs"), "did you mean 'observer'"),
+        (("--gains", "S3"), "did you mean 's3'"),
+        (("--set", "motor_lag.tau_s=1e-300"), "tau_s is 1e-300 s; give at least 2e-05 s, or 0"),
+        (("--set", "bench.inertia_kgm2=1e300"), r"inertia_kgm2 is 1e\+300; give 1e-06 to 10000"),
+        (("--set", "inertia_kgm2=1e-12"), "inertia_kgm2 is 1e-12; give 1e-06 to 10000"),
+        (("--set", "bench.stop_rad=-1"), "bench.stop_rad is -1; give 0.001 to 1.5"),
+        (("--set", "bench.pwm_quantum_us=-1"), "bench.pwm_quantum_us is -1; give 0 to 1000"),
+        (("--set", "gains.control_rate_Hz=1e9"), r"control_rate_Hz is 1e\+09; give 1 to 100000"),
+        (("--set", "gains.control_rate_Hz=1e-9"), "control_rate_Hz is 1e-09; give 1 to 100000"),
+        (("--set", "gains.control_rate_Hz=333"), "the controller at 333 Hz"),
+        (("--set", "bench.plant_rate_Hz=100"), "the plant runs at 100 Hz"),
+        (("--set", "feedforward.strength=-1"), "feedforward.strength is -1; give 0 to 10"),
+        (("--set", "feedforward.height_error_m=1e9"), r"height_error_m is 1e\+09; give -10 to 10"),
+        (("--set", "feedforward.late_s=1e300"), r"late_s is 1e\+300; give -3600 to 3600"),
+        (("--set", "feedforward.dropout=2"), "known: height_error_m, late_s, strength"),
+        (("--vary", "K_b=1:2:1000000000"), "are 1000000000 runs; give at most 10000000"),
+        (("--vary", "K_b=1:inf:3"), "write NAME=FROM:TO:COUNT"),
+    ],
+)
+def test_bad_input_is_one_sentence_and_exit_code_2(
+    capsys: pytest.CaptureFixture[str], words: tuple[str, ...], message: str
+) -> None:
+    import re
+
+    code, _, err = simulate(capsys, *words)
+    assert code == 2
+    *before, sentence = err.splitlines()
+    assert re.search(message, sentence), err
+    assert all(line.startswith("runs Python code of your own: ") for line in before)
+
+
+HEAD = 'name = "mine"\ntitle = "Mine"\n'
+STEP = HEAD + 'duration_s = 2\n[[reference_deg]]\nshape = "step"\n'
+PRBS = HEAD + 'duration_s = 2\n[[reference_deg]]\nshape = "prbs"\nlevel = 1\n'
+ADDED = HEAD + 'duration_s = 2\n[[collective]]\nshape = "step"\n'
+FIRST = HEAD + "duration_s = 9\n[[plate]]\nz_over_R = 1\nin_s = 3\nout_s = 6\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("name = ", "this is not valid TOML"),
+        ("", "name is missing"),
+        (HEAD + "duration_s = 2\nspeed = 1\n", "'speed'; known: collective"),
+        (HEAD + "duration_s = inf\n", "duration_s is Infinity"),
+        (HEAD + "duration_s = 1e9\n", "duration_s of schedule 'mine' is 1e+09; give at most 3600"),
+        (STEP + "level = nan\n", "reference_deg[0].level is NaN"),
+        (STEP + "level = 1e9\n", "reference_deg of schedule 'mine' comes to 1e+09"),
+        (STEP + "from_s = 1.5\nto_s = 1\n", "from_s 1.5 to_s 1; let it end later"),
+        (PRBS + "bit_s = 1e-12\n", "bit_s is 1e-12"),
+        (PRBS + "seed = -1\n", "seed is -1"),
+        (ADDED + "level = -5\n", "collective of schedule 'mine' comes to -4; keep it between 0"),
+        (FIRST.replace("= 1\n", "= 1e9\n"), "z_over_R is 1000000000.0"),
+        (FIRST + "[[plate]]\nz_over_R = 1\nin_s = 1\nout_s = 2\n", "are not in time; sort them"),
+        (FIRST + "[[plate]]\nz_over_R = 2\nin_s = 5\nout_s = 7\n", "comes again at 5 s, before"),
+    ],
+)
+def test_a_schedule_that_says_nothing_sensible_is_refused(
+    text: str, message: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text(text, encoding="utf-8")
+    code, _, err = simulate(capsys, "--schedule", str(path))
+    assert code == 2
+    assert message in err
+    assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize("value", ["inf", "nan", "-1.0"])
+def test_a_gain_file_holds_finite_gains(
+    value: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    from benchtool.core.packaged import read_named
+
+    shipped, _ = read_named("gain set", "gains", "s3")
+    path = tmp_path / "mine.toml"
+    path.write_text(shipped.replace("k_q_per_s = 7.4", f"k_q_per_s = {value}"), encoding="utf-8")
+    code, _, err = simulate(capsys, "--gains", str(path))
+    assert code == 2
+    assert "mine.toml: attitude.k_q_per_s is " in err
+
+
+def test_numbers_are_set_by_name() -> None:
+    setup = changed(
+        pitch_setup(),
+        {
+            "K_b": 1.5,
+            "hinge_spring.stiffness_Nm_per_rad": 0.3,
+            "gains.attitude": 1.2,
+            "gains.observer.rate_per_s": 6.0,
+            "bench.inertia_kgm2": 0.02,
+            "feedforward.strength": 0.8,
+        },
+    )
+    assert setup.bench.model.parameters["body_lift.K_b"].value == 1.5
+    assert setup.bench.model.parameters["hinge_spring.stiffness_Nm_per_rad"].value == 0.3
+    pid, feedforward, observer = setup.controls
+    assert pid.gains is not None
+    assert pid.gains.attitude.k_theta_per_s == pytest.approx(2.9 * 1.2)
+    assert pid.gains.attitude.rate_limit_rad_s == 3.5
+    assert observer.gains is not None
+    assert observer.gains.observer.rate_per_s == 6.0
+    assert setup.bench.inertia_kgm2 == 0.02
+    assert feedforward.feedforward.strength == 0.8
+    assert pid.feedforward.strength == 0.0
+
+
+def test_without_a_plate_the_table_gives_errors_of_following() -> None:
+    study = pitch_study(pitch_setup(schedule="steps", controllers=("pid",)))
+    head, line = table_lines(study)
+    assert "RMS error" in head
+    assert float(line.split()[2]) == pytest.approx(20.0, abs=0.5)
+
+
+def test_a_switch_in_the_run_removes_what_the_pid_left() -> None:
+    """As in Fig. 27: the plate stays, the observer comes in at 20 s, without a bump."""
+    study = pitch_study(pitch_setup(schedule="switch", controllers=("observer",)))
+    run = study.runs[0]
+    theta = np.degrees(run.column("true_theta_rad"))
+    at = run.time_s
+    assert theta[(at > 15.0) & (at < 20.0)].mean() == pytest.approx(-1.6, abs=0.25)
+    assert abs(theta[(at > 25.0) & (at < 30.0)].mean()) < 0.15
+    torque = run.column("torque_Nm")
+    switch = int(20.0 * run.rate_Hz)
+    assert abs(torque[switch] - torque[switch - 1]) < 5.0 * np.std(
+        np.diff(torque[switch - 500 : switch])
+    )
+
+
+@pytest.mark.parametrize("out", ["taken", "taken/below"])
+def test_a_folder_that_cannot_be_made_is_told(
+    out: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("taken").write_text("a file", encoding="utf-8")
+    code, _, err = simulate(capsys, "--controllers", "pid", "--duration-s", "1", "--out", out)
+    assert code == 2
+    assert "taken" in err
+    assert "--out" in err
+    assert "fault in benchtool" not in err
+    assert Path("taken").read_text(encoding="utf-8") == "a file"
+
+
+def test_a_run_too_long_for_memory_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    code, _, err = simulate(capsys, "--duration-s", "1e9")
+    assert code == 2
+    assert "give at most 3600 s" in err
+
+
+def test_an_unknown_number_names_the_gains_too(capsys: pytest.CaptureFixture[str]) -> None:
+    code, _, err = simulate(capsys, "--set", "gain.attitude=2")
+    assert code == 2
+    assert "did you mean 'gains.attitude'" in err
+
+
+def test_the_plate_comes_as_near_as_it_is_told() -> None:
+    setup = pitch_setup(schedule="distances")
+    nearer = changed(setup, {"plate.z_over_R": 1.5}).schedule
+    assert [visit.z_over_R for visit in nearer.plate] == [1.5, 1.5, 1.5]
+    assert [visit.in_s for visit in nearer.plate] == [5.0, 18.0, 31.0]
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--schedule", "steps", "--set", "plate.z_over_R=2"), "schedule 'steps' brings no plate"),
+        (("--set", "plate.z_over_R=0"), "plate.z_over_R is 0; give rotor radii above 0"),
+        (("--set", "plate.z_over_R=101"), "above 0, 100 at most"),
+        (("--vary", "plate.z_over_R=1:2:3"), "a campaign cannot vary plate.z_over_R"),
+    ],
+)
+def test_a_plate_that_cannot_be_there_is_refused(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, words: tuple[str, ...], said: str
+) -> None:
+    code, _, err = simulate(capsys, *words, "--out", str(tmp_path / "out"))
+    assert code == 2
+    assert said in err
+
+
+def test_a_plant_rate_that_would_run_for_hours_is_refused(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    code, _, err = simulate(capsys, *SHORT, "--set", "bench.plant_rate_Hz=1e9")
+    assert code == 2
+    assert "bench.plant_rate_Hz is 1e+09; give at most 100000 Hz" in err

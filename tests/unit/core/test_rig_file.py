@@ -1,0 +1,73 @@
+"""Rigs are read strictly, and every number of them has a source."""
+
+from __future__ import annotations
+
+import pytest
+
+from benchtool.core.errors import FileFormatError, InputError, UnknownChoice
+from benchtool.core.packaged import read_named
+from benchtool.core.rig_file import rig_from_toml, rig_named, rig_names
+
+
+@pytest.fixture
+def text() -> str:
+    return read_named("rig", "rigs", "pquad")[0]
+
+
+@pytest.mark.parametrize("name", rig_names())
+def test_a_shipped_rig_has_a_source_for_every_number(name: str) -> None:
+    rig = rig_named(name)
+    assert rig.name == name
+    assert all(rig.sources.values())
+    assert len(rig.sources) > 30
+    assert set(rig.assumed) <= set(rig.sources)
+    assert "propulsion.radius_m" not in rig.assumed
+
+
+def test_the_numbers_of_the_paper() -> None:
+    pquad, amuse = rig_named("pquad"), rig_named("amuse")
+    assert (pquad.propulsion.radius_m, pquad.body.mass_kg, pquad.n_rotors) == (0.12, 1.4, 4)
+    assert (amuse.propulsion.radius_m, amuse.body.mass_kg, amuse.n_rotors) == (0.205, 12.0, 8)
+    assert (pquad.n_discs, amuse.n_discs) == (4, 4)
+    assert pquad.disc_distances_m[0, 1] == pytest.approx(0.318, abs=5e-4)
+
+
+@pytest.mark.parametrize("name", ["pquad", "amuse"])
+def test_the_assumed_rotors_carry_the_vehicle_at_mid_throttle(name: str) -> None:
+    rig = rig_named(name)
+    each = rig.body.mass_kg * 9.81 / rig.n_rotors
+    hover = (each / rig.propulsion.thrust_coefficient_N_s2) ** 0.5
+    pulse = hover / rig.propulsion.speed_per_us_rad_s + rig.propulsion.pwm_start_us
+    assert 1400.0 < pulse < 1750.0
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "error", "words"),
+    [
+        ("mass_kg", "mas_kg", UnknownChoice, r"\[body\].*'mas_kg'; did you mean 'mass_kg'"),
+        ("radius_m", "radius_cm", UnknownChoice, "did you mean 'radius_m'"),
+        ("{ noise", "{ nois", UnknownChoice, "known: noise, quantum, rate_Hz"),
+        ("value = 0.12,", "value = -0.12,", FileFormatError, "radius_m is -0.12: .*greater than 0"),
+        ("lag_s = 0.05", 'lag_s = "0.05"', FileFormatError, "lag_s is .*valid number"),
+        ("speed_m_s = 0.1", "", FileFormatError, "plate.speed_m_s is missing"),
+        ("thrust_N = 45.0", "thrust_N = 60.0", FileFormatError, "60 N, above .* 50 N"),
+        ("= 1.035e-5", "== 1", FileFormatError, "not valid TOML: .*line"),
+        (
+            '[plate]\nsource = "assumed: belt-driven stage with a 1.2 m board"',
+            "[plate]",
+            FileFormatError,
+            "has no source",
+        ),
+    ],
+)
+def test_what_is_wrong_is_said(
+    text: str, old: str, new: str, error: type[InputError], words: str
+) -> None:
+    assert old in text
+    with pytest.raises(error, match=words):
+        rig_from_toml(text.replace(old, new, 1), "pquad.toml")
+
+
+def test_an_unknown_rig_lists_the_known_ones() -> None:
+    with pytest.raises(UnknownChoice, match="'pqad'; did you mean 'pquad'"):
+        rig_named("pqad")

@@ -1,0 +1,141 @@
+"""Rows, columns and bytes of a table have bounds, said in one sentence; wide ones take no time."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchtool.core.channel import Channel
+from benchtool.core.errors import FileFormatError, UnknownChoice
+from benchtool.core.recording import Recording
+from benchtool.core.table_bounds import MOST_CELLS, MOST_COLUMNS
+from benchtool.data.columns import check_numbers
+from benchtool.data.csv_text import parse_csv
+from benchtool.data.formats.text_table import lay_out
+from benchtool.data.parquet import read_parquet, write_parquet
+from benchtool.data.table import read_table
+
+pa = pytest.importorskip("pyarrow")
+pq = pytest.importorskip("pyarrow.parquet")
+
+
+def wide(columns: int) -> bytes:
+    return (
+        ",".join(f"c{k}" for k in range(columns)) + "\n" + ",".join(["1"] * columns) + "\n"
+    ).encode()
+
+
+@pytest.mark.parametrize("read", [parse_csv, lay_out])
+def test_a_table_of_a_million_columns_is_refused_at_once(read) -> None:  # type: ignore[no-untyped-def]
+    began = time.process_time()
+    with pytest.raises(FileFormatError, match=r"t\.csv: it has 1,000,000 columns, limit 4,096"):
+        read(wide(1_000_000), "t.csv")
+    assert time.process_time() - began < 2.0
+
+
+def test_the_widest_table_is_read_in_little_time(tmp_path: Path) -> None:
+    (tmp_path / "t.csv").write_bytes(wide(MOST_COLUMNS))
+    began = time.process_time()
+    assert len(read_table(tmp_path / "t.csv").names) == MOST_COLUMNS
+    assert time.process_time() - began < 2.0
+
+
+def test_a_table_of_too_many_cells_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("benchtool.core.table_bounds.MOST_CELLS", 100)
+    rows = b"a,b\n" + b"1,2\n" * 60
+    with pytest.raises(FileFormatError, match=r"it has 122 cells, limit 100; keep the rows"):
+        parse_csv(rows, "t.csv")
+    assert MOST_CELLS > 1_000_000
+
+
+def test_a_message_lists_some_of_many_columns() -> None:
+    said = str(UnknownChoice("column", "x" * 5000, [f"c{k}" for k in range(4000)]))
+    assert len(said) < 600
+    assert "and 3,940 more" in said
+
+
+def ones(path: Path, rows: int, columns: int) -> None:
+    """Write a file of equal numbers, which takes next to nothing on the disk."""
+    table = pa.table({f"c{k}": pa.array(np.ones(rows)) for k in range(columns)})
+    pq.write_table(table, path, compression="zstd")
+
+
+def test_a_small_parquet_file_of_much_data_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "samples.parquet"
+    ones(path, 1_000_000, 8)
+    assert path.stat().st_size < 200_000
+    monkeypatch.setattr("benchtool.core.table_bounds.MOST_DECODED_BYTES", 50_000_000)
+    with pytest.raises(FileFormatError, match=r"1,000,000 rows of 8 columns take 0\.1 GB when"):
+        read_parquet(path)
+
+
+def test_reading_parquet_takes_little_more_than_its_array(tmp_path: Path) -> None:
+    path = tmp_path / "samples.parquet"
+    ones(path, 1_000_000, 8)
+    before = pa.default_memory_pool()
+    pool = pa.proxy_memory_pool(before)
+    pa.set_memory_pool(pool)
+    try:
+        held = read_parquet(path).values.nbytes
+    finally:
+        pa.set_memory_pool(before)
+    assert 0 < pool.max_memory() < 0.5 * held
+
+
+@pytest.mark.parametrize(
+    ("column", "says"),
+    [
+        (["a"], "holds string, not what it must"),
+        ([b"a"], "holds binary, not what it must"),
+        ([[1.0]], "holds list<.*double>, not what it must"),
+        ([{"a": 1}], "holds struct<a: int64>, not what it must"),
+    ],
+    ids=["text", "bytes", "list", "struct"],
+)
+def test_a_parquet_column_that_holds_no_numbers_is_refused(
+    tmp_path: Path, column: list[object], says: str
+) -> None:
+    pq.write_table(pa.table({"thrust_N": column}), tmp_path / "r.parquet")
+    with pytest.raises(FileFormatError, match=says):
+        read_parquet(tmp_path / "r.parquet")
+
+
+@pytest.mark.parametrize(
+    "data", [b"", b"PAR1PAR1", b"PAR1" + b"\0" * 50, b"PAR1\xff\xff\xff\x7fPAR1"]
+)
+def test_a_broken_parquet_file_is_refused(tmp_path: Path, data: bytes) -> None:
+    (tmp_path / "r.parquet").write_bytes(data)
+    with pytest.raises(FileFormatError, match="cannot be read as Parquet"):
+        read_parquet(tmp_path / "r.parquet")
+
+
+def test_an_unknown_word_in_a_parquet_file_is_refused(tmp_path: Path) -> None:
+    pq.write_table(pa.table({"phase": ["sample", "x"]}), tmp_path / "r.parquet")
+    with pytest.raises(FileFormatError, match="holds 'x', which is none of"):
+        read_parquet(tmp_path / "r.parquet")
+
+
+def test_words_and_gaps_come_back_from_parquet(tmp_path: Path) -> None:
+    channels = (Channel("time_s", "s"), Channel("phase", "1"), Channel("thrust_N", "N"))
+    values = np.array([[0.0, 5.0, 1.5], [0.1, 4.0, np.nan]])
+    write_parquet(tmp_path / "r.parquet", Recording(channels, values))
+    np.testing.assert_array_equal(read_parquet(tmp_path / "r.parquet").values, values)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("time_s", np.nan), ("time_s", np.inf), ("time_s", 1e300), ("device_time_us", np.nan),
+        ("point", 1.5), ("point", -1.0), ("point", np.nan), ("point", np.inf), ("point", 1e300),
+        ("settled", np.nan), ("thrust_N", np.inf),
+    ],
+)  # fmt: skip
+def test_a_number_that_no_run_holds_is_refused(name: str, value: float) -> None:
+    recording = Recording((Channel(name, "1"),), np.array([[1.0], [value]]))
+    with pytest.raises(FileFormatError, match=rf"samples\.csv, row 2: {name} is"):
+        check_numbers(recording, "samples.csv")

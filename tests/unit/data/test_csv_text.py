@@ -1,0 +1,66 @@
+from __future__ import annotations
+
+import pytest
+
+from benchtool.core.errors import FileFormatError
+from benchtool.data.csv_text import parse_csv
+
+
+def test_plain_file_needs_no_repair() -> None:
+    table = parse_csv(b"a,b\n1,2\n3,\n", "x.csv")
+    assert table.header == ("a", "b")
+    assert table.rows == [["1", "2"], ["3", ""]]
+    assert table.lines == [2, 3]
+    assert table.repairs == ()
+
+
+def test_spreadsheet_file_is_mended_with_words() -> None:
+    table = parse_csv("\ufeffa;b;\r\n1,5;2\r\n;3,25;\r\n".encode(), "x.csv")
+    assert table.header == ("a", "b")
+    assert table.rows == [["1.5", "2"], ["", "3.25"]]
+    assert list(table.repairs) == [
+        "byte order mark left out",
+        "line ends CRLF or CR read as LF",
+        "cells are separated by ';', not ','",
+        "2 decimal commas read as points",
+    ]
+
+
+def test_short_rows_are_counted_and_filled() -> None:
+    table = parse_csv(b"a,b,c\n1,2,3\n4\n5,6\n", "x.csv")
+    assert table.rows[1:] == [["4", "", ""], ["5", "6", ""]]
+    assert table.repairs == ("2 rows shorter than the header, first in line 3",)
+
+
+@pytest.mark.parametrize("own", [False, True])
+def test_a_last_line_without_its_end(own: bool) -> None:
+    table = parse_csv(b"a,b\n1,2\n3,4", "x.csv", own=own)
+    assert table.rows == ([["1", "2"]] if own else [["1", "2"], ["3", "4"]])
+    assert bool(table.repairs) is own
+
+
+def test_a_cut_line_of_a_foreign_file_is_left_out() -> None:
+    table = parse_csv(b"a,b\n1,2\n3", "x.csv")
+    assert table.rows == [["1", "2"]]
+    assert table.repairs == ("the last line was cut short and left out",)
+
+
+def test_windows_text_is_read_with_words() -> None:
+    table = parse_csv("Time (s),ESC signal (µs)\n1,2\n".encode("cp1252"), "x.csv")
+    assert table.header[1] == "ESC signal (µs)"
+    assert table.repairs == ("not UTF-8, read as Windows-1252",)
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        (b"", "the file is empty"),
+        (b"\n\n", "the file is empty"),
+        (b"PAR1\0\0", "not a text file"),
+        (b",,\n1,2,3\n", "names no columns"),
+        (b"a,b\n1,2,3\n", "line 2 has 3 cells, the header names 2 columns"),
+    ],
+)
+def test_what_cannot_be_mended_is_refused(data: bytes, words: str) -> None:
+    with pytest.raises(FileFormatError, match=words):
+        parse_csv(data, "x.csv")

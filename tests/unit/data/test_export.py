@@ -1,0 +1,51 @@
+from __future__ import annotations
+
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchtool.core.errors import FileFormatError, UnknownChoice
+from benchtool.data.parquet import read_parquet
+from benchtool.data.run.export import SUFFIXES, TABLES, exported
+from benchtool.data.run.read import read_points, read_samples
+from benchtool.data.run.run import read_settings
+from tests.unit.data.run_of import small_run
+
+
+def test_a_table_that_stands_on_the_disk_is_handed_on_as_it_is(tmp_path: Path) -> None:
+    run = small_run(tmp_path / "run")
+    run.close()
+    for name in ("points.csv", "settings.csv", "samples.csv", "samples.parquet"):
+        table, suffix = name.split(".")
+        assert exported(run.path, table, f".{suffix}") == (run.path / name).read_bytes()
+
+
+def test_what_is_not_on_the_disk_is_made_with_the_same_numbers(tmp_path: Path) -> None:
+    run = small_run(tmp_path / "run")  # not closed: neither settings nor Parquet
+    made = tmp_path / "made.parquet"
+    made.write_bytes(exported(run.path, "samples", ".parquet"))
+    np.testing.assert_array_equal(read_parquet(made).values, read_samples(run.path).values)
+    made.write_bytes(exported(run.path, "points", ".parquet"))
+    assert len(read_parquet(made)) == len(read_points(run.path)) + 1  # and the tare
+    settings = exported(run.path, "settings", ".csv")
+    run.close()
+    assert settings == (run.path / "settings.csv").read_bytes()
+    assert len(read_settings(run.path)) == 2
+    whole = (run.path / "samples.csv").read_bytes()
+    (run.path / "samples.csv").unlink()
+    again = BytesIO(exported(run.path, "samples", ".csv")).read()
+    assert again.count(b"\n") == whole.count(b"\n")
+
+
+def test_a_table_that_nobody_knows_is_refused(tmp_path: Path) -> None:
+    run = small_run(tmp_path / "run")
+    with pytest.raises(UnknownChoice, match="known: points, samples, settings"):
+        exported(run.path, "../metadata", ".csv")
+    with pytest.raises(UnknownChoice):
+        exported(run.path, "points", ".json")
+    (run.path / "samples.csv").unlink()
+    with pytest.raises(FileFormatError, match="no samples in it"):
+        exported(run.path, "samples", ".csv")
+    assert (len(TABLES), len(SUFFIXES)) == (3, 2)

@@ -1,0 +1,104 @@
+"""Long runs are closed, gone on with and read a batch at a time: memory hardly grows with rows."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchtool.core.errors import FileFormatError
+from benchtool.data.run.interrupted import scan_samples
+from benchtool.data.run.read import read_samples, sample_names
+from benchtool.data.run.run import Run
+from tests.unit.data.run_of import small_run
+
+ROWS = 400_000
+WHOLE_MB = ROWS * 7 * 8 / 2**20
+"""What all columns of the long run take as numbers; the short one has a tenth."""
+
+CHILD = """
+import sys
+from pathlib import Path
+import pyarrow.csv, pyarrow.parquet, pyarrow.compute
+from benchtool.data.run.run import Run
+from benchtool.data.run.read import read_samples
+from benchtool.data.run.interrupted import scan_samples, write_marked
+
+def most_MB():
+    status = dict(line.split(":", 1) for line in open("/proc/self/status"))
+    return int(status["VmHWM"].split()[0]) / 1024
+
+run = Run.open(Path(sys.argv[1]) / "short")
+{statement}
+run = Run.open(Path(sys.argv[1]) / "long")
+before = most_MB()
+{statement}
+print(most_MB() - before)
+"""
+
+
+@pytest.fixture(scope="module")
+def long_runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("runs")
+    for name, count in (("short", ROWS // 10), ("long", ROWS)):
+        samples = small_run(folder / name).path / "samples.csv"
+        header, *rows = samples.read_text().splitlines(keepends=True)
+        body = "".join(rows) * (count // len(rows))
+        samples.write_text(header + body + body[:40])
+    assert len(body) > 12_000_000
+    return folder
+
+
+@pytest.mark.skipif(not Path("/proc/self/status").is_file(), reason="needs /proc")
+@pytest.mark.parametrize(
+    ("statement", "limit_MB"),
+    [
+        ("run.close()", 60.0),
+        ("write_marked(s := run.path / 'samples.csv', scan_samples(s, frozenset()))", 3.0),
+        ("read_samples(run.path / 'samples.csv', ['thrust_N'])", WHOLE_MB / 7 + 60.0),
+    ],
+    ids=["close", "resume", "one channel"],
+)
+def test_memory_is_that_of_a_batch(long_runs: Path, statement: str, limit_MB: float) -> None:
+    code = CHILD.format(statement=statement)
+    words = [sys.executable, "-c", code, str(long_runs)]
+    grown_MB = float(subprocess.run(words, capture_output=True, check=True).stdout)
+    assert grown_MB < limit_MB
+
+
+def test_some_channels_are_those_of_the_whole(tmp_path: Path) -> None:
+    run = small_run(tmp_path / "run")
+    whole = read_samples(run.path)
+    for _ in range(2):  # from samples.csv, then from the Parquet
+        some = read_samples(run.path, ["thrust_N", "phase", "absent"])
+        assert some.names == ("phase", "thrust_N")
+        for name in some.names:
+            np.testing.assert_array_equal(some.column(name), whole.column(name))
+        run.close()
+    assert sample_names(run.path) == whole.names
+    (run.path / "samples.csv").unlink()
+    assert sample_names(run.path) == whole.names
+
+
+@pytest.mark.parametrize("time", ["inf", "nan", "", "1.0x"])
+def test_a_time_that_is_none_is_not_gone_on_with(tmp_path: Path, time: str) -> None:
+    samples = small_run(tmp_path / "run").path / "samples.csv"
+    lines = samples.read_text().splitlines()
+    lines[3] = f"{time},{lines[3].split(',', 1)[1]}"
+    samples.write_text("\n".join(lines) + "\n")
+    with pytest.raises(FileFormatError, match=r"samples\.csv, line 4: it begins with"):
+        scan_samples(samples, frozenset())
+
+
+def test_a_channel_of_no_number_names_the_file(tmp_path: Path) -> None:
+    run = small_run(tmp_path / "run")
+    samples = run.path / "samples.csv"
+    samples.write_text(samples.read_text().replace(",sample,", ",sampel,", 1))
+    with pytest.raises(FileFormatError, match=r"samples\.csv"):
+        read_samples(run.path)
+    with pytest.raises(FileFormatError, match="sampel"):
+        run.close()
+    assert Run.open(run.path)

@@ -1,0 +1,170 @@
+"""Telemetry logs against mavutil, and frames made by pymavlink."""
+
+from __future__ import annotations
+
+import struct
+from math import radians
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from pymavlink import mavutil
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from benchtool.core.errors import FileFormatError
+from benchtool.data.formats.autopilot_clock import AutopilotClock
+from benchtool.data.formats.formats import import_bytes, import_file
+from benchtool.data.repairs.imported import Imported
+from benchtool.data.repairs.options import Options
+from tests.unit.data.stand_logs import found
+
+START_US = 1_700_000_000_000_000
+
+
+def tlog(items: list[tuple[int, Any]], *, system: int = 1, version: int = 2) -> bytes:
+    """Give a log of messages, each with the host's delay in microseconds after boot."""
+    sender = dialect.MAVLink(None, srcSystem=system, srcComponent=1)
+    parts = []
+    for at_us, message in items:
+        frame = message.pack(sender, force_mavlink1=version == 1)
+        parts.append(struct.pack(">Q", START_US + at_us) + frame)
+    return b"".join(parts)
+
+
+def attitude(boot_ms: int, pitch: float = 0.1) -> Any:
+    return dialect.MAVLink_attitude_message(boot_ms, 0.0, pitch, 1.0, 0.0, -0.25, 0.0)
+
+
+def hop() -> list[tuple[int, Any]]:
+    """Give ten seconds of a quadrotor: attitude at 10 Hz, each message late by another delay."""
+    items: list[tuple[int, Any]] = []
+    for tick in range(100):
+        boot_ms = 5000 + 100 * tick
+        late = 1000 * boot_ms + 1000 * (tick * 37 % 50)
+        items.append((late, attitude(boot_ms, 0.001 * tick)))
+        outputs = dialect.MAVLink_servo_output_raw_message(
+            1000 * boot_ms + 7, 0, 1500, 1510, 1520, 1530, 0, 0, 0, 0
+        )
+        items.append((late + 100, outputs))
+        speeds = dialect.MAVLink_esc_telemetry_1_to_4_message(
+            [0] * 4, [0] * 4, [0] * 4, [0] * 4, [5000, 5001, 5002, 5003], [0] * 4
+        )
+        items.append((late + 200, speeds))
+        sensor = dialect.MAVLink_distance_sensor_message(boot_ms, 10, 1000, 45, 0, 0, 25, 0)
+        items.append((late + 300, sensor))
+    return items
+
+
+def known(read: Imported, name: str) -> np.ndarray:
+    column = read.recording.column(name)
+    return column[np.isfinite(column)]
+
+
+@pytest.mark.parametrize("version", [1, 2])
+def test_messages_become_channels_on_the_autopilots_clock(version: int) -> None:
+    items = [item for item in hop() if version == 2 or item[1].id < 256]
+    read = import_bytes(tlog(items, version=version), "hop.tlog", Options())
+    assert read.tally.balanced
+    assert read.tally.kept == len(items)
+    recording = read.recording
+    rows = np.isfinite(recording.column("theta_rad"))
+    np.testing.assert_allclose(recording.column("time_s")[rows], 0.1 * np.arange(100), atol=1e-9)
+    np.testing.assert_allclose(known(read, "theta_rad"), -0.001 * np.arange(100), rtol=1e-6)
+    assert set(known(read, "gyro_rad_s")) == {0.25}
+    at = np.isfinite(recording.column("pwm1_us"))
+    np.testing.assert_allclose(
+        recording.column("time_s")[at] - 7e-6, 0.1 * np.arange(100), atol=1e-9
+    )
+    assert set(known(read, "pwm4_us")) == {1530.0}
+    assert set(known(read, "distance_m")) == {0.45}
+    if version == 2:
+        assert [set(known(read, f"rpm{n}")) for n in (1, 4)] == [{5000.0}, {5003.0}]
+
+
+def test_numbers_are_mavutils(reference_data: Path) -> None:
+    path = reference_data / "logs" / "uavlogviewer_vtol.tlog"
+    read = import_file(path)
+    wanted: dict[str, list[float]] = {"theta_rad": [], "gyro_rad_s": [], "theta_ref_rad": []}
+    outputs = []
+    log = mavutil.mavlink_connection(str(path))
+    count = 0
+    while (message := log.recv_msg()) is not None:
+        count += 1
+        if message.get_type() == "ATTITUDE":
+            wanted["theta_rad"].append(-message.pitch)
+            wanted["gyro_rad_s"].append(-message.pitchspeed)
+        elif message.get_type() == "NAV_CONTROLLER_OUTPUT":
+            wanted["theta_ref_rad"].append(-radians(message.nav_pitch))
+        elif message.get_type() == "SERVO_OUTPUT_RAW":
+            outputs.append(message.servo5_raw)
+    assert read.tally.total == count
+    assert read.tally.balanced
+    for name, values in wanted.items():
+        # Rows stand by the autopilot's time, mavutil's messages by arrival.
+        np.testing.assert_array_equal(np.sort(known(read, name)), np.sort(values))
+    np.testing.assert_array_equal(np.sort(known(read, "pwm1_us")), np.sort(outputs))
+
+
+def test_a_motor_without_pulses_is_told(reference_data: Path) -> None:
+    read = import_file(reference_data / "logs" / "uavlogviewer_vtol.tlog")
+    assert "motor 7 on channel 11" in found(read, "motor channels")[0].words
+    (lack,) = found(read, "outputs")
+    assert (lack.kind, lack.channel) == ("lacks", "pwm7_us")
+    assert lack.words == "motor 7 is on channel 11, of which no pulse stands in the log"
+
+
+def test_a_cut_log_and_garbage_inside() -> None:
+    items = hop()
+    data = tlog(items)
+    cut = import_bytes(data[:-3], "hop.tlog", Options())
+    assert cut.tally.balanced
+    assert (cut.tally.refused, cut.tally.kept) == (1, len(items) - 1)
+    assert f"byte {len(data) - 3:,}" in found(cut, "cut off")[0].words
+    middle = len(tlog(items[:40]))
+    hurt = import_bytes(data[:middle] + b"\xfd\x00garbage" * 5 + data[middle:], "x.tlog", Options())
+    assert hurt.tally.balanced
+    assert hurt.tally.kept >= len(items) - 1
+    assert found(hurt, "corrupt bytes")
+
+
+def test_a_wrong_checksum_is_refused() -> None:
+    items = hop()
+    data = bytearray(tlog(items))
+    data[len(tlog(items[:8])) - 1] ^= 0xFF  # checksum of the eighth frame
+    read = import_bytes(bytes(data), "hop.tlog", Options())
+    assert read.tally.refused == 1
+    assert read.tally.kept == len(items) - 1
+    assert found(read, "corrupt frames")[0].count == 1
+
+
+def test_the_vehicle_is_told_from_others() -> None:
+    other = tlog([(6_000_000 + 1000 * i, attitude(6000 + i, 0.9)) for i in range(5)], system=9)
+    read = import_bytes(tlog(hop()) + other, "two.tlog", Options())
+    assert read.recording.provenance["device"] == "MAVLink system 1, component 1"
+    assert "9/1 left out" in found(read, "other systems")[0].words
+    assert read.tally.not_needed == 5
+
+
+def test_a_reboot_goes_on_in_time() -> None:
+    items = [(1_000_000 * i, attitude(60_000 + 1000 * i)) for i in range(5)]
+    items += [(10_000_000 + 1_000_000 * i, attitude(2_000 + 1000 * i)) for i in range(5)]
+    read = import_bytes(tlog(items), "boot.tlog", Options())
+    np.testing.assert_allclose(
+        read.recording.column("time_s"), [0, 1, 2, 3, 4, 10, 11, 12, 13, 14], atol=1e-9
+    )
+    assert found(read, "time starts anew")[0].count == 1
+
+
+def test_a_count_of_32_bits_wraps() -> None:
+    host = np.arange(10, dtype=np.int64) * 60_000_000
+    boot_ms = 4_290_000.0 + 60_000.0 * np.arange(10)
+    clock = AutopilotClock.of(host, boot_ms)
+    wrapped = (1000.0 * boot_ms + 5.0) % 2.0**32
+    np.testing.assert_array_equal(clock.of_wrapped_us(host, wrapped), 1000.0 * boot_ms + 5.0)
+
+
+def test_a_ground_station_alone_is_refused() -> None:
+    beat = dialect.MAVLink_system_time_message(1, 2)
+    with pytest.raises(FileFormatError, match="no vehicle speaks"):
+        import_bytes(tlog([(1000 * i, beat) for i in range(9)]), "gcs.tlog", Options())

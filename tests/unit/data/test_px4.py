@@ -1,0 +1,91 @@
+"""PX4 logs against pyulog, on reference logs and on broken copies of them."""
+
+from __future__ import annotations
+
+from math import asin
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pyulog import ULog
+
+from benchtool.core.errors import FileFormatError
+from benchtool.data.formats.formats import import_bytes, import_file
+from benchtool.data.repairs.imported import Imported
+from benchtool.data.repairs.options import Options
+from tests.unit.data.stand_logs import found
+
+PLAIN = {
+    "gyro_rad_s": ("vehicle_angular_velocity", "xyz[1]", -1.0),
+    "gyro_ref_rad_s": ("vehicle_rates_setpoint", "pitch", -1.0),
+    "pwm1_us": ("actuator_outputs", "output[0]", 1.0),
+    "motor2_share": ("actuator_motors", "control[1]", 1.0),
+    "rpm3": ("esc_status", "esc[2].esc_rpm", 1.0),
+    "voltage_V": ("battery_status", "voltage_v", 1.0),
+}
+
+
+@pytest.fixture(scope="module", params=["sample_log_small.ulg", "sample_px4_events.ulg"])
+def path(request: pytest.FixtureRequest, reference_data: Path) -> Path:
+    return reference_data / "logs" / request.param
+
+
+def known(read: Imported, name: str) -> np.ndarray:
+    column = read.recording.column(name)
+    return column[np.isfinite(column)]
+
+
+def test_numbers_are_pyulogs(path: Path) -> None:
+    read, log = import_file(path), ULog(str(path))
+    assert read.tally.balanced
+    topics = {(item.name, item.multi_id): item.data for item in log.data_list}
+    compared = 0
+    for name, (topic, field, sign) in PLAIN.items():
+        if (topic, 0) not in topics or name not in read.recording:
+            continue
+        np.testing.assert_array_equal(
+            known(read, name), sign * topics[topic, 0][field].astype(float)
+        )
+        compared += 1
+    assert compared >= 4
+    attitude = topics["vehicle_attitude", 0]
+    q = np.array([attitude[f"q[{i}]"].astype(float) for i in range(4)])
+    q /= np.linalg.norm(q, axis=0)
+    nose_up = [asin(2.0 * (w * y - z * x)) for w, x, y, z in q.T]
+    np.testing.assert_allclose(-known(read, "theta_rad"), nose_up, atol=1e-12)
+    assert read.tally.total == sum(len(item.data["timestamp"]) for item in log.data_list)
+
+
+def test_what_each_log_lacks(path: Path) -> None:
+    read = import_file(path)
+    lacks = {item.what for item in read.findings if item.kind == "lacks"}
+    assert ("rpm" in lacks) == (path.name == "sample_log_small.ulg")
+    assert "distance" in lacks
+
+
+def test_a_cut_log_gives_what_is_whole(path: Path) -> None:
+    data = path.read_bytes()
+    half = len(data) * 2 // 3
+    read = import_bytes(data[:half], path.name, Options())
+    assert read.tally.balanced
+    assert f"byte {half:,}" in found(read, "cut off")[0].words
+    whole = import_file(path)
+    rows = known(read, "theta_rad").size
+    assert rows > 0
+    np.testing.assert_array_equal(known(read, "theta_rad"), known(whole, "theta_rad")[:rows])
+
+
+def test_corrupt_bytes_are_told(path: Path) -> None:
+    data = bytearray(path.read_bytes())
+    middle = len(data) // 2
+    data[middle : middle + 300] = b"\x00" * 300
+    read = import_bytes(bytes(data), path.name, Options())
+    assert read.tally.balanced
+    assert [item.kind for item in found(read, "corrupt bytes")] == ["refused"]
+
+
+def test_a_header_alone_is_refused(path: Path) -> None:
+    data = path.read_bytes()
+    for length in (8, 16, 200):
+        with pytest.raises(FileFormatError):
+            import_bytes(data[:length], path.name, Options())

@@ -1,0 +1,258 @@
+"""Stand logs with every kind of dirt that real ones were seen with."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from benchtool.core.errors import FileFormatError, InputError
+from benchtool.core.units import STANDARD_GRAVITY_M_S2
+from tests.unit.data.stand_logs import HEADER_1580, found, imported, log_text, steps_1580
+
+GRAM_FORCE_N = STANDARD_GRAVITY_M_S2 / 1000.0
+
+
+def test_units_become_ours_and_quotients_are_left_out() -> None:
+    columns = steps_1580()
+    read = imported(log_text(columns))
+    recording = read.recording
+    assert read.format == "RCbenchmark Series 1580/1585"
+    np.testing.assert_allclose(
+        recording.column("thrust_N"), columns["Thrust (gf)"] * GRAM_FORCE_N, rtol=1e-15
+    )
+    assert recording.column("rpm1") == pytest.approx(columns["Motor Electrical Speed (RPM)"])
+    assert "Overall Efficiency" not in " ".join(recording.names)
+    assert [item.kind for item in read.findings if item.kind == "doubt"] == []
+    assert len(found(read, "dead channel")) == 1  # the optical probe
+
+
+@pytest.mark.parametrize(
+    ("unit", "newton"), [("kgf", STANDARD_GRAVITY_M_S2), ("lbf", 4.4482216152605), ("N", 1.0)]
+)
+def test_thrust_in_any_display_unit(unit: str, newton: float) -> None:
+    text = log_text(steps_1580()).replace("Thrust (gf)", f"Thrust ({unit})")
+    thrust = imported(text).recording.column("thrust_N")
+    np.testing.assert_allclose(thrust, steps_1580()["Thrust (gf)"] * newton, rtol=1e-14)
+
+
+def test_a_spreadsheet_saved_it() -> None:
+    text = log_text(steps_1580())
+    mangled = text.replace(",", ";").replace(".", ",").replace("\n", "\r\n")
+    plain, through = imported(text), imported(mangled.encode("cp1252"))
+    np.testing.assert_array_equal(plain.recording.values, through.recording.values)
+    assert {item.what for item in through.findings if item.kind == "repaired"} == {
+        "line ends",
+        "other delimiter",
+        "decimal commas",
+        "encoding",
+    }
+
+
+def test_blank_cells_of_a_slower_channel_stay_blank() -> None:
+    thrust = steps_1580()["Thrust (gf)"].copy()
+    thrust[1::2] = np.nan
+    read = imported(log_text(steps_1580(**{"Thrust (gf)": thrust})))
+    assert np.count_nonzero(np.isnan(read.recording.column("thrust_N"))) == 10
+    (told,) = found(read, "blank cells")
+    assert (told.channel, told.count) == ("thrust_N", 10)
+
+
+def test_the_first_row_is_stamped_late() -> None:
+    time_s = steps_1580()["Time (s)"].copy()
+    time_s[0] = 0.6
+    read = imported(log_text(steps_1580(**{"Time (s)": time_s})))
+    assert read.recording.column("time_s")[:3].tolist() == [0.5, 0.5, 1.0]
+    (told,) = found(read, "time goes backwards")
+    assert told.lines == "2"
+
+
+def test_time_that_starts_anew_follows_on() -> None:
+    time_s = np.concatenate([np.arange(12) * 0.5, np.arange(8) * 0.5])
+    read = imported(log_text(steps_1580(**{"Time (s)": time_s})))
+    np.testing.assert_allclose(read.recording.column("time_s"), np.arange(20) * 0.5)
+    (told,) = found(read, "time starts anew")
+    assert told.lines == "14"
+    assert told.count == 8
+
+
+def test_small_disorder_is_sorted() -> None:
+    time_s = steps_1580()["Time (s)"].copy()
+    time_s[[7, 8]] = time_s[[8, 7]]
+    read = imported(log_text(steps_1580(**{"Time (s)": time_s})))
+    assert np.all(np.diff(read.recording.column("time_s")) > 0.0)
+    assert found(read, "time goes backwards")[0].count == 1
+    pulses = steps_1580()["ESC signal (µs)"].copy()
+    pulses[[7, 8]] = pulses[[8, 7]]
+    np.testing.assert_array_equal(read.recording.column("pwm1_us"), pulses)
+
+
+def test_a_stray_time_is_set_between_its_neighbours() -> None:
+    time_s = steps_1580()["Time (s)"].copy()
+    time_s[9] = 5e6
+    read = imported(log_text(steps_1580(**{"Time (s)": time_s})))
+    assert read.recording.column("time_s")[9] == 4.5
+    assert found(read, "stray time")[0].lines == "11"
+
+
+def test_rows_of_other_lengths_and_of_text() -> None:
+    lines = log_text(steps_1580()).splitlines()
+    lines[3] = ",".join(lines[3].split(",")[:13])  # shorter
+    lines.insert(5, HEADER_1580)  # another log was pasted in
+    lines.insert(8, "TargetRPM,set,to,3500")  # another script's row
+    lines.insert(9, "")
+    lines.insert(11, ",,,,,,,,,,,,,,,,,,,,,")
+    read = imported("\n".join(lines) + "\n")
+    assert (read.tally.total, read.tally.kept, read.tally.refused) == (22, 20, 2)
+    assert found(read, "text rows")[0].lines == "6, 9"
+    assert {item.lines for item in found(read, "ragged rows")} == {"4, 9"}
+    assert found(read, "empty rows")[0].count == 1
+
+
+def test_a_text_cell_is_blanked_and_told() -> None:
+    lines = log_text(steps_1580()).splitlines()
+    cells = lines[6].split(",")
+    cells[9] = "#DIV/0!"
+    lines[6] = ",".join(cells)
+    read = imported("\n".join(lines) + "\n")
+    assert np.isnan(read.recording.column("thrust_N")[5])
+    (told,) = found(read, "text cells")
+    assert (told.lines, told.channel) == ("7", "Thrust (gf)")
+
+
+def test_script_columns_without_a_name() -> None:
+    text = log_text(steps_1580())
+    head, rest = text.split("\n", 1)
+    longer = rest.replace(",\n", ",,3500,0.1,7,\n")
+    read = imported(f"{head}\n{longer}")
+    assert read.tally.kept == 20
+    assert found(read, "cells without a name")[0].kind == "left out"
+
+
+def test_a_header_longer_than_every_row() -> None:
+    header = HEADER_1580 + "TargetRPM,Change,Integral,"
+    body = log_text(steps_1580()).split("\n", 1)[1]
+    read = imported(f"{header}\n{body}")
+    assert read.tally.kept == 20
+    assert "Integral" in found(read, "ragged rows")[0].words
+
+
+def test_the_last_line_is_cut() -> None:
+    text = log_text(steps_1580())
+    read = imported(text[:-60])
+    assert (read.tally.kept, read.tally.refused) == (19, 1)
+    whole = imported(text[:-1])
+    assert whole.tally.kept == 20
+    assert found(whole, "no last line end")[0].lines == "21"
+
+
+def test_an_untared_cell_and_a_pusher() -> None:
+    thrust = steps_1580()["Thrust (gf)"]
+    read = imported(log_text(steps_1580(**{"Thrust (gf)": thrust - 40.0})))
+    assert "-0.3923 N" in found(read, "untared")[0].words
+    tared = imported(log_text(steps_1580(**{"Thrust (gf)": thrust - 40.0})), tare=("thrust_N",))
+    np.testing.assert_allclose(
+        tared.recording.column("thrust_N"), thrust * GRAM_FORCE_N, atol=1e-12
+    )
+    assert [item.kind for item in found(tared, "untared")] == ["repaired"]
+    pusher = imported(log_text(steps_1580(**{"Thrust (gf)": -thrust})))
+    assert found(pusher, "wrong sign")[0].kind == "doubt"
+    turned = imported(log_text(steps_1580(**{"Thrust (gf)": -thrust})), flip=("thrust_N",))
+    np.testing.assert_allclose(turned.recording.column("thrust_N"), thrust * GRAM_FORCE_N)
+    assert [item.kind for item in found(turned, "wrong sign")] == ["repaired"]
+
+
+def test_an_rpm_spike_is_blanked() -> None:
+    rpm = np.full(40, 4000.0) + np.arange(40)
+    rpm[17] = 59504.0
+    columns = steps_1580(40, **{"Motor Electrical Speed (RPM)": rpm})
+    read = imported(log_text(columns))
+    assert np.flatnonzero(np.isnan(read.recording.column("rpm1"))).tolist() == [17]
+    (told,) = found(read, "spikes")
+    assert (told.lines, told.kind) == ("19", "repaired")
+
+
+def test_a_step_up_and_down_of_the_throttle_is_no_spike() -> None:
+    pulse = np.full(40, 1300.0)
+    pulse[17] = 1900.0
+    rpm = 12.0 * (pulse - 1000.0)
+    columns = steps_1580(40, **{"Motor Electrical Speed (RPM)": rpm, "ESC signal (µs)": pulse})
+    assert found(imported(log_text(columns)), "spikes") == []
+
+
+def test_a_wrong_pole_count() -> None:
+    rpm = steps_1580()["Motor Electrical Speed (RPM)"]
+    against = imported(
+        log_text(
+            steps_1580(
+                **{"Motor Electrical Speed (RPM)": 6.0 * rpm, "Motor Optical Speed (RPM)": rpm}
+            )
+        )
+    )
+    assert "--scale rpm1=1/6" in found(against, "rpm ratio")[0].words
+    columns = {"Motor Electrical Speed (RPM)": 6.0 * rpm, "Motor Optical Speed (RPM)": rpm}
+    mended = imported(log_text(steps_1580(**columns)), scale=("rpm1=1/6",))
+    assert found(mended, "rpm ratio") == []
+    assert found(mended, "scale")[0].kind == "repaired"
+    strong = 1e-4 + 2e-6 * rpm
+    hot = imported(
+        log_text(
+            steps_1580(
+                **{
+                    "Motor Electrical Speed (RPM)": 6.0 * rpm,
+                    "Torque (N·m)": strong,
+                    "Current (A)": strong * rpm * 2.0 * np.pi / 60.0 / (11.1 - 1e-5 * rpm) / 0.8,
+                }
+            )
+        )
+    )
+    assert "480%" in found(hot, "impossible efficiency")[0].words
+    mended = imported(
+        log_text(steps_1580(**{"Motor Electrical Speed (RPM)": 6.0 * rpm})), scale=("rpm1=1/6",)
+    )
+    np.testing.assert_allclose(mended.recording.column("rpm1"), rpm)
+
+
+def test_a_dead_cell_and_a_single_row() -> None:
+    dead = imported(log_text(steps_1580(**{"Thrust (gf)": np.zeros(20)})))
+    assert [item.channel for item in found(dead, "dead channel")] == ["rpm1_optical", "thrust_N"]
+    single = imported(log_text({name: column[:1] for name, column in steps_1580().items()}))
+    assert found(single, "single row")[0].kind == "doubt"
+
+
+def test_the_optical_probe_stands_in_for_a_dead_electrical_one() -> None:
+    rpm = steps_1580()["Motor Electrical Speed (RPM)"]
+    read = imported(
+        log_text(
+            steps_1580(
+                **{"Motor Electrical Speed (RPM)": 0.0 * rpm, "Motor Optical Speed (RPM)": rpm}
+            )
+        )
+    )
+    np.testing.assert_array_equal(read.recording.column("rpm1"), rpm)
+    assert read.sources["rpm1"] == "Motor Optical Speed (RPM)"
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "is empty"),
+        ("   \n \n", "is empty"),
+        (HEADER_1580 + "\n", "no row below it"),
+        ("a,b\n1,2\n", "--columns"),
+        ("PK\x03\x04\0\0\0\0zip", "not a text file"),
+    ],
+)
+def test_what_cannot_be_read_is_refused_in_a_sentence(text: str, said: str) -> None:
+    with pytest.raises(FileFormatError, match=said):
+        imported(text)
+
+
+def test_what_is_told_must_make_sense() -> None:
+    with pytest.raises(InputError, match="CHANNEL=FACTOR"):
+        imported(log_text(steps_1580()), scale=("rpm1",))
+    with pytest.raises(InputError, match="known: "):
+        imported(log_text(steps_1580()), flip=("lift_N",))
+    constant = steps_1580(**{"ESC signal (µs)": np.full(20, 1500.0)})
+    constant["Motor Electrical Speed (RPM)"] = np.full(20, 5000.0)
+    with pytest.raises(InputError, match="no row is at rest"):
+        imported(log_text(constant), tare=("thrust_N",))

@@ -1,0 +1,100 @@
+"""Logs of a flown ArduCopter 4.6.2 against what its simulator says was true."""
+
+from __future__ import annotations
+
+import gzip
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from benchtool.data.formats.dataflash import read_dataflash
+from benchtool.data.formats.formats import import_bytes
+from benchtool.data.repairs.imported import Imported
+from benchtool.data.repairs.options import Options
+from tests.unit.data.flight_logs import dataflash, hop
+from tests.unit.data.stand_logs import found
+
+FLIGHTS = (
+    *("calm_1", "calm_2_esc", "wind3_north", "wind5_east_gusty", "motor1_weak10_esc"),
+    *("wind9_gusty", "battery_sag", "mass_plus25", "gyro_bias_midair", "accel_bias", "trim_2deg"),
+)
+
+
+DECEIVED = {"gyro_bias_midair", "accel_bias"}
+"""Flights whose sensors were off, so that the autopilot's own attitude is."""
+
+
+@pytest.fixture(scope="module")
+def flights(reference_data: Path) -> Path:
+    folder = reference_data.parent / "peers" / "flights"
+    if not folder.is_dir():
+        pytest.skip("there are no recorded flights beside the reference data")
+    return folder
+
+
+def flown(folder: Path, name: str) -> tuple[bytes, Imported, dict[str, Any]]:
+    data = gzip.decompress((folder / f"{name}.BIN.gz").read_bytes())
+    truth: dict[str, Any] = json.loads((folder / "truth.json").read_text())["flights"][name]
+    return data, import_bytes(data, f"{name}.BIN", Options()), truth
+
+
+def known(read: Imported, channel: str) -> tuple[np.ndarray, np.ndarray]:
+    """Return the times in seconds since boot and the values of a channel where it has any."""
+    column = read.recording.column(channel)
+    rows = np.isfinite(column)
+    return 1e-6 * read.recording.column("device_time_us")[rows], column[rows]
+
+
+@pytest.mark.parametrize("name", FLIGHTS)
+def test_a_flight_is_read_at_the_rate_it_was_logged(flights: Path, name: str) -> None:
+    data, read, truth = flown(flights, name)
+    apart_deg = 1.0 if name in DECEIVED else 0.5
+    time_s, roll = known(read, "roll_rad")
+    gyro_s, gyro = known(read, "gyro_rad_s")
+    # ATT came at 10 Hz; ANG comes with the gyro, at 50 or 100 Hz.
+    assert time_s.size == known(read, "theta_ref_rad")[1].size
+    assert abs(time_s.size - gyro_s.size) <= 1  # the log ends between two messages of a step
+    assert np.median(np.diff(time_s)) == pytest.approx(0.02 if "_esc" in name else 0.01, rel=0.03)
+    assert time_s[-1] - time_s[0] == pytest.approx(truth["seconds"], abs=1.0)
+    assert float(np.degrees(np.abs(roll).max())) == pytest.approx(
+        truth["greatest_roll_deg"], abs=apart_deg
+    )
+    (told,) = found(read, "attitude")
+    assert told.words.startswith("ANG, ")
+    # The attitude is that of the simulator, where the autopilot's sensors told the truth.
+    log = read_dataflash(data, frozenset({"SIM"}))
+    true_s, true_roll = 1e-6 * log.times_us("SIM"), np.radians(log.numbers("SIM", "Roll"))
+    missed = roll - np.interp(time_s, true_s, true_roll)
+    assert name in DECEIVED or float(np.degrees(np.sqrt(np.mean(missed**2)))) < apart_deg
+    # What the controller asks for is kept as fast as the gyro is, with pitch as theta counts it.
+    for axis in ("pitch", "roll", "yaw", "throttle"):
+        share = known(read, f"{axis}_command_share")[1]
+        assert abs(share.size - gyro.size) <= 1
+        assert float(np.abs(share).max()) <= 1.0
+    volts = known(read, "voltage_V")[1]
+    assert float(volts[0]) == pytest.approx(truth["volts"][0], abs=0.3)
+
+
+def test_speeds_of_the_escs_follow_the_outputs(flights: Path) -> None:
+    _, read, _ = flown(flights, "calm_2_esc")
+    pulse_s, pulse = known(read, "pwm3_us")
+    time_s, rpm = known(read, "rpm3")
+    steady = np.abs(np.interp(pulse_s, time_s, rpm) - 9000.0 * (pulse - 1050.0) / 900.0)
+    assert float(np.median(steady[pulse > 1200.0])) < 60.0
+
+
+def test_speeds_of_tachometers_come_from_each_sensor_in_good_health() -> None:
+    items = [item for item in hop(1.0) if item[0] != "ESC"]
+    for tick in range(10):
+        at = 5_000_000 + 100_000 * tick
+        items.append(("RPM", (at, 0, 5000.0 + tick, 0.9, int(tick != 4))))
+        items.append(("RPM", (at, 1, 6000.0 + tick, 0.9, 1)))
+    read = import_bytes(dataflash(items), "log.bin", Options())
+    np.testing.assert_array_equal(
+        known(read, "rpm1")[1], [5000.0 + tick for tick in range(10) if tick != 4]
+    )
+    np.testing.assert_array_equal(known(read, "rpm2")[1], 6000.0 + np.arange(10.0))
+    assert {item.kind for item in found(read, "rpm")} == {"read as", "repaired"}

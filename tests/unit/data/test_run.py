@@ -1,0 +1,194 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchtool.core.errors import FileFormatError, InputError, UnknownChoice, WouldOverwrite
+from benchtool.data.columns import KINDS, code_of
+from benchtool.data.frame import frame
+from benchtool.data.run.digest import data_hash
+from benchtool.data.run.events import Event, read_events
+from benchtool.data.run.interrupted import scan_samples, take_marked, write_marked
+from benchtool.data.run.read import read_points, read_samples
+from benchtool.data.run.run import Run, free_run_path, read_settings
+from tests.unit.data.run_of import CHANNELS, point, small_run
+
+
+def test_nothing_is_written_over(tmp_path: Path) -> None:
+    run = small_run(tmp_path / "run")
+    before = (run.path / "points.csv").read_bytes()
+    with pytest.raises(WouldOverwrite):
+        Run.create(run.path, "", {})
+    assert (run.path / "points.csv").read_bytes() == before
+
+
+def test_a_second_run_of_one_name_gets_a_number(tmp_path: Path) -> None:
+    first = free_run_path(tmp_path, "2026-01-31", "quad")
+    first.mkdir()
+    assert first.name == "2026-01-31-quad"
+    assert free_run_path(tmp_path, "2026-01-31", "quad").name == "2026-01-31-quad-2"
+    with pytest.raises(InputError, match="cannot name a run"):
+        free_run_path(tmp_path, "2026-01-31", "../x")
+
+
+def test_samples_read_back_to_the_bit_with_empty_cells(tmp_path: Path) -> None:
+    run = small_run(tmp_path / "run")
+    lines = (run.path / "samples.csv").read_text().splitlines()
+    assert lines[0] == "time_s,device_time_us,point,phase,pwm1_us,rpm1,thrust_N"
+    assert lines[2] == "0.005000,5000,1,settle,1500.0,5000.0,"
+    found = read_samples(run.path)
+    assert found.simulated
+    assert found.column("thrust_N")[2] == 0.1 + 0.2
+    assert np.isnan(found.column("thrust_N")).tolist() == [False, True] * 2 + [False] + [
+        False,
+        True,
+    ] * 2 + [False]
+    assert set(found.column("phase")) == {code_of("phase", "settle"), code_of("phase", "sample")}
+
+
+def test_a_tare_is_no_point_unless_asked_for(tmp_path: Path) -> None:
+    run = small_run(tmp_path / "run")
+    assert len(read_points(run.path)) == 4
+    assert len(read_points(run.path, KINDS)) == 5
+    assert len(read_points(run.path / "points.csv", ["reference"])) == 2
+    with pytest.raises(FileFormatError, match="no point of kind anchor"):
+        read_points(run.path, ["anchor"])
+    with pytest.raises(UnknownChoice, match="known: anchor, failed, measure, reference, tare"):
+        read_points(run.path, ["ancor"])
+
+
+def test_settings_hold_means_over_repeats_and_paired_ratios(tmp_path: Path) -> None:
+    run = small_run(tmp_path / "run")
+    run.close()
+    found = read_settings(run.path)
+    assert found.column("n_repeats").tolist() == [2.0, 2.0]
+    measured = found.select(found.column("kind") == code_of("kind", "measure"))
+    assert measured.column("thrust_N")[0] == pytest.approx(11.212)
+    assert measured.column("thrust_sd_N")[0] == pytest.approx(0.424 / 2**0.5)
+    assert measured.column("thrust_se_N")[0] == pytest.approx(0.212)
+    # Paired within repeats: 11/10 and 11.424/10.2, not over the mean reference.
+    assert measured.column("ratio_equal_pwm")[0] == pytest.approx((1.1 + 1.12) / 2)
+    assert measured.column("ratio_equal_pwm_sd")[0] == pytest.approx(0.02 / 2**0.5)
+    assert measured.column("ratio_equal_rpm2")[0] == pytest.approx((1.1 + 1.12) / 2)
+    reference = found.select(found.column("kind") == code_of("kind", "reference"))
+    assert np.isnan(reference.column("ratio_equal_pwm_sd")[0])
+
+
+def test_parquet_is_preferred_and_checked(tmp_path: Path) -> None:
+    run = small_run(tmp_path / "run")
+    from_csv = read_samples(run.path)
+    run.close()
+    from_parquet = read_samples(run.path)
+    assert from_parquet.provenance["file"].endswith("samples.parquet")
+    assert from_parquet.names == from_csv.names
+    np.testing.assert_array_equal(from_parquet.values, from_csv.values)
+    with open(run.path / "samples.parquet", "ab") as file:
+        file.write(b"x")
+    with pytest.warns(UserWarning, match=r"its hash is not the one in metadata\.json"):
+        again = read_samples(run.path)
+    assert again.provenance["file"].endswith("samples.csv")
+    assert "hash" in again.provenance["repairs"]
+    np.testing.assert_array_equal(again.values, from_csv.values)
+
+
+@pytest.mark.parametrize("cut", range(1, 40))
+def test_a_kill_at_any_byte_loses_no_whole_row(tmp_path: Path, cut: int) -> None:
+    run = small_run(tmp_path / "run")
+    path = run.path / "samples.csv"
+    whole = path.read_bytes()
+    path.write_bytes(whole[:-cut])
+    rows = whole[:-cut].count(b"\n") - 1
+    assert len(read_samples(run.path)) == rows
+    writer = run.sample_writer(CHANNELS)
+    assert writer.fragment == whole[:-cut].rsplit(b"\n", 1)[1].decode()
+    writer.append(2, "sample", np.array([9.0]), np.array([9e6]), np.array([[1.0, 2.0, 3.0]]))
+    writer.close()
+    after = read_samples(run.path)
+    assert len(after) == rows + 1
+    assert after.column("thrust_N")[-1] == 3.0
+
+
+def test_a_cut_point_is_said_and_taken_back(tmp_path: Path) -> None:
+    run = small_run(tmp_path / "run")
+    path = run.path / "points.csv"
+    path.write_bytes(path.read_bytes()[:-5])
+    found = read_points(run.path)
+    assert len(found) == 3
+    assert "cut short" in found.provenance["repairs"]
+    writer = run.point_writer(1)
+    writer.append(point(4, "measure", 1, 2, 11.0))
+    writer.close()
+    assert len(read_points(run.path)) == 4
+
+
+def test_another_bench_cannot_go_on_with_a_run(tmp_path: Path) -> None:
+    run = small_run(tmp_path / "run")
+    with pytest.raises(FileFormatError, match="streams other channels"):
+        run.sample_writer(CHANNELS[:2])
+    with pytest.raises(FileFormatError, match="a run with 4 rotors"):
+        run.point_writer(4)
+
+
+def test_interrupted_visits_keep_their_rows(tmp_path: Path) -> None:
+    run = small_run(tmp_path / "run")
+    before = read_samples(run.path)
+    found = scan_samples(run.path / "samples.csv", frozenset())
+    assert (found.rows, found.last_s) == (10, 0.045)
+    write_marked(run.path / "samples.csv", found)
+    assert scan_samples(run.path / "samples.csv", frozenset()) == found
+    take_marked(run.path / "samples.csv")
+    assert scan_samples(run.path / "samples.csv", frozenset()).from_byte is None
+    after = read_samples(run.path)
+    assert set(after.column("phase")) == {code_of("phase", "interrupted")}
+    np.testing.assert_array_equal(after.column("thrust_N"), before.column("thrust_N"))
+
+
+def test_events_survive_a_cut_line(tmp_path: Path) -> None:
+    run = small_run(tmp_path / "run")
+    log = run.event_log()
+    log.append(Event(1.0, "tare", "tared"))
+    log.close()
+    with open(run.path / "events.jsonl", "ab") as file:
+        file.write(b'{"time_s": 2.0, "ev')
+    events = read_events(run.path / "events.jsonl")
+    assert [event.event for event in events] == ["tare"]
+    assert events[0].wall.endswith("+00:00")
+
+
+def test_the_hash_names_the_data(tmp_path: Path) -> None:
+    run = small_run(tmp_path / "run")
+    before = data_hash(run.path)
+    run.close()
+    assert data_hash(run.path) == before
+    writer = run.point_writer(1)
+    writer.append(point(5, "measure", 1, 3, 11.0))
+    writer.close()
+    assert data_hash(run.path) != before
+    with pytest.raises(FileFormatError, match="neither a file nor a run"):
+        data_hash(tmp_path)
+
+
+def test_metadata_that_is_no_json_is_told(tmp_path: Path) -> None:
+    run = small_run(tmp_path / "run")
+    (run.path / "metadata.json").write_text("{")
+    with pytest.raises(FileFormatError, match="not valid JSON"):
+        read_points(run.path)
+    assert json.loads((small_run(tmp_path / "b").path / "metadata.json").read_text())["simulated"]
+
+
+def test_frames_speak_words_and_units(tmp_path: Path) -> None:
+    table = frame(read_points(small_run(tmp_path / "run").path))
+    assert table["kind"].tolist() == ["measure", "reference", "reference", "measure"]
+    assert table.attrs["units"]["rpm1"] == "rpm"
+    assert table.attrs["units"]["thrust_se_N"] == "N"
+
+
+def test_a_plan_that_somebody_wrote_into_a_folder_is_left_alone(tmp_path: Path) -> None:
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "plan.toml").write_text("[plan]\n")
+    with pytest.raises(WouldOverwrite):
+        Run.create(tmp_path / "mine", "", {})
+    assert (tmp_path / "mine" / "plan.toml").read_text() == "[plan]\n"

@@ -1,0 +1,151 @@
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from benchtool.data.run import run_list
+from benchtool.data.run.entry import Entry, entry_of
+from benchtool.data.run.run_list import list_entries, search
+from benchtool.data.run.runs_folder import RunsFolder
+from tests.unit.data.run_of import small_run
+
+TOP = Path(__file__).parents[3]
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> RunsFolder:
+    root = tmp_path / "runs"
+    run = small_run(root / "one")
+    run.update_metadata(started="2026-03-02T10:00:00+00:00", state="stopped", reason="Ctrl-C")
+    shutil.copytree(TOP / "datasets" / "quad" / "run", root / "quad")
+    shutil.copytree(TOP / "fits" / "quad", root / "fits" / "quad")
+    (root / "answer").mkdir()
+    answer = {"verdict": "named", "sentence": "A cable pulls.", "model": "m", "simulated": False}
+    (root / "answer" / "answer.json").write_text(json.dumps(answer), "utf-8")
+    (root / "lab.csv").write_text("gap_mm;F_gf\n60;424,1\n", "utf-8")
+    return RunsFolder(root)
+
+
+def named(folder: RunsFolder) -> dict[str, Entry]:
+    return {entry.name: entry for entry in list_entries(folder)}
+
+
+def test_everything_is_listed_with_what_it_is(folder: RunsFolder) -> None:
+    found = named(folder)
+    assert {name: entry.kind for name, entry in found.items()} == {
+        "one": "sweep",
+        "quad": "sweep",
+        "fits/quad": "fit",
+        "answer": "explanation",
+        "lab.csv": "table",
+    }
+    assert not any(entry.problem for entry in found.values())
+    quad = found["quad"]
+    assert (quad.rig, quad.state, quad.simulated) == ("pquad", "ended", True)
+    assert quad.said == "96 points"
+    assert found["one"].said == "4 points; Ctrl-C"
+    assert found["one"].date.startswith("2026-03-02")
+    assert (found["fits/quad"].rig, found["fits/quad"].state) == ("quad_bench", "converged")
+    assert found["answer"].said == "A cable pulls."
+    assert found["lab.csv"].said == "gap_mm, F_gf"
+
+
+def test_the_newest_comes_first(folder: RunsFolder) -> None:
+    dates = [entry.date for entry in list_entries(folder)]
+    assert dates == sorted(dates, reverse=True)
+
+
+def test_a_folder_that_is_not_there_is_empty(tmp_path: Path) -> None:
+    assert list_entries(RunsFolder(tmp_path / "none")) == ()
+
+
+@pytest.mark.parametrize(
+    ("words", "kind", "names"),
+    [
+        ("", "", {"one", "quad", "fits/quad", "answer", "lab.csv"}),
+        ("PQUAD", "", {"quad"}),
+        ("quad", "", {"quad", "fits/quad"}),
+        ("quad", "fit", {"fits/quad"}),
+        ("2026-03", "", {"one"}),
+        ("stopped ctrl", "", {"one"}),
+        ("stopped pquad", "", set()),
+        ("cable", "", {"answer"}),
+    ],
+)
+def test_words_find_by_name_rig_date_kind_and_state(
+    folder: RunsFolder, words: str, kind: str, names: set[str]
+) -> None:
+    assert {entry.name for entry in search(list_entries(folder), words, kind)} == names
+
+
+def test_what_is_broken_is_listed_with_its_reason(folder: RunsFolder) -> None:
+    root = folder.root
+    for name in ("json", "format", "points", "none", "rig"):
+        small_run(root / name)
+    (root / "json" / "metadata.json").write_text("{", "utf-8")
+    (root / "format" / "metadata.json").write_text('{"format": "benchtool-run-9"}', "utf-8")
+    (root / "points" / "points.csv").write_text("point,kind\n1,bogus\n", "utf-8")
+    (root / "none" / "metadata.json").unlink()
+    (root / "rig" / "metadata.json").write_text('{"format": "benchtool-run-1", "rig": 3}', "utf-8")
+    (root / "empty").mkdir()
+    (root / "fits" / "quad" / "result.json").write_text('{"format": "benchtool-fit-1"}', "utf-8")
+    (root / "answer" / "answer.json").write_text("[1]", "utf-8")
+    (root / "away").symlink_to(root.parent)
+    found = named(folder)
+    said = {
+        "json": "json/metadata.json: this is not valid JSON",
+        "format": "its format is 'benchtool-run-9', this version reads 'benchtool-run-1'",
+        "points": "line 2: column 'kind' holds 'bogus'",
+        "none": "there is no metadata.json in it",
+        "rig": "rig is 3: input should be a table",
+        "empty": "it holds: nothing",
+        "fits/quad": "there is no 'model' in its JSON",
+        "answer": "a JSON object is needed",
+        "away": "leads out of the runs folder",
+    }
+    for name, words in said.items():
+        assert words in found[name].problem, name
+        assert str(root) not in found[name].problem
+        assert "\n" not in found[name].problem
+        assert not found[name].can_fit
+    assert found["quad"].problem == ""
+
+
+def test_a_run_that_has_just_begun_is_not_broken(folder: RunsFolder) -> None:
+    run = small_run(folder.root / "begun")
+    run.update_metadata(state="running")
+    (run.path / "points.csv").unlink()
+    begun = entry_of(folder, "begun")
+    assert (begun.problem, begun.said, begun.state) == ("", "no point yet", "running")
+
+
+def test_a_pitch_recording_is_told_by_its_channels(folder: RunsFolder) -> None:
+    run = small_run(folder.root / "pitch")
+    run.update_metadata(device={"channels": {"theta_rad": "rad"}}, link={"samples": 1375})
+    found = entry_of(folder, "pitch")
+    assert (found.kind, found.said, found.can_fit) == ("pitch recording", "1,375 samples", False)
+    (run.path / "samples.csv").unlink()
+    assert "no samples in it" in entry_of(folder, "pitch").problem
+
+
+def test_only_what_has_changed_is_read_again(
+    folder: RunsFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen: run_list.Seen = {}
+    whole = list_entries(folder, seen)
+    read: list[str] = []
+
+    def noted(folder: RunsFolder, name: str) -> Entry:
+        read.append(name)
+        return entry_of(folder, name)
+
+    monkeypatch.setattr(run_list, "entry_of", noted)
+    assert list_entries(folder, seen) == whole
+    assert read == []
+    (folder.root / "quad" / "points.csv").write_text("point,kind\n1,bogus\n", "utf-8")
+    again = {entry.name: entry for entry in list_entries(folder, seen)}
+    assert read == ["quad"]
+    assert "bogus" in again["quad"].problem

@@ -1,0 +1,132 @@
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from benchtool.core.errors import BenchtoolError, FileFormatError, InputError, WouldOverwrite
+from benchtool.data.run.runs_folder import RunsFolder
+from tests.unit.data.run_of import small_run
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> RunsFolder:
+    root = tmp_path / "runs"
+    root.mkdir()
+    (tmp_path / "secret.csv").write_text("thrust_N\n1\n", "utf-8")
+    (tmp_path / "runs-of-others").mkdir()
+    small_run(root / "one")
+    return RunsFolder(root)
+
+
+def test_what_is_in_the_folder_is_found_by_its_name(folder: RunsFolder) -> None:
+    assert folder.path_of("one") == folder.root / "one"
+    assert folder.file_of("one/points.csv") == folder.root / "one" / "points.csv"
+    assert folder.name_of(folder.path_of("one/points.csv")) == "one/points.csv"
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("", ".", "..", "/", "one/", "/one", "./one", "one/.", "one//points.csv"),
+        *("../secret.csv", "one/../../secret.csv", "one/..", "../runs/one", "../runs-of-others"),
+        *(
+            "..\\secret.csv",
+            "C:one",
+            "C:\\secret.csv",
+            "\\\\host\\share",
+            "one\0",
+            "~/x",
+            "%2e%2e/x",
+        ),
+        *(".hidden", "one/.points.csv.new", "x" * 5000, "x/" * 2000 + "x"),
+    ],
+)
+def test_a_name_that_leads_elsewhere_is_refused(folder: RunsFolder, name: str) -> None:
+    with pytest.raises(InputError):
+        folder.path_of(name)
+    with pytest.raises(InputError):
+        folder.new_path(name)
+
+
+def test_an_absolute_path_is_refused_even_when_it_leads_inside(folder: RunsFolder) -> None:
+    with pytest.raises(InputError, match="leads out of the runs folder"):
+        folder.path_of(str(folder.root / "one"))
+
+
+@given(name=st.text(max_size=40) | st.from_regex(r"(\.\.|one|/|\\|\.){1,12}", fullmatch=True))
+def test_no_name_at_all_leads_out(tmp_path_factory: pytest.TempPathFactory, name: str) -> None:
+    root = tmp_path_factory.getbasetemp() / "any" / "runs"
+    (root / "one").mkdir(parents=True, exist_ok=True)
+    for lead in (RunsFolder(root).path_of, RunsFolder(root).new_path):
+        try:
+            path = lead(name)
+        except BenchtoolError:
+            continue
+        assert path.resolve().is_relative_to(root.resolve())
+        assert path.resolve() != root.resolve()
+
+
+def test_a_link_that_leads_out_is_refused(folder: RunsFolder) -> None:
+    (folder.root / "away").symlink_to(folder.root.parent)
+    (folder.root / "file.csv").symlink_to(folder.root.parent / "secret.csv")
+    for name in ("away", "away/secret.csv", "away/runs/one/../../secret.csv", "file.csv"):
+        with pytest.raises(InputError, match="leads out of the runs folder"):
+            folder.path_of(name)
+    with pytest.raises(InputError):
+        folder.new_path("away")
+
+
+def test_a_run_that_holds_a_link_out_is_refused_whole(folder: RunsFolder) -> None:
+    samples = folder.root / "one" / "samples.csv"
+    samples.unlink()
+    samples.symlink_to(folder.root.parent / "secret.csv")
+    with pytest.raises(InputError, match=r"samples\.csv is a link that leads out"):
+        folder.path_of("one")
+
+
+def test_a_link_that_stays_inside_is_followed(folder: RunsFolder) -> None:
+    (folder.root / "same").symlink_to("one")
+    assert folder.path_of("same/points.csv").read_text() == (
+        (folder.root / "one" / "points.csv").read_text()
+    )
+
+
+def test_a_ring_of_links_is_refused(folder: RunsFolder) -> None:
+    (folder.root / "a").symlink_to("b")
+    (folder.root / "b").symlink_to("a")
+    with pytest.raises(BenchtoolError):
+        folder.path_of("a")
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="the system has no pipes with names")
+def test_what_is_no_file_is_refused_before_it_is_opened(folder: RunsFolder) -> None:
+    os.mkfifo(folder.root / "one" / "events.jsonl")
+    with pytest.raises(InputError, match="neither a file nor a folder"):
+        folder.path_of("one")
+
+
+def test_the_folder_itself_may_be_a_link(folder: RunsFolder, tmp_path: Path) -> None:
+    (tmp_path / "linked").symlink_to(folder.root)
+    assert RunsFolder(tmp_path / "linked").path_of("one").is_dir()
+
+
+def test_nothing_is_written_over(folder: RunsFolder) -> None:
+    (folder.root / "dangling").symlink_to("nowhere")
+    for name in ("one", "dangling"):
+        with pytest.raises(WouldOverwrite):
+            folder.new_path(name)
+    assert folder.free_path("2026-01-02", "x").name == "2026-01-02-x"
+    (folder.root / "2026-01-02-x").mkdir()
+    assert folder.free_path("2026-01-02", "x").name == "2026-01-02-x-2"
+    assert not (folder.root / "2026-01-02-x-2").exists()
+
+
+def test_what_is_not_there_is_told(folder: RunsFolder) -> None:
+    with pytest.raises(FileFormatError, match="not in the runs folder"):
+        folder.path_of("none")
+    with pytest.raises(FileFormatError, match="no file"):
+        folder.file_of("one")

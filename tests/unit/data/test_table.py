@@ -1,0 +1,105 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchtool.core.column_source import ColumnSource
+from benchtool.core.errors import (
+    BenchtoolError,
+    FileFormatError,
+    InputError,
+    MissingColumn,
+    UnknownChoice,
+)
+from benchtool.data.table import Where, read_table
+
+TEXT = """series,z_over_R,Fz,note
+Fz0,0.5,1000,first
+Fz0,1.0,-500,
+Fz30,0.5,700,
+"""
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    file = tmp_path / "pairs.csv"
+    file.write_text(TEXT)
+    return file
+
+
+def test_columns_are_mapped_converted_and_filtered(path: Path) -> None:
+    found = read_table(
+        path,
+        {
+            "thrust_N": {"column": "Fz", "unit": "gf", "sign": -1},
+            "plate_z_m": ColumnSource(column="z_over_R", factor=0.2),
+            "rpm1": {"constant": 6300.0, "unit": "rpm"},
+        },
+        ["series=Fz0"],
+    )
+    assert found.names == ("thrust_N", "plate_z_m", "rpm1")
+    assert [channel.unit for channel in found.channels] == ["N", "m", "rpm"]
+    np.testing.assert_allclose(found.column("thrust_N"), [-9.80665, 4.903325], rtol=1e-12)
+    np.testing.assert_allclose(found.column("plate_z_m"), [0.1, 0.2], rtol=1e-12)
+    assert found.column("rpm1").tolist() == [6300.0, 6300.0]
+    assert found.provenance["where"] == "series=Fz0"
+    assert len(found.provenance["sha256"]) == 64
+
+
+def test_without_a_map_columns_of_words_are_left_out(path: Path) -> None:
+    assert read_table(path).names == ("z_over_R", "Fz")
+
+
+def test_where_compares_numbers_as_numbers(path: Path) -> None:
+    assert len(read_table(path, {"thrust_N": "Fz"}, ["z_over_R=0.50"])) == 2
+    assert Where.parse(" a = b ") == Where("a", "b")
+
+
+@pytest.mark.parametrize(
+    ("columns", "where", "kind", "words"),
+    [
+        ({"thrust_N": "Thrust"}, [], MissingColumn, r"\[columns\] names 'Thrust', which .* lacks"),
+        ({"thrust_N": "note"}, [], FileFormatError, r"line 2: column 'note' holds 'first'"),
+        ({"thrust_N": "Fz"}, ["series=x"], FileFormatError, "the column holds: Fz0, Fz30"),
+        ({"thrust_N": "Fz"}, ["sweep=x"], UnknownChoice, "unknown column of .* 'sweep'"),
+        ({"thrust_N": "Fz"}, ["series"], InputError, "COLUMN=VALUE"),
+        ({"thrust_N": {"column": "Fz", "unit": "V"}}, [], InputError, "measures voltage"),
+        ({"thrust_N": {"column": "Fz", "unti": "N"}}, [], UnknownChoice, "did you mean 'unit'"),
+        ({"thrust_N": {"unit": "N"}}, [], BenchtoolError, "exactly one of them"),
+    ],
+)
+def test_what_does_not_fit_is_refused(
+    path: Path, columns: dict, where: list[str], kind: type[Exception], words: str
+) -> None:
+    with pytest.raises(kind, match=words):
+        read_table(path, columns, where)
+
+
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(FileFormatError, match=r"absent\.csv: there is no such file"):
+        read_table(tmp_path / "absent.csv")
+
+
+def test_a_header_alone_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("thrust_N\n")
+    with pytest.raises(FileFormatError, match="no row below it"):
+        read_table(tmp_path / "a.csv")
+
+
+def test_a_unit_in_the_name_of_a_column_is_not_passed_over(tmp_path: Path) -> None:
+    file = tmp_path / "stand.csv"
+    file.write_text("Thrust (g),RPM [rpm],Gap (mean)\n38,9000,0.1\n")
+    with pytest.raises(InputError, match=r"names the unit 'g', and thrust_N without one is read"):
+        read_table(file, {"thrust_N": "Thrust (g)"})
+    found = read_table(
+        file,
+        {
+            "thrust_N": {"column": "Thrust (g)", "unit": "gf"},
+            "rpm1": "RPM [rpm]",
+            "plate_z_m": "Gap (mean)",
+        },
+    )
+    assert found.column("thrust_N")[0] == pytest.approx(38e-3 * 9.80665)
+    assert (found.column("rpm1")[0], found.column("plate_z_m")[0]) == (9000.0, 0.1)

@@ -1,0 +1,167 @@
+"""Tables that are no stand's: a column map, known names, a Crazyflie, a propeller."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchtool.core.errors import FileFormatError, InputError, UnknownChoice
+from benchtool.data.formats.formats import import_files
+from benchtool.data.repairs.foreign_units import conversion
+from tests.unit.data.stand_logs import found, imported, log_text, steps_1580
+
+FLIGHT_STAND = "Time;Load [ozf];Torque (ozf in);Speed;Note\n0,0;1,5;0,1;50;a\n0,5;2,5;0,2;60;b\n"
+MAP = """
+[columns]
+time_s = "Time"
+thrust_N = { column = "Load [ozf]", unit = "ozf", sign = -1 }
+torque_Nm = { column = "Torque (ozf in)", unit = "ozf*in" }
+rpm1 = { column = "Speed", unit = "Hz", factor = 0.5 }
+temperature_degC = { constant = 68, unit = "degF" }
+"""
+OUNCE_N = 0.45359237 / 16 * 9.80665
+
+
+def test_a_column_map_with_units_that_only_pint_knows(tmp_path: Path) -> None:
+    (tmp_path / "map.toml").write_text(MAP)
+    read = imported(FLIGHT_STAND, columns=tmp_path / "map.toml")
+    recording = read.recording
+    np.testing.assert_allclose(recording.column("thrust_N"), [-1.5 * OUNCE_N, -2.5 * OUNCE_N])
+    np.testing.assert_allclose(
+        recording.column("torque_Nm"), [0.1 * OUNCE_N * 0.0254, 0.2 * OUNCE_N * 0.0254]
+    )
+    np.testing.assert_allclose(recording.column("rpm1"), [1500.0, 1800.0])
+    np.testing.assert_allclose(recording.column("temperature_degC"), 20.0)
+    assert found(read, "columns")[0].words == "the map does not name Note"
+    assert read.sources["rpm1"] == "Speed [Hz] times 0.5"
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ('thrust_N = { column = "Load", unit = "N" }', "known: "),
+        ('lift_N = "Load [ozf]"', "unknown channel"),
+        ('thrust_N = { column = "Load [ozf]", unit = "furlong" }', "does not measure force"),
+        ('thrust_N = { column = "Load [ozf]", unit = "wibble" }', "is unknown"),
+        ('thrust_N = { column = "Load [ozf]", colour = "red" }', "colour"),
+        ("thrust_N = 5", "write it as"),
+        ("[columns]", "maps nothing"),
+        ("thrust_N = ", "not valid TOML"),
+    ],
+)
+def test_a_map_that_cannot_hold_is_refused(tmp_path: Path, text: str, said: str) -> None:
+    (tmp_path / "map.toml").write_text(text)
+    with pytest.raises(InputError, match=said):
+        imported(FLIGHT_STAND, columns=tmp_path / "map.toml")
+
+
+def test_a_column_that_stands_twice_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "map.toml").write_text('thrust_N = "F"')
+    with pytest.raises(FileFormatError, match="stands 2 times"):
+        imported("F,F\n1,2\n", columns=tmp_path / "map.toml")
+
+
+@pytest.mark.parametrize(
+    ("text", "target", "factor"),
+    [
+        ("Hz", "rpm", 60.0),
+        ("rad/s", "rpm", 60.0 / (2.0 * np.pi)),
+        ("g", "N", 9.80665e-3),
+        ("g", "m/s2", 9.80665),
+        ("µs", "pwm_us", 1.0),
+        ("kPa", "Pa", 1000.0),
+        ("%", "1", 0.01),
+        ("ft", "m", 0.3048),
+    ],
+)
+def test_units(text: str, target: str, factor: float) -> None:
+    assert conversion(text, target).factor == pytest.approx(factor, rel=1e-12)
+
+
+def test_known_names_are_read_and_missing_units_told() -> None:
+    read = imported("t,Thrust (kgf),pwm1,colour\n0,1,1500,red\n1,2,1600,blue\n")
+    np.testing.assert_allclose(read.recording.column("thrust_N"), [9.80665, 19.6133])
+    assert found(read, "units")[0].words == "the header names none; read t as s, pwm1 as pwm_us"
+    assert "colour" in found(read, "columns")[0].words
+
+
+def test_a_header_whose_unit_measures_something_else_is_refused() -> None:
+    with pytest.raises(FileFormatError, match="does not measure force"):
+        imported("t,Thrust (V)\n0,1\n")
+    with pytest.raises(UnknownChoice, match="known: "):
+        imported("t,Thrust (N)\n0,1\n", tare=("lift",))
+
+
+def test_quoted_cells_may_hold_anything() -> None:
+    text = 't,"Thrust (gf)",note\n0,"1.5","a, ""b""\n and c"\n1,"2.5",\n'
+    read = imported(text)
+    np.testing.assert_allclose(read.recording.column("thrust_N") / 9.80665e-3, [1.5, 2.5])
+    assert read.tally.total == 2
+
+
+def test_rows_whose_lengths_make_up_for_each_other() -> None:
+    read = imported("time_s,thrust_N,rpm1\n0,1.5\n1,2.5,30,40\n2,3.5,50\n")
+    assert found(read, "ragged rows")[0].lines == "2"
+    assert (read.tally.kept, read.tally.refused) == (2, 1)
+    two = imported("time_s,thrust_N,rpm1\n0,1.5\n1,2.5,30,\n")
+    assert two.tally.kept == 2
+
+
+def test_a_quote_that_nobody_closes() -> None:
+    read = imported('time_s,thrust_N\n0,1.5\n"')
+    assert (read.tally.kept, read.tally.total) == (1, 1)
+
+
+def test_a_crazyflie_lifts_in_gram_force() -> None:
+    read = imported("pwm,vbat[V],rpm1,rpm2,rpm3,rpm4, weight\n100,4.0,9,9,9,9,22.5\n")
+    assert read.format == "Crazyflie system_id"
+    assert read.recording.column("thrust_N")[0] == pytest.approx(22.5 * 9.80665e-3)
+    assert read.recording.column("pwm_raw")[0] == 100.0
+    assert "pwm1_us" not in read.recording
+    assert found(read, "unit")[0].kind == "doubt"
+
+
+def test_a_propellers_coefficients_become_thrust_and_torque() -> None:
+    text = "RPM    CT       CP\n6000   0.1000   0.0500\n3000   0.0900   0.0600\n"
+    read = imported(text, "/data/apcsf_10x7_static_kt0827.txt", air_density_kg_m3=1.2)
+    diameter_m, turns = 0.254, np.array([100.0, 50.0])
+    thrust = np.array([0.1, 0.09]) * 1.2 * turns**2 * diameter_m**4
+    np.testing.assert_allclose(read.recording.column("thrust_N"), thrust)
+    power = np.array([0.05, 0.06]) * 1.2 * turns**3 * diameter_m**5
+    np.testing.assert_allclose(read.recording.column("torque_Nm"), power / (2 * np.pi * turns))
+    assert found(read, "air density") == []
+    assert found(imported(text, "x_10x7_static.txt"), "air density")[0].kind == "doubt"
+    with pytest.raises(FileFormatError, match="diameter stands in the name"):
+        imported(text, "static.txt")
+
+
+def test_two_files_that_disagree_by_a_pole_count(tmp_path: Path) -> None:
+    rpm = steps_1580()["Motor Electrical Speed (RPM)"]
+    (tmp_path / "a.csv").write_text(log_text(steps_1580()))
+    wrong = steps_1580(**{"Motor Electrical Speed (RPM)": 7.0 * rpm})
+    (tmp_path / "b.csv").write_text(log_text(wrong))
+    one, other = import_files([tmp_path / "a.csv", tmp_path / "b.csv"])
+    assert "near 1/7" in found(one, "rpm ratio")[0].words
+    assert "near 7" in found(other, "rpm ratio")[0].words
+
+
+def test_windows_are_marked_by_the_user() -> None:
+    from benchtool.data.formats.over_surface import window_told
+
+    text = "time_s,pwm1_us,pwm2_us\n" + "".join(f"{i},1500,1500\n" for i in range(10))
+    read = imported(text, over=(window_told("2:4:1"), window_told("6:7:all")))
+    assert np.flatnonzero(read.recording.column("coverage1")).tolist() == [2, 3, 4, 6, 7]
+    assert np.flatnonzero(read.recording.column("coverage2")).tolist() == [6, 7]
+    for wrong in ("1:2", "a:b:c", "5:4:1", "-1:2:1", "1:inf:1", "1:2:-3"):
+        with pytest.raises(InputError, match="START:END:ROTOR"):
+            window_told(wrong)
+    with pytest.raises(InputError, match=r"END \(2 s\) is not after START \(4 s\)"):
+        window_told("4:2:1")
+    with pytest.raises(InputError, match="START is -1 s, but a recording begins at 0 s"):
+        window_told("-1:2:1")
+    with pytest.raises(InputError, match="has rotors 1, 2"):
+        imported(text, over=(window_told("1:2:3"),))
+    with pytest.raises(InputError, match="recording ends at 9 s"):
+        imported(text, over=(window_told("20:30:1"),))

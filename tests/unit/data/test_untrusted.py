@@ -1,0 +1,143 @@
+"""Files are not to be trusted: whatever the bytes, an import ends in an account or a sentence."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from benchtool.core.channel import unit_told_by
+from benchtool.core.errors import InputError
+from benchtool.data.formats.formats import import_bytes
+from benchtool.data.repairs.foreign_units import Conversion, conversion
+from benchtool.data.repairs.imported import Imported
+from benchtool.data.repairs.options import Options
+from tests.unit.data.flight_logs import dataflash, hop, text_log
+from tests.unit.data.stand_logs import log_text, steps_1580
+from tests.unit.data.test_mavlink_log import hop as link_hop
+from tests.unit.data.test_mavlink_log import tlog
+
+STAND = log_text(steps_1580()).encode()
+SEEDS = {
+    "stand": STAND,
+    "map-less": b"t,thrust [gf],rpm1,note\n0,1.5,100,a\n1,2.5,200,b\n2,3.5,300,c\n" * 1,
+    "crazyflie": b"weight[g],pwm,vbat[V],rpm1,rpm2,rpm3,rpm4,v[V],i[A],p[W]\n"
+    + b"".join(b"%d.5,%d,3.9,%d,%d,%d,%d,3.8,0.2,0.8\n" % ((i,) * 6) for i in range(12)),
+    "prop_10x7_": b"RPM    CT       CP\n2283   0.1409   0.0678\n2586   0.1424   0.0676\n",
+    "dataflash": dataflash(hop(0.4)),
+    "text log": text_log(hop(0.2)).encode(),
+    "tlog": tlog(link_hop()[:60]),
+}
+CELLS = st.sampled_from(
+    ["", "1", "-2.5", "1e400", "nan", "inf", "x", '"a,b"', '"', "1,5", "1;5", "\x00", " 7 ", "é"]
+)
+
+
+def check_import(data: bytes, name: str) -> Imported | None:
+    """Import, or be refused in one clear line; a recording is whole and its account balances."""
+    read: Imported | None
+    try:
+        read = import_bytes(data, name, Options(near_m=0.5) if name == "dataflash" else Options())
+    except InputError as error:
+        said = str(error)
+        read = None
+    if read is None:
+        assert "\n" not in said
+        assert len(said) > 20
+        return None
+    assert read.tally.balanced
+    assert read.tally.refused >= 0
+    assert read.tally.not_needed >= 0
+    assert np.isinf(read.recording.values).sum() == 0
+    if read.tally.unit == "row":
+        assert read.tally.kept == len(read.recording)
+    for channel in read.recording.channels:
+        assert channel.unit == unit_told_by(channel.name)
+    for item in read.findings:
+        assert item.sentence
+    return read
+
+
+@pytest.mark.parametrize("name", SEEDS)
+def test_the_seeds_are_good_files(name: str) -> None:
+    assert check_import(SEEDS[name], name) is not None
+
+
+@pytest.mark.parametrize("name", SEEDS)
+@given(data=st.data())
+@settings(max_examples=60)
+def test_mutated_files(name: str, data: st.DataObject) -> None:
+    seed = bytearray(SEEDS[name])
+    for _ in range(data.draw(st.integers(1, 4))):
+        at = data.draw(st.integers(0, max(len(seed) - 1, 0)))
+        change = data.draw(st.sampled_from(["cut", "drop", "insert", "replace", "repeat"]))
+        if change == "cut":
+            del seed[at:]
+        elif change == "drop":
+            del seed[at : at + data.draw(st.integers(1, 40))]
+        elif change == "insert":
+            seed[at:at] = data.draw(st.binary(min_size=1, max_size=20))
+        elif change == "replace":
+            new = data.draw(st.binary(min_size=1, max_size=8))
+            seed[at : at + len(new)] = new
+        else:
+            seed[at:at] = seed[at : at + data.draw(st.integers(1, 200))]
+    check_import(bytes(seed), name)
+
+
+@given(st.binary(max_size=300))
+def test_any_bytes(data: bytes) -> None:
+    check_import(data, "any")
+
+
+@given(
+    st.binary(max_size=200), st.sampled_from([b"\xa3\x95", b"ULog\x01\x12\x35", b"FMT, 1, 2, A,"])
+)
+def test_any_bytes_after_a_logs_first_ones(rest: bytes, first: bytes) -> None:
+    check_import(first + rest, "any")
+
+
+@given(st.binary(max_size=200))
+def test_any_frames(rest: bytes) -> None:
+    check_import(struct.pack(">Q", 1_700_000_000_000_000) + b"\xfd" + rest, "any")
+
+
+@given(
+    st.lists(st.lists(CELLS, min_size=1, max_size=7), min_size=1, max_size=14),
+    st.sampled_from([",", ";", "\t"]),
+    st.sampled_from(["\n", "\r\n", "\r"]),
+    st.booleans(),
+)
+@settings(max_examples=150)
+def test_any_cells_under_a_known_header(
+    rows: list[list[str]], delimiter: str, end: str, is_ended: bool
+) -> None:
+    header = delimiter.join(["Time (s)", "ESC signal (µs)", "Thrust (gf)", "Voltage (V)", ""])
+    lines = [header, *(delimiter.join(row) for row in rows)]
+    check_import((end.join(lines) + end * is_ended).encode(), "cells")
+
+
+@given(st.text(max_size=20), st.sampled_from(["N", "rpm", "s", "1", "degC", "N m"]))
+def test_any_unit(text: str, target: str) -> None:
+    try:
+        scale: Conversion | None = conversion(text, target)
+    except InputError as error:
+        said, scale = str(error), None
+    if scale is None:
+        assert repr(text) in said
+    else:
+        assert np.isfinite([scale.factor, scale.offset]).all()
+
+
+@given(data=st.data())
+@settings(max_examples=40)
+def test_mutated_px4_logs(reference_data: Path, data: st.DataObject) -> None:
+    seed = bytearray((reference_data / "logs" / "sample_px4_events.ulg").read_bytes()[:150_000])
+    for _ in range(data.draw(st.integers(1, 6))):
+        at = data.draw(st.integers(0, len(seed) - 1))
+        seed[at : at + 4] = data.draw(st.binary(min_size=0, max_size=8))
+    check_import(bytes(seed), "events.ulg")

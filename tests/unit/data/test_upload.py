@@ -1,0 +1,82 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from benchtool.core.column_source import ColumnSource
+from benchtool.core.errors import FileFormatError
+from benchtool.data.run import upload
+from benchtool.data.run.runs_folder import RunsFolder
+from benchtool.data.run.upload import checked_table, columns_file, keep_table
+from benchtool.physics.model_file import columns_to_toml, read_columns
+
+GOOD = b"gap_mm;F_gf\n60;424,1\n"
+
+
+def test_a_table_is_kept_in_a_folder_of_its_own(tmp_path: Path) -> None:
+    folder = RunsFolder(tmp_path / "runs")
+    first = keep_table(folder, "lab 1.csv", GOOD, "2026-01-02")
+    again = keep_table(folder, "lab 1.csv", GOOD, "2026-01-02")
+    assert folder.name_of(first) == "2026-01-02-lab-1/lab-1.csv"
+    assert folder.name_of(again) == "2026-01-02-lab-1-2/lab-1.csv"
+    assert first.read_bytes() == GOOD
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "../../x.csv",
+        "/etc/passwd",
+        "..\\x.csv",
+        "C:\\x.csv",
+        "..",
+        "",
+        ".hidden",
+        "a\0b.csv",
+        "x" * 999,
+    ],
+)
+def test_a_name_cannot_choose_the_place(tmp_path: Path, name: str) -> None:
+    folder = RunsFolder(tmp_path / "runs")
+    path = keep_table(folder, name, GOOD, "2026-01-02")
+    assert path.parent.parent == folder.root
+    assert folder.path_of(folder.name_of(path)) == path
+    assert [item.name for item in tmp_path.iterdir()] == ["runs"]
+
+
+@pytest.mark.parametrize(
+    ("data", "said"),
+    [
+        (b"", "the file is empty"),
+        (b"\x00\x01", "not a text file"),
+        (b"a,b\n", "no row below it"),
+        (b"\n\n1,2\n", "names no columns"),
+        (b"a,b\n1,2,3\n", "line 2 has 3 cells"),
+        (b'a,b\n1,"' + b"x" * 200_000 + b'"\n', "cannot be read"),
+        (b",".join(b"c%d" % i for i in range(600)) + b"\n" + b"1," * 599 + b"1\n", "600 columns"),
+        (b"x" * 1001, r"0\.0 MB, and at most"),
+    ],
+)
+def test_what_is_no_table_is_refused_and_not_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, data: bytes, said: str
+) -> None:
+    if data == b"x" * 1001:
+        monkeypatch.setattr(upload, "MOST_BYTES", 1000)
+    with pytest.raises(FileFormatError, match=said):
+        keep_table(RunsFolder(tmp_path / "runs"), "t.csv", data, "2026-01-02")
+    assert not (tmp_path / "runs").exists()
+
+
+def test_the_map_beside_a_table_reads_back(tmp_path: Path) -> None:
+    table = keep_table(RunsFolder(tmp_path), "t.csv", GOOD, "2026-01-02")
+    columns = {
+        "thrust_N": ColumnSource(column="F_gf", unit="gf", sign=-1),
+        "rpm1": ColumnSource(constant=6300.0),
+        "plate_z_m": ColumnSource(column="gap_mm", unit="mm", factor=2.0),
+    }
+    path = columns_file(table)
+    path.write_text(columns_to_toml(columns), "utf-8")
+    assert path.name == "t.columns.toml"
+    assert dict(read_columns(path)) == columns
+    assert checked_table(GOOD, "t.csv").header == ("gap_mm", "F_gf")

@@ -1,0 +1,93 @@
+"""Bounded Gauss-Newton steps against scipy's own bounded solver and closed forms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+
+from benchtool.fit.bounded import BoundedSearch, Region
+
+Array = np.ndarray
+
+
+def curved(sets: Array) -> Array:
+    """Return residuals (40, n_sets) of a decaying exponential with three numbers, scaled."""
+    t = np.linspace(0.0, 3.0, 40)[:, None]
+    a, b, c = 2.0 + sets[:, 0], 1.0 + 0.5 * sets[:, 1], 0.3 * sets[:, 2]
+    data = 2.6 * np.exp(-1.7 * t) + 0.2 + 0.01 * np.sin(37.0 * t)
+    rows: Array = (a * np.exp(-b * t) + c - data) / 0.05
+    return rows
+
+
+WIDE = (np.full(3, -10.0), np.full(3, 10.0))
+
+
+def region(lower: list[float], upper: list[float], penalty: float = 0.0) -> Region:
+    return Region(lower=np.array(lower), upper=np.array(upper), penalty=np.full(3, penalty))
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper"),
+    [
+        ([-9.0, -9.0, -9.0], [9.0, 9.0, 9.0]),
+        ([-0.2, -9.0, -9.0], [0.2, 9.0, 9.0]),
+        ([-0.2, -0.3, 0.0], [0.2, 0.3, 0.1]),
+    ],
+)
+def test_it_finds_what_scipy_finds(lower: list[float], upper: list[float]) -> None:
+    search = BoundedSearch(curved, WIDE)
+    found = search.minimum(np.zeros(3), region(lower, upper), enough=1e-9, most_steps=40)
+    theirs = least_squares(
+        lambda x: curved(x[None])[:, 0], np.full(3, 0.05), bounds=(lower, upper), xtol=1e-12,
+        ftol=1e-12, gtol=1e-12,
+    )  # fmt: skip
+    assert found.cost == pytest.approx(2.0 * theirs.cost, rel=1e-4)
+    np.testing.assert_allclose(found.at, theirs.x, atol=0.02)  # differences over steps of 0.05
+
+
+def test_a_penalty_is_a_prior() -> None:
+    """One residual (x - 3) beside a prior of width 1/2 about 0: the mean is 3 / (1 + 4)."""
+    search = BoundedSearch(lambda sets: sets.T - 3.0, (np.array([-9.0]), np.array([9.0])))
+    found = search.minimum(
+        np.zeros(1),
+        Region(lower=np.array([-9.0]), upper=np.array([9.0]), penalty=np.array([2.0])),
+        enough=1e-12,
+    )
+    assert found.at[0] == pytest.approx(0.6, rel=1e-6)
+    assert found.cost == pytest.approx(2.4**2 + 4.0 * 0.36, rel=1e-6)
+
+
+def test_a_known_neighbourhood_outside_the_region_is_only_a_direction() -> None:
+    search = BoundedSearch(curved, WIDE)
+    outside = search.linearised(np.array([3.0, 0.0, 0.0]))
+    inside = region([-0.5, -1.0, -1.0], [0.5, 2.0, 2.0])
+    found = search.minimum(np.zeros(3), inside, known=outside)
+    again = search.minimum(np.zeros(3), inside)
+    assert inside.holds(found.at)
+    assert found.cost == pytest.approx(again.cost, abs=0.2)
+
+
+def test_what_is_no_number_costs_without_end() -> None:
+    search = BoundedSearch(lambda sets: np.where(sets.T > 1.0, np.nan, sets.T - 2.0),
+                           (np.array([-9.0]), np.array([9.0])))  # fmt: skip
+    assert np.isinf(search.data_costs(np.array([[2.0]]))[0])
+    found = search.minimum(
+        np.zeros(1),
+        Region(lower=np.array([-5.0]), upper=np.array([5.0]), penalty=np.zeros(1)),
+    )
+    assert found.at[0] <= 1.0
+    assert found.cost < 4.0
+
+
+def test_a_search_gives_up_where_nothing_good_enough_is_promised() -> None:
+    wide = region([-9.0] * 3, [9.0] * 3)
+    whole = BoundedSearch(curved, WIDE)
+    best = whole.minimum(np.zeros(3), wide)
+    short = BoundedSearch(curved, WIDE)
+    left = short.minimum(np.zeros(3), region([-0.2] * 3, [0.2] * 3), above=best.cost + 1.0)
+    assert not left.converged
+    assert left.cost > best.cost + 1.0
+    assert short.evaluations < whole.evaluations
+    same = BoundedSearch(curved, WIDE).minimum(np.zeros(3), wide, above=best.cost + 1.0)
+    assert same.cost == pytest.approx(best.cost)

@@ -1,0 +1,212 @@
+"""What a fit is said to suffer from, and what it is not accused of."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.special import stdtr
+
+from benchtool.fit.diagnose import _hint, diagnose, with_diagnosis
+from benchtool.fit.ensemble import fit_ensemble
+from benchtool.fit.least_squares import fit_least_squares
+from benchtool.fit.model_problem import problem_from_model
+from benchtool.fit.problem import Problem
+from benchtool.fit.residual_structure import bend_along, outliers, runs_along, trend_along
+from benchtool.physics.model import Model
+from tests.unit.fit.cases import (
+    line_problem,
+    quad_conditions,
+    quad_model,
+    quad_problem,
+    quad_thrust,
+    scaled_line,
+)
+
+
+def sweep(model: Model, distances: tuple[float, ...], seed: int = 1) -> Problem:
+    """State the fit of a model to a simulated sweep of the true quadrotor."""
+    conditions = quad_conditions(distances, speeds=8)
+    truth = quad_thrust(quad_model(), conditions)
+    observed = truth + 0.05 * np.random.default_rng(seed).standard_normal(len(truth))
+    return problem_from_model(model, conditions, observed, np.full(len(truth), 0.05))
+
+
+def sentences(problem: Problem) -> str:
+    """Fit by least squares and say what is wrong."""
+    return "\n".join(diagnose(problem, fit_least_squares(problem)).sentences)
+
+
+def test_a_good_fit_is_left_in_peace() -> None:
+    problem = quad_problem()
+    found = diagnose(problem, fit_least_squares(problem))
+    assert found.verdict == "consistent"
+    assert found.sentences == ()
+
+
+def test_one_distance_cannot_tell_radius_body_lift_and_offset_apart() -> None:
+    model = quad_model().with_effect("plate_offset").freed("plate_offset.dz_m")
+    problem = sweep(model, (1.0,))
+    found = diagnose(problem, fit_least_squares(problem)).confusions
+    assert len(found) == 1
+    assert set(found[0].names) == {"k", "R_m", "body_lift.K_b", "plate_offset.dz_m"}
+    assert found[0].open_directions == 3
+    said = str(found[0])
+    assert "determine only 1 combination of these 4; fix 3" in said
+    assert "three or more plate distances" in said
+    assert "reference points without the plate" in said
+
+
+def test_two_distances_leave_radius_against_body_lift() -> None:
+    conditions_far = (1.0, 60.0)
+    said = sentences(sweep(quad_model(), conditions_far))
+    assert "R_m and body_lift.K_b" in said or "body_lift.K_b and R_m" in said
+    assert "below z/R = 1" in said
+    assert "k" not in said.split(" cannot ")[0].split(" can ")[0].split()
+
+
+def test_enough_distances_separate_them() -> None:
+    problem = sweep(quad_model(), (0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 5.0))
+    assert diagnose(problem, fit_least_squares(problem)).confusions == ()
+
+
+def test_a_parameter_that_does_nothing_is_named() -> None:
+    model = quad_model().with_effect("load_cell_drift").freed("load_cell_drift.rate_N_per_s")
+    said = sentences(sweep(model, (0.5, 1.0, 2.0, 4.0)))
+    assert "say nothing about load_cell_drift.rate_N_per_s" in said
+
+
+def test_a_model_without_its_body_lift_is_rejected() -> None:
+    model = quad_model().without("body_lift")
+    problem = sweep(model, (0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 5.0, 8.0))
+    result = with_diagnosis(problem, fit_least_squares(problem))
+    assert result.facts["verdict"] == "rejected"
+    assert result.chi2_per_dof > 10.0
+    said = "\n".join(result.warnings)
+    assert "model 'quad' is rejected at the stated standard errors" in said
+    assert "z_over_R" in said
+
+
+def test_errors_stated_too_large_are_told() -> None:
+    problem = quad_problem()
+    found = diagnose(
+        modest := replace(problem, standard_error=3.0 * problem.standard_error),
+        fit_least_squares(modest),
+    )
+    assert found.verdict == "errors_too_large"
+    assert "larger than the scatter" in found.sentences[0]
+
+
+def test_a_free_scale_takes_up_some_scatter_but_not_a_missing_effect() -> None:
+    problem = scaled_line()
+    found = diagnose(problem, fit_least_squares(problem))
+    assert found.verdict == "scatter"
+    assert "scatter 2.5 times" in found.sentences[0]
+    assert (
+        "lacks something and the intervals are too narrow; ask benchtool explain"
+        in (found.sentences[0])
+    )
+    wider = replace(problem, standard_error=1.5 * problem.standard_error)
+    little = diagnose(wider, fit_least_squares(wider))
+    assert little.verdict == "scatter"
+    assert "right for scatter between visits" in little.sentences[0]
+    assert "too narrow" not in little.sentences[0]
+    narrow = replace(problem, standard_error=problem.standard_error / 2.0)
+    rejected = diagnose(narrow, fit_least_squares(narrow))
+    assert rejected.verdict == "rejected"
+    assert "free noise.scale" not in rejected.sentences[0]
+    assert fit_least_squares(problem).chi2_per_dof == pytest.approx(9.0, rel=0.5)
+    unknown = replace(problem, standard_error=np.ones(len(problem)))
+    assert diagnose(unknown, fit_least_squares(unknown)).verdict == "no_verdict"
+
+
+def test_outliers_are_named_and_others_are_not() -> None:
+    problem = line_problem()
+    observed = problem.observed.copy()
+    observed[6] += 2.0
+    labels = tuple(f"visit {i}" for i in range(len(problem)))
+    spoilt = replace(problem, observed=observed, labels=labels)
+    found = diagnose(spoilt, fit_least_squares(spoilt))
+    assert found.outliers == (6,)
+    assert "far out: 1 of 25 points (visit 6: +" in "\n".join(found.sentences)
+
+
+def test_a_drift_shows_in_the_order() -> None:
+    problem = line_problem()
+    order = np.random.default_rng(1).permutation(len(problem))
+    time_s = np.argsort(order).astype(float)
+    drifting = replace(
+        problem,
+        observed=problem.observed + 0.1 * (time_s - 12.0),
+        covariates={"time_s": time_s},
+    )
+    said = sentences(drifting)
+    assert "residuals rise with time_s" in said
+    assert "free the load cell drift" in said
+
+
+def test_what_is_free_is_never_told_to_be_freed() -> None:
+    assert _hint("z_over_R", ()) == "free the plate offset or the body lift"
+    assert _hint("z_over_R", ("body_lift.K_b",)) == "free the plate offset"
+    assert _hint("speed_rad_s", ()) == "free the thrust exponent or the tare offset"
+    both = ("body_lift.K_b", "plate_offset.dz_m")
+    assert _hint("z_over_R", both) == "look for an effect that depends on it"
+    assert _hint("order", ()) == "free the load cell drift, or look at the anchor points"
+    assert _hint("order", ("load_cell_drift.rate_N_per_s",)) == "look at the anchor points"
+
+
+def test_both_estimators_are_diagnosed_alike() -> None:
+    problem = quad_problem()
+    one = diagnose(problem, fit_least_squares(problem))
+    other = diagnose(problem, fit_ensemble(problem))
+    assert one.verdict == other.verdict
+    assert other.chance == pytest.approx(one.chance, rel=0.05)
+    assert other.outliers == one.outliers
+    assert other.confusions == one.confusions
+
+
+def test_runs_are_counted_as_by_hand() -> None:
+    rows = np.array([1.0, 2.0, -1.0, -1.0, -2.0, 1.0, 1.0, -1.0])
+    found = runs_along("x", np.arange(8.0), rows)
+    assert (found.runs, found.expected) == (4, 5.0)
+    curved = runs_along("x", np.arange(40.0), np.cos(np.linspace(0.0, np.pi, 40)))
+    assert curved.runs == 2
+    assert curved.chance < 1e-6
+    # Repeats at one value count once, by their mean.
+    repeated = runs_along("x", np.repeat(np.arange(8.0), 5), np.repeat(rows, 5))
+    assert repeated.runs == 4
+    assert runs_along("x", np.arange(4.0), np.ones(4)).chance == 1.0
+
+
+def test_a_bend_is_the_last_coefficient_of_a_parabola_with_students_chance() -> None:
+    rng = np.random.default_rng(5)
+    x = np.linspace(2.0, 6.0, 14)
+    rows = 0.4 * (x - 4.0) ** 2 + rng.standard_normal(14)
+    coefficients, covariance = np.polyfit((x - 4.0) / 2.0, rows, 2, cov=True)
+    bend = bend_along("x", x, rows)
+    assert bend.curvature == pytest.approx(coefficients[0])
+    t = coefficients[0] / np.sqrt(covariance[0, 0])
+    assert bend.chance == pytest.approx(2.0 * stdtr(11, -abs(t)), rel=1e-6)
+    # A U in ten points is seen, which no count of runs can see; noise alone is told as it should.
+    u = (np.arange(10.0) - 4.5) ** 2 - 8.25 + 0.5 * rng.standard_normal(10)
+    assert bend_along("x", np.arange(10.0), u).chance < 1e-6
+    assert runs_along("x", np.arange(10.0), u).chance > 1e-3
+    noise = [bend_along("x", x, rng.standard_normal(14)).chance for _ in range(2000)]
+    assert np.mean(np.array(noise) < 0.05) == pytest.approx(0.05, abs=0.015)
+    assert bend_along("x", np.repeat([1.0, 2.0, 3.0], 4), np.tile([1.0, -1.0], 6)).chance == 1.0
+
+
+def test_rank_correlation_follows_ranks_not_values() -> None:
+    x = np.linspace(0.0, 3.0, 20)
+    assert trend_along("x", x, np.exp(x)).correlation == pytest.approx(1.0)
+    assert trend_along("x", x, np.exp(x)).chance < 1e-6
+    ties = trend_along("x", np.array([1.0, 1, 2, 2, 3, 3]), np.array([1.0, 2, 3, 4, 5, 6]))
+    assert ties.correlation == pytest.approx(0.9561828874675149)  # by hand, mid-ranks
+    assert trend_along("x", np.ones(9), x[:9]).chance == 1.0
+
+
+def test_few_points_are_outliers_in_pure_noise() -> None:
+    rng = np.random.default_rng(1)
+    found = sum(outliers(rng.standard_normal(100)).size for _ in range(200))
+    assert found == pytest.approx(10, abs=8)  # 0.05 for each set, by construction

@@ -1,0 +1,225 @@
+"""The ensemble sampler: its probability, its move, its convergence, its refusals."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from benchtool.core.errors import EstimationError, InputError, NotConverged
+from benchtool.fit.convergence import convergence_of, split_rhat
+from benchtool.fit.diagnose import refusal
+from benchtool.fit.ensemble import fit_ensemble
+from benchtool.fit.island_move import IslandStretch
+from benchtool.fit.log_probability import log_probability
+from benchtool.fit.problem import NOISE_SCALE, Problem, function_problem
+from tests.unit.fit.cases import SMALL, X, free, line_problem, scaled_line
+
+Array = NDArray[np.float64]
+
+
+def by_the_book(problem: Problem, values: Array) -> float:
+    """Return the log posterior of one walker, each term by itself."""
+    noise = {name: values[i] for i, name in enumerate(problem.free_names) if "noise" in name}
+    shape = np.array([values[i] for i in problem.shape_index])
+    sigma = problem.standard_error * noise.get("noise.scale", 1.0)
+    sigma = np.sqrt(sigma**2 + noise.get("noise.sd", 0.0) ** 2)
+    left = problem.observed - problem.predict(shape)
+    total = float(np.sum(-0.5 * (left / sigma) ** 2 - np.log(sigma)))
+    for name, value in zip(problem.free_names, values, strict=True):
+        prior = problem.parameters[name].prior
+        if prior.kind == "normal":
+            total -= 0.5 * ((value - prior.mean) / prior.sd) ** 2
+    for joint in problem.joint_priors:
+        away = np.array([values[problem.free_names.index(name)] for name in joint.names])
+        away -= joint.mean
+        total -= 0.5 * float(away @ np.linalg.solve(joint.covariance, away))
+    return total - float(np.log(noise.get("noise.scale", 1.0)))
+
+
+@pytest.mark.parametrize("name", SMALL)
+def test_the_probability_is_the_one_of_the_book(name: str) -> None:
+    problem = SMALL[name]()
+    start = problem.parameters.pack()
+    spread = 1.0 + 0.02 * np.random.default_rng(1).standard_normal((6, len(start)))
+    walkers = start * spread
+    found = log_probability(problem)(walkers)
+    expected = np.array([by_the_book(problem, walker) for walker in walkers])
+    np.testing.assert_allclose(found - found[0], expected - expected[0], rtol=1e-9, atol=1e-7)
+
+
+def test_a_scale_beside_a_fixed_scatter_weighs_points_apart() -> None:
+    problem = scaled_line()
+    parameters = {**dict(problem.parameters), "noise.sd": free("sd", 0.3, 0.0).fixed()}
+    both = function_problem(
+        "both", parameters, problem.predict, problem.observed, np.linspace(0.1, 0.4, len(X))
+    )
+    walkers = np.array([[1.0, 2.0, 1.5], [1.1, 1.9, 2.5]])
+    sigma = np.sqrt(np.outer(walkers[:, 2], both.standard_error) ** 2 + 0.3**2)
+    left = both.observed - (walkers[:, :1] + walkers[:, 1:2] * X)
+    expected = np.sum(-0.5 * (left / sigma) ** 2 - np.log(sigma), axis=1) - np.log(walkers[:, 2])
+    np.testing.assert_allclose(log_probability(both)(walkers), expected, rtol=1e-12)
+    np.testing.assert_allclose(both.sigma(1.5), sigma[0])
+    assert both.noise_name == NOISE_SCALE
+
+
+def test_nothing_is_probable_outside_the_bounds_or_without_a_value() -> None:
+    def root(v: Any) -> Any:
+        return np.sqrt(v[0] - 1.0 + 0.0 * X)
+
+    problem = function_problem(
+        "root", {"a": free("a", 2.0, 0.0, 3.0)}, root, np.ones(len(X)), np.ones(len(X))
+    )
+    with np.errstate(all="ignore"):
+        found = log_probability(problem)(np.array([[2.0], [3.5], [0.5]]))
+    np.testing.assert_array_equal(np.isfinite(found), [True, False, False])
+
+
+def test_islands_never_meet() -> None:
+    """Put one island far away: no walker of the others may ever leave its own line."""
+    islands, walkers = 3, 8
+    coords = np.zeros((islands * walkers, 2))
+    coords[:, 0] = np.repeat([0.0, 100.0, 1e6], walkers)
+    coords[:, 1] = np.random.default_rng(1).standard_normal(len(coords))
+    model = SimpleNamespace(
+        random=np.random.RandomState(1), log_prob_fn=lambda x: -0.5 * x[:, 1] ** 2
+    )
+    state = SimpleNamespace(coords=coords, log_prob=-0.5 * coords[:, 1] ** 2)
+    moved = np.zeros(len(coords), bool)
+    for _ in range(50):
+        state, accepted = IslandStretch(islands).propose(model, state)
+        moved |= accepted
+    np.testing.assert_allclose(
+        state.coords[:, 0], np.repeat([0.0, 100.0, 1e6], walkers), rtol=1e-9, atol=1e-6
+    )
+    assert moved.all()
+    np.testing.assert_allclose(state.log_prob, -0.5 * state.coords[:, 1] ** 2)
+
+
+def test_a_normal_posterior_is_sampled_as_algebra_has_it() -> None:
+    problem = line_problem()
+    result = fit_ensemble(problem, seed=3)
+    design = np.stack([np.ones(len(X)), X], axis=1) / 0.2
+    covariance = np.linalg.inv(design.T @ design)
+    mean = covariance @ design.T @ (problem.observed / 0.2)
+    sd = np.sqrt(np.diag(covariance))
+    np.testing.assert_allclose(result.values, mean, atol=0.05 * sd.min())
+    np.testing.assert_allclose(result.covariance, covariance, rtol=0.06)
+    a = result["a"]
+    assert a.interval_95[0] == pytest.approx(mean[0] - 1.96 * sd[0], abs=0.1 * sd[0])
+    assert a.interval_68[1] == pytest.approx(mean[0] + sd[0], abs=0.06 * sd[0])
+
+
+def test_samples_reshape_to_ensembles_and_walkers() -> None:
+    result = fit_ensemble(line_problem(), walkers=16)
+    ensembles, walkers = int(str(result.facts["ensembles"])), int(str(result.facts["walkers"]))
+    chains = result.samples.reshape(-1, ensembles, walkers, 2)
+    assert (ensembles, walkers) == (4, 16)
+    assert np.all(split_rhat(chains) < 1.03)
+    assert float(str(result.facts["rhat"])) < 1.01
+    assert float(str(result.facts["tau_steps"])) * 50 <= float(str(result.facts["steps_kept"]))
+
+
+def test_another_seed_draws_others() -> None:
+    one, two = (fit_ensemble(line_problem(), seed=seed) for seed in (1, 2))
+    assert not np.array_equal(one.values, two.values)
+    assert one.facts["seed"] == 1
+
+
+def test_ensembles_that_disagree_are_seen() -> None:
+    rng = np.random.default_rng(1)
+    chains = rng.standard_normal((400, 4, 8, 2))
+    good = convergence_of(chains)
+    assert good.reached
+    assert np.all(np.abs(good.tau_steps - 1.0) < 0.5)
+    chains[:, 2, :, 1] += 0.5
+    bad = convergence_of(chains)
+    assert bad.rhat[0] < 1.01 < bad.rhat[1]
+    assert not bad.mixed
+    # A drift within every ensemble shows between their halves.
+    drifting = rng.standard_normal((400, 4, 8, 1)) + np.linspace(0, 2, 400)[:, None, None, None]
+    assert split_rhat(drifting)[0] > 1.05
+
+
+def test_walkers_that_stand_still_are_not_converged() -> None:
+    assert not convergence_of(np.ones((100, 4, 8, 1))).reached
+
+
+def test_too_few_steps_give_advice_and_are_refused() -> None:
+    result = fit_ensemble(line_problem(), max_steps=120)
+    assert result.outcome.status == "not_converged"
+    assert "allow more than 120 steps" in result.outcome.message
+    refused = refusal([result])
+    assert isinstance(refused, NotConverged)
+    assert "allow more than 120 steps" in str(refused)
+    assert refusal([fit_ensemble(line_problem())]) is None
+
+
+def test_two_modes_are_not_called_converged() -> None:
+    """Two far islands of probability: each ensemble stays on its own."""
+
+    def square(v: Any) -> Any:
+        return v[0] ** 2 + 0.0 * X
+
+    problem = function_problem(
+        "square", {"a": free("a", 0.05, -9.0, 9.0)}, square, np.full(len(X), 25.0), np.ones(len(X))
+    )
+    found = [fit_ensemble(problem, max_steps=1500, seed=seed) for seed in range(1, 3)]
+    for result in found:
+        both_signs = np.ptp(np.sign(result.samples)) > 0
+        assert result.outcome.status == "not_converged" or not both_signs
+
+
+def test_progress_is_told() -> None:
+    told: list[tuple[int, int]] = []
+    result = fit_ensemble(line_problem(), progress=lambda done, whole: told.append((done, whole)))
+    done = [step for step, _ in told]
+    assert done == sorted(done)
+    assert done[0] == 100
+    assert done[-1] <= int(str(result.facts["steps"]))
+    assert all(step <= whole for step, whole in told)
+
+
+def test_walkers_are_even_and_enough() -> None:
+    with pytest.raises(InputError, match="7 walkers for 2 free parameters; give an even number"):
+        fit_ensemble(line_problem(), walkers=7)
+    with pytest.raises(InputError, match="even number from 6 on"):
+        fit_ensemble(line_problem(), walkers=4)
+
+
+def test_no_probable_start_is_told() -> None:
+    def nowhere(v: Any) -> Any:
+        return np.log(v[0] - 5.0) + 0.0 * X
+
+    problem = function_problem(
+        "nowhere", {"a": free("a", 1.0, 0.0, 2.0)}, nowhere, X, np.ones(len(X))
+    )
+    with pytest.raises(EstimationError, match="no starting points of finite probability"):
+        fit_ensemble(problem)
+
+
+def test_undetermined_parameters_fill_their_bounds() -> None:
+    def product(v: Any) -> Any:
+        return v[0] * v[1] + X
+
+    problem = function_problem(
+        "product",
+        {"a": free("a", 1.0, 0.5, 2.0), "b": free("b", 1.0, 0.5, 2.0)},
+        product,
+        1.0 + X,
+        np.full(len(X), 0.5),
+    )
+    result = fit_ensemble(problem)
+    assert result.outcome.status == "converged"
+    assert result.samples.min() >= 0.5
+    assert result.samples.max() <= 2.0
+    assert result["a"].sd > 0.3
+    assert any("posterior of a reaches its lower bound 0.5" in text for text in result.warnings)
+    assert result["a"].bound == "reaches its lower bound"
+
+
+def test_a_posterior_away_from_its_bounds_has_no_warning() -> None:
+    assert fit_ensemble(SMALL["decay"]()).warnings == ()

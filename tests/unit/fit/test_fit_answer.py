@@ -1,0 +1,135 @@
+"""A fit without an answer, or whose model the data reject, never ends like a good one."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from benchtool.commands.app import main
+from benchtool.data.run.entry import entry_of
+from benchtool.data.run.runs_folder import RunsFolder
+from benchtool.physics.model_file import load_model
+
+FAR = "rpm1,thrust_N,thrust_se_N\n4000,1.81,0.01\n5000,2.83,0.01\n6000,4.08,0.01\n7000,5.56,0.01\n"
+NEAR = """plate_z_m,rpm1,thrust_N,thrust_se_N
+0.07,5500,4.6,0.001
+0.12,5500,3.2,0.001
+0.18,5500,3.9,0.001
+0.24,5500,3.1,0.001
+0.36,5500,3.6,0.001
+0.60,5500,3.4,0.001
+"""
+
+
+def fitted(folder: Path, table: str, *words: str) -> int:
+    (folder / "table.csv").write_text(table)
+    out = str(folder / "fit")
+    with pytest.raises(SystemExit) as left:
+        main(["fit", str(folder / "table.csv"), "--model", "single", "--out", out, *words])
+    return int(left.value.code or 0)
+
+
+def test_no_answer_is_exit_6_and_no_model(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert fitted(tmp_path, FAR) == 6
+    said = capsys.readouterr()
+    assert "these data do not determine R_m" in said.err
+    assert "no model (there is no answer)" in said.out
+    names = {path.name for path in (tmp_path / "fit").iterdir()}
+    assert {"result.json", "report.html", "residuals.svg"} <= names
+    assert "model.toml" not in names
+    result = json.loads((tmp_path / "fit" / "result.json").read_text())
+    assert result["answer"] == "none"
+    assert result["problem"].startswith("least_squares: these data do not determine R_m")
+    assert "No answer to use from 4 of 4 points" in (tmp_path / "fit" / "report.html").read_text()
+    assert entry_of(RunsFolder(tmp_path), "fit").state == "stopped early"
+
+
+def test_a_second_method_without_an_answer_counts_too(tmp_path: Path) -> None:
+    words = ["--method", "least_squares", "--method", "emcee", "--max-steps", "100"]
+    assert fitted(tmp_path, FAR, "--fix", "R_m", *words) == 6
+    assert not (tmp_path / "fit" / "model.toml").exists()
+
+
+def test_a_rejected_model_is_exit_9_and_says_so_in_every_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert fitted(tmp_path, NEAR) == 9
+    said = capsys.readouterr()
+    assert "the data reject model 'single': points scatter" in said.err
+    assert "explain" in said.err
+    result = json.loads((tmp_path / "fit" / "result.json").read_text())
+    assert result["answer"] == "model rejected"
+    model = load_model(tmp_path / "fit" / "model.toml").model
+    assert model.provenance["rejected"].startswith("the data reject model 'single'")
+    assert "The model is rejected" in (tmp_path / "fit" / "report.html").read_text()
+    assert entry_of(RunsFolder(tmp_path), "fit").state == "model rejected"
+
+
+def test_a_good_fit_is_exit_0(tmp_path: Path) -> None:
+    assert fitted(tmp_path, FAR, "--fix", "R_m") == 0
+    result = json.loads((tmp_path / "fit" / "result.json").read_text())
+    assert (result["answer"], result["problem"]) == ("given", "")
+    assert "rejected" not in load_model(tmp_path / "fit" / "model.toml").model.provenance
+
+
+BOUNDED = """
+[model]
+name = "bounded"
+rig = "pquad_single"
+[parameters]
+k = { value = 1e-6, free = true, lower = 1e-7, upper = 1e-3 }
+R_m = 0.024
+[parameters.noise]
+scale = { value = 1.0, lower = 0.05, upper = 50 }
+[effects.tare_offset]
+thrust_N = { value = 0.0, free = true, prior = { kind = "normal", mean = 0.0, sd = 0.01 } }
+"""
+
+SMALL_MOTOR = """rpm1,thrust_N,thrust_se_N,plate_z_m
+20000,0.1180,0.0010,0.4
+20000,0.1172,0.0010,0.5
+25000,0.1838,0.0010,0.4
+25000,0.1834,0.0010,0.5
+30000,0.2644,0.0010,0.4
+30000,0.2650,0.0010,0.5
+"""
+"""k = 2.68e-8 N/(rad/s)^2, as a motor of 20 g has."""
+
+
+def test_a_bound_is_said_beside_the_number_everywhere(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "bounded.toml").write_text(BOUNDED)
+    words = ["--noise", "scale", "--model", str(tmp_path / "bounded.toml")]
+    assert fitted(tmp_path, SMALL_MOTOR, *words) == 9
+    out = capsys.readouterr().out
+    result = json.loads((tmp_path / "fit" / "result.json").read_text())["results"]
+    page = (tmp_path / "fit" / "report.html").read_text()
+    toml = (tmp_path / "fit" / "model.toml").read_text()
+    estimates = result["least_squares"]["estimates"]
+    assert {name: item["bound"] for name, item in estimates.items()} == {
+        "k": "at its lower bound",
+        "noise.scale": "at its upper bound",
+        "tare_offset.thrust_N": "",
+    }
+    # In the sentence and in the table; the noise is not in the sentence.
+    for shown in (out, page):
+        assert shown.count("(at its lower bound)") >= 2
+        assert shown.count("(at its upper bound)") >= 1
+    assert 'source = "fitted: table, at its lower bound"' in toml
+
+
+def test_a_small_motor_and_a_large_scatter_are_fitted(tmp_path: Path) -> None:
+    noisy = SMALL_MOTOR.replace("0.0010", "0.000002")
+    words = ["--noise", "scale", "--model", "single_bench"]
+    held = ["--fix", "R_m", "--fix", "plate_offset.dz_m", "--fix", "load_cell_drift.rate_N_per_s"]
+    assert fitted(tmp_path, noisy, *words, *held) == 9
+    result = json.loads((tmp_path / "fit" / "result.json").read_text())
+    found = result["results"]["least_squares"]["estimates"]
+    assert found["k"]["value"] == pytest.approx(2.68e-8, rel=0.02)
+    assert found["noise.scale"]["value"] > 100.0
+    assert not any(item["bound"] for item in found.values())

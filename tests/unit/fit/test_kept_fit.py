@@ -1,0 +1,71 @@
+"""What a folder keeps of a fit is told in the words and numbers of the fit itself."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from benchtool.core.errors import FileFormatError
+from benchtool.fit.recipe import read_recipe
+from benchtool.fit.run_recipe import FitOutput, run_recipe
+from benchtool.report.fit.folder import write_fit
+from benchtool.report.fit.kept_fit import figure_files, kept, read_kept
+
+FITS = Path(__file__).parents[3] / "fits"
+
+
+@pytest.fixture(scope="module")
+def output() -> FitOutput:
+    recipe = read_recipe(FITS / "quad")
+    return run_recipe(replace(recipe, methods=("least_squares",), compare=("quad",)))
+
+
+def test_a_folder_tells_what_the_fit_told(output: FitOutput, tmp_path: Path) -> None:
+    write_fit(tmp_path / "fit", output)
+    again = read_kept(tmp_path / "fit")
+    assert again.told == kept(output).told
+    assert again.results[0]["body_lift.K_b"] == output.results[0]["body_lift.K_b"]
+    assert again.comparison is not None
+    assert again.sentence.startswith("96 of 96 points, model quad_bench on rig pquad, basis thrust")
+    assert list(figure_files(tmp_path / "fit")) == ["ratio", "thrust", "residuals"]
+
+
+def test_a_fit_of_an_older_version_is_read(output: FitOutput) -> None:
+    found = read_kept(FITS / "quad")
+    assert [result.method for result in found.results] == ["least_squares", "emcee"]
+    assert found.simulated
+    assert found.comparison is not None
+    assert found.results[0]["R_m"].value == pytest.approx(output.results[0]["R_m"].value, rel=1e-6)
+
+
+def test_a_number_that_does_not_exist_is_none(tmp_path: Path) -> None:
+    shutil.copytree(FITS / "quad", tmp_path / "fit")
+    path = tmp_path / "fit" / "result.json"
+    tables = json.loads(path.read_text("utf-8"))
+    tables["results"]["least_squares"]["estimates"]["R_m"]["sd"] = None
+    path.write_text(json.dumps(tables), "utf-8")
+    found = read_kept(tmp_path / "fit").results[0]["R_m"]
+    assert found.sd != found.sd
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"results": {}}, "no method has a result"),
+        ({"results": {"least_squares": {}}}, "there is no 'order'"),
+        ({"points": 3}, "no result of a fit"),
+        ({"format": "x"}, "its format is 'x'"),
+    ],
+)
+def test_a_broken_result_is_told_in_one_sentence(
+    tmp_path: Path, change: dict[str, Any], said: str
+) -> None:
+    tables = json.loads((FITS / "quad" / "result.json").read_text("utf-8")) | change
+    (tmp_path / "result.json").write_text(json.dumps(tables), "utf-8")
+    with pytest.raises(FileFormatError, match=said):
+        read_kept(tmp_path)

@@ -1,0 +1,215 @@
+"""Least squares beyond the certified answers: bounds, noise, losses, rank, starts."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from benchtool.core.errors import EstimationError, UnknownChoice
+from benchtool.fit.jacobian import central_differences, complex_step, way_for
+from benchtool.fit.least_squares import fit_least_squares
+from benchtool.fit.problem import function_problem
+from tests.unit.fit.cases import (
+    X,
+    decay_problem,
+    free,
+    line,
+    line_problem,
+    noise,
+    quad_problem,
+    scaled_line,
+    scattered_line,
+)
+
+FREE = np.full(2, np.inf)
+
+
+def test_both_ways_to_a_derivative_agree() -> None:
+    problem = quad_problem(5)
+    m = len(problem)
+    lower, upper = problem.shape_bounds
+    exact = complex_step(problem.predict, problem.start, m)
+    plain = central_differences(problem.predict, problem.start, m, lower, upper)
+    np.testing.assert_allclose(exact, plain, rtol=1e-6, atol=1e-9 * np.abs(plain).max())
+
+
+def test_a_function_without_complex_arithmetic_is_noticed() -> None:
+    def absolute(v: Any) -> Any:
+        return np.abs(v[0]) * np.exp(-np.abs(v[1]) * X)
+
+    def refuses(v: Any) -> Any:
+        if np.iscomplexobj(v):
+            raise TypeError("no complex numbers here")
+        return v[0] * np.exp(-v[1] * X)
+
+    values = np.array([2.0, 1.0])
+    for function in (absolute, refuses):
+        assert way_for(function, values, len(X), -FREE, FREE) == "central_differences"
+        observed = 5.0 * np.exp(-3.0 * X)
+        problem = function_problem(
+            "f", {"a": free("a", 2.0), "b": free("b", 1.0)}, function, observed, np.ones(len(X))
+        )
+        result = fit_least_squares(problem)
+        assert result.facts["derivatives"] == "central_differences"
+        np.testing.assert_allclose(result.values, [5.0, 3.0], rtol=1e-7)
+
+
+def test_a_stated_error_gives_the_textbook_covariance() -> None:
+    result = fit_least_squares(line_problem())
+    design = np.stack([np.ones(len(X)), X], axis=1) / 0.2
+    np.testing.assert_allclose(result.covariance, np.linalg.inv(design.T @ design), rtol=1e-10)
+    a = result["a"]
+    assert a.interval_95[1] - a.value == pytest.approx(1.959964 * a.sd, rel=1e-6)
+    assert a.interval_68[1] - a.value == pytest.approx(1.000022 * a.sd, rel=1e-5)
+
+
+def test_a_free_scale_is_the_residual_deviation_with_student_intervals() -> None:
+    problem = scaled_line()
+    result = fit_least_squares(problem)
+    left = problem.observed - line(result.values[:2])
+    scale = np.sqrt(np.sum((left / 0.2) ** 2) / 23)
+    assert result["noise.scale"].value == pytest.approx(scale, rel=1e-9)
+    a = result["a"]
+    assert (a.interval_95[1] - a.value) / a.sd == pytest.approx(2.0686576, rel=1e-6)  # t, 23 dof
+    low, high = result["noise.scale"].interval_95
+    assert 23 * (scale / np.array([high, low])) ** 2 == pytest.approx([11.68855, 38.07563])
+    assert result.chi2_per_dof == pytest.approx(scale**2)
+    assert a.sd == pytest.approx(scale * fit_least_squares(line_problem())["a"].sd)
+
+
+def test_added_scatter_brings_chi2_to_its_degrees_of_freedom() -> None:
+    problem = scattered_line()
+    result = fit_least_squares(problem)
+    sigma = np.hypot(0.2, result["noise.sd"].value)
+    left = problem.observed - line(result.values[:2])
+    assert np.sum((left / sigma) ** 2) == pytest.approx(23.0, rel=1e-6)
+    assert result.chi2_per_dof > 1.5  # at the stated errors alone
+
+
+def test_scatter_that_is_not_there_ends_at_its_bound() -> None:
+    problem = scattered_line()
+    quiet = replace(problem, observed=1.0 + 2.0 * X + 0.1 * noise(1))
+    result = fit_least_squares(quiet)
+    assert result["noise.sd"].value == 0.0
+    assert any("noise.sd ended at its lower bound 0" in text for text in result.warnings)
+
+
+def test_a_scale_with_priors_still_meets_its_degrees_of_freedom() -> None:
+    problem = decay_problem()
+    parameters = dict(problem.parameters) | {"noise.scale": scaled_line().parameters["noise.scale"]}
+    scaled = function_problem(
+        "decay", parameters, problem.predict, problem.observed, 0.5 * problem.standard_error
+    )
+    result = fit_least_squares(scaled)
+    shape = result.values[:2]
+    sigma = scaled.sigma(result["noise.scale"].value)
+    assert np.sum(scaled.rows(shape, sigma) ** 2) == pytest.approx(scaled.dof, rel=1e-6)
+    assert 1.2 < result["noise.scale"].value < 3.0
+
+
+@pytest.mark.parametrize("loss", ["soft_l1", "huber"])
+def test_a_robust_loss_forgives_outliers(loss: Any) -> None:
+    problem = line_problem()
+    observed = problem.observed.copy()
+    observed[[3, 17]] += 10.0
+    spoilt = replace(problem, observed=observed)
+    clean = fit_least_squares(problem)
+    robust = fit_least_squares(spoilt, loss=loss)
+    plain = fit_least_squares(spoilt)
+    assert abs(robust["a"].value - clean["a"].value) < 2.0 * clean["a"].sd
+    assert abs(plain["a"].value - clean["a"].value) > 5.0 * clean["a"].sd
+    assert clean["a"].sd < robust["a"].sd < 2.0 * clean["a"].sd
+    assert robust.facts["loss"] == loss
+
+
+@pytest.mark.parametrize("loss", ["soft_l1", "huber"])
+def test_a_robust_scale_forgives_outliers_on_average(loss: Any) -> None:
+    found, plain = [], []
+    for seed in range(1, 41):
+        problem = line_problem(seed)
+        observed = problem.observed.copy()
+        observed[[3, 17]] += 10.0
+        spoilt = replace(problem, observed=observed, parameters=scaled_line().parameters)
+        found.append(fit_least_squares(spoilt, loss=loss)["noise.scale"].value)
+        plain.append(fit_least_squares(spoilt)["noise.scale"].value)
+    assert np.mean(found) == pytest.approx(1.0, abs=0.12)
+    assert np.mean(plain) > 10.0
+
+
+def test_an_unknown_loss_is_refused() -> None:
+    with pytest.raises(UnknownChoice, match="huber, linear, soft_l1"):
+        fit_least_squares(line_problem(), loss="cauchy")  # type: ignore[arg-type]
+
+
+def test_a_parameter_at_its_bound_is_told() -> None:
+    problem = function_problem(
+        "line",
+        {"a": free("a", 0.5), "b": free("b", 0.5, 0.0, 1.5)},
+        line,
+        line_problem().observed,
+        line_problem().standard_error,
+    )
+    result = fit_least_squares(problem)
+    assert result["b"].value == pytest.approx(1.5, abs=1e-4)
+    assert any("b ended at its upper bound 1.5" in text for text in result.warnings)
+    assert result["b"].interval_95[1] <= 1.5
+
+
+def test_parameters_that_only_act_together_are_told() -> None:
+    def product(v: Any) -> Any:
+        return v[0] * v[1] * X + v[2]
+
+    problem = function_problem(
+        "product",
+        {"a": free("a", 1.0, 0.0, 9.0), "b": free("b", 1.5), "c": free("c", 0.0)},
+        product,
+        1.0 + 2.0 * X + 0.1 * noise(1),
+        np.full(len(X), 0.1),
+    )
+    result = fit_least_squares(problem)
+    assert result.outcome.status == "stopped_early"
+    assert "do not determine a, b;" in result.outcome.message
+    assert result["a"].sd == np.inf
+    assert result["a"].interval_95 == (0.0, 9.0)
+    assert result["c"].sd == pytest.approx(fit_least_squares(line_problem())["a"].sd / 2)
+
+
+def test_more_parameters_than_points_are_told_not_fatal() -> None:
+    few = line_problem().subset(np.array([4]))
+    result = fit_least_squares(few)
+    assert "do not determine a, b" in result.outcome.message
+    with pytest.raises(EstimationError, match="with 1 point no degree of freedom is left"):
+        fit_least_squares(scaled_line().subset(np.array([4])))
+
+
+def test_several_starts_leave_a_local_minimum() -> None:
+    def wave(v: Any) -> Any:
+        return np.sin(v[0] * X)
+
+    observed = np.sin(25.0 * X) + 0.05 * noise(1)
+    problem = function_problem(
+        "wave", {"w": free("w", 5.0, 0.0, 40.0)}, wave, observed, np.full(len(X), 0.05)
+    )
+    assert fit_least_squares(problem).chi2_per_dof > 50.0
+    result = fit_least_squares(problem, starts=20, seed=1)
+    assert result["w"].value == pytest.approx(25.0, abs=0.1)
+    assert result.facts["starts"] == 20
+    assert 1 <= int(str(result.facts["starts_agreeing"])) < 20
+
+
+def test_a_start_without_a_prediction_names_the_point() -> None:
+    def pole(v: Any) -> Any:
+        return v[0] / (X - X[3])
+
+    problem = function_problem("pole", {"a": free("a", 1.0)}, pole, X, np.ones(len(X)))
+    with pytest.raises(EstimationError, match="no finite prediction for point 4"):
+        fit_least_squares(problem)
+
+
+def test_running_out_of_evaluations_is_an_outcome() -> None:
+    result = fit_least_squares(decay_problem(), max_evaluations=2)
+    assert result.outcome.status == "stopped_early"
+    assert "used up its" in result.outcome.message

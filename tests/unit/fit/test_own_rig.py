@@ -1,0 +1,225 @@
+"""Data of somebody's own vehicle are held against that vehicle, whatever a model file names."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from benchtool.acquire.plan import (
+    OrderPart,
+    Plan,
+    PlatePart,
+    SettlePart,
+    TarePart,
+    ThrottlePart,
+    plan_to_toml,
+)
+from benchtool.acquire.sweep import run_sweep
+from benchtool.bench.guard import GuardedBench
+from benchtool.bench.stage.one_sided_stage import OneSidedStage
+from benchtool.bench.stage.stage import DeviceStage
+from benchtool.core.errors import FileFormatError, InputError
+from benchtool.core.rig import Rig
+from benchtool.core.rig_file import rig_named, rig_to_dict
+from benchtool.data.run.run import Run
+from benchtool.data.run.run_rig import run_rig
+from benchtool.explain.engine.answered import answered
+from benchtool.explain.engine.asked import asked
+from benchtool.fit.model_band import believed
+from benchtool.fit.recipe import Recipe
+from benchtool.fit.run_recipe import run_recipe
+from benchtool.physics.model import Model
+from benchtool.physics.model_file import load_model
+from benchtool.report.fit.folder import write_fit
+from benchtool.simulate.imperfections import Imperfections
+from benchtool.virtual.simulated import SimulatedBench
+
+K_B = 2.0
+
+
+def five_inch() -> Rig:
+    """Return a quadrotor with other arms, rotors and motors than pquad."""
+    rig = rig_named("pquad")
+    propulsion = replace(
+        rig.propulsion,
+        radius_m=0.0635,
+        thrust_coefficient_N_s2=1.6e-6,
+        drag_coefficient_Nm_s2=1.2e-8,
+        speed_per_us_rad_s=2.4,
+    )
+    return replace(
+        rig,
+        name="five_inch",
+        title="Quadrotor with 5 inch rotors",
+        rotors=tuple(
+            replace(place, x_m=place.x_m * 0.49, y_m=place.y_m * 0.49) for place in rig.rotors
+        ),
+        propulsion=propulsion,
+        body=replace(rig.body, mass_kg=0.6),
+        limits=replace(rig.limits, rpm=26_000.0),
+    )
+
+
+def swept(path: Path, rig: Rig, seed: int) -> str:
+    """Write the run of a sweep over a vehicle whose body lift is `K_B`."""
+    truth = Model.single(rig).with_effect("neighbour_images").with_effect("body_lift", K_b=K_B)
+    plan = Plan(
+        name="own",
+        repeats=2,
+        sample_s=0.5,
+        plate=PlatePart(distances_over_R=(0.8, 1.0, 1.5, 2.0, 3.0)),
+        throttle=ThrottlePart(pwm_us=(1350.0, 1450.0)),
+        order=OrderPart(seed=seed, anchor_every=0),
+        settle=SettlePart(window_s=0.6),
+        tare=TarePart(every_minutes=0.0),
+    ).resolved(rig)
+    run = Run.create(path, plan_to_toml(plan), {"simulated": True, "rig": rig_to_dict(rig)})
+    bench = SimulatedBench(
+        "sim:own", rig, truth, seed=seed, rate_Hz=80.0, imperfections=Imperfections()
+    )
+    with GuardedBench(bench, rig) as guarded:
+        run_sweep(guarded, OneSidedStage(DeviceStage(guarded), rig.plate), plan, rig, run)
+    return str(path)
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, str]:
+    folder = tmp_path_factory.mktemp("own")
+    return swept(folder / "one", five_inch(), 1), swept(folder / "two", five_inch(), 2)
+
+
+def recipe(*data: str, model: str = "quad_bench") -> Recipe:
+    return Recipe(name="own", data=data, model=model)
+
+
+def test_a_fit_holds_the_truth_of_an_own_vehicle(runs: tuple[str, str], tmp_path: Path) -> None:
+    output = run_recipe(recipe(runs[0]))
+    low, high = output.results[0]["body_lift.K_b"].interval_95
+    assert low < K_B < high
+    assert high - low < 0.3
+    assert output.results[0]["R_m"].value == pytest.approx(0.0635, rel=0.02)
+    assert output.fitted.rig == run_rig(runs[0])
+    assert output.fitted.rig.rotors == five_inch().rotors
+
+    # What it wrote stands by itself: a report draws it, and another fit begins with it.
+    write_fit(tmp_path / "fit", output)
+    written = tmp_path / "fit" / "model.toml"
+    again = load_model(written).model
+    assert again.rig.rotors == five_inch().rotors
+    assert again.rig.propulsion == five_inch().propulsion
+    assert again.parameters["body_lift.K_b"].value == output.results[0]["body_lift.K_b"].value
+    assert believed(str(written), five_inch()).draws
+    with pytest.raises(InputError, match="another rig than the run's"):
+        believed(str(written), rig_named("pquad"))
+
+
+def test_an_explanation_names_nothing_on_an_own_vehicle(runs: tuple[str, str]) -> None:
+    verdict = answered(asked([runs[0]], [runs[1]], "quad_bench")).verdict
+    assert verdict.kind == "none"
+    assert verdict.effects == ()
+
+
+def test_runs_of_two_vehicles_are_no_data_of_one_model(
+    runs: tuple[str, str], tmp_path: Path
+) -> None:
+    other = Run.create(tmp_path / "pquad", "", {"rig": rig_to_dict(rig_named("pquad"))}).path
+    for read in (
+        lambda: run_recipe(recipe(runs[0], str(other))),
+        lambda: asked([runs[0]], [str(other)], "quad_bench"),
+    ):
+        with pytest.raises(InputError, match=r"are of two vehicles \(rotors elsewhere"):
+            read()
+
+
+def test_a_rig_given_beside_a_run_must_be_the_runs_own(runs: tuple[str, str]) -> None:
+    with pytest.raises(InputError, match="--rig pquad is not the rig that the run was recorded on"):
+        run_recipe(replace(recipe(runs[0]), rig="pquad"))
+
+
+HELD = """
+[model]
+name = "mine"
+rig = "pquad"
+[parameters]
+k = {{ value = 1.1e-5, free = true, lower = 1e-6, upper = 1e-3, source = "start" }}
+R_m = {radius}
+[effects.neighbour_images]
+strength = 1.0
+"""
+
+
+@pytest.mark.parametrize(
+    ("radius", "said"),
+    [
+        ("0.12", ""),
+        ("0.0635", ""),
+        ("{ free = true }", ""),
+        ("0.126", r"R_m is held at 0\.126, a number of rig 'pquad', but the data are of rig"),
+        (
+            '{ value = 0.12, free = true, prior = { kind = "normal", mean = 0.12, sd = 0.01 } }',
+            "R_m has a prior for rig 'pquad', but the data are of rig 'five_inch'",
+        ),
+    ],
+)
+def test_numbers_of_another_vehicle_give_way_or_are_refused(
+    radius: str, said: str, tmp_path: Path
+) -> None:
+    file = tmp_path / "mine.toml"
+    file.write_text(HELD.format(radius=radius))
+    if said:
+        with pytest.raises(FileFormatError, match=said):
+            load_model(file, five_inch())
+        return
+    items = load_model(file, five_inch()).model.parameters
+    assert (items["k"].value, items["k"].lower, items["k"].free) == (1.6e-6, 0.0, True)
+    assert (items["R_m"].value, items["R_m"].upper) == (0.0635, pytest.approx(3 * 0.0635))
+    same = load_model(file, rig_named("pquad")).model.parameters
+    assert (same["k"].value, same["k"].lower) == (1.1e-5, 1e-6)
+
+
+TABLE = """plate_z_m,rpm1,thrust_N,thrust_se_N
+0.0635,15000,4.82,0.02
+0.09,15000,4.35,0.02
+0.127,15000,4.17,0.02
+0.19,15000,4.05,0.02
+0.4,15000,3.98,0.02
+"""
+
+
+def test_a_table_on_a_shipped_model_says_whose_rig_was_taken(tmp_path: Path) -> None:
+    from benchtool.core.rig_file import rig_to_toml
+
+    table, rig = tmp_path / "table.csv", tmp_path / "rig.toml"
+    table.write_text(TABLE)
+    first = run_recipe(recipe(str(table), model="single")).results[0].warnings[0]
+    assert first.startswith("the data name no rig, so that of model single was taken: pquad_single")
+    assert "1 rotor of radius 0.12 m" in first
+    rig.write_text(rig_to_toml(replace(five_inch(), rotors=five_inch().rotors[:1])))
+    own = run_recipe(replace(recipe(str(table), model="single"), rig=str(rig)))
+    assert own.fitted.rig.name == "five_inch"
+    assert not any("names no rig" in line for line in own.results[0].warnings)
+
+
+def table(folder: Path, text: str) -> str:
+    file = folder / "points.csv"
+    file.write_text(text)
+    return str(file)
+
+
+def test_more_rotors_than_the_rig_has_are_refused(tmp_path: Path) -> None:
+    head, *rows = TABLE.splitlines()
+    turning = [f"{row},{15000 + place}" for place, row in enumerate(rows)]
+    data = table(tmp_path, "\n".join([f"{head},rpm2", *turning]))
+    with pytest.raises(InputError, match=r"speeds of 2 rotors, and the model 1 \(rig"):
+        run_recipe(recipe(data, model="single"))
+
+
+def test_a_thrust_coefficient_far_from_the_rigs_is_told(tmp_path: Path) -> None:
+    grams = table(tmp_path, "rpm1,thrust_N\n4000,185\n5000,289\n6000,416\n7000,567\n")
+    warned = run_recipe(replace(recipe(grams, model="single"), hold=("R_m",))).results[0].warnings
+    assert any("times the thrust coefficient of rig pquad_single" in line for line in warned)
+    newtons = table(tmp_path, "rpm1,thrust_N\n4000,1.81\n5000,2.84\n6000,4.08\n7000,5.56\n")
+    calm = run_recipe(replace(recipe(newtons, model="single"), hold=("R_m",))).results[0].warnings
+    assert not any("times the thrust coefficient" in line for line in calm)

@@ -1,0 +1,212 @@
+"""The problem: what it refuses, how it varies, and what it makes of a model."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchtool.core.errors import EstimationError, InputError, UnknownChoice
+from benchtool.core.parameter import Prior
+from benchtool.fit.least_squares import fit_least_squares
+from benchtool.fit.model_problem import problem_from_model
+from benchtool.fit.prior import JointPrior
+from benchtool.fit.problem import function_problem
+from tests.unit.fit.cases import (
+    QUAD_TRUTH,
+    calibrated_line,
+    free,
+    line,
+    line_problem,
+    quad_conditions,
+    quad_model,
+    quad_problem,
+    quad_thrust,
+    scaled_line,
+    scattered_line,
+)
+
+
+def test_points_without_a_usable_error_are_named() -> None:
+    problem = line_problem()
+    errors = problem.standard_error.copy()
+    errors[4] = 0.0
+    with pytest.raises(InputError, match=r"point 5 has standard error 0, not a number above 0"):
+        replace(problem, standard_error=errors)
+    observed = problem.observed.copy()
+    observed[2] = np.nan
+    with pytest.raises(InputError, match="point 3 was observed as nan"):
+        replace(problem, observed=observed)
+
+
+def test_lengths_must_agree_and_something_must_be_free() -> None:
+    problem = line_problem()
+    with pytest.raises(InputError, match="25 points were observed, but groups has 3"):
+        replace(problem, groups=np.arange(3))
+    with pytest.raises(InputError, match="no free parameter that moves its prediction"):
+        function_problem("line", {"a": free("a", 1.0).fixed()}, line, problem.observed)
+
+
+def test_two_free_noise_parameters_are_refused() -> None:
+    both = {**dict(scaled_line().parameters), **dict(scattered_line().parameters)}
+    with pytest.raises(InputError, match="both free"):
+        function_problem("line", both, line, line_problem().observed, np.ones(25))
+
+
+def test_sigma_scales_and_adds_in_quadrature() -> None:
+    np.testing.assert_allclose(scaled_line().sigma(3.0), 0.6)
+    np.testing.assert_allclose(scattered_line().sigma(0.3), np.hypot(0.2, 0.3))
+    fixed = scattered_line().fixed("noise.sd", 0.15)
+    np.testing.assert_allclose(fixed.sigma(), 0.25)
+    assert fixed.noise_name is None
+
+
+def test_holding_a_parameter_keeps_the_prediction() -> None:
+    problem = quad_problem()
+    values = problem.start * 1.01
+    held = problem.fixed("R_m", values[1])
+    np.testing.assert_allclose(held.predict(values[[0, 2]]), problem.predict(values), rtol=1e-13)
+    many = values[:, None, None] * np.linspace(0.9, 1.1, 4)[None, :, None]
+    held_many = problem.fixed("k", 1e-5).predict(many[1:])
+    expected = problem.predict(np.concatenate([np.full((1, 4, 1), 1e-5), many[1:]]))
+    np.testing.assert_allclose(held_many, expected, rtol=1e-13)
+
+
+def test_a_subset_predicts_its_own_points() -> None:
+    problem = quad_problem()
+    rows = np.array([3, 0, 20])
+    part = problem.subset(rows)
+    np.testing.assert_array_equal(part.observed, problem.observed[rows])
+    np.testing.assert_array_equal(part.predict(part.start), problem.predict(problem.start)[rows])
+    assert part.label(0) == problem.label(3)
+    assert part.covariates["z_over_R"][2] == problem.covariates["z_over_R"][20]
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        (),
+        ("plate_offset.dz_m",),
+        ("plate_offset.dz_m", "plate_tilt.angle_rad"),
+        ("partial_coverage.share_1",),
+        ("plate_offset.dz_m", "partial_coverage.share_2"),
+        ("neighbour_images.strength", "tare_offset.thrust_N"),
+    ],
+    ids=lambda names: " ".join(names) or "level",
+)
+def test_a_model_predicts_what_it_predicts_by_itself(more: tuple[str, ...]) -> None:
+    level = quad_conditions()
+    coverage = np.random.default_rng(1).choice([0.0, 0.3, 1.0], level.coverage.shape)
+    for conditions in (level, replace(level, coverage=coverage)):
+        model = quad_model()
+        for effect in ("plate_offset", "plate_tilt", "partial_coverage", "tare_offset"):
+            model = model.with_effect(effect)
+        model = model.freed(*more)
+        problem = problem_from_model(
+            model, conditions, quad_thrust(model, conditions), np.full(len(conditions), 0.1)
+        )
+        values = problem.start * 1.03 + 0.001 * np.arange(len(problem.start)) * (len(more) > 0)
+        own = model.at(model.parameters.at(values))
+        expected = own.thrust_N(conditions)
+        np.testing.assert_allclose(problem.predict(values), expected, rtol=1e-12)
+        many = np.stack([problem.start, values], axis=1)[:, :, None]
+        np.testing.assert_allclose(problem.predict(many)[1], expected, rtol=1e-12)
+
+
+def test_ratios_hold_what_only_moves_the_reading() -> None:
+    model = quad_model().with_effect("tare_offset").freed("tare_offset.thrust_N")
+    conditions = quad_conditions()
+    truth = model.at(model.parameters.at(np.array([*QUAD_TRUTH.values(), 0.0]))).factor(conditions)
+    problem = problem_from_model(
+        model, conditions, truth, np.full(len(truth), 0.01), basis="equal_rpm2"
+    )
+    assert problem.facts["held"] == "k, tare_offset.thrust_N"
+    result = fit_least_squares(problem)
+    assert result.basis == "equal_rpm2"
+    assert result["R_m"].value == pytest.approx(QUAD_TRUTH["R_m"], rel=1e-9)
+    assert result["body_lift.K_b"].value == pytest.approx(QUAD_TRUTH["body_lift.K_b"], rel=1e-8)
+
+
+def test_points_too_near_are_left_out_with_their_count() -> None:
+    model, conditions = quad_model(), quad_conditions((0.4, 0.5, 1.0, 2.0, 4.0), speeds=3)
+    thrust = quad_thrust(model, conditions)
+    problem = problem_from_model(model, conditions, thrust, np.ones(15))
+    assert (len(problem), problem.facts["left_out_near"]) == (12, 3)
+    whole = problem_from_model(model, conditions, thrust, np.ones(15), nearest_z_over_R=None)
+    assert (len(whole), whole.facts["left_out_near"]) == (15, 0)
+    with pytest.raises(InputError, match="all 15 points are nearer than z/R 9"):
+        problem_from_model(model, conditions, thrust, np.ones(15), nearest_z_over_R=9.0)
+
+
+def test_points_of_one_plate_position_are_one_setting() -> None:
+    problem = quad_problem()
+    assert problem.groups is not None
+    assert len(np.unique(problem.groups)) == 7
+    assert set(np.bincount(problem.groups)) == {5}
+
+
+def test_a_model_without_errors_gets_a_free_scale() -> None:
+    model, conditions = quad_model(), quad_conditions()
+    observed = quad_thrust(model, conditions)
+    observed += 0.05 * np.random.default_rng(1).standard_normal(len(observed))
+    problem = problem_from_model(model, conditions, observed)
+    assert problem.noise_name == "noise.scale"
+    assert fit_least_squares(problem)["noise.scale"].value == pytest.approx(0.05, rel=0.3)
+
+
+def test_an_unknown_basis_is_refused() -> None:
+    model, conditions = quad_model(), quad_conditions()
+    with pytest.raises(UnknownChoice, match="equal_rpm2"):
+        problem_from_model(
+            model,
+            conditions,
+            quad_thrust(model, conditions),
+            basis="equal_noise",  # type: ignore[arg-type]
+        )
+
+
+def test_calibration_widens_what_it_touches() -> None:
+    plain, calibrated = fit_least_squares(line_problem(3)), fit_least_squares(calibrated_line(3))
+    assert calibrated["b"].sd > plain["b"].sd
+    # Scale and slope trade places: the calibration's 1 % of b = 2 adds in quadrature, about.
+    expected = np.hypot(plain["b"].sd, 0.01 * plain["b"].value)
+    assert calibrated["b"].sd == pytest.approx(expected, rel=0.02)
+    assert calibrated["calibration.scale"].sd == pytest.approx(0.01, rel=0.02)
+
+
+def test_a_joint_prior_is_met_as_algebra_has_it() -> None:
+    covariance = np.array([[0.01, -0.005], [-0.005, 0.01]])
+    problem = replace(
+        line_problem(4), joint_priors=(JointPrior(("a", "b"), np.array([1.0, 2.0]), covariance),)
+    )
+    result = fit_least_squares(problem)
+    design = np.stack([np.ones(25), np.linspace(0, 1, 25)], axis=1) / 0.2
+    precision = design.T @ design + np.linalg.inv(covariance)
+    np.testing.assert_allclose(result.covariance, np.linalg.inv(precision), rtol=1e-9)
+    right = design.T @ (problem.observed / 0.2) + np.linalg.inv(covariance) @ [1.0, 2.0]
+    np.testing.assert_allclose(result.values, np.linalg.solve(precision, right), rtol=1e-9)
+    # With b held, a is known as the conditional of the joint prior says.
+    held = fit_least_squares(problem.fixed("b", 2.1))
+    conditional = 1.0 / (0.01 - 0.005**2 / 0.01)
+    assert held["a"].sd == pytest.approx((25 / 0.04 + conditional) ** -0.5, rel=1e-9)
+
+
+def test_a_covariance_that_cannot_be_is_refused() -> None:
+    prior = JointPrior(("a", "b"), np.zeros(2), np.array([[1.0, 2.0], [2.0, 1.0]]))
+    problem = replace(line_problem(), joint_priors=(prior,))
+    with pytest.raises(EstimationError, match="not positive definite"):
+        fit_least_squares(problem)
+
+
+def test_a_normal_prior_pulls() -> None:
+    problem = function_problem(
+        "line",
+        {"a": free("a", 1.0, prior=Prior("normal", 0.0, 1e-3)), "b": free("b", 1.0)},
+        line,
+        line_problem().observed,
+        line_problem().standard_error,
+    )
+    result = fit_least_squares(problem)
+    assert abs(result["a"].value) < 0.01
+    assert result.dof == 24

@@ -1,0 +1,165 @@
+"""Areas of a disc over half plane, strip and rectangle: closed forms, limits, Monte Carlo."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from benchtool.physics.coverage import (
+    half_plane_coverage,
+    plate_coverages,
+    rectangle_coverage,
+    strip_coverage,
+)
+
+INF = float("inf")
+lengths = st.floats(-3.0, 3.0)
+radii = st.floats(0.05, 2.0)
+
+
+def corner_area(x: float, y: float) -> float:
+    """Return the area of the unit disc with abscissa below x and ordinate below y, case by case."""
+
+    def half(s: float) -> float:
+        return float(np.pi - np.arccos(s) + s * np.sqrt((1.0 - s) * (1.0 + s)))
+
+    x, y = (min(max(v, -1.0), 1.0) for v in (x, y))
+    if x * x + y * y >= 1.0:
+        if x <= 0.0 and y <= 0.0:
+            return 0.0
+        if x >= 0.0 and y >= 0.0:
+            return half(x) + half(y) - np.pi
+        return half(min(x, y))
+    u, v = np.sqrt((1.0 - x) * (1.0 + x)), np.sqrt((1.0 - y) * (1.0 + y))
+    return float(x * y + 0.5 * (x * u + y * v + np.arcsin(x) + np.arcsin(y) + 0.5 * np.pi))
+
+
+def test_half_plane_at_its_marks() -> None:
+    inside = np.array([-5.0, -0.2, 0.0, 0.1, 0.2, 9.0])
+    third = 1.0 - (np.arccos(0.5) - 0.5 * np.sqrt(0.75)) / np.pi
+    np.testing.assert_allclose(
+        half_plane_coverage(inside, 0.2), [0.0, 0.0, 0.5, third, 1.0, 1.0], atol=1e-15
+    )
+    area = 0.04 * (np.pi - np.arccos(0.35)) + 0.07 * np.sqrt(0.04 - 0.0049)
+    assert half_plane_coverage(0.07, 0.2) * np.pi * 0.04 == pytest.approx(area, rel=1e-14)
+
+
+@given(lengths, lengths, radii)
+def test_half_plane_grows_with_the_covered_side(a: float, b: float, radius: float) -> None:
+    low, high = (half_plane_coverage(v, radius) for v in sorted((a, b)))
+    assert 0.0 <= low <= high + 1e-15 <= 1.0 + 1e-15
+    assert half_plane_coverage(a, radius) + half_plane_coverage(-a, radius) == pytest.approx(1.0)
+
+
+@given(lengths, radii, lengths, st.floats(0.0, 3.0))
+def test_a_strip_is_a_rectangle_without_ends(
+    x: float, radius: float, x1: float, width: float
+) -> None:
+    strip = strip_coverage(x, radius, x1, x1 + width)
+    rectangle = rectangle_coverage(x, 0.0, radius, x1, x1 + width, -INF, INF)
+    assert strip == pytest.approx(rectangle, abs=1e-14)
+
+
+@given(lengths, lengths, radii)
+def test_a_half_plane_is_a_rectangle_with_one_side(x: float, edge: float, radius: float) -> None:
+    expected = half_plane_coverage(x - edge, radius)
+    for rotated in (
+        rectangle_coverage(x, 1.0, radius, edge, INF, -INF, INF),
+        rectangle_coverage(-x, 1.0, radius, -INF, -edge, -INF, INF),
+        rectangle_coverage(1.0, x, radius, -INF, INF, edge, INF),
+    ):
+        assert rotated == pytest.approx(expected, abs=1e-14)
+
+
+@given(lengths, lengths, radii, lengths, lengths, lengths, lengths)
+def test_rectangle_agrees_with_the_corner_formula(
+    x: float, y: float, radius: float, a: float, b: float, c: float, d: float
+) -> None:
+    (x1, x2), (y1, y2) = sorted((a, b)), sorted((c, d))
+    u1, u2, v1, v2 = (x1 - x) / radius, (x2 - x) / radius, (y1 - y) / radius, (y2 - y) / radius
+    area = corner_area(u2, v2) - corner_area(u1, v2) - corner_area(u2, v1) + corner_area(u1, v1)
+    got = rectangle_coverage(x, y, radius, x1, x2, y1, y2)
+    assert got == pytest.approx(area / np.pi, abs=1e-12)
+
+
+def test_rectangle_agrees_with_monte_carlo(rng: np.random.Generator) -> None:
+    n = 200_000
+    angle = rng.uniform(0.0, 2.0 * np.pi, n)
+    reach = 0.7 * np.sqrt(rng.uniform(0.0, 1.0, n))
+    x, y = 0.3 + reach * np.cos(angle), -0.2 + reach * np.sin(angle)
+    for _ in range(40):
+        (x1, x2), (y1, y2) = np.sort(rng.uniform(-1.2, 1.2, (2, 2)), axis=1)
+        hit = np.mean((x > x1) & (x < x2) & (y > y1) & (y < y2))
+        exact = float(rectangle_coverage(0.3, -0.2, 0.7, x1, x2, y1, y2))
+        assert abs(exact - hit) < 5.0 * np.sqrt(max(exact * (1.0 - exact), 1e-4) / n)
+
+
+@given(lengths, lengths, radii, lengths, st.floats(0.0, 3.0), st.floats(0.0, 3.0))
+def test_two_halves_make_the_whole(
+    x: float, y: float, radius: float, x1: float, first: float, second: float
+) -> None:
+    middle, end = x1 + first, x1 + first + second
+    parts = rectangle_coverage(x, y, radius, x1, middle, -0.4, 0.9)
+    parts += rectangle_coverage(x, y, radius, middle, end, -0.4, 0.9)
+    assert parts == pytest.approx(rectangle_coverage(x, y, radius, x1, end, -0.4, 0.9), abs=1e-14)
+
+
+@given(lengths, lengths, radii, lengths, lengths, st.floats(0.0, 1.0))
+def test_a_larger_plate_covers_no_less(
+    x: float, y: float, radius: float, a: float, b: float, more: float
+) -> None:
+    x1, x2 = sorted((a, b))
+    small = rectangle_coverage(x, y, radius, x1, x2, -0.5, 0.5)
+    for large in (
+        rectangle_coverage(x, y, radius, x1 - more, x2, -0.5, 0.5),
+        rectangle_coverage(x, y, radius, x1, x2, -0.5, 0.5 + more),
+    ):
+        assert 0.0 <= small <= large + 1e-14 <= 1.0 + 1e-14
+
+
+@given(lengths, lengths, radii, st.floats(0.1, 10.0))
+def test_only_ratios_of_lengths_count(x: float, y: float, radius: float, scale: float) -> None:
+    sides = np.array([-0.5, 0.8, -0.3, 1.1])
+    one = rectangle_coverage(x, y, radius, *sides)
+    other = rectangle_coverage(scale * x, scale * y, scale * radius, *(scale * sides))
+    assert one == pytest.approx(other, abs=1e-12)
+
+
+@given(radii)
+def test_whole_none_and_a_quarter(radius: float) -> None:
+    assert rectangle_coverage(0.0, 0.0, radius, -radius, radius, -radius, radius) == 1.0
+    assert rectangle_coverage(0.0, 0.0, radius, radius, 3.0 * radius, -INF, INF) == 0.0
+    assert rectangle_coverage(1.0, 1.0, radius, 1.0, INF, 1.0, INF) == pytest.approx(0.25)
+
+
+@given(radii, st.floats(0.01, 0.7))
+def test_a_plate_within_the_disc_covers_its_own_area(radius: float, part: float) -> None:
+    half = part * radius
+    assume(half > 0.0)
+    got = rectangle_coverage(0.0, 0.0, radius, -half, half, -half, half)
+    assert got * np.pi * radius * radius == pytest.approx(4.0 * half * half, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("arm_m", "percent"), [(0.20, "50"), (0.225, "63"), (0.255, "78"), (0.283, "90")]
+)
+def test_front_disc_over_the_obstacle_in_case_2(arm_m: float, percent: str) -> None:
+    """Compare the study's figures: body at x = 2.8, edge at 3.0, R = 0.12."""
+    assert f"{100.0 * half_plane_coverage(2.8 + arm_m - 3.0, 0.12):.0f}" == percent
+
+
+def test_coverage_of_every_rotor_follows_the_plate() -> None:
+    x, y = np.array([0.225, 0.0, -0.225, 0.0]), np.array([0.0, 0.225, 0.0, -0.225])
+    centred = plate_coverages(x, y, 0.12, (1.0, 1.0))
+    np.testing.assert_array_equal(centred, np.ones(4))
+    plate_x = np.array([-0.5, 0.0, 0.5, 5.0])
+    moved = plate_coverages(x, y, 0.12, (1.0, 1.0), plate_x)
+    assert moved.shape == (4, 4)
+    np.testing.assert_array_equal(moved[:, 1], np.ones(4))
+    np.testing.assert_array_equal(moved[:, 3], np.zeros(4))
+    np.testing.assert_allclose(moved[:, 2], [1.0, 0.5, 0.0, 0.5], atol=1e-15)
+    np.testing.assert_allclose(moved[:, 0], [0.0, 0.5, 1.0, 0.5], atol=1e-15)
+    aside = plate_coverages(x, y, 0.12, (1.0, 1.0), 0.0, 0.5)
+    np.testing.assert_allclose(aside, [0.5, 1.0, 0.5, 0.0], atol=1e-15)

@@ -1,0 +1,234 @@
+"""One source for scalars, arrays, complex steps and compiled loops."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import pkgutil
+import subprocess
+import sys
+import textwrap
+from importlib import import_module
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import benchtool.physics
+from benchtool.core.errors import MissingLibrary
+from benchtool.physics import expression as module
+from benchtool.physics.body_lift import body_images, body_term
+from benchtool.physics.coverage import half_plane_coverage, rectangle_coverage, strip_coverage
+from benchtool.physics.expression import (
+    compile_expressions,
+    compiled,
+    compiled_folder,
+    expression,
+    loop_part,
+    recorded_expressions,
+)
+from benchtool.physics.images import neighbour_images, partial_factor, self_image, thrust_factor
+from benchtool.physics.rotor import ground_effect_thrust_N, speed_from_pwm
+from benchtool.physics.wake_rules import WAKE_RULES, notes_weight
+
+X = np.array([0.225, 0.0, -0.225, 0.0])
+Y = np.array([0.0, 0.225, 0.0, -0.225])
+DISTANCES = np.hypot(X[:, None] - X, Y[:, None] - Y)
+ARMS = np.hypot(X, Y)
+
+
+def thrusts(height, coverage, distances, arms, pwm_us, out):
+    """Chain most expressions; the same source for NumPy and for the compiled loop."""
+    weight = notes_weight(coverage)
+    speed = speed_from_pwm(pwm_us, 1.1, 1100.0, 15.2, 14.8)
+    for i in range(len(height)):
+        images = self_image(height[i]) + neighbour_images(i, height, coverage, distances)
+        body = body_term(2.0, weight, 0.12, body_images(height[i], arms))
+        factor = thrust_factor(0.0144 * images + body)
+        out[i] = ground_effect_thrust_N(speed, 1e-5, partial_factor(factor, coverage[i]))
+
+
+def areas(x, y, out):
+    """Chain the coverage expressions."""
+    out[0] = half_plane_coverage(x, 0.12)
+    out[1] = strip_coverage(x, 0.12, -0.05, 0.2)
+    out[2] = rectangle_coverage(x, y, 0.12, -0.1, 0.3, -0.04, 0.5)
+
+
+def test_the_mark_returns_the_function_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "_recorded", [])
+
+    def plain(x: float) -> float:
+        return x
+
+    assert expression(plain) is plain
+    assert recorded_expressions() == (plain,)
+
+
+def test_compiled_loops_and_arrays_give_the_same_numbers(rng: np.random.Generator) -> None:
+    numba = pytest.importorskip("numba")
+    compile_expressions()
+    compile_expressions()
+    heights = rng.uniform(0.06, 0.6, (4, 50))
+    coverages = rng.uniform(0.0, 1.0, (4, 50))
+    pwm = rng.uniform(1000.0, 1900.0, 50)
+    whole = np.empty((4, 50))
+    thrusts(heights, coverages, DISTANCES, ARMS, pwm, whole)
+    compiled = numba.njit(thrusts)
+    alone = np.empty((4, 50))
+    for k in range(50):
+        compiled(heights[:, k].copy(), coverages[:, k].copy(), DISTANCES, ARMS, pwm[k], alone[:, k])
+    assert np.ptp(whole) > 1.0
+    np.testing.assert_allclose(alone, whole, rtol=1e-14, atol=1e-14)
+
+
+def test_compiled_areas_and_arrays_give_the_same_numbers(rng: np.random.Generator) -> None:
+    numba = pytest.importorskip("numba")
+    compile_expressions()
+    x, y = rng.uniform(-0.4, 0.4, (2, 80))
+    whole = np.empty((3, 80))
+    areas(x, y, whole)
+    compiled = numba.njit(areas)
+    alone = np.empty((3, 80))
+    for k in range(80):
+        compiled(x[k], y[k], alone[:, k])
+    np.testing.assert_allclose(alone, whole, rtol=0, atol=1e-14)
+
+
+@pytest.mark.parametrize("name", sorted(WAKE_RULES))
+def test_every_wake_rule_compiles(name: str, rng: np.random.Generator) -> None:
+    numba = pytest.importorskip("numba")
+    compile_expressions()
+    weight = WAKE_RULES[name].weight
+    compiled = numba.njit(lambda coverage: weight(coverage))
+    for coverage in rng.uniform(0.0, 1.0, (20, 4)):
+        assert compiled(coverage) == pytest.approx(weight(coverage), rel=1e-14)
+
+
+def test_what_is_marked_after_compiling_compiles_too() -> None:
+    numba = pytest.importorskip("numba")
+    compile_expressions()
+
+    @expression
+    def late(x):
+        return 3.0 * x
+
+    assert numba.njit(lambda x: late(x))(2.0) == late(2.0) == 6.0
+
+
+def test_division_by_zero_is_infinite_in_compiled_loops_too() -> None:
+    numba = pytest.importorskip("numba")
+    compile_expressions()
+    assert numba.njit(lambda z: self_image(z))(0.0) == np.inf
+
+
+def test_without_numba_the_source_runs_and_compiling_says_what_is_missing(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setitem(sys.modules, "numba.extending", None)
+    with pytest.raises(MissingLibrary, match=r"needs numba.*benchtool\[fast\]") as caught:
+        compile_expressions()
+    assert caught.value.package == "numba"
+    assert thrust_factor(0.5) == 2.0
+
+
+def test_importing_the_physics_does_not_import_numba() -> None:
+    found = pkgutil.iter_modules(benchtool.physics.__path__, "benchtool.physics.")
+    names = [info.name for info in found]
+    code = (
+        f"import sys, {', '.join(names)}; print(*sorted({{'numba', 'scipy'}} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == ""
+
+
+def test_expressions_are_branch_free() -> None:
+    for info in pkgutil.iter_modules(benchtool.physics.__path__, "benchtool.physics."):
+        import_module(info.name)
+    own = [f for f in recorded_expressions() if f.__module__.startswith("benchtool.physics.")]
+    assert len(own) > 20
+    branches = {}
+    for function in own:
+        tree = ast.parse(textwrap.dedent(inspect.getsource(function)))
+        found = [
+            ast.unparse(node)
+            for node in ast.walk(tree)
+            if isinstance(node, ast.If | ast.IfExp | ast.While | ast.BoolOp | ast.Try)
+            or (isinstance(node, ast.Attribute) and node.attr in {"where", "abs", "hypot", "clip"})
+            or (isinstance(node, ast.Name) and node.id == "abs")
+        ]
+        if found:
+            branches[function.__qualname__] = found
+    assert branches == {}
+
+
+def test_complex_steps_give_exact_derivatives(rng: np.random.Generator) -> None:
+    """Differentiate the whole chain by a complex step and by central differences."""
+
+    def total(radius, K_b, offset, x):
+        height = [0.12 + offset, 0.15 + offset, 0.2 + offset, 0.09 + offset]
+        coverage = [
+            rectangle_coverage(xi + x, yi, 0.12, -0.3, 0.2, -0.25, 0.2)
+            for xi, yi in zip(X, Y, strict=True)
+        ]
+        weight = notes_weight(coverage)
+        result = 0.0
+        for i in range(4):
+            images = self_image(height[i]) + neighbour_images(i, height, coverage, DISTANCES)
+            term = radius * radius * images
+            term = term + body_term(K_b, weight, radius, body_images(height[i], ARMS))
+            result = result + partial_factor(thrust_factor(term), coverage[i])
+        return result
+
+    at = np.array([0.11, 1.7, 0.01, 0.013])
+    for k in range(4):
+        step = np.zeros(4)
+        step[k] = 1.0
+        exact = np.imag(total(*(at + 1e-30j * step))) / 1e-30
+        central = (total(*(at + 1e-6 * step)) - total(*(at - 1e-6 * step))) / 2e-6
+        assert abs(exact) > 1e-3
+        assert exact == pytest.approx(central, rel=1e-7)
+
+
+@loop_part
+def climbed(value: float, limit: float) -> float:
+    if value > limit:
+        return limit
+    return value
+
+
+@compiled
+def summed(values: np.ndarray, limit: float) -> float:
+    total = 0.0
+    for k in range(len(values)):
+        total += climbed(values[k], limit)
+    return total
+
+
+def test_a_compiled_loop_gives_what_its_source_gives(rng: np.random.Generator) -> None:
+    values = rng.normal(size=100)
+    assert summed(values, 0.3) == summed.__wrapped__(values, 0.3)
+    assert summed(values, 0.3) == pytest.approx(np.minimum(values, 0.3).sum(), rel=1e-13)
+
+
+def test_compiled_loops_are_kept_by_their_sources(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    first = compiled_folder()
+    assert first.name.startswith("compiled-")
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    compiled_folder.cache_clear()
+    monkeypatch.setattr(module.sys, "version", "another interpreter")
+    try:
+        assert compiled_folder().parent == tmp_path
+        assert compiled_folder().name != first.name
+    finally:
+        compiled_folder.cache_clear()
+
+
+def test_without_numba_a_loop_runs_as_it_stands(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse() -> None:
+        raise MissingLibrary("numba", "a compiled simulation", "fast")
+
+    monkeypatch.setattr(module, "compile_expressions", refuse)
+    assert compiled(summed.__wrapped__)(np.array([1.0, 0.1]), 0.5) == 0.6

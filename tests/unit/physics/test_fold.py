@@ -1,0 +1,189 @@
+"""Functions joined by closures: the same numbers as a plain loop, compiled once."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+from benchtool.physics import expression as compiling
+from benchtool.physics.expression import compiled_closure, expression
+from benchtool.physics.fold import Own, added, chained, each, identity, multiplied, selected, summed
+
+
+class Two(NamedTuple):
+    gain: Any
+    offset: Any
+
+
+class One(NamedTuple):
+    power: Any
+
+
+@expression
+def term(p: Two, i: int, flow: Any) -> Any:
+    return p.gain * flow[i] + p.offset
+
+
+@expression
+def other_term(p: One, i: int, flow: Any) -> Any:
+    return flow[i] ** p.power
+
+
+@expression
+def change(p: Two, i: int, flow: Any, quantity: Any) -> Any:
+    return p.gain * quantity + p.offset * flow[i]
+
+
+TERMS = (Own(term, Two, 0, 2), Own(other_term, One, 2, 3), Own(term, Two, 3, 5))
+CHANGES = (Own(change, Two, 0, 2), Own(change, Two, 3, 5))
+P = (2.0, 0.25, 3.0, -1.5, 0.5)
+FLOW = (0.3, 0.7, 1.1)
+
+
+def joined_sum(i: int, flow: Any, p: Any) -> Any:
+    return p[0] * flow[i] + p[1] + flow[i] ** p[2] + (p[3] * flow[i] + p[4])
+
+
+def joined_change(i: int, quantity: Any, flow: Any, p: Any) -> Any:
+    return p[3] * (p[0] * quantity + p[1] * flow[i]) + p[4] * flow[i]
+
+
+CASES = {
+    "sum": (lambda i, flow, p: summed(TERMS)(i, flow, p), joined_sum),
+    "product": (
+        lambda i, flow, p: multiplied(TERMS[:2])(i, 1.5, flow, p),
+        lambda i, flow, p: 1.5 * (p[0] * flow[i] + p[1]) * flow[i] ** p[2],
+    ),
+    "chain": (
+        lambda i, flow, p: chained(CHANGES)(i, 0.9, flow, p),
+        lambda i, flow, p: joined_change(i, 0.9, flow, p),
+    ),
+    "nothing to add": (lambda i, flow, p: summed(())(i, flow, p), lambda i, flow, p: 0.0),
+    "nothing to change": (lambda i, flow, p: chained(())(i, 7.0, flow, p), lambda i, flow, p: 7.0),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_joined_hooks_equal_the_written_out_expression(name: str) -> None:
+    joined, expected = CASES[name]
+    for i in range(3):
+        assert joined(i, FLOW, P) == expected(i, FLOW, P)
+
+
+def test_arrays_and_complex_steps_pass_through() -> None:
+    rows = tuple(np.linspace(0.1, 1.0, 5) + shift for shift in FLOW)
+    np.testing.assert_array_equal(summed(TERMS)(1, rows, P), joined_sum(1, rows, P))
+    stepped = (P[0] + 1e-30j, *P[1:])
+    np.testing.assert_allclose(summed(TERMS)(1, rows, stepped).imag, 1e-30 * rows[1], rtol=1e-14)
+
+
+@pytest.mark.parametrize("n", range(19))
+def test_each_gives_one_entry_for_every_number(n: int) -> None:
+    assert each(n, lambda i, x: i + x)(0.5) == tuple(i + 0.5 for i in range(n))
+
+
+def test_added_and_selected() -> None:
+    functions = (lambda x: x, lambda x: 10.0 * x, lambda x: 100.0 * x)
+    assert added(functions)(2.0) == 222.0
+    assert added(())(2.0) == 0.0
+    assert each(3, selected(functions))(2.0) == (2.0, 20.0, 200.0)
+
+
+def test_a_compiled_loop_gives_the_same_numbers() -> None:
+    numba = pytest.importorskip("numba")
+    compiling.compile_expressions()
+    total = each(3, expression(lambda i, flow, p: summed(TERMS)(i, flow, p)))
+    fold, change_all = summed(TERMS), chained(CHANGES)
+
+    @numba.njit(error_model="numpy")
+    def loop(flow, p):
+        out = 0.0
+        for i in range(3):
+            out += fold(i, flow, p) + change_all(i, flow[i], flow, p)
+        return out
+
+    expected = sum(joined_sum(i, FLOW, P) + joined_change(i, FLOW[i], FLOW, P) for i in range(3))
+    assert loop(FLOW, P) == pytest.approx(expected, rel=1e-15)
+    assert total is not None
+
+
+def test_a_function_is_known_by_its_file() -> None:
+    assert identity(None) == ""
+    assert identity(term).startswith(f"{__name__}.term:")
+    assert identity(term).split(":")[1] == identity(change).split(":")[1]
+
+
+def loop_over(count: int) -> Any:
+    """Return a compiled loop over the first so many terms; all share this source."""
+    total = summed(TERMS[:count])
+
+    def run(flow, p):
+        out = 0.0
+        for i in range(3):
+            out += total(i, flow, p)
+        return out
+
+    return compiled_closure(run, f"terms {count}")
+
+
+TWO_LOOPS = """
+    from tests.unit.physics.test_fold import FLOW, P, loop_over
+
+    for count in (1, 3):
+        loop = loop_over(count)
+        print(repr(loop(FLOW, P)), *(sum(counts.values()) for counts in loop.stats[1:]))
+"""
+
+
+def in_a_process(folder: Path) -> list[list[str]]:
+    found = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(TWO_LOOPS)],
+        env={**os.environ, "NUMBA_CACHE_DIR": str(folder)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return [line.split() for line in found.stdout.splitlines()]
+
+
+def test_a_second_process_compiles_nothing(tmp_path: Path) -> None:
+    """Two closures of one source line are told apart by their keys."""
+    pytest.importorskip("numba")
+    first, second = in_a_process(tmp_path), in_a_process(tmp_path)
+    expected = [sum(summed(TERMS[:count])(i, FLOW, P) for i in range(3)) for count in (1, 3)]
+    assert [float(row[0]) for row in first] == pytest.approx(expected, rel=1e-15)
+    assert [row[0] for row in second] == [row[0] for row in first]
+    assert [row[1:] for row in first] == [["0", "1"], ["0", "1"]]
+    assert [row[1:] for row in second] == [["1", "0"], ["1", "0"]]
+
+
+def test_without_numbas_inner_cache_it_compiles_all_the_same(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    pytest.importorskip("numba")
+
+    def absent(key: str) -> Any:
+        raise ImportError(f"no cache under {key}")
+
+    monkeypatch.setattr(compiling, "_cache_under", absent)
+    total = summed(TERMS)
+    made = compiled_closure(lambda flow, p: total(1, flow, p), "without a cache")
+    assert made(FLOW, P) == pytest.approx(joined_sum(1, FLOW, P), rel=1e-15)
+
+
+def test_without_numba_the_closure_runs_as_it_stands(monkeypatch: pytest.MonkeyPatch) -> None:
+    def missing() -> None:
+        raise compiling.MissingLibrary("numba", "a compiled simulation", "fast")
+
+    monkeypatch.setattr(compiling, "compile_expressions", missing)
+    total = summed(TERMS)
+    made = compiled_closure(lambda flow, p: total(2, flow, p), "without numba")
+    assert made(FLOW, P) == joined_sum(2, FLOW, P)
+    assert not hasattr(made, "stats")

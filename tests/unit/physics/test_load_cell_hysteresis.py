@@ -1,0 +1,75 @@
+"""From which side a load was approached, and what a cell with hysteresis shows."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from benchtool.core.channel import Channel
+from benchtool.core.recording import Recording
+from benchtool.core.rig_file import rig_named
+from benchtool.physics.conditions import Conditions
+from benchtool.physics.effects.load_direction import load_directions
+from benchtool.physics.model import Model
+
+RIG = rig_named("pquad_single")
+K = RIG.propulsion.thrust_coefficient_N_s2
+
+
+def visits(levels: list[float], places_m: list[float], elapsed_s: list[float]) -> np.ndarray:
+    """Return the directions of visits in order, their load the level itself."""
+    place = np.array([places_m, [0.0] * len(levels), [0.0] * len(levels)])
+    times = np.arange(len(levels), dtype=float)
+    return load_directions(times, np.array(elapsed_s), place, np.array(levels))
+
+
+def test_a_plate_that_moves_and_a_tare_unload_the_cell() -> None:
+    levels = [2.0, 3.0, 1.0, 1.001, 3.0, 2.0, 1.5, 0.0, 1.0]
+    places = [0.1, 0.1, 0.1, 0.1, 0.2, 0.2, 0.2, 0.2, 0.2]
+    since_tare = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 1.0, 2.0, 3.0]
+    expected = [1.0, 1.0, -1.0, -1.0, 1.0, -1.0, 1.0, -1.0, 1.0]
+    assert visits(levels, places, since_tare).tolist() == expected
+
+
+def test_visits_may_stand_in_any_order() -> None:
+    place = np.zeros((3, 3))
+    times, load = np.array([2.0, 0.0, 1.0]), np.array([2.0, 1.0, 3.0])
+    assert load_directions(times, times, place, load).tolist() == [-1.0, 1.0, 1.0]
+
+
+def recording(*more: tuple[Channel, np.ndarray]) -> Recording:
+    """Return three levels at one place, up and down again."""
+    return Recording.from_columns(
+        [
+            (Channel("time_s", "s"), np.array([0.0, 10.0, 20.0])),
+            (Channel("rpm1", "rpm"), np.array([4000.0, 5000.0, 4000.0])),
+            (Channel("plate_z_m", "m"), np.full(3, 0.3)),
+            *more,
+        ]
+    )
+
+
+def test_the_order_of_a_run_tells_the_direction_and_a_column_goes_first() -> None:
+    point = (Channel("point", "1"), np.array([1.0, 2.0, 3.0]))
+    stated = (Channel("load_direction", "1"), np.array([-1.0, np.nan, 1.0]))
+    assert Conditions.from_recording(recording(point), RIG).load_direction.tolist() == [1, 1, -1]
+    assert Conditions.from_recording(recording(point, stated), RIG).load_direction.tolist() == [
+        -1.0,
+        0.0,
+        1.0,
+    ]
+    assert not Conditions.from_recording(recording(), RIG).load_direction.any()
+
+
+def test_the_way_down_reads_twice_the_half_width_more_and_a_tare_row_zero() -> None:
+    model = Model.single(RIG).with_effect("load_cell_hysteresis", half_width_N=0.1)
+    conditions = Conditions.of(
+        RIG,
+        speed_rad_s=np.array([[400.0, 400.0, 0.0]]),
+        plate_z_m=np.full(3, 1e6),
+        load_direction=np.array([1.0, -1.0, -1.0]),
+    )
+    thrust = K * 400.0**2
+    assert model.thrust_N(conditions) == pytest.approx([thrust - 0.2, thrust, 0.0], abs=1e-12)
+    fresh = model.fixed("load_cell_hysteresis.tare_direction", 0.0)
+    assert fresh.thrust_N(conditions) == pytest.approx([thrust - 0.1, thrust + 0.1, 0.1])

@@ -1,0 +1,142 @@
+"""The model against the closed forms, and what it says of the layouts."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from benchtool.core.channel import Channel
+from benchtool.core.errors import InputError, UnknownChoice
+from benchtool.core.recording import Recording
+from benchtool.core.rig_file import rig_named
+from benchtool.physics.body_lift import quad_body_lift_factor
+from benchtool.physics.conditions import Conditions
+from benchtool.physics.effects.partial_coverage import factors
+from benchtool.physics.images import quad_factor, single_rotor_factor
+from benchtool.physics.model import Model
+from benchtool.physics.model_file import load_model
+
+Z_M = np.array([0.06, 0.12, 0.18, 0.24, 0.36, 0.6])
+SPEEDS = np.full((4, 1), 576.0)
+
+
+def test_it_is_eq_2_3_and_4_for_the_quadrotor() -> None:
+    rig = rig_named("pquad")
+    radius, spacing = rig.propulsion.radius_m, rig.disc_distances_m[0, 1]
+    conditions = Conditions.of(rig, speed_rad_s=SPEEDS, plate_z_m=Z_M)
+    single = Model.single(rig)
+    quad = single.with_effect("neighbour_images")
+    lifted = quad.with_effect("body_lift", K_b=2.0)
+    half = spacing / np.sqrt(2.0)
+    for model, expected in (
+        (single, single_rotor_factor(radius, Z_M)),
+        (quad, quad_factor(radius, Z_M, spacing)),
+        (lifted, quad_body_lift_factor(radius, Z_M, spacing, half, 2.0)),
+    ):
+        np.testing.assert_allclose(model.factor(conditions), expected, rtol=1e-12)
+        thrust = 4.0 * rig.propulsion.thrust_coefficient_N_s2 * 576.0**2 * expected
+        np.testing.assert_allclose(model.thrust_N(conditions), thrust, rtol=1e-12)
+
+
+def test_the_printed_diagonal_can_be_chosen() -> None:
+    text = load_model("quad_body_lift").model
+    from dataclasses import replace
+
+    printed = replace(text, body_distance="diagonal")
+    rig = printed.rig
+    spacing = rig.disc_distances_m[0, 1]
+    conditions = Conditions.of(rig, speed_rad_s=SPEEDS, plate_z_m=Z_M)
+    expected = quad_body_lift_factor(0.12, Z_M, spacing, spacing * np.sqrt(2.0), 2.0)
+    np.testing.assert_allclose(printed.factor(conditions), expected, rtol=1e-12)
+
+
+def test_three_rotors_make_two_thirds_of_the_body_lift() -> None:
+    model = load_model("quad_body_lift").model
+    three = np.array([[576.0], [576.0], [0.0], [576.0]])
+    conditions = Conditions.of(model.rig, speed_rad_s=three, plate_z_m=Z_M)
+    assert model.flow(conditions, model.parameters.values_array()).body_weight == pytest.approx(
+        np.full(6, 2.0 / 3.0)
+    )
+
+
+def test_coaxial_rotors_count_as_one_disc() -> None:
+    rig = rig_named("amuse")
+    z = np.array([1.0, 2.0]) * rig.propulsion.radius_m
+    conditions = Conditions.of(rig, speed_rad_s=np.full((8, 1), 400.0), plate_z_m=z)
+    model = Model.single(rig).with_effect("neighbour_images")
+    expected = quad_factor(rig.propulsion.radius_m, z, rig.disc_distances_m[0, 1])
+    np.testing.assert_allclose(model.factor(conditions), expected, rtol=1e-12)
+    assert model.thrust_N(conditions)[0] == pytest.approx(
+        8 * rig.propulsion.thrust_coefficient_N_s2 * 400.0**2 * expected[0]
+    )
+
+
+def test_without_a_plate_there_is_no_ground_effect() -> None:
+    model = load_model("quad_body_lift").model
+    conditions = Conditions.of(model.rig, speed_rad_s=SPEEDS, plate_z_m=Z_M)
+    far = conditions.out_of_ground_effect()
+    assert np.array_equal(model.factor(far), np.ones(6))
+
+
+def test_area_factors_follow_their_shares() -> None:
+    assert factors([0.25, 1.0 / 3.0, 0.5]) == pytest.approx((0.25, 0.5, 0.75))
+    model = load_model("partial_area").model
+    radius = model.rig.propulsion.radius_m
+    shares = {f"partial_coverage.share_{k + 1}": v for k, v in enumerate((0.5, 0.2, 0.5))}
+    for name, value in shares.items():
+        model = model.fixed(name, value)
+    conditions = Conditions.of(
+        model.rig,
+        speed_rad_s=np.array([576.0]),
+        plate_z_m=np.full(3, radius),
+        coverage=np.array([[0.25, 0.5, 0.75]]),
+    )
+    increment = model.factor(conditions) - 1.0
+    full = single_rotor_factor(radius, radius) - 1.0
+    np.testing.assert_allclose(increment / full, factors([0.5, 0.2, 0.5]), rtol=1e-12)
+
+
+def test_effects_before_the_speed_act_only_on_speeds_that_were_not_measured() -> None:
+    rig = rig_named("pquad")
+    model = Model.single(rig).with_effect("battery_sag", rate_per_s=0.001)
+    common = {"speed_rad_s": SPEEDS, "plate_z_m": Z_M, "time_s": 100.0}
+    measured = Conditions.of(rig, **common)
+    commanded = Conditions.of(rig, **common, speed_measured=False)
+    np.testing.assert_allclose(
+        model.thrust_N(commanded), 0.81 * model.thrust_N(measured), rtol=1e-12
+    )
+
+
+def test_conditions_come_from_rpm_or_else_from_pulses() -> None:
+    rig = rig_named("pquad_single")
+    pulse = Channel("pwm1_us", "pwm_us")
+    rpm = Channel("rpm1", "rpm")
+    z = (Channel("plate_z_m", "m"), np.array([0.12, 0.24]))
+    by_pulse = Conditions.from_recording(
+        Recording.from_columns([(pulse, np.array([1500.0, 1600.0])), z]), rig
+    )
+    by_rpm = Conditions.from_recording(
+        Recording.from_columns([(rpm, np.array([4000.0, 5000.0])), z]), rig
+    )
+    gain = rig.propulsion.speed_per_us_rad_s
+    assert by_pulse.speed_rad_s[0] == pytest.approx([450.0 * gain, 550.0 * gain])
+    assert not by_pulse.speed_measured
+    assert by_rpm.speed_rad_s[0] == pytest.approx(np.array([4000.0, 5000.0]) * np.pi / 30.0)
+    assert by_rpm.speed_measured
+    with pytest.raises(InputError, match="neither rotor speed nor pulse width"):
+        Conditions.from_recording(Recording.from_columns([z]), rig)
+
+
+def test_wrong_names_are_refused_with_the_known_ones() -> None:
+    model = Model.single(rig_named("pquad"))
+    with pytest.raises(UnknownChoice, match="body_lift"):
+        model.with_effect("body_lif")
+    with pytest.raises(UnknownChoice, match="K_b"):
+        model.with_effect("body_lift", Kb=1.0)
+    with pytest.raises(UnknownChoice):
+        model.without("body_lift")
+    with pytest.raises(InputError, match="already"):
+        model.with_effect("body_lift").with_effect("body_lift")
+    assert model.with_effect("body_lift").without("body_lift").parameters.keys() == (
+        model.parameters.keys()
+    )

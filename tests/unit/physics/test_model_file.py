@@ -1,0 +1,97 @@
+"""Models are read strictly and written so that they read back the same."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchtool.core.errors import FileFormatError, InputError, UnknownChoice
+from benchtool.core.parameter import Prior
+from benchtool.physics.conditions import Conditions
+from benchtool.physics.model_file import load_model, model_from_toml, model_names, model_to_toml
+
+HEAD = "[model]\nname = 'x'\nrig = 'pquad'\n"
+
+
+@pytest.mark.parametrize("name", model_names())
+def test_a_shipped_model_reads_back_the_same(name: str) -> None:
+    loaded = load_model(name)
+    again = model_from_toml(model_to_toml(loaded), "again.toml")
+    assert dict(again.model.parameters) == dict(loaded.model.parameters)
+    assert again.model.wake_rule == loaded.model.wake_rule
+    assert [effect.name for effect in again.model.effects] == [
+        effect.name for effect in loaded.model.effects
+    ]
+    conditions = (
+        Conditions.of(
+            loaded.model.rig, speed_rad_s=np.array([500.0]), plate_z_m=np.array([0.1, 0.2])
+        )
+        if loaded.model.rig.n_rotors == 1
+        else Conditions.of(
+            loaded.model.rig,
+            speed_rad_s=np.full((loaded.model.rig.n_rotors, 1), 500.0),
+            plate_z_m=np.array([0.1, 0.2]),
+        )
+    )
+    assert np.array_equal(again.model.thrust_N(conditions), loaded.model.thrust_N(conditions))
+
+
+def test_a_prior_bounds_and_tolerance_survive_the_file() -> None:
+    loaded = load_model("quad_body_lift")
+    item = replace(
+        loaded.model.parameters["body_lift.K_b"],
+        prior=Prior("normal", 2.0, 0.5, "a guess"),
+        lower=0.5,
+        upper=6.0,
+        tolerance=0.1,
+    )
+    changed = replace(
+        loaded, model=loaded.model.at(loaded.model.parameters.replaced("body_lift.K_b", item))
+    )
+    again = model_from_toml(model_to_toml(changed), "again.toml")
+    assert again.model.parameters["body_lift.K_b"] == item
+
+
+def test_how_long_a_plate_slides_survives_the_file() -> None:
+    loaded = load_model("quad_body_lift")
+    assert loaded.plate_slide_s is None
+    again = model_from_toml(model_to_toml(replace(loaded, plate_slide_s=0.0)), "again.toml")
+    assert again.plate_slide_s == 0.0
+
+
+@pytest.mark.parametrize(
+    ("text", "error", "words"),
+    [
+        ("model = 3", FileFormatError, "model is 3: input should be a table"),
+        (HEAD + "[effects.body_lif]", FileFormatError, "did you mean 'body_lift'"),
+        (HEAD + "[effects.body_lift]\nKb = 2", FileFormatError, "did you mean 'body_lift.K_b'"),
+        (HEAD + "[effects.body_lift]\nK_b = 'two'", FileFormatError, "K_b is 'two'"),
+        (HEAD + "[effects.body_lift]\nK_b = {value=2, fre=true}", FileFormatError, "'free'"),
+        (HEAD + "[effects.body_lift.settings]\na = 1", FileFormatError, "takes no settings"),
+        (HEAD + "[parameters]\nR_m = -1", FileFormatError, r"R_m is -1 m, outside its bounds"),
+        (HEAD + "wake_rule = 'no'", FileFormatError, "unknown wake rule 'no'.*notes"),
+        (HEAD + "body_distance = 'no'", FileFormatError, "half_diagonal"),
+        (HEAD + "plate_slide_s = -1", FileFormatError, "plate_slide_s is -1; give seconds from 0"),
+        ("[model]\nname = 'x'\nrig = 'pqad'", UnknownChoice, "did you mean 'pquad'"),
+        (
+            HEAD + "[columns]\nthrust_N = { column = 'F', unit = 'newton' }",
+            FileFormatError,
+            "unknown unit 'newton'",
+        ),
+        (
+            HEAD + "[columns]\nthrust_N = { unit = 'N' }",
+            FileFormatError,
+            "needs either column",
+        ),
+        (
+            HEAD + "[effects.partial_coverage.settings]\ncoverages = [0.5, 0.5]",
+            FileFormatError,
+            "coverages that increase between 0 and 1",
+        ),
+    ],
+)
+def test_what_is_wrong_is_said(text: str, error: type[InputError], words: str) -> None:
+    with pytest.raises(error, match=words):
+        model_from_toml(text, "x.toml")

@@ -1,0 +1,113 @@
+"""Effects of the user's own: found, refused with one sentence, used from a model file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from benchtool.core.errors import InputError
+from benchtool.physics.model_file import load_model, model_from_toml, model_to_toml
+from benchtool.physics.own_effects import own_effects
+
+GOOD = """
+from benchtool.physics.expression import expression
+from benchtool.core.parameter import Parameter
+from benchtool.physics.effects.effect import Effect
+
+
+@expression
+def torque(flow, p):
+    return -p[0] * flow.rate_rad_s * flow.rate_rad_s * flow.rate_rad_s
+
+
+EFFECT = Effect(
+    name="cubic_damping",
+    title="Cubic damping",
+    description="A damper whose torque grows with the third power of the rate.",
+    stage="hinge",
+    law="torque = -c rate^3",
+    parameters=(
+        Parameter("c_Nms3", "1", 0.0, neutral=0.0, lower=0.0, upper=1.0, tolerance=0.002),
+    ),
+    shows="fast motion",
+    source="a guess",
+    confused_with={"viscous_friction": "slow and fast motion together separate them"},
+    benches=frozenset({"pitch"}),
+    torque=torque,
+)
+"""
+
+
+def allow(file: str) -> None:
+    """Permit every file."""
+
+
+def written(folder: Path, text: str, name: str = "mine.py") -> str:
+    path = folder / name
+    path.write_text(text, encoding="utf-8")
+    return str(path)
+
+
+def test_one_effect_and_several_are_found(tmp_path: Path) -> None:
+    (effect,) = own_effects(written(tmp_path, GOOD), allow)
+    assert effect.name == "cubic_damping"
+    several = GOOD.replace("EFFECT =", "ONE =") + "EFFECTS = {'mine': ONE}\n"
+    assert [found.name for found in own_effects(written(tmp_path, several), allow)] == [
+        "cubic_damping"
+    ]
+
+
+def test_a_module_is_found_from_the_present_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    written(tmp_path, GOOD, "benchtool_test_own_module.py")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    assert own_effects("benchtool_test_own_module", allow)[0].title == "Cubic damping"
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("x = 1\n", "holds no effect"),
+        ("EFFECT = 3\n", "make it an Effect or a list"),
+        ("EFFECTS = [3]\n", "holds 3, which is no"),
+        ("import nothing_of_that_name\n", "nothing_of_that_name"),
+        ("def broken(:\n", "SyntaxError"),
+        ("1 / 0\n", "ZeroDivisionError"),
+        ("\nexit(1)\n", r"SystemExit: 1 while it was imported, in .*mine\.py line 2; mend"),
+        (GOOD.replace('"cubic_damping"', '"coulomb_friction"'), "name of a shipped one"),
+        (GOOD + "EFFECTS = [EFFECT]\n", "two effects named"),
+        (GOOD.replace('frozenset({"pitch"})', "frozenset()"), "candidate on any bench"),
+        (GOOD.replace(", tolerance=0.002", ""), "has no tolerance"),
+    ],
+)
+def test_what_cannot_be_used_is_refused_with_its_reason(
+    tmp_path: Path, text: str, said: str
+) -> None:
+    with pytest.raises(InputError, match=said) as refused:
+        own_effects(written(tmp_path, text), allow)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_file_and_a_module_that_are_not_there_are_refused() -> None:
+    with pytest.raises(InputError, match="no such file"):
+        own_effects("nowhere.py", allow)
+    with pytest.raises(InputError, match="run where the module is"):
+        own_effects("no_module_of_that_name", allow)
+
+
+def test_a_model_file_brings_its_own_effects_along(tmp_path: Path) -> None:
+    written(tmp_path, GOOD)
+    model = tmp_path / "model.toml"
+    model.write_text(
+        '[model]\nname = "m"\nrig = "beam"\neffects_file = "mine.py"\n'
+        "[effects.cubic_damping]\nc_Nms3 = 0.01\n",
+        encoding="utf-8",
+    )
+    loaded = load_model(model, permit=allow)
+    assert loaded.model.parameters["cubic_damping.c_Nms3"].value == 0.01
+    again = model_from_toml(model_to_toml(loaded), str(model), permit=allow)
+    assert again.effects_file == "mine.py"
+    assert again.model.parameters["cubic_damping.c_Nms3"].value == 0.01

@@ -1,0 +1,342 @@
+"""Replayed logs: what was recorded, the simulated run beside it, and which of the two drove it."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchtool import __version__
+from benchtool.commands.app import main
+from benchtool.core.channel import Channel
+from benchtool.core.errors import InputError
+from benchtool.core.recording import Recording
+from benchtool.core.schedule import PlateVisit, Schedule, Signal
+from benchtool.data.run.digest import data_hash, file_hash
+from benchtool.data.run.pitch import read_pitch
+from benchtool.data.run.recording_file import read_recording, write_recording
+from benchtool.explain.pitch.replay_judged import LEAST_RAD, miss_told
+from benchtool.explain.pitch.replay_track import pitch_track
+from benchtool.explain.pitch.replayed import Beside, known_control, replayed
+from benchtool.physics.model_file import load_model
+from benchtool.report.replay.replay_page import errors_deg, trace_of
+from benchtool.report.report_file import kind_of, page_text
+from benchtool.simulate.controllers.pitch import pitch_controller
+from benchtool.simulate.gain_file import gains_named
+from benchtool.simulate.pitch.bench import PitchBench
+from benchtool.simulate.pitch.run import PitchJob
+from benchtool.simulate.pitch.simulate import simulate_pitch
+from tests.unit.data.flight_logs import Record, dataflash
+from tests.unit.report.report_text import check_self_contained, facts_of, rows_of, words_of
+
+MODEL = "pitch_pquad"
+KNOWN = {"controller": "pid", "gains": "s3"}
+
+
+def call(*words: str) -> int:
+    with pytest.raises(SystemExit) as left:
+        main(list(words))
+    return int(left.value.code or 0)
+
+
+@pytest.fixture(scope="module")
+def flown() -> Recording:
+    """Fly 12 s with a step of the reference and the plate under rotor 1 from 6 to 9 s."""
+    model = load_model(MODEL).model
+    control = pitch_controller("pid", gains_named("s3"))
+    schedule = Schedule(
+        name="short",
+        title="a step, then the plate",
+        duration_s=12.0,
+        reference_deg=(Signal(shape="step", level=5.0, from_s=2.0, to_s=4.0),),
+        plate=(PlateVisit(z_over_R=1.0, in_s=6.0, out_s=9.0, move_s=0.2),),
+    )
+    rig = model.rig
+    sampled = schedule.sampled(control.control_rate_Hz, rig.propulsion.radius_m)
+    run = simulate_pitch(PitchJob(PitchBench.of(model), control), sampled, seed=4)
+    return run.recording(rig, {"model": MODEL, **KNOWN})
+
+
+@pytest.fixture(scope="module")
+def log(flown: Recording, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Write the same flight as an ArduPilot log, import it with its window, and return that."""
+    records: list[Record] = [("PARM", (0, b"SERVO1_FUNCTION", 33.0, 0.0))]
+    records += [("PARM", (0, f"SERVO{k + 1}_FUNCTION".encode(), 33.0 + k, 0.0)) for k in (1, 2, 3)]
+    t = np.round(1e6 * flown.column("time_s")).astype(int)
+    # Logs count nose up, in hundredths of a degree.
+    pitch = np.round(-100.0 * np.degrees(flown.column("theta_rad"))).astype(int)
+    wanted = np.round(-100.0 * np.degrees(flown.column("theta_ref_rad"))).astype(int)
+    pulses = np.array([flown.column(f"pwm{k}_us") for k in (1, 2, 3, 4)]).astype(int)
+    for row, time_us in enumerate(t.tolist()):
+        at = 1_000_000 + time_us
+        records.append(("ATT", (at, 0, 0, int(wanted[row]), int(pitch[row]), 0, 0)))
+        records.append(("RCOU", (at + 1, *pulses[:, row].tolist())))
+        gyro = -flown.column("gyro_rad_s")[row]
+        records.append(("IMU", (at + 2, 0, 0.0, float(gyro), 0.0)))
+    folder = tmp_path_factory.mktemp("logs")
+    (folder / "42.BIN").write_bytes(dataflash(records))
+    out = folder / "flight-42.csv"
+    assert call("import", str(folder / "42.BIN"), "--over", "6.1:9.1:1", "--out", str(out)) == 0
+    return out
+
+
+def test_a_track_holds_the_flight_on_an_even_clock(flown: Recording, log: Path) -> None:
+    track = pitch_track(read_recording(log))
+    assert track.rate_Hz == pytest.approx(250.0, rel=1e-3)
+    assert np.allclose(np.diff(track.time_s), 1.0 / track.rate_Hz)
+    own = np.interp(track.time_s, flown.column("time_s"), flown.column("theta_rad"))
+    assert np.abs(track.theta_rad - own)[:-1].max() < np.radians(0.02)
+    assert track.pwm_us.shape == (4, len(track))
+    ((first, last),) = track.visits
+    assert track.time_s[first] == pytest.approx(6.1, abs=0.01)
+    assert track.time_s[last] == pytest.approx(9.1, abs=0.01)
+    assert track.rotors_over(first, last) == [1]
+
+
+def test_logged_pulses_drive_the_plant_to_what_was_recorded(log: Path) -> None:
+    track = pitch_track(read_recording(log))
+    run, warned = replayed(track, Beside(model=MODEL, plate_z_m=0.12), {})
+    assert run is not None
+    assert run.by == "pulses"
+    assert warned == []
+    recorded, simulated = errors_deg(track, run)
+    apart = np.sqrt(np.nanmean((recorded - simulated) ** 2))
+    # The flight swings by 6 degrees. The wake torque that kicked it is not known, and the rate at
+    # the start of a window only to a hundredth of a radian per second: 0.2 to 0.4 degrees a window.
+    assert np.ptp(recorded) > 5.0
+    assert apart < 0.5
+    without, _ = replayed(track, Beside(model="pitch_pquad", plate_z_m=0.99), {})
+    assert without is not None
+    inside = track.any_over > 0.0
+    far = errors_deg(track, without)[1]
+    assert np.sqrt(np.nanmean((recorded - far)[inside] ** 2)) > 3.0 * np.sqrt(
+        np.nanmean((recorded - simulated)[inside] ** 2)
+    )
+
+
+def test_a_known_controller_flies_the_same_reference_and_windows(flown: Recording) -> None:
+    track = pitch_track(flown)
+    run, _ = replayed(track, Beside(model=MODEL), KNOWN)
+    assert run is not None
+    assert run.by == "controller"
+    assert "controller pid with gains s3" in run.words
+    recorded, simulated = errors_deg(track, run)
+    # Noise of its own; the reference and the plate are the same.
+    assert np.sqrt(np.nanmean((recorded - simulated) ** 2)) < 0.5
+    assert np.ptp(simulated[np.isfinite(simulated)]) > 5.0
+    assert run.pwm_us.shape[0] == 4
+    assert abs(np.median(run.pwm_us) - np.median(track.pwm_us)) < 3.0
+
+
+def test_the_page_of_an_imported_log_has_its_numbers_repairs_and_hashes(log: Path) -> None:
+    assert kind_of(log) == "recording"
+    page = page_text([log], Beside(model=MODEL, plate_z_m=0.12))
+    check_self_contained(page)
+    text, facts = words_of(page), facts_of(page)
+    assert "open loop: the plant under the logged pulses" in text
+    assert "as in the paper's figures 26 to 30" in text
+    assert page.count("over-surface") >= 3
+    track = pitch_track(read_recording(log))
+    run, _ = replayed(track, Beside(model=MODEL, plate_z_m=0.12), {})
+    recorded, simulated = errors_deg(track, run)
+    inside = track.any_over > 0.0
+    rows = rows_of(page, "Pitch minus reference")
+    for cells, part in zip(rows, (inside, ~inside), strict=True):
+        for shown, errors in ((cells[2], recorded), (cells[4], simulated)):
+            own = np.sqrt(np.nanmean(errors[part] ** 2))
+            assert float(shown) == pytest.approx(own, abs=0.006)
+    assert "flight-42.csv: 12 s of pitch" in text
+    assert facts["over a surface"] == "6.1 to 9.1 s, rotor 1 (user)"
+    assert facts[f"sha256 of {log.name}"] == file_hash(log)
+    assert facts["file"] == "42.BIN"
+    told = json.loads(log.with_name("flight-42.csv.json").read_text())
+    assert facts["sha256"] == told["provenance"]["sha256"]
+    assert facts["recorded with"] == "ArduPilot"
+    assert facts["imported with"] == f"benchtool {told['versions']['benchtool']}"
+    findings = rows_of(page, "What was repaired")
+    assert [cells[3] for cells in findings] == [item["words"] for item in told["findings"]]
+
+
+def test_without_a_model_the_log_is_drawn_alone_and_the_caption_says_so(log: Path) -> None:
+    text = words_of(page_text([log]))
+    assert "No model was named, so no simulated run stands beside it" in text
+    assert "simulated RMS error" not in text
+
+
+def test_what_is_missing_is_said_and_the_log_is_drawn_all_the_same(log: Path) -> None:
+    text = words_of(page_text([log], Beside(model=MODEL)))
+    assert "Nothing tells how far below the rotors the surface was" in text
+    with pytest.raises(InputError, match="4 rotors, but rig 'beam'"):
+        page_text([log], Beside(model="pitch_beam", plate_z_m=0.12))
+    with pytest.raises(InputError, match="the recording has: 1, 2, 3, 4"):
+        page_text([log], Beside(model=MODEL, motors=(1, 2, 3, 7)))
+    with pytest.raises(InputError, match="give --gains"):
+        page_text([log], Beside(model=MODEL, controller="pid", plate_z_m=0.12))
+
+
+def test_motors_in_another_order_are_told_by_a_run_that_strays(log: Path) -> None:
+    track = pitch_track(read_recording(log), motors=(3, 2, 1, 4))
+    assert track.rotors_over(*track.visits[0]) == [3]
+    beside = Beside(model=MODEL, plate_z_m=0.12, motors=(3, 2, 1, 4))
+    run, warned = replayed(track, beside, {})
+    assert "Rotors are numbered in the rig's order: these are the log's 3, 2, 1, 4." in warned
+    assert run is not None
+    assert "does not follow the log, so it is no result" in run.missed
+    assert warned[0] == run.missed
+    # Front for rear turns every torque round: by its own numbers it is that far away.
+    recorded, simulated = errors_deg(track, run)
+    assert np.sqrt(np.nanmean((recorded - simulated) ** 2)) > np.degrees(np.std(track.theta_rad))
+
+
+def test_a_run_that_does_not_follow_is_not_shown_as_a_result(log: Path) -> None:
+    good = page_text([log], Beside(model=MODEL, plate_z_m=0.12))
+    assert "does not follow" not in words_of(good)
+    assert "simulated RMS error, over it" in facts_of(good)
+    page = page_text([log], Beside(model=MODEL, plate_z_m=0.12, motors=(3, 2, 1, 4)))
+    text, facts = words_of(page), facts_of(page)
+    assert facts["simulated run"] == "does not follow the log"
+    assert not [name for name in facts if "RMS" in name and "simulated" in name]
+    assert "is no result" in text
+    assert "so that a line at its mean is nearer to it" in text
+    assert {len(row) for row in rows_of(page, "Pitch minus reference")} == {4}
+    assert "simulated, does not follow the log" in page
+
+
+def test_how_far_a_run_may_be_from_its_log(flown: Recording) -> None:
+    track = pitch_track(flown)
+    swing = np.nanstd(track.theta_rad)
+    mean = np.full(len(track), np.nanmean(track.theta_rad))
+    assert miss_told(track, track.time_s, track.theta_rad, "pulses") == ""
+    assert miss_told(track, track.time_s, mean + 0.5 * (track.theta_rad - mean), "pulses") == ""
+    away = 2.0 * mean - track.theta_rad  # the same swing the opposite way: two swings away
+    assert swing > LEAST_RAD
+    assert "a line at its mean is nearer" in miss_told(track, track.time_s, away, "pulses")
+    assert miss_told(track, track.time_s, mean + 0.99 * (away - mean), "controller") == ""
+    farther = mean + 1.2 * (away - mean)
+    assert "the opposite way" in miss_told(track, track.time_s, farther, "controller")
+    # A log that stands still: noise alone parts a run from it.
+    still = replace(track, theta_rad=np.zeros(len(track)))
+    assert miss_told(still, track.time_s, np.full(len(track), 0.9 * LEAST_RAD), "pulses") == ""
+    told = miss_told(still, track.time_s, np.full(len(track), np.radians(42.0)), "pulses")
+    assert "misses it by 42.0° RMS, above 2.0°" in told
+    # One that keeps near on the whole, and goes for a moment where the vehicle never was.
+    jump = np.zeros(len(track))
+    jump[100:103] = np.radians(12.0)
+    assert "goes over 12°, the recorded one over 0.0°" in miss_told(
+        replace(still, reference_rad=np.zeros(len(track))), track.time_s, jump, "pulses"
+    )
+    holed = np.where(np.arange(len(track)) % 100 == 0, np.nan, track.theta_rad)
+    none, lacks = replayed(replace(track, theta_rad=holed), Beside(model=MODEL), {})
+    assert none is None
+    assert "whole enough" in " ".join(lacks)
+    # A miss over the surface counts, however long the rest is.
+    bad = np.where(track.any_over > 0.0, track.theta_rad + np.radians(42.0), track.theta_rad)
+    long = replace(track, over=np.where(track.time_s < 6.2, track.over, 0.0))
+    bad = np.where(long.any_over > 0.0, bad, track.theta_rad)
+    assert "misses it by 42.0° RMS over the surface" in miss_told(
+        long, track.time_s, bad, "controller"
+    )
+
+
+def test_gaps_stay_blank_and_nothing_is_simulated_across_them(flown: Recording) -> None:
+    time_s = flown.column("time_s")
+    kept = flown.select((time_s < 3.0) | (time_s > 5.5))
+    track = pitch_track(kept)
+    blank = (track.time_s > 3.1) & (track.time_s < 5.4)
+    assert np.isnan(track.theta_rad[blank]).all()
+    run, _ = replayed(track, Beside(model=MODEL), {})
+    assert run is not None
+    assert np.isnan(run.theta_rad[blank]).all()
+    assert np.isfinite(run.theta_rad[~blank]).any()
+    assert np.isnan(trace_of(track, run).sim_pitch_deg[blank]).all()
+
+
+def test_a_log_of_speeds_only_and_one_of_shares_are_driven_too(flown: Recording) -> None:
+    names = [name for name in flown.names if not name.startswith("pwm")]
+    pairs = [(flown.channels[flown.index(name)], flown.column(name)) for name in names]
+    speeds = Recording.from_columns(pairs)
+    run, _ = replayed(pitch_track(speeds), Beside(model=MODEL), {})
+    assert run is not None
+    shares = [
+        (Channel(f"motor{k}_share", "1"), (flown.column(f"pwm{k}_us") - 1000.0) / 1000.0)
+        for k in (1, 2, 3, 4)
+    ]
+    track = pitch_track(Recording.from_columns([*pairs, *shares]))
+    assert np.allclose(track.pwm_us[0], flown.column("pwm1_us")[: len(track)], atol=1e-6)
+    assert "shares" in " ".join(track.remarks)
+
+
+def test_the_controller_is_taken_from_the_recording_only_where_benchtool_has_it() -> None:
+    assert known_control({}, Beside()) is None
+    assert known_control({"controller": "pid"}, Beside()) is None
+    assert known_control({"controller": "mine.py:Own", "gains": "s3"}, Beside()) is None
+    found = known_control({"controller": "observer", "gains": "s3"}, Beside())
+    assert found is not None
+    assert found.observer
+    with pytest.raises(InputError, match="pdi"):
+        known_control({}, Beside(controller="pdi", gains="s3"))
+
+
+def test_a_recorded_bench_is_replayed_by_the_controller_that_it_names(tmp_path: Path) -> None:
+    run = tmp_path / "hinge"
+    words = ["sim:pquad?mode=pitch&seed=3", "--seconds", "12", "--yes", "--out", str(run)]
+    assert call("record", *words) == 0
+    out = tmp_path / "hinge.html"
+    assert call("report", str(run), "--model", MODEL, "--out", str(out)) == 0
+    page = out.read_text()
+    check_self_contained(page)
+    facts, text = facts_of(page), words_of(page)
+    assert kind_of(run) == "pitch"
+    assert "closed loop: controller pid with gains s3" in text
+    assert facts["sha256 of the run's data (points and samples)"] == data_hash(run)
+    assert facts["rig"].startswith("pquad: ")
+    track = pitch_track(read_pitch(run))
+    told = np.sqrt(np.nanmean(errors_deg(track, None)[0][track.any_over > 0.0] ** 2))
+    assert facts["RMS pitch error, over a surface"] == f"{told:.2f}°"
+
+
+def test_recordings_of_simulate_name_their_gains_only_where_nothing_was_changed(
+    tmp_path: Path,
+) -> None:
+    words = ["--controller", "pid", "--duration-s", "2"]
+    assert call("simulate", "pitch", *words, "--out", str(tmp_path / "as_shipped")) == 0
+    change = ["--set", "gains.attitude=0.9"]
+    assert call("simulate", "pitch", *words, *change, "--out", str(tmp_path / "changed")) == 0
+    told = [read_recording(tmp_path / name / "pid.csv") for name in ("as_shipped", "changed")]
+    assert [item.provenance["gains"] for item in told] == ["s3", ""]
+    facts = facts_of(page_text([tmp_path / "as_shipped" / "pid.csv"]))
+    assert facts["simulated with"] == f"benchtool {__version__}"
+    assert "recorded with" not in facts
+
+
+def test_a_stand_s_recording_without_attitude_gets_a_page_too(tmp_path: Path) -> None:
+    t = np.arange(50) / 10.0
+    pairs = [
+        (Channel("time_s", "s"), t),
+        (Channel("thrust_N", "N"), 0.5 * t - 0.25),
+        (Channel("rpm1", "rpm"), 1000.0 + 900.0 * t),
+    ]
+    path = tmp_path / "stand-of-2024-05-01.csv"
+    write_recording(path, Recording.from_columns(pairs), {"imported_as": "a stand"})
+    page = page_text([path])
+    assert "out of ground effect" not in page
+    assert "samples of the recording" in page
+    assert "stand-of-2024-05-01.csv: 50 rows" in words_of(page)
+    assert facts_of(page)["recorded with"] == "not stated"
+    rows = {cells[0]: cells for cells in rows_of(page, "What each channel holds")}
+    assert rows["thrust_N"][2:] == ["50", "−0.25", "0.975", "2.2"]
+    assert "Thrust from −0.25 to 2.2 N." in words_of(page)
+    assert page.count("<svg") == 2
+    with pytest.raises(InputError, match="has no attitude"):
+        page_text([path], Beside(controller="pid", gains="s3"))
+
+
+def test_different_rotors_at_different_times_are_said(flown: Recording) -> None:
+    track = pitch_track(flown)
+    over = np.zeros((4, len(track)))
+    over[0, 500:700], over[2, 900:1100] = 1.0, 1.0
+    _, warned = replayed(replace(track, over=over), Beside(model=MODEL, plate_z_m=0.12), {})
+    assert "rotors 1, 3 over it" in " ".join(warned)

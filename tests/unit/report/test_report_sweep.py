@@ -1,0 +1,240 @@
+"""Reports of sweeps: the page holds the run's numbers, its hashes, and nothing from outside."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchtool.commands.app import main
+from benchtool.core.errors import FileFormatError, InputError, WouldOverwrite
+from benchtool.data.run.digest import data_hash, file_hash
+from benchtool.data.run.read import read_points, read_samples
+from benchtool.data.run.run import read_settings
+from benchtool.explain.pitch.replayed import Beside
+from benchtool.fit.swept import read_swept
+from benchtool.report.numbers import value_with_sd
+from benchtool.report.report_file import kind_of, page_text, write_report
+from benchtool.report.sweep.compared import common_table
+from tests.unit.report.report_text import check_self_contained, facts_of, rows_of, words_of
+
+ASKED = ["--z-over-r", "0.6,1,2", "--repeats", "2", "--sample-s", "1", "--yes"]
+
+
+def call(*words: str) -> int:
+    with pytest.raises(SystemExit) as left:
+        main(list(words))
+    return int(left.value.code or 0)
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Sweep one virtual rotor at two throttle levels."""
+    path = tmp_path_factory.mktemp("reported") / "one"
+    air = ["--temperature", "21", "--pressure", "1002", "--humidity", "45"]
+    words = ["sim:pquad_single?seed=3", "--pwm", "1500,1600", *ASKED, *air, "--out", str(path)]
+    assert call("sweep", *words) == 0
+    return path
+
+
+@pytest.fixture(scope="module")
+def other(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Sweep another virtual rotor at one of these levels."""
+    path = tmp_path_factory.mktemp("reported") / "two"
+    words = ["sim:pquad_single?truth=virtual_pquad_single&seed=5", "--pwm", "1500", *ASKED]
+    assert call("sweep", *words, "--out", str(path)) == 0
+    return path
+
+
+@pytest.fixture(scope="module")
+def page(run: Path) -> str:
+    return page_text([run], commands=["benchtool report one"])
+
+
+def test_the_page_is_self_contained_and_says_that_it_is_simulated(page: str) -> None:
+    check_self_contained(page)
+    assert page.count("<svg") == 5
+    assert words_of(page).startswith("Sweep: one SIMULATED")
+
+
+def test_every_setting_stands_in_the_table_with_the_run_s_own_numbers(run: Path, page: str) -> None:
+    settings = read_settings(run)
+    rows = rows_of(page, "Each setting")
+    assert len(rows) == len(settings) == 8
+    for cells, thrust, rpm, kind in zip(
+        rows,
+        settings.column("thrust_N"),
+        settings.column("rpm1"),
+        settings.column("kind"),
+        strict=True,
+    ):
+        assert float(cells[4].split(" ± ")[0]) == pytest.approx(thrust, abs=0.002)
+        assert float(cells[3]) == pytest.approx(rpm, abs=0.5)
+        assert (cells[0] == "parked") == (kind == 1.0)
+    swept = read_swept(run)
+    near = [value_with_sd(*pair) for pair in zip(swept.ratio, swept.ratio_error, strict=True)]
+    assert [cells[5] for cells in rows if cells[5] != "–"] == near[:6]
+
+
+def test_an_error_bar_is_never_smaller_than_a_visit_s_own_error(run: Path) -> None:
+    swept, points = read_swept(run), read_points(run)
+    for place, number in enumerate(swept.settings.column("setting")):
+        own = points.column("thrust_se_N")[points.column("setting") == number]
+        assert swept.thrust_error_N[place] >= own.mean() * (1.0 - 1e-12)
+        assert swept.thrust_error_N[place] >= swept.settings.column("thrust_sd_N")[place]
+
+
+def test_what_a_reviewer_asks_for_stands_in_it(run: Path, page: str) -> None:
+    facts, text = facts_of(page), words_of(page)
+    known = json.loads((run / "metadata.json").read_text())
+    assert facts["rig"] == f"{known['rig']['name']}: {known['rig']['title']}"
+    assert facts["density"].startswith(f"{known['air']['density_kg_m3']:.4f} kg/m³")
+    assert facts["air"] == "measured"
+    assert facts["temperature"] == "21 °C"
+    assert facts["calibration"].startswith("none attached")
+    assert known["device_id"] in facts["device"]
+    assert f"benchtool {known['versions']['benchtool']}" in facts["recorded with"]
+    for word in ("[settle]", "[tare]", "randomised", "tared;", "benchtool report one"):
+        assert word in text
+    assert "standard atmosphere" not in text
+
+
+def test_hashes_are_those_of_the_files(run: Path, page: str) -> None:
+    facts = facts_of(page)
+    assert facts["sha256 of the run's data (points and samples)"] == data_hash(run)
+    for name in ("points.csv", "samples.csv", "samples.parquet", "settings.csv", "plan.toml"):
+        assert facts[f"sha256 of {name}"] == file_hash(run / name)
+
+
+def test_limits_are_set_beside_the_largest_readings(run: Path, page: str) -> None:
+    rows = {cells[0]: cells for cells in rows_of(page, "Largest readings")}
+    samples = read_samples(run)
+    assert float(rows["thrust"][2]) == pytest.approx(
+        np.nanmax(samples.column("thrust_N")), rel=1e-3
+    )
+    assert float(rows["pulse"][2]) == 1600.0
+    rig = json.loads((run / "metadata.json").read_text())["rig"]
+    assert float(rows["rotor speed"][3]) == rig["limits"]["rpm"]
+
+
+def test_a_stopped_run_and_a_changed_file_are_warned_of(run: Path, tmp_path: Path) -> None:
+    copy = tmp_path / "stopped"
+    shutil.copytree(run, copy)
+    facts = json.loads((copy / "metadata.json").read_text())
+    facts |= {"state": "stopped", "reason": "thrust read 31.2 N, limit 30.0 N"}
+    (copy / "metadata.json").write_text(json.dumps(facts))
+    with open(copy / "samples.csv", "a") as file:
+        file.write("\n")
+    with pytest.warns(UserWarning, match="samples.csv has changed"):
+        text = words_of(page_text([copy]))
+    assert "The run was stopped: thrust read 31.2 N, limit 30.0 N." in text
+    assert "samples.csv has changed since the run was closed" in text
+
+
+def test_a_model_stands_beside_the_data_with_the_band_of_its_fit(run: Path, tmp_path: Path) -> None:
+    fit = tmp_path / "fit"
+    assert call("fit", str(run), "--model", "single_bench", "--out", str(fit)) == 0
+    page = page_text([run], Beside(model=str(fit)))
+    assert 'id="f0-1-band-95"' in page
+    assert "fitted to one. Its bands: covariance of the fit in fit." in words_of(page)
+    own = (fit / "report.html").read_text()
+    assert facts_of(own)["air"] == f"{facts_of(page)['density']}, measured"
+    assert facts_of(own)["device"] == facts_of(page)["device"]
+    assert write_report([fit]) == fit / "report.html"
+    assert write_report([fit], tmp_path / "copy.html").read_text() == own
+    with pytest.raises(InputError, match="was written when it was made"):
+        write_report([fit], beside=Beside(model="single"))
+    (fit / "report.html").unlink()
+    with pytest.raises(FileFormatError, match="make it again"):
+        write_report([fit])
+
+
+def test_several_runs_are_compared_at_common_settings(run: Path, other: Path) -> None:
+    page = page_text([run, other])
+    check_self_contained(page)
+    table, sentence = common_table([read_swept(run), read_swept(other)])
+    assert [cells[:2] for cells in table.rows] == [["0.6", "1500"], ["1", "1500"], ["2", "1500"]]
+    assert rows_of(page, "settings that all runs have") == [list(row) for row in table.rows]
+    assert sentence in words_of(page)
+    hashes = rows_of(page, "The runs")[-1]
+    assert hashes == ["sha256 of the data", *(f"{data_hash(p)[:16]}…" for p in (run, other))]
+    assert data_hash(run) in page
+    assert data_hash(other) in page
+    assert page.count("<li><a") == 4
+
+
+def test_nothing_is_written_over_unless_asked(run: Path, tmp_path: Path) -> None:
+    out = tmp_path / "page.html"
+    write_report([run], out)
+    before = out.read_bytes()
+    with pytest.raises(WouldOverwrite, match=r"page\.html exists .* replace it with --overwrite"):
+        write_report([run], out)
+    assert out.read_bytes() == before
+    assert call("report", str(run), "--out", str(out)) == 2
+    for replacing in ("--overwrite", "--force"):
+        out.write_text("old")
+        assert call("report", str(run), "--out", str(out), replacing) == 0
+        assert out.read_text() != "old"
+
+
+def test_the_layout_of_the_paper_draws_recipes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    recipe = Path(__file__).parents[3] / "fits" / "three_rotors"
+    words = ["report", "--layout", "paper", "--three", str(recipe), "--out", str(tmp_path)]
+    assert call(*words) == 0
+    drawn = tmp_path / "fig08-three-rotors.svg"
+    assert capsys.readouterr().out == f"written: {drawn} and png\n"
+    assert sorted(tmp_path.iterdir()) == [drawn.with_suffix(".png"), drawn]
+    assert call(*words) == 2
+    assert call(*words, "--overwrite") == 0
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        ((), "nothing to report: name a run folder"),
+        (("nowhere",), "there is no such file or folder"),
+        (("{empty}",), "(it holds: nothing) is none of a run folder"),
+        (("{table}",), "benchtool import"),
+        (("{run}/points.csv",), "name its folder"),
+        (("{run}", "--out", "page.pdf"), "does not end in .html"),
+        (("{run}", "--pdf"), "a browser prints it to a PDF file"),
+        (("{run}", "--single", "{empty}"), "--single needs --layout paper"),
+        (("{run}", "--layout", "paper"), "--layout paper takes recipe folders"),
+        (("--layout", "paper"), "nothing to draw: give --three for figure 8"),
+        (("--layout", "poster"), "unknown layout 'poster'"),
+        (("{run}", "--motors", "1,1"), "--motors '1,1'"),
+        (("{run}", "--controller", "pid"), "a sweep has no controller"),
+        (("{run}", "--model", "nomodel"), "unknown model"),
+        (("{run}", "{table}"), "benchtool import"),
+    ],
+)
+def test_anything_else_is_refused_in_one_sentence(
+    words: tuple[str, ...],
+    says: str,
+    run: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    table, empty = tmp_path / "table.csv", tmp_path / "empty"
+    table.write_text("a,b\n1,2\n")
+    empty.mkdir()
+    given = [word.format(run=run, table=table, empty=empty) for word in words]
+    assert call("report", *given) == 2
+    error = capsys.readouterr().err
+    assert says in error
+    assert error.count("\n") == 1
+    assert not (run / "report.html").exists()
+
+
+def test_kinds_are_told_by_what_stands_there(run: Path, tmp_path: Path) -> None:
+    assert kind_of(run) == "sweep"
+    for name, kind in (("result.json", "fit"), ("answer.json", "explanation")):
+        folder = tmp_path / kind
+        folder.mkdir()
+        (folder / name).write_text("{}")
+        assert kind_of(folder) == kind

@@ -1,0 +1,72 @@
+"""Designs of campaigns: grids, random points, cells, and ranges that are none."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from benchtool.core.errors import InputError
+from benchtool.simulate.design import Design, Vary
+
+K_B, ATTITUDE = "K_b=1.5:2.5:3", "gains.attitude=0.8:1.2:2"
+
+
+def test_a_grid_and_random_points() -> None:
+    grid = Design.read([K_B, ATTITUDE])
+    points = list(grid.points())
+    assert len(points) == grid.n_points == 6
+    assert points[1] == {"K_b": 1.5, "gains.attitude": 1.2}
+    chance = Design.read([K_B, ATTITUDE], samples=50, seed=1)
+    random = list(chance.points())
+    assert len(random) == chance.n_points == 50
+    assert random == list(chance.points())
+    assert random != list(Design.read([K_B, ATTITUDE], samples=50, seed=2).points())
+    assert all(1.5 <= point["K_b"] <= 2.5 for point in random)
+
+
+def test_probes_hold_every_corner_and_every_value_and_stay_few() -> None:
+    design = Design.read(["K_b=1:2:100", "lag_s=0:0.1:100", "z_over_R=1:3:100"])
+    probes = list(design.probes())
+    assert len(probes) < 310 < design.n_points
+    for name, values in (("K_b", (1.0, 2.0)), ("lag_s", (0.0, 0.1)), ("z_over_R", (1.0, 3.0))):
+        assert {probe[name] for probe in probes} == set(np.linspace(*values, 100).tolist())
+    assert {"K_b": 2.0, "lag_s": 0.1, "z_over_R": 3.0} in probes
+
+
+def test_cells_lie_around_the_values_of_a_grid_and_fill_the_range_of_random_points() -> None:
+    speed = Vary.read("speed_m_s=0.2:1.0:5")
+    np.testing.assert_allclose(speed.edges(), [0.1, 0.3, 0.5, 0.7, 0.9, 1.1])
+    np.testing.assert_allclose(speed.edges(4), [0.2, 0.4, 0.6, 0.8, 1.0])
+    for one in (Vary.read("K_b=2:2:1").edges(), Vary.read("K_b=2:2:1").edges(7)):
+        np.testing.assert_allclose(one, [1.5, 2.5])
+
+
+def test_names_are_completed_and_no_number_is_varied_twice() -> None:
+    full = {"speed": "speed_m_s"}
+    design = Design.read(["speed=1:2:3"], full_name=lambda name: full.get(name, name))
+    assert design.names == ["speed_m_s"]
+    with pytest.raises(InputError, match="one number twice"):
+        Design.read(["speed=1:2:3", "speed_m_s=1:2:3"], full_name=lambda name: full.get(name, name))
+
+
+@pytest.mark.parametrize(
+    "text", ["K_b", "K_b=1:2", "K_b=1:2:0", "K_b=1:2:-3", "K_b=a:2:3", "=1:2:3", "K=1:nan:3"]
+)
+def test_text_that_is_no_range_is_refused(text: str) -> None:
+    with pytest.raises(InputError, match="write NAME=FROM:TO:COUNT"):
+        Vary.read(text)
+
+
+@pytest.mark.parametrize("text", ["K_b=2:1:3", "K_b=1:1:3", "K_b=1:2:1"])
+def test_an_empty_range_is_refused(text: str) -> None:
+    with pytest.raises(InputError, match="is no range; give FROM below TO"):
+        Vary.read(text)
+
+
+def test_a_design_without_numbers_or_seeds_is_refused() -> None:
+    with pytest.raises(InputError, match="add --vary"):
+        Design.read([])
+    with pytest.raises(InputError, match="0 seeds"):
+        Design.read([K_B], seeds=0)
+    with pytest.raises(InputError, match="-1 samples"):
+        Design.read([K_B], samples=-1)

@@ -1,0 +1,82 @@
+"""From numbers by name to a flight: each name changes what it says and nothing else."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from benchtool.core.errors import InputError, UnknownChoice
+from benchtool.core.rig_file import rig_named
+from benchtool.simulate.flight.cases import GUST_DRAG_N_S_M, flight_case
+from benchtool.simulate.flight.setup import CHANGEABLE, FlightSetup, changed, full_name
+from benchtool.simulate.flight.vehicle import FlightVehicle
+from benchtool.simulate.gain_file import gains_named
+
+VEHICLE = FlightVehicle(rig=rig_named("pquad"))
+SETUP = FlightSetup(case="over", vehicle=VEHICLE, gains=gains_named("s3"))
+
+
+def test_without_changes_it_is_the_shipped_flight() -> None:
+    assert SETUP.flown("observer", 4) == flight_case(
+        "over", VEHICLE, gains_named("s3"), control="observer", seed=4
+    )
+
+
+def test_every_name_changes_its_number() -> None:
+    case = changed(
+        SETUP,
+        {"z_over_R": 3.0, "speed": 0.5, "gyro_noise": 0.01, "map_strength": 0.5, "K_b": 1.5,
+         "lag": 0.02, "map_offset_y_m": 0.1, "gains.attitude": 2.0, "gains.position.k_x_per_s": 0.9,
+         "neighbours": 0.5, "drag": 0.1},
+    ).flown("pid")  # fmt: skip
+    radius_m = VEHICLE.rig.propulsion.radius_m
+    assert case.start_m[2] == case.goals[0].z_m == pytest.approx(3.0 * radius_m)
+    assert case.goals[0].speed_m_s == 0.5
+    assert case.duration_s == 60.0
+    assert (case.gyro_noise_rad_s, case.map_strength) == (0.01, 0.5)
+    assert case.map_offset_m == (0.0, 0.1, 0.0)
+    vehicle = replace(VEHICLE, K_b=1.5, lag_s=0.02, neighbours=0.5, drag_N_s_m=0.1)
+    assert case.vehicle == vehicle
+    assert case.gains.attitude.k_q_per_s == pytest.approx(14.8)
+    assert case.gains.position.k_x_per_s == 0.9
+
+
+def test_drag_acts_in_the_gust_too_where_the_flight_brings_its_own() -> None:
+    gust = replace(SETUP, case="gust")
+    assert gust.flown("pid").vehicle.drag_N_s_m == GUST_DRAG_N_S_M
+    assert changed(gust, {"drag_N_s_m": 0.1}).flown("pid").vehicle.drag_N_s_m == 0.1
+
+
+def test_a_goal_of_ones_own_keeps_height_and_speed() -> None:
+    goal = changed(replace(SETUP, goal_m=(1.0, 2.0)), {"z_over_R": 3.0}).flown("pid").goals[0]
+    assert (goal.x_m, goal.y_m, goal.speed_m_s) == (1.0, 2.0, 0.2)
+    assert goal.z_m == pytest.approx(3.0 * VEHICLE.rig.propulsion.radius_m)
+
+
+def test_the_unit_of_a_name_may_be_left_out_where_one_name_is_left() -> None:
+    assert [full_name(name) for name in CHANGEABLE] == list(CHANGEABLE)
+    assert full_name("speed") == "speed_m_s"
+    with pytest.raises(UnknownChoice, match="known: map_offset_x_m, map_offset_y_m"):
+        full_name("map_offset")
+    with pytest.raises(UnknownChoice, match="did you mean 'speed_m_s'"):
+        full_name("sped")
+    for name in ("", "gains", "gains."):
+        with pytest.raises(UnknownChoice, match="known: K_b"):
+            full_name(name)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "says"),
+    [
+        ("K_b", 99.0, "K_b is 99"),
+        ("z_over_R", 0.0, "z/R is 0"),
+        ("speed", float("nan"), "speed_m_s is nan"),
+        ("map_offset_x_m", float("inf"), "give -1000 to 1000"),
+        ("gains.control_rate_Hz", 0.0, "above 0"),
+        ("gains.atitude", 1.0, "did you mean 'attitude'"),
+    ],
+)
+def test_a_number_that_no_flight_has_is_refused(name: str, value: float, says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        changed(SETUP, {name: value}).flown("pid")

@@ -1,0 +1,316 @@
+"""The pitch bench as a device: armed by the host, its own loop, limits, a catch when idle."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from benchtool.bench.address import open_bench
+from benchtool.bench.bench import Bench
+from benchtool.bench.serial.commands import Clear, MovePlate, SetLimit, SetPwm, SetRate, Stop, Tare
+from benchtool.core.errors import (
+    BenchtoolError,
+    DeviceStopped,
+    InputError,
+    StageError,
+    UnknownChoice,
+)
+from benchtool.core.rig_file import rig_named
+from benchtool.core.units import unit_named
+from benchtool.simulate.controllers.controller import PitchCommand, PitchMeasurement, PitchReference
+from benchtool.simulate.pitch.simulate import simulate_pitch
+from benchtool.virtual.firmware import Firmware
+from benchtool.virtual.pitch_device import pitch_hello, pitch_plant
+from benchtool.virtual.pitch_plant import PitchPlant
+
+RIG = rig_named("pquad")
+NAMES = [channel.name for channel in pitch_plant(RIG).channels]
+
+
+def hover_us() -> float:
+    pulse = RIG.propulsion
+    speed = np.sqrt(RIG.body.mass_kg * 9.81 / 4.0 / pulse.thrust_coefficient_N_s2)
+    return float(pulse.pwm_start_us + speed / pulse.speed_per_us_rad_s)
+
+
+def started(seed: int = 3, **named: str) -> tuple[PitchPlant, Firmware]:
+    plant = pitch_plant(RIG, seed=seed, **named)
+    return plant, Firmware(plant, pitch_hello(plant, seed))
+
+
+def pulses(us: float) -> SetPwm:
+    return SetPwm((us,) * 4)
+
+
+def column(values: np.ndarray, name: str) -> np.ndarray:
+    return values[:, NAMES.index(name)]
+
+
+def test_it_agrees_with_the_simulation_of_the_same_seed() -> None:
+    plant, device = started()
+    assert device.execute(pulses(hover_us()), 0.0).ok
+    values = device.advance(10_000, 0.0).values
+    run = simulate_pitch(plant.job, plant.schedule.sampled(250.0, 0.12), seed=3)
+    theta, expected = column(values, "theta_rad"), run.column("theta_rad")
+    # The rotors begin at rest here and at hover there; friction keeps a little of that.
+    before, visit = slice(250, 2400), slice(3750, 7250)
+    assert np.degrees(np.abs(theta[before] - expected[before]).max()) < 0.1
+    assert np.degrees(np.abs(theta[visit] - expected[visit]).max()) < 0.1
+    assert np.degrees(expected[visit].mean()) == pytest.approx(-1.56, abs=0.1)
+    assert column(values, "plate_z_m")[5000] == pytest.approx(0.24)
+    assert column(values, "plate_z_m")[9000] == 1.0
+
+
+def test_two_armings_have_noise_of_their_own_and_the_same_seed_has_the_same() -> None:
+    both = []
+    for _ in range(2):
+        _, device = started(seed=5)
+        device.execute(pulses(hover_us()), 0.0)
+        first = device.advance(500, 0.0).values
+        device.execute(Stop(), 0.0)
+        device.advance(500, 0.0)
+        device.execute(pulses(hover_us()), 0.0)
+        both.append((first, device.advance(500, 0.0).values))
+    assert np.array_equal(both[0][0], both[1][0], equal_nan=True)
+    assert np.array_equal(both[0][1], both[1][1], equal_nan=True)
+    assert not np.array_equal(both[0][0], both[0][1], equal_nan=True)
+
+
+def test_blocks_of_any_length_give_the_same_samples() -> None:
+    _, one = started()
+    _, many = started()
+    for device in (one, many):
+        device.execute(pulses(hover_us()), 0.0)
+    whole = one.advance(3000, 0.0).values
+    parts = np.concatenate([many.advance(n, 0.0).values for n in [1, 7, 92, 900, 2000]])
+    assert np.array_equal(whole, parts, equal_nan=True)
+
+
+def test_nothing_is_repeated_and_idle_has_no_reference() -> None:
+    plant, device = started()
+    idle = device.advance(250, 0.0).values
+    assert np.isnan(column(idle, "theta_ref_rad")).all()
+    assert np.isnan(column(idle, "torque_Nm")).all()
+    assert np.isfinite(column(idle, "rpm1")).sum() == pytest.approx(200, abs=1)
+    assert (column(idle, "pwm1_us") == 1000.0).all()
+    device.execute(pulses(hover_us()), 0.0)
+    closed = device.advance(250, 0.0).values
+    assert (column(closed, "theta_ref_rad") == 0.0).all()
+    assert [channel.unit for channel in plant.channels][:3] == ["rad", "rad", "rad/s"]
+
+
+def test_pulses_at_idle_go_straight_to_the_motors() -> None:
+    plant, device = started()
+    device.execute(SetPwm((1080.0, 1000.0, 1000.0, 1000.0)), 0.0)
+    values = device.advance(500, 0.0).values
+    assert not plant.armed
+    assert column(values, "pwm1_us")[-1] == 1080.0
+    assert np.nanmean(column(values[-200:], "rpm1")) == pytest.approx(30.0 * 31.5 / np.pi, abs=5.0)
+    assert abs(np.nanmean(column(values[-200:], "rpm2"))) < 5.0
+
+
+def test_more_collective_turns_the_rotors_faster() -> None:
+    _, device = started()
+    device.execute(pulses(1400.0), 0.0)
+    slow = np.nanmean(column(device.advance(500, 0.0).values[250:], "rpm2"))
+    device.execute(pulses(1600.0), 0.0)
+    fast = np.nanmean(column(device.advance(500, 0.0).values[250:], "rpm2"))
+    assert slow == pytest.approx(350.0 * 1.05 * 30.0 / np.pi, rel=0.01)
+    assert fast == pytest.approx(550.0 * 1.05 * 30.0 / np.pi, rel=0.01)
+
+
+def test_behind_its_end_a_schedule_holds() -> None:
+    plant, device = started(schedule="steps")
+    device.execute(pulses(hover_us()), 0.0)
+    n = round(250.0 * (plant.schedule.duration_s + 7.0))
+    values = device.advance(n, 0.0).values
+    last = plant.schedule.sampled(250.0, 0.12).reference_rad[-1]
+    assert column(values, "theta_ref_rad")[-1500:] == pytest.approx(last, abs=1e-12)
+    assert np.abs(column(values, "theta_rad")[-500:] - last).max() < 0.02
+
+
+def test_an_angle_beyond_its_limit_stops_the_motors_and_the_catch_brings_the_beam_back() -> None:
+    plant, device = started()
+    assert device.execute(SetLimit("theta_rad", np.radians(1.0)), 0.0).ok
+    device.execute(pulses(hover_us()), 0.0)
+    for _ in range(600):
+        device.advance(5, 0.0)
+    event = device.take_events()[0]
+    assert event.kind == "limit"
+    assert "theta_rad" in event.text
+    assert not device.execute(pulses(hover_us()), 0.0).ok
+    assert not plant.armed
+    values = device.advance(1000, 0.0).values
+    assert abs(column(values, "theta_rad")[-1]) < 1e-6
+    assert (column(values, "pwm1_us") == 1000.0).all()
+    assert np.nanmax(column(values[-100:], "rpm1")) < 60.0
+    device.execute(Clear(), 0.0)
+    assert device.execute(pulses(hover_us()), 0.0).ok
+
+
+def test_silence_stops_the_motors() -> None:
+    plant, device = started()
+    device.execute(pulses(hover_us()), 0.0)
+    device.advance(50, 0.2)
+    assert plant.armed
+    device.advance(1, 0.26)
+    assert [event.kind for event in device.take_events()] == ["watchdog"]
+    assert not plant.armed
+
+
+def test_the_plate_is_moved_at_idle_alone_and_acts() -> None:
+    plant, device = started(schedule="steps")
+    assert device.execute(MovePlate(0.24), 0.0).ok
+    assert plant.plate_moving
+    values = device.advance(2500, 0.0).values
+    assert not plant.plate_moving
+    assert [event.kind for event in device.take_events()] == ["arrived"]
+    assert column(values, "plate_z_m")[-1] == pytest.approx(0.24)
+    assert np.nanmax(-np.diff(column(values, "plate_z_m")[::5])) <= 0.1 * 0.02 + 2e-4
+    device.execute(pulses(hover_us()), 0.0)
+    seen = device.advance(400, 0.0).values
+    # Ground effect under the front rotor lifts the nose before the integral term catches up.
+    assert np.degrees(column(seen, "theta_rad")[100:]).mean() < -0.5
+    assert not device.execute(MovePlate(0.5), 0.0).ok
+
+
+def test_what_a_pitch_bench_has_not_is_refused() -> None:
+    plant, device = started()
+    assert not device.execute(MovePlate(0.3, 0.1), 0.0).ok
+    assert not device.execute(SetRate(200.0), 0.0).ok
+    assert "125" in device.execute(SetRate(200.0), 0.0).reason
+    with pytest.raises(InputError, match="load cell"):
+        device.execute(Tare(), 0.0)
+    with pytest.raises(UnknownChoice, match="observer"):
+        pitch_plant(RIG, controller="lqr")
+    assert plant.rate_Hz == 250.0
+
+
+@pytest.fixture
+def bench() -> Bench:
+    return open_bench("sim:pquad?mode=pitch&seed=2&controller=observer+feedforward")
+
+
+def test_a_sim_address_gives_it_on_a_virtual_clock(bench: Bench) -> None:
+    with bench:
+        identity = bench.identity
+        assert identity.simulated
+        assert identity.has_loop
+        assert identity.facts["controller"] == "observer+feedforward"
+        assert set(identity.limits) >= {"theta_rad", "gyro_rad_s", "rpm", "pwm_us"}
+        for channel in identity.channels:
+            unit_named(channel.unit)
+        bench.set_rate(50.0)
+        readings = bench.read(2.0)
+        assert len(readings) == 100
+        assert np.diff(readings.time_s) == pytest.approx(0.02)
+        with pytest.raises(StageError, match=r"0\.05"):
+            bench.move_plate(0.001)
+        bench.set_pwm(np.full(4, 1400.0))
+        with pytest.raises(StageError, match="idle"):
+            bench.move_plate(0.5)
+        with pytest.raises(BenchtoolError, match="1950"):
+            bench.set_pwm(np.full(4, 2500.0))
+        assert np.nanmax(bench.read(1.0).values[:, NAMES.index("rpm1")]) > 1000.0
+    with bench:
+        assert bench.read(1.0).values[-1, NAMES.index("pwm1_us")] == 1000.0
+
+
+def test_a_sim_bench_that_stopped_by_itself_says_so(bench: Bench) -> None:
+    with bench:
+        bench.set_limit("theta_rad", 1e-6)  # type: ignore[attr-defined]
+        bench.set_pwm(np.full(4, 1500.0))
+        bench.read(3.0)
+        with pytest.raises(DeviceStopped, match="theta_rad"):
+            bench.read(0.1)
+
+
+def test_options_of_a_pitch_bench_need_its_mode() -> None:
+    with pytest.raises(InputError, match="mode=pitch"):
+        open_bench("sim:pquad?schedule=steps")
+    with pytest.raises(UnknownChoice, match="plate"):
+        open_bench("sim:pquad?mode=yaw")
+
+
+class Own:
+    """A law of the user's own: the soft cascade without its integrals."""
+
+    made = 0
+
+    def __init__(self) -> None:
+        Own.made += 1
+        self.times: list[float] = []
+
+    def step(
+        self, measurement: PitchMeasurement, reference: PitchReference, dt_s: float
+    ) -> PitchCommand:
+        self.times.append(measurement.time_s)
+        rate = 2.9 * (reference.theta_rad - measurement.theta_rad)
+        return PitchCommand(0.018 * 7.4 * (rate - measurement.rate_rad_s))
+
+
+class FailsLater(Own):
+    """Fail after one second."""
+
+    def step(
+        self, measurement: PitchMeasurement, reference: PitchReference, dt_s: float
+    ) -> PitchCommand:
+        if measurement.time_s > 1.0:
+            raise RuntimeError("no more")
+        return super().step(measurement, reference, dt_s)
+
+
+def with_own(own: type[Own]) -> tuple[PitchPlant, Firmware]:
+    plant = pitch_plant(RIG, seed=3, controller="mine:Own", own=own)
+    return plant, Firmware(plant, pitch_hello(plant, 3))
+
+
+def test_a_users_own_controller_runs_on_the_device() -> None:
+    device = with_own(Own)[1]
+    built_in = started()[1]
+    for each in (device, built_in):
+        each.execute(pulses(hover_us()), 0.0)
+    own, soft = (each.advance(4000, 0.0).values for each in (device, built_in))
+    assert device.hello.facts["controller"] == "mine:Own"
+    # The same law where the built-in one has no integral part (S3), but for the torque's limit.
+    theta, expected = column(own, "theta_rad"), column(soft, "theta_rad")
+    assert np.degrees(np.abs(theta - expected).max()) < 0.01
+    assert np.degrees(theta[3500:].mean()) == pytest.approx(-1.56, abs=0.1)
+    assert np.isfinite(column(own, "torque_Nm")).all()
+
+
+def test_every_arming_has_a_new_controller_whose_time_begins_anew() -> None:
+    plant, device = with_own(Own)
+    before = Own.made
+    for _ in range(2):
+        device.execute(pulses(hover_us()), 0.0)
+        for n in (1, 30, 469):
+            device.advance(n, 0.0)
+        times = plant._controller.times  # type: ignore[attr-defined]
+        np.testing.assert_allclose(times, np.arange(500) / 250.0, atol=1e-12)
+        device.execute(Stop(), 0.0)
+        device.advance(20, 0.0)
+    assert Own.made == before + 2
+
+
+def test_behind_the_schedules_end_its_time_goes_on() -> None:
+    plant, device = with_own(Own)
+    device.execute(pulses(hover_us()), 0.0)
+    n = round(250.0 * (plant.schedule.duration_s + 6.0))
+    device.advance(n, 0.0)
+    times = plant._controller.times  # type: ignore[attr-defined]
+    np.testing.assert_allclose(times, np.arange(n) / 250.0, atol=1e-9)
+
+
+def test_a_controller_that_raises_stops_the_motors_and_says_where() -> None:
+    plant, device = with_own(FailsLater)
+    device.execute(pulses(hover_us()), 0.0)
+    with pytest.raises(InputError, match=r"RuntimeError: no more at 1\.0.*test_pitch_plant\.py"):
+        device.advance(1000, 0.0)
+    event = device.take_events()[0]
+    assert event.kind == "limit"
+    assert "raised RuntimeError: no more" in event.text
+    assert not plant.armed
+    values = device.advance(500, 0.0).values
+    assert (column(values, "pwm1_us") == 1000.0).all()
+    assert not device.execute(pulses(hover_us()), 0.0).ok

@@ -1,0 +1,126 @@
+"""The bench on a virtual clock: exact times, no sample lost, the device's own limits."""
+
+import time
+
+import numpy as np
+import pytest
+
+from benchtool.bench.address import open_bench
+from benchtool.core.errors import CommandRefused, DeviceStopped, InputError, LinkLost, StageError
+
+
+@pytest.fixture
+def bench():
+    with open_bench("sim:pquad?seed=5") as opened:
+        yield opened
+
+
+def column(bench, readings, name):
+    return readings.values[:, [item.name for item in bench.identity.channels].index(name)]
+
+
+def test_time_advances_by_exactly_what_was_asked(bench):
+    start_s = bench.now_s()
+    readings = [bench.read(timeout_s) for timeout_s in (0.001, 0.004, 0.0125, 1.0, 10.0)]
+    assert bench.now_s() - start_s == pytest.approx(11.0175, abs=1e-9)
+    assert [len(item) for item in readings] == [0, 1, 2, 200, 2000]
+    time_s = np.concatenate([item.time_s for item in readings])
+    np.testing.assert_allclose(np.diff(time_s), 0.005, rtol=0, atol=1e-9)
+    device_us = np.concatenate([item.device_time_us for item in readings])
+    assert np.all(np.diff(device_us) == 5000.0)
+
+
+def test_samples_taken_while_the_plate_moves_are_not_lost(bench):
+    bench.read(1.0)
+    bench.move_plate(1.2)
+    readings = bench.read(0.5)
+    assert column(bench, readings, "plate_z_m")[-1] == pytest.approx(1.2)
+    assert readings.time_s[0] == pytest.approx(1.005)
+    assert len(readings) == pytest.approx((2.0 + 0.5) * 200, abs=25)
+    assert any(message.startswith("arrived") for message in readings.messages)
+
+
+def test_the_plate_is_refused_while_the_motors_run_and_below_its_minimum(bench):
+    bench.set_pwm(np.full(4, 1400.0))
+    with pytest.raises(StageError, match="idle"):
+        bench.move_plate(0.5)
+    bench.set_pwm(np.full(4, 1000.0))
+    with pytest.raises(StageError, match=r"outside 0\.05"):
+        bench.move_plate(0.01)
+
+
+def test_pulses_that_make_no_sense_are_refused(bench):
+    with pytest.raises(CommandRefused, match="pulses must lie from 1000 to 1950"):
+        bench.set_pwm(np.full(4, 3000.0))
+    with pytest.raises(CommandRefused, match="4 pulses needed"):
+        bench.set_pwm(np.full(3, 1200.0))
+    with pytest.raises(InputError, match="finite"):
+        bench.set_pwm(np.array([1200.0, np.nan, 1200.0, 1200.0]))
+
+
+def test_the_device_stops_by_itself_and_the_samples_that_show_why_come_first(bench):
+    bench.tare()
+    bench.set_limit("thrust_N", 5.0)
+    bench.set_pwm(np.full(4, 1500.0))
+    readings = bench.read(1.0)
+    assert np.nanmax(column(bench, readings, "thrust_N")) > 5.0
+    assert any(message.startswith("limit") for message in readings.messages)
+    with pytest.raises(DeviceStopped, match="limit 5"):
+        bench.read(1.0)
+    with pytest.raises(DeviceStopped):
+        bench.set_pwm(np.full(4, 1300.0))
+    bench.clear()
+    later = bench.read(2.0)
+    assert np.nanmax(column(bench, later, "rpm1")[-50:]) == 0.0
+
+
+def test_a_limit_can_only_be_narrowed(bench):
+    with pytest.raises(CommandRefused, match="wider"):
+        bench.set_limit("thrust_N", 500.0)
+
+
+def test_a_new_rate_holds_from_the_next_sample(bench):
+    bench.read(1.0)
+    bench.set_rate(1000.0)
+    readings = bench.read(0.5)
+    assert len(readings) == 500
+    assert bench.identity.rate_Hz == 1000.0
+    with pytest.raises(InputError, match="5000"):
+        bench.set_rate(1e6)
+    with pytest.raises(InputError, match="no stream"):
+        bench.set_rate(0.0)
+
+
+def test_a_bench_that_is_not_open_says_so():
+    bench = open_bench("sim:pquad")
+    with pytest.raises(LinkLost, match="open it first"):
+        bench.read(0.1)
+    with pytest.raises(LinkLost, match="open it first"):
+        bench.set_pwm(np.full(4, 1000.0))
+
+
+def test_equal_seeds_give_equal_runs():
+    def run(seed):
+        with open_bench(f"sim:pquad_single?seed={seed}") as bench:
+            bench.tare()
+            bench.set_pwm(np.full(bench.identity.n_rotors, 1600.0))
+            return bench.read(3.0).values
+
+    assert np.array_equal(run(7), run(7), equal_nan=True)
+    assert not np.array_equal(run(7), run(8), equal_nan=True)
+
+
+def test_a_plate_nearer_than_the_formulae_reach_is_reported_once(bench):
+    bench.move_plate(0.055)
+    bench.set_pwm(np.full(4, 1300.0))
+    said = [message for _ in range(3) for message in bench.read(0.5).messages]
+    assert [message.split(":")[0] for message in said] == ["arrived", "clamped"]
+
+
+def test_ten_minutes_take_seconds(bench):
+    started_s = time.perf_counter()
+    for pwm_us in range(1100, 1700, 10):
+        bench.set_pwm(np.full(4, float(pwm_us)))
+        bench.read(10.0)
+    assert bench.now_s() == pytest.approx(600.0)
+    assert time.perf_counter() - started_s < 20.0
