@@ -12,15 +12,12 @@ import pytest
 
 pytest.importorskip("mujoco", reason="the blind bench is a MuJoCo model")
 
-from tests.blind.families import RANGES, packages_imported
-from tests.blind.pitch import seeds, write_examples
-from tests.blind.pitch.dirt import dirty_bench
+from tests.blind.pitch import write_examples
 from tests.blind.pitch.library import NAMED
 from tests.blind.pitch.records import (
     HiddenRecord,
     families,
     make_record,
-    pairs,
     write_record,
 )
 from tests.blind.pitch.sheet import PARKED_M, PULSE_LIMITS_US, SHEET
@@ -110,48 +107,11 @@ def test_rich_records_step_the_collective_and_move_the_plate(null: HiddenRecord)
     assert 0.4 < (distances == PARKED_M).mean() < 0.9
 
 
-def test_the_same_arguments_make_the_same_record(null: HiddenRecord) -> None:
-    again = make_record(0, "none", excitation="rich")
-    pd.testing.assert_frame_equal(null.learn, again.learn)
-    pd.testing.assert_frame_equal(null.check, again.check)
-    assert null.truth == again.truth
-    other = make_record(3, "none", excitation="rich")
-    assert other.truth.plant != null.truth.plant
-    assert not null.learn["theta_ref"].equals(null.check["theta_ref"])
-
-
 def test_a_minute_can_be_asked_for() -> None:
     record = make_record(4, "none", excitation="rich", blocks=2)
     assert len(record.learn) == len(record.check) == 15000
     first, second = record.learn["theta_ref"][:7500], record.learn["theta_ref"][7500:]
     assert not np.array_equal(first, second)
-
-
-def test_a_pair_can_be_asked_for_by_name() -> None:
-    record = make_record(5, "cog_offset+motor_lag", excitation="rich")
-    assert record.truth.names == ("cog_offset", "motor_lag")
-    assert len(pairs()) == 14 * 13 // 2
-    with pytest.raises(ValueError, match="there is no family"):
-        make_record(5, "cog_offset+cog_offset", excitation="rich")
-
-
-def test_sizes_cover_their_ranges_on_both_sides(rng: np.random.Generator) -> None:
-    for effect in NAMED.values():
-        for strength, (low, high) in RANGES.items():
-            sizes = np.array([effect.hide(rng, strength).size for _ in range(200)])
-            assert low <= np.abs(sizes).min()
-            assert np.abs(sizes).max() <= high
-            assert (sizes < 0).any() == (effect.most_below > 0)
-            assert (sizes > 0).any() == (effect.most_above > 0)
-
-
-def test_a_dirty_bench_stays_within_half_of_every_tolerance(rng: np.random.Generator) -> None:
-    for _ in range(100):
-        plant = dirty_bench(rng)
-        for effect in NAMED.values():
-            off = abs(getattr(plant, effect.field) - effect.neutral) / effect.tolerance
-            assert off <= 0.5, effect.name
-        assert len(plant.departures()) >= 20
 
 
 def test_a_clean_bench_is_what_its_sheet_says() -> None:
@@ -170,20 +130,3 @@ def test_examples_are_written_with_their_truth(
         with pytest.raises(SystemExit, match="2"):
             write_examples.main([str(tmp_path), *wrong])
         assert said in capsys.readouterr().err
-
-
-def test_scoring_seeds_are_kept_apart(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert not set(seeds.DEVELOPMENT_SEEDS) & set(seeds.SCORING_SEEDS)
-    monkeypatch.delenv(seeds.SCORING_SWITCH, raising=False)
-    with pytest.raises(PermissionError, match="run `make blind`"):
-        seeds.checked(seeds.SCORING_SEEDS.start)
-    monkeypatch.setenv(seeds.SCORING_SWITCH, "1")
-    assert seeds.checked(seeds.SCORING_SEEDS.start) == 1_000_000
-    with pytest.raises(ValueError, match="neither for development"):
-        seeds.checked(500_000)
-
-
-def test_nothing_of_benchtool_is_imported() -> None:
-    imported = packages_imported(HERE)
-    assert "mujoco" in imported
-    assert "benchtool" not in imported

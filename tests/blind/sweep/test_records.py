@@ -10,10 +10,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tests.blind.families import RANGES, packages_imported
 from tests.blind.sweep.bench import Bench
 from tests.blind.sweep.blades import coefficient, reynolds_power
-from tests.blind.sweep.dirt import dirty_bench
 from tests.blind.sweep.gap import gap
 from tests.blind.sweep.ground import GroundLaw, covered_fraction
 from tests.blind.sweep.layouts import LAYOUTS, SINGLE, Layout
@@ -21,7 +19,7 @@ from tests.blind.sweep.library import NAMED, departure, power_of, shares
 from tests.blind.sweep.outside import OUTSIDE
 from tests.blind.sweep.programme import HABITS, programme
 from tests.blind.sweep.readings import Columns, cell_N, driven, thrust_N
-from tests.blind.sweep.records import HiddenSweep, families, make_record, pairs, swept_again
+from tests.blind.sweep.records import HiddenSweep, families, make_record, swept_again
 from tests.blind.sweep.table import swept
 
 HERE = Path(__file__).parent
@@ -70,26 +68,6 @@ def test_every_family_runs_in_the_format(family: str, excitation: str) -> None:
     json.dumps(truth.keys())
 
 
-def test_a_pair_can_be_asked_for_by_name() -> None:
-    record = make_record(5, "plate_offset+body_lift", excitation="rich")
-    assert record.truth.names == ("plate_offset", "body_lift")
-    assert record.truth.layout == "quad"
-    assert len(pairs()) == 11 * 10 // 2
-    with pytest.raises(ValueError, match="there is no family"):
-        make_record(5, "tare_offset+tare_offset", excitation="rich")
-    with pytest.raises(ValueError, match="cannot show on layout 'single'"):
-        make_record(5, "body_lift", excitation="rich", layout="single")
-
-
-def test_the_same_arguments_make_the_same_record(null: HiddenSweep) -> None:
-    again = make_record(0, "none", excitation="rich", layout="quad")
-    pd.testing.assert_frame_equal(null.learn, again.learn)
-    pd.testing.assert_frame_equal(null.check, again.check)
-    assert null.truth == again.truth
-    assert null.model_toml == again.model_toml
-    assert make_record(3, "none", excitation="rich", layout="quad").truth.bench != null.truth.bench
-
-
 def test_the_check_has_other_distances_levels_and_order(null: HiddenSweep) -> None:
     for name in ("plate_z_m", "pwm1_us", "plate_x_m"):
         learn, check = (set(table[name].dropna()) for table in (null.learn, null.check))
@@ -129,29 +107,6 @@ def test_poor_sweeps_lack_levels_or_distances(habit: int, rng: np.random.Generat
 
 
 # --- sizes ---------------------------------------------------------------------------------
-
-
-@EACH_LAYOUT
-def test_sizes_cover_their_ranges_on_both_sides(layout: Layout, rng: np.random.Generator) -> None:
-    for effect in NAMED.values():
-        for strength, (low, high) in RANGES.items():
-            sizes = np.array([effect.hide(rng, layout, strength).size for _ in range(100)])
-            assert low <= np.abs(sizes).min()
-            assert np.abs(sizes).max() <= high
-            assert (sizes < 0).any() == (effect.most_below > 0)
-
-
-@EACH_LAYOUT
-def test_a_dirty_bench_stays_within_half_of_every_tolerance(
-    layout: Layout, rng: np.random.Generator
-) -> None:
-    for _ in range(100):
-        bench = dirty_bench(rng, layout)
-        for effect in NAMED.values():
-            if layout.name in effect.layouts:
-                usual = 5.0 if effect.name == "neighbour_images" else 0.0
-                assert abs(effect.value_in(bench) - usual) <= 0.5 + 1e-6, effect.name
-        assert len(bench.departures()) >= 15
 
 
 def test_shares_are_those_of_the_power() -> None:
@@ -319,15 +274,6 @@ def test_the_noise_is_what_the_table_says(null: HiddenSweep) -> None:
     true = cell_N(null.truth.bench, part.rows, part.force_N)[part.kept]
     scores = (null.learn["thrust_N"] - true) / null.learn["thrust_se_N"]
     assert 0.85 < np.std(scores) < 1.2
-
-
-# --- independence --------------------------------------------------------------------------
-
-
-def test_nothing_of_benchtool_is_imported() -> None:
-    imported = packages_imported(HERE)
-    assert "numpy" in imported
-    assert not imported & {"benchtool", "mujoco"}
 
 
 def test_a_bench_is_swept_again_on_other_days(null: HiddenSweep) -> None:
