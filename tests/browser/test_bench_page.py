@@ -17,7 +17,6 @@ from tests.browser.device import Device
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
 
-pytestmark = pytest.mark.real_time(deadline_s=0.1)
 
 STOPPED_S = 0.3
 """A throttle that was let go or stopped is at zero by then, measured at the device; one that nobody
@@ -41,6 +40,7 @@ def hold(page: Page, device: Device, presses: int = 6) -> None:
     raise AssertionError(f"motors were not turned: {device.orders[-5:]}")
 
 
+@pytest.mark.real_time(deadline_s=0.1)
 def test_a_bench_on_a_port_is_seen_live(page: Page, device: Device) -> None:
     connect(page, device.address)
     assert device.address in page.get_by_role("status").first.inner_text()
@@ -59,6 +59,7 @@ def test_a_bench_on_a_port_is_seen_live(page: Page, device: Device) -> None:
     assert "0 lost, 0 corrupt" in page.content()
 
 
+@pytest.mark.real_time(deadline_s=0.1)
 def test_a_number_that_is_none_or_too_large_turns_nothing(page: Page, device: Device) -> None:
     connect(page, device.address)
     pulse = page.get_by_role("spinbutton", name="Pulse, us")
@@ -179,6 +180,7 @@ def test_a_server_that_dies_with_the_throttle_held_stops_motors(
     note.get_by_text("STOP did not reach benchtool. Cut the power.").wait_for()
 
 
+@pytest.mark.real_time(deadline_s=0.1)
 def test_a_server_that_hangs_greys_the_page_until_it_answers_again(page: Page, web: Web) -> None:
     web.process.send_signal(signal.SIGSTOP)
     note = page.locator(".stop-note")
@@ -210,6 +212,7 @@ def test_of_two_pages_one_is_at_the_controls(
     second.get_by_text("at the controls", exact=True).wait_for()
 
 
+@pytest.mark.real_time(deadline_s=0.1)
 def test_a_wrong_token_opens_nothing(tmp_path: Path, open_page: Callable[[str], Page]) -> None:
     with serving(tmp_path / "runs", tmp_path / "state", "--token") as server:
         address, token = server.url.split("?token=")

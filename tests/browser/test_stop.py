@@ -19,7 +19,6 @@ from tests.browser.device import Device
 if TYPE_CHECKING:
     from playwright.sync_api import CDPSession, Locator, Page
 
-pytestmark = pytest.mark.real_time(deadline_s=0.1)
 
 STOPPED_S = 1.0
 """Whether STOP works is the question here; the processor is shared with the tool that presses, and

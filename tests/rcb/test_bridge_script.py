@@ -29,7 +29,7 @@ from benchtool.virtual.firmware import Firmware
 from tests.rcb.stand import RIG, Stand, gui, needs_node
 from tests.system.served import environment_of, run
 
-pytestmark = [needs_node, pytest.mark.real_time(deadline_s=0.1)]
+pytestmark = needs_node
 LOWEST_US = 1000.0
 
 STATED_S = 1e-3 * (SILENCE_MS + RAMP_MS) + 0.05
@@ -55,6 +55,7 @@ def read_on(bench: Bench) -> None:
         bench.read(0.1)
 
 
+@pytest.mark.real_time(deadline_s=0.1)
 def test_a_bench_behind_the_script(tmp_path: Path) -> None:
     with gui(tmp_path) as (address, stand), open_bench(address) as bench:
         identity = bench.identity
@@ -181,6 +182,7 @@ def test_words_of_nobody_keep_no_motor_turning(tmp_path: Path) -> None:
         assert stand.outputs[-1][1] == LOWEST_US
 
 
+@pytest.mark.real_time(deadline_s=0.1)
 def test_the_series_1780_has_another_output(tmp_path: Path) -> None:
     with gui(tmp_path, version="Series 1780") as (address, stand):
         with open_bench(address) as bench:
@@ -189,6 +191,7 @@ def test_the_series_1780_has_another_output(tmp_path: Path) -> None:
         assert stand.outputs[0][1] == LOWEST_US
 
 
+@pytest.mark.real_time(deadline_s=0.1)
 def test_a_sweep_through_the_script(tmp_path: Path) -> None:
     words = ["--rig", "pquad_single", "--repeats", "1", "--z-over-r", "0.5,1", "--sample-s", "1"]
     out = tmp_path / "run"
@@ -212,6 +215,7 @@ def test_a_sweep_through_the_script(tmp_path: Path) -> None:
     assert facts["device"]["protocol"] == "rcbudp-1"
 
 
+@pytest.mark.real_time(deadline_s=0.1)
 def test_script_and_imitation_say_the_same(tmp_path: Path) -> None:
     truth = load_model("single", RIG).model
     plant = virtual_plant(RIG, truth, 3)
