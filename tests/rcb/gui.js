@@ -1,17 +1,22 @@
 // The scripting side of the RCbenchmark GUI, as its API documents it, for one script under node.
 //
-// usage: node gui.js SCRIPT BOARD_VERSION
+// usage: node gui.js SCRIPT BOARD_VERSION [virtual]
 // stdin: one JSON object a line: {"result": {...}} a reading of the stand, {"tared": true},
 //        {"placed": reason}, {"stop": true} the Stop button.
 // stdout: {"us": 1500} the output, {"off": true} it was switched off, {"tare": true},
 //         {"place": "z x tilt"}, {"print": text}, {"ready": true}, {"ended": true}.
+// virtual: time passes only with {"pass_ms": 1} on stdin, answered by {"now_ms": 1}; {"word": text}
+// stands for a datagram, and {"sent": text} for one that the script sends.
 "use strict";
 
 const dgram = require("dgram");
 const fs = require("fs");
 const readline = require("readline");
 
-const [path, version] = process.argv.slice(2);
+const [path, version, mode] = process.argv.slice(2);
+const virtual = mode === "virtual";
+let clock_ms = 0, timer = null;
+if (virtual) Object.defineProperty(globalThis, "performance", {value: {now: () => clock_ms}});
 let callbacks = {};
 let socket = null, there = null;
 let wanted = 0, waiting = [];
@@ -62,11 +67,13 @@ const rcb = {
     },
     wait: (callback, delay_s) => {
         if (!Number(delay_s) || delay_s < 0) throw new Error("Invalid delay parameter");
+        if (virtual) { timer = {due_ms: clock_ms + 1000 * delay_s, callback}; return; }
         clearTimeout(callbacks.wait);
         callbacks.wait = setTimeout(() => call(callback), 1000 * delay_s);
     },
     udp: {
         init: (receivePort, sendIP, sendPort, callback) => {
+            if (virtual) { say({ready: true}); call(callback); return; }
             there = [sendPort, sendIP];
             socket = dgram.createSocket("udp4");
             socket.on("message", (data) => {
@@ -78,17 +85,34 @@ const rcb = {
             socket.bind(receivePort, "127.0.0.1", () => { say({ready: true}); call(callback); });
         },
         onReceive: (callback) => { callbacks.receive = callback; },
-        send: (arrayBuffer) => { socket.send(Buffer.from(arrayBuffer), ...there); },
+        send: (arrayBuffer) => {
+            if (virtual) say({sent: rcb.udp.ab2str(arrayBuffer)});
+            else socket.send(Buffer.from(arrayBuffer), ...there);
+        },
         str2ab: (text) => Uint8Array.from(text, (letter) => letter.charCodeAt(0)).buffer,
         ab2str: (arrayBuffer) => String.fromCharCode.apply(null, new Uint8Array(arrayBuffer))
     },
     endScript: () => {
         clearTimeout(callbacks.wait);
+        timer = null;
         callbacks = {};
         say({off: true});
         say({ended: true});
     }
 };
+
+// Let virtual time pass, millisecond by millisecond.
+function pass(ms) {
+    for (const end_ms = clock_ms + ms; clock_ms < end_ms;) {
+        clock_ms += 1;
+        if (timer && clock_ms >= timer.due_ms) {
+            const due = timer;
+            timer = null;
+            call(due.callback);
+        }
+    }
+    say({now_ms: clock_ms});
+}
 
 readline.createInterface({input: process.stdin}).on("line", (text) => {
     const told = JSON.parse(text);
@@ -104,6 +128,10 @@ readline.createInterface({input: process.stdin}).on("line", (text) => {
     } else if (told.placed !== undefined && callbacks.placing) {
         const entry = {bridge: 1, to: callbacks.placing, refused: told.placed, t_ms: performance.now(), us: 0, why: ""};
         socket.send(Buffer.from(JSON.stringify({benchtool: entry}) + "\n", "latin1"), ...there);
+    } else if (told.pass_ms) {
+        pass(told.pass_ms);
+    } else if (told.word && callbacks.receive) {
+        call(callbacks.receive, rcb.udp.str2ab(told.word));
     } else if (told.stop) {
         rcb.endScript();
     }

@@ -167,21 +167,6 @@ def test_a_script_that_is_stopped_puts_nothing_out_again(tmp_path: Path) -> None
         assert math.isnan(stand.outputs[-1][1])
 
 
-def test_words_of_nobody_keep_no_motor_turning(tmp_path: Path) -> None:
-    with gui(tmp_path) as (address, stand):
-        listen = int(address.rpartition(":")[2].partition("?")[0])
-        host = int(address.rpartition("=")[2])
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as own:
-            own.bind(("127.0.0.1", host))
-            own.sendto(b"1300", ("127.0.0.1", listen))
-            begun_s = time.monotonic()
-            while time.monotonic() < begun_s + 1.0:
-                own.sendto(b"\xfd\x09\x00 what is this", ("127.0.0.1", listen))
-                time.sleep(0.02)
-        assert any(us == 1300.0 for _, us in stand.outputs)
-        assert stand.outputs[-1][1] == LOWEST_US
-
-
 @pytest.mark.real_time(deadline_s=0.1)
 def test_the_series_1780_has_another_output(tmp_path: Path) -> None:
     with gui(tmp_path, version="Series 1780") as (address, stand):
