@@ -21,10 +21,10 @@ def command(
 
     if not name:
         for effect in EFFECTS.values():
-            print(f"{effect.name:<18} {effect.stage:<14} {effect.title}: {effect.law}")
+            print(f"{effect.name:<18} {effect.subsystem:<14} {effect.title}: {effect.law}")
         return
     effect, own = effect_named(name), rig_named(rig)
-    print(f"{effect.name}: {effect.title} ({effect.stage})")
+    print(f"{effect.name}: {effect.title} ({effect.subsystem})")
     print(effect.description)
     print(f"law:    {effect.law}")
     print(f"shows:  {effect.shows}")

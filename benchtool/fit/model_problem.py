@@ -153,7 +153,7 @@ def _without_reading(model: Model) -> tuple[Model, list[str]]:
     """Return the model without its reading effects, k held, and the names that were free there."""
     held = []
     for effect in model.effects:
-        if effect.thrust_reading is not None:
+        if effect.hooks.thrust_reading is not None:
             held += [n for n in model.parameters.free_names if n.startswith(f"{effect.name}.")]
             model = model.without(effect.name)
     if model.parameters["k"].free:

@@ -162,7 +162,7 @@ def _as_compared(other: Model, model: Model, recipe: Recipe) -> Model:
     """Return another model of the same rig, with the same noise and the same nuisances free."""
     own = {effect.name for effect in other.effects}
     for effect in model.effects:
-        is_nuisance = effect.stage in ("sensor", "plate")
+        is_nuisance = effect.subsystem in ("sensor", "plate")
         if effect.name not in own and is_nuisance:
             other = other.with_effect(effect)
             for name, item in model.parameters.items():

@@ -1,71 +1,27 @@
-"""Every effect by name: the directory is the list of what the tool knows."""
+"""Every effect by name: the folder `effects` is the list of what the tool knows."""
 
 from __future__ import annotations
 
-from benchtool.core.errors import UnknownChoice
-from benchtool.physics.effects import (
-    aerodynamic_damping,
-    battery_sag,
-    body_lift,
-    cable,
-    cog_offset,
-    coulomb_friction,
-    ground_shape,
-    gyro_bias,
-    gyro_scale,
-    hinge_spring,
-    load_cell_drift,
-    load_cell_hysteresis,
-    motor_lag,
-    neighbour_images,
-    partial_coverage,
-    plate_offset,
-    plate_side,
-    plate_tilt,
-    rotor_asymmetry,
-    speed_map,
-    stribeck,
-    tare_offset,
-    thrust_exponent,
-    transport_delay,
-    viscous_friction,
-    wake_torque,
-    wall_blockage,
-)
-from benchtool.physics.effects.effect import BenchKind, Effect
+from importlib import import_module
+from inspect import getfile
+from pathlib import Path
+from pkgutil import iter_modules
 
-EFFECTS: dict[str, Effect] = {
-    module.EFFECT.name: module.EFFECT
-    for module in (
-        transport_delay,
-        motor_lag,
-        speed_map,
-        battery_sag,
-        plate_offset,
-        plate_tilt,
-        plate_side,
-        ground_shape,
-        neighbour_images,
-        body_lift,
-        partial_coverage,
-        thrust_exponent,
-        wall_blockage,
-        rotor_asymmetry,
-        coulomb_friction,
-        stribeck,
-        viscous_friction,
-        aerodynamic_damping,
-        hinge_spring,
-        cable,
-        cog_offset,
-        wake_torque,
-        gyro_bias,
-        gyro_scale,
-        tare_offset,
-        load_cell_drift,
-        load_cell_hysteresis,
-    )
-}
+from benchtool.core.errors import UnknownChoice
+from benchtool.physics.effects.effect import SUBSYSTEMS, BenchKind, Effect
+
+_PACKAGE = Effect.__module__.rpartition(".")[0]
+
+
+def _found() -> list[Effect]:
+    """Return the `EFFECT` of every file in the folder, in the order of the chain."""
+    names = [info.name for info in iter_modules([str(Path(getfile(Effect)).parent)])]
+    modules = [import_module(f"{_PACKAGE}.{name}") for name in names]
+    found = [module.EFFECT for module in modules if hasattr(module, "EFFECT")]
+    return sorted(found, key=lambda one: (SUBSYSTEMS.index(one.subsystem), one.order, one.name))
+
+
+EFFECTS: dict[str, Effect] = {effect.name: effect for effect in _found()}
 """Every effect, in the order of the chain from pulse width to reading."""
 
 

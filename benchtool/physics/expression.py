@@ -146,8 +146,8 @@ def compiled_folder() -> Path:
     """Return the folder of compiled loops: of this user, and of these very sources."""
     package = Path(__file__).resolve().parent.parent
     digest = hashlib.sha256(sys.version.encode())
-    for part in ("aero", "effects", "control", "simulate"):
-        for path in sorted((package / part).glob("*.py")):
+    for part in ("physics", "simulate"):
+        for path in sorted((package / part).rglob("*.py")):
             digest.update(path.name.encode() + path.read_bytes())
     return _cache_root() / f"compiled-{digest.hexdigest()[:16]}"
 

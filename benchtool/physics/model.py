@@ -7,7 +7,7 @@ The baseline is one rotor over the plate (eq. 2) with thrust k w^2 (eq. 8): para
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -18,15 +18,19 @@ from numpy.typing import NDArray
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.parameter import Parameter, Parameters, Prior, full_name
 from benchtool.core.rig import Rig
-from benchtool.physics.body_lift import BodyDistance, body_images, centre_distances_m
-from benchtool.physics.catalogue import effect_named
+from benchtool.physics.body_lift import BodyDistance, centre_distances_m
+from benchtool.physics.catalogue import EFFECTS, effect_named
 from benchtool.physics.conditions import Conditions
-from benchtool.physics.effects.effect import Effect, Flow, Quantity
-from benchtool.physics.images import neighbour_images, partial_factor, self_image, thrust_factor
+from benchtool.physics.disc_thrust import DiscThrust, disc_thrust, owned
+from benchtool.physics.effects.effect import NO_FLOW, Effect, Flow, Quantity
+from benchtool.physics.fold import Hook, chained
 from benchtool.physics.wake_rules import WAKE_RULES
 
 Array = NDArray[np.float64]
 
+
+OWN_IMAGES = "rotor_images"
+"""Eq. (2), the effect that every model starts with and every old model file means."""
 
 INERTIA_KNOWN = 0.025
 """Standard error of an inertia over its value, where a model file states none: "known to 5 %" taken
@@ -130,8 +134,9 @@ class Model:
 
     @classmethod
     def single(cls, rig: Rig, name: str = "single") -> Model:
-        """Return the baseline: eq. (2) for every rotor by itself."""
-        return cls(name=name, rig=rig, parameters=baseline_parameters(rig))
+        """Return eq. (2) for every rotor by itself: the baseline and `rotor_images`."""
+        bare = cls(name=name, rig=rig, parameters=baseline_parameters(rig))
+        return bare.with_effect(OWN_IMAGES)
 
     def __post_init__(self) -> None:
         if self.wake_rule not in WAKE_RULES:
@@ -157,6 +162,14 @@ class Model:
             effects=(*self.effects, added),
             parameters=Parameters((*self.parameters.items(), *new)),
         )
+
+    def with_lag_of_rig(self) -> Model:
+        """Return the model with the lag of the rig's motors, where it states none itself."""
+        if any(effect.hooks.lag_s is not None for effect in self.effects):
+            return self
+        lag = next(effect for effect in EFFECTS.values() if effect.hooks.lag_s is not None)
+        assert lag.rig_values is not None
+        return self.with_effect(lag, **lag.rig_values(self.rig))
 
     def without(self, name: str) -> Model:
         """Return the model with one effect taken out."""
@@ -234,7 +247,7 @@ class Model:
             position_x_m=x,
             position_y_m=y,
             height_m=[conditions.plate_z_m * cosine - x[i] * sine for i in range(n)],
-            area=list(conditions.coverage),
+            coverage=list(conditions.coverage),
             active=active,
             speed_rad_s=list(np.sqrt(squares)),
             neighbour_images=[0.0] * n,
@@ -246,23 +259,69 @@ class Model:
             load_direction=conditions.load_direction,
             plate_x_m=conditions.plate_x_m,
         )
-        for effect in self.present_effects:
-            p = self.effect_values(effect, values)
-            flow = _changed(flow, effect, p, n)
-            if not conditions.speed_measured:
-                flow = _driven(flow, effect, p, n)
-        return self._with_images(flow)
+        p = self.numbers(values)
+        if not conditions.speed_measured:
+            flow = flow._replace(speed_rad_s=self._discs.speeds(flow, p))
+        with_images: Flow = self._discs.with_images(flow, rig.disc_distances_m, self.body_arms_m, p)
+        return with_images
 
-    def _with_images(self, flow: Flow) -> Flow:
-        discs = range(self.rig.n_discs)
-        arms = self.body_arms_m
-        sources = [flow.area[j] * flow.active[j] for j in discs]
-        heights, distances = flow.height_m, self.rig.disc_distances_m
-        return flow._replace(
-            neighbour_images=[neighbour_images(i, heights, sources, distances) for i in discs],
-            body_images=[body_images(heights[i], arms) for i in discs],
-            body_weight=WAKE_RULES[self.wake_rule].weight(sources),
+    @property
+    def lag_s(self) -> float:
+        """Time constant with which rotor speed follows its command; 0 without a lag: s."""
+        return sum(float(x) for x in self._of_whole("lag_s", at_most_one=True))
+
+    @property
+    def delay_s(self) -> float:
+        """Time between a command and its arrival at the motors: s."""
+        return sum(float(x) for x in self._of_whole("delay_s"))
+
+    @property
+    def random_torque(self) -> tuple[float, float] | None:
+        """Standard deviation (N m) and correlation time (s) of a random torque; None without."""
+        return next(iter(self._of_whole("random_torque", at_most_one=True)), None)
+
+    @property
+    def play_N(self) -> float:
+        """Half width of the play that a simulated load cell's reading stays behind: N."""
+        return sum(float(x) for x in self._of_whole("play_N"))
+
+    def _of_whole(self, hook: str, *, at_most_one: bool = False) -> list[Any]:
+        """Return what a hook that needs no flow gives, for every effect that can act by it."""
+        found = [effect for effect in self.present_effects if getattr(effect.hooks, hook)]
+        if at_most_one and len(found) > 1:
+            raise InputError(
+                f"model {self.name!r}: effects {found[0].name!r} and {found[1].name!r} both have "
+                f"the hook {hook}; leave one out"
+            )
+        values = self.parameters.values_array()
+        return [
+            getattr(effect.hooks, hook)(
+                effect.numbers(*self.effect_values(effect, values)), 0, NO_FLOW
+            )
+            for effect in found
+        ]
+
+    def numbers(self, values: Any) -> tuple[Any, ...]:
+        """Return the present effects' own values in order, as joined functions take them."""
+        return tuple(values[k] for k in self._places)
+
+    @cached_property
+    def _places(self) -> tuple[int, ...]:
+        return tuple(
+            self._index[f"{effect.name}.{item.name}"]
+            for effect in self.present_effects
+            for item in effect.parameters
         )
+
+    @cached_property
+    def _discs(self) -> DiscThrust:
+        return disc_thrust(
+            self.present_effects, self.rig.n_discs, self.wake_rule, len(self.body_arms_m)
+        )
+
+    @cached_property
+    def _thrust_reading(self) -> Hook:
+        return chained(owned(self.present_effects, "thrust_reading"))
 
     @cached_property
     def body_arms_m(self) -> Array:
@@ -271,20 +330,12 @@ class Model:
         places = self.rig.disc_positions_m if b is None else np.full((4, 2), b / np.sqrt(2.0))
         return centre_distances_m(places[:, 0], places[:, 1], self.body_distance)
 
-    def disc_factors(self, flow: Flow, values: Any) -> list[Quantity]:
+    def disc_factors(self, flow: Flow, values: Any) -> tuple[Quantity, ...]:
         """Return T_IGE/T_OGE of each disc (n_discs, ...), factors of effects included."""
-        out = []
-        for i in range(len(flow.height_m)):
-            total = flow.radius_m * flow.radius_m * self_image(flow.height_m[i])
-            factor: Quantity = 1.0
-            for effect in self.present_effects:
-                p = self.effect_values(effect, values)
-                if effect.denominator is not None:
-                    total = total + effect.denominator(i, flow, p)
-                if effect.factor is not None:
-                    factor = factor * effect.factor(i, flow, p)
-            out.append(factor * partial_factor(thrust_factor(total), flow.area[i]))
-        return out
+        n = len(flow.height_m)  # a prepared flow has equal discs merged
+        discs = disc_thrust(self.present_effects, n, self.wake_rule, len(self.body_arms_m))
+        factors: tuple[Quantity, ...] = discs.factors(flow, self.numbers(values))
+        return factors
 
     def thrust_N(self, conditions: Conditions, values: Any = None) -> Any:
         """Return what the load cell shows on a settled bench (..., m): N.
@@ -307,12 +358,7 @@ class Model:
     def reading_N(self, flow: Flow, values: Any) -> Any:
         """Return the load cell's settled reading for a flow that is worked out (..., m): N."""
         reading = values[self._index["k"]] * self.squared_speed(flow, values)
-        for effect in self.present_effects:
-            if effect.thrust_reading is not None:
-                p = self.effect_values(effect, values)
-                states = [state.settled(0.0, flow.elapsed_s, p) for state in effect.states]
-                reading = effect.thrust_reading(reading, flow, states, p)
-        return reading
+        return self._thrust_reading(0, reading, flow, self.numbers(values))
 
     def factor(self, conditions: Conditions, values: Any = None) -> Any:
         """Return T_IGE/T_OGE of the whole vehicle at equal rotor speeds (..., m).
@@ -331,26 +377,3 @@ class Model:
         heights = np.where(np.asarray(flow.active) > 0.0, heights, np.inf)
         least: Array = heights.min(axis=0) / self.rig.propulsion.radius_m
         return least
-
-
-def _changed(flow: Flow, effect: Effect, p: Sequence[Quantity], n: int) -> Flow:
-    """Return the flow after an effect's changes of height and area."""
-    if effect.height is not None:
-        moved = [flow.height_m[i] + effect.height(i, flow, p) for i in range(n)]
-        flow = flow._replace(height_m=moved)
-    if effect.area is not None:
-        areas = [effect.area(i, flow.area[i], flow, p) for i in range(n)]
-        flow = flow._replace(area=areas)
-    return flow
-
-
-def _driven(flow: Flow, effect: Effect, p: Sequence[Quantity], n: int) -> Flow:
-    """Return the flow after an effect's changes between the commanded and the settled speed."""
-    if effect.speed is not None:
-        speeds = [effect.speed(i, flow.speed_rad_s[i], flow, p) for i in range(n)]
-        flow = flow._replace(speed_rad_s=speeds)
-    for state in effect.states:
-        if state.drive == "speed_rad_s":
-            speeds = [state.settled(flow.speed_rad_s[i], flow.elapsed_s, p) for i in range(n)]
-            flow = flow._replace(speed_rad_s=speeds)
-    return flow

@@ -23,7 +23,7 @@ from benchtool.core.toml_text import FileTable, FiniteTable, build
 from benchtool.physics.body_lift import BodyDistance
 from benchtool.physics.catalogue import effect_named
 from benchtool.physics.effects.effect import Effect
-from benchtool.physics.model import Model
+from benchtool.physics.model import OWN_IMAGES, Model
 from benchtool.physics.own_effects import own_effects
 
 
@@ -86,6 +86,7 @@ class LoadedModel:
         rig_name: how the file names its rig; empty for a model that no file describes.
         effects_file: Python file with effects of the user's own; empty without.
         plate_slide_s: how long the bench's plate takes to slide in or out; None: not said.
+        notes: what a user should know of how the file was read.
     """
 
     model: Model
@@ -95,6 +96,7 @@ class LoadedModel:
     rig_name: str = ""
     effects_file: str = ""
     plate_slide_s: float | None = None
+    notes: tuple[str, ...] = ()
 
 
 def model_names() -> tuple[str, ...]:
@@ -153,6 +155,7 @@ def model_from_toml(
             provenance=dict(read.provenance),
         )
         own = {effect.name: effect for effect in _own(read.model.effects_file, where, permit)}
+        notes = () if OWN_IMAGES in read.effects else (_without_own_images(where),)
         for name, tables in read.effects.items():
             effect = own.get(name) or effect_named(name)
             settings = tables.get("settings", {})
@@ -160,7 +163,8 @@ def model_from_toml(
                 effect = effect.configure(settings)
             elif settings:
                 raise InputError(f"effect {name!r} takes no settings; take them out")
-            model = model.with_effect(effect)
+            if name != OWN_IMAGES:
+                model = model.with_effect(effect)
             given = {key: table for key, table in tables.items() if key != "settings"}
             model = _set(model, {f"{name}.{key}": table for key, table in given.items()}, where)
         model = _set(model, baseline, where)
@@ -177,6 +181,15 @@ def model_from_toml(
         rig_name=read.model.rig,
         effects_file=read.model.effects_file,
         plate_slide_s=read.model.plate_slide_s,
+        notes=notes,
+    )
+
+
+def _without_own_images(where: str) -> str:
+    return (
+        f"{where} has no table [effects.{OWN_IMAGES}], as when eq. (2) stood in every model; it is "
+        f"read with eq. (2) present. Add the table to say so, or own_strength = 0 in it to leave "
+        f"eq. (2) out"
     )
 
 
@@ -207,6 +220,8 @@ def model_to_toml(loaded: LoadedModel, rig: str | None = None) -> str:
     """Return a model as TOML text that reads back to the same model."""
     model = loaded.model
     effects: dict[str, dict[str, Any]] = {}
+    if all(effect.name != OWN_IMAGES for effect in model.effects):
+        effects[OWN_IMAGES] = {"own_strength": {"value": 0.0, "source": "left out"}}
     for effect in model.effects:
         tables: dict[str, Any] = {
             item.name: _parameter_table(model.parameters[f"{effect.name}.{item.name}"])

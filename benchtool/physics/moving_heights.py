@@ -14,7 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.physics.conditions import Conditions
+from benchtool.physics.disc_thrust import owned
 from benchtool.physics.effects.effect import Flow, Quantity
+from benchtool.physics.fold import chained
 from benchtool.physics.images import image_velocity
 from benchtool.physics.model import Model
 
@@ -32,7 +34,8 @@ class MovingHeights:
     """Work out the flow of a model on fixed conditions for moving heights."""
 
     def __init__(self, model: Model, conditions: Conditions) -> None:
-        self._lifting = [effect for effect in model.present_effects if effect.height is not None]
+        self._lifting = [effect for effect in model.present_effects if effect.hooks.height]
+        self._height = chained(owned(model.present_effects, "height"))
         self._model = model
         self._radius = tuple(model.parameters).index("R_m")
         probes = [model.flow(conditions, values) for values in _probed(model)]
@@ -48,12 +51,15 @@ class MovingHeights:
             position_x_m=[base.position_x_m[i] for i in kept],
             position_y_m=[base.position_y_m[i] for i in kept],
             height_m=[base.height_m[i] for i in kept],
-            area=[_plain(base.area[i], m) for i in kept],
+            coverage=[_plain(base.coverage[i], m) for i in kept],
             active=[base.active[i] for i in kept],
             speed_rad_s=[np.sqrt(square) for square in squares],
             body_weight=_plain(base.body_weight, m),
         )
-        sources = [_row(base.area[j], m) * _row(base.active[j], m) for j in range(len(base.area))]
+        sources = [
+            _row(area, m) * _row(active, m)
+            for area, active in zip(base.coverage, base.active, strict=True)
+        ]
         distances = model.rig.disc_distances_m
         arms = model.body_arms_m
         self._neighbours = [
@@ -69,11 +75,8 @@ class MovingHeights:
         """Return the flow of the kept discs; `values` as `Model.thrust_N`."""
         flow = self._flow._replace(radius_m=values[self._radius])
         discs = range(len(flow.height_m))
-        for effect in self._lifting:
-            p = self._model.effect_values(effect, values)
-            assert effect.height is not None
-            moved = [flow.height_m[i] + effect.height(i, flow, p) for i in discs]
-            flow = flow._replace(height_m=moved)
+        p = self._model.numbers(values)
+        flow = flow._replace(height_m=[self._height(i, flow.height_m[i], flow, p) for i in discs])
         return flow._replace(
             neighbour_images=[_blown(flow.height_m[i], self._neighbours[i]) for i in discs],
             body_images=[_blown(flow.height_m[i], self._body) for i in discs],
@@ -85,8 +88,8 @@ def moving_heights(model: Model, conditions: Conditions) -> MovingHeights | None
     free = model.parameters.free_names
     for effect in model.present_effects:
         moves = any(name.startswith(f"{effect.name}.") for name in free)
-        drives = effect.speed is not None or any(s.drive != "none" for s in effect.states)
-        if effect.factor is not None or (moves and effect.area is not None):
+        drives = effect.hooks.speed is not None
+        if effect.hooks.factor is not None or (moves and effect.hooks.coverage is not None):
             return None
         if moves and drives and not conditions.speed_measured:
             return None
@@ -122,7 +125,7 @@ def _alike(flows: Sequence[Flow], m: int) -> list[list[int]]:
             if all(
                 np.allclose(_row(field[i], m), _row(field[group[0]], m), rtol=ALIKE, atol=1e-15)
                 for flow in flows
-                for field in (flow.height_m, flow.area, flow.neighbour_images, flow.body_images)
+                for field in (flow.height_m, flow.coverage, flow.neighbour_images, flow.body_images)
             ):
                 group.append(i)
                 break

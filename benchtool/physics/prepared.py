@@ -33,7 +33,7 @@ class Prepared:
             effect
             for effect in model.present_effects
             if any(f"{effect.name}.{item.name}" in free for item in effect.parameters)
-            and (effect.changes_geometry or effect.speed is not None)
+            and (effect.changes_geometry or effect.hooks.speed is not None)
         ]
         self._flow: Flow | None = None
         self._moving: MovingHeights | None = None
@@ -54,7 +54,7 @@ class Prepared:
 
 def mergeable(model: Model) -> bool:
     """Whether no present effect tells one disc from another by its own speed."""
-    return all(effect.factor is None for effect in model.present_effects)
+    return all(effect.hooks.factor is None for effect in model.present_effects)
 
 
 def merged(flow: Flow, m: int) -> Flow:
@@ -75,7 +75,7 @@ def merged(flow: Flow, m: int) -> Flow:
         for position, (first, squares) in enumerate(groups):
             if all(
                 np.allclose(row(field[i]), row(field[first]), rtol=1e-12, atol=1e-15)
-                for field in (flow.height_m, flow.area, flow.neighbour_images, flow.body_images)
+                for field in (flow.height_m, flow.coverage, flow.neighbour_images, flow.body_images)
             ):
                 groups[position] = (first, squares + speed * speed)
                 break
@@ -90,7 +90,7 @@ def merged(flow: Flow, m: int) -> Flow:
         position_x_m=only(flow.position_x_m),
         position_y_m=only(flow.position_y_m),
         height_m=only(flow.height_m),
-        area=only(flow.area),
+        coverage=only(flow.coverage),
         active=only(flow.active),
         speed_rad_s=[np.sqrt(squares) for _, squares in groups],
         neighbour_images=only(flow.neighbour_images),

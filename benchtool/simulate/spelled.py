@@ -43,17 +43,18 @@ class Spelling:
         return self._imports.setdefault(key, f"{hook.__qualname__}_{len(self._imports)}")
 
     def own(self, effect: Effect) -> str:
-        """Return the tuple of an effect's own numbers out of all (p)."""
+        """Return an effect's named numbers, made of its own out of all (p)."""
         start = 0
         for other in self.effects:
             if other is effect:
                 break
             start += len(other.parameters)
-        return "(" + "".join(f"p[{start + k}], " for k in range(len(effect.parameters))) + ")"
+        numbers = ", ".join(f"p[{start + k}]" for k in range(len(effect.parameters)))
+        return f"{self.name_of(effect.numbers)}({numbers})"
 
     def with_hook(self, hook: str) -> list[tuple[Effect, Callable[..., Any]]]:
         """Return the effects that have a hook, in order, each with it."""
-        found = [(effect, getattr(effect, hook)) for effect in self.effects]
+        found = [(effect, getattr(effect.hooks, hook)) for effect in self.effects]
         return [(effect, call) for effect, call in found if call is not None]
 
     def imports(self) -> list[str]:
@@ -81,7 +82,7 @@ def _stamp(module: str) -> str:
 def summed(spelling: Spelling, hook: str, arguments: str) -> str:
     """Return the sum of a hook over effects, as text; "0.0" without any."""
     terms = [
-        f"{spelling.name_of(call)}({arguments}{spelling.own(effect)})"
+        f"{spelling.name_of(call)}({spelling.own(effect)}, {arguments})"
         for effect, call in spelling.with_hook(hook)
     ]
     return " + ".join(terms) or "0.0"
@@ -90,7 +91,7 @@ def summed(spelling: Spelling, hook: str, arguments: str) -> str:
 def chained(spelling: Spelling, hook: str, quantity: str, arguments: str) -> str:
     """Return a quantity handed through a hook of every effect in turn, as text."""
     for effect, call in spelling.with_hook(hook):
-        quantity = f"{spelling.name_of(call)}(i, {quantity}, {arguments}{spelling.own(effect)})"
+        quantity = f"{spelling.name_of(call)}({spelling.own(effect)}, {arguments}, {quantity})"
     return quantity
 
 

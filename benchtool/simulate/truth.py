@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 
 from benchtool.core.rig import Rig
 from benchtool.physics.conditions import Conditions, plate_coverage
-from benchtool.physics.effects.effect import Flow
+from benchtool.physics.disc_thrust import owned
+from benchtool.physics.effects.effect import NO_FLOW
+from benchtool.physics.fold import chained
 from benchtool.physics.model import Model
 from benchtool.physics.validity import VALIDITY_Z_OVER_R
 from benchtool.simulate.play import Play
@@ -110,37 +112,34 @@ class TrueThrust:
 
 def _behind_play(truth: Model) -> tuple[Model, Play | None]:
     """Return the model without hysteresis, and the play that it stands for."""
-    name = "load_cell_hysteresis"
-    if all(effect.name != name for effect in truth.present_effects):
-        return truth, None
-    half_N = truth.parameters[f"{name}.half_width_N"].value
-    return truth.without(name), Play(half_N) if half_N > 0.0 else None
+    half_N = truth.play_N
+    for effect in truth.present_effects:
+        if effect.hooks.play_N is not None:
+            truth = truth.without(effect.name)
+    return truth, Play(half_N) if half_N > 0.0 else None
 
 
 def motor_lag_s(truth: Model, otherwise_s: float) -> float:
     """Return the whole motor lag: the model's own where it states one."""
-    if "motor_lag.tau_s" in truth.parameters:
-        return truth.parameters["motor_lag.tau_s"].value
-    return otherwise_s
+    stated = any(effect.hooks.lag_s is not None for effect in truth.effects)
+    return truth.lag_s if stated else otherwise_s
 
 
 def speed_change(truth: Model) -> SpeedChange | None:
     """Return how the model's own effects change the speed that a pulse gives, None for not."""
-    acting = [effect for effect in truth.present_effects if effect.speed is not None]
-    if not acting:
+    hooks = owned(truth.present_effects, "speed")
+    if not hooks:
         return None
-    values = truth.parameters.values_array()
+    change, p = chained(hooks), truth.numbers(truth.parameters.values_array())
+    places = truth.rig.disc_positions_m[truth.rig.disc_of_rotor]
 
     def changed(speed_rad_s: Array, voltage_V: float, time_s: float) -> Array:
-        speeds = speed_rad_s.copy()
-        flow = Flow(**_NOTHING | {"voltage_V": voltage_V, "time_s": time_s})
-        for effect in acting:
-            p = truth.effect_values(effect, values)
-            for i, speed in enumerate(speeds):
-                speeds[i] = effect.speed(i, speed, flow, p) if effect.speed else speed
-        return speeds
+        flow = NO_FLOW._replace(
+            position_x_m=places[:, 0],
+            position_y_m=places[:, 1],
+            voltage_V=voltage_V,
+            time_s=time_s,
+        )
+        return np.array([change(i, speed, flow, p) for i, speed in enumerate(speed_rad_s)])
 
     return changed
-
-
-_NOTHING = dict.fromkeys(Flow._fields, 0.0)

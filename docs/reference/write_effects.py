@@ -41,7 +41,7 @@ def section(effect: Effect) -> str:
         "",
         f"{effect.title}. {effect.description}",
         "",
-        f"- stage: `{effect.stage}`",
+        f"- stage: `{effect.subsystem}`",
         f"- candidate: {benches(effect)}",
         f"- law: `{effect.law}`",
         f"- shows: {effect.shows}",

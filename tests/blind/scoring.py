@@ -143,7 +143,7 @@ def score(
     verdict = found.verdict
     luck, learning = found.true_misses.within(GAP_REACHED)
     facts: dict[str, Any] = {
-        "stage": EFFECTS[truth.names[0]].stage if truth.kind == "named" else ""
+        "stage": EFFECTS[truth.names[0]].subsystem if truth.kind == "named" else ""
     } | more
     return Scored(
         kind=truth.kind,

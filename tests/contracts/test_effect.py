@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any, NamedTuple
+
 import numpy as np
 import pytest
 
+from benchtool.core.errors import InputError
 from benchtool.core.parameter import Parameter
 from benchtool.core.rig import Rig
 from benchtool.core.rig_file import rig_named
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.conditions import Conditions
-from benchtool.physics.effects.effect import BENCH_KINDS, STAGES, BenchKind, Effect, Flow, OwnState
+from benchtool.physics.effects.effect import BENCH_KINDS, HOOKS, SUBSYSTEMS, BenchKind, Effect, Flow
 from benchtool.physics.effects.tolerances import default_tolerances
-from benchtool.physics.model import Model
+from benchtool.physics.model import OWN_IMAGES, Model
 from benchtool.physics.prepared import Prepared
 from tests.contracts.moving_effects import moving_thrust_N
 
@@ -33,7 +37,13 @@ def acting(rig: Rig, name: str) -> Model:
     """Return a model in which the effect acts strongly."""
     effect = EFFECTS[name]
     values = {item.name: strong_value(name, item) for item in effect.parameters}
-    return Model.single(rig).with_effect(effect, **values)
+    return without_it(rig, name).with_effect(effect, **values)
+
+
+def without_it(rig: Rig, name: str) -> Model:
+    """Return a model without the effect, eq. (2) alone where it is another one."""
+    bare = Model.single(rig)
+    return bare.without(name) if name == OWN_IMAGES else bare
 
 
 @pytest.fixture
@@ -58,7 +68,7 @@ def conditions(rig: Rig) -> Conditions:
 @EACH
 def test_it_describes_itself(name: str) -> None:
     effect = EFFECTS[name]
-    assert effect.stage in STAGES
+    assert effect.subsystem in SUBSYSTEMS
     for text in (effect.title, effect.description, effect.law, effect.shows, effect.source):
         assert text
     assert effect.parameters
@@ -95,7 +105,7 @@ def test_it_says_what_does_not_matter_on_any_vehicle(
 def test_at_its_neutral_value_it_is_exactly_absent(
     name: str, rig: Rig, conditions: Conditions
 ) -> None:
-    bare = Model.single(rig)
+    bare = without_it(rig, name)
     neutral = {
         item.name: item.neutral for item in EFFECTS[name].parameters if item.neutral is not None
     }
@@ -111,9 +121,9 @@ def test_its_hooks_at_neutral_change_nothing_when_they_are_called(
     """A freed effect is called even at neutral, and then must not move the prediction."""
     effect = EFFECTS[name]
     neutral = {item.name: item.neutral for item in effect.parameters if item.neutral is not None}
-    bare = Model.single(rig)
+    bare = without_it(rig, name)
     model = bare.with_effect(name, **neutral).freed(*(f"{name}.{key}" for key in neutral))
-    assert [present.name for present in model.present_effects] == [name]
+    assert name in [present.name for present in model.present_effects]
     np.testing.assert_allclose(
         model.thrust_N(conditions), bare.thrust_N(conditions), rtol=1e-14, atol=0.0
     )
@@ -135,7 +145,7 @@ def turning(pitch_rad: float = 0.3, rate_rad_s: float = 0.5) -> Flow:
         position_x_m=(0.25, -0.25),
         position_y_m=(0.0, 0.0),
         height_m=(0.2, 0.3),
-        area=(1.0, 0.0),
+        coverage=(1.0, 0.0),
         active=(1.0, 1.0),
         speed_rad_s=(560.0, 570.0),
         neighbour_images=(0.0, 0.0),
@@ -152,15 +162,17 @@ def turning(pitch_rad: float = 0.3, rate_rad_s: float = 0.5) -> Flow:
     )
 
 
-def hinge_outputs(effect: Effect, p: list[float], flow: Flow) -> list[float]:
+def hinge_outputs(effect: Effect, values: list[float], flow: Flow) -> list[float]:
     """Return all that an effect does to a hinge and its sensors, 0 where it has no hook."""
-    rate = effect.readings.get("gyro_rad_s")
+    hooks, p = effect.hooks, effect.numbers(*values)
+    gyro = hooks.gyro_reading
     return [
-        effect.torque(flow, p) if effect.torque else 0.0,
-        effect.dry_friction(flow, p) if effect.dry_friction else 0.0,
-        effect.random_torque(p)[0] if effect.random_torque else 0.0,
-        effect.delay_s(p) if effect.delay_s else 0.0,
-        rate(flow.rate_rad_s, flow, (), p) - flow.rate_rad_s if rate else 0.0,
+        hooks.torque(p, 0, flow) if hooks.torque else 0.0,
+        hooks.dry_friction(p, 0, flow) if hooks.dry_friction else 0.0,
+        hooks.random_torque(p, 0, flow)[0] if hooks.random_torque else 0.0,
+        hooks.delay_s(p, 0, flow) if hooks.delay_s else 0.0,
+        hooks.lag_s(p, 0, flow) if hooks.lag_s else 0.0,
+        gyro(p, 0, flow, flow.rate_rad_s) - flow.rate_rad_s if gyro else 0.0,
     ]
 
 
@@ -169,15 +181,15 @@ def hinge_outputs(effect: Effect, p: list[float], flow: Flow) -> list[float]:
 def test_at_neutral_a_hinge_is_left_exactly_alone(name: str, rate_rad_s: float) -> None:
     effect = EFFECTS[name]
     p = [item.value if item.neutral is None else item.neutral for item in effect.parameters]
-    assert hinge_outputs(effect, p, turning(rate_rad_s=rate_rad_s)) == [0.0] * 5
+    assert hinge_outputs(effect, p, turning(rate_rad_s=rate_rad_s)) == [0.0] * 6
 
 
 @EACH
 def test_away_from_neutral_it_shows_somewhere(name: str, rig: Rig, conditions: Conditions) -> None:
     """Lag alone hides on a settled bench, and a hinge shows only where there is one."""
     effect = EFFECTS[name]
-    bare, model = Model.single(rig), acting(rig, name)
-    if effect.states and effect.states[0].drive == "speed_rad_s":
+    bare, model = without_it(rig, name), acting(rig, name)
+    if effect.hooks.lag_s is not None:
         changed = moving_thrust_N(model, conditions, duration_s=0.02, steps=200)
     else:
         changed = model.thrust_N(conditions)
@@ -188,34 +200,37 @@ def test_away_from_neutral_it_shows_somewhere(name: str, rig: Rig, conditions: C
     assert max(on_thrust, on_hinge) > 1e-3
 
 
-@pytest.mark.parametrize("name", [name for name, effect in EFFECTS.items() if effect.torque])
+@pytest.mark.parametrize("name", [name for name, one in EFFECTS.items() if one.hooks.torque])
 def test_a_torque_on_scalars_arrays_and_complex_steps_agrees(name: str) -> None:
     effect = EFFECTS[name]
-    assert effect.torque is not None
+    values = [strong_value(name, item) for item in effect.parameters]
+
+    def torque(flow: Flow, first: complex = values[0]) -> Any:
+        assert effect.hooks.torque is not None
+        return effect.hooks.torque(effect.numbers(first, *values[1:]), 0, flow)
+
     angles = np.linspace(-0.4, 0.4, 7)
-    p = [strong_value(name, item) for item in effect.parameters]
-    whole = effect.torque(turning()._replace(pitch_rad=angles, cos_pitch=np.cos(angles)), p)
-    each = [effect.torque(turning(pitch_rad=angle), p) for angle in angles]
+    whole = torque(turning()._replace(pitch_rad=angles, cos_pitch=np.cos(angles)))
+    each = [torque(turning(pitch_rad=angle)) for angle in angles]
     np.testing.assert_allclose(np.broadcast_to(whole, (7,)), each, rtol=1e-15)
-    exact = effect.torque(turning(), [p[0] + 1e-30j, *p[1:]]).imag / 1e-30
-    step = [effect.torque(turning(), [p[0] + sign * 1e-4, *p[1:]]) for sign in (1.0, -1.0)]
+    exact = torque(turning(), values[0] + 1e-30j).imag / 1e-30
+    step = [torque(turning(), values[0] + sign * 1e-4) for sign in (1.0, -1.0)]
     np.testing.assert_allclose(exact, (step[0] - step[1]) / 2e-4, rtol=1e-8)
 
 
-@pytest.mark.parametrize(
-    ("name", "state"),
-    [(name, state) for name, effect in EFFECTS.items() for state in effect.states if state.kept],
-)
-def test_what_is_kept_of_a_lag_solves_its_own_rate(name: str, state: OwnState) -> None:
-    """d/dt of drive + (x - drive) kept(t) is the rate there."""
-    assert state.kept is not None
-    p, start, drive = [0.05], 3.0, 7.0
-    at = drive + (start - drive) * state.kept(0.02, p)
-    h = 1e-6
-    ahead = drive + (start - drive) * state.kept(0.02 + h, p)
-    behind = drive + (start - drive) * state.kept(0.02 - h, p)
-    assert (ahead - behind) / (2.0 * h) == pytest.approx(state.rate(at, drive, p), rel=1e-8)
-    assert state.kept(0.02, [0.0]) == 0.0
+def test_numbers_and_parameters_have_the_same_names() -> None:
+    class P(NamedTuple):
+        offset: float
+        gain: float
+
+    with pytest.raises(InputError, match="its numbers are offset, gain, its parameters own_strength"):
+        replace(EFFECTS[OWN_IMAGES], numbers=P)
+
+
+@EACH
+def test_its_file_is_named_after_it(name: str) -> None:
+    hooks = [getattr(EFFECTS[name].hooks, hook) for hook in HOOKS]
+    assert {hook.__module__.rpartition(".")[2] for hook in hooks if hook} == {name}
 
 
 @EACH

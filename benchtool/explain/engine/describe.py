@@ -12,7 +12,7 @@ from benchtool.explain.engine.explanation import Disagreement
 from benchtool.explain.engine.hypotheses import Hypotheses, Hypothesis
 from benchtool.explain.engine.subject import Subject
 from benchtool.explain.engine.verdict import FoundParameter, Where
-from benchtool.physics.effects.effect import Effect, Stage
+from benchtool.physics.effects.effect import Effect, Subsystem
 
 Array = NDArray[np.float64]
 
@@ -65,7 +65,7 @@ def found_parameters(
 
 
 def where_shown(
-    groups: RowGroups, before: Array, after: Array, stage: Stage | None
+    groups: RowGroups, before: Array, after: Array, stage: Subsystem | None
 ) -> Where | None:
     """Return where residuals stand out before the fix.
 
@@ -77,7 +77,7 @@ def where_shown(
         after: (n_rows,) with what was named, or of the nearest.
         stage: of what was named; found from the rows when None.
     """
-    shown: Stage = stage if stage is not None else loudest(groups, before)
+    shown: Subsystem = stage if stage is not None else loudest(groups, before)
     rows = groups.stages.get(shown)
     if rows is None:
         rows = ~groups.stages.get("pwm_to_rpm", np.zeros(len(before), bool))
@@ -102,9 +102,9 @@ def where_shown(
     )
 
 
-def loudest(groups: RowGroups, residuals: Array) -> Stage:
+def loudest(groups: RowGroups, residuals: Array) -> Subsystem:
     """Return the stage whose rows stand out most."""
-    sizes: dict[Stage, float] = {name: _rms(residuals[m]) for name, m in groups.stages.items()}
+    sizes: dict[Subsystem, float] = {name: _rms(residuals[m]) for name, m in groups.stages.items()}
     return max(sizes, key=lambda name: sizes[name])
 
 

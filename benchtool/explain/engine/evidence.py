@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.explain.engine.knob import Knob
-from benchtool.physics.effects.effect import Stage
+from benchtool.physics.effects.effect import Subsystem
 from benchtool.physics.model import Model
 
 Array = NDArray[np.float64]
@@ -34,7 +34,7 @@ class RowGroups:
         regimes: parts of the recordings in words, with masks (n_rows,); they may overlap.
     """
 
-    stages: Mapping[Stage, NDArray[np.bool_]]
+    stages: Mapping[Subsystem, NDArray[np.bool_]]
     regimes: Mapping[str, NDArray[np.bool_]]
 
 

@@ -88,7 +88,7 @@ def explain(
         NamedEffect(
             name=name,
             title=effect_of(subject, name).title,
-            stage=effect_of(subject, name).stage,
+            stage=effect_of(subject, name).subsystem,
             probability=weights[place].named[name],
             parameters=found_parameters(subject, hypotheses, one, name),
             log_likelihood_ratio=0.5 * (search.slots[place].base.cost - one.cost),

@@ -10,7 +10,7 @@ from typing import Literal
 from benchtool.core.parameter import Parameters
 from benchtool.core.schedule import Schedule
 from benchtool.explain.engine.stage_words import PLACES
-from benchtool.physics.effects.effect import BenchKind, Stage
+from benchtool.physics.effects.effect import BenchKind, Subsystem
 
 Kind = Literal["effect", "several", "class", "none", "unknown"]
 KINDS: tuple[Kind, ...] = ("effect", "several", "class", "none", "unknown")
@@ -67,7 +67,7 @@ class NamedEffect:
 
     name: str
     title: str
-    stage: Stage
+    stage: Subsystem
     probability: float
     parameters: tuple[FoundParameter, ...]
     log_likelihood_ratio: float
@@ -98,7 +98,7 @@ class Where:
         share: part of the whole disagreement that lies in this regime.
     """
 
-    stage: Stage
+    stage: Subsystem
     regime: str
     size: float
     share: float

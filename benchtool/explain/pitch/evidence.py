@@ -176,10 +176,9 @@ class PitchEvidence:
 def _shortest(model: Model) -> dict[str, float]:
     """Return bounds of time constants, below which the plant's steps cannot follow a lag."""
     return {
-        f"{effect.name}.{state.time_constant}": LEAST_LAG_S
+        f"{effect.name}.{effect.parameters[0].name}": LEAST_LAG_S
         for effect in model.effects
-        for state in effect.states
-        if state.time_constant and state.drive == "speed_rad_s"
+        if effect.hooks.lag_s is not None
     }
 
 

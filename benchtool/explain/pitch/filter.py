@@ -108,9 +108,4 @@ def wake_of(bench: PitchBench) -> tuple[float, float]:
     rig = bench.model.rig
     arm_m = float(np.max(np.abs(rig.disc_positions_m[:, 0])))
     least = QUIET_WAKE * rig.body.mass_kg * 9.81 * arm_m
-    values = bench.model.parameters.values_array()
-    for effect in bench.model.effects:
-        if effect.random_torque is not None:
-            sd, correlation_s = effect.random_torque(bench.model.effect_values(effect, values))
-            return float(sd) or least, float(correlation_s)
-    return least, USUAL_CORRELATION_S
+    return bench.model.random_torque or (least, USUAL_CORRELATION_S)

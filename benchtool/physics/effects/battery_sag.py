@@ -3,17 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any, NamedTuple
 
-from benchtool.core.parameter import Parameter
 from benchtool.core.rig import Rig
-from benchtool.physics.effects.effect import BenchKind, Effect, Flow, Quantity, Values
-from benchtool.physics.expression import expression
+from benchtool.physics.effects.effect import (
+    BenchKind,
+    Effect,
+    Flow,
+    Hooks,
+    Quantity,
+    expression,
+    number,
+)
+
+
+class P(NamedTuple):
+    rate_per_s: Any
 
 
 @expression
-def speed(i: int, speed_rad_s: Quantity, flow: Flow, p: Values) -> Quantity:
+def speed(p: P, i: int, flow: Flow, speed_rad_s: Quantity) -> Quantity:
     """Return the speed after a linear loss of the gain with time: rad/s."""
-    return speed_rad_s * (1.0 - p[0] * flow.time_s)
+    return speed_rad_s * (1.0 - p.rate_per_s * flow.time_s)
 
 
 LOSS_THAT_MATTERS = 0.015
@@ -32,25 +43,25 @@ EFFECT = Effect(
     name="battery_sag",
     title="Battery sag",
     description="Voltage falls during the run, and with it the speed at a given pulse width.",
-    stage="pwm_to_rpm",
+    subsystem="pwm_to_rpm",
+    order=40,
     law="speed = gain * pulse * (1 - rate * t)",
+    numbers=P,
     parameters=(
-        Parameter(
+        number(
             "rate_per_s",
             "1/s",
             0.0,
+            "linear loss of the pwm-to-rpm gain",
             neutral=0.0,
-            lower=-0.01,
-            upper=0.01,
-            description="linear loss of the pwm-to-rpm gain",
-            source="neutral value",
+            within=(-0.01, 0.01),
         ),
     ),
+    hooks=Hooks(speed=speed),
     shows="late in the run, at high throttle; the voltage column shows it first",
     source="linear loss over a few minutes; a guess for longer runs",
     confused_with={"load_cell_drift": "the voltage column and rpm separate them"},
-    benches=frozenset({"pitch", "sweep"}),
     supply_loss="rate_per_s",
+    always_compiled=True,
     tolerance_of=tolerance_of,
-    speed=speed,
 )

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from benchtool.core.parameter import Parameter
+from typing import Any, NamedTuple
+
 from benchtool.physics.body_lift import body_term
-from benchtool.physics.effects.effect import Effect, Flow, Quantity, Values
-from benchtool.physics.expression import expression
+from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
+
+
+class P(NamedTuple):
+    K_b: Any
 
 
 @expression
-def denominator(i: int, flow: Flow, p: Values) -> Quantity:
+def denominator(p: P, i: int, flow: Flow) -> Quantity:
     """Return K_b w R^2 sum_j z_i / (2 (c_j^2 + 4 z_i^2)^(3/2)) of eq. (4)."""
-    return body_term(p[0], flow.body_weight, flow.radius_m, flow.body_images[i])
+    return body_term(p.K_b, flow.body_weight, flow.radius_m, flow.body_images[i])
 
 
 EFFECT = Effect(
@@ -21,34 +25,33 @@ EFFECT = Effect(
         "Between the rotors the wakes meet, turn upward and push on the body; the vehicle lifts "
         "more than its rotors' images explain."
     ),
-    stage="rpm_to_thrust",
+    subsystem="rpm_to_thrust",
+    order=30,
     law="denominator - K_b w 2 R^2 z / (b^2 + 4 z^2)^(3/2) for a quadrotor",
+    numbers=P,
     parameters=(
-        Parameter(
+        number(
             "K_b",
             "1",
             2.0,
+            "body lift coefficient",
             neutral=0.0,
-            lower=0.0,
-            upper=20.0,
+            within=(0.0, 20.0),
             tolerance=0.25,
-            description="body lift coefficient",
             source="paper: 'close to 2' (eq. 4)",
         ),
     ),
+    hooks=Hooks(denominator=denominator),
     shows="several rotors over the plate, z/R below 5",
     source="Sanchez-Cuevas et al. 2017, eq. (4); wake shares are an assumption of the model",
     confused_with={
         "plate_offset": "three plate distances separate them",
         "neighbour_images": "distances below and above half the rotor spacing separate them",
     },
-    benches=frozenset({"pitch", "sweep"}),
     separated_by={
-        "R_m": (
-            "plate distances both below z/R = 1, where R rules, and from 2 to 5, where K_b does"
-        ),
+        "R_m": "plate distances both below z/R = 1, where R rules, and from 2 to 5, where K_b does",
         "k": "reference points without the plate",
     },
     trends_over=("z_over_R",),
-    denominator=denominator,
+    always_compiled=True,
 )

@@ -3,21 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from benchtool.core.parameter import Parameter
 from benchtool.core.rig import Rig
-from benchtool.physics.effects.effect import BenchKind, Effect, Flow, Quantity, Values
-from benchtool.physics.expression import expression
+from benchtool.physics.effects.effect import (
+    BenchKind,
+    Effect,
+    Flow,
+    Hooks,
+    Quantity,
+    expression,
+    number,
+)
 from benchtool.physics.size import torque_scale
 
 
+class P(NamedTuple):
+    stiffness_Nm_per_rad: Any
+    slack_rad: Any
+
+
 @expression
-def torque(flow: Flow, p: Values) -> Quantity:
+def torque(p: P, i: int, flow: Flow) -> Quantity:
     """Return the pull of the cable about the hinge: N m."""
-    loose = np.minimum(np.maximum(flow.pitch_rad, -p[1]), p[1])
-    return -p[0] * (flow.pitch_rad - loose)
+    loose = np.minimum(np.maximum(flow.pitch_rad, -p.slack_rad), p.slack_rad)
+    return -p.stiffness_Nm_per_rad * (flow.pitch_rad - loose)
 
 
 def tolerance_of(rig: Rig, bench: BenchKind) -> Mapping[str, float]:
@@ -29,34 +41,34 @@ EFFECT = Effect(
     name="cable",
     title="Cable",
     description="A cable hangs slack about level and pulls once the slack is used up.",
-    stage="hinge",
+    subsystem="hinge",
+    order=60,
     law="torque = -k (pitch - pitch within +-slack)",
+    numbers=P,
     parameters=(
-        Parameter(
+        number(
             "stiffness_Nm_per_rad",
             "N m/rad",
             0.0,
+            "stiffness of the taut cable",
             neutral=0.0,
-            lower=0.0,
-            upper=20.0,
-            description="stiffness of the taut cable",
-            source="neutral value",
+            within=(0.0, 20.0),
         ),
-        Parameter(
+        number(
             "slack_rad",
             "rad",
             0.1,
-            neutral=None,
-            lower=0.0,
-            upper=1.5,
-            description="angle up to which the cable hangs loose",
+            "angle up to which the cable hangs loose",
+            within=(0.0, 1.5),
             source="assumed",
         ),
     ),
+    hooks=Hooks(torque=torque),
     shows="large angles only",
     source="spring with a dead zone, an assumption",
     confused_with={"hinge_spring": "small angles separate them"},
     benches=frozenset(),
+    always_compiled=True,
+    acts_in_flight=False,
     tolerance_of=tolerance_of,
-    torque=torque,
 )

@@ -3,18 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any, NamedTuple
 
-from benchtool.core.parameter import Parameter
 from benchtool.core.rig import Rig
-from benchtool.physics.effects.effect import BenchKind, Effect, Flow, Quantity, Values
-from benchtool.physics.expression import expression
+from benchtool.physics.effects.effect import (
+    BenchKind,
+    Effect,
+    Flow,
+    Hooks,
+    Quantity,
+    expression,
+    number,
+)
 from benchtool.physics.size import arm_scale
 
 
+class P(NamedTuple):
+    x_m: Any
+
+
 @expression
-def torque(flow: Flow, p: Values) -> Quantity:
+def torque(p: P, i: int, flow: Flow) -> Quantity:
     """Return the torque of the weight about the hinge, positive nose down: N m."""
-    return flow.weight_N * p[0] * flow.cos_pitch
+    return flow.weight_N * p.x_m * flow.cos_pitch
 
 
 def tolerance_of(rig: Rig, bench: BenchKind) -> Mapping[str, float]:
@@ -26,20 +37,21 @@ EFFECT = Effect(
     name="cog_offset",
     title="Centre-of-gravity offset",
     description="The centre of gravity lies in front of the hinge or behind it.",
-    stage="hinge",
+    subsystem="hinge",
+    order=70,
     law="torque = m g x cos(pitch)",
+    numbers=P,
     parameters=(
-        Parameter(
+        number(
             "x_m",
             "m",
             0.0,
+            "centre of gravity in front of the hinge, in the rotor plane",
             neutral=0.0,
-            lower=-0.1,
-            upper=0.1,
-            description="centre of gravity in front of the hinge, in the rotor plane",
-            source="neutral value",
+            within=(-0.1, 0.1),
         ),
     ),
+    hooks=Hooks(torque=torque),
     shows="always; a constant torque that thrust does not scale",
     source="statics",
     confused_with={
@@ -47,6 +59,6 @@ EFFECT = Effect(
         "hinge_spring": "angles of both signs separate them",
     },
     benches=frozenset({"pitch"}),
+    always_compiled=True,
     tolerance_of=tolerance_of,
-    torque=torque,
 )

@@ -3,18 +3,37 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any, NamedTuple
 
-from benchtool.core.parameter import Parameter, Prior
+from benchtool.core.parameter import Prior
 from benchtool.core.rig import Rig
-from benchtool.physics.effects.effect import BenchKind, Effect, Flow, Quantity, Values
-from benchtool.physics.expression import expression
+from benchtool.physics.effects.effect import (
+    BenchKind,
+    Effect,
+    Flow,
+    Hooks,
+    Quantity,
+    expression,
+    number,
+)
 from benchtool.physics.size import torque_scale
 
 
+class P(NamedTuple):
+    torque_Nm: Any
+    width_rad_s: Any
+
+
 @expression
-def dry_friction(flow: Flow, p: Values) -> Quantity:
+def dry_friction(p: P, i: int, flow: Flow) -> Quantity:
     """Return the torque that the hinge can hold: N m."""
-    return p[0]
+    return p.torque_Nm
+
+
+@expression
+def dry_width(p: P, i: int, flow: Flow) -> Quantity:
+    """Return the rate over which the friction builds up: rad/s."""
+    return p.width_rad_s
 
 
 def tolerance_of(rig: Rig, bench: BenchKind) -> Mapping[str, float]:
@@ -22,50 +41,43 @@ def tolerance_of(rig: Rig, bench: BenchKind) -> Mapping[str, float]:
     return {"torque_Nm": 0.002 * torque_scale(rig)}
 
 
-@expression
-def dry_width(flow: Flow, p: Values) -> Quantity:
-    """Return the rate over which the friction builds up: rad/s."""
-    return p[1]
-
-
 EFFECT = Effect(
     name="coulomb_friction",
     title="Coulomb friction",
     description="The hinge holds up to a torque at rest and opposes motion with the same torque.",
-    stage="hinge",
+    subsystem="hinge",
+    order=10,
     law="torque = -T sign(rate); at rest it holds whatever is below T",
+    numbers=P,
     parameters=(
-        Parameter(
+        number(
             "torque_Nm",
             "N m",
             0.0,
+            "dry friction torque of the hinge",
             neutral=0.0,
-            lower=0.0,
-            upper=10.0,
-            description="dry friction torque of the hinge",
-            source="neutral value",
+            within=(0.0, 10.0),
         ),
-        Parameter(
+        number(
             "width_rad_s",
             "rad/s",
             0.0,
-            lower=0.0,
-            upper=1.0,
+            "rate over which it builds up; 0 is Coulomb's law with real stick",
+            within=(0.0, 1.0),
             prior=Prior("normal", 0.0, 0.03, "assumed: bearings creep below 2 deg/s"),
-            description="rate over which it builds up; 0 is Coulomb's law with real stick",
             source="Coulomb's law",
         ),
     ),
+    hooks=Hooks(dry_friction=dry_friction, dry_width=dry_width),
     shows="slow reversals; the beam sticks short of its reference",
     source="Coulomb's law with real stick",
     confused_with={
         "viscous_friction": "fast and slow motion separate them",
         "stribeck": "speeds near zero separate them",
     },
+    law_error=0.05,  # a hinge gives way a little before it slips; a guess, textbooks give more
     benches=frozenset({"pitch"}),
-    # A hinge gives way a little before it slips; textbooks give more than this guess.
-    law_error=0.05,
+    always_compiled=True,
+    acts_in_flight=False,
     tolerance_of=tolerance_of,
-    dry_friction=dry_friction,
-    dry_width=dry_width,
 )

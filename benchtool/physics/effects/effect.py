@@ -1,9 +1,9 @@
 """The seam for physics: what an effect may supply, and what it may see.
 
-An effect is a value. Each hook is a module-level function marked `@expression` (branch-free, so
-that the same source serves scalars in a compiled loop, arrays in a fit, and complex steps), or
-None, which means that the effect is exactly absent there. A model never calls the hooks of an
-effect whose parameters are all fixed at their neutral values.
+An effect is a value: numbers, hooks and knowledge. A hook is a module-level function marked
+`@expression` (branch-free, so that the same source serves scalars in a compiled loop, arrays in a
+fit, and complex steps), or None, which means that the effect is exactly absent there. A model never
+calls the hooks of an effect whose parameters are all fixed at their neutral values.
 
 Hooks see discs, not rotors: coaxial rotors blow through one disc. The disc axis comes first, so
 `flow.height_m[i]` is a scalar in a simulator and an array over samples in a fit.
@@ -12,19 +12,29 @@ Hooks see discs, not rotors: coaxial rotors blow through one disc. The disc axis
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any, Literal, NamedTuple, TypeAlias
+from dataclasses import dataclass, field, fields
+from math import inf
+from typing import Any, Literal, NamedTuple
 
-from benchtool.core.parameter import Parameter
+from benchtool.core.errors import InputError
+from benchtool.core.parameter import Parameter, Prior
 from benchtool.core.rig import Rig
 from benchtool.physics.expression import Quantity as Quantity
+from benchtool.physics.expression import expression as expression
 
-Stage = Literal["pwm_to_rpm", "rpm_to_thrust", "hinge", "sensor", "plate"]
-STAGES: tuple[Stage, ...] = ("pwm_to_rpm", "rpm_to_thrust", "hinge", "sensor", "plate")
+Subsystem = Literal["pwm_to_rpm", "rpm_to_thrust", "hinge", "sensor", "plate"]
+SUBSYSTEMS: tuple[Subsystem, ...] = ("pwm_to_rpm", "plate", "rpm_to_thrust", "hinge", "sensor")
+"""The links of the chain from pulse width to reading, in order."""
 
 BenchKind = Literal["pitch", "sweep"]
 BENCH_KINDS: tuple[BenchKind, ...] = ("pitch", "sweep")
 """A beam or vehicle that turns on a hinge, and a plate sweep over a load cell."""
+
+LAW_ERROR = 0.005
+"""Standard error of what an effect does over its departure from neutral, because no bench follows
+a law to the letter: a rotor that speeds up is a per cent or two quicker than one that slows down,
+an encoder wobbles. Chosen on development records of pitch benches: of 138 intervals 84 % held the
+truth without it, 96 % with it, 97 % with twice as much."""
 
 
 class Flow(NamedTuple):
@@ -33,8 +43,8 @@ class Flow(NamedTuple):
     Attributes:
         radius_m: effective rotor radius R: m.
         position_x_m, position_y_m: disc centres (n,): m.
-        height_m: distance of each disc to the plate (n, ...): m.
-        area: fraction of each disc over the plate (n, ...).
+        height_m: distance of each disc to the surface (n, ...): m.
+        coverage: fraction of each disc over the surface (n, ...).
         active: 1 where a disc's rotors turn, else 0 (n, ...).
         speed_rad_s: rotor speed (n, ...); the root of the summed squares on a coaxial disc.
         neighbour_images: upward velocity at each disc from the neighbours' images, per R^2 and own
@@ -47,7 +57,8 @@ class Flow(NamedTuple):
         pitch_rad, rate_rad_s: attitude and rate about the y axis (...): rad, rad/s; zero on a bench
             that is held.
         cos_pitch: cosine of the pitch, worked out once for all hooks (...).
-        weight_N: weight that the hinge carries (...); zero where nothing hangs on one.
+        weight_N: weight that the hinge carries (...), in flight what the rotors carry; zero where
+            nothing turns.
         thrust_N: thrust of each disc (n, ...), for torque hooks; empty elsewhere.
         load_direction: +1 where the load cell's load was approached from below, -1 from above, 0
             where nobody knows (...).
@@ -58,7 +69,7 @@ class Flow(NamedTuple):
     position_x_m: Quantity
     position_y_m: Quantity
     height_m: Quantity
-    area: Quantity
+    coverage: Quantity
     active: Quantity
     speed_rad_s: Quantity
     neighbour_images: Quantity
@@ -76,57 +87,57 @@ class Flow(NamedTuple):
     plate_x_m: Quantity = 0.0
 
 
-Values: TypeAlias = Any
-"""The effect's parameters in its own order: p[0] is the first."""
+NO_FLOW = Flow(*([0.0] * 13))
+"""For hooks that depend on the effect's numbers alone, such as a lag."""
 
-DiscHook = Callable[[int, Flow, Values], Quantity]
-"""hook(i, flow, p) -> contribution for disc i."""
-
-ChangeHook = Callable[[int, Quantity, Flow, Values], Quantity]
-"""hook(i, quantity, flow, p) -> the quantity of disc i, changed."""
-
-BodyHook = Callable[[Flow, Values], Quantity]
-"""hook(flow, p) -> a quantity of the whole body."""
-
-ToleranceHook = Callable[[Rig, BenchKind], Mapping[str, float]]
-"""hook(rig, bench) -> tolerance by the parameter's own name, in its unit."""
-
-RigHook = Callable[[Rig], Mapping[str, float]]
-"""hook(rig) -> values by the parameter's own name, in its unit."""
-
-ReadingHook = Callable[[Quantity, Flow, Sequence[Quantity], Values], Quantity]
-"""hook(reading, flow, states, p) -> the reading, changed."""
+Hook = Callable[..., Any]
+"""hook(p, i, flow), p the effect's named numbers and i the disc (0 for hooks of the whole body); a
+hook that changes a quantity takes it last: hook(p, i, flow, quantity)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class OwnState:
-    """Give an effect memory.
+class Hooks:
+    """Hold an effect's part of the physics.
 
     Attributes:
-        name: for people and logs.
-        drive: what drives it: "speed_rad_s" (commanded rotor speed) or "none".
-        rate: rate(state, drive, p) -> time derivative, with the drive held.
-        settled: settled(drive, elapsed_s, p) -> the state on a bench that has been held still:
-            fast transients over, slow ones as far as `elapsed_s` since the tare has let them come.
-        kept: kept(dt_s, p) -> share of the distance to a held drive that is left after dt_s, where
-            the state is a linear lag; simulators then follow it exactly.
-        time_constant: the effect's parameter that is the lag's time constant; empty where it has
-            none. Below some steps of a simulated plant it cannot be followed.
+        height: a disc's distance to the surface, changed: m.
+        coverage: a disc's covered fraction, changed.
+        speed: a disc's commanded rotor speed, changed: rad/s.
+        denominator: term of a disc's thrust denominator, added.
+        factor: factor of a disc's thrust.
+        torque: torque about the pitch axis, added: N m, positive nose down as in eq. (9).
+        dry_friction: torque that the hinge can hold at rest or opposes to motion, added: N m, not
+            negative; the plant decides between stick and slip.
+        dry_width: rate over which dry friction builds up to its full torque, added: rad/s, not
+            negative; 0 where it holds at rest.
+        random_torque: standard deviation (N m) and correlation time (s) of a random torque about
+            the pitch axis, an Ornstein-Uhlenbeck process.
+        lag_s: time constant with which rotor speed follows its command, added: s.
+        delay_s: time between a command and its arrival at the motors, added: s.
+        thrust_reading: the load cell's reading, changed: N.
+        gyro_reading: the gyro's reading, changed: rad/s.
+        play_N: half width of a play that a simulated load cell's reading stays behind; such an
+            effect's `thrust_reading` is then left to the simulation.
     """
 
-    name: str
-    drive: Literal["speed_rad_s", "none"]
-    rate: Callable[[Quantity, Quantity, Values], Quantity]
-    settled: Callable[[Quantity, Quantity, Values], Quantity]
-    kept: Callable[[Quantity, Values], Quantity] | None = None
-    time_constant: str = ""
+    height: Hook | None = None
+    coverage: Hook | None = None
+    speed: Hook | None = None
+    denominator: Hook | None = None
+    factor: Hook | None = None
+    torque: Hook | None = None
+    dry_friction: Hook | None = None
+    dry_width: Hook | None = None
+    random_torque: Hook | None = None
+    lag_s: Hook | None = None
+    delay_s: Hook | None = None
+    thrust_reading: Hook | None = None
+    gyro_reading: Hook | None = None
+    play_N: Hook | None = None
 
 
-LAW_ERROR = 0.005
-"""Standard error of what an effect does over its departure from neutral, because no bench follows
-a law to the letter: a rotor that speeds up is a per cent or two quicker than one that slows down,
-an encoder wobbles. Chosen on development records of pitch benches: of 138 intervals 84 % held the
-truth without it, 96 % with it, 97 % with twice as much."""
+HOOKS = tuple(item.name for item in fields(Hooks))
+"""Names of all hooks."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,7 +156,7 @@ class Derived:
     function: Callable[[Mapping[str, Any]], Any]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Effect:
     """Describe one physical effect and supply its part of the physics.
 
@@ -153,77 +164,71 @@ class Effect:
         name: as in files and on the command line.
         title: for people, three or four words.
         description: what it is, one or two sentences.
-        stage: which link of the chain it sits in.
+        subsystem: which link of the chain it sits in.
+        order: place among the effects of its subsystem, ties by name.
         law: the formula, in plain text.
+        numbers: makes what hooks call `p` of the parameters' values: a NamedTuple with their names.
         parameters: with units, neutral values, default bounds and tolerances.
+        hooks: its part of the physics.
         shows: where it shows in data.
         source: paper and equation, data sheet, or that it is a guess.
         confused_with: names of effects that look alike, with what separates them.
+        separated_by: what to measure so that a fit can tell the effect's first parameter from
+            another, by the other's full name ("R_m").
+        trends_over: columns over which residuals trend where the effect is missing.
+        law_error: standard error of what it does over its departure from neutral.
         benches: on which kinds of bench an explanation may name it; none for effects that are
             there for simulation only.
         adjusted_on: on which kinds of bench every explanation adjusts it within its priors and
             never names it: what an owner knows only roughly.
-        separated_by: what to measure so that a fit can tell the effect's first parameter from
-            another, by the other's full name ("R_m").
-        trends_over: columns over which residuals trend where the effect is missing.
-        law_error: standard error of what the effect does on a pitch bench, over its departure
-            from neutral.
         supply_loss: the parameter that is the supply's linear loss (1/s), which pulses beside
             speeds and voltage show; empty for none.
-        rig_values: values that follow from the rig, for parameters that a model does not state.
         derived: quantities that a fit reports, by full names of the effect's free parameters.
+        always_compiled: whether it stands in every compiled loop, neutral or not, so that one
+            compilation serves nearly all models.
+        acts_in_flight: False for what belongs to a hinge, a load cell or a plate's stage.
+        rig_values: values of its parameters that follow from a rig.
         tolerance_of: tolerances that go with the vehicle's size, for parameters that state none
             themselves; a model file that states one goes first (`tolerances.tolerances`).
-        height: change of a disc's distance to the plate, added: m.
-        area: a disc's covered fraction, changed: area(i, fraction, flow, p).
-        denominator: term of the thrust denominator, added.
-        factor: factor of a disc's thrust.
-        speed: a disc's rotor speed, changed: speed(i, speed, flow, p).
-        torque: torque about the pitch axis: N m, positive nose down as in eq. (9).
-        dry_friction: torque that the hinge can hold at rest or opposes to motion: N m, not
-            negative; the plant decides between stick and slip.
-        dry_width: rate over which dry friction builds up to its full torque: rad/s, not negative;
-            0 where it holds at rest.
-        random_torque: standard deviation (N m) and correlation time (s) of a random torque about
-            the pitch axis, an Ornstein-Uhlenbeck process.
-        delay_s: time between a command and its arrival at the motors.
-        readings: a channel's reading, changed, by channel name ("thrust_N", "gyro_rad_s").
-        states: own states; their values reach the reading hooks in this order, and a state
-            driven by speed replaces the speed that the thrust is made of.
         configure: builds the effect for settings in a model file, for example its knots.
+
+    Raises:
+        InputError: `numbers` and `parameters` do not have the same names in the same order.
     """
 
     name: str
     title: str
     description: str
-    stage: Stage
+    subsystem: Subsystem
+    order: int = 50
     law: str
+    numbers: Callable[..., Any]
     parameters: tuple[Parameter, ...]
+    hooks: Hooks
     shows: str
     source: str
     confused_with: Mapping[str, str]
-    benches: frozenset[BenchKind] = frozenset(BENCH_KINDS)
-    adjusted_on: frozenset[BenchKind] = frozenset()
     separated_by: Mapping[str, str] = field(default_factory=dict)
     trends_over: tuple[str, ...] = ()
     law_error: float = LAW_ERROR
+    benches: frozenset[BenchKind] = frozenset(BENCH_KINDS)
+    adjusted_on: frozenset[BenchKind] = frozenset()
     supply_loss: str = ""
-    rig_values: RigHook | None = None
     derived: Callable[[Sequence[str]], Sequence[Derived]] | None = None
-    tolerance_of: ToleranceHook | None = None
-    height: DiscHook | None = None
-    area: ChangeHook | None = None
-    denominator: DiscHook | None = None
-    factor: DiscHook | None = None
-    speed: ChangeHook | None = None
-    torque: BodyHook | None = None
-    dry_friction: BodyHook | None = None
-    dry_width: BodyHook | None = None
-    random_torque: Callable[[Values], tuple[Quantity, Quantity]] | None = None
-    delay_s: Callable[[Values], Quantity] | None = None
-    readings: Mapping[str, ReadingHook] = field(default_factory=dict)
-    states: tuple[OwnState, ...] = ()
+    always_compiled: bool = False
+    acts_in_flight: bool = True
+    rig_values: Callable[[Rig], Mapping[str, float]] | None = None
+    tolerance_of: Callable[[Rig, BenchKind], Mapping[str, float]] | None = None
     configure: Callable[[Mapping[str, Any]], Effect] | None = None
+
+    def __post_init__(self) -> None:
+        named = getattr(self.numbers, "_fields", None)
+        names = tuple(item.name for item in self.parameters)
+        if named is not None and named != names:
+            raise InputError(
+                f"effect {self.name!r}: its numbers are {', '.join(named)}, its parameters "
+                f"{', '.join(names)}; give both the same names in the same order"
+            )
 
     @property
     def candidate(self) -> bool:
@@ -231,11 +236,45 @@ class Effect:
         return bool(self.benches)
 
     @property
-    def thrust_reading(self) -> ReadingHook | None:
-        """The hook on the load cell's reading."""
-        return self.readings.get("thrust_N")
-
-    @property
     def changes_geometry(self) -> bool:
         """Whether heights or covered areas, and so the images, depend on its parameters."""
-        return self.height is not None or self.area is not None
+        return self.hooks.height is not None or self.hooks.coverage is not None
+
+
+def number(
+    name: str,
+    unit: str,
+    value: float,
+    description: str,
+    *,
+    neutral: float | None = None,
+    within: tuple[float, float] = (-inf, inf),
+    tolerance: float | None = None,
+    prior: Prior | None = None,
+    source: str = "neutral value",
+) -> Parameter:
+    """Return an effect's parameter.
+
+    Args:
+        name: as in the effect's `P`.
+        unit: one of `core.units.UNITS`.
+        value: where a model does not state one.
+        description: what it is.
+        neutral: value at which the effect is exactly absent; None where it has none by itself.
+        within: bounds.
+        tolerance: a change smaller than this does not matter; None where it goes with the rig.
+        prior: what is known of it beforehand.
+        source: where the value comes from.
+    """
+    return Parameter(
+        name,
+        unit,
+        value,
+        neutral=neutral,
+        lower=within[0],
+        upper=within[1],
+        prior=Prior() if prior is None else prior,
+        tolerance=tolerance,
+        description=description,
+        source=source,
+    )

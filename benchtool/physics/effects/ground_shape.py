@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from benchtool.core.parameter import Parameter, Prior
-from benchtool.physics.effects.effect import Effect, Flow, Quantity, Values
-from benchtool.physics.expression import expression
+from typing import Any, NamedTuple
+
+from benchtool.core.parameter import Prior
+from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
 from benchtool.physics.images import self_image
 
 KNOWN = Prior(
@@ -12,11 +13,15 @@ KNOWN = Prior(
 )
 
 
+class P(NamedTuple):
+    curvature: Any
+
+
 @expression
-def denominator(i: int, flow: Flow, p: Values) -> Quantity:
+def denominator(p: P, i: int, flow: Flow) -> Quantity:
     """Return c D^2 with D the disc's own image: the term of second order in 1/z^2."""
     own = flow.radius_m * flow.radius_m * self_image(flow.height_m[i])
-    return p[0] * own * own
+    return p.curvature * own * own
 
 
 EFFECT = Effect(
@@ -27,22 +32,23 @@ EFFECT = Effect(
         "speed answers to a near plate a little more or less than that. An explanation takes it "
         "for something that the bench's owner knows only roughly."
     ),
-    stage="rpm_to_thrust",
+    subsystem="rpm_to_thrust",
+    order=10,
     law="denominator - c (R/4z)^4",
+    numbers=P,
     parameters=(
-        Parameter(
+        number(
             "curvature",
             "1",
             0.0,
+            "strength c of the term of second order",
             neutral=0.0,
-            lower=-0.5,
-            upper=0.5,
+            within=(-0.5, 0.5),
             prior=KNOWN,
             tolerance=0.1,
-            description="strength c of the term of second order",
-            source="neutral value",
         ),
     ),
+    hooks=Hooks(denominator=denominator),
     shows="z/R below 1",
     source=(
         "momentum balances differ in the exponent p of (1 - D/p)^-p: 2/3 to infinity, which are "
@@ -51,5 +57,4 @@ EFFECT = Effect(
     confused_with={"plate_offset": "distances beyond z/R 1 separate them"},
     benches=frozenset(),
     adjusted_on=frozenset({"sweep"}),
-    denominator=denominator,
 )

@@ -2,41 +2,44 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from typing import Any, NamedTuple
 
-from benchtool.core.parameter import Parameter
-from benchtool.physics.effects.effect import Effect, Flow, Quantity, Values
-from benchtool.physics.expression import expression
+from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
+
+
+class P(NamedTuple):
+    bias_rad_s: Any
 
 
 @expression
-def gyro_reading(reading: Quantity, flow: Flow, states: Sequence[Quantity], p: Values) -> Quantity:
+def gyro_reading(p: P, i: int, flow: Flow, reading: Quantity) -> Quantity:
     """Return the gyro's reading with the bias on it: rad/s."""
-    return reading + p[0]
+    return reading + p.bias_rad_s
 
 
 EFFECT = Effect(
     name="gyro_bias",
     title="Gyro bias",
     description="The gyro shows a rate while nothing turns.",
-    stage="sensor",
+    subsystem="sensor",
+    order=10,
     law="reading = rate + bias; where the scale is off, too: scale * (rate + bias)",
+    numbers=P,
     parameters=(
-        Parameter(
+        number(
             "bias_rad_s",
             "rad/s",
             0.0,
+            "what the gyro shows at rest",
             neutral=0.0,
-            lower=-1.0,
-            upper=1.0,
+            within=(-1.0, 1.0),
             tolerance=0.0035,
-            description="what the gyro shows at rest",
-            source="neutral value",
         ),
     ),
+    hooks=Hooks(gyro_reading=gyro_reading),
     shows="always; against the encoder's slope",
     source="constant bias, the usual first approximation of a MEMS gyro",
     confused_with={"gyro_scale": "fast motion separates them"},
     benches=frozenset({"pitch"}),
-    readings={"gyro_rad_s": gyro_reading},
+    always_compiled=True,
 )

@@ -3,18 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any, NamedTuple
 
-from benchtool.core.parameter import Parameter
 from benchtool.core.rig import Rig
-from benchtool.physics.effects.effect import BenchKind, Effect, Flow, Quantity, Values
-from benchtool.physics.expression import expression
+from benchtool.physics.effects.effect import (
+    BenchKind,
+    Effect,
+    Flow,
+    Hooks,
+    Quantity,
+    expression,
+    number,
+)
 from benchtool.physics.size import torque_scale
 
 
+class P(NamedTuple):
+    stiffness_Nm_per_rad: Any
+
+
 @expression
-def torque(flow: Flow, p: Values) -> Quantity:
+def torque(p: P, i: int, flow: Flow) -> Quantity:
     """Return the torque of the spring about the hinge: N m."""
-    return -p[0] * flow.pitch_rad
+    return -p.stiffness_Nm_per_rad * flow.pitch_rad
 
 
 def tolerance_of(rig: Rig, bench: BenchKind) -> Mapping[str, float]:
@@ -26,24 +37,26 @@ EFFECT = Effect(
     name="hinge_spring",
     title="Hinge spring",
     description="A cable, a flexure or a bearing seal pulls the beam back to level.",
-    stage="hinge",
+    subsystem="hinge",
+    order=50,
     law="torque = -k pitch",
+    numbers=P,
     parameters=(
-        Parameter(
+        number(
             "stiffness_Nm_per_rad",
             "N m/rad",
             0.0,
+            "stiffness about level",
             neutral=0.0,
-            lower=-5.0,
-            upper=20.0,
-            description="stiffness about level",
-            source="neutral value",
+            within=(-5.0, 20.0),
         ),
     ),
+    hooks=Hooks(torque=torque),
     shows="large angles held for long",
     source="linear spring about the level beam",
     confused_with={"cog_offset": "angles of both signs separate them"},
     benches=frozenset({"pitch"}),
+    always_compiled=True,
+    acts_in_flight=False,
     tolerance_of=tolerance_of,
-    torque=torque,
 )

@@ -2,35 +2,54 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from typing import Any, NamedTuple
 
-from benchtool.core.parameter import Parameter, Prior
+from benchtool.core.parameter import Prior
 from benchtool.core.rig import Rig
 from benchtool.core.units import STANDARD_GRAVITY_M_S2
-from benchtool.physics.effects.effect import BenchKind, Effect, Flow, Quantity, Values
-from benchtool.physics.expression import expression
+from benchtool.physics.effects.effect import (
+    BenchKind,
+    Effect,
+    Flow,
+    Hooks,
+    Quantity,
+    expression,
+    number,
+)
 from benchtool.physics.size import weight_scale
 
 GROWTH_KNOWN = Prior("normal", 0.0, 0.15, "assumed: data sheets tell one width, at full load")
 
 
+class P(NamedTuple):
+    half_width_N: Any
+    tare_direction: Any
+    growth: Any
+    reference_N: Any
+
+
 @expression
-def thrust_reading(
-    reading: Quantity, flow: Flow, states: Sequence[Quantity], p: Values
-) -> Quantity:
+def thrust_reading(p: P, i: int, flow: Flow, reading: Quantity) -> Quantity:
     """Return the reading behind a play: low after a rise, against the direction of the tare: N."""
-    width = p[0] * (1.0 + p[2] * (reading / p[3] - 1.0))
-    return reading - width * (flow.load_direction - p[1])
+    width = p.half_width_N * (1.0 + p.growth * (reading / p.reference_N - 1.0))
+    return reading - width * (flow.load_direction - p.tare_direction)
+
+
+@expression
+def play_N(p: P, i: int, flow: Flow) -> Quantity:
+    """Return the half width of the play that a moving reading stays behind: N."""
+    return p.half_width_N
+
+
+def rig_values(rig: Rig) -> Mapping[str, float]:
+    """Return the rig's weight as the load at which the half width holds: N."""
+    return {"reference_N": STANDARD_GRAVITY_M_S2 * rig.body.mass_kg}
 
 
 def tolerance_of(rig: Rig, bench: BenchKind) -> Mapping[str, float]:
     """Return the force that matters (a guess), in the measure of the weight: N."""
     return {"half_width_N": 0.02 * weight_scale(rig)}
-
-
-def rig_values(rig: Rig) -> Mapping[str, float]:
-    """Return the weight as the load at which the half width holds: N."""
-    return {"reference_N": STANDARD_GRAVITY_M_S2 * rig.body.mass_kg}
 
 
 EFFECT = Effect(
@@ -40,51 +59,49 @@ EFFECT = Effect(
         "A load reads lower when it was approached from a smaller one than from a greater one; "
         "friction in the stand and the cell itself do it."
     ),
-    stage="sensor",
+    subsystem="sensor",
+    order=50,
     law=(
         "reading = thrust - h (1 + s (thrust/ref - 1)) (d - d_tare), d = +1 approached from below, "
         "-1 from above"
     ),
+    numbers=P,
     parameters=(
-        Parameter(
+        number(
             "half_width_N",
             "N",
             0.0,
+            "half the difference between the way down and the way up at the reference",
             neutral=0.0,
-            lower=0.0,
-            upper=5.0,
-            description="half the difference between the way down and the way up at the reference",
-            source="neutral value",
+            within=(0.0, 5.0),
         ),
-        Parameter(
+        number(
             "tare_direction",
             "1",
             -1.0,
-            lower=-1.0,
-            upper=1.0,
-            description="direction d of the load at the tare: -1 after thrust, 0 on a fresh cell",
+            "direction d of the load at the tare: -1 after thrust, 0 on a fresh cell",
+            within=(-1.0, 1.0),
             source="convention: a bench is tared after its motors have run",
         ),
-        Parameter(
+        number(
             "growth",
             "1",
             0.0,
-            lower=-1.0,
-            upper=1.0,
+            "share s by which the loop is wider at twice the reference load",
+            within=(-1.0, 1.0),
             prior=GROWTH_KNOWN,
-            description="share s by which the loop is wider at twice the reference load",
             source="0: a loop of constant width (play, dry friction)",
         ),
-        Parameter(
+        number(
             "reference_N",
             "N",
             10.0,
-            lower=0.01,
-            upper=1e4,
-            description="load at which the half width holds",
+            "load at which the half width holds",
+            within=(0.01, 1e4),
             source="convention; it matters only where the loop grows",
         ),
     ),
+    hooks=Hooks(thrust_reading=thrust_reading, play_N=play_N),
     shows="levels visited up and down at one place",
     source=(
         "definition of hysteresis in load-cell data sheets; a loop of constant width (play, dry "
@@ -95,7 +112,7 @@ EFFECT = Effect(
         "load_cell_drift": "levels in mixed order separate them",
     },
     benches=frozenset({"sweep"}),
+    acts_in_flight=False,
     rig_values=rig_values,
     tolerance_of=tolerance_of,
-    readings={"thrust_N": thrust_reading},
 )

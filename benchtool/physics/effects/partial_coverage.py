@@ -14,10 +14,17 @@ from typing import Any
 import numpy as np
 
 from benchtool.core.errors import InputError
-from benchtool.core.parameter import Parameter
 from benchtool.core.rig import Rig
-from benchtool.physics.effects.effect import BenchKind, Derived, Effect, Flow, Quantity, Values
-from benchtool.physics.expression import expression
+from benchtool.physics.effects.effect import (
+    BenchKind,
+    Derived,
+    Effect,
+    Flow,
+    Hooks,
+    Quantity,
+    expression,
+    number,
+)
 
 TOLERANCE = 0.1
 """A tenth of the increment does not matter; a choice."""
@@ -27,7 +34,13 @@ MOST_KNOTS = 16
 
 
 @expression
-def area(i: int, fraction: Quantity, flow: Flow, p: Values) -> Quantity:
+def all_in_order(*numbers: Quantity) -> tuple[Quantity, ...]:
+    """Return the numbers as they are: shares, knots and how much coverage there is."""
+    return numbers
+
+
+@expression
+def coverage(p: tuple[Quantity, ...], i: int, flow: Flow, fraction: Quantity) -> Quantity:
     """Return the effective fraction: piecewise linear through the factors at the knots."""
     n = (len(p) - 1) // 2
     fraction = fraction * p[2 * n]
@@ -81,57 +94,54 @@ def with_knots(coverages: Sequence[float]) -> Effect:
             f"leave out 0 and 1 and sort the others"
         )
     shares = tuple(
-        Parameter(
+        number(
             f"share_{k}",
             "1",
             (b - a) / (1.0 - a),
+            f"share of the remaining increment taken up to {b:.3g} of the disc",
             neutral=(b - a) / (1.0 - a),
-            lower=0.0,
-            upper=1.0,
-            description=f"share of the remaining increment taken up to {b:.3g} of the disc",
+            within=(0.0, 1.0),
             source="neutral value: the straight line (paper, section 3.1)",
         )
         for k, (a, b) in enumerate(pairwise(edges[:-1]), start=1)
     )
     knots = tuple(
-        Parameter(
+        number(
             f"knot_{k}",
             "1",
             b,
-            lower=0.0,
-            upper=1.0,
-            description="covered fraction at the knot",
+            "covered fraction at the knot",
+            within=(0.0, 1.0),
             source="coverage as measured",
         )
         for k, b in enumerate(coverages, start=1)
     )
-    reached = Parameter(
+    reached = number(
         "share",
         "1",
         1.0,
+        "how much of the stated coverage there is",
         neutral=1.0,
-        lower=0.0,
-        upper=1.0,
-        description="how much of the stated coverage there is",
-        source="neutral value",
+        within=(0.0, 1.0),
     )
     return Effect(
         name="partial_coverage",
         title="Partial-area factors",
         description="The increment of a partly covered disc departs from a straight line in area.",
-        stage="rpm_to_thrust",
+        subsystem="rpm_to_thrust",
+        order=50,
         law=(
             "f = 1 + g(a) (F - 1), g piecewise linear through the factors, g(0) = 0, g(1) = 1, "
             "a = share * stated"
         ),
+        numbers=all_in_order,
         parameters=(*shares, *knots, reached),
+        hooks=Hooks(coverage=coverage),
         shows="lateral plate positions at a near distance",
         source="linearity: paper section 3.1 after Seo et al. 2010; the free factors are ours",
         confused_with={"body_lift": "a full cover at the same distance separates them"},
-        benches=frozenset({"pitch", "sweep"}),
         derived=derived,
         tolerance_of=tolerance_of,
-        area=area,
         configure=configured,
     )
 

@@ -2,43 +2,48 @@
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 import numpy as np
 
-from benchtool.core.parameter import Parameter
-from benchtool.physics.effects.effect import Effect, Flow, Quantity, Values
-from benchtool.physics.expression import expression
+from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
+
+
+class P(NamedTuple):
+    ratio: Any
 
 
 @expression
-def factor(i: int, flow: Flow, p: Values) -> Quantity:
+def factor(p: P, i: int, flow: Flow) -> Quantity:
     """Return the ratio for a disc on the other side of the hinge than the first disc, else 1."""
     side = flow.position_x_m[i] * flow.position_x_m[0]
     opposite = np.maximum(-np.sign(side), 0.0)
-    return 1.0 + opposite * (p[0] - 1.0)
+    return 1.0 + opposite * (p.ratio - 1.0)
 
 
 EFFECT = Effect(
     name="rotor_asymmetry",
     title="Rotor asymmetry",
     description="The rotors on the two sides of the hinge give different thrust at equal speed.",
-    stage="rpm_to_thrust",
+    subsystem="rpm_to_thrust",
+    order=80,
     law="thrust of the rotors opposite the first one is multiplied by the ratio",
+    numbers=P,
     parameters=(
-        Parameter(
+        number(
             "ratio",
             "1",
             1.0,
+            "thrust of rotor 2 over rotor 1 (of the side opposite the first rotor)",
             neutral=1.0,
-            lower=0.1,
-            upper=3.0,
+            within=(0.1, 3.0),
             tolerance=0.015,
-            description="thrust of rotor 2 over rotor 1 (of the side opposite the first rotor)",
-            source="neutral value",
         ),
     ),
+    hooks=Hooks(factor=factor),
     shows="always; a constant torque that scales with the collective",
     source="worn or unequal propellers; a plain ratio",
     confused_with={"cog_offset": "collective steps of 10 % separate them"},
     benches=frozenset({"pitch"}),
-    factor=factor,
+    always_compiled=True,
 )

@@ -2,34 +2,31 @@
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 import numpy as np
 
 from benchtool.core.parameter import Parameter, Prior
-from benchtool.physics.effects.effect import Effect, Flow, Quantity, Values
-from benchtool.physics.expression import expression
+from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
 
 KNOWN = Prior("normal", 0.0, 0.005, "assumed: pulses and speeds of a calibrated ESC agree to 0.5 %")
 
 
+class P(NamedTuple):
+    gain: Any
+    difference: Any
+
+
 @expression
-def speed(i: int, speed_rad_s: Quantity, flow: Flow, p: Values) -> Quantity:
+def speed(p: P, i: int, flow: Flow, speed_rad_s: Quantity) -> Quantity:
     """Return the speed with the gain changed, more on one side of the hinge: rad/s."""
     side = np.sign(flow.position_x_m[i])
-    return speed_rad_s * (1.0 + p[0] + 0.5 * side * p[1])
+    return speed_rad_s * (1.0 + p.gain + 0.5 * side * p.difference)
 
 
-def _parameter(name: str, description: str) -> Parameter:
-    return Parameter(
-        name,
-        "1",
-        0.0,
-        neutral=0.0,
-        lower=-0.2,
-        upper=0.2,
-        prior=KNOWN,
-        tolerance=0.005,
-        description=description,
-        source="neutral value",
+def _error(name: str, description: str) -> Parameter:
+    return number(
+        name, "1", 0.0, description, neutral=0.0, within=(-0.2, 0.2), prior=KNOWN, tolerance=0.005
     )
 
 
@@ -40,12 +37,15 @@ EFFECT = Effect(
         "ESCs turn the same pulse into slightly different speeds. Measured speeds show it at once; "
         "an explanation takes it for something that the bench's owner knows only roughly."
     ),
-    stage="pwm_to_rpm",
+    subsystem="pwm_to_rpm",
+    order=30,
     law="speed = gain * pulse * (1 + gain error + side * difference / 2)",
+    numbers=P,
     parameters=(
-        _parameter("gain", "relative error of the map, all rotors alike"),
-        _parameter("difference", "the same, rotors before the hinge over those behind it"),
+        _error("gain", "relative error of the map, all rotors alike"),
+        _error("difference", "the same, rotors before the hinge over those behind it"),
     ),
+    hooks=Hooks(speed=speed),
     shows="rpm against pulses, on a settled bench too",
     source="definition; the size is a guess",
     confused_with={
@@ -54,5 +54,4 @@ EFFECT = Effect(
     },
     benches=frozenset(),
     adjusted_on=frozenset({"pitch"}),
-    speed=speed,
 )

@@ -3,19 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any, NamedTuple
 
-from benchtool.core.parameter import Parameter
 from benchtool.core.rig import Rig
-from benchtool.physics.effects.effect import BenchKind, Effect, Flow, Quantity, Values
-from benchtool.physics.expression import expression
+from benchtool.physics.effects.effect import (
+    BenchKind,
+    Effect,
+    Flow,
+    Hooks,
+    Quantity,
+    expression,
+    number,
+)
 from benchtool.physics.size import torque_scale
 
 
+class P(NamedTuple):
+    excess_Nm: Any
+    rate_rad_s: Any
+
+
 @expression
-def dry_friction(flow: Flow, p: Values) -> Quantity:
+def dry_friction(p: P, i: int, flow: Flow) -> Quantity:
     """Return what the hinge holds beyond its friction in motion: N m."""
-    ratio = flow.rate_rad_s / p[1]
-    return p[0] / (1.0 + ratio * ratio)
+    ratio = flow.rate_rad_s / p.rate_rad_s
+    return p.excess_Nm / (1.0 + ratio * ratio)
 
 
 def tolerance_of(rig: Rig, bench: BenchKind) -> Mapping[str, float]:
@@ -27,34 +39,34 @@ EFFECT = Effect(
     name="stribeck",
     title="Stribeck friction",
     description="Near standstill the hinge holds more than it drags with when it moves.",
-    stage="hinge",
+    subsystem="hinge",
+    order=20,
     law="dry friction + T / (1 + (rate / rate_s)^2)",
+    numbers=P,
     parameters=(
-        Parameter(
+        number(
             "excess_Nm",
             "N m",
             0.0,
+            "friction at rest above that in motion",
             neutral=0.0,
-            lower=0.0,
-            upper=10.0,
-            description="friction at rest above that in motion",
-            source="neutral value",
+            within=(0.0, 10.0),
         ),
-        Parameter(
+        number(
             "rate_rad_s",
             "rad/s",
             0.05,
-            neutral=None,
-            lower=0.0001,
-            upper=10.0,
-            description="rate at which half of the excess is gone",
+            "rate at which half of the excess is gone",
+            within=(0.0001, 10.0),
             source="assumed",
         ),
     ),
+    hooks=Hooks(dry_friction=dry_friction),
     shows="slow reversals: the beam breaks loose with a jerk",
     source="Hess and Soom 1990, J. Tribology 112: the form 1 / (1 + (v/v_s)^2)",
     confused_with={"coulomb_friction": "speeds near zero separate them"},
     benches=frozenset(),
+    always_compiled=True,
+    acts_in_flight=False,
     tolerance_of=tolerance_of,
-    dry_friction=dry_friction,
 )

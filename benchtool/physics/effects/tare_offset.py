@@ -2,21 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from typing import Any, NamedTuple
 
-from benchtool.core.parameter import Parameter
 from benchtool.core.rig import Rig
-from benchtool.physics.effects.effect import BenchKind, Effect, Flow, Quantity, Values
-from benchtool.physics.expression import expression
+from benchtool.physics.effects.effect import (
+    BenchKind,
+    Effect,
+    Flow,
+    Hooks,
+    Quantity,
+    expression,
+    number,
+)
 from benchtool.physics.size import weight_scale
 
 
+class P(NamedTuple):
+    thrust_N: Any
+
+
 @expression
-def thrust_reading(
-    reading: Quantity, flow: Flow, states: Sequence[Quantity], p: Values
-) -> Quantity:
+def thrust_reading(p: P, i: int, flow: Flow, reading: Quantity) -> Quantity:
     """Return the reading with a constant on it: N."""
-    return reading + p[0]
+    return reading + p.thrust_N
 
 
 def tolerance_of(rig: Rig, bench: BenchKind) -> Mapping[str, float]:
@@ -28,29 +37,23 @@ EFFECT = Effect(
     name="tare_offset",
     title="Tare offset",
     description="A constant stands on every thrust reading: the cell was tared under load.",
-    stage="sensor",
+    subsystem="sensor",
+    order=30,
     law="reading = thrust + offset",
+    numbers=P,
     parameters=(
-        Parameter(
-            "thrust_N",
-            "N",
-            0.0,
-            neutral=0.0,
-            lower=-5.0,
-            upper=5.0,
-            description="constant on the reading",
-            source="neutral value",
-        ),
+        number("thrust_N", "N", 0.0, "constant on the reading", neutral=0.0, within=(-5.0, 5.0)),
     ),
+    hooks=Hooks(thrust_reading=thrust_reading),
     shows="low throttle, zero throttle",
     source="arithmetic of a tare",
     confused_with={"load_cell_hysteresis": "tare rows and up-and-down order separate them"},
-    benches=frozenset({"sweep"}),
     separated_by={
         "k": "several throttle levels, among them a low one",
         "calibration.offset_N": "a tare with the motors off",
     },
     trends_over=("speed_rad_s",),
+    benches=frozenset({"sweep"}),
+    acts_in_flight=False,
     tolerance_of=tolerance_of,
-    readings={"thrust_N": thrust_reading},
 )

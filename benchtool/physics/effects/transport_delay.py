@@ -2,39 +2,43 @@
 
 from __future__ import annotations
 
-from benchtool.core.parameter import Parameter
-from benchtool.physics.effects.effect import Effect, Quantity, Values
-from benchtool.physics.expression import expression
+from typing import Any, NamedTuple
+
+from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
+
+
+class P(NamedTuple):
+    delay_s: Any
 
 
 @expression
-def delay_s(p: Values) -> Quantity:
+def delay_s(p: P, i: int, flow: Flow) -> Quantity:
     """Return the delay: s."""
-    return p[0]
+    return p.delay_s
 
 
 EFFECT = Effect(
     name="transport_delay",
     title="Transport delay",
     description="A command reaches the motors some time after it was given.",
-    stage="pwm_to_rpm",
+    subsystem="pwm_to_rpm",
+    order=10,
     law="pulse at the motor (t) = command (t - delay)",
+    numbers=P,
     parameters=(
-        Parameter(
+        number(
             "delay_s",
             "s",
             0.0,
+            "time between a command and its arrival at the motors",
             neutral=0.0,
-            lower=0.0,
-            upper=0.2,
+            within=(0.0, 0.2),
             tolerance=0.002,
-            description="time between a command and its arrival at the motors",
-            source="neutral value",
         ),
     ),
+    hooks=Hooks(delay_s=delay_s),
     shows="changes of pulse width; never on a settled bench",
     source="pure delay: bus, ESC input filter, PWM period",
     confused_with={"motor_lag": "dither above 5 Hz, or rpm telemetry, separates them"},
     benches=frozenset({"pitch"}),
-    delay_s=delay_s,
 )

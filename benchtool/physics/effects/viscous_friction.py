@@ -3,18 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any, NamedTuple
 
-from benchtool.core.parameter import Parameter
 from benchtool.core.rig import Rig
-from benchtool.physics.effects.effect import BenchKind, Effect, Flow, Quantity, Values
-from benchtool.physics.expression import expression
+from benchtool.physics.effects.effect import (
+    BenchKind,
+    Effect,
+    Flow,
+    Hooks,
+    Quantity,
+    expression,
+    number,
+)
 from benchtool.physics.size import torque_scale
 
 
+class P(NamedTuple):
+    damping_Nms: Any
+
+
 @expression
-def torque(flow: Flow, p: Values) -> Quantity:
+def torque(p: P, i: int, flow: Flow) -> Quantity:
     """Return the damping torque about the hinge: N m."""
-    return -p[0] * flow.rate_rad_s
+    return -p.damping_Nms * flow.rate_rad_s
 
 
 def tolerance_of(rig: Rig, bench: BenchKind) -> Mapping[str, float]:
@@ -26,20 +37,16 @@ EFFECT = Effect(
     name="viscous_friction",
     title="Viscous friction",
     description="The hinge opposes motion in proportion to its rate.",
-    stage="hinge",
+    subsystem="hinge",
+    order=30,
     law="torque = -d rate",
+    numbers=P,
     parameters=(
-        Parameter(
-            "damping_Nms",
-            "N m s",
-            0.0,
-            neutral=0.0,
-            lower=0.0,
-            upper=10.0,
-            description="damping of the hinge",
-            source="neutral value",
+        number(
+            "damping_Nms", "N m s", 0.0, "damping of the hinge", neutral=0.0, within=(0.0, 10.0)
         ),
     ),
+    hooks=Hooks(torque=torque),
     shows="fast motion at any throttle",
     source="linear damping, the usual first approximation of a greased bearing",
     confused_with={
@@ -47,6 +54,7 @@ EFFECT = Effect(
         "aerodynamic_damping": "several collectives separate them",
     },
     benches=frozenset({"pitch"}),
+    always_compiled=True,
+    acts_in_flight=False,
     tolerance_of=tolerance_of,
-    torque=torque,
 )

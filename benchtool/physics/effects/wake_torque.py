@@ -3,18 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any, NamedTuple
 
-from benchtool.core.parameter import Parameter
 from benchtool.core.rig import Rig
-from benchtool.physics.effects.effect import BenchKind, Effect, Quantity, Values
-from benchtool.physics.expression import expression
+from benchtool.physics.effects.effect import (
+    BenchKind,
+    Effect,
+    Flow,
+    Hooks,
+    Quantity,
+    expression,
+    number,
+)
 from benchtool.physics.size import torque_scale
 
 
+class P(NamedTuple):
+    sd_Nm: Any
+    correlation_s: Any
+
+
 @expression
-def random_torque(p: Values) -> tuple[Quantity, Quantity]:
+def random_torque(p: P, i: int, flow: Flow) -> tuple[Quantity, Quantity]:
     """Return standard deviation (N m) and correlation time (s)."""
-    return p[0], p[1]
+    return p.sd_Nm, p.correlation_s
 
 
 def tolerance_of(rig: Rig, bench: BenchKind) -> Mapping[str, float]:
@@ -26,34 +38,32 @@ EFFECT = Effect(
     name="wake_torque",
     title="Wake torque",
     description="Turbulence of the rotors' wakes pushes the beam about at random.",
-    stage="hinge",
+    subsystem="hinge",
+    order=80,
     law="Ornstein-Uhlenbeck process of that standard deviation and correlation time",
+    numbers=P,
     parameters=(
-        Parameter(
+        number(
             "sd_Nm",
             "N m",
             0.0,
+            "standard deviation of the random torque",
             neutral=0.0,
-            lower=0.0,
-            upper=10.0,
-            description="standard deviation of the random torque",
-            source="neutral value",
+            within=(0.0, 10.0),
         ),
-        Parameter(
+        number(
             "correlation_s",
             "s",
             0.1,
-            neutral=None,
-            lower=0.0001,
-            upper=100.0,
-            description="correlation time of the random torque",
+            "correlation time of the random torque",
+            within=(0.0001, 100.0),
             source="assumed",
         ),
     ),
+    hooks=Hooks(random_torque=random_torque),
     shows="always; coloured residuals of torque",
     source="Ornstein-Uhlenbeck, the simplest coloured noise; an assumption",
     confused_with={},
     benches=frozenset(),
     tolerance_of=tolerance_of,
-    random_torque=random_torque,
 )

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 import numpy as np
 
-from benchtool.core.parameter import Parameter, Prior
-from benchtool.physics.effects.effect import Effect, Flow, Quantity, Values
-from benchtool.physics.expression import expression
+from benchtool.core.parameter import Prior
+from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
 
 RECOVERY = 1.22
 """Leishman 2006, eq. (6.36): download near the ground over that far away is 1 - 1.22 exp(-z/R)."""
@@ -14,11 +15,16 @@ RECOVERY = 1.22
 REACH_KNOWN = Prior("normal", 1.0, 0.05, "assumed: a curve read off a figure holds to 5 %")
 
 
+class P(NamedTuple):
+    share: Any
+    reach: Any
+
+
 @expression
-def factor(i: int, flow: Flow, p: Values) -> Quantity:
+def factor(p: P, i: int, flow: Flow) -> Quantity:
     """Return what the wake's push on the stand leaves of a disc's thrust."""
-    recovered = flow.area[i] * RECOVERY * np.exp(-flow.height_m[i] / (p[1] * flow.radius_m))
-    return 1.0 - p[0] * (1.0 - recovered)
+    falloff = np.exp(-flow.height_m[i] / (p.reach * flow.radius_m))
+    return 1.0 - p.share * (1.0 - flow.coverage[i] * RECOVERY * falloff)
 
 
 EFFECT = Effect(
@@ -28,31 +34,31 @@ EFFECT = Effect(
         "Stand, frame or wall in the wake take part of the thrust as download, out of ground "
         "effect too; a near plate slows the wake and gives some of it back."
     ),
-    stage="rpm_to_thrust",
+    subsystem="rpm_to_thrust",
+    order=70,
     law="factor 1 - b (1 - a 1.22 exp(-z/(c R))), a the covered fraction of the disc",
+    numbers=P,
     parameters=(
-        Parameter(
+        number(
             "share",
             "1",
             0.0,
+            "share b of the thrust that the stand takes with no plate near",
             neutral=0.0,
-            lower=-0.3,
-            upper=0.5,
+            within=(-0.3, 0.5),
             tolerance=0.01,
-            description="share b of the thrust that the stand takes with no plate near",
-            source="neutral value",
         ),
-        Parameter(
+        number(
             "reach",
             "1",
             1.0,
-            lower=0.5,
-            upper=2.0,
+            "distance c over R in which the recovery falls off",
+            within=(0.5, 2.0),
             prior=REACH_KNOWN,
-            description="distance c over R in which the recovery falls off",
             source="1: Leishman 2006, eq. (6.36)",
         ),
     ),
+    hooks=Hooks(factor=factor),
     shows="plate distances z/R of 0.5 to 4 against far ones; far ones alone only scale k",
     source=(
         "Leishman 2006, eq. (6.36), after Fradenburgh 1972: recovery of a fuselage's download, "
@@ -63,5 +69,4 @@ EFFECT = Effect(
         "plate_offset": "distances beyond z/R 2 separate them",
     },
     benches=frozenset({"sweep"}),
-    factor=factor,
 )

@@ -20,7 +20,7 @@ from benchtool.simulate.flight.rigid_body import GRAVITY_M_S2
 
 Array = NDArray[np.float64]
 
-FLYING_EFFECTS = ("neighbour_images", "body_lift")
+FLYING_EFFECTS = ("rotor_images", "neighbour_images", "body_lift")
 """Effects of a model that the flight simulator has; others belong to a bench."""
 
 

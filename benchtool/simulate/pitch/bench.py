@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.rig import Rig, Sensor
-from benchtool.physics.effects.effect import Effect
 from benchtool.physics.model import Model
 
 Array = NDArray[np.float64]
@@ -79,8 +78,7 @@ class PitchBench:
         rig's where the model does not state one.
         """
         rig = model.rig
-        if all(effect.name != "motor_lag" for effect in model.effects):
-            model = model.with_effect("motor_lag", tau_s=rig.propulsion.lag_s)
+        model = model.with_lag_of_rig()
         return cls(
             **{
                 "model": model,
@@ -120,22 +118,13 @@ class PitchBench:
         for name, value in self.model.parameters.items():
             if not isfinite(value.value):
                 raise InputError(f"{name} is {value.value:g}; give a finite number")
-        lag_s = self.parameter("motor_lag", "tau_s")
+        lag_s = self.model.lag_s
         if 0.0 < lag_s < STEPS_PER_LAG / self.plant_rate_Hz:
             raise InputError(
                 f"motor_lag.tau_s is {lag_s:g} s, but a plant step takes "
                 f"{1.0 / self.plant_rate_Hz:g} s; raise plant_rate_Hz to "
                 f"{STEPS_PER_LAG / lag_s:.0f} or more, or leave the lag out"
             )
-
-    def parameter(self, effect: str, name: str) -> float:
-        """Return an effect's parameter: the model's, or the neutral value."""
-        full = f"{effect}.{name}"
-        return self.model.parameters[full].value if full in self.model.parameters else 0.0
-
-    def effect(self, name: str) -> Effect | None:
-        """Return the model's effect of that name."""
-        return next((item for item in self.model.effects if item.name == name), None)
 
     @property
     def hover_N(self) -> float:

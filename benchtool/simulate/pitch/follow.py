@@ -306,9 +306,13 @@ def _turning(
 
 def _as_turned(model: Model, lag_s: float) -> Model:
     """Return the model without anything between pulse and speed but a lag."""
-    values = {"motor_lag.tau_s": lag_s}
+    values = {
+        f"{effect.name}.{effect.parameters[0].name}": lag_s
+        for effect in model.effects
+        if effect.hooks.lag_s is not None
+    }
     for effect in model.effects:
-        if effect.stage == "pwm_to_rpm":
+        if effect.subsystem == "pwm_to_rpm":
             for item in effect.parameters:
                 neutral = item.value if item.neutral is None else item.neutral
                 values.setdefault(f"{effect.name}.{item.name}", neutral)

@@ -17,7 +17,7 @@ _TEXT = '''"""Effects of a pitch bench, spelled out: {names}.
 import numpy as np
 
 from benchtool.physics.expression import compiled
-from benchtool.physics.images import image_velocity, partial_factor, self_image, thrust_factor
+from benchtool.physics.images import image_velocity, partial_factor, thrust_factor
 from benchtool.physics.validity import clamped_height
 from benchtool.physics.effects.effect import Flow
 from benchtool.simulate.gathered import line, plane, solid
@@ -71,14 +71,13 @@ def blown(flow, distances, arms, p):
 
 @spelled
 def factors(flow, p):
-    square = flow.radius_m * flow.radius_m
     return {factors}
 
 
 @spelled
 def loaded(flow, rate, k, factor):
     speed = flow.speed_rad_s
-    return Flow(flow.radius_m, flow.position_x_m, flow.position_y_m, flow.height_m, flow.area,
+    return Flow(flow.radius_m, flow.position_x_m, flow.position_y_m, flow.height_m, flow.coverage,
                 flow.active, speed, flow.neighbour_images, flow.body_images, flow.body_weight,
                 0.0, 0.0, flow.time_s, flow.pitch_rad, rate, flow.cos_pitch, flow.weight_N,
                 {thrusts}, 0.0, 0.0)
@@ -156,22 +155,18 @@ def pitch_module(
     """
     spelling = Spelling(effects)
     weight = spelling.name_of(wake_rule(rule).weight)
-    gyro = "reading"
-    for effect in effects:
-        if "gyro_rad_s" in effect.readings:
-            hook = spelling.name_of(effect.readings["gyro_rad_s"])
-            gyro = f"{hook}({gyro}, flow, (), {spelling.own(effect)})"
+    gyro = chained(spelling, "gyro_reading", "reading", "0, flow")
 
     def spread(text: str) -> str:
-        return "(" + "".join(text.replace("(i, ", f"({i}, ").replace("[i]", f"[{i}]") + ", "
+        return "(" + "".join(text.replace(" i, ", f" {i}, ").replace("[i]", f"[{i}]") + ", "
                              for i in range(n_discs)) + ")"  # fmt: skip
 
-    denominators = summed(spelling, "denominator", "i, flow, ")
+    denominators = summed(spelling, "denominator", "i, flow")
     products = [
-        f"{spelling.name_of(hook)}(i, flow, {spelling.own(effect)})"
+        f"{spelling.name_of(hook)}({spelling.own(effect)}, i, flow)"
         for effect, hook in spelling.with_hook("factor")
     ]
-    base = "partial_factor(thrust_factor(square * self_image(flow.height_m[i]) + {}), flow.area[i])"
+    base = "partial_factor(thrust_factor({}), flow.coverage[i])"
     total = sum(len(effect.parameters) for effect in effects)
     text = _TEXT.format(
         names=", ".join(effect.name for effect in effects) or "none",
@@ -194,19 +189,19 @@ def pitch_module(
         ones=each(n_discs, "1.0"),
         zeros=each(n_discs, "0.0"),
         heights=spread(
-            f"clamped_height(flow.height_m[i] + {summed(spelling, 'height', 'i, flow, ')}, "
+            f"clamped_height({chained(spelling, 'height', 'flow.height_m[i]', 'i, flow')}, "
             "flow.radius_m)"
         ),
-        areas=spread(chained(spelling, "area", "flow.area[i]", "flow, ")),
+        areas=spread(chained(spelling, "coverage", "flow.coverage[i]", "i, flow")),
         images=_images(n_discs),
         bodies=_bodies(n_discs, arms),
         weight=weight,
         factors=spread(" * ".join([base.format(denominators), *products])),
         thrusts=each(n_discs, "k * speed[{i}] * speed[{i}] * factor[{i}]"),
-        torque=summed(spelling, "torque", "flow, "),
-        dry_friction=summed(spelling, "dry_friction", "flow, "),
-        dry_width=summed(spelling, "dry_width", "flow, "),
-        speeds=spread(chained(spelling, "speed", "flow.speed_rad_s[i]", "flow, ")),
+        torque=summed(spelling, "torque", "0, flow"),
+        dry_friction=summed(spelling, "dry_friction", "0, flow"),
+        dry_width=summed(spelling, "dry_width", "0, flow"),
+        speeds=spread(chained(spelling, "speed", "flow.speed_rad_s[i]", "i, flow")),
         gyro=gyro,
         lane_tuple=each(lanes, "{i}"),
         imports="{imports}",

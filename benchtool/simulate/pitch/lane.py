@@ -83,7 +83,7 @@ def step_lane(w: Any, lane: Any, at: Any, states: Any, shared: Any, hooks: Any) 
     w[r.STOPPED * at + lane] = w[r.STOPPED * at + lane] + hit
     low = 0.0 * hit
     for i in range(len(x)):
-        low = np.maximum(low, (flow.height_m[i] <= 0.5 * radius) * (flow.area[i] > 0.0))
+        low = np.maximum(low, (flow.height_m[i] <= 0.5 * radius) * (flow.coverage[i] > 0.0))
     w[r.CLAMPED * at + lane] = w[r.CLAMPED * at + lane] + low
     first = next_state(states[lane])
     second = next_state(first)

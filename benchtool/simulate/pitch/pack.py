@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from benchtool.core.errors import InputError
 from benchtool.physics.catalogue import EFFECTS
-from benchtool.physics.effects.effect import Effect
+from benchtool.physics.effects.effect import HOOKS, Effect
 from benchtool.physics.model import Model
 from benchtool.simulate.controllers.pid import AttitudePid
 from benchtool.simulate.controllers.pitch import PitchControl
@@ -18,25 +18,6 @@ from benchtool.simulate.pitch import rows as r
 from benchtool.simulate.pitch.bench import GRAVITY_M_S2, PitchBench, PitchSensor
 
 Array = NDArray[np.float64]
-
-ALWAYS = (
-    "battery_sag",
-    "plate_offset",
-    "neighbour_images",
-    "body_lift",
-    "rotor_asymmetry",
-    "coulomb_friction",
-    "stribeck",
-    "viscous_friction",
-    "aerodynamic_damping",
-    "hinge_spring",
-    "cable",
-    "cog_offset",
-    "gyro_bias",
-    "gyro_scale",
-)
-"""Effects that stand in every loop, neutral or not, so that one compilation serves nearly all;
-lag, delay and wake torque act through numbers of their own."""
 
 
 class Geometry(NamedTuple):
@@ -68,21 +49,17 @@ def geometry_of(model: Model) -> Geometry:
 def loop_effects(*models: Model, neutral_too: bool = False) -> tuple[Effect, ...]:
     """Return the effects that a loop must spell out for these models, in catalogue order.
 
-    Those that cannot act are left out, but for `ALWAYS`; with `neutral_too` every effect of the
-    models stands in the loop, so that one compilation serves all values of their numbers.
+    Those that cannot act are left out, but for those that stand in every loop; with `neutral_too`
+    every effect of the models stands in it, so that one compilation serves all values of their
+    numbers. What only lags, delays or wanders acts through numbers of its own.
     """
-    found: dict[str, Effect] = {name: EFFECTS[name] for name in EFFECTS if name in ALWAYS}
-    own = {"motor_lag", "transport_delay", "wake_torque"}
+    found = {name: effect for name, effect in EFFECTS.items() if effect.always_compiled}
     for model in models:
         for effect in model.effects:
-            driven = [state for state in effect.states if state.drive == "speed_rad_s"]
-            if effect.name in own:
+            hooks = effect.hooks
+            outside = (hooks.lag_s, hooks.delay_s, hooks.random_torque)
+            if any(outside) and sum(getattr(hooks, name) is not None for name in HOOKS) == 1:
                 continue
-            if driven or effect.delay_s is not None or effect.random_torque is not None:
-                raise InputError(
-                    f"effect {effect.name!r} lags, delays or wanders; a pitch simulation follows "
-                    f"motor_lag, transport_delay and wake_torque alone"
-                )
             if neutral_too or effect.name in found or model.is_present(effect):
                 found[effect.name] = effect
     order = [*EFFECTS, *(name for name in found if name not in EFFECTS)]
@@ -134,14 +111,7 @@ def pack(
 def _pack_motion(w: Array, bench: PitchBench) -> None:
     """Work out lag, delay and wake torque for steps of the plant."""
     dt_s = 1.0 / bench.plant_rate_Hz
-    lag, delay, wake = (
-        bench.effect(name) for name in ("motor_lag", "transport_delay", "wake_torque")
-    )
-    tau_s = [bench.parameter("motor_lag", "tau_s")]
-    kept = lag.states[0].kept if lag is not None else None
-    wait_s = 0.0
-    if delay is not None and delay.delay_s is not None:
-        wait_s = float(delay.delay_s([bench.parameter("transport_delay", "delay_s")]))
+    tau_s, wait_s = bench.model.lag_s, bench.model.delay_s
     steps = int(np.floor(wait_s / dt_s + 1e-9))
     late_s = max(wait_s - steps * dt_s, 0.0)
     w[r.DELAY_STEPS] = steps
@@ -151,7 +121,7 @@ def _pack_motion(w: Array, bench: PitchBench) -> None:
         """Return the share of the distance to a command that is left after some time."""
         if duration_s <= 0.0:
             return 1.0
-        return float(kept(duration_s, tau_s)) if kept is not None else 0.0
+        return float(np.exp(-duration_s / tau_s)) if tau_s > 0.0 else 0.0
 
     for rows, old_s in (
         ((r.MID_KEPT, r.MID_OLD, r.MID_NEW), min(late_s, half)),
@@ -161,10 +131,8 @@ def _pack_motion(w: Array, bench: PitchBench) -> None:
         w[rows[0]] = before * after
         w[rows[1]] = (1.0 - before) * after
         w[rows[2]] = 1.0 - after
-    if wake is not None and wake.random_torque is not None:
-        sd, correlation_s = wake.random_torque(
-            [bench.parameter("wake_torque", item.name) for item in wake.parameters]
-        )
+    if bench.model.random_torque is not None:
+        sd, correlation_s = bench.model.random_torque
         w[r.WAKE_KEPT] = np.exp(-dt_s / correlation_s)
         w[r.WAKE_KICK] = sd * np.sqrt(1.0 - w[r.WAKE_KEPT] ** 2)
 

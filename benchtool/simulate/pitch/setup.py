@@ -191,7 +191,9 @@ def _with_parameter(model: Model, name: str, value: float) -> Model:
     full = _full_name(model, name)
     if full in SENSIBLE:
         refuse_outside(full, value, *SENSIBLE[full])
-    if full == "motor_lag.tau_s" and 0.0 < value < LEAST_LAG_S:
+    owner = EFFECTS.get(full.partition(".")[0])
+    lags = owner is not None and owner.hooks.lag_s is not None
+    if lags and 0.0 < value < LEAST_LAG_S:
         raise InputError(
             f"{full} is {value:g} s; give at least {LEAST_LAG_S:g} s, or 0 for motors without lag"
         )

@@ -11,28 +11,35 @@ from benchtool.physics.own_effects import own_effects
 from tests.unit.explain.test_sweep_subject import halves
 
 MINE = """
-from benchtool.physics.expression import expression
-from benchtool.core.parameter import Parameter
-from benchtool.physics.effects.effect import Effect
+from typing import Any, NamedTuple
+
+from benchtool.physics.effects.effect import Effect, Hooks, expression, number
+
+
+class P(NamedTuple):
+    c: Any
 
 
 @expression
-def factor(i, flow, p):
-    return 1.0 + p[0] * (flow.speed_rad_s[i] / 500.0 - 1.0)
+def factor(p, i, flow):
+    return 1.0 + p.c * (flow.speed_rad_s[i] / 500.0 - 1.0)
 
 
 EFFECT = Effect(
     name="soft_blades",
     title="Soft blades",
     description="Blades that untwist under load.",
-    stage="rpm_to_thrust",
+    subsystem="rpm_to_thrust",
     law="T = k w^2 (1 + c (w / 500 - 1))",
-    parameters=(Parameter("c", "1", 0.0, neutral=0.0, lower=-0.5, upper=0.5, tolerance=0.03),),
+    numbers=P,
+    parameters=(
+        number("c", "1", 0.0, "slope", neutral=0.0, within=(-0.5, 0.5), tolerance=0.03),
+    ),
+    hooks=Hooks(factor=factor),
     shows="several throttle levels",
     source="a guess",
     confused_with={"thrust_exponent": "nothing but the blades' own stiffness separates them"},
     benches=frozenset({"sweep"}),
-    factor=factor,
 )
 """
 

@@ -11,30 +11,37 @@ from benchtool.physics.model_file import load_model, model_from_toml, model_to_t
 from benchtool.physics.own_effects import own_effects
 
 GOOD = """
-from benchtool.physics.expression import expression
-from benchtool.core.parameter import Parameter
-from benchtool.physics.effects.effect import Effect
+from typing import Any, NamedTuple
+
+from benchtool.physics.effects.effect import Effect, Hooks, expression, number
+
+
+class P(NamedTuple):
+    c_Nms3: Any
 
 
 @expression
-def torque(flow, p):
-    return -p[0] * flow.rate_rad_s * flow.rate_rad_s * flow.rate_rad_s
+def torque(p, i, flow):
+    return -p.c_Nms3 * flow.rate_rad_s * flow.rate_rad_s * flow.rate_rad_s
 
 
 EFFECT = Effect(
     name="cubic_damping",
     title="Cubic damping",
     description="A damper whose torque grows with the third power of the rate.",
-    stage="hinge",
+    subsystem="hinge",
     law="torque = -c rate^3",
+    numbers=P,
     parameters=(
-        Parameter("c_Nms3", "1", 0.0, neutral=0.0, lower=0.0, upper=1.0, tolerance=0.002),
+        number(
+            "c_Nms3", "1", 0.0, "strength", neutral=0.0, within=(0.0, 1.0), tolerance=0.002
+        ),
     ),
+    hooks=Hooks(torque=torque),
     shows="fast motion",
     source="a guess",
     confused_with={"viscous_friction": "slow and fast motion together separate them"},
     benches=frozenset({"pitch"}),
-    torque=torque,
 )
 """
 

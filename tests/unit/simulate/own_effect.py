@@ -1,53 +1,59 @@
-"""An effect that somebody else wrote: a magnet that pulls the beam towards an angle."""
+"""Effects that somebody else wrote: a magnet that pulls the beam towards an angle, and a lag."""
 
 from __future__ import annotations
 
-from benchtool.core.parameter import Parameter
-from benchtool.physics.effects.effect import Effect, Flow, OwnState, Quantity, Values
-from benchtool.physics.expression import expression
+from typing import Any, NamedTuple
+
+from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
+
+
+class P(NamedTuple):
+    k_Nm_per_rad: Any
+    angle_rad: Any
+
+
+class Lag(NamedTuple):
+    tau_s: Any
 
 
 @expression
-def torque(flow: Flow, p: Values) -> Quantity:
-    """Pull towards p[1] with stiffness p[0]."""
-    return p[0] * (p[1] - flow.pitch_rad)
+def torque(p: P, i: int, flow: Flow) -> Quantity:
+    """Pull towards the angle."""
+    return p.k_Nm_per_rad * (p.angle_rad - flow.pitch_rad)
 
 
 @expression
-def rate(state: Quantity, drive: Quantity, p: Values) -> Quantity:
-    return (drive - state) / p[0]
-
-
-@expression
-def settled(drive: Quantity, elapsed_s: Quantity, p: Values) -> Quantity:
-    return drive
+def lag_s(p: Lag, i: int, flow: Flow) -> Quantity:
+    return p.tau_s
 
 
 MAGNET = Effect(
     name="magnet",
     title="Magnet",
     description="A magnet pulls.",
-    stage="hinge",
+    subsystem="hinge",
     law="torque = k (angle - pitch)",
+    numbers=P,
     parameters=(
-        Parameter("k_Nm_per_rad", "N m/rad", 0.5, neutral=0.0, tolerance=0.01),
-        Parameter("angle_rad", "rad", 0.1),
+        number("k_Nm_per_rad", "N m/rad", 0.5, "stiffness", neutral=0.0, tolerance=0.01),
+        number("angle_rad", "rad", 0.1, "where it pulls to"),
     ),
+    hooks=Hooks(torque=torque),
     shows="always",
     source="made up",
     confused_with={},
-    torque=torque,
 )
 
 SLUGGISH = Effect(
     name="sluggish",
     title="Second lag",
     description="One more lag.",
-    stage="pwm_to_rpm",
+    subsystem="pwm_to_rpm",
     law="lag",
-    parameters=(Parameter("tau_s", "s", 0.1, neutral=0.0, tolerance=0.01),),
+    numbers=Lag,
+    parameters=(number("tau_s", "s", 0.1, "time constant", neutral=0.0, tolerance=0.01),),
+    hooks=Hooks(lag_s=lag_s),
     shows="always",
     source="made up",
     confused_with={},
-    states=(OwnState(name="speed", drive="speed_rad_s", rate=rate, settled=settled),),
 )

@@ -11,11 +11,10 @@ from benchtool.core.errors import InputError
 from benchtool.core.rig_file import rig_named
 from benchtool.core.schedule import PlateVisit, Signal
 from benchtool.physics.catalogue import EFFECTS
-from benchtool.physics.model import Model
+from benchtool.physics.model import OWN_IMAGES, Model
 from benchtool.simulate.controllers.pitch import PulseLaw
 from benchtool.simulate.pitch import rows as r
 from benchtool.simulate.pitch.bench import PitchBench, PitchSensor
-from benchtool.simulate.pitch.pack import ALWAYS
 from benchtool.simulate.pitch.run import PitchLoop
 from benchtool.simulate.pitch.simulate import simulate_pitch
 from tests.unit.simulate.pitching import (
@@ -134,6 +133,9 @@ def test_noise_has_the_stated_size_and_wake_torque_its_own_spectrum() -> None:
     torque = 1e3 * np.diff(rate) * 500.0
     assert np.std(torque) == pytest.approx(0.004, rel=0.05)
     assert np.corrcoef(torque[:-50], torque[50:])[0, 1] == pytest.approx(np.exp(-1.0), abs=0.06)
+
+
+ALWAYS = [name for name, effect in EFFECTS.items() if effect.always_compiled and name != OWN_IMAGES]
 
 
 @pytest.mark.parametrize("name", ALWAYS)

@@ -14,7 +14,8 @@ import pytest
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.rig_file import rig_named
 from benchtool.core.schedule import PlateVisit
-from benchtool.physics.effects.effect import Effect
+from benchtool.physics.catalogue import EFFECTS
+from benchtool.physics.effects.effect import Effect, Hooks
 from benchtool.physics.model import Model
 from benchtool.simulate.controllers.pitch import Feedforward
 from benchtool.simulate.pitch.bench import PitchBench
@@ -38,14 +39,20 @@ def test_an_effect_that_is_not_in_the_catalogue_acts_without_any_change_elsewher
 
 
 def test_a_hook_that_cannot_be_imported_is_refused() -> None:
-    nameless = replace(MAGNET, torque=lambda flow, p: 0.0)
+    nameless = replace(MAGNET, hooks=Hooks(torque=lambda p, i, flow: 0.0))
     with pytest.raises(InputError, match="is no function of its module"):
         simulate_pitch(job(with_effect(nameless)), sampled(0.1))
 
 
-def test_a_second_lag_is_refused_with_its_name() -> None:
-    with pytest.raises(InputError, match="'sluggish' lags, delays or wanders"):
-        simulate_pitch(job(with_effect(SLUGGISH)), sampled(0.1))
+def test_any_effect_may_lag_but_only_one() -> None:
+    """It stands in the place of the rig's own motor lag."""
+    slow = with_effect(SLUGGISH, tau_s=0.05)
+    assert slow.model.lag_s == 0.05
+    usual = with_effect(EFFECTS["motor_lag"], tau_s=0.05)
+    first, second = (simulate_pitch(job(bench), sampled(0.1)).log for bench in (slow, usual))
+    np.testing.assert_array_equal(first, second)
+    with pytest.raises(InputError, match="'motor_lag' and 'sluggish' both have the hook lag_s"):
+        PitchBench.of(usual.model.with_effect(SLUGGISH), sensors={})
 
 
 def peak(feedforward: Feedforward, bench: PitchBench | None = None) -> float:
@@ -99,13 +106,13 @@ def test_an_edit_of_one_s_own_effect_is_noticed(
     for stiffness in ("1.0", "2.0"):
         (tmp_path / "edited_effect.py").write_text(
             "from benchtool.physics.expression import expression\n\n\n@expression\n"
-            f"def torque(flow, p):\n    return {stiffness} * p[0]\n",
+            f"def torque(p, i, flow):\n    return {stiffness} * p.k_Nm_per_rad\n",
             encoding="utf-8",
         )
         sys.modules.pop("edited_effect", None)
         importlib.invalidate_caches()
         module = importlib.import_module("edited_effect")
-        spelling = Spelling([replace(MAGNET, torque=module.torque)])
+        spelling = Spelling([replace(MAGNET, hooks=Hooks(torque=module.torque))])
         spelling.name_of(module.torque)
         texts.append("\n".join(spelling.imports()))
     sys.modules.pop("edited_effect", None)

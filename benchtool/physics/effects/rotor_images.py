@@ -1,0 +1,47 @@
+"""Every rotor's own image: eq. (2), ground effect of one rotor by itself."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
+from benchtool.physics.images import self_image
+
+
+class P(NamedTuple):
+    own_strength: Any
+
+
+@expression
+def denominator(p: P, i: int, flow: Flow) -> Quantity:
+    """Return (R / 4 z_i)^2 of eq. (2)."""
+    return p.own_strength * flow.radius_m * flow.radius_m * self_image(flow.height_m[i])
+
+
+EFFECT = Effect(
+    name="rotor_images",
+    title="Rotors' own images",
+    description="Each rotor feels its own image source under the plate: eq. (2).",
+    subsystem="rpm_to_thrust",
+    order=40,
+    law="denominator - s (R/4z)^2",
+    numbers=P,
+    parameters=(
+        number(
+            "own_strength",
+            "1",
+            1.0,
+            "strength s of the own image; 1 is eq. (2)",
+            neutral=0.0,
+            within=(0.0, 5.0),
+            tolerance=0.05,
+            source="Sanchez-Cuevas et al. 2017, eq. (2)",
+        ),
+    ),
+    hooks=Hooks(denominator=denominator),
+    shows="every rotor over the plate, z/R below 2",
+    source="Sanchez-Cuevas et al. 2017, eq. (2); method of images (Cheeseman and Bennett 1955)",
+    confused_with={"ground_shape": "distances above and below z/R 1 separate them"},
+    benches=frozenset(),
+    always_compiled=True,
+)
