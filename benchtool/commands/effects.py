@@ -17,7 +17,7 @@ def command(
     from benchtool.core.rig_file import rig_named
     from benchtool.physics.catalogue import EFFECTS, effect_named
     from benchtool.physics.effects.effect import BENCH_KINDS
-    from benchtool.physics.effects.tolerances import default_tolerances
+    from benchtool.physics.tolerances import default_tolerances
 
     if not name:
         for effect in EFFECTS.values():

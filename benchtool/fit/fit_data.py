@@ -25,8 +25,8 @@ from benchtool.data.run.run_rig import differences, rig_of_data
 from benchtool.data.table import read_table
 from benchtool.fit.recipe import Recipe
 from benchtool.physics.conditions import Conditions
-from benchtool.physics.effects.rotor_count import refuse_other_rotors
 from benchtool.physics.model_file import LoadedModel, load_model, read_columns
+from benchtool.physics.rotor_count import refuse_other_rotors
 
 Array = NDArray[np.float64]
 

@@ -12,9 +12,9 @@ from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.parameter import Parameters
 from benchtool.fit.problem import IntArray, Problem
 from benchtool.physics.conditions import FAR_AWAY_M, Conditions
-from benchtool.physics.effects.tolerances import with_tolerances
 from benchtool.physics.model import Model
 from benchtool.physics.prepared import Prepared
+from benchtool.physics.tolerances import with_tolerances
 from benchtool.physics.validity import VALIDITY_Z_OVER_R
 
 Array = NDArray[np.float64]

@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 from importlib import import_module
-from inspect import getfile
-from pathlib import Path
 from pkgutil import iter_modules
 
 from benchtool.core.errors import UnknownChoice
+from benchtool.physics import effects
 from benchtool.physics.effects.effect import SUBSYSTEMS, BenchKind, Effect
-
-_PACKAGE = Effect.__module__.rpartition(".")[0]
 
 
 def _found() -> list[Effect]:
     """Return the `EFFECT` of every file in the folder, in the order of the chain."""
-    names = [info.name for info in iter_modules([str(Path(getfile(Effect)).parent)])]
-    modules = [import_module(f"{_PACKAGE}.{name}") for name in names]
-    found = [module.EFFECT for module in modules if hasattr(module, "EFFECT")]
+    names = [info.name for info in iter_modules(effects.__path__) if info.name != "effect"]
+    found = [import_module(f"{effects.__name__}.{name}").EFFECT for name in names]
     return sorted(found, key=lambda one: (SUBSYSTEMS.index(one.subsystem), one.order, one.name))
 
 

@@ -11,13 +11,19 @@ from benchtool.core.errors import InputError
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
 from benchtool.physics.coverage import plate_coverages
-from benchtool.physics.effects.load_direction import load_directions
 from benchtool.physics.rotor import speed_from_pwm
 
 Array = NDArray[np.float64]
 
 FAR_AWAY_M = 1e6
 """Plate distance that stands for no plate at all; its images vanish to rounding."""
+
+
+SAME_PLACE = 5e-4
+"""A plate that moved by less (m, or rad of tilt) stood still; a choice, above a stage's quantum."""
+
+SAME_LOAD = 0.01
+"""A summed squared speed that changed by less than this share did not change; a choice."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -224,3 +230,36 @@ def _speeds(recording: Recording, rig: Rig, voltage_V: Array) -> Array:
         "the recording tells neither rotor speed nor pulse width; map a column to rpm1 or pwm1_us "
         "in the model's [columns] (a constant will do: rpm1 = { constant = 6300, unit = 'rpm' })"
     )
+
+
+def load_directions(time_s: Array, elapsed_s: Array, place: Array, load: Array) -> Array:
+    """Return +1 for visits that came from a smaller load, -1 from a greater one (m,).
+
+    Motors stand still while the plate moves, and during a tare, so that the first visit after
+    either comes from below; levels at one place follow each other without a stop. A visit that
+    repeats the level before it keeps that one's direction.
+
+    Args:
+        time_s: (m,) time since the run began; visits may stand in any order.
+        elapsed_s: (m,) time since the last tare.
+        place: (3, m) distance, lateral position (m) and tilt (rad) of the plate.
+        load: (m,) what thrust goes with: summed squared speeds; 0 with every rotor still.
+    """
+    directions = np.zeros(len(time_s))
+    before = -1
+    for here in np.argsort(time_s, kind="stable"):
+        if load[here] == 0.0:
+            directions[here] = -1.0
+        elif (
+            before < 0
+            or load[before] == 0.0
+            or elapsed_s[here] < elapsed_s[before]
+            or np.any(np.abs(place[:, here] - place[:, before]) > SAME_PLACE)
+        ):
+            directions[here] = 1.0
+        elif abs(load[here] - load[before]) < SAME_LOAD * load[here]:
+            directions[here] = directions[before]
+        else:
+            directions[here] = np.sign(load[here] - load[before])
+        before = int(here)
+    return directions

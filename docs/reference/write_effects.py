@@ -7,7 +7,7 @@ from pathlib import Path
 from benchtool.core.rig_file import rig_named
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.effects.effect import BENCH_KINDS, BenchKind, Effect
-from benchtool.physics.effects.tolerances import default_tolerances
+from benchtool.physics.tolerances import default_tolerances
 
 PAGE = Path(__file__).with_name("effects.md")
 

@@ -14,8 +14,8 @@ from benchtool.data.run.ratios import relative_speed_error
 from benchtool.data.run.read import read_points
 from benchtool.physics.catalogue import candidates
 from benchtool.physics.conditions import Conditions
-from benchtool.physics.effects.tolerances import tolerances
 from benchtool.physics.model_file import load_model
+from benchtool.physics.tolerances import tolerances
 from tests.blind.sweep.layouts import LAYOUTS, Layout
 from tests.blind.sweep.library import NAMED
 from tests.blind.sweep.records import HiddenSweep, make_record, write_record

@@ -15,9 +15,9 @@ from benchtool.core.rig_file import rig_named
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.effects.effect import BENCH_KINDS, HOOKS, SUBSYSTEMS, BenchKind, Effect, Flow
-from benchtool.physics.effects.tolerances import default_tolerances
 from benchtool.physics.model import OWN_IMAGES, Model
 from benchtool.physics.prepared import Prepared
+from benchtool.physics.tolerances import default_tolerances
 from tests.contracts.moving_effects import moving_thrust_N
 
 EACH = pytest.mark.parametrize("name", sorted(EFFECTS))

@@ -8,8 +8,8 @@ from types import MappingProxyType
 from benchtool.explain.engine.knob import Knob
 from benchtool.physics.catalogue import EFFECTS, candidates
 from benchtool.physics.effects.effect import BenchKind, Effect
-from benchtool.physics.effects.tolerances import tolerances
 from benchtool.physics.model import Model
+from benchtool.physics.tolerances import tolerances
 
 RADIUS_KNOWN = 0.0125
 """Standard error of R_m over its value where a model fixes it and states no prior: the increment

@@ -18,7 +18,7 @@ from benchtool.core.schedule import PARKED_M
 from benchtool.explain.engine.plate_transit import READ_S, TRANSIT_S, on_its_way
 from benchtool.explain.pitch.clock import HELD_S, UNSEEN_S, EvenRows, blank_for, even_rows
 from benchtool.explain.pitch.doubts import refuse_doubtful, standing_still
-from benchtool.physics.effects.rotor_count import refuse_other_rotors
+from benchtool.physics.rotor_count import refuse_other_rotors
 from benchtool.simulate.pitch import track as t
 from benchtool.simulate.pitch.follow import LoggedPitch
 from benchtool.simulate.pitch.replay import PARKED_FROM_M

@@ -14,9 +14,8 @@ from benchtool.core.rig import Rig, Sensor
 from benchtool.data.columns import code_of
 from benchtool.data.run.ratios import relative_speed_error
 from benchtool.explain.sweep.power import Power, power_of
-from benchtool.physics.conditions import FAR_AWAY_M, Conditions
-from benchtool.physics.effects.load_direction import SAME_PLACE
-from benchtool.physics.effects.rotor_count import refuse_other_rotors
+from benchtool.physics.conditions import FAR_AWAY_M, SAME_PLACE, Conditions
+from benchtool.physics.rotor_count import refuse_other_rotors
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

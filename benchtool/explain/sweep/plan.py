@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from benchtool.core.rig import Rig
 from benchtool.explain.sweep.evidence import SweepEvidence
 from benchtool.explain.sweep.log import SweepLog, stays_of
-from benchtool.physics.conditions import FAR_AWAY_M, Conditions
-from benchtool.physics.effects.load_direction import load_directions
+from benchtool.physics.conditions import FAR_AWAY_M, Conditions, load_directions
 from benchtool.physics.rotor import speed_from_pwm
 
 Array = NDArray[np.float64]

@@ -28,8 +28,8 @@ from benchtool.explain.engine.verdict import (
 )
 from benchtool.explain.recordings import Source
 from benchtool.physics.catalogue import EFFECTS
-from benchtool.physics.effects.tolerances import tolerances
 from benchtool.physics.model_file import LoadedModel, load_model
+from benchtool.physics.tolerances import tolerances
 
 MODEL = Path(__file__).parents[3] / "datasets" / "pitch_bench" / "model.toml"
 

@@ -8,8 +8,7 @@ import pytest
 from benchtool.core.channel import Channel
 from benchtool.core.recording import Recording
 from benchtool.core.rig_file import rig_named
-from benchtool.physics.conditions import Conditions
-from benchtool.physics.effects.load_direction import load_directions
+from benchtool.physics.conditions import Conditions, load_directions
 from benchtool.physics.model import Model
 
 RIG = rig_named("pquad_single")

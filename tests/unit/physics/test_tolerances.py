@@ -10,9 +10,9 @@ from benchtool.core.rig import Rig
 from benchtool.core.rig_file import rig_named
 from benchtool.physics.catalogue import EFFECTS, candidates
 from benchtool.physics.effects.effect import BenchKind
-from benchtool.physics.effects.tolerances import default_tolerances, tolerances, with_tolerances
 from benchtool.physics.model import OWN_IMAGES, Model
 from benchtool.physics.model_file import model_from_toml
+from benchtool.physics.tolerances import default_tolerances, tolerances, with_tolerances
 
 ON_THE_BEAM = {
     "coulomb_friction.torque_Nm": 0.002,

@@ -11,7 +11,7 @@ from benchtool.core.errors import InputError
 from benchtool.core.rig_file import rig_named
 from benchtool.core.schedule_file import schedule_named
 from benchtool.physics.catalogue import candidates
-from benchtool.physics.effects.tolerances import default_tolerances
+from benchtool.physics.tolerances import default_tolerances
 from benchtool.report.numbers import unit_for_people
 from benchtool.simulate.flight.cases import FLIGHTS
 from benchtool.simulate.flight.flight import FlightControl
