@@ -223,7 +223,7 @@ def test_numbers_and_parameters_have_the_same_names() -> None:
         offset: float
         gain: float
 
-    with pytest.raises(InputError, match="its numbers are offset, gain, its parameters own_strength"):
+    with pytest.raises(InputError, match="are offset, gain, its parameters own_strength"):
         replace(EFFECTS[OWN_IMAGES], numbers=P)
 
 

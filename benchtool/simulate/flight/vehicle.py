@@ -12,7 +12,7 @@ from benchtool.core.errors import InputError
 from benchtool.core.rig import Rig
 from benchtool.physics.body_lift import BodyDistance, centre_distances_m
 from benchtool.physics.mixer import mixer_matrix
-from benchtool.physics.model import Model
+from benchtool.physics.model import OWN_IMAGES, Model
 from benchtool.physics.wake_rules import wake_rule
 from benchtool.simulate.flight.ground import RULES, Discs
 from benchtool.simulate.flight.law import Airframe
@@ -76,6 +76,12 @@ class FlightVehicle:
             raise InputError(
                 f"model {model.name!r} has the effect {others[0]!r}, which only a bench has; "
                 f"leave it out of a model for flight (known: {', '.join(FLYING_EFFECTS)})"
+            )
+        full = f"{OWN_IMAGES}.own_strength"
+        if full not in parameters or parameters[full].value != 1.0:
+            raise InputError(
+                f"model {model.name!r} has no eq. (2) of full strength, which a flight has; fly "
+                f"a model with {full} = 1"
             )
         return cls(
             rig=model.rig,
