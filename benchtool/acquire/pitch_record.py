@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from benchtool.acquire.motors import RAMP_DOWN_S, Motors
 from benchtool.acquire.pitch_experiment import RATE_LIMIT_RAD_S, PitchExperiment, require_pitch
-from benchtool.acquire.progress import Progress, Silent, Unwatched
+from benchtool.acquire.progress import Progress, SafeProgress, Silent
 from benchtool.acquire.record import Recorder
 from benchtool.bench.bench import Readings
 from benchtool.bench.guard import GuardedBench
@@ -120,7 +120,7 @@ def record_pitch(
     require_pitch(bench.identity)
     bench.expect_loop()
     recorder = PitchRecorder(
-        bench, run, Unwatched(progress or Silent()), experiment.pitch_limit_rad
+        bench, run, SafeProgress(progress or Silent()), experiment.pitch_limit_rad
     )
     motors = Motors(recorder, rig)
     try:

@@ -11,22 +11,22 @@ from benchtool.data.run.points import Point
 
 
 class Progress(Protocol):
-    """Hear what a sweep does; calls come from the sweep's own thread and must return quickly."""
+    """Receive what a sweep does; calls come from the sweep's own thread and must return quickly."""
 
     def started(self, visits: int, done: int, expected_s: float) -> None:
-        """Hear that a sweep of so many visits begins, some of them done already."""
+        """Receive that a sweep of so many visits begins, some of them done already."""
         ...
 
     def visiting(self, visit: Visit) -> None:
-        """Hear that a visit begins."""
+        """Receive that a visit begins."""
         ...
 
     def measured(self, point: Point, remaining_s: float) -> None:
-        """Hear of a point that is on the disk, and of the time that is left."""
+        """Receive a point that is on the disk, and the time that is left."""
         ...
 
     def happened(self, event: Event) -> None:
-        """Hear of an event that is on the disk."""
+        """Receive an event that is on the disk."""
         ...
 
 
@@ -46,29 +46,29 @@ class Silent:
         pass
 
 
-class Unwatched:
-    """Be another watcher until it cannot be told any more (a closed pipe, a terminal that went).
+class SafeProgress:
+    """Forward to another progress until it fails (a closed pipe, a terminal that went).
 
-    A run goes on when nobody looks; what it measures is on the disk.
+    A run continues when nobody looks; what it measures is on the disk.
     """
 
     def __init__(self, watcher: Progress) -> None:
         self._watcher = watcher
 
-    def _tell(self, what: Callable[..., None], *news: Any) -> None:
+    def _forward(self, method: Callable[..., None], *arguments: Any) -> None:
         try:
-            what(*news)
+            method(*arguments)
         except OSError:
             self._watcher = Silent()
 
     def started(self, visits: int, done: int, expected_s: float) -> None:
-        self._tell(self._watcher.started, visits, done, expected_s)
+        self._forward(self._watcher.started, visits, done, expected_s)
 
     def visiting(self, visit: Visit) -> None:
-        self._tell(self._watcher.visiting, visit)
+        self._forward(self._watcher.visiting, visit)
 
     def measured(self, point: Point, remaining_s: float) -> None:
-        self._tell(self._watcher.measured, point, remaining_s)
+        self._forward(self._watcher.measured, point, remaining_s)
 
     def happened(self, event: Event) -> None:
-        self._tell(self._watcher.happened, event)
+        self._forward(self._watcher.happened, event)

@@ -17,7 +17,7 @@ from benchtool.acquire.measure import ThrustScale, measure, shortage
 from benchtool.acquire.motors import RAMP_DOWN_S, Motors
 from benchtool.acquire.order import Place, Visit, visits_of
 from benchtool.acquire.plan import Plan
-from benchtool.acquire.progress import Progress, Silent, Unwatched
+from benchtool.acquire.progress import Progress, SafeProgress, Silent
 from benchtool.acquire.record import LinkQuality, Recorder
 from benchtool.acquire.rest import rest_if_needed
 from benchtool.acquire.settle import is_settled
@@ -124,7 +124,7 @@ def run_sweep(
         plan,
         rig,
         run,
-        Unwatched(progress or Silent()),
+        SafeProgress(progress or Silent()),
         calibration,
         start or Start(),
         waits,

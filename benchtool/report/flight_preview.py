@@ -19,7 +19,15 @@ from benchtool.report.flight.pitch import spans
 from benchtool.report.flight.report import fly_each, table_lines
 from benchtool.report.flight.study import Flown, fly_and_measure, name_of, verdict
 from benchtool.report.flight.warnings import warnings_of
-from benchtool.report.preview import Curve, Lane, Motion, Panel, Preview, Role, frames
+from benchtool.report.preview import (
+    Chart,
+    ChartLine,
+    ControllerRun,
+    DrawnMotion,
+    Role,
+    SimulationPreview,
+    frames,
+)
 from benchtool.report.side_view import Scene, Surface
 from benchtool.simulate.environment import Block
 from benchtool.simulate.flight.flight import FlightCase, FlightControl
@@ -39,7 +47,7 @@ move by less than 1 mm and 0.03 deg, which no screen shows (measured)."""
 
 def flight_preview(
     setup: FlightSetup, controls: Sequence[FlightControl], seed: int, *, quick: bool = False
-) -> Preview:
+) -> SimulationPreview:
     """Fly under every controller and return what a page shows.
 
     Args:
@@ -59,8 +67,8 @@ def flight_preview(
     else:
         beside, *flights = fly_each(case, controls)
     every = [] if beside is None else [beside, *flights]
-    return Preview(
-        lanes=tuple(_lane(flown, beside) for flown in flights),
+    return SimulationPreview(
+        runs=tuple(_controller_run(flown, beside) for flown in flights),
         lines=tuple(table_lines(every)) if every else (),
         warnings=tuple(warnings_of(every)) if every else (),
         seconds=time.perf_counter() - began,
@@ -74,48 +82,48 @@ def _with_long_steps(case: FlightCase) -> FlightCase:
     return replace(case, step_s=max(case.step_s, longest_s))
 
 
-def _lane(flown: Flown, beside: Flown | None) -> Lane:
+def _controller_run(flown: Flown, beside: Flown | None) -> ControllerRun:
     flight = flown.flight
     discs = range(1, flown.case.vehicle.rig.n_discs + 1)
     covered = np.sum([flight[f"coverage{i}"] for i in discs], axis=0)
-    return Lane(
+    return ControllerRun(
         label=name_of(flown),
         said=verdict(flown),
         scene=_scene(flown.case),
         motion=_motion(flown, quick=beside is None),
-        panels=(_position(flown, beside), _pitch(flown, beside)),
+        charts=(_position(flown, beside), _pitch(flown, beside)),
         over=tuple(spans(flight["time_s"], covered > 1e-3)),
     )
 
 
-def _position(flown: Flown, beside: Flown | None) -> Panel:
+def _position(flown: Flown, beside: Flown | None) -> Chart:
     x_m, y_m, quick = flown.flight["x_m"], flown.flight["y_m"], beside is None
-    curves = [_curve("shown", flown, along_m(flown.case, x_m, y_m), quick)]
+    lines = [_curve("shown", flown, along_m(flown.case, x_m, y_m), quick)]
     if beside is not None:
         free = beside.flight
         free_m = along_m(beside.case, free["x_m"], free["y_m"])
-        curves.insert(0, _curve("away", beside, free_m, quick))
+        lines.insert(0, _curve("away", beside, free_m, quick))
     goal = flown.case.goals[-1]
     there_m = along_m(flown.case, np.array([goal.x_m]), np.array([goal.y_m]))
     time_s = flown.flight["time_s"][[0, -1]]
-    line = Curve(role="goal", time_s=time_s, values=np.repeat(there_m, 2))
-    return Panel(label="position along the way [m]", curves=(line, *curves))
+    line = ChartLine(role="goal", time_s=time_s, values=np.repeat(there_m, 2))
+    return Chart(label="position along the way [m]", lines=(line, *lines))
 
 
-def _pitch(flown: Flown, beside: Flown | None) -> Panel:
+def _pitch(flown: Flown, beside: Flown | None) -> Chart:
     quick = beside is None
-    curves = [
+    lines = [
         _curve("wanted", flown, np.degrees(flown.flight["pitch_ref_rad"]), quick),
         _curve("shown", flown, np.degrees(flown.flight["pitch_rad"]), quick),
     ]
     if beside is not None:
-        curves.insert(0, _curve("away", beside, np.degrees(beside.flight["pitch_rad"]), quick))
-    return Panel(label="pitch [deg], nose down +", curves=tuple(curves))
+        lines.insert(0, _curve("away", beside, np.degrees(beside.flight["pitch_rad"]), quick))
+    return Chart(label="pitch [deg], nose down +", lines=tuple(lines))
 
 
-def _curve(role: Role, flown: Flown, values: Array, quick: bool) -> Curve:
+def _curve(role: Role, flown: Flown, values: Array, quick: bool) -> ChartLine:
     shown = frames(len(values), quick)
-    return Curve(role=role, time_s=flown.flight["time_s"][shown], values=values[shown])
+    return ChartLine(role=role, time_s=flown.flight["time_s"][shown], values=values[shown])
 
 
 def along_m(case: FlightCase, x_m: Array, y_m: Array) -> Array:
@@ -123,7 +131,7 @@ def along_m(case: FlightCase, x_m: Array, y_m: Array) -> Array:
     return x_m * cos(case.yaw_rad) + y_m * sin(case.yaw_rad)
 
 
-def _motion(flown: Flown, quick: bool) -> Motion:
+def _motion(flown: Flown, quick: bool) -> DrawnMotion:
     flight, case = flown.flight, flown.case
     shown = frames(len(flight.log), quick)
     rig = case.vehicle.rig
@@ -133,7 +141,7 @@ def _motion(flown: Flown, quick: bool) -> Motion:
     time_s = flight["time_s"][shown]
     moving = [block for block in _cut_blocks(case) if any(block.slide_m)]
     shift_m = [_shift_m(case, block, time_s) for block in moving]
-    return Motion(
+    return DrawnMotion(
         time_s=time_s,
         along_m=along_m(case, flight["x_m"], flight["y_m"])[shown],
         up_m=flight["z_m"][shown],

@@ -16,7 +16,14 @@ from benchtool.report.flight.pitch_study import (
     visit_numbers,
     warnings_of,
 )
-from benchtool.report.preview import Curve, Lane, Motion, Panel, Preview, frames
+from benchtool.report.preview import (
+    Chart,
+    ChartLine,
+    ControllerRun,
+    DrawnMotion,
+    SimulationPreview,
+    frames,
+)
 from benchtool.report.side_view import Scene, Surface
 from benchtool.simulate.pitch.result import PitchRun
 from benchtool.simulate.pitch.setup import PitchSetup
@@ -32,7 +39,7 @@ PARKED_M = 100.0
 """Where a parked plate is drawn: out of sight."""
 
 
-def pitch_preview(setup: PitchSetup, seed: int, *, quick: bool = False) -> Preview:
+def pitch_preview(setup: PitchSetup, seed: int, *, quick: bool = False) -> SimulationPreview:
     """Simulate every controller and return what a page shows.
 
     Args:
@@ -43,29 +50,31 @@ def pitch_preview(setup: PitchSetup, seed: int, *, quick: bool = False) -> Previ
     began = time.perf_counter()
     study = pitch_study(setup, seed, with_away=not quick)
     away: tuple[PitchRun | None, ...] = study.away or (None,) * len(study.runs)
-    lanes = tuple(_lane(study, run, far) for run, far in zip(study.runs, away, strict=True))
-    return Preview(
-        lanes=lanes,
+    runs = tuple(
+        _controller_run(study, run, far) for run, far in zip(study.runs, away, strict=True)
+    )
+    return SimulationPreview(
+        runs=runs,
         lines=() if quick else tuple(table_lines(study)),
         warnings=() if quick else tuple(warnings_of(study)),
         seconds=time.perf_counter() - began,
     )
 
 
-def _lane(study: PitchStudy, run: PitchRun, away: PitchRun | None) -> Lane:
+def _controller_run(study: PitchStudy, run: PitchRun, away: PitchRun | None) -> ControllerRun:
     shown = frames(len(run.log), quick=away is None)
     time_s, reference_rad = run.time_s[shown], run.column("reference_rad")[shown]
-    curves = [Curve(role="shown", time_s=time_s, values=_pitch_deg(run, shown))]
+    lines = [ChartLine(role="shown", time_s=time_s, values=_pitch_deg(run, shown))]
     if away is not None:
-        curves.insert(0, Curve(role="away", time_s=time_s, values=_pitch_deg(away, shown)))
+        lines.insert(0, ChartLine(role="away", time_s=time_s, values=_pitch_deg(away, shown)))
     if np.ptp(reference_rad) > 0.0:
-        curves.insert(0, Curve(role="wanted", time_s=time_s, values=np.degrees(reference_rad)))
-    return Lane(
+        lines.insert(0, ChartLine(role="wanted", time_s=time_s, values=np.degrees(reference_rad)))
+    return ControllerRun(
         label=run.controller,
         said=said_of(study, run),
         scene=_scene(study.setup),
         motion=_motion(study.setup, run, shown),
-        panels=(Panel(label=PITCH_LABEL, curves=tuple(curves)),),
+        charts=(Chart(label=PITCH_LABEL, lines=tuple(lines)),),
         over=tuple(spans(run.time_s, run.column("plate_share") > 0.0)),
     )
 
@@ -90,7 +99,7 @@ def _pitch_deg(run: PitchRun, shown: slice) -> Array:
     return degrees
 
 
-def _motion(setup: PitchSetup, run: PitchRun, shown: slice) -> Motion:
+def _motion(setup: PitchSetup, run: PitchRun, shown: slice) -> DrawnMotion:
     model, bench = setup.bench.model, setup.bench
     rig = model.rig
     share, theta_rad = run.column("plate_share")[shown], run.column("true_theta_rad")[shown]
@@ -114,7 +123,7 @@ def _motion(setup: PitchSetup, run: PitchRun, shown: slice) -> Motion:
     )
     alone = model.parameters["k"].value * speed_rad_s**2 / bench.hover_N
     still = np.zeros_like(share)
-    return Motion(
+    return DrawnMotion(
         time_s=run.time_s[shown],
         along_m=still,
         up_m=still,

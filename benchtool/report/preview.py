@@ -25,7 +25,7 @@ screen. A choice."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Motion:
+class DrawnMotion:
     """Hold how a side view moves.
 
     Attributes:
@@ -47,7 +47,7 @@ class Motion:
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Curve:
+class ChartLine:
     """Hold one line of a chart: values (m,) at times (m,)."""
 
     role: Role
@@ -56,15 +56,15 @@ class Curve:
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Panel:
+class Chart:
     """Hold one chart: what its axis counts, and its lines."""
 
     label: str
-    curves: tuple[Curve, ...]
+    lines: tuple[ChartLine, ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Lane:
+class ControllerRun:
     """Hold the run of one controller.
 
     Attributes:
@@ -79,13 +79,13 @@ class Lane:
     label: str
     said: str
     scene: Scene
-    motion: Motion
-    panels: tuple[Panel, ...]
+    motion: DrawnMotion
+    charts: tuple[Chart, ...]
     over: tuple[tuple[float, float], ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Preview:
+class SimulationPreview:
     """Hold what a page shows of a simulation.
 
     Attributes:
@@ -95,7 +95,7 @@ class Preview:
         seconds: what it took to work out.
     """
 
-    lanes: tuple[Lane, ...]
+    runs: tuple[ControllerRun, ...]
     lines: tuple[str, ...]
     warnings: tuple[str, ...]
     seconds: float

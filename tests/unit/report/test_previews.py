@@ -37,17 +37,17 @@ def test_the_pitch_preview_has_the_numbers_of_the_study() -> None:
     setup = short_pitch()
     preview, study = pitch_preview(setup, 3), pitch_study(setup, 3)
     assert preview.lines == tuple(pitch_lines(study))
-    assert [lane.label for lane in preview.lanes] == ["pid", "observer"]
-    lane = preview.lanes[0]
-    assert [curve.role for curve in lane.panels[0].curves] == ["away", "shown"]
+    assert [run.label for run in preview.runs] == ["pid", "observer"]
+    run = preview.runs[0]
+    assert [line.role for line in run.charts[0].lines] == ["away", "shown"]
     theta_deg = np.degrees(study.runs[0].column("true_theta_rad"))
-    assert lane.motion.pitch_deg.min() == pytest.approx(theta_deg.min(), abs=0.02)
-    assert lane.over == ((pytest.approx(10.0, abs=0.02), pytest.approx(13.0, abs=0.02)),)
-    assert lane.said.startswith("peak -1.")
+    assert run.motion.pitch_deg.min() == pytest.approx(theta_deg.min(), abs=0.02)
+    assert run.over == ((pytest.approx(10.0, abs=0.02), pytest.approx(13.0, abs=0.02)),)
+    assert run.said.startswith("peak -1.")
 
 
 def test_the_covered_rotor_alone_gains_thrust_and_only_while_the_plate_is_there() -> None:
-    motion = pitch_preview(changed(short_pitch(), {"plate.z_over_R": 1.0}), 1).lanes[0].motion
+    motion = pitch_preview(changed(short_pitch(), {"plate.z_over_R": 1.0}), 1).runs[0].motion
     there = motion.time_s > 10.6
     assert np.all(np.abs(motion.added[:, motion.time_s < 10.0]) < 1e-12)
     # Eq. (2) for the front rotor, whose height follows from the pitch.
@@ -59,7 +59,7 @@ def test_the_covered_rotor_alone_gains_thrust_and_only_while_the_plate_is_there(
 
 
 def test_the_plate_slides_in_from_outside() -> None:
-    motion = pitch_preview(short_pitch(), 1).lanes[0].motion
+    motion = pitch_preview(short_pitch(), 1).runs[0].motion
     shift_m = motion.shift_m[0]
     assert shift_m[0] > 10.0
     assert shift_m[-1] == 0.0
@@ -69,8 +69,8 @@ def test_the_plate_slides_in_from_outside() -> None:
 def test_a_quick_preview_has_the_same_lines_but_no_table() -> None:
     quick, whole = (pitch_preview(short_pitch(), 1, quick=each) for each in (True, False))
     assert quick.lines == ()
-    assert [curve.role for curve in quick.lanes[0].panels[0].curves] == ["shown"]
-    few, many = (each.lanes[1].motion for each in (quick, whole))
+    assert [line.role for line in quick.runs[0].charts[0].lines] == ["shown"]
+    few, many = (each.runs[1].motion for each in (quick, whole))
     assert len(few.time_s) < len(many.time_s)
     _, at, where = np.intersect1d(few.time_s, many.time_s, return_indices=True)
     assert len(at) > 50
@@ -82,7 +82,7 @@ def test_the_flight_preview_has_the_numbers_of_the_flights() -> None:
     preview = flight_preview(setup, ["pid", "observer"], 1)
     flights = fly_each(setup.flown("pid", 1), ["pid", "observer"])
     assert preview.lines == tuple(table_lines(flights))
-    motion = preview.lanes[0].motion
+    motion = preview.runs[0].motion
     flown = flights[1].flight
     assert motion.along_m[-1] == pytest.approx(flown["x_m"][-1], abs=0.05)
     assert motion.added[0].max() > 0.005
@@ -94,7 +94,7 @@ def test_a_quick_flight_differs_from_the_whole_by_less_than_a_screen_shows(case:
     quick, whole = (
         flight_preview(setup, ["pid", "feedforward"], 1, quick=each) for each in (True, False)
     )
-    for rough, fine in zip(quick.lanes, whole.lanes, strict=True):
+    for rough, fine in zip(quick.runs, whole.runs, strict=True):
         assert rough.said == fine.said
         few, many = rough.motion, fine.motion
         _, at, where = np.intersect1d(few.time_s, many.time_s, return_indices=True)
@@ -107,7 +107,7 @@ def test_a_quick_flight_takes_no_step_that_its_motors_cannot_follow() -> None:
     setup = flight("edge")
     slow = replace(setup, vehicle=replace(setup.vehicle, lag_s=0.003))
     quick, whole = (flight_preview(slow, ["pid"], 1, quick=each) for each in (True, False))
-    few, many = (each.lanes[0].motion for each in (quick, whole))
+    few, many = (each.runs[0].motion for each in (quick, whole))
     _, at, where = np.intersect1d(few.time_s, many.time_s, return_indices=True)
     assert len(at) > 50
     assert np.abs(few.along_m[at] - many.along_m[where]).max() < 1e-3
@@ -124,16 +124,16 @@ def test_a_quick_flight_takes_no_step_that_its_motors_cannot_follow() -> None:
 def test_the_picture_is_cut_along_the_heading(
     case: str, near_m: float, far_m: float | None
 ) -> None:
-    (surface,) = flight_preview(flight(case), ["pid"], 1, quick=True).lanes[0].scene.surfaces
+    (surface,) = flight_preview(flight(case), ["pid"], 1, quick=True).runs[0].scene.surfaces
     along = [s for s, _ in surface.outline_m]
     assert min(along) == pytest.approx(near_m)
     assert far_m is None or max(along) == pytest.approx(far_m)
 
 
 def test_a_ramp_rises_and_a_plate_comes() -> None:
-    ramp = flight_preview(flight("ramp"), ["pid"], 1, quick=True).lanes[0].scene.surfaces[0]
+    ramp = flight_preview(flight("ramp"), ["pid"], 1, quick=True).runs[0].scene.surfaces[0]
     assert ramp.outline_m[:2] == ((2.0, pytest.approx(-0.3)), (3.0, pytest.approx(0.0)))
-    plate = flight_preview(flight("plate"), ["pid"], 1, quick=True).lanes[0]
+    plate = flight_preview(flight("plate"), ["pid"], 1, quick=True).runs[0]
     assert plate.scene.surfaces[0].moves
     assert plate.motion.shift_m[0][[0, -1]] == pytest.approx([1.0, 0.0])
 

@@ -22,7 +22,7 @@ from benchtool.simulate.gain_file import gains_named
 from benchtool.simulate.pitch.setup import PLATE_DISTANCE, PitchSetup, changed, pitch_setup
 
 if TYPE_CHECKING:
-    from benchtool.report.preview import Preview
+    from benchtool.report.preview import SimulationPreview
 
 
 MOST = 12.0
@@ -115,7 +115,7 @@ class FlightAsk:
         )
         return changed_flight(setup, self.numbers)
 
-    def preview(self, quick: bool) -> Preview:
+    def preview(self, quick: bool) -> SimulationPreview:
         """Simulate, for the page."""
         from benchtool.report.flight_preview import flight_preview
 
@@ -231,7 +231,7 @@ class PitchAsk:
             return setup
         return replace(setup, schedule=setup.schedule.lasting(self.duration_s))
 
-    def preview(self, quick: bool) -> Preview:
+    def preview(self, quick: bool) -> SimulationPreview:
         """Simulate, for the page."""
         from benchtool.report.pitch_preview import pitch_preview
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from benchtool.data.run.recording_file import beside
 from benchtool.report.palette import BLUE, GREEN, GREY, VERMILION
-from benchtool.report.preview import Curve, Lane, Motion, Preview, Role
+from benchtool.report.preview import ChartLine, ControllerRun, DrawnMotion, Role, SimulationPreview
 from benchtool.report.side_view import side_view_svg
 from benchtool.web.jobs import complete_folder, partial_folder
 from benchtool.web.tabs.simulate.inputs import FlightAsk, PitchAsk
@@ -38,34 +38,34 @@ LEAST = 0.1
 """Least width of an axis, in its unit: what moves less lies still. A choice."""
 
 
-def shown(preview: Preview) -> Shown:
+def shown(preview: SimulationPreview) -> Shown:
     """Return what the browser is sent."""
-    panels = [panel.label for panel in preview.lanes[0].panels]
+    charts = [chart.label for chart in preview.runs[0].charts]
     return {
-        "lanes": [_lane(lane) for lane in preview.lanes],
+        "lanes": [_controller_run(run) for run in preview.runs],
         "panels": [
-            {"label": label, "range": _range([lane.panels[row].curves for lane in preview.lanes])}
-            for row, label in enumerate(panels)
+            {"label": label, "range": _range([run.charts[row].lines for run in preview.runs])}
+            for row, label in enumerate(charts)
         ],
         "looks": LOOKS,
-        "end_s": float(np.ceil(max(lane.motion.time_s[-1] for lane in preview.lanes))),
+        "end_s": float(np.ceil(max(run.motion.time_s[-1] for run in preview.runs))),
         "lines": list(preview.lines),
         "warnings": list(preview.warnings),
     }
 
 
-def _lane(lane: Lane) -> Shown:
+def _controller_run(run: ControllerRun) -> Shown:
     return {
-        "label": lane.label,
-        "said": lane.said,
-        "svg": side_view_svg(lane.scene),
-        "motion": _motion(lane.motion),
-        "panels": [[_curve(curve) for curve in panel.curves] for panel in lane.panels],
-        "over": [list(span) for span in lane.over],
+        "label": run.label,
+        "said": run.said,
+        "svg": side_view_svg(run.scene),
+        "motion": _motion(run.motion),
+        "panels": [[_curve(curve) for curve in chart.lines] for chart in run.charts],
+        "over": [list(span) for span in run.over],
     }
 
 
-def _motion(motion: Motion) -> Shown:
+def _motion(motion: DrawnMotion) -> Shown:
     return {
         "time_s": _short(motion.time_s, 3),
         "along_m": _short(motion.along_m, 4),
@@ -77,7 +77,7 @@ def _motion(motion: Motion) -> Shown:
     }
 
 
-def _curve(curve: Curve) -> Shown:
+def _curve(curve: ChartLine) -> Shown:
     return {
         "role": curve.role,
         "time_s": _short(curve.time_s, 3),
@@ -90,9 +90,9 @@ def _short(values: Array, decimals: int) -> NDArray[np.float32]:
     return np.round(values, decimals).astype(np.float32)
 
 
-def _range(lanes: list[tuple[Curve, ...]]) -> tuple[float, float, float]:
+def _range(runs: list[tuple[ChartLine, ...]]) -> tuple[float, float, float]:
     """Return the ends of an axis on which every lane's curves lie, and the step of its marks."""
-    every = np.concatenate([curve.values for curves in lanes for curve in curves])
+    every = np.concatenate([curve.values for lines in runs for curve in lines])
     every = every[np.isfinite(every)]
     low, high = (float(every.min()), float(every.max())) if every.size else (0.0, 0.0)
     wide = max(high - low, LEAST)
