@@ -89,17 +89,17 @@ def command(
         print_next,
         working,
     )
-    from benchtool.explain.engine.answered import answered
-    from benchtool.explain.engine.asked import asked
+    from benchtool.explain.answer import answer_request
+    from benchtool.explain.request import read_request
     from benchtool.report.answer.file import Written
     from benchtool.report.answer.folder import refuse_taken, write_folder, write_json
 
     began = time.monotonic()
-    question = asked(recordings or [], check or [], model, effects, announce_code)
+    question = read_request(recordings or [], check or [], model, effects, announce_code)
     if not overwrite:
         refuse_taken(out, json_file)
     with working(", ".join([*(recordings or []), *(check or [])])) as tell:
-        answer = answered(
+        answer = answer_request(
             question,
             commands=[shlex.join(["benchtool", *sys.argv[1:]])],
             seed=seed,

@@ -1,15 +1,18 @@
-"""An answer: an explanation with what it was made from, as files and pages tell it."""
+"""An answer: an explanation with what it was made from, as files and pages show it."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import degrees
 
 from benchtool.core.counted import counted
+from benchtool.explain.engine.explain import explain
 from benchtool.explain.engine.explanation import Explanation
+from benchtool.explain.engine.search import Progress
 from benchtool.explain.engine.verdict import Verdict
 from benchtool.explain.recordings import Source
+from benchtool.explain.request import Request
 from benchtool.physics.effects.effect import Effect
 from benchtool.physics.model_file import LoadedModel
 
@@ -20,7 +23,7 @@ class Answer:
 
     Attributes:
         explanation: the verdict with its curves.
-        loaded: the model that was asked about, with its columns.
+        loaded: the model in question, with its columns.
         model_file: how the user named it, without folders of one machine.
         model_given: as it was typed, for the next command; `model_file` when empty.
         effects_given: where the user's own effects are, as it was typed; empty without.
@@ -62,13 +65,13 @@ class Answer:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What was mended in the recordings, and what they lack."""
+        """What was repaired in the recordings, and what they lack."""
         found = [line for source in (*self.learn, *self.check) for line in source.remarks]
         return tuple(dict.fromkeys((*found, *self.verdict.remarks)))
 
     @property
     def caution(self) -> str:
-        """What to know of the recordings before the verdict is believed; empty where nothing is."""
+        """What to know of the recordings before the verdict is used; empty without remarks."""
         if not self.remarks:
             return ""
         first, *more = self.remarks
@@ -112,3 +115,41 @@ def channel_words(channel: str, unit: str) -> ChannelWords:
         title = f"speed of rotor {rotor}" if rotor else "rotor speed"
         return ChannelWords(title=title, unit="rpm")
     return ChannelWords(title=channel, unit=unit)
+
+
+def answer_request(
+    question: Request,
+    *,
+    commands: Sequence[str] = (),
+    seed: int = 0,
+    draws: int = 128,
+    bootstrap: int = 0,
+    progress: Progress | None = None,
+) -> Answer:
+    """Return the answer to a question; whoever has a clock says how long it took.
+
+    Args:
+        question: everything read that it names.
+        commands: as they were typed.
+        seed: of everything random.
+        draws: of the noise behind the floor.
+        bootstrap: simulated records behind p-values; asymptotic ones when 0.
+        progress: called with what is being done.
+    """
+    found = explain(
+        question.subject(), seed=seed, draws=draws, bootstrap=bootstrap, progress=progress
+    )
+    return Answer(
+        explanation=found,
+        loaded=question.loaded,
+        model_file=question.model_file,
+        model_sha256=question.model_sha256,
+        model_given=question.model_given,
+        effects_given=question.effects_given,
+        learn=question.learn,
+        check=question.check,
+        seed=seed,
+        seconds=0.0,
+        commands=tuple(commands),
+        own_effects=question.own,
+    )

@@ -1,4 +1,4 @@
-"""Read the recordings of an explanation, whatever wrote them, and tell which bench they are of."""
+"""Read the recordings of an explanation, whatever wrote them, and find which bench they are of."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from benchtool.core.recording import Recording
 from benchtool.data.columns import VALID_KINDS
 from benchtool.data.csv_text import read_csv_text
 from benchtool.data.run.digest import data_hash
+from benchtool.data.run.entry import kind_of
 from benchtool.data.run.pitch import read_pitch
 from benchtool.data.run.read import is_run, read_points, sample_names
 from benchtool.data.run.recording_file import beside, read_recording
 from benchtool.data.table import read_table
-from benchtool.explain.recording_paths import unreadable
 from benchtool.physics.effects.effect import BenchKind
 from benchtool.physics.model_file import LoadedModel
 
-TELLS: dict[BenchKind, str] = {"pitch": "theta_rad", "sweep": "thrust_N"}
-"""The channel by which a bench is told; a hinge goes before a load cell."""
+IDENTIFIED_BY: dict[BenchKind, str] = {"pitch": "theta_rad", "sweep": "thrust_N"}
+"""The channel that identifies a bench; a hinge goes before a load cell."""
 
 NEEDED: dict[BenchKind, tuple[str, ...]] = {
     "pitch": ("time_s", "theta_rad"),
     "sweep": ("thrust_N",),
 }
-"""Channels whose column must be in a file; others may be missing, and it is told."""
+"""Channels whose column must be in a file; others may be missing, with a remark."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -130,7 +130,7 @@ def missing_of(learn: Sequence[str], check: Sequence[str]) -> list[InputError]:
 
 def bench_of(source: Source) -> BenchKind:
     """Return which kind of bench made a recording, by its channels."""
-    for kind, channel in TELLS.items():
+    for kind, channel in IDENTIFIED_BY.items():
         if channel in source.recording:
             return kind
     raise InputError(
@@ -163,10 +163,10 @@ def _alive(source: Source) -> Source:
     it would be found wanting. A pulse may stand still, where its rotor does not change either.
 
     Raises:
-        InputError: no pulse ever changes and no speed tells what drove the beam.
+        InputError: no pulse ever changes and no speed shows what drove the beam.
     """
     recording, remarks = source.recording, list(source.remarks)
-    if TELLS["pitch"] not in recording or len(recording) < 2:
+    if IDENTIFIED_BY["pitch"] not in recording or len(recording) < 2:
         return source
     still = [name for name in recording.names if _DIES.fullmatch(name) and _still(recording, name)]
     alive = [name for name in recording.names if name not in still]
@@ -187,8 +187,11 @@ def _alive(source: Source) -> Source:
             if name in dead
             else f"{source.name}: {name} is {value:g} in every row, which is taken for true"
         )
-    kept = [name for name in recording.names if name not in dead]
-    columns = [(recording.channels[recording.index(name)], recording.column(name)) for name in kept]
+    columns = [
+        (recording.channels[recording.index(name)], recording.column(name))
+        for name in recording.names
+        if name not in dead
+    ]
     living = Recording.from_columns(columns, recording.provenance, recording.simulated)
     return replace(source, recording=living, remarks=tuple(remarks))
 
@@ -215,7 +218,7 @@ def _still(recording: Recording, name: str) -> bool:
 
 def _run(path: str) -> Recording:
     """Return a run's experiment: that of a hinge, or the points of a sweep with its tares."""
-    if TELLS["pitch"] in sample_names(path):
+    if IDENTIFIED_BY["pitch"] in sample_names(path):
         return read_pitch(path)
     return read_points(path, VALID_KINDS)
 
@@ -249,3 +252,61 @@ def _present(
             for ours, theirs in absent.items()
         ],
     )
+
+
+MOST_LISTED = 6
+"""As many recordings of a folder are named; a choice."""
+
+OTHERS = {
+    ".toml": "a TOML file (a model goes behind --model)",
+    ".json": "a JSON file",
+    ".html": "a page",
+    ".svg": "a picture",
+    ".png": "a picture",
+    ".txt": "a text file",
+}
+"""What files that stand beside recordings are by their names."""
+
+TAKEN = "a recording is a CSV, a Parquet file with its JSON, or a run folder"
+
+
+def unreadable(path: str) -> InputError | None:
+    """Return why a path can be no recording; None where one may be."""
+    file = Path(path)
+    if not file.exists():
+        return FileFormatError(path, "there is no such run or file; check the path")
+    if file.is_dir():
+        return None if is_run(file) else FileFormatError(path, _of_folder(file))
+    if file.suffix.lower() in OTHERS:
+        return FileFormatError(path, f"this is {OTHERS[file.suffix.lower()]}; {TAKEN}")
+    return None
+
+
+def recordings_in(folder: Path) -> list[Path]:
+    """Return the recordings of a folder, else those of the folders in it.
+
+    Tables that nothing says more of count where there is nothing better.
+    """
+    for pattern in ("*", "*/*"):
+        found = [item for item in sorted(folder.glob(pattern)) if not item.name.startswith(".")]
+        kinds = {item: kind_of(item) for item in found}
+        for wanted in (("recording", "sweep"), ("table",)):
+            listed = [
+                item
+                for item, kind in kinds.items()
+                if kind in wanted and (kind != "sweep" or is_run(item))
+            ]
+            if listed:
+                return listed
+    return []
+
+
+def _of_folder(folder: Path) -> str:
+    found = recordings_in(folder)
+    if not found:
+        return f"this folder is no run, and no recording is in it; {TAKEN}"
+    named = ", ".join(str(item) for item in found[:MOST_LISTED])
+    more = f" and {len(found) - MOST_LISTED} more" if len(found) > MOST_LISTED else ""
+    if len(found) == 1:
+        return f"this folder is no run; name the recording in it: {named}"
+    return f"this folder is no run; name one or more of the recordings in it: {named}{more}"

@@ -74,7 +74,7 @@ class Linearised:
     curvature: Array
 
     def step(self, region: Region) -> tuple[Array, float]:
-        """Return the best point of a region, as far as the neighbourhood tells, and its cost."""
+        """Return the best point of a region, as far as the neighbourhood shows, and its cost."""
         weights = region.penalty**2
         curvature = self.curvature + np.diag(weights)
         gradient = self.gradient + weights * self.at
@@ -142,7 +142,9 @@ class BoundedSearch:
         rows = self._residuals(np.vstack([at, at + np.diag(steps)]))
         self.evaluations += n + 1
         jacobian = (rows[:, 1:] - rows[:, :1]) / steps
-        jacobian = np.where(np.isfinite(jacobian), jacobian, 0.0)  # no way where nothing is told
+        jacobian = np.where(
+            np.isfinite(jacobian), jacobian, 0.0
+        )  # no slope where there is no value
         return Linearised(
             at=np.array(at),
             cost=float(rows[:, 0] @ rows[:, 0]),

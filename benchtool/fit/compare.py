@@ -1,4 +1,4 @@
-"""Compare models by how well they foretell points that they were not fitted to."""
+"""Compare models by how well they predict points that they were not fitted to."""
 
 from __future__ import annotations
 
@@ -13,8 +13,7 @@ from benchtool.core.errors import EstimationError, InputError
 from benchtool.core.fit_result import FitResult
 from benchtool.fit.jacobian import way_for
 from benchtool.fit.least_squares import fit_least_squares
-from benchtool.fit.likelihood import normal_log_density, residuals, split_values
-from benchtool.fit.problem import IntArray, Problem
+from benchtool.fit.problem import IntArray, Problem, normal_log_density
 from benchtool.fit.solve import row_jacobian
 
 Array = NDArray[np.float64]
@@ -72,9 +71,9 @@ class Comparison:
 
     @property
     def sentence(self) -> str:
-        """Say which model foretells best, and whether the next is clearly behind."""
+        """Say which model predicts best, and whether the next is clearly behind."""
         best, *others = self.scores
-        said = f"{best.model} foretells held-out points best"
+        said = f"{best.model} predicts held-out points best"
         if not others:
             return said
         parts = [
@@ -89,7 +88,7 @@ def compare(problems: Sequence[Problem], *, folds: int = 5, seed: int = 1) -> Co
     """Fit each problem to all folds but one and score the one, for every fold.
 
     Points of one setting are held out together (`Problem.groups`), so that repeats of a point do
-    not tell a model what it should foretell. The density of a held-out point carries its standard
+    not show a model what it should predict. The density of a held-out point carries its standard
     error (with the fitted noise) and the uncertainty of the fitted parameters.
 
     Args:
@@ -136,15 +135,15 @@ def _held_out(problem: Problem, fold: IntArray, count: int) -> tuple[Array, Arra
             result = fit_least_squares(problem.subset(np.flatnonzero(fold != number)))
         except EstimationError:
             continue
-        density[test], left[test] = foretold(problem.subset(test), result)
+        density[test], left[test] = predicted(problem.subset(test), result)
     return density, left
 
 
-def foretold(problem: Problem, result: FitResult) -> tuple[Array, Array]:
+def predicted(problem: Problem, result: FitResult) -> tuple[Array, Array]:
     """Return log density and residual (m,) of points under a result fitted to others."""
-    shape, noise = split_values(problem, result.values)
+    shape, noise = problem.split(result.values)
     sigma = problem.sigma(noise)
-    left = residuals(problem, result.values)
+    left = problem.residuals(result.values)
     lower, upper = problem.shape_bounds
     with np.errstate(all="ignore"):
         way = way_for(problem.predict, shape, len(problem), lower, upper)
@@ -152,7 +151,7 @@ def foretold(problem: Problem, result: FitResult) -> tuple[Array, Array]:
     covariance = result.covariance[np.ix_(problem.shape_index, problem.shape_index)]
     open_ones = ~np.isfinite(np.diag(covariance))
     # A parameter that training left open says nothing of points where it does not act; where it
-    # does act, the point cannot be foretold, and a wide density says so.
+    # does act, the point cannot be predicted, and a wide density says so.
     covariance = np.where(np.outer(open_ones, open_ones) & np.isinf(covariance), 0.0, covariance)
     for i in np.flatnonzero(open_ones):
         covariance[i, i] = max(shape[i] ** 2, 1.0)

@@ -24,7 +24,7 @@ class Convergence:
     Attributes:
         tau_steps: (n,) integrated autocorrelation time of each parameter.
         rhat: (n,) split R-hat over the ensembles.
-        steps: kept steps that both were taken from.
+        steps: steps after the discarded ones, which both were taken from.
     """
 
     tau_steps: Array
@@ -39,7 +39,7 @@ class Convergence:
 
     @property
     def long_enough(self) -> bool:
-        """Whether the kept steps are `TAU_LENGTHS` autocorrelation times."""
+        """Whether the steps are `TAU_LENGTHS` autocorrelation times."""
         return self.steps >= TAU_LENGTHS * self.slowest_tau_steps
 
     @property

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from benchtool.core.counted import counted
 from benchtool.core.errors import BenchtoolError, EstimationError, ModelRejected, NotConverged
 from benchtool.core.fit_result import FitResult
-from benchtool.fit.confusion import Confusion, confusions
-from benchtool.fit.likelihood import residuals, split_values
+from benchtool.fit.identifiability import Confusion, confusions
 from benchtool.fit.problem import NOISE_SCALE, Problem
 from benchtool.fit.residual_structure import (
     UNLIKELY,
@@ -61,8 +60,8 @@ class Diagnosis:
 
 def diagnose(problem: Problem, result: FitResult) -> Diagnosis:
     """Look at a result of a problem, from either estimator."""
-    _, noise = split_values(problem, result.values)
-    rows = residuals(problem, result.values) / problem.sigma(noise)
+    _, noise = problem.split(result.values)
+    rows = problem.residuals(result.values) / problem.sigma(noise)
     rows_alone = rows * np.sqrt(len(problem) / result.dof) if result.dof > 0 else rows
     chance = chi2_chance(result.chi2, result.dof)
     verdict = _verdict(problem, result, chance)
@@ -207,7 +206,7 @@ def _of_structure(columns: Mapping[str, Array], rows: Array, free: tuple[str, ..
 
 
 CLOCK = ("order", "time_s", "elapsed_s")
-"""Columns that go with time: anchor points repeated over a run tell more of what trends there."""
+"""Columns that go with time: anchor points repeated over a run show more of what trends there."""
 
 
 def _hint(column: str, free: tuple[str, ...]) -> str:

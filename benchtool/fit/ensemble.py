@@ -14,12 +14,9 @@ from benchtool.core.errors import EstimationError, InputError
 from benchtool.core.fit_result import Estimate, FitResult, Outcome
 from benchtool.fit.convergence import RHAT_LIMIT, TAU_LENGTHS, Convergence, convergence_of
 from benchtool.fit.interval import from_draws
-from benchtool.fit.island_move import IslandStretch
 from benchtool.fit.least_squares import fit_least_squares
-from benchtool.fit.likelihood import fit_quality
-from benchtool.fit.log_probability import log_probability
 from benchtool.fit.problem import Problem
-from benchtool.fit.walker_start import start_walkers
+from benchtool.fit.sampling import IslandStretch, log_probability, start_walkers
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
@@ -27,7 +24,7 @@ Progress = Callable[[int, int], None]
 
 ENSEMBLES = 4
 FIRST_STEPS = 800
-TELL_EVERY = 100
+REPORT_EVERY = 100
 DISCARDED = 0.25
 """Part of the steps left out at the beginning."""
 
@@ -56,7 +53,7 @@ def fit_ensemble(
         walkers: of each ensemble; even, at least twice the free parameters.
         max_steps: of each walker.
         seed: of starts and moves.
-        progress: told how far it is.
+        progress: called with how far it is.
 
     Returns:
         The result; its samples (n_samples, n_free) are ordered by step, then ensemble, then
@@ -92,14 +89,16 @@ def sampler_of(
     return sampler
 
 
-def advance(sampler: Any, state: Any, steps: int, tell: Callable[[int], None] | None = None) -> Any:
+def advance(
+    sampler: Any, state: Any, steps: int, report: Callable[[int], None] | None = None
+) -> Any:
     """Advance the sampler by `steps` and return its state."""
     for step, latest in enumerate(
         sampler.sample(state, iterations=steps, skip_initial_state_check=True), 1
     ):
         state = latest
-        if tell is not None and step % TELL_EVERY == 0:
-            tell(step)
+        if report is not None and step % REPORT_EVERY == 0:
+            report(step)
     return state
 
 
@@ -116,8 +115,8 @@ def _run(
     done, target = 0, min(FIRST_STEPS, max_steps)
     state: Any = start
     while True:
-        tell = None if progress is None else partial(_tell, progress, done, target)
-        state = advance(sampler, state, target - done, tell)
+        report = None if progress is None else partial(_report, progress, done, target)
+        state = advance(sampler, state, target - done, report)
         done = target
         chain = sampler.get_chain()[int(DISCARDED * done) :]
         chains = chain.reshape(chain.shape[0], ENSEMBLES, walkers, chain.shape[2])
@@ -128,7 +127,7 @@ def _run(
         target = int(min(max(wanted, 1.3 * done), max_steps, 4.0 * done))
 
 
-def _tell(progress: Progress, before: int, whole: int, step: int) -> None:
+def _report(progress: Progress, before: int, whole: int, step: int) -> None:
     progress(before + step, whole)
 
 
@@ -147,7 +146,7 @@ def _result(
     per_step = ENSEMBLES * walkers
     thin = max(1, int(tau / 5.0) if np.isfinite(tau) else 1)
     draws = chains[::thin].reshape(-1, n)
-    kept = chains[:: max(thin, -(-chains.shape[0] * per_step // MOST_DRAWS))].reshape(-1, n)
+    drawn = chains[:: max(thin, -(-chains.shape[0] * per_step // MOST_DRAWS))].reshape(-1, n)
     estimates = tuple(
         from_draws(
             name, problem.parameters[name].unit, draws[:, i], _bound(problem, name, draws[:, i])
@@ -160,7 +159,7 @@ def _result(
         with np.errstate(all="ignore"):
             if log_probability(problem)(near.values[None, :])[0] >= np.max(log_probs):
                 best = near.values
-    quality = fit_quality(problem, best)
+    chi2, log_likelihood = problem.quality(best)
     steps = int(sampler.iteration)
     return FitResult(
         method="emcee",
@@ -168,9 +167,9 @@ def _result(
         model=problem.model,
         estimates=estimates,
         covariance=np.atleast_2d(np.cov(draws, rowvar=False)),
-        chi2=quality.chi2,
+        chi2=chi2,
         dof=problem.dof,
-        log_likelihood=quality.log_likelihood,
+        log_likelihood=log_likelihood,
         outcome=_outcome(problem, verdict, steps, max_steps, per_step),
         warnings=tuple(
             f"the posterior of {item.name} {item.bound} {_at(problem, item)} and is cut there, and "
@@ -178,7 +177,7 @@ def _result(
             for item in estimates
             if item.bound
         ),
-        samples=np.ascontiguousarray(kept),
+        samples=np.ascontiguousarray(drawn),
         facts={
             **problem.facts,
             "points": len(problem),

@@ -244,7 +244,7 @@ def _refuse_dead_speed(points: Recording, conditions: Conditions) -> None:
 def _calibration_sd(parts: Sequence[Recording], paths: Sequence[str]) -> float:
     """Return the relative error of the load cell's scale that all points share.
 
-    Runs through different calibrations do not share one.
+    SignRuns through different calibrations do not share one.
     """
     found = [part.provenance.get("calibration", "") for part in parts]
     for path, name in zip(paths, found, strict=True):

@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 
 from benchtool.core.errors import EstimationError, UnknownChoice
 from benchtool.core.fit_result import Estimate, FitResult, Outcome
-from benchtool.fit.covariance import Spread, spread_of
 from benchtool.fit.interval import around, half_widths
-from benchtool.fit.likelihood import fit_quality
+from benchtool.fit.jacobian import Spread, spread_of
 from benchtool.fit.noise import Noise, fit_noise
 from benchtool.fit.problem import Problem
 from benchtool.fit.solve import LOSSES, Loss, Solution, solve
@@ -145,7 +144,7 @@ def _result(
         by_name[noise.estimate.name] = noise.estimate
     estimates = tuple(by_name[name] for name in problem.free_names)
     values = np.array([estimate.value for estimate in estimates])
-    quality = fit_quality(problem, values)
+    chi2, log_likelihood = problem.quality(values)
     undetermined = tuple(problem.shape_names[i] for i in spread.undetermined)
     return FitResult(
         method="least_squares",
@@ -153,9 +152,9 @@ def _result(
         model=problem.model,
         estimates=estimates,
         covariance=_with_noise(problem, covariance, noise),
-        chi2=quality.chi2,
+        chi2=chi2,
         dof=problem.dof,
-        log_likelihood=quality.log_likelihood,
+        log_likelihood=log_likelihood,
         outcome=_outcome(best, undetermined),
         warnings=(
             *_bound_warnings(problem, estimates),

@@ -29,8 +29,8 @@ class Believed:
 
     Attributes:
         model: at its values.
-        draws: (d, 1) by parameter: values as likely as these; empty where nothing tells.
-        spread: where the draws come from, in words; empty where nothing tells.
+        draws: (d, 1) by parameter: values as likely as these; empty where nothing gives any.
+        spread: where the draws come from, in words; empty where nothing gives any.
         fitted_to: names of the data that its fit took; empty for a model nobody fitted here.
     """
 

@@ -43,7 +43,7 @@ def problem_from_model(
 ) -> Problem:
     """Return the problem of fitting a model's free parameters to a settled bench.
 
-    Points nearer than the formulae hold for are left out, and their number is told in the facts
+    Points nearer than the formulae hold for are left out, and their number is stated in the facts
     (`left_out_near`). In a fit of ratios, free parameters that only move the reading (k, tare,
     drift) are held at their values and named in the facts (`held`).
 
@@ -65,17 +65,17 @@ def problem_from_model(
     if len(observed) != len(conditions):
         raise InputError(f"{len(conditions)} conditions, but {len(observed)} points were observed")
     distance = model.z_over_R(conditions)
-    kept = np.arange(len(conditions))
+    used = np.arange(len(conditions))
     if nearest_z_over_R is not None:
-        kept = np.flatnonzero(distance >= nearest_z_over_R * (1.0 - 1e-9))
-        if not kept.size:
+        used = np.flatnonzero(distance >= nearest_z_over_R * (1.0 - 1e-9))
+        if not used.size:
             raise InputError(
                 f"all {len(conditions)} points are nearer than z/R {nearest_z_over_R:g}; measure "
                 f"farther away, or allow nearer points"
             )
-    left_out = len(conditions) - len(kept)
-    conditions = conditions.select(kept)
-    far = conditions.out_of_ground_effect() if reference is None else reference.select(kept)
+    left_out = len(conditions) - len(used)
+    conditions = conditions.select(used)
+    far = conditions.out_of_ground_effect() if reference is None else reference.select(used)
     facts: dict[str, str | int | float | bool | None] = {"left_out_near": left_out}
     parameters = with_tolerances(model, "sweep")
     if standard_error is None:
@@ -87,22 +87,22 @@ def problem_from_model(
         model, held = _without_reading(model)
         facts["held"] = ", ".join(held)
     columns = {
-        "z_over_R": distance[kept],
+        "z_over_R": distance[used],
         "speed_rad_s": _levels(conditions.speed_rad_s.max(axis=0)),
         "time_s": conditions.time_s,
     }
-    columns |= {name: column[kept] for name, column in (covariates or {}).items()}
+    columns |= {name: column[used] for name, column in (covariates or {}).items()}
     return Problem(
         model=model.name,
         parameters=model.parameters,
         predict=_thrust(model, conditions) if basis == "joint" else _ratio(model, conditions, far),
-        observed=np.asarray(observed, float)[kept],
-        standard_error=np.asarray(standard_error, float)[kept],
+        observed=np.asarray(observed, float)[used],
+        standard_error=np.asarray(standard_error, float)[used],
         basis=basis,
-        labels=tuple(labels[int(i)] for i in kept)
+        labels=tuple(labels[int(i)] for i in used)
         if labels
-        else _labels(conditions, distance[kept]),
-        groups=plate_settings(conditions) if groups is None else groups[kept],
+        else _labels(conditions, distance[used]),
+        groups=plate_settings(conditions) if groups is None else groups[used],
         covariates=_telling(columns),
         facts=facts,
     )

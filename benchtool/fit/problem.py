@@ -1,5 +1,9 @@
 """The problem: data, prediction, parameters and priors, as both estimators take it.
 
+An estimator is a function of a problem that returns a `FitResult`: it leaves the problem as it is,
+gives the same answer for the same seed, orders its estimates as `Problem.free_names`, says in the
+outcome how it ended, and raises `EstimationError` only where there is no result at all.
+
 The free parameters fall in two kinds. Shape parameters move the prediction. A noise parameter
 moves the standard errors only: `noise.scale` multiplies them, `noise.sd...` adds in quadrature.
 """
@@ -158,6 +162,28 @@ class Problem:
         quadrature: Array = np.hypot(self.standard_error * scale, added)
         return quadrature
 
+    def split(self, values: Array) -> tuple[Array, float | None]:
+        """Return shape values (n_shape,) and noise of all free values (n_free,)."""
+        if self.noise_name is None:
+            return values, None
+        return values[self.shape_index], float(values[self.free_names.index(self.noise_name)])
+
+    def residuals(self, values: Array) -> Array:
+        """Return observed less predicted (m,) at all free values (n_free,)."""
+        return self.observed - self.predicted(self.split(values)[0])
+
+    def quality(self, values: Array) -> tuple[float, float]:
+        """Return chi-square at the stated errors and log likelihood at the fitted ones (n_free,).
+
+        Chi-square includes the priors, the likelihood the points only.
+        """
+        shape, noise = self.split(values)
+        absent = 1.0 if self.noise_name == NOISE_SCALE else 0.0
+        rows = self.residuals(values) / self.sigma(absent)
+        prior = self.priors.matrix @ (shape - self.priors.mean)
+        density = normal_log_density(self.residuals(values), self.sigma(noise))
+        return float(rows @ rows + prior @ prior), float(density.sum())
+
     def predicted(self, shape: Array) -> Array:
         """Return the prediction (m,) at shape values (n_shape,)."""
         return np.broadcast_to(np.asarray(self.predict(shape), float), self.observed.shape)
@@ -238,6 +264,12 @@ class Problem:
                 JointPrior(names, np.array([1.0, 0.0]), np.asarray(covariance, float), source),
             ),
         )
+
+
+def normal_log_density(residual: Array, sigma: Array) -> Array:
+    """Return the log density (m,) of normal residuals."""
+    density: Array = -0.5 * (residual / sigma) ** 2 - np.log(sigma) - 0.5 * np.log(2.0 * np.pi)
+    return density
 
 
 def noise_parameter(value: float = 1.0) -> Parameter:

@@ -18,7 +18,6 @@ from benchtool.core.errors import EstimationError
 from benchtool.core.fit_result import Estimate, FitResult
 from benchtool.fit.interval import half_widths
 from benchtool.fit.jacobian import Way
-from benchtool.fit.likelihood import split_values
 from benchtool.fit.problem import Problem
 from benchtool.fit.solve import solve
 
@@ -59,7 +58,7 @@ def with_profile(
 def _profiled(problem: Problem, result: FitResult, estimate: Estimate) -> Estimate:
     if not np.isfinite(estimate.sd) or estimate.sd <= 0.0:
         return estimate
-    shape, noise = split_values(problem, result.values)
+    shape, noise = problem.split(result.values)
     sigma = problem.sigma(noise)
     least = float(np.sum(problem.rows(shape, sigma) ** 2))
     way: Way = (

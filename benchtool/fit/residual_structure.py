@@ -11,11 +11,11 @@ from scipy.special import chdtrc, ndtr, stdtr
 Array = NDArray[np.float64]
 
 UNLIKELY = 1e-3
-"""A chance below this is told."""
+"""A chance below this is reported."""
 
 
 @dataclass(frozen=True, slots=True)
-class Runs:
+class SignRuns:
     """Signs of residuals ordered by a column: fewer runs than chance means a curve was missed."""
 
     column: str
@@ -64,7 +64,7 @@ def bend_along(column: str, order: Array, rows: Array) -> Bend:
     return Bend(column, float(found[2]), chance)
 
 
-def runs_along(column: str, order: Array, rows: Array) -> Runs:
+def runs_along(column: str, order: Array, rows: Array) -> SignRuns:
     """Count runs of equal sign of weighted residuals (m,) along a column (m,).
 
     Points of equal column value stand for one, by their mean. The chance is that of so few runs
@@ -77,10 +77,12 @@ def runs_along(column: str, order: Array, rows: Array) -> Runs:
     n = len(values)
     runs = 1 + int((positive[1:] != positive[:-1]).sum()) if n else 0
     if up < 3 or down < 3:
-        return Runs(column, runs, float(runs), 1.0)
+        return SignRuns(column, runs, float(runs), 1.0)
     expected = 1.0 + 2.0 * up * down / n
     variance = 2.0 * up * down * (2.0 * up * down - n) / (n * n * (n - 1.0))
-    return Runs(column, runs, expected, float(ndtr((runs + 0.5 - expected) / np.sqrt(variance))))
+    return SignRuns(
+        column, runs, expected, float(ndtr((runs + 0.5 - expected) / np.sqrt(variance)))
+    )
 
 
 def trend_along(column: str, order: Array, rows: Array) -> Trend:

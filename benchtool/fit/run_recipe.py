@@ -39,7 +39,7 @@ class FitOutput:
     """Carry everything that a fit made.
 
     Attributes:
-        recipe: what was asked.
+        recipe: as it was given.
         loaded: the model as it was fitted, before.
         data: the points.
         problem: as both estimators took it.
@@ -55,11 +55,6 @@ class FitOutput:
     comparison: Comparison | None = None
 
     @property
-    def simulated(self) -> bool:
-        """Whether any of the data comes from no physical bench."""
-        return self.data.points.simulated
-
-    @property
     def fitted(self) -> Model:
         """The model at the first method's values, its noise parameters as they were."""
         model = self.loaded.model
@@ -68,8 +63,8 @@ class FitOutput:
             if estimate.name in parameters and not estimate.name.startswith("noise."):
                 item = parameters[estimate.name]
                 value = float(np.clip(estimate.value, item.lower, item.upper))
-                told = ", ".join(filter(None, (self.recipe.name, estimate.bound)))
-                fitted = replace(item.at(value), source=f"fitted: {told}")
+                source = ", ".join(filter(None, (self.recipe.name, estimate.bound)))
+                fitted = replace(item.at(value), source=f"fitted: {source}")
                 parameters = parameters.replaced(estimate.name, fitted)
         return model.at(parameters)
 
@@ -85,7 +80,7 @@ def run_recipe(
 
     Args:
         recipe: what to fit.
-        progress: told what is being done.
+        progress: called with what is being done.
         profile: intervals of least squares from the profile likelihood.
         permit: called with the file of a model's own effects before it is run.
 
@@ -97,14 +92,14 @@ def run_recipe(
     data = read_fit_data(recipe, loaded)
     loaded = replace(loaded, model=_with_noise(loaded.model, recipe, data.errors))
     problem = _problem(loaded.model, recipe, data)
-    told = _rig_told(recipe, loaded.model.rig)
+    assumed = _assumed_rig(recipe, loaded.model.rig)
     results = tuple(
         _named(
             loaded.model,
             data,
             problem,
             _estimate(problem, recipe, method, progress, profile),
-            told,
+            assumed,
         )
         for method in recipe.methods
     )
@@ -129,7 +124,7 @@ def run_recipe(
 
 
 def _with_noise(model: Model, recipe: Recipe, errors: str) -> Model:
-    """Return the model with the noise parameter free that the recipe asks for."""
+    """Return the model with the noise parameter free that the recipe names."""
     kind = recipe.noise
     typed = {name.rpartition(".")[2] for name in (*recipe.free, *recipe.fix, *recipe.hold)}
     if kind == "auto":
@@ -186,10 +181,10 @@ def _estimate(
             progress("least squares", 0, 1)
         result = fit_least_squares(problem, loss=recipe.loss, seed=recipe.seed)
         return with_profile(problem, result) if profile else result
-    tell = None
+    report = None
     if progress is not None:
 
-        def tell(done: int, expected: int) -> None:
+        def report(done: int, expected: int) -> None:
             progress("emcee", done, expected)
 
     return fit_ensemble(
@@ -197,11 +192,11 @@ def _estimate(
         walkers=recipe.walkers,
         max_steps=recipe.max_steps,
         seed=recipe.seed,
-        progress=tell,
+        progress=report,
     )
 
 
-def _rig_told(recipe: Recipe, rig: Rig) -> tuple[str, ...]:
+def _assumed_rig(recipe: Recipe, rig: Rig) -> tuple[str, ...]:
     """Say which vehicle a shipped model brought along, where data and options name none."""
     if rig_of_recipe(recipe) is not None or recipe.model not in model_names():
         return ()
@@ -231,7 +226,7 @@ def _far_from_rig(model: Model, result: FitResult) -> tuple[str, ...]:
 
 
 def _named(
-    model: Model, data: FitData, problem: Problem, result: FitResult, rig_told: tuple[str, ...]
+    model: Model, data: FitData, problem: Problem, result: FitResult, assumed_rig: tuple[str, ...]
 ) -> FitResult:
     """Return the result with its diagnosis, derived quantities, what was left out, hashes."""
     free = [estimate.name for estimate in result.estimates]
@@ -249,6 +244,6 @@ def _named(
         "simulated": data.points.simulated,
         **{f"sha256.{path}": digest for path, digest in data.hashes.items()},
     }
-    warnings = (*rig_told, *_far_from_rig(model, result), *data.left_out, *result.warnings)
+    warnings = (*assumed_rig, *_far_from_rig(model, result), *data.left_out, *result.warnings)
     result = replace(result, facts=facts, warnings=warnings)
     return with_derived(with_diagnosis(problem, result), quantities)

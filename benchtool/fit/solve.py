@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from benchtool.core.errors import EstimationError
-from benchtool.fit.covariance import RANK_LIMIT
-from benchtool.fit.jacobian import Way, central_differences, complex_step, way_for
+from benchtool.fit.jacobian import RANK_LIMIT, Way, central_differences, complex_step, way_for
 from benchtool.fit.problem import Problem
 
 Array = NDArray[np.float64]

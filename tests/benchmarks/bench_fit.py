@@ -22,9 +22,9 @@ from scipy.optimize import least_squares
 from benchtool.core.rig_file import rig_named
 from benchtool.fit.ensemble import advance, fit_ensemble, sampler_of
 from benchtool.fit.least_squares import fit_least_squares
-from benchtool.fit.log_probability import log_probability
 from benchtool.fit.model_problem import problem_from_model
 from benchtool.fit.problem import Problem
+from benchtool.fit.sampling import log_probability
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.model import Model
 

@@ -9,9 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable
 from typing import Protocol
 
-from benchtool.fit.telling import CANNOT_TELL, evidence
-
-__all__ = ["CANNOT_TELL", "Telling", "class_confirmed", "evidence"]
+from benchtool.fit.identifiability import CANNOT_TELL
 
 
 class Telling(Protocol):

@@ -14,9 +14,9 @@ import numpy as np
 
 from benchtool.core.channel import Channel
 from benchtool.core.recording import Recording
-from benchtool.explain.engine.effect_knobs import with_every_effect
 from benchtool.explain.engine.explain import explain
 from benchtool.explain.engine.explanation import Explanation
+from benchtool.explain.engine.priors import with_every_effect
 from benchtool.explain.engine.verdict import Verdict
 from benchtool.explain.pitch.log import PitchLog, pitch_log
 from benchtool.explain.pitch.subject import PitchSubject
@@ -82,7 +82,7 @@ def _gaps_truly(record: HiddenRecord, verdict: Verdict) -> dict[str, float]:
     subject = PitchSubject(model, check, check)
     if subject.window_s != verdict.window_s:
         return {}
-    as_given = np.zeros(len(subject.evidence.knobs))
+    as_given = np.zeros(len(subject.evidence.parameters))
     floors = subject.floor(as_given, np.random.default_rng(0), verdict.draws)
     return {gap.channel: gap.after / float(np.median(floors[gap.channel])) for gap in verdict.gaps}
 

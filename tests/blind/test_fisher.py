@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import pytest
 
-from tests.blind.fisher import CANNOT_TELL, class_confirmed
+from benchtool.fit.identifiability import CANNOT_TELL
+from tests.blind.fisher import class_confirmed
 
 
 @dataclass

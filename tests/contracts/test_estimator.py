@@ -7,11 +7,13 @@ from functools import cache
 import numpy as np
 import pytest
 
-from benchtool.core.errors import UnknownChoice
 from benchtool.core.fit_result import FitResult
-from benchtool.fit.estimator import ESTIMATORS, estimator_named
+from benchtool.fit.ensemble import fit_ensemble
+from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.problem import Problem
 from tests.unit.fit.cases import SMALL
+
+ESTIMATORS = {"least_squares": fit_least_squares, "emcee": fit_ensemble}
 
 every_pair = pytest.mark.parametrize(
     ("method", "name"), [(method, name) for method in ESTIMATORS for name in SMALL]
@@ -22,7 +24,7 @@ every_pair = pytest.mark.parametrize(
 def fitted(method: str, name: str) -> tuple[Problem, FitResult]:
     """Fit one problem once for all tests."""
     problem = SMALL[name]()
-    return problem, estimator_named(method)(problem)
+    return problem, ESTIMATORS[method](problem)
 
 
 @every_pair
@@ -84,11 +86,6 @@ def test_both_estimators_agree(name: str) -> None:
 @pytest.mark.parametrize("method", ESTIMATORS)
 def test_the_same_problem_gives_the_same_answer(method: str) -> None:
     _, first = fitted(method, "decay")
-    again = estimator_named(method)(SMALL["decay"]())
+    again = ESTIMATORS[method](SMALL["decay"]())
     np.testing.assert_array_equal(first.values, again.values)
     np.testing.assert_array_equal(first.samples, again.samples)
-
-
-def test_an_unknown_estimator_is_refused_with_the_known_ones() -> None:
-    with pytest.raises(UnknownChoice, match="emcee, least_squares"):
-        estimator_named("annealing")

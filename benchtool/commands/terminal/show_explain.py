@@ -13,9 +13,8 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 
 from benchtool.commands.terminal.show_fit import FILE_WIDTH, print_table
 from benchtool.explain.answer import Answer
-from benchtool.explain.engine.next_steps import lines, next_sentence, next_steps
+from benchtool.explain.next_steps import lines, next_file, next_sentence, next_steps
 from benchtool.report.answer.added_words import added_sentence, changes
-from benchtool.report.answer.file import next_file
 from benchtool.report.answer.folder import ANSWER, PAGE
 from benchtool.report.answer.page import where_sentence
 from benchtool.report.answer.tables import (

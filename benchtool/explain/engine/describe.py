@@ -7,11 +7,10 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.explain.engine.evidence import EARLY, LATE, RowGroups
 from benchtool.explain.engine.explanation import Disagreement
 from benchtool.explain.engine.hypotheses import Hypotheses, Hypothesis
-from benchtool.explain.engine.subject import Subject
-from benchtool.explain.engine.verdict import FoundParameter, Where
+from benchtool.explain.engine.subject import EARLY, LATE, RowGroups, Subject
+from benchtool.explain.engine.verdict import FoundParameter, WhereShown
 from benchtool.physics.effects.effect import Effect, Subsystem
 
 Array = NDArray[np.float64]
@@ -21,7 +20,7 @@ SIGMA_95 = 1.959964
 
 CLOCK_FACTOR = 1.1
 """How much denser residuals must be in a part of the run than in any regime of plate, speed or
-motion to be told by the clock; a choice."""
+motion to be named by the clock; a choice."""
 
 
 def effect_of(subject: Subject, name: str) -> Effect:
@@ -41,23 +40,23 @@ def found_parameters(
     effect = effect_of(subject, name)
     neutral = {item.name: item.neutral for item in effect.parameters}
     out = []
-    for knob, turned, sd in zip(hypotheses.evidence.knobs, one.at, spread, strict=True):
-        if knob.effect != name:
+    for parameter, scaled, sd in zip(hypotheses.evidence.parameters, one.at, spread, strict=True):
+        if parameter.effect != name:
             continue
-        value, std = knob.value(float(turned)), float(sd) * knob.scale
-        own = knob.name.partition(".")[2]
+        value, std = parameter.value(float(scaled)), float(sd) * parameter.scale
+        own = parameter.name.partition(".")[2]
         stated = neutral[own]
-        rest = knob.start if stated is None else stated
+        rest = parameter.start if stated is None else stated
         std = float(np.hypot(std, subject.law_error(effect) * (value - rest)))
         out.append(
             FoundParameter(
                 name=own,
-                unit=knob.unit,
+                unit=parameter.unit,
                 value=value,
                 std=std,
-                low=max(value - SIGMA_95 * std, knob.lower),
-                high=min(value + SIGMA_95 * std, knob.upper),
-                tolerance=knob.scale,
+                low=max(value - SIGMA_95 * std, parameter.lower),
+                high=min(value + SIGMA_95 * std, parameter.upper),
+                tolerance=parameter.scale,
                 neutral=rest,
             )
         )
@@ -66,7 +65,7 @@ def found_parameters(
 
 def where_shown(
     groups: RowGroups, before: Array, after: Array, stage: Subsystem | None
-) -> Where | None:
+) -> WhereShown | None:
     """Return where residuals stand out before the fix.
 
     The regime is where they are densest; one of the clock only where no other is nearly as dense.
@@ -94,7 +93,7 @@ def where_shown(
         if inside > 0.3 and dense > crowded:
             best, crowded = name, dense
     mask = groups.regimes.get(best, np.ones(len(before), bool)) & rows
-    return Where(
+    return WhereShown(
         stage=shown,
         regime=best,
         size=_rms(before[mask]),

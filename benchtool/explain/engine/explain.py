@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.explain.engine.closing import closing
 from benchtool.explain.engine.describe import (
     disagreements,
     effect_of,
@@ -14,15 +13,14 @@ from benchtool.explain.engine.describe import (
     where_shown,
 )
 from benchtool.explain.engine.explanation import Explanation, TrueMisses
-from benchtool.explain.engine.held_out import HeldOut, Known
-from benchtool.explain.engine.hypotheses import Hypotheses, Hypothesis
-from benchtool.explain.engine.knob import parameters_at
-from benchtool.explain.engine.search import Progress, Search, searched
-from benchtool.explain.engine.significance import p_value
+from benchtool.explain.engine.held_out import HeldOut
+from benchtool.explain.engine.hypotheses import Hypotheses, Hypothesis, p_value
+from benchtool.explain.engine.parameters import parameters_at
+from benchtool.explain.engine.search import Progress, Search, closing, searched
 from benchtool.explain.engine.subject import Subject
-from benchtool.explain.engine.verdict import Kind, NamedEffect, Nearest, NotJudged, Place, Verdict
+from benchtool.explain.engine.verdict import Kind, NamedEffect, Nearest, NotJudged, Rivals, Verdict
 from benchtool.explain.engine.weigh import Fit, Weighed, weighed
-from benchtool.fit.telling import CANNOT_TELL
+from benchtool.fit.identifiability import CANNOT_TELL
 
 Array = NDArray[np.float64]
 
@@ -51,9 +49,9 @@ def explain(
         draws: of the noise behind the floor, 100 at least for a report.
         bootstrap: records drawn from the null for p-values; asymptotic ones when 0.
         propose: whether to work out the next experiment, which takes as long as all the rest.
-        progress: told what is being done.
+        progress: called with what is being done.
     """
-    tell = progress if progress is not None else _silent
+    report = progress if progress is not None else _silent
     rng = np.random.default_rng(seed)
     evidence = subject.evidence
     hypotheses = Hypotheses(evidence)
@@ -64,14 +62,12 @@ def explain(
         rows = evidence.residuals(one.at[None])[:, 0]
         return leftover(groups, rows) / subject.allowed_leftover(one.at, rng)
 
-    search = searched(hypotheses, tell, lambda one: left(one) > HOPELESS)
-    tell("predicting the check recordings", 0.7)
+    search = searched(hypotheses, report, lambda one: left(one) > HOPELESS)
+    report("predicting the check recordings", 0.7)
     if len(search.slots) > 1:
         search = closing(subject, hypotheses, search)
     null, best = search.null, search.best
-    before = Known(at=null.at, spread=hypotheses.spread(null))
-    after = before if best is null else Known(at=best.at, spread=hypotheses.spread(best))
-    held = HeldOut.of(subject, before, after, rng, draws)
+    held = HeldOut.of(subject, hypotheses, null, best, rng, draws)
     rows = evidence.residuals(np.vstack([null.at, best.at]))
     without = Fit(ratio=held.ratio(0), leftover=left(null))
     fit = without
@@ -83,7 +79,7 @@ def explain(
         for slot in search.slots
     ]
     kind, members = _decided(hypotheses, search, weights)
-    tell("drawing the answer", 0.9)
+    report("drawing the answer", 0.9)
     effects = tuple(
         NamedEffect(
             name=name,
@@ -118,7 +114,7 @@ def explain(
         where=where,
         gaps=held.gaps(bool(effects), rng),
         nearest=nearest,
-        tolerances={k.name: k.scale for k in evidence.knobs if k.effect},
+        tolerances={k.name: k.scale for k in evidence.parameters if k.effect},
         not_judged={
             name: NotJudged.below(size)
             for name, size in hypotheses.unseen(null).items()
@@ -126,11 +122,11 @@ def explain(
         },
         remarks=subject.remarks,
         next=subject.next_experiment(rivals, rng) if rivals and propose else None,
-        parameters=parameters_at(evidence.model.parameters, evidence.knobs, final),
+        parameters=parameters_at(evidence.model.parameters, evidence.parameters, final),
         window_s=subject.window_s,
         draws=draws,
     )
-    tell("done", 1.0)
+    report("done", 1.0)
     return Explanation(
         verdict=verdict,
         overlays=subject.overlays(null.at, final),
@@ -176,10 +172,10 @@ def _probabilities(weights: list[Weighed]) -> dict[str, float]:
     return {**out, "none": min(w.none for w in weights), "unknown": weights[0].unknown}
 
 
-def _places(search: Search, weights: list[Weighed]) -> tuple[Place, ...]:
+def _places(search: Search, weights: list[Weighed]) -> tuple[Rivals, ...]:
     """Return the probabilities of every explanation for each place."""
     return tuple(
-        Place(
+        Rivals(
             effect=slot.name,
             probabilities={**one.named, "none": one.none, "unknown": one.unknown},
         )

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.explain.engine.hypotheses import Hypotheses, Hypothesis
 from benchtool.explain.engine.subject import ChannelErrors, Subject
-from benchtool.explain.engine.verdict import Gap
+from benchtool.explain.engine.verdict import ChannelGap
 
 Array = NDArray[np.float64]
 
@@ -21,14 +22,6 @@ RESAMPLES = 1000
 
 DOUBT_DRAWS = 64
 """Draws behind the quantile that decides whether a gap is noise."""
-
-
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Known:
-    """Hold knobs (n_knobs,) with their covariance (n_knobs, n_knobs)."""
-
-    at: Array
-    spread: Array
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -47,17 +40,22 @@ class HeldOut:
 
     @classmethod
     def of(
-        cls, subject: Subject, before: Known, after: Known, rng: np.random.Generator, draws: int
+        cls,
+        subject: Subject,
+        hypotheses: Hypotheses,
+        null: Hypothesis,
+        best: Hypothesis,
+        rng: np.random.Generator,
+        draws: int,
     ) -> HeldOut:
-        """Predict with the numbers before and after."""
-        sets = np.vstack([np.zeros(len(before.at)), before.at, after.at])
-        first = dict(subject.floor(before.at, rng, DOUBT_DRAWS, before.spread))
-        second = first
-        if after is not before:
-            second = dict(subject.floor(after.at, rng, DOUBT_DRAWS, after.spread))
+        """Predict with the numbers before (`null`) and after (`best`)."""
+        sets = np.vstack([np.zeros(len(null.at)), null.at, best.at])
+        first = second = dict(subject.floor(null.at, rng, DOUBT_DRAWS, hypotheses.spread(null)))
+        if best is not null:
+            second = dict(subject.floor(best.at, rng, DOUBT_DRAWS, hypotheses.spread(best)))
         return cls(
             errors=dict(subject.errors(sets)),
-            floor=dict(subject.floor(after.at, rng, draws)),
+            floor=dict(subject.floor(best.at, rng, draws)),
             doubt=(first, second),
         )
 
@@ -96,8 +94,8 @@ class HeldOut:
         square = float(np.mean(self.errors[name].squares[:, column]))
         return square / float(np.median(self.floor[name])) ** 2 - 1.0
 
-    def gaps(self, named: bool, rng: np.random.Generator) -> tuple[Gap, ...]:
-        """Return the gap of each channel; `named` tells whether an effect was added."""
+    def gaps(self, named: bool, rng: np.random.Generator) -> tuple[ChannelGap, ...]:
+        """Return the gap of each channel; `named` says whether an effect was added."""
         out = []
         for name, found in self.errors.items():
             after = 2 if named else 1
@@ -107,7 +105,7 @@ class HeldOut:
             low, high = np.quantile(drawn, [0.025, 0.975], axis=0)
             floor = self.floor[name]
             out.append(
-                Gap(
+                ChannelGap(
                     channel=name,
                     unit=found.unit,
                     as_given=float(roots[0]),

@@ -8,18 +8,20 @@ is missing; a test against exactly zero would name one of them on every record.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import chi2
 
-from benchtool.explain.engine.evidence import Evidence
+from benchtool.explain.engine.subject import Evidence
 from benchtool.fit.bounded import BoundedSearch, Linearised, Minimum, Region
-from benchtool.fit.telling import evidence
+from benchtool.fit.identifiability import evidence_against
 
 Array = NDArray[np.float64]
+
 
 SMALL = 1.0 / 3.0
 """Standard deviation of an effect that is there within its tolerance, in tolerances: what is said
@@ -52,7 +54,7 @@ class Hypothesis:
 
     Attributes:
         opened: names of those effects, in the order in which they were added; none for the null.
-        at: (n_knobs,) the best numbers, in scales.
+        at: (n_parameters,) the best numbers, in scales.
         cost: sum of squares there, penalties included.
         converged: whether the search came to rest.
     """
@@ -72,21 +74,23 @@ class Hypotheses:
 
     def __init__(self, evidence: Evidence) -> None:
         self.evidence = evidence
-        knobs = evidence.knobs
+        parameters = evidence.parameters
         self._limits = (
-            np.array([knob.least for knob in knobs]),
-            np.array([knob.most for knob in knobs]),
+            np.array([parameter.least for parameter in parameters]),
+            np.array([parameter.most for parameter in parameters]),
         )
         self._search = BoundedSearch(evidence.residuals, self._limits)
-        self.effects = tuple(dict.fromkeys(knob.effect for knob in knobs if knob.effect))
+        self.effects = tuple(
+            dict.fromkeys(parameter.effect for parameter in parameters if parameter.effect)
+        )
         self._near: dict[bytes, Linearised] = {}
 
     def region(self, opened: Iterable[str]) -> Region:
         """Return bounds and penalties under which only some effects may break their tolerance."""
         names = set(opened)
-        knobs = self.evidence.knobs
-        wide = np.array([knob.effect in names for knob in knobs])
-        held = np.array([knob.held for knob in knobs])
+        parameters = self.evidence.parameters
+        wide = np.array([parameter.effect in names for parameter in parameters])
+        held = np.array([parameter.held for parameter in parameters])
         limit = np.asarray(np.where(held, REACH, 1.0), float)
         reach = np.asarray(np.where(wide, np.inf, limit), float)
         return Region(
@@ -102,13 +106,13 @@ class Hypotheses:
     @cached_property
     def n_rows(self) -> int:
         """How many residuals there are."""
-        return len(self.evidence.residuals(np.zeros((1, len(self.evidence.knobs)))))
+        return len(self.evidence.residuals(np.zeros((1, len(self.evidence.parameters)))))
 
     def spread(self, one: Hypothesis) -> Array:
-        """Return the covariance of all knobs (n_knobs, n_knobs) at a hypothesis, in scales.
+        """Return the covariance of all parameters at a hypothesis, in scales.
 
-        From the curvature, the noise as large as the residuals say, and the penalties; a knob at
-        the end of its tolerance counts as if it could move on.
+        (n_parameters, n_parameters). From the curvature, the noise as large as the residuals say,
+        and the penalties; a parameter at the end of its tolerance counts as if it could move on.
         """
         region = self.region(one.opened)
         curvature = self.near(one.at).curvature / self.dispersion(one)
@@ -118,8 +122,8 @@ class Hypotheses:
     def unseen(self, one: Hypothesis) -> dict[str, float]:
         """Return effects that the data cannot show: by how many tolerances each would have to act.
 
-        Its tolerance and three standard deviations of the knob that shows best, if that is more
-        than `UNSEEN`.
+        Its tolerance and three standard deviations of the parameter that shows best, if that is
+        more than `UNSEEN`.
         """
         curvature = self.near(one.at).curvature / self.dispersion(one)
         out = {}
@@ -127,8 +131,8 @@ class Hypotheses:
             penalty = self.region((*one.opened, name)).penalty
             total = curvature + np.diag(penalty**2) + 1e-9 * np.eye(len(curvature))
             spread = np.sqrt(np.diag(np.linalg.inv(total)))
-            own = [s for s, knob in zip(spread, self.evidence.knobs, strict=True)
-                   if knob.effect == name]  # fmt: skip
+            own = [s for s, parameter in zip(spread, self.evidence.parameters, strict=True)
+                   if parameter.effect == name]  # fmt: skip
             needed = 1.0 + 3.0 * min(own)
             if needed > UNSEEN:
                 out[name] = float(needed)
@@ -142,7 +146,7 @@ class Hypotheses:
         """
         region = self.region((*one.opened[:-1], rival))
         matrix = self.near(one.at).curvature / self.dispersion(one)
-        return evidence(matrix, one.at, region.lower, region.upper)
+        return evidence_against(matrix, one.at, region.lower, region.upper)
 
     def near(self, at: Array) -> Linearised:
         """Return the neighbourhood of a point; the same one is worked out once."""
@@ -153,10 +157,12 @@ class Hypotheses:
 
     def null(self, opened: tuple[str, ...] = ()) -> Hypothesis:
         """Return the best numbers with those effects open, from the model as given."""
-        return self.fitted(opened, np.array([knob.first for knob in self.evidence.knobs]))
+        return self.fitted(
+            opened, np.array([parameter.first for parameter in self.evidence.parameters])
+        )
 
     def fitted(self, opened: tuple[str, ...], start: Array) -> Hypothesis:
-        """Return the best numbers with those effects open, from given ones (n_knobs,) on."""
+        """Return the best numbers with those effects open, from given ones (n_parameters,) on."""
         region = self.region(opened)
         near = self.near(region.clipped(start))
         return _of(opened, self._search.minimum(start, region, known=near))
@@ -224,5 +230,38 @@ class Hypotheses:
         return out
 
 
+def ratio_of(evidence: Evidence, rivals: Sequence[tuple[str, Array]]) -> float:
+    """Return the log-likelihood ratio of the first of two rivals over the second.
+
+    Each is an effect with the parameters (n_parameters,) that its fit begins with.
+    """
+    hypotheses = Hypotheses(evidence)
+    first, second = (hypotheses.fitted((name,), at).cost for name, at in rivals[:2])
+    return 0.5 * float(second - first)
+
+
 def _of(opened: tuple[str, ...], found: Minimum) -> Hypothesis:
     return Hypothesis(opened=opened, at=found.at, cost=found.cost, converged=found.converged)
+
+
+def p_value(
+    hypotheses: Hypotheses,
+    base: Hypothesis,
+    one: Hypothesis,
+    bootstrap: int,
+    rng: np.random.Generator,
+) -> float:
+    """Return the p-value of a candidate's gain over its base, for the largest of all candidates.
+
+    Asymptotic: a chi-squared law of as many degrees of freedom as the effect has numbers, the gain
+    divided by the dispersion, times the number of candidates (Bonferroni); the tolerance makes it
+    conservative. With `bootstrap` draws it is counted: white residuals are drawn about the base,
+    and every candidate is fitted to each by the base's own neighbourhood.
+    """
+    gain = (base.cost - one.cost) / hypotheses.dispersion(one)
+    name = one.opened[-1]
+    numbers = sum(parameter.effect == name for parameter in hypotheses.evidence.parameters)
+    if bootstrap <= 0:
+        return float(min(1.0, len(hypotheses.effects) * chi2.sf(max(gain, 0.0), numbers)))
+    drawn = hypotheses.null_gains(base, bootstrap, rng)
+    return float((1 + np.sum(drawn >= gain)) / (bootstrap + 1))

@@ -1,4 +1,4 @@
-"""The seam between kinds of benches and the verdict: what a bench must be able to tell."""
+"""The seams of the engine: evidence about a model's numbers, benches as subjects of a verdict."""
 
 from __future__ import annotations
 
@@ -9,12 +9,53 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.explain.engine.evidence import Evidence
 from benchtool.explain.engine.explanation import Overlay
+from benchtool.explain.engine.parameters import ScaledParameter
 from benchtool.explain.engine.verdict import NextExperiment
-from benchtool.physics.effects.effect import BenchKind, Effect
+from benchtool.physics.effects.effect import BenchKind, Effect, Subsystem
+from benchtool.physics.model import Model
 
 Array = NDArray[np.float64]
+
+
+LATE, EARLY = "late in the run", "early in the run"
+"""Regimes of the clock: they say less of a cause than where the plate was, or how fast it went."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class RowGroups:
+    """Label the rows of evidence.
+
+    Attributes:
+        stages: stage whose disagreement shows in a group of rows, with the mask (n_rows,). A stage
+            may be missing: what it does wrong shows in another's rows.
+        regimes: parts of the recordings in words, with masks (n_rows,); they may overlap.
+    """
+
+    stages: Mapping[Subsystem, NDArray[np.bool_]]
+    regimes: Mapping[str, NDArray[np.bool_]]
+
+
+class Evidence(Protocol):
+    """Say how well a model's numbers fit data."""
+
+    @property
+    def model(self) -> Model:
+        """The model with every candidate in it, neutral unless the user's model says otherwise."""
+        ...
+
+    @property
+    def parameters(self) -> tuple[ScaledParameter, ...]:
+        """What can be moved, in a fixed order."""
+        ...
+
+    def residuals(self, scaled: Array) -> Array:
+        """Return whitened residuals (n_rows, n_sets) for sets (n_sets, n_parameters)."""
+        ...
+
+    def groups(self) -> RowGroups:
+        """Return labels of the rows."""
+        ...
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -45,13 +86,13 @@ class Subject(Protocol):
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What was mended in the recordings, and what they lack."""
+        """What was repaired in the recordings, and what they lack."""
         ...
 
     def allowed_leftover(self, at: Array, rng: np.random.Generator) -> float:
-        """Return what variance whitened residuals of a stage may have with knobs `at` (n_knobs,).
+        """Return what variance whitened residuals of a stage may have `at` (n_parameters,).
 
-        What a true model would leave, and what small imperfections add; inf where it tells nothing.
+        What a true model would leave, and what small imperfections add; inf where it says nothing.
         """
         ...
 
@@ -78,25 +119,25 @@ class Subject(Protocol):
         ...
 
     def errors(self, sets: Array) -> Mapping[str, ChannelErrors]:
-        """Return errors on the check recordings by channel, for sets of knobs (n_sets, n_knobs)."""
+        """Return errors on the check recordings by channel, for sets (n_sets, n_parameters)."""
         ...
 
     def floor(
         self, at: Array, rng: np.random.Generator, draws: int, spread: Array | None = None
     ) -> Mapping[str, Array]:
-        """Return errors of a true model with knobs `at` (draws,), by channel, root mean square.
+        """Return errors (draws,) of a true model `at` (n_parameters,), by channel, rms.
 
-        With `spread` (n_knobs, n_knobs) the truth of each draw lies as far from the model that
-        predicts as its knobs are uncertain.
+        With `spread` (n_parameters, n_parameters) the truth of each draw lies as far from the model
+        that predicts as its parameters are uncertain.
         """
         ...
 
     def overlays(self, before: Array, after: Array) -> tuple[Overlay, ...]:
-        """Return measurement and predictions with knobs before and after (n_knobs,) each."""
+        """Return measurement and predictions, parameters before and after (n_parameters,) each."""
         ...
 
     def next_experiment(
         self, rivals: Sequence[tuple[str, Array]], rng: np.random.Generator
     ) -> NextExperiment | None:
-        """Return the experiment that separates hypotheses best; each with its knobs (n_knobs,)."""
+        """Return the experiment that separates hypotheses, each with its (n_parameters,), best."""
         ...

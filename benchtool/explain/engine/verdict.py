@@ -9,8 +9,31 @@ from typing import Literal
 
 from benchtool.core.parameter import Parameters
 from benchtool.core.schedule import Schedule
-from benchtool.explain.engine.stage_words import PLACES
 from benchtool.physics.effects.effect import BenchKind, Subsystem
+
+STAGES = {
+    "pwm_to_rpm": "from pwm to rpm",
+    "rpm_to_thrust": "from rpm to thrust",
+    "hinge": "hinge",
+    "sensor": "sensor",
+    "plate": "plate",
+}
+"""As a heading or a cell has them."""
+
+PLACES = {
+    "pwm_to_rpm": "between pulse and rotor speed",
+    "rpm_to_thrust": "between rotor speed and thrust",
+    "hinge": "at the hinge",
+    "sensor": "in the sensors",
+    "plate": "at the plate",
+}
+"""As a sentence says where something is."""
+
+
+def stage_words(stage: str) -> str:
+    """Return a link of the chain, or a channel, in words."""
+    return STAGES.get(stage, stage)
+
 
 Kind = Literal["effect", "several", "class", "none", "unknown"]
 KINDS: tuple[Kind, ...] = ("effect", "several", "class", "none", "unknown")
@@ -75,7 +98,7 @@ class NamedEffect:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Place:
+class Rivals:
     """Say what may stand in one place of a verdict, the other named effects taken for granted.
 
     Attributes:
@@ -88,7 +111,7 @@ class Place:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Where:
+class WhereShown:
     """Say where model and measurement disagree.
 
     Attributes:
@@ -105,7 +128,7 @@ class Where:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Gap:
+class ChannelGap:
     """Hold one channel's prediction error on the check recording, root mean square.
 
     Attributes:
@@ -208,7 +231,7 @@ class Verdict:
         nearest: for an unknown, the named effect that comes nearest.
         tolerances: what does not matter, by parameter's full name.
         not_judged: effects that this data cannot show, by name.
-        remarks: what was mended in the recordings, and what they lack.
+        remarks: what was repaired in the recordings, and what they lack.
         next: the next experiment, for a class or an unknown.
         parameters: of the model with the named effects in it.
         window_s: length of a prediction window.
@@ -219,9 +242,9 @@ class Verdict:
     bench: BenchKind
     effects: tuple[NamedEffect, ...]
     probabilities: Mapping[str, float]
-    places: tuple[Place, ...]
-    where: Where | None
-    gaps: tuple[Gap, ...]
+    places: tuple[Rivals, ...]
+    where: WhereShown | None
+    gaps: tuple[ChannelGap, ...]
     nearest: Nearest | None
     tolerances: Mapping[str, float]
     not_judged: Mapping[str, NotJudged]
@@ -282,15 +305,15 @@ def _lacks(probability: float) -> str:
 
 def _named(verdict: Verdict) -> str:
     """Tell each effect with its probability, with "lacks" once for those as sure."""
-    told, said = "", ""
+    text, said = "", ""
     for one in verdict.effects:
         shown = f"{one.probability:.2f}"
         verb = _lacks(one.probability)
-        told += "; and " if told else ""
-        told += f"{_effect(one)}" if verb == said else f"{verb} {_effect(one)}"
-        told += f", probability {'above 0.99' if shown == '1.00' else shown}"
+        text += "; and " if text else ""
+        text += f"{_effect(one)}" if verb == said else f"{verb} {_effect(one)}"
+        text += f", probability {'above 0.99' if shown == '1.00' else shown}"
         said = verb
-    return f"The model {told}."
+    return f"The model {text}."
 
 
 def _class(verdict: Verdict) -> str:

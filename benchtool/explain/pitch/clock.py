@@ -13,13 +13,16 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import median_filter
 
 from benchtool.core.counted import counted
 from benchtool.core.errors import InputError
 from benchtool.core.recording import Recording
 from benchtool.simulate.pitch import track as t
+from benchtool.simulate.pitch.replay import PARKED_FROM_M
 
 Array = NDArray[np.float64]
+
 Mask = NDArray[np.bool_]
 
 EVEN = 0.1
@@ -35,7 +38,7 @@ UNSEEN_S = 0.25
 """How long the angle may stay unknown before a filter must begin anew; a choice."""
 
 SLOWEST_HZ = 20.0
-"""Below this many angles a second nothing quick can be told, and steps of a plant are too long."""
+"""Below this many angles a second nothing quick can be seen, and steps of a plant are too long."""
 
 READINGS = re.compile(r"theta_rad|gyro_rad_s|rpm\d+")
 """Channels that were measured at a moment; all others hold until the next."""
@@ -49,7 +52,7 @@ class EvenRows:
         recording: the rows; a channel is nan where it was not read.
         mode: (n,) what a filter does at each, see `pitch_track`.
         rate_Hz: rows per second.
-        remarks: what was mended.
+        remarks: what was repaired.
     """
 
     recording: Recording
@@ -57,7 +60,7 @@ class EvenRows:
     rate_Hz: float
     remarks: tuple[str, ...]
 
-    def kept(self, good: Mask) -> EvenRows:
+    def select(self, good: Mask) -> EvenRows:
         """Return some of the rows (n,); after what is left out a filter begins anew."""
         restart = self.mode == t.RESTART
         restart[1:] |= ~good[:-1]
@@ -192,7 +195,7 @@ def _read(clock: Array, times: Array, values: Array, step_s: float) -> Array:
 def _held(clock: Array, times: Array, values: Array, step_s: float) -> Array:
     """Return what was in force from each tick to the next, nan once it is older than may be held.
 
-    On average: an output that is told just after an angle acts nearly the whole tick.
+    On average: an output that is logged just after an angle acts nearly the whole tick.
     """
     known = np.isfinite(values)
     if not known.any():
@@ -211,3 +214,33 @@ def _held(clock: Array, times: Array, values: Array, step_s: float) -> Array:
 
 def _times(n: int) -> str:
     return "once" if n == 1 else f"{n} times"
+
+
+READ_S = 0.1
+"""Two readings of a sensor that reads twenty times a second; a guess where nothing says."""
+
+TRANSIT_S = 0.5 + READ_S
+"""How long before and after its distance jumps a plate may cover a part of a disc, where nobody
+says how fast it is: plates of shipped schedules take half a second. Before as well, because a plate
+on its way out is still read. A choice."""
+
+BLINK_S = 0.2
+"""A distance that comes and goes within half of this is a missed echo, no plate that moves."""
+
+
+def on_its_way(plate_m: Array, rate_Hz: float, reach_s: float = TRANSIT_S) -> tuple[Mask, int]:
+    """Return the rows (n,) in which a plate slides in or out, and how often it does.
+
+    Args:
+        plate_m: (n,) distance, held between readings: m.
+        rate_Hz: rows per second.
+        reach_s: how long before and after a jump the plate may be on its way.
+    """
+    width = 2 * round(0.5 * BLINK_S * rate_Hz) + 1
+    under = median_filter((plate_m < PARKED_FROM_M).astype(np.uint8), size=width, mode="nearest")
+    jumps = np.flatnonzero(np.diff(under.astype(np.int8))) + 1
+    reach = round(reach_s * rate_Hz)
+    mask = np.zeros(len(plate_m), bool)
+    for row in jumps:
+        mask[max(row - reach, 0) : row + reach] = True
+    return mask, len(jumps)

@@ -9,16 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.parameter import Parameters
-from benchtool.explain.engine.effect_knobs import (
-    RADIUS_KNOWN,
-    all_shape_names,
-    effect_knobs,
-    with_every_effect,
-)
-from benchtool.explain.engine.evidence import RowGroups
-from benchtool.explain.engine.knob import Knob, parameters_at
+from benchtool.explain.engine.parameters import ScaledParameter, effect_parameters, parameters_at
+from benchtool.explain.engine.priors import RADIUS_KNOWN, all_shape_names, with_every_effect
+from benchtool.explain.engine.subject import EARLY, LATE, RowGroups
 from benchtool.explain.pitch.filter import PitchFilter, pitch_filter
-from benchtool.explain.pitch.regimes import pitch_regimes
 from benchtool.physics.catalogue import candidates
 from benchtool.physics.effects.effect import Effect
 from benchtool.physics.model import Model
@@ -26,6 +20,7 @@ from benchtool.simulate.pitch.bench import STEPS_PER_LAG, PitchBench, rig_sensor
 from benchtool.simulate.pitch.follow import Followed, LoggedPitch, follow
 
 Array = NDArray[np.float64]
+
 
 PLANT_HZ = 500.0
 """Least plant steps per second; a motor lag of 20 ms then takes ten of them."""
@@ -63,22 +58,22 @@ class PitchEvidence:
         names = {effect.name for effect in (*candidates("pitch"), *extra)}
         self.logs = [self._prepared(log) for log in logs]
         self.n_discs = logs[0].n_discs
-        self.knobs = (
-            *effect_knobs(self.model, names, "pitch", _shortest(self.model)),
-            *self._owner_knobs(),
+        self.parameters = (
+            *effect_parameters(self.model, names, "pitch", _shortest(self.model)),
+            *self._owner_parameters(),
         )
 
-    # --- knobs ----------------------------------------------------------------------------
+    # --- parameters ----------------------------------------------------------------------------
 
-    def _owner_knobs(self) -> list[Knob]:
+    def _owner_parameters(self) -> list[ScaledParameter]:
         items = self.model.parameters
         radius, inertia = items["R_m"], items["inertia_kgm2"]
         out = [
-            Knob(
+            ScaledParameter(
                 name="inertia_kgm2", unit="kg m2", effect="", start=inertia.value,
                 scale=inertia.prior.sd, lower=0.2 * inertia.value, held=True,
             ),
-            Knob(
+            ScaledParameter(
                 name="R_m", unit="m", effect="", start=radius.value,
                 scale=radius.prior.sd if radius.prior.kind == "normal"
                 else RADIUS_KNOWN * radius.value,
@@ -88,7 +83,7 @@ class PitchEvidence:
         for name in all_shape_names(self.model, "pitch", self._extra):
             item = items[name]
             out.append(
-                Knob(
+                ScaledParameter(
                     name=name, unit=item.unit, effect="", start=item.value, scale=item.prior.sd,
                     lower=item.lower, upper=item.upper, held=True,
                     first=1.0 if item.lower == item.value else 0.0,
@@ -119,14 +114,14 @@ class PitchEvidence:
             plant_rate_Hz=substeps * rate_Hz,
         )  # fmt: skip
 
-    def bench(self, turned: Array, rate_Hz: float) -> PitchBench:
-        """Return the bench with the knobs turned (n_knobs,)."""
-        return self._bench(parameters_at(self.model.parameters, self.knobs, turned), rate_Hz)
+    def bench(self, scaled: Array, rate_Hz: float) -> PitchBench:
+        """Return the bench with the parameters at scaled values (n_parameters,)."""
+        return self._bench(parameters_at(self.model.parameters, self.parameters, scaled), rate_Hz)
 
-    def residuals(self, turned: Array) -> Array:
-        """Return whitened residuals (n_rows, n_sets) for sets of knobs (n_sets, n_knobs)."""
+    def residuals(self, scaled: Array) -> Array:
+        """Return whitened residuals (n_rows, n_sets) for sets (n_sets, n_parameters)."""
         return np.concatenate(
-            [np.concatenate(self._of_log(log, np.atleast_2d(turned))) for log in self.logs]
+            [np.concatenate(self._of_log(log, np.atleast_2d(scaled))) for log in self.logs]
         )
 
     def groups(self) -> RowGroups:
@@ -150,8 +145,8 @@ class PitchEvidence:
         read = sum(bool(np.isfinite(row[log.counted]).any()) for row in log.logged.speed_rad_s)
         return [False] * (1 + _has_gyro(log)) + [True] * read
 
-    def _of_log(self, log: Followable, turned: Array) -> tuple[Array, ...]:
-        benches = [self.bench(one, log.logged.rate_Hz) for one in turned]
+    def _of_log(self, log: Followable, scaled: Array) -> tuple[Array, ...]:
+        benches = [self.bench(one, log.logged.rate_Hz) for one in scaled]
         found = follow(benches, log.logged, log.filter.gains)
         return self.whitened(log, found)
 
@@ -185,3 +180,50 @@ def _shortest(model: Model) -> dict[str, float]:
 def _has_gyro(log: Followable) -> bool:
     """Whether a log has rates; rows without any would make all others look like less than noise."""
     return bool(np.isfinite(log.logged.gyro_rad_s[log.counted]).any())
+
+
+Mask = NDArray[np.bool_]
+
+NEAR_Z_OVER_R = 2.0
+"""Below this distance over radius the plate is near; a choice."""
+
+SLOW_RAD_S = 0.05
+"""Below this rate the beam is slow; a choice, 3 degrees a second."""
+
+AROUND_S = 0.15
+"""How long before and after a change of sign a reversal lasts; a choice."""
+
+
+def pitch_regimes(logged: LoggedPitch, radius_m: float) -> dict[str, Mask]:
+    """Return masks (n,) by the words that a report uses."""
+    n = len(logged)
+    rate = np.nan_to_num(logged.gyro_rad_s)
+    if not rate.any():
+        rate = np.gradient(np.nan_to_num(logged.theta_rad)) * logged.rate_Hz
+    width = max(1, round(0.05 * logged.rate_Hz))
+    calm = np.convolve(rate, np.ones(width) / width, mode="same")
+    slow = np.abs(calm) < SLOW_RAD_S
+    turns = np.zeros(n, bool)
+    turns[1:] = np.sign(calm[1:]) != np.sign(calm[:-1])
+    near_turn = np.convolve(turns, np.ones(2 * round(AROUND_S * logged.rate_Hz) + 1), "same") > 0
+    mean = logged.pwm_us.mean(axis=0)
+    step = np.abs(np.gradient(logged.pwm_us[0] - logged.pwm_us[-1]))
+    settled = np.convolve(step, np.ones(width) / width, "same") < np.median(step) + 1e-9
+    low, high = np.quantile(mean, [1.0 / 3.0, 2.0 / 3.0])
+    covered = logged.plate_share > 0.0
+    near = covered & (logged.plate_z_m < NEAR_Z_OVER_R * radius_m)
+    time = np.arange(n)
+    out = {
+        f"z/R below {NEAR_Z_OVER_R:g}": near,
+        "plate in": covered,
+        "plate parked": ~covered,
+        "slow reversals": slow & near_turn,
+        "at rest": slow & ~near_turn,
+        "fast motion": np.abs(calm) > np.quantile(np.abs(calm), 0.8),
+        LATE: time > 2 * n // 3,
+        EARLY: time < n // 3,
+        "quick changes of the pulses": ~settled,
+    }
+    if high - low > 0.05 * (high - 1000.0):
+        out |= {"high collective": mean >= high, "low collective": mean <= low}
+    return {name: mask for name, mask in out.items() if 0.01 * n < mask.sum() < 0.95 * n}

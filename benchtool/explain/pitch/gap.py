@@ -22,7 +22,7 @@ from benchtool.simulate.pitch.follow import Followed, LoggedPitch, follow, follo
 Array = NDArray[np.float64]
 
 CHANNELS = ("theta_rad", "gyro_rad_s", "rpm")
-"""What a gap is told for."""
+"""What a gap is reported for."""
 
 LEAD_S = 0.1
 """How much of the pulses before a window a delay may still hold."""
@@ -36,7 +36,7 @@ OVERLAP = 2
 steadies the mean nearly as much as half as many windows more would."""
 
 BLOCK_S = 1.0
-"""Length of the blocks that errors are told for, longer than what windows and wake share."""
+"""Length of the blocks that errors are reported for, longer than what windows and wake share."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -1,4 +1,4 @@
-"""From a recording to a pitch log that can be followed, with what was mended and what it lacks."""
+"""From a recording to a pitch log for a filter, with what was repaired and what it lacks."""
 
 from __future__ import annotations
 
@@ -15,9 +15,17 @@ from benchtool.core.errors import InputError
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
 from benchtool.core.schedule import PARKED_M
-from benchtool.explain.engine.plate_transit import READ_S, TRANSIT_S, on_its_way
-from benchtool.explain.pitch.clock import HELD_S, UNSEEN_S, EvenRows, blank_for, even_rows
-from benchtool.explain.pitch.doubts import refuse_doubtful, standing_still
+from benchtool.explain.pitch.clock import (
+    HELD_S,
+    READ_S,
+    TRANSIT_S,
+    UNSEEN_S,
+    EvenRows,
+    blank_for,
+    even_rows,
+    on_its_way,
+)
+from benchtool.explain.pitch.sanity_checks import refuse_doubtful, standing_still
 from benchtool.physics.rotor_count import refuse_other_rotors
 from benchtool.simulate.pitch import track as t
 from benchtool.simulate.pitch.follow import LoggedPitch
@@ -38,7 +46,7 @@ QUICK_S = 0.012
 """A drive that comes at longer steps leaves out what a motor follows; half a usual lag."""
 
 SLOWER = 0.1
-"""Pulses may come so much more seldom than the angle is read before it is told: clocks differ."""
+"""Pulses may come so much more seldom than the angle is read without a remark: clocks differ."""
 
 EXACT_RAD = 1e-4
 """An encoder whose noise and quantum are below this shows what pulses between two rows did; one of
@@ -57,9 +65,9 @@ class PitchLog:
 
     Attributes:
         logged: what is followed.
-        reference_rad: (n,) what the controller was told; None where nothing tells.
+        reference_rad: (n,) the controller's reference; None where none was logged.
         name: of the file, for people.
-        remarks: what was mended, and what the log lacks.
+        remarks: what was repaired, and what the log lacks.
         driven_by: "pwm" or "rpm".
     """
 
@@ -174,7 +182,7 @@ def _first_rotors(rig: Rig) -> list[int]:
 
 
 def _drive(recording: Recording, rig: Rig, pattern: str) -> tuple[str, ...]:
-    """Return the channels that tell of every disc what turns it; none where one is missing."""
+    """Return the channels that drive every disc; none where one is missing."""
     names = tuple(pattern.format(rotor) for rotor in _first_rotors(rig))
     whole = all(name in recording and np.isfinite(recording.column(name)).any() for name in names)
     return names if whole else ()
@@ -243,13 +251,13 @@ def _followed(
             f"in or out: nothing tells how much of a disc it covers then; record coverage1, or "
             f"say in the model's plate_slide_s that it is faster"
         )
-    rows = rows.kept(~(blank | sliding))
+    rows = rows.select(~(blank | sliding))
     early = np.zeros(len(rows.mode), bool)
     edges = [*np.flatnonzero(rows.mode == t.RESTART), len(rows.mode)]
     seen = np.isfinite(rows.recording.column("theta_rad"))
     for first, last in pairwise(edges):
         early[first : first + int(np.argmax(seen[first:last]))] = True
-    rows = rows.kept(~early)
+    rows = rows.select(~early)
     length_s = len(rows.mode) / rows.rate_Hz
     if length_s < SHORTEST_S:
         raise InputError(
@@ -267,7 +275,7 @@ def _followed(
 
 
 def _sliding(rows: EvenRows, slide_s: float | None) -> tuple[NDArray[np.bool_], int]:
-    """Return the rows in which the plate slides in or out untold, and how often it does."""
+    """Return the rows in which the plate slides in or out, coverage unknown, and how often."""
     recording = rows.recording
     none = np.zeros(len(recording), bool), 0
     if slide_s == 0.0:

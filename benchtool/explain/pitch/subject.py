@@ -22,7 +22,7 @@ from benchtool.explain.pitch.gap import (
     windows_of,
 )
 from benchtool.explain.pitch.log import PitchLog
-from benchtool.explain.pitch.next_pitch import next_pitch_experiment
+from benchtool.explain.pitch.next_experiment import next_pitch_experiment
 from benchtool.physics.effects.effect import BenchKind, Effect
 from benchtool.physics.model import Model
 
@@ -85,7 +85,7 @@ class PitchSubject:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What was mended in the recordings, and what they lack."""
+        """What was repaired in the recordings, and what they lack."""
         found = [
             f"{log.name}: {remark}" for log in (*self.learn, *self.check) for remark in log.remarks
         ]
@@ -97,7 +97,7 @@ class PitchSubject:
 
         The model as given simulates its own check recordings with the stated noise.
         """
-        as_given = np.zeros(len(self.evidence.knobs))
+        as_given = np.zeros(len(self.evidence.parameters))
         predictable = WINDOWS_S[0]
         for window_s in WINDOWS_S[1:]:
             found = self._floor(window_s, as_given, np.random.default_rng(0), ALIKE_DRAWS)
@@ -128,7 +128,7 @@ class PitchSubject:
     def floor(
         self, at: Array, rng: np.random.Generator, draws: int, spread: Array | None = None
     ) -> Mapping[str, Array]:
-        """Return errors of a true model with knobs `at` (draws,), by channel."""
+        """Return errors of a true model with parameters `at` (draws,), by channel."""
         return self._floor(self.window_s, at, rng, draws, spread)
 
     def _floor(
@@ -146,8 +146,8 @@ class PitchSubject:
             bench = self._check.bench(at, log.logged.rate_Hz)
             truths = [bench] * draws
             if spread is not None:
-                turned = rng.multivariate_normal(at, spread, draws, method="eigh")
-                truths = [self._check.bench(one, log.logged.rate_Hz) for one in turned]
+                scaled = rng.multivariate_normal(at, spread, draws, method="eigh")
+                truths = [self._check.bench(one, log.logged.rate_Hz) for one in scaled]
             found = floor(bench, truths, log.logged, log.filter, windows, rng)
             for name, roots in found.items():
                 total[name] = total.get(name, 0.0) + len(windows.starts) * roots**2

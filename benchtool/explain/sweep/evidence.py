@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.parameter import Parameter
-from benchtool.explain.engine.effect_knobs import all_shape_names, effect_knobs, with_every_effect
-from benchtool.explain.engine.evidence import RowGroups
-from benchtool.explain.engine.knob import Knob
-from benchtool.explain.engine.owner_known import known_prior
-from benchtool.explain.sweep.log import SweepLog
-from benchtool.explain.sweep.noise import SweepNoise
-from benchtool.explain.sweep.regimes import sweep_regimes
+from benchtool.explain.engine.parameters import ScaledParameter, effect_parameters
+from benchtool.explain.engine.priors import all_shape_names, known_prior, with_every_effect
+from benchtool.explain.engine.subject import RowGroups
+from benchtool.explain.sweep.log import SweepLog, sweep_regimes
 from benchtool.physics.catalogue import candidates
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.effects.effect import Effect
@@ -22,13 +20,41 @@ from benchtool.physics.model import Model
 
 Array = NDArray[np.float64]
 
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class SweepNoise:
+    """Hold the covariance of a sweep's thrusts as its root L (m, m), and the inverse of that.
+
+    Attributes:
+        root: L, with L L^T the covariance: N.
+        whitener: L^-1.
+    """
+
+    root: Array
+    whitener: Array
+
+    @classmethod
+    def of(cls, se_N: Array, stay: NDArray[np.intp], by_place_N: Array) -> SweepNoise:
+        """Build the noise.
+
+        Args:
+            se_N: (m,) standard error of every thrust.
+            stay: (m,) number of its stay.
+            by_place_N: (m,) change of thrust by one standard deviation of the place.
+        """
+        shared = stay[:, None] == stay[None, :]
+        covariance = np.where(shared, np.outer(by_place_N, by_place_N), 0.0) + np.diag(se_N**2)
+        root = np.linalg.cholesky(covariance)
+        return cls(root=root, whitener=np.linalg.inv(root))
+
+
 DROP = "supply.drop"
 CURVE = "supply.curve"
-SUPPLY_KNOBS = (
-    Knob(
+SUPPLY_PARAMETERS = (
+    ScaledParameter(
         name=DROP, unit="1", effect="", start=0.02, scale=0.02, lower=0.0, upper=0.3, held=True
     ),
-    Knob(name=CURVE, unit="1", effect="", start=0.0, scale=0.1, held=True),
+    ScaledParameter(name=CURVE, unit="1", effect="", start=0.0, scale=0.1, held=True),
 )  # fmt: skip
 """Share of the open voltage that full load takes, and how far a discharge is from a straight line;
 guesses for lithium polymer packs."""
@@ -58,60 +84,67 @@ class SweepEvidence:
         self.model = with_every_effect(model, "sweep", extra)
         self.logs = tuple(logs)
         names = {effect.name for effect in (*candidates("sweep"), *extra)}
-        self.knobs = (*effect_knobs(self.model, names, "sweep"), *self._owner_knobs())
+        self.parameters = (
+            *effect_parameters(self.model, names, "sweep"),
+            *self._owner_parameters(),
+        )
         self._places = {name: place for place, name in enumerate(self.model.parameters)}
-        self._turned = {knob.name: place for place, knob in enumerate(self.knobs)}
-        # Every knob acts, wherever it stands: a model leaves out what is neutral and fixed.
-        self._acting = self.model.freed(*(k.name for k in self.knobs if k.name in self._places))
+        self._place_of = {parameter.name: place for place, parameter in enumerate(self.parameters)}
+        # Every parameter acts, wherever it stands: a model leaves out what is neutral and fixed.
+        self._acting = self.model.freed(
+            *(k.name for k in self.parameters if k.name in self._places)
+        )
         self.noise = tuple(self._noise(log) for log in self.logs)
 
-    # --- knobs ----------------------------------------------------------------------------
+    # --- parameters ----------------------------------------------------------------------------
 
-    def _owner_knobs(self) -> list[Knob]:
+    def _owner_parameters(self) -> list[ScaledParameter]:
         items = self.model.parameters
         shapes = all_shape_names(self.model, "sweep", self._given[1])
         out = [_held(name, items[name]) for name in ("k", "R_m", *shapes)]
         if any(log.power is not None for log in self.logs):
-            out += SUPPLY_KNOBS
+            out += SUPPLY_PARAMETERS
         return out
 
     # --- predictions ----------------------------------------------------------------------
 
-    def thrusts(self, conditions: Conditions, turned: Array) -> Array:
-        """Return predicted readings (m, n_sets) for sets of knobs (n_sets, n_knobs): N."""
+    def thrusts(self, conditions: Conditions, scaled: Array) -> Array:
+        """Return predicted readings (m, n_sets) for sets (n_sets, n_parameters): N."""
         values: list[object] = list(self.model.parameters.values_array())
-        for knob, row in zip(self.knobs, turned.T, strict=True):
-            if knob.name in self._places:
-                values[self._places[knob.name]] = (knob.start + knob.scale * row)[:, None]
+        for parameter, row in zip(self.parameters, scaled.T, strict=True):
+            if parameter.name in self._places:
+                values[self._places[parameter.name]] = (parameter.start + parameter.scale * row)[
+                    :, None
+                ]
         shown = np.asarray(self._acting.thrust_N(conditions, values), float)
-        return np.broadcast_to(shown, (len(turned), len(conditions))).T
+        return np.broadcast_to(shown, (len(scaled), len(conditions))).T
 
-    def kept(self, log: SweepLog, turned: Array) -> Array:
+    def supply(self, log: SweepLog, scaled: Array) -> Array:
         """Return supply voltage over its open value at the start (m, n_sets)."""
         assert log.power is not None
-        loss = np.sum([self._values(name, turned) for name in SUPPLY_LOSSES], axis=0)
-        return log.power.kept(loss, self._values(CURVE, turned), self._values(DROP, turned))
+        loss = np.sum([self._values(name, scaled) for name in SUPPLY_LOSSES], axis=0)
+        return log.power.supply(loss, self._values(CURVE, scaled), self._values(DROP, scaled))
 
-    def _values(self, name: str, turned: Array) -> Array:
-        """Return a knob's values (n_sets,)."""
-        place = self._turned[name]
-        return self.knobs[place].start + self.knobs[place].scale * turned[:, place]
+    def _values(self, name: str, scaled: Array) -> Array:
+        """Return a parameter's values (n_sets,)."""
+        place = self._place_of[name]
+        return self.parameters[place].start + self.parameters[place].scale * scaled[:, place]
 
-    def speeds(self, log: SweepLog, turned: Array) -> Array:
+    def speeds(self, log: SweepLog, scaled: Array) -> Array:
         """Return speeds at the log's pulses (m, n_sets), each level's scale fitted: rad/s."""
         assert log.power is not None
-        return log.power.speeds(self.kept(log, turned))
+        return log.power.speeds(self.supply(log, scaled))
 
-    def foretold(self, log: SweepLog, turned: Array) -> Array:
-        """Return each rotor's speeds as earlier visits tell them (n, m, n_sets): rad/s."""
+    def predicted(self, log: SweepLog, scaled: Array) -> Array:
+        """Return each rotor's speeds as earlier visits predict them (n, m, n_sets): rad/s."""
         power = log.power
         assert power is not None
-        return power.foretold(self.kept(log, turned), power.rotor_rad_s[:, :, None])
+        return power.predicted(self.supply(log, scaled), power.rotor_rad_s[:, :, None])
 
-    def voltages(self, log: SweepLog, turned: Array) -> Array:
+    def voltages(self, log: SweepLog, scaled: Array) -> Array:
         """Return voltages (m, n_sets), the open one fitted: V."""
         assert log.power is not None
-        return log.power.voltages(self.kept(log, turned))
+        return log.power.voltages(self.supply(log, scaled))
 
     def of(self, log: SweepLog) -> SweepEvidence:
         """Return the evidence of another sweep about the same model."""
@@ -120,7 +153,7 @@ class SweepEvidence:
 
     def _noise(self, log: SweepLog) -> SweepNoise:
         """Return what the sweep's thrusts may be off by, places shared within a stay."""
-        here = np.zeros((1, len(self.knobs)))
+        here = np.zeros((1, len(self.parameters)))
         moved = log.conditions.moved_by(log.place_sd_m)
         by_place = self.thrusts(moved, here)[:, 0] - self.thrusts(log.conditions, here)[:, 0]
         items = self.model.parameters
@@ -129,9 +162,9 @@ class SweepEvidence:
 
     # --- evidence -------------------------------------------------------------------------
 
-    def residuals(self, turned: Array) -> Array:
-        """Return whitened residuals (n_rows, n_sets) for sets of knobs (n_sets, n_knobs)."""
-        sets = np.atleast_2d(turned)
+    def residuals(self, scaled: Array) -> Array:
+        """Return whitened residuals (n_rows, n_sets) for sets (n_sets, n_parameters)."""
+        sets = np.atleast_2d(scaled)
         rows = []
         for log, noise in zip(self.logs, self.noise, strict=True):
             shown = self.thrusts(log.conditions, sets)
@@ -178,10 +211,10 @@ class SweepEvidence:
         )
 
 
-def _held(name: str, item: Parameter) -> Knob:
-    """Return the knob of a number that only its prior holds; its own value without one."""
+def _held(name: str, item: Parameter) -> ScaledParameter:
+    """Return the parameter of a number that only its prior holds; its own value without one."""
     prior = known_prior(name, item)
-    return Knob(
+    return ScaledParameter(
         name=name,
         unit=item.unit,
         effect="",

@@ -1,9 +1,9 @@
 """How far a model misses the check sweeps, and by how much a true one would.
 
 Blocks are stays at one place of the plate. Thrust is predicted point by point, a rotor's speed from
-the earlier visits of its level, which tell the scale that belongs to the pulse. The floor is made
-by the model itself: its points with stated noise, predicted with knobs drawn from what the sweeps
-to learn from leave of them.
+the earlier visits of its level, which give the scale that belongs to the pulse. The floor is made
+by the model itself: its points with stated noise, predicted with parameters drawn from what the
+sweeps to learn from leave of them.
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ Array = NDArray[np.float64]
 
 RPM = 30.0 / np.pi
 STEP = 0.05
-"""Finite difference, in scales of the knobs."""
+"""Finite difference, in scales of the parameters."""
 
 
 def errors(check: SweepEvidence, sets: Array) -> Mapping[str, ChannelErrors]:
-    """Return mean squared errors of each stay, for sets of knobs (n_sets, n_knobs)."""
+    """Return mean squared errors of each stay, for sets of parameters (n_sets, n_parameters)."""
     thrust, speed = [], []
     for log in check.logs:
         missed = log.thrust_N[:, None] - check.thrusts(log.conditions, sets)
         thrust.append(_by_stay(missed, log.stay))
         if log.power is not None:
             read = log.power.rotor_rad_s[:, :, None]
-            speed.append(_of_speeds(log, read - check.foretold(log, sets)))
+            speed.append(_of_speeds(log, read - check.predicted(log, sets)))
     out = {"thrust_N": ChannelErrors(unit="N", squares=np.concatenate(thrust))}
     if speed:
         out["rpm"] = ChannelErrors(unit="rpm", squares=np.concatenate(speed))
@@ -50,9 +50,9 @@ def floor(
 
     Args:
         check: the sweeps to be predicted.
-        at: knobs of the model that is taken for true (n_knobs,).
-        spread: covariance of what is known of them (n_knobs, n_knobs); None: known exactly.
-        rng: of noise and knobs.
+        at: parameters of the model that is taken for true (n_parameters,).
+        spread: their covariance (n_parameters, n_parameters); None: known exactly.
+        rng: of noise and parameters.
         draws: how many.
     """
     n = len(at)
@@ -69,8 +69,8 @@ def floor(
         if power is not None:
             shape = power.rotor_rad_s.shape
             read = power.rotor_se[:, :, None] * rng.standard_normal((*shape, draws))
-            wrong = _moved(check.foretold(log, sets), off) + read
-            wrong -= power.foretold(check.kept(log, sets[:1]), read)
+            wrong = _moved(check.predicted(log, sets), off) + read
+            wrong -= power.predicted(check.supply(log, sets[:1]), read)
             speed.append(_of_speeds(log, wrong))
     out = {"thrust_N": np.sqrt(np.mean(np.concatenate(thrust), axis=0))}
     if speed:
@@ -79,7 +79,10 @@ def floor(
 
 
 def _moved(shown: Array, off: Array) -> Array:
-    """Return what knobs that are off (n_knobs, n) change, from shown (..., m, 1 + n_knobs)."""
+    """Return what parameters that are off (n_parameters, n) change.
+
+    From predictions (..., m, 1 + n_parameters), each parameter moved by `STEP` in turn.
+    """
     slope: Array = (shown[..., 1:] - shown[..., :1]) / STEP
     return slope @ off
 

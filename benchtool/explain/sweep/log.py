@@ -13,18 +13,21 @@ from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig, Sensor
 from benchtool.data.columns import code_of
 from benchtool.data.run.ratios import relative_speed_error
+from benchtool.explain.engine.subject import EARLY, LATE
 from benchtool.explain.sweep.power import Power, power_of
 from benchtool.physics.conditions import FAR_AWAY_M, SAME_PLACE, Conditions
+from benchtool.physics.model import Model
 from benchtool.physics.rotor_count import refuse_other_rotors
 
 Array = NDArray[np.float64]
+
 Mask = NDArray[np.bool_]
 
 LEAST_POINTS = 4
 """Below this many points a sweep says next to nothing; a choice."""
 
 SAMPLE_S = 2.0
-"""Length of a point's samples where a table does not tell how many there were."""
+"""Length of a point's samples where a table does not say how many there were."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -40,7 +43,7 @@ class SweepLog:
         place_sd_m: how far the plate may be from where it is read, by the rig's sheet.
         power: pulses against speeds, where both are known.
         name: of the file, for people.
-        remarks: what was mended, and what the sweep lacks.
+        remarks: what was repaired, and what the sweep lacks.
     """
 
     conditions: Conditions
@@ -77,7 +80,7 @@ def sweep_log(recording: Recording, rig: Rig, name: str = "") -> SweepLog:
     tare = kinds == code_of("kind", "tare")
     conditions = _with_still_rows(conditions, tare)
     thrust = recording.si("thrust_N")
-    se, told = _errors(recording, rig, conditions)
+    se, assumed = _errors(recording, rig, conditions)
     whole = np.isfinite(thrust) & np.isfinite(se) & (se > 0.0) & conditions.known
     points = int((whole & ~tare).sum())
     if points < LEAST_POINTS:
@@ -86,17 +89,17 @@ def sweep_log(recording: Recording, rig: Rig, name: str = "") -> SweepLog:
             f"{LEAST_POINTS} are needed; sweep more distances or levels"
         )
     power = power_of(recording.select(whole & ~tare), rig)
-    kept = conditions.select(whole)
+    whole_rows = conditions.select(whole)
     return SweepLog(
-        conditions=kept,
+        conditions=whole_rows,
         thrust_N=thrust[whole],
         se_N=se[whole],
         tare=tare[whole],
-        stay=stays_of(kept, tare[whole], ordered="time_s" in recording),
+        stay=stays_of(whole_rows, tare[whole], ordered="time_s" in recording),
         place_sd_m=_place_sd_m(rig),
         power=power,
         name=label,
-        remarks=(*told, *_lacks(recording, kept, tare[whole], power, int((~whole).sum()))),
+        remarks=(*assumed, *_lacks(recording, whole_rows, tare[whole], power, int((~whole).sum()))),
     )
 
 
@@ -163,7 +166,7 @@ def _place_sd_m(rig: Rig) -> float:
 
 
 def _lacks(
-    recording: Recording, kept: Conditions, tare: Mask, power: Power | None, dropped: int
+    recording: Recording, whole_rows: Conditions, tare: Mask, power: Power | None, dropped: int
 ) -> list[str]:
     """Return what a sweep lacks, with what that costs."""
     out = []
@@ -175,10 +178,58 @@ def _lacks(
         out.append("no rows of kind 'tare': what stands on the zero shows in thrust alone")
     if "time_s" not in recording:
         out.append("no time_s: drift, hysteresis and battery sag cannot be judged")
-    elif not (kept.load_direction[~tare] < 0.0).any():
+    elif not (whole_rows.load_direction[~tare] < 0.0).any():
         out.append("levels were only ever visited upward: hysteresis looks like a tare offset")
-    if not kept.speed_measured:
+    if not whole_rows.speed_measured:
         out.append("no rpm: what is between pulse and speed shows in thrust alone")
     elif power is None:
         out.append("no pulses beside the speeds: battery sag cannot be judged")
     return out
+
+
+NEAR_Z_OVER_R, FAR_Z_OVER_R = 1.0, 4.0
+"""Below this distance over radius the plate is near, beyond the other it is far; choices."""
+
+
+def sweep_regimes(log: SweepLog, model: Model) -> dict[str, Mask]:
+    """Return masks (m,) by the words that a report uses."""
+    conditions = log.conditions
+    running = ~log.tare
+    ratio = conditions.plate_z_m / model.rig.propulsion.radius_m
+    squares = np.sum(conditions.speed_rad_s**2, axis=0)
+    partly = (conditions.coverage > 0.0) & (conditions.coverage < 0.999)
+    covered = (conditions.coverage > 0.0).any(axis=0)
+    edge = running & (partly.any(axis=0) | ~covered)
+    over = running & ~edge
+    out = {
+        f"z/R below {NEAR_Z_OVER_R:g}": over & (ratio < NEAR_Z_OVER_R),
+        f"z/R {NEAR_Z_OVER_R:g} to {FAR_Z_OVER_R:g}": over
+        & (ratio >= NEAR_Z_OVER_R)
+        & (ratio < FAR_Z_OVER_R),
+        "plate far away": running & (ratio >= FAR_Z_OVER_R),
+        "plate aside": over & (np.abs(conditions.plate_x_m) > 1e-3),
+        "rotors at the plate's edge": edge,
+        "after a tare, nothing turning": log.tare,
+    }
+    low, high = np.quantile(squares[running], [1.0 / 3.0, 2.0 / 3.0])
+    if high > 1.05 * low:
+        out |= {
+            "high throttle": running & (squares >= high),
+            "low throttle": running & (squares <= low),
+        }
+    if np.ptp(conditions.time_s) > 0.0:
+        late = np.quantile(conditions.time_s, [1.0 / 3.0, 2.0 / 3.0])
+        out |= {
+            LATE: running & (conditions.time_s > late[1]),
+            EARLY: running & (conditions.time_s < late[0]),
+        }
+    if np.ptp(conditions.elapsed_s[running]) > 0.0:
+        long = np.quantile(conditions.elapsed_s[running], 2.0 / 3.0)
+        out["long after a tare"] = running & (conditions.elapsed_s > long)
+    if (conditions.load_direction[running] < 0.0).any():
+        out |= {
+            "levels on the way up": running & (conditions.load_direction > 0.0),
+            "levels on the way down": running & (conditions.load_direction < 0.0),
+        }
+    n = len(log)
+    return {name: mask for name, mask in out.items() if 0.0 < mask.sum() < 0.95 * n}

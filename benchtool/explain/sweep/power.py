@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 FIRST_VISITS = 2
-"""Visits of a level that tell its speed before the next one is predicted."""
+"""Visits of a level that give its speed before the next one is predicted."""
 
 CURVE_AT_S = 900.0
 """Time at which the curvature of a discharge counts in full: a battery's usual run, a choice."""
@@ -78,13 +78,13 @@ class Power:
             late=_late(level),
         )
 
-    def as_kept(self, kept: Array) -> Power:
+    def at_supply(self, supply: Array) -> Power:
         """Return speeds and voltage with so much of the supply left (m,)."""
         return replace(
             self,
-            speed_rad_s=self.speed_rad_s * kept,
-            rotor_rad_s=self.rotor_rad_s * kept,
-            voltage_V=self.voltage_V * kept,
+            speed_rad_s=self.speed_rad_s * supply,
+            rotor_rad_s=self.rotor_rad_s * supply,
+            voltage_V=self.voltage_V * supply,
         )
 
     def loaded_as(self, other: Power) -> Power:
@@ -94,7 +94,7 @@ class Power:
         load = self.load * self.full_load / other.full_load
         return replace(self, load=load, full_load=other.full_load)
 
-    def kept(self, rate_per_s: Array, curve: Array, drop: Array) -> Array:
+    def supply(self, rate_per_s: Array, curve: Array, drop: Array) -> Array:
         """Return supply voltage over its open value at the start (m, n_sets), for sets (n_sets,).
 
         Args:
@@ -106,43 +106,43 @@ class Power:
         loss = rate_per_s * time * (1.0 + curve * (time / CURVE_AT_S - 1.0))
         return np.asarray(1.0 - loss - drop * self.load[:, None], float)
 
-    def speeds(self, kept: Array) -> Array:
+    def speeds(self, supply: Array) -> Array:
         """Return speeds (m, n_sets) with each level's own scale fitted."""
-        out = np.empty_like(kept)
+        out = np.empty_like(supply)
         for level in np.unique(self.level):
             rows = self.level == level
             weights = 1.0 / self.speed_se[rows] ** 2
-            shape = kept[rows]
+            shape = supply[rows]
             out[rows] = ((weights * self.speed_rad_s[rows]) @ shape) / (weights @ shape**2) * shape
         return out
 
-    def foretold(self, kept: Array, read: Array) -> Array:
+    def predicted(self, supply: Array, read: Array) -> Array:
         """Return what each visit is predicted to show from the earlier ones of its level.
 
         Args:
-            kept: (m, n_sets) supply voltage over its open value.
+            supply: (m, n_sets) supply voltage over its open value.
             read: (n, m, n_sets) speeds of each rotor, or errors in them: prediction is linear.
 
         Returns:
-            (n, m, n_sets) in the unit of `read`; 0 for the first visits, which nothing foretells.
+            (n, m, n_sets) in the unit of `read`; 0 for the first visits, which nothing predicts.
         """
-        out = np.zeros(np.broadcast_shapes(read.shape, kept.shape))
+        out = np.zeros(np.broadcast_shapes(read.shape, supply.shape))
         weights = 1.0 / self.rotor_se[:, :, None] ** 2
         for level in np.unique(self.level):
             rows = np.flatnonzero(self.level == level)
-            shape, weight = kept[rows], weights[:, rows]
+            shape, weight = supply[rows], weights[:, rows]
             shown = np.cumsum(weight * shape * read[:, rows], axis=1)
             known = np.cumsum(weight * shape**2, axis=1)
             out[:, rows[1:]] = shape[1:] * shown[:, :-1] / known[:, :-1]
         out[:, ~self.late] = 0.0
         return out
 
-    def voltages(self, kept: Array) -> Array:
+    def voltages(self, supply: Array) -> Array:
         """Return voltages (m, n_sets) with the open one fitted."""
         known = np.isfinite(self.voltage_V)
-        shape = kept[known]
+        shape = supply[known]
         scale = (self.voltage_V[known] @ shape) / np.sum(shape**2, axis=0)
-        return np.asarray(scale * kept, float)
+        return np.asarray(scale * supply, float)
 
 
 def power_of(recording: Recording, rig: Rig) -> Power | None:

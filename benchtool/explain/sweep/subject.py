@@ -13,15 +13,15 @@ from benchtool.explain.engine.explanation import Overlay
 from benchtool.explain.engine.subject import ChannelErrors
 from benchtool.explain.engine.verdict import NextExperiment
 from benchtool.explain.sweep.evidence import SweepEvidence
-from benchtool.explain.sweep.gap import errors, floor
+from benchtool.explain.sweep.gap import RPM, errors, floor
 from benchtool.explain.sweep.log import SweepLog, sweep_log
-from benchtool.explain.sweep.next_sweep import next_sweep_experiment
-from benchtool.explain.sweep.overlay import overlays
+from benchtool.explain.sweep.next_experiment import next_sweep_experiment
 from benchtool.explain.sweep.power import Power
 from benchtool.physics.effects.effect import BenchKind, Effect
 from benchtool.physics.model import Model
 
 Array = NDArray[np.float64]
+
 
 CLOSED_ENOUGH = 0.8
 """An effect whose law is a little off leaves more than noise of a great gap; one that is not the
@@ -66,7 +66,7 @@ class SweepSubject:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What was mended in the sweeps, and what they lack."""
+        """What was repaired in the sweeps, and what they lack."""
         found = [
             f"{log.name}: {remark}" for log in (*self.learn, *self.check) for remark in log.remarks
         ]
@@ -87,7 +87,7 @@ class SweepSubject:
     def floor(
         self, at: Array, rng: np.random.Generator, draws: int, spread: Array | None = None
     ) -> Mapping[str, Array]:
-        """Return errors of a true model with knobs `at` (draws,), by channel."""
+        """Return errors of a true model with parameters `at` (draws,), by channel."""
         return floor(self._check, at, spread, rng, draws)
 
     def overlays(self, before: Array, after: Array) -> tuple[Overlay, ...]:
@@ -102,7 +102,81 @@ class SweepSubject:
 
 
 def _loaded_as(other: Power | None, log: SweepLog) -> SweepLog:
-    """Return a sweep with the supply's load counted as in another, where both tell it."""
+    """Return a sweep with the supply's load counted as in another, where both have it."""
     if log.power is None or other is None:
         return log
     return replace(log, power=log.power.loaded_as(other))
+
+
+SAME_LOAD = 0.02
+"""Squared speeds within this share of each other are one level, for the picture; a choice."""
+
+FARTHEST_Z_OVER_R = 12.0
+"""A plate farther away than this is drawn here: nothing of it shows."""
+
+
+def overlays(check: SweepEvidence, before: Array, after: Array) -> tuple[Overlay, ...]:
+    """Return the first check sweep with parameters before and after (n_parameters,) each.
+
+    Rows are sorted by level and distance; lines break between levels.
+    """
+    log = check.logs[0]
+    sets = np.vstack([before, after])
+    running = ~log.tare
+    shown = check.thrusts(log.conditions, sets)[running]
+    ratio, level = _z_over_R(log, check)[running], _levels(log)[running]
+    out = [_overlay("thrust_N", "N", "z_over_R", ratio, level, log.thrust_N[running], shown)]
+    if log.power is not None:
+        power = log.power
+        late = power.late
+        out.append(
+            _overlay(
+                "rpm", "rpm", "time_s", power.time_s[late], power.level[late],
+                RPM * power.speed_rad_s[late], RPM * check.predicted(log, sets).mean(axis=0)[late],
+            )
+        )  # fmt: skip
+    return tuple(out)
+
+
+def _z_over_R(log: SweepLog, check: SweepEvidence) -> Array:
+    """Return plate distance over radius (m,), at most `FARTHEST_Z_OVER_R`."""
+    ratio = log.conditions.plate_z_m / check.model.rig.propulsion.radius_m
+    return np.minimum(ratio, FARTHEST_Z_OVER_R)
+
+
+def _levels(log: SweepLog) -> NDArray[np.intp]:
+    """Return the number of each row's level of throttle (m,)."""
+    squares = np.sum(log.conditions.speed_rad_s**2, axis=0)
+    order = np.argsort(squares)
+    steps = np.diff(squares[order]) > SAME_LOAD * squares[order][1:]
+    numbers = np.empty(len(squares), np.intp)
+    numbers[order] = np.concatenate([[0], np.cumsum(steps)])
+    return numbers
+
+
+def _overlay(
+    channel: str,
+    unit: str,
+    axis: str,
+    at: Array,
+    level: NDArray[np.intp],
+    measured: Array,
+    shown: Array,
+) -> Overlay:
+    """Return rows in the order of level and place, with nan between levels."""
+    pieces = []
+    for number in np.unique(level):
+        rows = np.flatnonzero(level == number)
+        rows = rows[np.argsort(at[rows], kind="stable")]
+        pieces.append(np.column_stack([at, measured, shown])[rows])
+        pieces.append(np.full((1, 4), np.nan))
+    table = np.concatenate(pieces)
+    return Overlay(
+        channel=channel,
+        unit=unit,
+        axis=axis,
+        at=table[:, 0],
+        measured=table[:, 1],
+        before=table[:, 2],
+        after=table[:, 3],
+    )

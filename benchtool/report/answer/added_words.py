@@ -7,8 +7,8 @@ from math import isclose
 from pathlib import Path
 
 from benchtool.core.parameter import Parameter
+from benchtool.explain.added_model import MODEL, NOTHING, added_effects, mended
 from benchtool.explain.answer import Answer
-from benchtool.explain.engine.added_model import MODEL, NOTHING, added_effects, mended
 from benchtool.explain.engine.verdict import in_sentence
 from benchtool.report.numbers import unit_for_people
 from benchtool.report.page import Table

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from benchtool import __version__
-from benchtool.core.schedule_file import schedule_to_toml
 from benchtool.data.atomic import json_ready
 from benchtool.explain.answer import Answer
-from benchtool.explain.engine.verdict import FoundParameter, Gap, NamedEffect
+from benchtool.explain.engine.verdict import ChannelGap, FoundParameter, NamedEffect
+from benchtool.explain.next_steps import next_file
 from benchtool.report.answer.tables import unjudged_sentence
 
 VERSION = 2
@@ -84,16 +84,6 @@ def answer_tables(answer: Answer, written: Written) -> dict[str, Any]:
     return cleaned
 
 
-def next_file(answer: Answer) -> tuple[str, str]:
-    """Return name and text of the next experiment's file; empty where there is none."""
-    experiment = answer.verdict.next
-    if experiment is None:
-        return "", ""
-    if experiment.schedule is not None:
-        return "next_schedule.toml", schedule_to_toml(experiment.schedule)
-    return "next_plan.toml", experiment.plan_toml
-
-
 def _next(answer: Answer, path: str) -> dict[str, Any]:
     experiment = answer.verdict.next
     if experiment is None:
@@ -132,7 +122,7 @@ def _parameter(item: FoundParameter) -> dict[str, Any]:
     }
 
 
-def _gap(gap: Gap) -> dict[str, Any]:
+def _gap(gap: ChannelGap) -> dict[str, Any]:
     return {
         "unit": gap.unit,
         "before": gap.before,

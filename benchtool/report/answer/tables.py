@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from benchtool.explain.answer import Answer, channel_words
-from benchtool.explain.engine.stage_words import stage_words
-from benchtool.explain.engine.verdict import FoundParameter, Gap, NamedEffect
-from benchtool.report.answer.figures import parameter_text, percentage
+from benchtool.explain.engine.verdict import ChannelGap, FoundParameter, NamedEffect, stage_words
+from benchtool.report.answer.figures import parameter_text
+from benchtool.report.answer.probabilities import percentage
 from benchtool.report.numbers import decimals_for, exponent_of, power_of_ten, scaled
 from benchtool.report.numbers import unit_for_people as people
 from benchtool.report.page import Table
@@ -132,7 +132,7 @@ def _gap_caption(answer: Answer) -> str:
     return f"Prediction error on the check recordings, root mean square {each}."
 
 
-def _gap_row(gap: Gap, changed: bool) -> tuple[str, ...]:
+def _gap_row(gap: ChannelGap, changed: bool) -> tuple[str, ...]:
     words = channel_words(gap.channel, gap.unit)
 
     def shown(value: float) -> str:
@@ -152,7 +152,7 @@ def _gap_row(gap: Gap, changed: bool) -> tuple[str, ...]:
     )
 
 
-def _share(gap: Gap) -> str:
+def _share(gap: ChannelGap) -> str:
     """Return how much of a gap is closed; nothing is said of one that noise could have made."""
     if gap.before <= gap.floor_high:
         return "within noise"

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from tests.blind.fisher import evidence
+from benchtool.fit.identifiability import evidence_against
 from tests.blind.pitch.gap import CHANNELS, WINDOW_S, shown
 from tests.blind.pitch.library import NAMED
 from tests.blind.pitch.loop import Part
@@ -80,7 +80,7 @@ class Information:
         free = set(rivals)
         low = np.array([LOWEST[name] * (np.inf if name in free else 1.0) for name in NAMES])
         high = np.array([HIGHEST[name] * (np.inf if name in free else 1.0) for name in NAMES])
-        return evidence(self.matrix, self.sizes, low, high)
+        return evidence_against(self.matrix, self.sizes, low, high)
 
 
 def moved(plant: Plant, name: str, by: float) -> Plant:

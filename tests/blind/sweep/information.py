@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tests.blind.fisher import evidence
+from benchtool.fit.identifiability import evidence_against
 from tests.blind.sweep.bench import Bench
 from tests.blind.sweep.library import NAMED
 from tests.blind.sweep.readings import cell_N, driven, thrust_N
@@ -46,7 +46,7 @@ class Information:
         free = set(rivals)
         reach = np.array([np.inf if name in free else 1.0 for name in self.names])
         below = [1.0 if name in NUISANCES else _below(name) for name in self.names]
-        return evidence(self.matrix, self.sizes, -reach * np.array(below), reach)
+        return evidence_against(self.matrix, self.sizes, -reach * np.array(below), reach)
 
 
 def _below(name: str) -> float:

@@ -10,7 +10,7 @@ import pytest
 from benchtool.bench.address import open_bench
 from benchtool.commands.app import main
 from benchtool.core.errors import InputError
-from benchtool.explain.engine.asked import asked
+from benchtool.explain.request import read_request
 from benchtool.fit.model_band import believed
 from benchtool.fit.recipe import Recipe
 from benchtool.fit.run_recipe import run_recipe
@@ -55,7 +55,7 @@ WAYS = {
     "a controller": lambda: controller_class("evil:Law"),
     "an address": lambda: open_bench("sim:pquad_single?truth=m.toml"),
     "a pitch address": lambda: open_bench("sim:pquad?mode=pitch&truth=m.toml"),
-    "a question": lambda: asked(["t.csv"], [], "m.toml"),
+    "a question": lambda: read_request(["t.csv"], [], "m.toml"),
     "a recipe": lambda: run_recipe(Recipe(name="f", data=("t.csv",), model="m.toml")),
     "a compared model": lambda: run_recipe(
         Recipe(name="f", data=("t.csv",), model="single", compare=("m.toml",))

@@ -15,16 +15,16 @@ from benchtool.core.schedule import PlateVisit, Schedule, Signal
 from benchtool.explain.answer import Answer
 from benchtool.explain.engine.explanation import Disagreement, Explanation, Overlay
 from benchtool.explain.engine.verdict import (
+    ChannelGap,
     FoundParameter,
-    Gap,
     Kind,
     NamedEffect,
     Nearest,
     NextExperiment,
     NotJudged,
-    Place,
+    Rivals,
     Verdict,
-    Where,
+    WhereShown,
 )
 from benchtool.explain.recordings import Source
 from benchtool.physics.catalogue import EFFECTS
@@ -65,7 +65,7 @@ OFFSET = NamedEffect(
 
 PROBABILITIES = {"coulomb_friction": 0.984, "cog_offset": 0.004, "none": 1e-40, "unknown": 0.012}
 
-SECOND = Place(
+SECOND = Rivals(
     effect="cog_offset",
     probabilities={"cog_offset": 0.6, "rotor_asymmetry": 0.387, "none": 1e-3, "unknown": 0.012},
 )
@@ -87,9 +87,9 @@ NEXT = NextExperiment(
 )
 
 
-def gap(channel: str, unit: str, before: float, after: float, floor: float) -> Gap:
+def gap(channel: str, unit: str, before: float, after: float, floor: float) -> ChannelGap:
     """Make a gap whose intervals are a tenth of it on each side."""
-    return Gap(
+    return ChannelGap(
         channel=channel, unit=unit, as_given=1.2 * before, before=before, after=after, floor=floor,
         floor_low=0.85 * floor, floor_high=1.2 * floor, before_low=0.9 * before,
         before_high=1.1 * before, after_low=0.9 * after, after_high=1.1 * after,
@@ -113,10 +113,10 @@ def verdict(kind: Kind = "effect", **changes: Any) -> Verdict:
         effects=effects,
         probabilities=PROBABILITIES,
         places=(
-            Place(effect="coulomb_friction", probabilities=PROBABILITIES),
+            Rivals(effect="coulomb_friction", probabilities=PROBABILITIES),
             *((SECOND,) if kind == "several" else ()),
         ),
-        where=None if kind == "none" else Where(
+        where=None if kind == "none" else WhereShown(
             stage="hinge", regime="slow reversals", size=3.4, share=0.71
         ),
         gaps=(

@@ -10,7 +10,7 @@ import pytest
 from benchtool.commands.app import main
 from benchtool.core.errors import WouldOverwrite
 from benchtool.core.parameter import Parameters
-from benchtool.explain.engine.added_model import added_model
+from benchtool.explain.added_model import added_model
 from benchtool.physics.model_file import load_model, model_from_toml
 from benchtool.report.answer.folder import refuse_taken, write_folder
 from tests.unit.explain.hand_made import MODEL, answer, verdict

@@ -6,11 +6,10 @@ from dataclasses import replace
 
 import pytest
 
-from benchtool.explain.engine.next_steps import next_sentence
-from benchtool.explain.engine.verdict import EVERYWHERE, KINDS, Kind, NotJudged, Where
-from benchtool.report.answer.overlay import OVERLAY, overlay_caption
-from benchtool.report.answer.page import answer_page, where_sentence
-from benchtool.report.figure import drawn
+from benchtool.explain.engine.verdict import EVERYWHERE, KINDS, Kind, NotJudged, WhereShown
+from benchtool.explain.next_steps import next_sentence
+from benchtool.report.answer.figures import answer_figures
+from benchtool.report.answer.page import OVERLAY, answer_page, overlay_caption, where_sentence
 from benchtool.report.html import render_report
 from tests.unit.explain.hand_made import answer
 
@@ -20,7 +19,7 @@ TITLES = ("What now", "Where", "Which", "The gap")
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_page_says_the_verdict_first_and_what_was_not_judged(kind: Kind) -> None:
     given = answer(kind)
-    text = render_report(answer_page(given, drawn("answer", given)))
+    text = render_report(answer_page(given, answer_figures(given)))
     assert given.verdict.sentence.split(",")[0] in text
     places = [text.index(f">{title}</h2>") for title in TITLES]
     assert places == sorted(places)
@@ -30,7 +29,7 @@ def test_a_page_says_the_verdict_first_and_what_was_not_judged(kind: Kind) -> No
 
 def test_several_effects_have_a_figure_each() -> None:
     given = answer("several")
-    figures = drawn("answer", given)
+    figures = answer_figures(given)
     assert {"which_coulomb_friction", "which_cog_offset"} <= set(figures)
     assert "which" not in figures
     text = render_report(answer_page(given, figures))
@@ -38,7 +37,7 @@ def test_several_effects_have_a_figure_each() -> None:
 
 
 def test_a_disagreement_without_a_place_of_its_own_reads_so() -> None:
-    where = Where(stage="hinge", regime=EVERYWHERE, size=1.06, share=1.0)
+    where = WhereShown(stage="hinge", regime=EVERYWHERE, size=1.06, share=1.0)
     given = answer("unknown")
     spread = replace(given.explanation, verdict=replace(given.verdict, where=where))
     assert where_sentence(replace(given, explanation=spread)) == (
@@ -48,7 +47,7 @@ def test_a_disagreement_without_a_place_of_its_own_reads_so() -> None:
 
 
 def test_great_residuals_are_told_as_people_write_them() -> None:
-    where = Where(stage="hinge", regime=EVERYWHERE, size=249.6, share=1.0)
+    where = WhereShown(stage="hinge", regime=EVERYWHERE, size=249.6, share=1.0)
     given = answer("unknown")
     spread = replace(given.explanation, verdict=replace(given.verdict, where=where))
     assert "residuals are 250 times" in where_sentence(replace(given, explanation=spread))
@@ -56,7 +55,7 @@ def test_great_residuals_are_told_as_people_write_them() -> None:
 
 def test_what_weighs_on_the_verdict_stands_beside_it_and_spikes_are_explained() -> None:
     given = answer("effect")
-    page = answer_page(given, drawn("answer", given))
+    page = answer_page(given, answer_figures(given))
     assert page.summary.startswith(given.verdict.sentence)
     assert page.summary.endswith("Mind what it rests on: " + given.remarks[0] + ".")
     assert "restarts every 1 s from the measured state" in render_report(page)
@@ -65,9 +64,9 @@ def test_what_weighs_on_the_verdict_stands_beside_it_and_spikes_are_explained() 
 
 def test_a_stage_without_rows_of_its_own_is_marked_where_the_beam_moves() -> None:
     given = answer("effect")
-    where = Where(stage="rpm_to_thrust", regime="slow reversals", size=1.2, share=0.8)
+    where = WhereShown(stage="rpm_to_thrust", regime="slow reversals", size=1.2, share=0.8)
     thrust = replace(given.explanation, verdict=replace(given.verdict, where=where))
-    figure = drawn("answer", replace(given, explanation=thrust))["where"].figure
+    figure = answer_figures(replace(given, explanation=thrust))["where"]
     marked = {
         (axes.get_title(loc="left"), label.get_text())
         for axes in figure.axes
@@ -89,4 +88,4 @@ def test_silence_of_poor_data_says_how_little_it_means() -> None:
     assert poor.verdict.sentence.startswith(f"This data can show only 2 of {len(tried)} effects")
     assert "the schedule identify" in next_sentence(poor)
     assert next_sentence(given) == ""
-    assert "the schedule identify" in render_report(answer_page(poor, drawn("answer", poor)))
+    assert "the schedule identify" in render_report(answer_page(poor, answer_figures(poor)))

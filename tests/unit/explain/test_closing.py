@@ -7,9 +7,8 @@ from typing import cast
 
 import numpy as np
 
-from benchtool.explain.engine.closing import closing
 from benchtool.explain.engine.hypotheses import Hypotheses
-from benchtool.explain.engine.search import Search, searched
+from benchtool.explain.engine.search import Search, closing, searched
 from benchtool.explain.engine.subject import ChannelErrors, Subject
 from tests.unit.explain.linear_made import Linear, quiet
 

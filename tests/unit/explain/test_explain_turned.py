@@ -58,7 +58,7 @@ def test_rotors_pass_through_every_measured_speed(model: Model) -> None:
     log = turned(model.fixed("motor_lag.tau_s", 0.035), 3).logged
     assert log.turned
     subject = PitchSubject(model, [turned(model, 1)], [turned(model, 2)])
-    bench = subject.evidence.bench(np.zeros(len(subject.evidence.knobs)), log.rate_Hz)
+    bench = subject.evidence.bench(np.zeros(len(subject.evidence.parameters)), log.rate_Hz)
     found = follow([bench], log, np.zeros(7)).speed_rad_s[:, :, 0].T
     p = model.rig.propulsion
     measured = (log.pwm_us - p.pwm_start_us) * p.speed_per_us_rad_s

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchtool.explain.engine.hypotheses import Hypotheses
+from benchtool.explain.engine.hypotheses import Hypotheses, p_value
 from benchtool.explain.engine.search import searched
-from benchtool.explain.engine.significance import p_value
 from tests.unit.explain.linear_made import Linear, quiet
 
 

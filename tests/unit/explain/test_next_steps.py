@@ -9,8 +9,8 @@ import pytest
 
 from benchtool.commands.app import build
 from benchtool.core.parameter import Parameters
-from benchtool.explain.engine.next_steps import lines, next_sentence, next_steps
 from benchtool.explain.engine.verdict import KINDS, Kind, NotJudged
+from benchtool.explain.next_steps import lines, next_sentence, next_steps
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.report.answer.added_words import added_sentence, changes, changes_table
 from benchtool.report.answer.page import answer_page

@@ -20,7 +20,7 @@ def test_what_was_not_read_has_no_rows(left_out: str, of_hinge: int, of_speeds: 
     model = load_model("pitch_beam").model
     log = pitch_log(without(recorded(model, 1, seconds=8.0), left_out), model.rig).logged
     evidence = PitchEvidence(model, [log])
-    rows = evidence.residuals(np.zeros((1, len(evidence.knobs))))[:, 0]
+    rows = evidence.residuals(np.zeros((1, len(evidence.parameters))))[:, 0]
     counted = int(evidence.logs[0].counted.sum())
     assert len(rows) == (of_hinge + of_speeds) * counted
     stages = evidence.groups().stages

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchtool.core.recording import Recording
-from benchtool.explain.engine.plate_transit import on_its_way
+from benchtool.explain.pitch.clock import on_its_way
 from benchtool.explain.pitch.evidence import PitchEvidence
 from benchtool.explain.pitch.log import pitch_log
 from benchtool.physics.model import Model
@@ -64,7 +64,7 @@ def test_what_is_left_is_as_white_as_what_is_told(model: Model, visited: Recordi
     sizes = []
     for recording in (visited, without(visited, "coverage1")):
         evidence = PitchEvidence(model, [pitch_log(recording, model.rig).logged])
-        pitch = evidence.residuals(np.zeros(len(evidence.knobs)))[:, 0]
+        pitch = evidence.residuals(np.zeros(len(evidence.parameters)))[:, 0]
         rows = len(pitch) // (2 + model.rig.n_discs)
         sizes.append(np.sqrt(np.mean(pitch[:rows] ** 2)))
     assert sizes[1] < 1.1 * sizes[0]

@@ -1,4 +1,4 @@
-"""Evidence of sweeps: residuals are white at the truth, and knobs act as the model says."""
+"""Evidence of sweeps: residuals are white at the truth, and parameters act as the model says."""
 
 from __future__ import annotations
 
@@ -10,12 +10,10 @@ import pytest
 
 from benchtool.data.columns import KINDS
 from benchtool.data.run.read import read_points
-from benchtool.explain.engine.knob import parameters_at
-from benchtool.explain.sweep.evidence import SweepEvidence
+from benchtool.explain.engine.parameters import parameters_at
+from benchtool.explain.sweep.evidence import SweepEvidence, SweepNoise
 from benchtool.explain.sweep.log import sweep_log
-from benchtool.explain.sweep.next_sweep import as_read
-from benchtool.explain.sweep.noise import SweepNoise
-from benchtool.explain.sweep.plan import speed_at
+from benchtool.explain.sweep.next_experiment import as_read, speed_at
 from benchtool.physics.model_file import load_model
 
 QUAD = Path(__file__).parents[3] / "datasets" / "quad" / "run"
@@ -27,13 +25,13 @@ def evidence() -> SweepEvidence:
     return SweepEvidence(model, [sweep_log(read_points(QUAD, KINDS), model.rig)])
 
 
-def knob(evidence: SweepEvidence, name: str) -> int:
-    """Return the place of a knob."""
-    return [item.name for item in evidence.knobs].index(name)
+def parameter(evidence: SweepEvidence, name: str) -> int:
+    """Return the place of a parameter."""
+    return [item.name for item in evidence.parameters].index(name)
 
 
 def drawn(evidence: SweepEvidence, at: np.ndarray, seed: int) -> SweepEvidence:
-    """Return evidence of a bench with those knobs, its noise drawn as stated."""
+    """Return evidence of a bench with those parameters, its noise drawn as stated."""
     rng = np.random.default_rng(seed)
     swept = evidence.logs[0]
     assert swept.power is not None
@@ -55,41 +53,41 @@ def drawn(evidence: SweepEvidence, at: np.ndarray, seed: int) -> SweepEvidence:
 def test_every_candidate_and_what_owners_know_roughly_can_be_turned(
     evidence: SweepEvidence,
 ) -> None:
-    effects = {item.effect for item in evidence.knobs}
+    effects = {item.effect for item in evidence.parameters}
     assert {"body_lift", "plate_offset", "battery_sag", "load_cell_hysteresis"} <= effects
-    held = {item.name for item in evidence.knobs if item.held}
+    held = {item.name for item in evidence.parameters if item.held}
     assert {"k", "R_m", "ground_shape.curvature", "plate_side.dx_m", "supply.drop"} <= held
 
 
 def test_many_sets_at_once_are_the_same_as_one_by_one(evidence: SweepEvidence) -> None:
-    sets = np.random.default_rng(0).uniform(0.0, 1.0, (5, len(evidence.knobs)))
+    sets = np.random.default_rng(0).uniform(0.0, 1.0, (5, len(evidence.parameters)))
     together = evidence.residuals(sets)
     for column, one in enumerate(sets):
         assert evidence.residuals(one)[:, 0] == pytest.approx(together[:, column], rel=1e-9)
 
 
 def test_predictions_are_those_of_the_model(evidence: SweepEvidence) -> None:
-    turned = np.zeros(len(evidence.knobs))
-    turned[knob(evidence, "body_lift.K_b")] = 8.0
-    turned[knob(evidence, "plate_offset.dz_m")] = 1.0
-    model = evidence.model.at(parameters_at(evidence.model.parameters, evidence.knobs, turned))
+    scaled = np.zeros(len(evidence.parameters))
+    scaled[parameter(evidence, "body_lift.K_b")] = 8.0
+    scaled[parameter(evidence, "plate_offset.dz_m")] = 1.0
+    model = evidence.model.at(parameters_at(evidence.model.parameters, evidence.parameters, scaled))
     assert model.parameters["body_lift.K_b"].value == pytest.approx(2.0)
     expected = model.thrust_N(evidence.logs[0].conditions)
-    found = evidence.thrusts(evidence.logs[0].conditions, turned[None, :])[:, 0]
+    found = evidence.thrusts(evidence.logs[0].conditions, scaled[None, :])[:, 0]
     assert found == pytest.approx(expected, rel=1e-12)
 
 
 def test_residuals_are_white_at_the_truth(evidence: SweepEvidence) -> None:
-    turned = np.zeros(len(evidence.knobs))
-    turned[knob(evidence, "body_lift.K_b")] = 8.0
-    squares = [np.mean(drawn(evidence, turned, seed).residuals(turned) ** 2) for seed in range(20)]
+    scaled = np.zeros(len(evidence.parameters))
+    scaled[parameter(evidence, "body_lift.K_b")] = 8.0
+    squares = [np.mean(drawn(evidence, scaled, seed).residuals(scaled) ** 2) for seed in range(20)]
     # Each level's own speed and the voltage at the start are fitted, so a little below 1.
     assert 0.9 < np.mean(squares) < 1.03
 
 
 def test_battery_sag_shows_in_speeds_and_voltage_alone(evidence: SweepEvidence) -> None:
-    sets = np.zeros((2, len(evidence.knobs)))
-    sets[1, knob(evidence, "battery_sag.rate_per_s")] = 1.0
+    sets = np.zeros((2, len(evidence.parameters)))
+    sets[1, parameter(evidence, "battery_sag.rate_per_s")] = 1.0
     rows = evidence.residuals(sets)
     changed = np.abs(rows[:, 1] - rows[:, 0]) > 1e-9
     stages = evidence.groups().stages
@@ -99,7 +97,7 @@ def test_battery_sag_shows_in_speeds_and_voltage_alone(evidence: SweepEvidence) 
 
 def test_labels_cover_every_row_once(evidence: SweepEvidence) -> None:
     groups = evidence.groups()
-    n = len(evidence.residuals(np.zeros(len(evidence.knobs))))
+    n = len(evidence.residuals(np.zeros(len(evidence.parameters))))
     assert sum(mask.astype(int) for mask in groups.stages.values()).tolist() == [1] * n
     assert all(len(mask) == n and mask.any() for mask in groups.regimes.values())
     assert "z/R below 1" in groups.regimes

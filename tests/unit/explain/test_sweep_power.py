@@ -1,4 +1,4 @@
-"""Rotor speeds along a sweep: foretold from earlier visits, load counted alike in two sweeps."""
+"""Rotor speeds along a sweep: predicted from earlier visits, load counted alike in two sweeps."""
 
 from __future__ import annotations
 
@@ -26,25 +26,25 @@ def power() -> Power:
 
 def sagging(power: Power) -> np.ndarray:
     """Return what a supply keeps that sags steadily (m, 1)."""
-    return power.kept(np.array([1e-4]), np.array([0.0]), np.array([0.02]))
+    return power.supply(np.array([1e-4]), np.array([0.0]), np.array([0.02]))
 
 
 def test_speeds_of_a_supply_that_is_known_are_foretold_exactly(power: Power) -> None:
-    kept = sagging(power)
+    supply = sagging(power)
     scale = 1.0 + power.level
-    read = np.broadcast_to(scale * kept[:, 0], power.rotor_rad_s.shape)[:, :, None]
-    told = power.foretold(kept, read)
+    read = np.broadcast_to(scale * supply[:, 0], power.rotor_rad_s.shape)[:, :, None]
+    told = power.predicted(supply, read)
     assert told[:, power.late] == pytest.approx(read[:, power.late], rel=1e-12)
     assert not told[:, ~power.late].any()
 
 
 def test_only_earlier_visits_foretell(power: Power) -> None:
-    kept = sagging(power)
+    supply = sagging(power)
     read = power.rotor_rad_s[:, :, None].copy()
-    before = power.foretold(kept, read)
+    before = power.predicted(supply, read)
     place = int(np.flatnonzero(power.late)[len(power.late) // 2])
     read[:, place] *= 1.5
-    after = power.foretold(kept, read)
+    after = power.predicted(supply, read)
     changed = np.flatnonzero((before != after).any(axis=(0, 2)))
     assert len(changed) > 1
     assert changed.min() > place

@@ -15,11 +15,15 @@ from benchtool.core.recording import Recording
 from benchtool.data.columns import KINDS
 from benchtool.data.run.read import read_points
 from benchtool.data.table import read_table
-from benchtool.explain.engine.added_model import added_model
+from benchtool.explain.added_model import added_model
 from benchtool.explain.engine.explain import explain
 from benchtool.explain.engine.explanation import Explanation
-from benchtool.explain.sweep.next_sweep import OPTIONS, next_sweep_experiment
-from benchtool.explain.sweep.plan import points_of, proposed
+from benchtool.explain.sweep.next_experiment import (
+    OPTIONS,
+    next_sweep_experiment,
+    points_of,
+    proposed,
+)
 from benchtool.explain.sweep.subject import SweepSubject
 from benchtool.fit.recipe import Recipe
 from benchtool.fit.run_recipe import run_recipe
@@ -114,9 +118,9 @@ def rivals(subject: SweepSubject, *names: str) -> Sequence[tuple[str, np.ndarray
     """Return effects at five tolerances each."""
     out = []
     for name in names:
-        at = np.zeros(len(subject.evidence.knobs))
-        for place, knob in enumerate(subject.evidence.knobs):
-            if knob.effect == name:
+        at = np.zeros(len(subject.evidence.parameters))
+        for place, parameter in enumerate(subject.evidence.parameters):
+            if parameter.effect == name:
                 at[place] = 5.0
         out.append((name, at))
     return out

@@ -7,8 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from benchtool.explain.engine.stage_words import PLACES, stage_words
-from benchtool.explain.engine.verdict import KINDS, Kind, in_sentence
+from benchtool.explain.engine.verdict import KINDS, PLACES, Kind, in_sentence, stage_words
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.effects.effect import SUBSYSTEMS
 from tests.unit.explain.hand_made import FRICTION, verdict

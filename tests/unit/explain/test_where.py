@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchtool.explain.engine.describe import where_shown
-from benchtool.explain.engine.evidence import EARLY, LATE, RowGroups
+from benchtool.explain.engine.subject import EARLY, LATE, RowGroups
 
 N = 900
 TIME = np.arange(N)

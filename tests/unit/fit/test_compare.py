@@ -9,7 +9,7 @@ import pytest
 
 from benchtool.core.errors import InputError
 from benchtool.core.rig_file import rig_named
-from benchtool.fit.compare import compare, foretold
+from benchtool.fit.compare import compare, predicted
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.model_problem import problem_from_model
 from benchtool.fit.problem import Problem, function_problem
@@ -44,7 +44,7 @@ def test_the_true_model_foretells_best() -> None:
     assert SIGMA_N < best.held_out_rms < 0.5 * min(s.held_out_rms for s in found.scores[1:])
     assert best.behind_best == 0.0
     assert best.aic == min(score.aic for score in found.scores)
-    assert "quad_body_lift foretells held-out points best" in found.sentence
+    assert "quad_body_lift predicts held-out points best" in found.sentence
     assert "clearly behind" in found.sentence
 
 
@@ -83,7 +83,7 @@ def test_a_foretold_density_carries_the_uncertainty_of_the_fit() -> None:
     problem = line_problem()
     train, test = problem.subset(np.arange(10)), problem.subset(np.array([24]))
     result = fit_least_squares(train)
-    density, left = foretold(test, result)
+    density, left = predicted(test, result)
     row = np.array([1.0, X[24]])
     variance = 0.04 + row @ result.covariance @ row
     expected = -0.5 * left[0] ** 2 / variance - 0.5 * np.log(2 * np.pi * variance)

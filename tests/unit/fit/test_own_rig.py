@@ -25,14 +25,14 @@ from benchtool.core.rig import Rig
 from benchtool.core.rig_file import rig_named, rig_to_dict
 from benchtool.data.run.run import Run
 from benchtool.data.run.run_rig import run_rig
-from benchtool.explain.engine.answered import answered
-from benchtool.explain.engine.asked import asked
+from benchtool.explain.answer import answer_request
+from benchtool.explain.request import read_request
 from benchtool.fit.model_band import believed
 from benchtool.fit.recipe import Recipe
 from benchtool.fit.run_recipe import run_recipe
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import load_model
-from benchtool.report.fit.page import write_fit
+from benchtool.report.fit.folder import write_fit
 from benchtool.simulate.imperfections import Imperfections
 from benchtool.virtual.simulated import SimulatedBench
 
@@ -116,7 +116,7 @@ def test_a_fit_holds_the_truth_of_an_own_vehicle(runs: tuple[str, str], tmp_path
 
 
 def test_an_explanation_names_nothing_on_an_own_vehicle(runs: tuple[str, str]) -> None:
-    verdict = answered(asked([runs[0]], [runs[1]], "quad_bench")).verdict
+    verdict = answer_request(read_request([runs[0]], [runs[1]], "quad_bench")).verdict
     assert verdict.kind == "none"
     assert verdict.effects == ()
 
@@ -127,7 +127,7 @@ def test_runs_of_two_vehicles_are_no_data_of_one_model(
     other = Run.create(tmp_path / "pquad", "", {"rig": rig_to_dict(rig_named("pquad"))}).path
     for read in (
         lambda: run_recipe(recipe(runs[0], str(other))),
-        lambda: asked([runs[0]], [str(other)], "quad_bench"),
+        lambda: read_request([runs[0]], [str(other)], "quad_bench"),
     ):
         with pytest.raises(InputError, match=r"are of two vehicles \(rotors elsewhere"):
             read()

@@ -117,14 +117,14 @@ def explain(
     Raises:
         BenchtoolError: recordings or model that no verdict can stand on.
     """
-    from benchtool.explain.engine.added_model import added_effects
-    from benchtool.explain.engine.answered import answered
-    from benchtool.explain.engine.asked import asked
+    from benchtool.explain.added_model import added_effects
+    from benchtool.explain.answer import answer_request
+    from benchtool.explain.next_steps import next_file
+    from benchtool.explain.request import read_request
     from benchtool.report.answer.added_words import added_sentence
-    from benchtool.report.answer.file import next_file
+    from benchtool.report.answer.figures import answer_figures
     from benchtool.report.answer.folder import write_folder
     from benchtool.report.answer.page import answer_page
-    from benchtool.report.figure import drawn
     from benchtool.report.page import Facts, Paragraph
     from benchtool.web.drawing import fragments
 
@@ -135,19 +135,19 @@ def explain(
             report(what, DRAWN_FROM * share)
 
     report("reading the recordings", 0.0)
-    asked_for = asked(question.learn, question.check, question.model)
+    asked_for = read_request(question.learn, question.check, question.model)
     command = shlex.join(["benchtool", *words])
-    answer = answered(asked_for, commands=[command], progress=progress)
+    answer = answer_request(asked_for, commands=[command], progress=progress)
     answer = replace(answer, seconds=time.monotonic() - began)
     report("drawing the figures", DRAWN_FROM)
     aside = partial_folder(out)
     shutil.rmtree(aside, ignore_errors=True)
     write_folder(aside, answer, asked_for.effects_file, called=out)
-    figures = drawn("answer", answer)
+    figures = answer_figures(answer)
     page = answer_page(answer, figures, next_file(answer)[0])
     # Whether it is written changes under the page, which says so beside its own button.
     left_out = [Paragraph(added_sentence(answer))] if answer.has_model else []
-    files = {id(block.figure): aside / f"{name}.svg" for name, block in figures.items()}
+    files = {id(figure): aside / f"{name}.svg" for name, figure in figures.items()}
     return ExplanationResult(
         sentence=page.summary,
         named=tuple(effect.name for effect in added_effects(answer)),
@@ -179,7 +179,7 @@ def _drawn(blocks: Sequence[Block], files: Mapping[int, Path]) -> tuple[HtmlFrag
 
 def _new_model(out: Path) -> str:
     """Return the name of the model in an answer's folder, empty without one."""
-    from benchtool.explain.engine.added_model import MODEL
+    from benchtool.explain.added_model import MODEL
     from benchtool.physics.model_file import load_model
 
     path = out / MODEL

@@ -1,0 +1,164 @@
+"""The model with what was found in it, as a file that says where it came from."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import isclose
+from typing import Any
+
+from benchtool import __version__
+from benchtool.core.parameter import Parameter
+from benchtool.explain.answer import Answer
+from benchtool.explain.engine.priors import known_prior
+from benchtool.explain.engine.verdict import NamedEffect
+from benchtool.physics.catalogue import EFFECTS
+from benchtool.physics.effects.effect import Effect
+from benchtool.physics.model import Model
+from benchtool.physics.model_file import LoadedModel, model_to_toml
+
+MODEL = "model.toml"
+"""Name of the new model's file in the folder of an answer."""
+
+NOTHING = 1e-15
+"""What an optimiser leaves of a zero, in any unit; a choice."""
+
+
+def added_model(answer: Answer, rig: str = "", effects_file: str = "") -> str:
+    """Return a model file's text: the parent's with the named effects at their values.
+
+    Other effects stay as the parent states them: what lies within tolerance does not matter. Of a
+    class the likeliest member is added.
+
+    Args:
+        answer: with at least one named effect.
+        rig: how the new file names the rig; as the parent did when empty.
+        effects_file: file of the user's own effects, beside the new file.
+    """
+    loaded = answer.loaded
+    named = added_effects(answer)
+    words = ", ".join(effect.name for effect in named)
+    model = replace(
+        mended(answer),
+        name="_".join((loaded.model.name, *(effect.name for effect in named))),
+        description=f"{loaded.model.description} With {words}, found by benchtool explain.".strip(),
+        provenance=_provenance(answer, named),
+    )
+    new = LoadedModel(
+        model=model,
+        columns=loaded.columns,
+        row_filter=loaded.row_filter,
+        imperfections=loaded.imperfections,
+        effects_file=effects_file or loaded.effects_file,
+        plate_slide_s=loaded.plate_slide_s,
+    )
+    return model_to_toml(new, rig or loaded.rig_name or None)
+
+
+def mended(answer: Answer) -> Model:
+    """Return the model with the effects that are added, each number where the recordings put it."""
+    model = _calibrated(answer, answer.loaded.model)
+    for effect in added_effects(answer):
+        model = _with(answer, model, effect)
+    return model
+
+
+def own_names(answer: Answer) -> tuple[str, ...]:
+    """Return the names of added effects that benchtool does not ship."""
+    return tuple(effect.name for effect in added_effects(answer) if effect.name not in EFFECTS)
+
+
+def added_effects(answer: Answer) -> tuple[NamedEffect, ...]:
+    """Return the effects that the new model gets: of a class the likeliest member."""
+    effects = answer.verdict.effects
+    return effects[:1] if answer.verdict.kind == "class" else effects
+
+
+def _effect(answer: Answer, name: str) -> Effect:
+    known = {effect.name: effect for effect in answer.own_effects}
+    return known.get(name) or EFFECTS[name]
+
+
+def _calibrated(answer: Answer, model: Model) -> Model:
+    """Return the model with what its owner knows only roughly where the recordings put it.
+
+    That is what moved without being a candidate's: inertia, radius, the map from pulse to speed. Of
+    a sweep it stays free under what was known of it: held where it came to lie, a fit of what was
+    found would state errors many times too small.
+    """
+    candidates = {name.partition(".")[0] for name in answer.verdict.tolerances}
+    for name, found in answer.verdict.parameters.items():
+        owner, dot, _ = name.partition(".")
+        if owner in candidates:
+            continue
+        if dot and name not in model.parameters:
+            if found.neutral is not None and isclose(found.value, found.neutral, abs_tol=NOTHING):
+                continue
+            model = model.with_effect(_effect(answer, owner))
+        present = model.parameters[name]
+        if found.value != present.value:
+            source = f"benchtool explain, within what was known of it; {present.value:.6g} before"
+            model = _changed(
+                model, name, value=found.value, source=source, **_freed(answer, name, present)
+            )
+    return model
+
+
+def _with(answer: Answer, model: Model, effect: NamedEffect) -> Model:
+    if all(present.name != effect.name for present in model.effects):
+        model = model.with_effect(_effect(answer, effect.name))
+    learned = ", ".join(source.name for source in answer.learn)
+    found = answer.verdict.parameters
+    for own in _effect(answer, effect.name).parameters:  # what shapes its law comes along
+        name = f"{effect.name}.{own.name}"
+        if name in found and found[name].value != model.parameters[name].value:
+            source = f"benchtool explain of {learned}"
+            present = model.parameters[name]
+            model = _changed(
+                model, name, value=found[name].value, source=source,
+                **_freed(answer, name, present),
+            )  # fmt: skip
+    for item in effect.parameters:
+        model = _changed(
+            model,
+            f"{effect.name}.{item.name}",
+            value=item.value,
+            tolerance=item.tolerance,
+            # A sweep can be fitted again from here; a pitch recording is explained again.
+            free=answer.verdict.bench == "sweep",
+            source=f"benchtool explain of {learned}: {item.value:.6g} ± {item.std:.2g}",
+        )
+    return model
+
+
+def _freed(answer: Answer, name: str, before: Parameter) -> dict[str, Any]:
+    """Return what leaves a number free for the next fit under what was known of it before.
+
+    A pitch recording is explained again, not fitted. What a fit may move already stays as it is.
+    """
+    prior = known_prior(name, before)
+    if answer.verdict.bench != "sweep" or before.free or prior is None:
+        return {}
+    return {"free": True, "prior": prior}
+
+
+def _changed(model: Model, name: str, **changes: Any) -> Model:
+    parameter = replace(model.parameters[name], **changes)
+    return model.at(model.parameters.replaced(name, parameter))
+
+
+def _provenance(answer: Answer, named: tuple[NamedEffect, ...]) -> dict[str, str]:
+    verdict = answer.verdict
+    facts = {f"parent.{key}": text for key, text in answer.loaded.model.provenance.items()}
+    facts |= {
+        "made_by": f"benchtool {__version__}, benchtool explain, seed {answer.seed}",
+        "parent": f"{answer.loaded.model.name} ({answer.model_file})",
+        "parent_sha256": answer.model_sha256,
+        "verdict": verdict.sentence,
+    }
+    for effect in named:
+        facts[f"evidence.{effect.name}"] = (
+            f"log-likelihood ratio {effect.log_likelihood_ratio:.4g}, p-value "
+            f"{effect.p_value:.2g}, probability {effect.probability:.4g}"
+        )
+    facts |= {f"sha256.{name}": digest for name, digest in answer.hashes.items()}
+    return {key: text for key, text in facts.items() if text}

@@ -1,0 +1,152 @@
+"""What to do after an answer, with the commands: the same words for page and terminal."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from benchtool.core.rig_file import rig_beside
+from benchtool.core.schedule_file import schedule_to_toml
+from benchtool.explain.added_model import MODEL, own_names
+from benchtool.explain.answer import Answer
+from benchtool.explain.recordings import Source
+from benchtool.physics.effects.effect import BenchKind
+
+RICHER: dict[BenchKind, str] = {
+    "pitch": (
+        "Record next: steps and slow reversals of the attitude at two collectives or more, the "
+        "plate at three distances and away, some dither on the pulses; the schedule identify does "
+        "all that."
+    ),
+    "sweep": (
+        "Record next: near distances (z/R of 0.6 to 1) and far ones, two or three levels up and "
+        "down, and tares."
+    ),
+}
+"""What to record where most effects could not be judged."""
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """Say what to do next and with which command.
+
+    Attributes:
+        why: what it is for.
+        command: as it is typed where the question was.
+    """
+
+    why: str
+    command: str
+
+
+def next_file(answer: Answer) -> tuple[str, str]:
+    """Return name and text of the next experiment's file; empty where there is none."""
+    experiment = answer.verdict.next
+    if experiment is None:
+        return "", ""
+    if experiment.schedule is not None:
+        return "next_schedule.toml", schedule_to_toml(experiment.schedule)
+    return "next_plan.toml", experiment.plan_toml
+
+
+def next_sentence(answer: Answer) -> str:
+    """Say what to record next, and why; empty where nothing more is needed."""
+    experiment = answer.verdict.next
+    if experiment is None:
+        poor = answer.verdict.mostly_blind and not answer.verdict.is_sure
+        return RICHER[answer.verdict.bench] if poor else ""
+    return (
+        f"Record next: {experiment.title}. {experiment.reason[:1].upper()}{experiment.reason[1:]}."
+    )
+
+
+def next_steps(answer: Answer, folder: str = "") -> tuple[Step, ...]:
+    """Return the next commands, the most useful first.
+
+    Args:
+        answer: what is reported.
+        folder: that the answer is written to; empty where it is not.
+    """
+    name, _ = next_file(answer)
+    if not folder:
+        if not (answer.has_model or name):
+            return ()
+        parts = {"the new model": answer.has_model, "the next experiment": bool(name)}
+        what = " and ".join(part for part, there in parts.items() if there)
+        return (Step(f"write {what}", _explain(answer, _model(answer), out="found")),)
+    new = str(Path(folder) / MODEL)
+    if name:
+        return _experiment(answer, str(Path(folder) / name), new, folder)
+    if not answer.has_model:
+        return ()
+    asked = _explain(answer, new, out=f"{folder}-again", own=not own_names(answer))
+    again = Step("ask again: is anything still missing?", asked)
+    if answer.verdict.bench == "pitch":
+        words = ["simulate", "pitch", "--model", new, "--out", f"{folder}-simulated"]
+        return (again, Step("simulate with the new model", _typed(words)))
+    fit = ["fit", *_paths(answer.learn), "--model", new, "--out", f"{folder}-fit"]
+    rig, own = rig_beside(answer.loaded.model.rig)
+    place = str(Path(folder) / rig) if own else rig
+    sweep = ["sweep", f"sim:{place}?truth={new}", "--z-over-r", "0.6,1,2,4", "--pwm", "1500,1600"]
+    return (
+        again,
+        Step("fit what was found, with its uncertainty", _typed(fit)),
+        Step("sweep a virtual bench that has it", _typed([*sweep, "--out", f"{folder}-sweep"])),
+    )
+
+
+def lines(steps: Sequence[Step]) -> list[str]:
+    """Return steps as a shell takes them, each command under what it is for."""
+    return [line for step in steps for line in (f"# {step.why}", step.command)]
+
+
+def _experiment(answer: Answer, file: str, new: str, folder: str) -> tuple[Step, ...]:
+    """Return the steps of a next experiment: try it, do it, explain with it."""
+    model = new if answer.has_model else _model(answer)
+    run = f"{folder}-next"
+    if answer.verdict.bench == "pitch":
+        tried = [
+            "simulate",
+            "pitch",
+            "--model",
+            model,
+            "--schedule",
+            file,
+            "--out",
+            f"{folder}-try",
+        ]
+        done = ["record", "ADDRESS", "--schedule", file, "--out", run]
+        steps = [
+            Step("try the experiment on a simulated bench", _typed(tried)),
+            Step("do it (ADDRESS: your bench, whose device runs the schedule)", _typed(done)),
+        ]
+    else:
+        planned = ["sweep", "ADDRESS", "--plan", file, "--out", run]
+        steps = [Step("do the experiment (ADDRESS: your bench)", _typed(planned))]
+    last = _explain(answer, _model(answer), more=[run], out=f"{folder}-again")
+    return (*steps, Step("explain with what it recorded", last))
+
+
+def _model(answer: Answer) -> str:
+    return answer.model_given or answer.model_file
+
+
+def _explain(
+    answer: Answer, model: str, out: str, more: Sequence[str] = (), *, own: bool = True
+) -> str:
+    """Return the command; `own` where the model does not bring the user's own effects itself."""
+    words = ["explain", *_paths(answer.learn), *more, "--model", model]
+    words += ["--check", *_paths(answer.check)]
+    if answer.effects_given and own:
+        words += ["--effects", answer.effects_given]
+    return _typed([*words, "--out", out])
+
+
+def _paths(sources: Sequence[Source]) -> list[str]:
+    return [source.path for source in sources]
+
+
+def _typed(words: Sequence[str]) -> str:
+    return shlex.join(["benchtool", *words])

@@ -1,0 +1,186 @@
+"""Doubts about a pitch recording that no effect explains: units, signs, rotors in another order.
+
+A wrong unit or a turned sign makes every effect look small beside it. It is refused, with what to
+mend, before anything is named.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import savgol_filter
+
+from benchtool.core.errors import InputError
+from benchtool.core.rig import Rig
+from benchtool.physics.mixer import pitch_moment_Nm
+from benchtool.simulate.pitch.follow import LoggedPitch
+
+Array = NDArray[np.float64]
+
+STEEPEST_RAD = 1.6
+"""No beam on a hinge turns farther; an angle in degrees does at once."""
+
+SMOOTHED_S = 0.05
+"""Width of the quadratic whose slope is a rate or an acceleration; a choice."""
+
+SURE = 0.6
+"""Correlation from which a slope is used."""
+
+FACTOR = 3.0
+"""A gyro that is off by more than this factor has another unit or sign, no error of scale."""
+
+FOLLOWS = 0.4
+"""Correlation from which the beam is taken to follow the rotors' thrusts: noise alone, over the
+thousand rows of the shortest recording, stays below 0.15. A choice."""
+
+ALIKE = 0.75
+"""Cosine between the turning effects that rotors show and those that their places give. One rotor
+exchanged with one at the side leaves 0.5; ground effect and unlike rotors leave 0.9. A choice."""
+
+WEAK = 0.1
+"""Ways of pushing that vary less than this share of the strongest say nothing."""
+
+STILL = 5.0
+"""A beam that moves less than so many standard deviations of its sensor's noise stands still."""
+
+
+def refuse_doubtful(logged: LoggedPitch, rig: Rig, name: str) -> None:
+    """Refuse a log whose columns contradict each other.
+
+    Raises:
+        InputError: an angle no beam can have, rates against the angle, thrust against the motion.
+    """
+    theta = logged.theta_rad
+    steepest = float(np.nanmax(np.abs(theta)))
+    if steepest > STEEPEST_RAD:
+        raise InputError(
+            f"theta_rad of {name} reaches {steepest:.3g} rad and a hinge ends at "
+            f"{STEEPEST_RAD:g}; state the column's unit in the model's [columns], unit = \"deg\" "
+            f"perhaps"
+        )
+    slope = _slope_of(_change(theta, logged.rate_Hz), logged.gyro_rad_s)
+    if slope is not None and not 1.0 / FACTOR < slope < FACTOR:
+        raise InputError(
+            f"gyro_rad_s of {name} is {slope:.2g} times the change of theta_rad and should be "
+            f"once; mend the sign or the unit of one of them in the model's [columns]"
+        )
+    rate = logged.gyro_rad_s if np.isfinite(logged.gyro_rad_s).any() else None
+    acceleration = (
+        _change(rate, logged.rate_Hz)
+        if rate is not None
+        else _change(_change(theta, logged.rate_Hz), logged.rate_Hz)
+    )
+    turned = _correlation(_pushed(logged, rig), acceleration)
+    alike, first, second = _followed(logged, rig, acceleration)
+    if abs(alike) < ALIKE:
+        outer = np.argsort(-np.abs(_arms(rig)), kind="stable")[:2]
+        wanted = " and ".join(rig.rotors[_first_rotor(rig, int(disc))].name for disc in outer)
+        raise InputError(
+            f"the beam of {name} follows pwm{first}_us against pwm{second}_us, but rig "
+            f"{rig.name!r} turns it by {wanted}: pulses stand under other rotors than theirs; "
+            f"record with the map of motors (map=FILE, see benchtool bench map), or exchange the "
+            f"columns in the model's [columns]"
+        )
+    if turned < -SURE or alike < 0.0:
+        raise InputError(
+            f"the beam of {name} turns against its thrust (correlation {turned:.2f}): rotors or "
+            f"the sign of theta_rad are not as rig {rig.name!r} has them; exchange the columns of "
+            f"the rotors or turn the sign in the model's [columns]"
+        )
+
+
+def _followed(logged: LoggedPitch, rig: Rig, acceleration: Array) -> tuple[float, int, int]:
+    """Return how alike the turning effects of the rotors are to those that their places give.
+
+    With it the numbers (from 1) of the two rotors that turn the beam most, one each way. Two
+    rotors have only a sign to be wrong, and a beam that follows none says nothing: 1 for both.
+    """
+    if rig.n_discs < 3:
+        return 1.0, 1, 1
+    pushes = _detrended(_thrusts(logged, rig), logged)
+    follows = _detrended(acceleration[None], logged)[0]
+    shown = np.linalg.pinv(pushes.T, rcond=WEAK) @ follows
+    arms = _arms(rig)
+    shown, arms = shown - shown.mean(), arms - arms.mean()
+    if _correlation(shown @ pushes, follows) < FOLLOWS:
+        return 1.0, 1, 1
+    alike = float(shown @ arms / np.sqrt((shown @ shown) * (arms @ arms)))
+    first, second = (1 + _first_rotor(rig, int(k)) for k in (np.argmax(shown), np.argmin(shown)))
+    return alike, first, second
+
+
+def _arms(rig: Rig) -> Array:
+    """Return the pitch moment of one newton of each disc (n_discs,): m."""
+    x_m = rig.disc_positions_m[:, 0]
+    return np.array([pitch_moment_Nm(one, x_m) for one in np.eye(rig.n_discs)], float)
+
+
+def _first_rotor(rig: Rig, disc: int) -> int:
+    """Return the first rotor (from 0) of a disc, whose columns stand for it."""
+    return int(np.argmax(rig.disc_of_rotor == disc))
+
+
+def standing_still(logged: LoggedPitch, rig: Rig) -> str:
+    """Return what to say of a beam that hardly moves; empty of one that does."""
+    known = logged.theta_rad[np.isfinite(logged.theta_rad)]
+    sensor = rig.sensors.get("theta_rad")
+    noise = max(sensor.noise, sensor.quantum) if sensor is not None else 1e-4
+    moved = float(np.std(known))
+    if moved > STILL * noise:
+        return ""
+    return (
+        f"the beam hardly moves ({np.degrees(moved):.2g} deg, root mean square), so little can be "
+        f"judged; record steps and slow reversals of the attitude, as the schedule identify has"
+    )
+
+
+def _change(values: Array, rate_Hz: float) -> Array:
+    """Return the slope of values (n,) per second, smoothed; blank ones bridged."""
+    known = np.isfinite(values)
+    rows = np.arange(len(values))
+    whole = np.interp(rows, rows[known], values[known])
+    width = max(5, 2 * round(0.5 * SMOOTHED_S * rate_Hz) + 1)
+    out: Array = savgol_filter(whole, width, 2, deriv=1, delta=1.0 / rate_Hz)
+    return out
+
+
+def _pushed(logged: LoggedPitch, rig: Rig) -> Array:
+    """Return the torque of the rotors (n,), out of ground effect, lag as the rig's: N m."""
+    moment = pitch_moment_Nm(_thrusts(logged, rig), rig.disc_positions_m[:, 0])
+    return np.asarray(moment, float)
+
+
+def _thrusts(logged: LoggedPitch, rig: Rig) -> Array:
+    """Return the thrust of each disc (n_discs, n), out of ground effect, lag as the rig's: N."""
+    p = rig.propulsion
+    speed = p.speed_per_us_rad_s * np.maximum(logged.pwm_us - p.pwm_start_us, 0.0)
+    late = round(p.lag_s * logged.rate_Hz) if not logged.turned else 0
+    if late:
+        speed = np.concatenate([np.repeat(speed[:, :1], late, axis=1), speed[:, :-late]], axis=1)
+    thrust: Array = p.thrust_coefficient_N_s2 * speed**2
+    return thrust
+
+
+def _detrended(rows: Array, logged: LoggedPitch) -> Array:
+    """Return rows (m, n) without what is constant and what goes with the beam's angle."""
+    known = np.isfinite(logged.theta_rad)
+    times = np.arange(len(known))
+    angle = np.interp(times, times[known], logged.theta_rad[known])
+    held, _ = np.linalg.qr(np.column_stack([np.ones(len(angle)), angle]))
+    out: Array = rows - (rows @ held) @ held.T
+    return out
+
+
+def _slope_of(x: Array, y: Array) -> float | None:
+    """Return how many times x the readings y are; None where they are unrelated."""
+    if abs(_correlation(x, y)) < SURE:
+        return None
+    both = np.isfinite(x) & np.isfinite(y)
+    return float(x[both] @ y[both] / (x[both] @ x[both]))
+
+
+def _correlation(x: Array, y: Array) -> float:
+    both = np.isfinite(x) & np.isfinite(y)
+    if both.sum() < 3 or np.ptp(x[both]) == 0.0 or np.ptp(y[both]) == 0.0:
+        return 0.0
+    return float(np.corrcoef(x[both], y[both])[0, 1])

@@ -1,0 +1,149 @@
+"""A request: recordings, a model, effects of the user's own; from names to a subject."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from benchtool.core.errors import InputError, MissingColumn
+from benchtool.core.own_code import CodePermit, refuse_code
+from benchtool.core.rig import Rig
+from benchtool.data.run.digest import file_hash
+from benchtool.data.run.run_rig import rig_of_data
+from benchtool.explain.engine.subject import Subject
+from benchtool.explain.pitch.log import PitchLog, pitch_log
+from benchtool.explain.pitch.subject import PitchSubject
+from benchtool.explain.recordings import (
+    Source,
+    bench_of,
+    missing_of,
+    read_sources,
+    unreadable_of,
+)
+from benchtool.explain.sweep.subject import SweepSubject
+from benchtool.physics.effects.effect import BenchKind, Effect
+from benchtool.physics.model_file import LoadedModel, load_model, model_names
+from benchtool.physics.own_effects import own_effects
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Request:
+    """Hold a question with everything read that it names.
+
+    Attributes:
+        loaded: the model.
+        model_file: its shipped name, or its file's own name.
+        model_given: as it was typed.
+        effects_given: where the user's own effects are, as it was typed; empty without.
+        model_sha256: of its file; empty for a shipped one.
+        effects_file: Python file of the user's own effects, where it is one.
+        own: those effects.
+        learn, check: recordings.
+    """
+
+    loaded: LoadedModel
+    model_file: str
+    model_given: str
+    effects_given: str
+    model_sha256: str
+    effects_file: Path | None
+    own: tuple[Effect, ...]
+    learn: tuple[Source, ...]
+    check: tuple[Source, ...]
+
+    @property
+    def kind(self) -> BenchKind:
+        """Which bench the recordings are of."""
+        return bench_of(self.learn[0])
+
+    def subject(self) -> Subject:
+        """Return the recordings held against the model.
+
+        Raises:
+            InputError: recordings that no verdict can stand on.
+        """
+        own = [effect for effect in self.own if self.kind in effect.benches]
+        if self.kind == "sweep":
+            points = [[source.recording for source in part] for part in (self.learn, self.check)]
+            return SweepSubject(self.loaded.model, points[0], points[1], own)
+        return PitchSubject(self.loaded.model, self._logs(self.learn), self._logs(self.check), own)
+
+    def _logs(self, sources: Sequence[Source]) -> list[PitchLog]:
+        rig = self.loaded.model.rig
+        slide_s = self.loaded.plate_slide_s
+        return [pitch_log(source.recording, rig, source.name, slide_s) for source in sources]
+
+
+def read_request(
+    learn: Sequence[str],
+    check: Sequence[str],
+    model: str,
+    effects: str | None = None,
+    permit: CodePermit = refuse_code,
+) -> Request:
+    """Read everything that a question names.
+
+    Args:
+        learn: recordings to learn from: CSV, Parquet of `benchtool import`, run folders.
+        check: recordings of the same bench to check on.
+        model: shipped name or path of a model file.
+        effects: Python file or module with effects of the user's own.
+        permit: called with each Python file before it is run.
+
+    Raises:
+        InputError: whatever is missing or cannot be read; of several things all are reported.
+    """
+    missing = missing_of(learn, check)
+    if not learn:
+        raise missing[0]
+    wrong = unreadable_of((*learn, *check))
+    loaded: LoadedModel | None = None
+    own: tuple[Effect, ...] = ()
+    try:
+        loaded = _model(model, rig_of_data((*learn, *check)), permit)
+    except InputError as error:
+        wrong.append(error)
+    try:
+        own = own_effects(effects, permit) if effects else ()
+    except InputError as error:
+        wrong.append(error)
+    wrong += missing
+    if wrong or loaded is None:
+        raise _together(wrong)
+    file = Path(model) if Path(model).suffix == ".toml" and Path(model).is_file() else None
+    given = Path(effects) if effects and effects.endswith(".py") else None
+    if given is None and loaded.effects_file and file is not None:
+        given = file.parent / loaded.effects_file
+    try:
+        sources, checks = read_sources(learn, check, loaded)
+    except MissingColumn as error:
+        raise error.of(file.name if file is not None else model) from None
+    return Request(
+        loaded=loaded,
+        model_file=file.name if file is not None else model,
+        model_given=model,
+        effects_given=effects or "",
+        model_sha256=file_hash(file) if file is not None else "",
+        effects_file=given,
+        own=own,
+        learn=tuple(sources),
+        check=tuple(checks),
+    )
+
+
+def _model(name_or_path: str, rig: Rig | None, permit: CodePermit) -> LoadedModel:
+    if name_or_path:
+        return load_model(name_or_path, rig, permit=permit)
+    real = [name for name in model_names() if not name.startswith("virtual_")]
+    raise InputError(
+        f"which model? give --model with the path of a model file or one of: {', '.join(real)}"
+    )
+
+
+def _together(wrong: Sequence[InputError]) -> InputError:
+    """Return several refusals as one, in their order; a single one as it is."""
+    if len(wrong) == 1:
+        return wrong[0]
+    listed = " ".join(f"({place}) {one}." for place, one in enumerate(wrong, 1))
+    return InputError(f"{len(wrong)} things to mend: {listed.removesuffix('.')}")

@@ -1,0 +1,257 @@
+"""How an ensemble samples: the log posterior of walkers, where they begin, how they move."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from emcee.moves import Move
+from emcee.state import State
+from numpy.typing import NDArray
+
+from benchtool.core.errors import EstimationError
+from benchtool.core.fit_result import FitResult
+from benchtool.core.parameter import Parameter
+from benchtool.fit.problem import NOISE_SCALE, Problem
+
+Array = NDArray[np.float64]
+
+LogProbability = Callable[[Array], Array]
+
+
+def log_probability(problem: Problem) -> LogProbability:
+    """Return the function walkers (w, n_free) -> log posterior (w,), up to a constant.
+
+    It returns -inf outside the bounds and where the model has no finite value; it must be called
+    with NumPy's warnings off.
+    """
+    predict, observed = problem.predict, problem.observed
+    lower, upper = problem.parameters.bounds()
+    shape_index = problem.shape_index
+    all_shape = problem.noise_name is None
+    likelihood = _likelihood(problem)
+    prior = _prior(problem)
+    m = len(problem)
+    buffers: dict[int, Array] = {}
+
+    def evaluate(walkers: Array) -> Array:
+        w = walkers.shape[0]
+        outside = ((walkers < lower) | (walkers > upper)).any(axis=1)
+        any_outside = outside.any()
+        inside = np.minimum(np.maximum(walkers, lower), upper) if any_outside else walkers
+        columns = np.ascontiguousarray(inside.T)
+        shape = columns if all_shape else columns[shape_index]
+        rows = buffers.get(w)
+        if rows is None:
+            rows = buffers[w] = np.empty((w, m))
+        np.subtract(predict(shape[:, :, None]), observed, out=rows)
+        value = likelihood(rows, columns)
+        if prior is not None:
+            value += prior(shape, columns)
+        if any_outside:
+            value[outside] = -np.inf
+        np.copyto(value, -np.inf, where=np.isnan(value))
+        return value
+
+    return evaluate
+
+
+def _likelihood(problem: Problem) -> Callable[[Array, Array], Array]:
+    """Return the function (residuals (w, m), free values (n_free, w)) -> log likelihood (w,)."""
+    m = len(problem)
+    if problem.noise_name is None or problem.noise_name == NOISE_SCALE:
+        weight = 1.0 / problem.sigma(None if problem.noise_name is None else 1.0)
+        added = [
+            item.value for name, item in problem.parameters.items() if name.startswith("noise.sd")
+        ]
+        if problem.noise_name is None:
+
+            def stated(rows: Array, columns: Array) -> Array:
+                rows *= weight
+                value: Array = np.einsum("wm,wm->w", rows, rows)
+                value *= -0.5
+                return value
+
+            return stated
+        if not any(added):
+            position = problem.free_names.index(NOISE_SCALE)
+
+            def scaled(rows: Array, columns: Array) -> Array:
+                rows *= weight
+                value: Array = np.einsum("wm,wm->w", rows, rows)
+                scale = columns[position]
+                value *= -0.5
+                value /= scale * scale
+                value -= m * np.log(scale)
+                return value
+
+            return scaled
+    return _variances(problem)
+
+
+def _variances(problem: Problem) -> Callable[[Array, Array], Array]:
+    """Return the likelihood where the noise changes the weight of one point against another."""
+    assert problem.noise_name is not None
+    position = problem.free_names.index(problem.noise_name)
+    is_scale = problem.noise_name == NOISE_SCALE
+    alone = problem.sigma(1.0 if is_scale else 0.0) ** 2
+    fixed = problem.sigma(0.0) ** 2 if is_scale else alone
+
+    def varied(rows: Array, columns: Array) -> Array:
+        squared = (columns[position] ** 2)[:, None]
+        variance = fixed + squared * (alone - fixed) if is_scale else fixed + squared
+        value: Array = -0.5 * (rows * rows / variance + np.log(variance)).sum(axis=1)
+        return value
+
+    return varied
+
+
+def _prior(problem: Problem) -> Callable[[Array, Array], Array] | None:
+    """Return the function (shape (n_shape, w), free (n_free, w)) -> log prior (w,), or None."""
+    rows = problem.priors
+    matrix, mean = rows.matrix, rows.mean[:, None]
+    name = problem.noise_name
+    position = -1 if name is None else problem.free_names.index(name)
+    noise = None if name is None else problem.parameters[name].prior
+    in_log = name == NOISE_SCALE and noise is not None and noise.kind == "uniform"
+    normal = noise if noise is not None and noise.kind == "normal" else None
+    if not len(rows) and not in_log and normal is None:
+        return None
+
+    def evaluate(shape: Array, columns: Array) -> Array:
+        value = np.zeros(columns.shape[1])
+        if len(rows):
+            whitened = matrix @ (shape - mean)
+            value -= 0.5 * np.einsum("qw,qw->w", whitened, whitened)
+        if in_log:
+            value -= np.log(columns[position])
+        elif normal is not None:
+            value -= 0.5 * ((columns[position] - normal.mean) / normal.sd) ** 2
+        return value
+
+    return evaluate
+
+
+CENTRE_SDS = 2.0
+"""Ensembles start about this many standard deviations apart, so that agreement means something."""
+
+TRIES = 60
+
+
+def start_walkers(
+    problem: Problem,
+    near: FitResult | None,
+    probability: Callable[[Array], Array],
+    ensembles: int,
+    walkers: int,
+    rng: np.random.Generator,
+) -> Array:
+    """Return starts (ensembles * walkers, n_free) of finite probability.
+
+    Args:
+        problem: for bounds and present values.
+        near: a least-squares result to start around, if there is one.
+        probability: of walkers (w, n_free).
+        ensembles: how many.
+        walkers: of each.
+        rng: draws the starts.
+    """
+    lower, upper = problem.parameters.bounds()
+    middle = problem.parameters.pack() if near is None else near.values
+    root = _root(problem, near)
+    n = len(middle)
+    centres = CENTRE_SDS * rng.standard_normal((ensembles, n))
+    centre = np.repeat(centres, walkers, axis=0)
+    starts = middle + (centre + rng.standard_normal(centre.shape)) @ root.T
+    for attempt in range(TRIES):
+        out = ((starts <= lower) | (starts >= upper)).any(axis=1)
+        bad = out | ~np.isfinite(probability(starts))
+        if not bad.any():
+            return starts
+        shrink = 0.85**attempt
+        drawn = centre[bad] * shrink + rng.standard_normal((int(bad.sum()), n))
+        starts[bad] = middle + shrink * drawn @ root.T
+        if attempt > TRIES // 4:
+            starts = np.clip(starts, *_inner(lower, upper, middle, np.diag(root @ root.T)))
+    raise EstimationError(
+        "no starting points of finite probability were found around the starting values; "
+        "move the values away from their bounds"
+    )
+
+
+def _inner(lower: Array, upper: Array, middle: Array, variance: Array) -> tuple[Array, Array]:
+    """Return bounds a little inside the given ones."""
+    margin = 1e-3 * np.minimum(np.sqrt(variance), np.where(upper - lower > 0.0, upper - lower, 1.0))
+    return lower + margin, upper - margin
+
+
+def _root(problem: Problem, near: FitResult | None) -> Array:
+    """Return a root (n, n) of the covariance to draw from; independent widths where it is not."""
+    items = [problem.parameters[name] for name in problem.free_names]
+    widths = np.array([_width(item) for item in items])
+    if near is None:
+        return np.diag(widths)
+    covariance = near.covariance.copy()
+    for i in range(len(items)):
+        if not (np.isfinite(covariance[i, i]) and covariance[i, i] > 0.0):
+            covariance[i, :] = covariance[:, i] = 0.0
+            covariance[i, i] = widths[i] ** 2
+    sd = np.minimum(np.sqrt(np.diag(covariance)), [_widest(item) for item in items])
+    scale = 1.0 / np.sqrt(np.diag(covariance))
+    values, vectors = np.linalg.eigh(covariance * np.outer(scale, scale))
+    root: Array = sd[:, None] * vectors * np.sqrt(np.maximum(values, 1e-12))
+    return root
+
+
+def _width(item: Parameter) -> float:
+    """Return a width to start with where the data give none."""
+    if item.prior.kind == "normal":
+        return item.prior.sd
+    if np.isfinite(item.upper - item.lower):
+        return 0.1 * (item.upper - item.lower)
+    return 0.1 * abs(item.value) or item.tolerance or 0.1
+
+
+def _widest(item: Parameter) -> float:
+    """Return the largest width that leaves starts within finite bounds."""
+    width = item.upper - item.lower
+    return 0.25 * width if np.isfinite(width) else float("inf")
+
+
+STRETCH = 2.0
+"""Scale a of the stretch move (Goodman and Weare 2010, section 3; emcee's default too)."""
+
+
+class IslandStretch(Move):  # type: ignore[misc]
+    """Stretch the walkers of `islands` ensembles, stored one after the other."""
+
+    def __init__(self, islands: int) -> None:
+        self.islands = islands
+
+    def propose(self, model: Any, state: Any) -> tuple[Any, Any]:
+        """Return the next state and which walkers moved (islands * walkers,)."""
+        random = model.random
+        coords, log_prob = state.coords, state.log_prob
+        total, n = coords.shape
+        walkers = total // self.islands
+        half = walkers // 2
+        first = np.arange(self.islands)[:, None] * walkers
+        order = random.rand(self.islands, walkers).argsort(axis=1) + first
+        halves = (order[:, :half].ravel(), order[:, half:].ravel())
+        partners = random.randint(half, size=(2, half * self.islands))
+        partners += np.repeat(np.arange(self.islands) * half, half)
+        stretch = ((STRETCH - 1.0) * random.rand(2, half * self.islands) + 1.0) ** 2 / STRETCH
+        threshold = np.log(random.rand(2, half * self.islands)) - (n - 1.0) * np.log(stretch)
+        accepted = np.zeros(total, bool)
+        for side in (0, 1):
+            moved, others = halves[side], halves[1 - side]
+            anchor = coords[others[partners[side]]]
+            proposal = anchor - (anchor - coords[moved]) * stretch[side][:, None]
+            proposed = model.log_prob_fn(proposal)
+            taken = proposed - log_prob[moved] > threshold[side]
+            winners = moved[taken]
+            coords[winners] = proposal[taken]
+            log_prob[winners] = proposed[taken]
+            accepted[winners] = True
+        return State(coords, log_prob=log_prob), accepted
