@@ -16,10 +16,10 @@ from benchtool.core.errors import CalibrationError, FileFormatError
 from benchtool.core.recording import Recording
 from benchtool.data.columns import VALID_KINDS, code_of
 from benchtool.data.run.digest import data_hash
+from benchtool.data.run.points import write_table
 from benchtool.data.run.read import read_points, read_samples
 from benchtool.data.run.run import Run
 from benchtool.data.run.settings import aggregate
-from benchtool.data.run.write import write_table
 
 Array = NDArray[np.float64]
 

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from benchtool.data.repairs.imported import Imported
-    from benchtool.data.repairs.options import Options
+    from benchtool.data.repairs.imported import Imported, Options
 
 
 def command(
@@ -53,7 +52,7 @@ def command(
     from benchtool.core.errors import WouldOverwrite
     from benchtool.data.formats.formats import import_files
     from benchtool.data.formats.over_surface import window_told
-    from benchtool.data.repairs.options import Options
+    from benchtool.data.repairs.imported import Options
     from benchtool.data.run.recording_file import beside
 
     options = Options(

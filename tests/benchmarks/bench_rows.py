@@ -17,8 +17,8 @@ import numpy as np
 from benchtool.bench.limit_check import LimitCheck
 from benchtool.core.rig_file import rig_named
 from benchtool.data.columns import channel_called
+from benchtool.data.run.append import SampleWriter
 from benchtool.data.run.points import Point, PointWriter
-from benchtool.data.run.samples import SampleWriter
 
 RIG = rig_named("pquad_single")
 NAMES = (

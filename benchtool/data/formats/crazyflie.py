@@ -6,10 +6,8 @@ from collections.abc import Mapping
 
 from benchtool.core.channel import unit_told_by
 from benchtool.data.formats.text_table import lay_out
-from benchtool.data.repairs.finding import Finding
-from benchtool.data.repairs.foreign_units import Conversion, conversion
-from benchtool.data.repairs.headed import head_of
-from benchtool.data.repairs.imported import Imported
+from benchtool.data.repairs.foreign_units import Conversion, conversion, head_of
+from benchtool.data.repairs.imported import Finding, Imported
 from benchtool.data.repairs.mapped import Mapped, read_mapped
 
 CHANNELS: dict[str, str] = {

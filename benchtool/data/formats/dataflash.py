@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.counted import counted
-from benchtool.data.repairs.finding import Finding
+from benchtool.data.repairs.imported import Finding
 
 Array = NDArray[np.float64]
 Positions = NDArray[np.intp]

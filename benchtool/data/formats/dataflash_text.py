@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.counted import counted
-from benchtool.data.repairs.finding import Finding, line_ranges
+from benchtool.data.repairs.imported import Finding, line_ranges
 
 Array = NDArray[np.float64]
 

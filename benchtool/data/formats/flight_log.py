@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from benchtool.core.counted import counted
 from benchtool.core.errors import FileFormatError
 from benchtool.data.formats.streams import Stream, merged
-from benchtool.data.repairs.finding import Finding
-from benchtool.data.repairs.imported import Imported, Tally
+from benchtool.data.repairs.imported import Finding, Imported, Tally
 
 Array = NDArray[np.float64]
 

@@ -5,24 +5,22 @@ from __future__ import annotations
 import hashlib
 import os
 import re
+import shlex
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.table_bounds import MOST_LOG_BYTES
-from benchtool.core.user_file import read_file
+from benchtool.core.user_file import open_file, read_file
 from benchtool.data.formats.crazyflie import is_crazyflie, read_crazyflie
 from benchtool.data.formats.mavlink_walk import is_tlog
 from benchtool.data.formats.over_surface import mark_windows
 from benchtool.data.formats.rcbenchmark import is_rcbenchmark, read_rcbenchmark
 from benchtool.data.formats.uiuc import is_uiuc, read_uiuc
-from benchtool.data.repairs.as_told import as_told
+from benchtool.data.repairs.at_rest import as_told, inspect_log, inspect_stand
 from benchtool.data.repairs.column_map import read_by_map
-from benchtool.data.repairs.folder import told_of_folder
-from benchtool.data.repairs.imported import Imported
-from benchtool.data.repairs.inspection import inspect_log, inspect_stand
+from benchtool.data.repairs.imported import Imported, Options
 from benchtool.data.repairs.named_columns import read_named
-from benchtool.data.repairs.options import Options
 from benchtool.data.repairs.pole_count import compare_speeds
 from benchtool.data.repairs.spikes import mend_spikes
 from benchtool.data.repairs.time_order import mend_time
@@ -114,3 +112,42 @@ def _read_table(data: bytes, where: str, options: Options, facts: dict[str, str]
     if is_uiuc(first):
         return read_uiuc(data, where, facts, options.air_density_kg_m3)
     return read_named(data, where, facts)
+
+
+HEAD_BYTES = 1 << 16
+"""A file's beginning tells its format: a header and some rows."""
+
+LISTED = 8
+"""So many files are named; a sentence holds no more. A choice."""
+
+
+def told_of_folder(folder: Path, can_import: Callable[[bytes, str], bool]) -> str:
+    """Return what to do with a folder in words, with the command where files can be imported.
+
+    Args:
+        folder: that was named in a file's place.
+        can_import: tells it of a file's first bytes and its path.
+    """
+    found = [
+        path
+        for path in sorted(folder.iterdir())
+        if path.is_file() and can_import(_head_of(path), str(path))
+    ]
+    if not found:
+        inner = [f"{path}/" for path in sorted(folder.iterdir()) if path.is_dir()][:LISTED]
+        instead = f"look into {', '.join(inner)}" if inner else "name the file of a log or a table"
+        return f"this is a folder, and none of its files is known; {instead}"
+    names = [shlex.quote(str(path)) for path in found[:LISTED]]
+    rest = f" (and {len(found) - LISTED} more)" if len(found) > LISTED else ""
+    return f"this is a folder; name files in it: benchtool import {' '.join(names)}{rest}"
+
+
+def _head_of(path: Path) -> bytes:
+    try:
+        with open_file(path) as file:
+            head = file.read(HEAD_BYTES)
+    except (OSError, FileFormatError):
+        return b""
+    if len(head) < HEAD_BYTES:
+        return head
+    return head[: head.rfind(b"\n") + 1] or head

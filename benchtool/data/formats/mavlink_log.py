@@ -18,8 +18,7 @@ from benchtool.data.formats.flight_log import Counts, angles_of, flight_import
 from benchtool.data.formats.mavlink_walk import Frame, walk_tlog
 from benchtool.data.formats.motor_channels import ardupilot_motors, logged_motors
 from benchtool.data.formats.streams import Stream
-from benchtool.data.repairs.finding import Finding
-from benchtool.data.repairs.imported import Imported
+from benchtool.data.repairs.imported import Finding, Imported
 
 Array = NDArray[np.float64]
 

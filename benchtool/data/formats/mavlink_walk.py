@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from benchtool.core.counted import counted
-from benchtool.data.repairs.finding import Finding
+from benchtool.data.repairs.imported import Finding
 
 STAMP_BYTES = 8
 V1, V2 = 0xFE, 0xFD

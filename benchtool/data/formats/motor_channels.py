@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Mapping
 
-from benchtool.data.repairs.finding import Finding
+from benchtool.data.repairs.imported import Finding
 
 # ArduPilot, SRV_Channel.h: 33..40 Motor1..8, 82..85 Motor9..12, 70 throttle, 73 and 74 left/right.
 _ARDUPILOT: dict[int, int] = (

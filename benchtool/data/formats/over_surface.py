@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from benchtool.core.channel import Channel
 from benchtool.core.counted import counted
 from benchtool.core.errors import InputError
-from benchtool.data.repairs.finding import Finding
-from benchtool.data.repairs.imported import Imported, Window
+from benchtool.data.repairs.imported import Finding, Imported, Window
 
 Array = NDArray[np.float64]
 

@@ -17,8 +17,7 @@ from benchtool.data.formats.flight_log import Counts, angles_of, flight_import
 from benchtool.data.formats.motor_channels import logged_motors, px4_motors
 from benchtool.data.formats.streams import Stream
 from benchtool.data.formats.ulog_walk import walk_ulog
-from benchtool.data.repairs.finding import Finding
-from benchtool.data.repairs.imported import Imported
+from benchtool.data.repairs.imported import Finding, Imported
 
 Array = NDArray[np.float64]
 Topic = Mapping[str, Any]

@@ -15,10 +15,8 @@ from numpy.typing import NDArray
 from benchtool.core.channel import unit_told_by
 from benchtool.core.errors import InputError
 from benchtool.data.formats.text_table import lay_out
-from benchtool.data.repairs.finding import Finding
-from benchtool.data.repairs.foreign_units import Conversion, conversion
-from benchtool.data.repairs.headed import Head, head_of
-from benchtool.data.repairs.imported import Imported
+from benchtool.data.repairs.foreign_units import Conversion, Head, conversion, head_of
+from benchtool.data.repairs.imported import Finding, Imported
 from benchtool.data.repairs.mapped import Mapped, read_mapped
 
 Array = NDArray[np.float64]

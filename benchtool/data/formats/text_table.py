@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from benchtool.core.errors import FileFormatError
 from benchtool.core.table_bounds import check_columns
 from benchtool.data.repairs.even_rows import evened
-from benchtool.data.repairs.finding import Finding
+from benchtool.data.repairs.imported import Finding
 
 Positions = NDArray[np.intp]
 

@@ -14,8 +14,7 @@ from benchtool.core.channel import Channel
 from benchtool.core.errors import FileFormatError
 from benchtool.core.units import to_si
 from benchtool.data.formats.text_table import lay_out
-from benchtool.data.repairs.finding import Finding
-from benchtool.data.repairs.imported import Imported
+from benchtool.data.repairs.imported import Finding, Imported
 from benchtool.data.repairs.mapped import Mapped, read_mapped
 
 STANDARD_DENSITY_KG_M3 = 1.225

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from benchtool.core.counted import counted
-from benchtool.data.repairs.finding import Finding
+from benchtool.data.repairs.imported import Finding
 
 HEADER_BYTES = 16
 _KINDS = frozenset(b"FDIMPQARSOLCB")

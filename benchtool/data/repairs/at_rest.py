@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from fractions import Fraction
 
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.core.errors import InputError
 from benchtool.core.recording import Recording
-from benchtool.data.repairs.finding import Finding
+from benchtool.data.repairs.imported import Finding, Imported, Options
+from benchtool.data.repairs.pole_count import speed_doubts
 
 Array = NDArray[np.float64]
 
@@ -115,3 +118,80 @@ def dead_channels(recording: Recording) -> list[Finding]:
             words = f"it reads {values[0]:g} in every row: a dead channel"
             found.append(Finding("doubt", "dead channel", words, name, int(values.size)))
     return found
+
+
+def as_told(read: Imported, options: Options) -> Imported:
+    """Return the import with what the user says about its channels done to them."""
+    for name in options.flip:
+        read = flipped(read, name)
+    for name in options.tare:
+        read = tared(read, name)
+    for told in options.scale:
+        read = scaled(read, told)
+    return read
+
+
+def flipped(read: Imported, name: str) -> Imported:
+    """Return the import with one channel's sign turned."""
+    words = "sign turned, as told by --flip"
+    turned = read.with_values(name, -read.recording.column(name))
+    return turned.with_findings([Finding("repaired", "wrong sign", words, name)])
+
+
+def tared(read: Imported, name: str) -> Imported:
+    """Return the import with what one channel reads at rest taken off it."""
+    zero = zero_of(read.recording, name)
+    if zero is None:
+        raise InputError(
+            f"--tare {name}: no row is at rest and too few speeds to extrapolate; map the channel "
+            f"with a column map"
+        )
+    words = f"{zero.value:.6g} taken off, what it reads {zero.where}, as told by --tare"
+    values = read.recording.column(name) - zero.value
+    return read.with_values(name, values).with_findings(
+        [Finding("repaired", "untared", words, name)]
+    )
+
+
+def scaled(read: Imported, told: str) -> Imported:
+    """Return the import with one channel multiplied, told as `rpm1=1/6`."""
+    name, sign, text = told.partition("=")
+    try:
+        factor = float(Fraction(text.strip()))
+    except (ValueError, ZeroDivisionError, OverflowError):
+        factor = float("nan")
+    if not sign or not np.isfinite(factor) or factor == 0.0:
+        raise InputError(f"--scale {told!r}: write it as CHANNEL=FACTOR, for example rpm1=1/6")
+    name = name.strip()
+    words = f"multiplied by {text.strip()}, as told by --scale"
+    values = factor * read.recording.column(name)
+    return read.with_values(name, values).with_findings([Finding("repaired", "scale", words, name)])
+
+
+def inspect_stand(read: Imported) -> Imported:
+    """Return the import of a stand's log with what could not be mended doubted."""
+    recording = read.recording
+    told = {name for name, source in read.sources.items() if source.startswith("constant ")}
+    dead = [item for item in dead_channels(recording) if item.channel not in told]
+    found = [*rest_doubts(recording), *dead, *speed_doubts(recording)]
+    if len(recording) == 1:
+        words = "one row is no measurement series; nothing can be held against it"
+        found.append(Finding("doubt", "single row", words, count=1))
+    if "rpm1" not in recording and not any(item.what == "rpm" for item in read.findings):
+        found.append(Finding("lacks", "rpm", "no speed stands in the file"))
+    return read.with_findings(found)
+
+
+def inspect_log(read: Imported) -> Imported:
+    """Return the import of a flight log with its channels doubted."""
+    recording = read.recording
+    turned = [
+        name
+        for name in recording.names
+        if re.fullmatch(r"rpm\d+", name) and np.any(np.nan_to_num(recording.column(name)) < 0.0)
+    ]
+    found = dead_channels(recording)
+    if turned:
+        words = "negative speeds, as ESCs tell the sense of rotation, are left as they are"
+        found.insert(0, Finding("doubt", "sign", words, ", ".join(turned)))
+    return read.with_findings(found)

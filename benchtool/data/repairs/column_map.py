@@ -14,9 +14,8 @@ from benchtool.core.toml_text import build
 from benchtool.core.units import UNITS
 from benchtool.core.user_file import read_text
 from benchtool.data.formats.text_table import TextTable, lay_out
-from benchtool.data.repairs.finding import Finding
 from benchtool.data.repairs.foreign_units import Conversion, conversion
-from benchtool.data.repairs.imported import Imported
+from benchtool.data.repairs.imported import Finding, Imported
 from benchtool.data.repairs.mapped import Mapped, read_mapped
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from benchtool.core.counted import counted
 from benchtool.core.errors import FileFormatError
-from benchtool.data.repairs.finding import Finding, line_ranges
+from benchtool.data.repairs.imported import Finding, line_ranges
 
 if TYPE_CHECKING:
     from benchtool.data.formats.text_table import TextTable

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.recording import Recording
-from benchtool.data.repairs.finding import Finding, line_ranges
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,3 +88,72 @@ class Imported:
     def lines_of(self, rows: NDArray[np.intp]) -> str:
         """Return the lines of these rows as ranges; empty for logs."""
         return "" if self.lines is None else line_ranges(self.lines[rows])
+
+
+Kind = Literal["repaired", "refused", "doubt", "left out", "lacks", "read as"]
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """Tell one thing about a file that its reader must know.
+
+    Attributes:
+        kind: "repaired" (mended as the words say), "refused" (rows or bytes that are not in the
+            recording), "doubt" (left as it is; look at it), "left out" (columns or messages that
+            a recording does not need), "lacks" (what the file does not hold), "read as" (a choice
+            of reading that the file does not settle, or settles only by a convention).
+        what: the matter in two or three words, the same for the same matter in every file.
+        words: a sentence with the numbers.
+        channel: the channel or column it is about; empty for the whole file.
+        count: rows, cells, messages or bytes it is about.
+        lines: which lines of the file, as ranges ("3, 7-12"); empty where lines say nothing.
+    """
+
+    kind: Kind
+    what: str
+    words: str
+    channel: str = ""
+    count: int = 0
+    lines: str = ""
+
+    @property
+    def sentence(self) -> str:
+        """The finding in one line of text."""
+        about = f" ({self.channel})" if self.channel else ""
+        return f"{self.kind}: {self.what}{about}: {self.words}"
+
+
+def line_ranges(lines: Iterable[int] | NDArray[np.intp]) -> str:
+    """Return line numbers as ranges: 3, 7-12."""
+    numbers = np.unique(np.asarray(list(lines), np.int64))
+    if not numbers.size:
+        return ""
+    breaks = np.flatnonzero(np.diff(numbers) > 1)
+    firsts = numbers[np.concatenate([[0], breaks + 1])]
+    lasts = numbers[np.concatenate([breaks, [numbers.size - 1]])]
+    pairs = zip(firsts.tolist(), lasts.tolist(), strict=True)
+    return ", ".join(str(first) if first == last else f"{first}-{last}" for first, last in pairs)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Options:
+    """Hold what an import is told.
+
+    Attributes:
+        columns: column map for a CSV; None lets the header speak.
+        flip: channels whose sign is turned.
+        tare: channels whose reading at rest is taken off.
+        scale: factors as CHANNEL=FACTOR.
+        air_density_kg_m3: for files that hold coefficients.
+        over: windows in which a rotor is over a surface.
+        near_m: a distance sensor that reads less says that the vehicle is over a surface; None
+            lets it say nothing.
+    """
+
+    columns: Path | None = None
+    flip: tuple[str, ...] = ()
+    tare: tuple[str, ...] = ()
+    scale: tuple[str, ...] = ()
+    air_density_kg_m3: float | None = None
+    over: tuple[Window, ...] = ()
+    near_m: float | None = None

@@ -13,9 +13,8 @@ from benchtool.core.counted import counted
 from benchtool.core.errors import FileFormatError
 from benchtool.core.recording import Recording
 from benchtool.data.formats.text_table import TextTable
-from benchtool.data.repairs.finding import Finding
 from benchtool.data.repairs.foreign_units import Conversion
-from benchtool.data.repairs.imported import Imported, Tally
+from benchtool.data.repairs.imported import Finding, Imported, Tally
 from benchtool.data.repairs.numbers import numbers_of
 
 Array = NDArray[np.float64]

@@ -8,10 +8,8 @@ from collections.abc import Mapping
 from benchtool.core.channel import require_known_channel, unit_told_by
 from benchtool.core.errors import FileFormatError, InputError, UnknownChoice
 from benchtool.data.formats.text_table import lay_out
-from benchtool.data.repairs.finding import Finding
-from benchtool.data.repairs.foreign_units import conversion
-from benchtool.data.repairs.headed import head_of
-from benchtool.data.repairs.imported import Imported
+from benchtool.data.repairs.foreign_units import conversion, head_of
+from benchtool.data.repairs.imported import Finding, Imported
 from benchtool.data.repairs.mapped import Mapped, read_mapped
 
 NAMES: dict[str, str] = {

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.recording import Recording
-from benchtool.data.repairs.finding import Finding
+from benchtool.data.repairs.imported import Finding
 
 Array = NDArray[np.float64]
 

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.counted import counted
-from benchtool.data.repairs.finding import Finding
-from benchtool.data.repairs.imported import Imported
+from benchtool.data.repairs.imported import Finding, Imported
 
 Array = NDArray[np.float64]
 

@@ -16,10 +16,10 @@ from benchtool.data.columns import VALID_KINDS, code_of
 from benchtool.data.parquet import seal
 from benchtool.data.run.digest import file_hash
 from benchtool.data.run.events import Event, EventLog, read_events
+from benchtool.data.run.points import write_table
 from benchtool.data.run.read import read_points
 from benchtool.data.run.sample_stream import WholeLines
 from benchtool.data.run.settings import aggregate
-from benchtool.data.run.write import write_table
 
 if TYPE_CHECKING:
     from benchtool.data.run.run import Run

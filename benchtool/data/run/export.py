@@ -11,9 +11,9 @@ from benchtool.core.recording import Recording
 from benchtool.core.user_file import read_file
 from benchtool.data.columns import KINDS
 from benchtool.data.parquet import write_parquet
+from benchtool.data.run.points import write_table
 from benchtool.data.run.read import read_points, read_samples
 from benchtool.data.run.settings import aggregate
-from benchtool.data.run.write import write_table
 
 Table = Literal["points", "settings", "samples"]
 TABLES: tuple[Table, ...] = ("points", "settings", "samples")

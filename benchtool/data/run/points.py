@@ -8,7 +8,10 @@ from pathlib import Path
 
 from benchtool.core.counted import counted
 from benchtool.core.errors import FileFormatError
+from benchtool.core.recording import Recording
 from benchtool.core.user_file import open_file
+from benchtool.data.atomic import replace_text
+from benchtool.data.columns import WORDS
 from benchtool.data.run.append import AppendFile
 
 
@@ -132,3 +135,21 @@ class PointWriter:
     def close(self) -> None:
         """Close the file; safe to call twice."""
         self.file.close()
+
+
+_WHOLE = frozenset({"point", "setting", "repeat", "n_repeats", "n_samples", "settled"})
+
+
+def write_table(path: Path, recording: Recording) -> None:
+    """Write rows with words for their codes, whole numbers whole, and nan as an empty cell."""
+    columns = [_cells(name, recording.column(name).tolist()) for name in recording.names]
+    lines = [",".join(recording.names), *(",".join(row) for row in zip(*columns, strict=True))]
+    replace_text(path, "\n".join(lines) + "\n")
+
+
+def _cells(name: str, numbers: list[float]) -> list[str]:
+    if name in WORDS:
+        return [WORDS[name][int(number)] for number in numbers]
+    if name in _WHOLE:
+        return [f"{number:.0f}" for number in numbers]
+    return [number_cell(number) for number in numbers]

@@ -24,7 +24,7 @@ from benchtool.core.exhausted import exhausted, is_exhaustion
 from benchtool.core.recording import Recording
 from benchtool.core.user_file import read_text
 from benchtool.data.atomic import replace_json, replace_text, sync_folder
-from benchtool.data.run.append import AppendFile
+from benchtool.data.run.append import AppendFile, SampleWriter
 from benchtool.data.run.closing import LEFT_OVER, close_run, has_rows, remove_left_overs
 from benchtool.data.run.events import EventLog
 from benchtool.data.run.facts import read_metadata
@@ -32,7 +32,6 @@ from benchtool.data.run.interrupted import SamplesFound, scan_samples, write_mar
 from benchtool.data.run.points import PointWriter
 from benchtool.data.run.read import is_run, read_points
 from benchtool.data.run.read import read_settings as read_written_settings
-from benchtool.data.run.samples import SampleWriter
 from benchtool.data.run.settings import aggregate
 
 RUN_FORMAT = "benchtool-run-1"

@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from benchtool.data.formats.formats import import_bytes
-from benchtool.data.repairs.finding import Finding
-from benchtool.data.repairs.imported import Imported
-from benchtool.data.repairs.options import Options
+from benchtool.data.repairs.imported import Finding, Imported, Options
 
 HEADER_1580 = (
     "Time (s),ESC signal (µs),Servo 1 (µs),Servo 2 (µs),Servo 3 (µs),AccX (g),AccY (g),AccZ (g),"

@@ -13,8 +13,7 @@ from pymavlink.DFReader import DFReader, DFReader_binary, DFReader_text
 
 from benchtool.core.errors import FileFormatError
 from benchtool.data.formats.formats import import_bytes, import_file
-from benchtool.data.repairs.imported import Imported
-from benchtool.data.repairs.options import Options
+from benchtool.data.repairs.imported import Imported, Options
 from tests.unit.data.flight_logs import LAYOUTS, dataflash, hop, record, text_log
 from tests.unit.data.stand_logs import found
 

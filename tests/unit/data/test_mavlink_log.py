@@ -15,8 +15,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from benchtool.core.errors import FileFormatError
 from benchtool.data.formats.autopilot_clock import AutopilotClock
 from benchtool.data.formats.formats import import_bytes, import_file
-from benchtool.data.repairs.imported import Imported
-from benchtool.data.repairs.options import Options
+from benchtool.data.repairs.imported import Imported, Options
 from tests.unit.data.stand_logs import found
 
 START_US = 1_700_000_000_000_000

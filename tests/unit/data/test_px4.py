@@ -11,8 +11,7 @@ from pyulog import ULog
 
 from benchtool.core.errors import FileFormatError
 from benchtool.data.formats.formats import import_bytes, import_file
-from benchtool.data.repairs.imported import Imported
-from benchtool.data.repairs.options import Options
+from benchtool.data.repairs.imported import Imported, Options
 from tests.unit.data.stand_logs import found
 
 PLAIN = {

@@ -12,8 +12,7 @@ import pytest
 
 from benchtool.data.formats.dataflash import read_dataflash
 from benchtool.data.formats.formats import import_bytes
-from benchtool.data.repairs.imported import Imported
-from benchtool.data.repairs.options import Options
+from benchtool.data.repairs.imported import Imported, Options
 from tests.unit.data.flight_logs import dataflash, hop
 from tests.unit.data.stand_logs import found
 

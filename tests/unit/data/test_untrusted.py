@@ -14,8 +14,7 @@ from benchtool.core.channel import unit_told_by
 from benchtool.core.errors import InputError
 from benchtool.data.formats.formats import import_bytes
 from benchtool.data.repairs.foreign_units import Conversion, conversion
-from benchtool.data.repairs.imported import Imported
-from benchtool.data.repairs.options import Options
+from benchtool.data.repairs.imported import Imported, Options
 from tests.unit.data.flight_logs import dataflash, hop, text_log
 from tests.unit.data.stand_logs import log_text, steps_1580
 from tests.unit.data.test_mavlink_log import hop as link_hop
