@@ -90,11 +90,11 @@ def command(
 
 
 def _draw(facts: Mapping[str, Any], out: Path, *, simulated: bool) -> None:
+    from benchtool.report.figure import drawn
     from benchtool.report.files import save_figure
-    from benchtool.report.sweep.calibration_drawn import calibration_drawn
 
-    figure = calibration_drawn(facts, simulated=simulated)
-    for path in save_figure(figure, out.with_suffix(""), FIGURES):
+    block = drawn("sweep.calibration", {**facts, "simulated": simulated})["calibration"]
+    for path in save_figure(block.figure, out.with_suffix(""), FIGURES):
         print(f"written: {path}")
 
 

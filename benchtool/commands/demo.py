@@ -31,7 +31,7 @@ def command(
     seed: Annotated[int, typer.Option(help="Seed of the virtual benches' noise.", min=0)] = 1,
 ) -> None:
     """Sweep two virtual benches, fit, and write a report."""
-    from benchtool.report.fit.folder import refuse_full
+    from benchtool.report.fit.page import refuse_full
 
     out = out or free_folder(Path("benchtool-demo"))
     refuse_full(out)
@@ -64,7 +64,7 @@ def _say(step: int, text: str) -> None:
 def _swept(name: str, rig: str, run: Path, speed: float, seed: int, commands: list[str]) -> None:
     from importlib.resources import as_file, files
 
-    from benchtool.report.demo_story import TRUTHS
+    from benchtool.report.fit.demo import TRUTHS
 
     link = "tcp:0" if os.name == "nt" else "pty"
     serve = ["bench", "serve", "--rig", rig, "--truth", TRUTHS[name], "--link", link]
@@ -108,8 +108,8 @@ def _served(words: list[str]) -> Iterator[str]:
 
 def _fit_and_report(out: Path, runs: dict[str, Path], commands: list[str]) -> None:
     from benchtool.commands.terminal.show_fit import print_fit, working
-    from benchtool.report.demo_story import story_page, tell, verdict
-    from benchtool.report.fit.folder import write_fit
+    from benchtool.report.fit.demo import story_page, tell, verdict
+    from benchtool.report.fit.page import write_fit
     from benchtool.report.html import write_report
 
     both = "--method least_squares --method emcee"

@@ -118,7 +118,7 @@ def _run(recipe: Recipe, out: Path | None, profile: bool, permit: CodePermit) ->
     from benchtool.commands.terminal.show_fit import print_fit, working
     from benchtool.fit.diagnose import refusal
     from benchtool.fit.run_recipe import run_recipe
-    from benchtool.report.fit.folder import refuse_full, write_fit
+    from benchtool.report.fit.page import refuse_full, write_fit
 
     if out is not None:
         refuse_full(out)

@@ -21,9 +21,10 @@ def _group() -> None:
 @app.command("table")
 def table(spacing_r: Spacing = 2.65, z_over_r: Height = 2.0) -> None:
     """Print the upward velocity between the rotors, in induced velocities."""
-    from benchtool.report.flow_study import table_lines
+    from benchtool.physics.wake_picture import Hover
+    from benchtool.report.paper.curves import centre_line_lines
 
-    for line in table_lines(spacing_r, z_over_r):
+    for line in centre_line_lines(Hover.quad(spacing_r, z_over_r)):
         print(line)
     print("sources: the model behind eq. (2) to (4); rings: a prescribed wake, not CFD")
 
@@ -35,8 +36,10 @@ def picture(
     out: Annotated[Path, typer.Option(help="Folder for the figure.")] = Path("figures"),
 ) -> None:
     """Draw sources with images beside vortex rings with images (Fig. 5)."""
+    from benchtool.physics.wake_picture import Hover
+    from benchtool.report.figure import drawn
     from benchtool.report.files import save_figure
-    from benchtool.report.flow_study import flow_pictures
 
-    for path in save_figure(flow_pictures(spacing_r, z_over_r), out / "fig05-flow"):
+    block = drawn("paper.flow", Hover.quad(spacing_r, z_over_r))["fig05-flow"]
+    for path in save_figure(block.figure, out / "fig05-flow"):
         print(f"written: {path}")

@@ -103,13 +103,13 @@ def command(
 
 def _draw_paper(recipes: dict[str, Path | None], out: Path, replace: bool) -> None:
     from benchtool.report.files import refuse_existing, save_figure
-    from benchtool.report.paper_layouts import Series, paper_layouts
+    from benchtool.report.paper.layouts import paper_layouts
 
-    drawn = paper_layouts(Series(**recipes))
+    drawn = paper_layouts(recipes)
     if not replace:
         refuse_existing([out / f"{name}.svg" for name in drawn])
-    for name, figure in drawn.items():
-        paths = save_figure(figure, out / name, replace=replace)
+    for name, block in drawn.items():
+        paths = save_figure(block.figure, out / name, replace=replace)
         print(f"written: {paths[0]} and {paths[1].suffix.removeprefix('.')}")
 
 

@@ -47,10 +47,10 @@ def command(
     if out is None:
         print("add --out FOLDER for the figures and claims.csv")
         return
-    from benchtool.commands.paper.figures import paper_figures
     from benchtool.report.files import save_figure, write_whole
+    from benchtool.report.paper.page import paper_figures
 
     write_whole(out / "claims.csv", claim_csv(claims).encode())
     print(f"written: {out / 'claims.csv'}")
-    for name, figure in paper_figures(flights):
-        print(f"written: {save_figure(figure, out / name)[0]} and png", flush=True)
+    for name, block in paper_figures(flights):
+        print(f"written: {save_figure(block.figure, out / name)[0]} and png", flush=True)

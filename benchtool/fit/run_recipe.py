@@ -55,6 +55,11 @@ class FitOutput:
     comparison: Comparison | None = None
 
     @property
+    def simulated(self) -> bool:
+        """Whether any of the data comes from no physical bench."""
+        return self.data.points.simulated
+
+    @property
     def fitted(self) -> Model:
         """The model at the first method's values, its noise parameters as they were."""
         model = self.loaded.model

@@ -21,6 +21,7 @@ from benchtool.data.run.read import read_points, read_samples, sample_names
 from benchtool.data.run.run import Run
 from benchtool.data.run.run_rig import run_rig
 from benchtool.data.run.settings import aggregate
+from benchtool.fit.model_band import Believed
 
 Array = NDArray[np.float64]
 
@@ -41,7 +42,7 @@ _HEALTH = ("voltage_V", "current_A", "temperature_degC")
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Swept:
+class SweepRun:
     """Hold a run of `benchtool sweep`.
 
     Attributes:
@@ -61,6 +62,7 @@ class Swept:
         events: oldest first.
         sha256: of points and samples.
         files: SHA-256 by file name.
+        model: what stands beside the run in its figures; None without.
     """
 
     path: Path
@@ -78,6 +80,7 @@ class Swept:
     events: tuple[Event, ...]
     sha256: str
     files: Mapping[str, str]
+    model: Believed | None = None
 
     @property
     def name(self) -> str:
@@ -120,8 +123,12 @@ class Swept:
         return np.asarray(pulses.max(axis=0), float)
 
 
-def read_swept(path: Path) -> Swept:
+def read_sweep_run(path: Path, model: Believed | None = None) -> SweepRun:
     """Return a sweep's run folder.
+
+    Args:
+        path: the folder.
+        model: what stands beside the run in its figures.
 
     Raises:
         FileFormatError: no run, one without a rig, or one that measured nothing yet.
@@ -131,7 +138,7 @@ def read_swept(path: Path) -> Swept:
     points = read_points(path)
     settings = aggregate(points)
     basis, ratio, error = _ratio(points, settings)
-    return Swept(
+    return SweepRun(
         path=path,
         metadata=metadata,
         plan_text=run.plan_text,
@@ -147,6 +154,7 @@ def read_swept(path: Path) -> Swept:
         events=read_events(path / "events.jsonl"),
         sha256=data_hash(path),
         files={name: file_hash(path / name) for name in FILES if (path / name).is_file()},
+        model=model,
     )
 
 

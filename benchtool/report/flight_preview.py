@@ -15,10 +15,10 @@ from math import cos, inf, sin
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.report.flight.pitch import spans
 from benchtool.report.flight.report import fly_each, table_lines
 from benchtool.report.flight.study import Flown, fly_and_measure, name_of, verdict
 from benchtool.report.flight.warnings import warnings_of
+from benchtool.report.panels import spans
 from benchtool.report.preview import (
     Chart,
     ChartLine,

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.physics.conditions import Conditions
-from benchtool.report.flight.pitch import spans
 from benchtool.report.flight.pitch_study import (
     PitchStudy,
     pitch_study,
@@ -16,6 +15,7 @@ from benchtool.report.flight.pitch_study import (
     visit_numbers,
     warnings_of,
 )
+from benchtool.report.panels import spans
 from benchtool.report.preview import (
     Chart,
     ChartLine,

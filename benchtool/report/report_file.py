@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
@@ -13,13 +14,13 @@ from benchtool.data.run.read import is_run
 from benchtool.data.run.recording_file import beside as facts_beside
 from benchtool.explain.pitch.replayed import Beside
 from benchtool.fit.model_band import believed
-from benchtool.fit.swept import read_swept
+from benchtool.fit.swept import read_sweep_run
 from benchtool.report import html
 from benchtool.report.files import write_whole
 from benchtool.report.page import Report
-from benchtool.report.replay.replay_page import recording_page
+from benchtool.report.replay.page import recording_page
 from benchtool.report.sweep.compared import compared_page
-from benchtool.report.sweep.page import swept_page
+from benchtool.report.sweep.page import sweep_page
 
 Kind = Literal["sweep", "pitch", "recording", "fit", "explanation"]
 
@@ -140,11 +141,10 @@ def _made(paths: Sequence[Path], kind: Kind, beside: Beside, commands: Sequence[
     if kind != "sweep":
         return recording_page(paths[0], beside, commands)
     beside.refuse_controller("a sweep has no controller")
-    runs = [read_swept(path) for path in paths]
-    model = believed(beside.model, runs[0].rig, beside.permit) if beside.model else None
-    if len(runs) > 1:
-        return compared_page(runs, model, commands)
-    return swept_page(runs[0], model, commands)
+    first = read_sweep_run(paths[0])
+    model = believed(beside.model, first.rig, beside.permit) if beside.model else None
+    runs = [replace(first, model=model), *(read_sweep_run(path, model) for path in paths[1:])]
+    return compared_page(runs, commands) if len(runs) > 1 else sweep_page(runs[0], commands)
 
 
 def _written_page(path: Path, kind: Kind) -> str:

@@ -10,8 +10,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from benchtool.core.rig_file import rig_named
+from benchtool.report.figure import drawn
 from benchtool.report.files import save_figure
-from benchtool.report.flight.campaign_map import campaign_map, campaign_panels
+from benchtool.report.flight.campaign import campaign_map
 from benchtool.report.flight.table import GYRO_NOISE_RAD_S
 from benchtool.simulate.campaign import write_campaign
 from benchtool.simulate.campaign_flight import OGE, FlightCampaign
@@ -39,7 +40,7 @@ if __name__ == "__main__":
     with TemporaryDirectory() as folder:
         table = Path(folder) / "campaign.parquet"
         write_campaign(CAMPAIGN.rows(DESIGN), table, {}, lambda _: None)
-        panels = campaign_panels(table, CAMPAIGN, DESIGN, "arrives")
-    figure = campaign_map(panels, CAMPAIGN, DESIGN, "arrives")
-    for path in save_figure(figure, TARGET, ("svg",), replace=True):
+        cells = campaign_map(table, CAMPAIGN, DESIGN, "arrives")
+    block = drawn("flight.campaign", cells)["campaign"]
+    for path in save_figure(block.figure, TARGET, ("svg",), replace=True):
         print(path)

@@ -13,8 +13,8 @@ import numpy as np
 from benchtool.commands.paper.claims import UNCLEAR, Claim, yes
 from benchtool.core.rig import Rig
 from benchtool.core.rig_file import rig_named
-from benchtool.report.attitude_study import one_rotor_Nm
 from benchtool.report.flight.pitch_study import pitch_study, visit_numbers
+from benchtool.report.paper.curves import one_rotor_Nm
 from benchtool.simulate.pitch.attitude import hover_authority_Nm, restoring_moment
 from benchtool.simulate.pitch.result import PlateNumbers
 from benchtool.simulate.pitch.setup import changed, pitch_setup

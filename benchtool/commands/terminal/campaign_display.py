@@ -15,8 +15,9 @@ from benchtool import __version__
 from benchtool.core.counted import counted
 from benchtool.core.errors import InputError, WouldOverwrite
 from benchtool.data.run.campaign import unfinished
+from benchtool.report.figure import drawn as drawn_figures
 from benchtool.report.files import refuse_existing, save_figure
-from benchtool.report.flight.campaign_map import campaign_map, campaign_panels
+from benchtool.report.flight.campaign import campaign_map
 from benchtool.simulate.campaign import Campaign, measure_named, write_campaign
 from benchtool.simulate.design import Design
 
@@ -63,13 +64,13 @@ def run_with_progress(
     took_s = max(time.monotonic() - began, 1e-9)
     print(f"{counted(count, 'run')} in {took_s:.1f} s, {count / took_s:.3g} runs/s")
     print(f"written: {table}", flush=True)
-    panels = campaign_panels(table, campaign, design, drawn)
+    cells = campaign_map(table, campaign, design, drawn)
     print(f"{campaign.measures[drawn].text}, mean of all:")
-    for panel in panels:
+    for panel in cells.panels:
         mean = panel.total.sum() / max(panel.count.sum(), 1.0)
         print(f"  {', '.join(filter(None, (panel.column, panel.row)))}: {mean:.3g}")
-    figure = campaign_map(panels, campaign, design, drawn)
-    for path in save_figure(figure, out / "campaign"):
+    block = drawn_figures("flight.campaign", cells)["campaign"]
+    for path in save_figure(block.figure, out / "campaign"):
         print(f"written: {path}")
 
 

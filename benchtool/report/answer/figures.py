@@ -1,74 +1,193 @@
-"""The figures of an answer, from its verdict and curves to the report's plain values."""
+"""The figures of an answer: where the model disagrees, what explains it, what is left."""
 
 from __future__ import annotations
 
-from math import isfinite
+from collections.abc import Mapping
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from benchtool.explain.answer import Answer, channel_words
-from benchtool.explain.engine.explanation import Disagreement, Overlay
-from benchtool.explain.engine.verdict import (
-    ChannelGap,
-    FoundParameter,
-    NamedEffect,
-    WhereShown,
-    stage_words,
-)
-from benchtool.report.answer.disagreement import StageSizes, disagreement_figure
-from benchtool.report.answer.gap import GapBar, gap_figure
-from benchtool.report.answer.probabilities import probability_figure
-from benchtool.report.flight.effect_sizes import EffectSize, effect_size_figure
+from benchtool.explain.engine.explanation import Disagreement
+from benchtool.explain.engine.verdict import ChannelGap, FoundParameter, Rivals, stage_words
+from benchtool.report.figure import figure
 from benchtool.report.numbers import unit_for_people, value_with_sd
-from benchtool.report.page import Figure
-from benchtool.report.sweep.overlay import Curves, overlay_figure
+from benchtool.report.palette import BLACK, BLUE, GREY, ORANGE, PALE
+from benchtool.report.panels import named_rows, rows_of
 
-AXES = {"time_s": "time [s]", "z_over_R": "$z/R$ [–]"}
-"""Labels of what an overlay is drawn against."""
+Array = NDArray[np.float64]
 
+BEFORE, AFTER = ORANGE, BLUE
+"""Colours of a model before and after something was added."""
 
-def answer_figures(answer: Answer) -> dict[str, Figure]:
-    """Return every figure that an answer has, by the name of its file, in the order of the page."""
-    verdict = answer.verdict
-    figures: dict[str, Figure] = {}
-    stages = [_stage(answer, item) for item in answer.explanation.disagreements if item.by_regime]
-    if stages:
-        figures["where"] = disagreement_figure(
-            stages, title="Where the model disagrees", simulated=answer.simulated
-        )
-    for place in verdict.places:
-        several = verdict.kind == "several"
-        figures[f"which_{place.effect}" if several else "which"] = probability_figure(
-            place.probabilities,
-            (place.effect,) if several else verdict.names or (verdict.kind,),
-            title=f"What may stand in the place of {place.effect}"
-            if several
-            else "How likely each explanation is",
-            simulated=answer.simulated,
-        )
-    sizes = [_size(effect, item) for effect in verdict.effects for item in effect.parameters]
-    if sizes:
-        figures["parameters"] = effect_size_figure(
-            sizes, title="What was found, against what would not matter", simulated=answer.simulated
-        )
-    if verdict.gaps:
-        figures["gap"] = gap_figure(
-            [_bar(gap, answer.has_model) for gap in verdict.gaps],
-            title="The gap on the check recordings",
-            simulated=answer.simulated,
-        )
-    for overlay in answer.explanation.overlays:
-        figures[f"overlay_{overlay.channel}"] = _overlay(answer, overlay)
-    return figures
+LOGARITHMIC_FROM = 12.0
+"""Beyond so many times the noise an axis is logarithmic."""
+
+MOST_REGIMES = 6
+"""How many parts of a recording one panel shows."""
+
+MOST = 9
+"""How many explanations are drawn at most; the rest share one bar."""
+
+VISIBLE = 0.001
+"""Less likely ones share that bar, too."""
+
+ALWAYS = ("none", "unknown")
+"""Explanations that are drawn however unlikely they are."""
 
 
-def gap_numbers(gap: ChannelGap, changed: bool) -> str:
-    """Return before, after and floor of a gap as people read them."""
-    words = channel_words(gap.channel, gap.unit)
-    digits = 3
-    before, after, floor = (
-        f"{words.factor * value:.{digits}g}" for value in (gap.before, gap.after, gap.floor)
+def _disagreements(answer: Answer) -> list[Disagreement]:
+    """Return the stages with residuals, the largest first."""
+    found = [item for item in answer.explanation.disagreements if item.by_regime]
+    return sorted(found, key=lambda item: -max(item.by_regime.values()))
+
+
+def _marked(answer: Answer, item: Disagreement) -> str:
+    """Return the regime that the verdict names in these rows; thrust shows in the beam's motion."""
+    where = answer.verdict.where
+    if where is None:
+        return ""
+    if where.stage in {other.stage for other in _disagreements(answer)}:
+        return where.regime if item.stage == where.stage else ""
+    return where.regime if item.stage != "pwm_to_rpm" else ""
+
+
+def shown_regimes(
+    before: Mapping[str, float], after: Mapping[str, float], marked: str
+) -> list[str]:
+    """Return the regimes that are drawn, the marked one always among them.
+
+    First come those whose mean square the addition took most from; the worst without one.
+    """
+    ranked = sorted(
+        before, key=lambda name: before[name] ** 2 - after.get(name, 0.0) ** 2, reverse=True
     )
-    shown = f"{before} → {after}" if changed else before
-    return f"{shown} {words.unit}  (floor {floor})"
+    shown = ranked[:MOST_REGIMES]
+    if marked in ranked[MOST_REGIMES:]:
+        shown[-1] = marked
+    return shown
+
+
+def _regimes(answer: Answer, item: Disagreement) -> list[str]:
+    after = item.after if answer.has_model else {}
+    return shown_regimes(item.by_regime, after, _marked(answer, item))
+
+
+@figure(
+    page="answer",
+    name="where",
+    title="Where the model disagrees",
+    caption="Size of the residuals in each part of the recordings, over the noise that the model "
+    "states; first those that the addition made smaller by most. What the verdict names is bold.",
+    when=lambda answer: bool(_disagreements(answer)),
+    height_in=lambda answer: (
+        1.1 + sum(0.42 + 0.3 * len(_regimes(answer, item)) for item in _disagreements(answer))
+    ),
+)
+def where(figure: Figure, answer: Answer) -> None:
+    """Draw a panel per stage and a bar per regime; at 1 stands noise alone."""
+    stages, changed = _disagreements(answer), answer.has_model
+    panels = rows_of(figure, [len(_regimes(answer, item)) for item in stages])
+    half, height = (0.19, 0.36) if changed else (0.0, 0.6)
+    for axes, item in zip(panels, stages, strict=True):
+        names = _regimes(answer, item)
+        places = np.arange(len(names))
+        axes.barh(
+            places - half, [item.by_regime[name] for name in names], height=height,
+            color=BEFORE if changed else AFTER, label="before", hatch="//" if changed else None,
+            edgecolor="white", linewidth=0.0,
+        )  # fmt: skip
+        if changed:
+            left = [item.after.get(name, 0.0) for name in names]
+            axes.barh(places + half, left, height=height, color=AFTER, label="after")
+        axes.axvline(1.0, color=BLACK, lw=1.0)
+        named_rows(axes, names, [_marked(answer, item)], bottom=0.5, top=0.5)
+        axes.set_title(stage_words(item.stage))
+    panels[-1].set_xlabel("residual size over the stated noise [–]    (line: noise alone)")
+    if max(stages[0].by_regime.values()) > LOGARITHMIC_FROM:
+        panels[-1].set_xscale("log")
+        panels[-1].set_xlim(left=0.5)
+        panels[-1].xaxis.set_major_formatter("{x:g}")
+    if changed:
+        panels[0].legend(loc="lower right", ncols=2, bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2)
+
+
+def _rivals(answer: Answer) -> dict[str, Rivals]:
+    """Return the places whose explanations compete: one, or one of each effect of several."""
+    several = answer.verdict.kind == "several"
+    return {place.effect if several else "": place for place in answer.verdict.places}
+
+
+def _which_title(answer: Answer, place: Rivals) -> str:
+    if answer.verdict.kind == "several":
+        return f"What may stand in the place of {place.effect}"
+    return "How likely each explanation is"
+
+
+WHICH = "Probability of each explanation that was weighed; the answer is blue."
+"""Caption of the probabilities where one verdict is weighed."""
+
+WHICH_OF_SEVERAL = (
+    "Probability of each explanation for one of the named effects, the others taken for granted; "
+    "the answer is blue."
+)
+"""Caption of each effect's own probabilities where several are named."""
+
+
+def shown_explanations(probabilities: Mapping[str, float]) -> dict[str, float]:
+    """Return the likeliest explanations and those always drawn; the others together."""
+    ranked = sorted(probabilities, key=lambda name: -probabilities[name])
+    names = [name for name in ranked if probabilities[name] >= VISIBLE][: MOST - 1]
+    names += [name for name in ALWAYS if name in probabilities and name not in names]
+    rest = [name for name in ranked if name not in names]
+    shown = {name: probabilities[name] for name in names}
+    if rest:
+        shown[f"{len(rest)} others together"] = sum(probabilities[name] for name in rest)
+    return shown
+
+
+def percentage(value: float) -> str:
+    """Return a probability as people read it, never quite 0."""
+    if value < VISIBLE:
+        return f"below {100.0 * VISIBLE:g} %"
+    if 1.0 - VISIBLE < value < 1.0:
+        return f"above {100.0 * (1.0 - VISIBLE):g} %"
+    return f"{100.0 * value:.1f} %"
+
+
+@figure(
+    page="answer",
+    name="which",
+    title=_which_title,
+    caption=lambda answer, _: WHICH_OF_SEVERAL if answer.verdict.kind == "several" else WHICH,
+    each=_rivals,
+    height_in=lambda _, place: 1.1 + 0.27 * len(shown_explanations(place.probabilities)),
+)
+def which(figure: Figure, answer: Answer, place: Rivals) -> None:
+    """Draw one bar per explanation, the likeliest first."""
+    verdict = answer.verdict
+    several = verdict.kind == "several"
+    named = (place.effect,) if several else verdict.names or (verdict.kind,)
+    shown = shown_explanations(place.probabilities)
+    axes = figure.subplots()
+    colors = [AFTER if name in named else GREY for name in shown]
+    axes.barh(range(len(shown)), list(shown.values()), height=0.64, color=colors)
+    for y, value in enumerate(shown.values()):
+        axes.text(value + 0.012, y, percentage(value), va="center", fontsize=8.6, color=BLACK)
+    named_rows(axes, list(shown), named)
+    axes.set_xlim(0.0, 1.12)
+    axes.set_xticks([0.0, 0.25, 0.5, 0.75, 1.0], ["0", "25 %", "50 %", "75 %", "100 %"])
+    axes.set_xlabel("probability")
+
+
+def _parameters(answer: Answer) -> dict[str, FoundParameter]:
+    return {
+        f"{effect.name}\n{item.name}": item
+        for effect in answer.verdict.effects
+        for item in effect.parameters
+    }
 
 
 def parameter_text(item: FoundParameter) -> str:
@@ -77,68 +196,113 @@ def parameter_text(item: FoundParameter) -> str:
     return f"{value_with_sd(item.value, item.std)}{unit}"
 
 
-def _stage(answer: Answer, item: Disagreement) -> StageSizes:
-    where = answer.verdict.where
-    return StageSizes(
-        stage=stage_words(item.stage),
-        before=item.by_regime,
-        after=item.after,
-        marked=where.regime if where is not None and _shows(answer, item, where) else "",
-        changed=answer.has_model,
-    )
-
-
-def _shows(answer: Answer, item: Disagreement, where: WhereShown) -> bool:
-    """Tell whether the verdict's stage shows in these rows; thrust shows in the beam's motion."""
-    drawn = {other.stage for other in answer.explanation.disagreements if other.by_regime}
-    if where.stage in drawn:
-        return item.stage == where.stage
-    return item.stage != "pwm_to_rpm"
-
-
-def _size(effect: NamedEffect, item: FoundParameter) -> EffectSize:
-    return EffectSize(
-        label=f"{effect.name}\n{item.name}",
-        text=parameter_text(item),
-        value=(item.value - item.neutral) / item.tolerance,
-        low=(item.low - item.neutral) / item.tolerance,
-        high=(item.high - item.neutral) / item.tolerance,
-    )
-
-
-def _bar(gap: ChannelGap, changed: bool) -> GapBar:
-    return GapBar(
-        channel=channel_words(gap.channel, gap.unit).title,
-        text=gap_numbers(gap, changed),
-        before=gap.before,
-        after=gap.after,
-        before_range=(gap.before_low, gap.before_high),
-        after_range=(gap.after_low, gap.after_high),
-        floor=gap.floor,
-        floor_range=(gap.floor_low, gap.floor_high),
-        as_given=gap.as_given,
-        changed=changed,
-    )
-
-
-def _overlay(answer: Answer, overlay: Overlay) -> Figure:
-    words = channel_words(overlay.channel, overlay.unit)
-    floors = [
-        words.factor * gap.floor
-        for gap in answer.verdict.gaps
-        if overlay.channel.startswith(gap.channel) and isfinite(gap.floor)
+@figure(
+    page="answer",
+    name="parameters",
+    title="What was found, against what would not matter",
+    caption="Each parameter with its 95 % interval, counted in tolerances from where its effect is "
+    "absent.",
+    when=lambda answer: bool(_parameters(answer)),
+    height_in=lambda answer: 1.25 + 0.5 * len(_parameters(answer)),
+)
+def parameters(figure: Figure, answer: Answer) -> None:
+    """Draw a point with its interval per parameter; the band is what would not have mattered."""
+    found = _parameters(answer)
+    sizes = [
+        tuple(
+            (value - item.neutral) / item.tolerance for value in (item.low, item.value, item.high)
+        )
+        for item in found.values()
     ]
-    curves = Curves(
-        label=f"{words.title} [{words.unit}]",
-        place=AXES.get(overlay.axis, overlay.axis),
-        at=overlay.at,
-        measured=words.factor * overlay.measured,
-        before=words.factor * overlay.before,
-        after=words.factor * overlay.after,
-        floor=floors[0] if floors else float("nan"),
-        as_lines=answer.verdict.bench == "pitch",
-        changed=answer.has_model,
+    axes = figure.subplots()
+    axes.axvspan(-1.0, 1.0, color=PALE, linewidth=0.0, zorder=0.4, gid="tolerance")
+    axes.axvline(0.0, color=GREY, lw=0.9)
+    least, most = min(low for low, *_ in sizes), max(high for *_, high in sizes)
+    reach = 1.25 * max(1.6, *(abs(end) for low, _, high in sizes for end in (low, high)))
+    for row, (item, (low, value, high)) in enumerate(zip(found.values(), sizes, strict=True)):
+        axes.errorbar(
+            value, row, xerr=[[value - low], [high - value]], fmt="o", color=AFTER, lw=1.8,
+            capsize=3.5,
+        )  # fmt: skip
+        side = "right" if value > 0.4 * reach else "left" if value < -0.4 * reach else "center"
+        axes.annotate(
+            parameter_text(item), (value, row), xytext=(0.0, 8.0), textcoords="offset points",
+            ha=side, fontsize=8.4, color=BLACK,
+        )  # fmt: skip
+    named_rows(axes, list(found), top=0.75)
+    axes.set_xlim(-reach if least < 0.0 else -1.6, reach if most > 0.0 else 1.6)
+    axes.set_xlabel("distance from absent, in tolerances [–]    (grey: would not have mattered)")
+
+
+def gap_numbers(gap: ChannelGap, changed: bool) -> str:
+    """Return before, after and floor of a gap as people read them."""
+    words = channel_words(gap.channel, gap.unit)
+    before, after, floor = (
+        f"{words.factor * value:.3g}" for value in (gap.before, gap.after, gap.floor)
     )
-    what = "recording" if answer.verdict.bench == "pitch" else "sweep"
-    title = f"{words.title.capitalize()} on the check {what}"
-    return overlay_figure(curves, title=title, simulated=answer.simulated)
+    shown = f"{before} → {after}" if changed else before
+    return f"{shown} {words.unit}  (floor {floor})"
+
+
+@figure(
+    page="answer",
+    name="gap",
+    title="The gap on the check recordings",
+    caption="Prediction error before (hatched) and after, over what a true model would miss; thin "
+    "lines: 95 % of a bootstrap over windows. Diamonds: the model as its file states it, before "
+    "anything was adjusted within tolerance.",
+    when=lambda answer: bool(answer.verdict.gaps),
+    height_in=lambda answer: 1.5 + 0.78 * len(answer.verdict.gaps),
+)
+def gap(figure: Figure, answer: Answer) -> None:
+    """Draw a pair of bars per channel in noise floors; the band is what noise alone gives."""
+    gaps = answer.verdict.gaps
+    axes = figure.subplots()
+    largest = max(max(each.before_high, each.as_given, each.before) / each.floor for each in gaps)
+    for row, each in enumerate(gaps):
+        _gap_bars(axes, row, each, answer.has_model)
+    axes.axvline(1.0, color=BLACK, lw=0.9)
+    titles = [channel_words(each.channel, each.unit).title for each in gaps]
+    named_rows(axes, titles, bottom=0.45, top=0.62)
+    if largest > LOGARITHMIC_FROM:
+        axes.set_xscale("log")
+        axes.xaxis.set_major_formatter("{x:g}")
+        axes.set_xlim(min(0.5, *(0.7 * each.after / each.floor for each in gaps)), 4.0 * largest)
+    else:
+        axes.set_xlim(0.0, 1.45 * max(largest, 1.5))
+    axes.set_xlabel("prediction error over the noise floor [–]    (grey: 5 to 95 % of pure noise)")
+    handles, labels = axes.get_legend_handles_labels()
+    found = dict(zip(labels, handles, strict=True))
+    axes.legend(
+        list(found.values()), list(found), loc="lower right", ncols=3, bbox_to_anchor=(1.0, 1.0),
+        borderaxespad=0.2,
+    )  # fmt: skip
+
+
+def _gap_bars(axes: Axes, row: int, gap: ChannelGap, changed: bool) -> None:
+    axes.fill_between(
+        [gap.floor_low / gap.floor, gap.floor_high / gap.floor], row - 0.46, row + 0.46,
+        color=PALE, linewidth=0.0, zorder=0.5, gid="noise-floor",
+    )  # fmt: skip
+    before = (gap.before, gap.before_low, gap.before_high)
+    if changed:
+        after = (gap.after, gap.after_low, gap.after_high)
+        bars = [("before", -0.2, before, BEFORE), ("after", 0.2, after, AFTER)]
+    else:
+        bars = [("adjusted within tolerance", 0.0, before, AFTER)]
+    for label, step, values, color in bars:
+        value, low, high = (each / gap.floor for each in values)
+        axes.barh(
+            row + step, value, height=0.34, color=color, label=label,
+            hatch="//" if label == "before" else None, edgecolor="white", linewidth=0.0,
+        )  # fmt: skip
+        axes.plot([low, high], [row + step] * 2, color=BLACK, lw=1.1, zorder=3.0)
+    axes.plot(
+        gap.as_given / gap.floor, row + bars[0][1], marker="D", ms=4.5, mfc="white", color=GREY,
+        ls="none", label="as the file states it", zorder=3.2,
+    )  # fmt: skip
+    end = max(gap.before, gap.before_high, gap.as_given)
+    axes.annotate(
+        gap_numbers(gap, changed), (end / gap.floor, row), xytext=(7.0, 0.0),
+        textcoords="offset points", va="center", fontsize=8.2, color=BLACK,
+    )  # fmt: skip

@@ -10,9 +10,9 @@ from benchtool.data.atomic import replace_json, replace_text
 from benchtool.explain.added_model import MODEL, added_model, own_names
 from benchtool.explain.answer import Answer
 from benchtool.explain.next_steps import next_file
-from benchtool.report.answer.figures import answer_figures
 from benchtool.report.answer.file import Written, answer_tables
 from benchtool.report.answer.page import answer_page
+from benchtool.report.figure import drawn
 from benchtool.report.files import save_figure, write_whole
 from benchtool.report.html import write_report
 
@@ -62,9 +62,9 @@ def write_folder(
     if name:
         replace_text(folder / name, text)
     written = Written(model=model, schedule=str(known / name) if name else "")
-    figures = answer_figures(answer)
-    for stem, figure in figures.items():
-        save_figure(figure, folder / stem, replace=True)
+    figures = drawn("answer", answer)
+    for stem, block in figures.items():
+        save_figure(block.figure, folder / stem, replace=True)
     page = answer_page(answer, figures, name, str(known))
     write_report(folder / PAGE, page, replace=True)
     write_json(folder / ANSWER, answer, written)

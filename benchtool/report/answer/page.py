@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 
 from benchtool import __version__
-from benchtool.data.run.read import is_run
-from benchtool.data.run.run import Run
 from benchtool.explain.answer import Answer, channel_words
 from benchtool.explain.engine.verdict import EVERYWHERE, PLACES
 from benchtool.explain.next_steps import lines, next_sentence, next_steps
@@ -20,58 +17,18 @@ from benchtool.report.answer.tables import (
     tolerances_table,
     unjudged_sentence,
 )
+from benchtool.report.figure import Page
 from benchtool.report.page import (
     Block,
     Commands,
     Facts,
-    Figure,
     FigureBlock,
     Paragraph,
     Report,
     Section,
     Warnings,
 )
-from benchtool.report.sweep.run_facts import simple_facts
-
-CAPTIONS: dict[str, str] = {
-    "where": (
-        "Size of the residuals in each part of the recordings, over the noise that the model "
-        "states; first those that the addition made smaller by most. What the verdict names is "
-        "bold."
-    ),
-    "which": "Probability of each explanation that was weighed; the answer is blue.",
-    "parameters": (
-        "Each parameter with its 95 % interval, counted in tolerances from where its effect is "
-        "absent."
-    ),
-    "gap": (
-        "Prediction error before (hatched) and after, over what a true model would miss; thin "
-        "lines: 95 % of a bootstrap over windows. Diamonds: the model as its file states it, "
-        "before anything was adjusted within tolerance."
-    ),
-}
-"""Captions of the figures but overlays."""
-
-PLACE = (
-    "Probability of each explanation for one of the named effects, the others taken for granted; "
-    "the answer is blue."
-)
-"""Caption of each effect's own probabilities where several are named."""
-
-OVERLAY = (
-    "Measurement and predictions on the check recording; below, what is left over. The grey band "
-    "is the noise floor."
-)
-
-
-def overlay_caption(window_s: float) -> str:
-    """Say what an overlay shows, and where its jumps come from with windows of so many seconds."""
-    if not window_s:
-        return OVERLAY
-    return (
-        f"{OVERLAY} Each prediction restarts every {window_s:g} s from the measured state: that is "
-        f"what the spikes are."
-    )
+from benchtool.report.run_facts import run_sections
 
 
 def where_sentence(answer: Answer) -> str:
@@ -90,81 +47,26 @@ def where_sentence(answer: Answer) -> str:
     )
 
 
-def answer_page(
-    answer: Answer, figures: Mapping[str, Figure], next_name: str = "", folder: str = ""
-) -> Report:
-    """Return the report page of an answer.
-
-    Args:
-        answer: what is told.
-        figures: of `answer_figures`.
-        next_name: name of the file beside the page that holds the next experiment.
-        folder: of the page, as it was typed; empty where nothing is written yet.
-    """
-    verdict = answer.verdict
-    sections = [
-        Section("What now", _now(answer, next_name, folder)),
-        Section("Where", [Paragraph(where_sentence(answer)), *_figures(figures, "where")]),
-        Section("Which", _which(answer, figures)),
-        Section("The gap", _gap(answer, figures)),
-        Section("Tolerances", [tolerances_table(answer)]),
-        Section("What was not judged", _not_judged(answer)),
-        Section("What stands behind it", [Facts(_facts(answer))]),
-        *_runs(answer),
-        Section("Made with", [Commands(answer.commands)]),
-    ]
-    return Report(
-        title=f"Explanation: {answer.loaded.model.name}",
-        summary=f"{verdict.sentence} {answer.caution}".strip(),
-        sections=sections,
-        simulated=answer.simulated,
-        made=f"benchtool {__version__}",
-        highlights=_highlights(answer),
-    )
+def _where(answer: Answer) -> list[Block]:
+    return [Paragraph(where_sentence(answer))]
 
 
-def _runs(answer: Answer) -> list[Section]:
-    """Say of every run on what it was made, in which air and with which calibration."""
-    return [
-        Section(
-            f"The run {source.name}", [Facts(simple_facts(Run.open(Path(source.path)).metadata))]
-        )
-        for source in (*answer.learn, *answer.check)
-        if is_run(source.path)
-    ]
+def _named(answer: Answer) -> list[Block]:
+    table = [effects_table(answer)] if answer.verdict.effects else []
+    return [Paragraph(answer.verdict.sentence), *table]
 
 
-def _figures(figures: Mapping[str, Figure], *names: str) -> list[Block]:
-    return [FigureBlock(figures[name], CAPTIONS[name]) for name in names if name in figures]
-
-
-def _which(answer: Answer, figures: Mapping[str, Figure]) -> list[Block]:
-    blocks: list[Block] = [Paragraph(answer.verdict.sentence)]
-    if answer.verdict.effects:
-        blocks.append(effects_table(answer))
-    blocks += _figures(figures, "parameters", "which")
-    return [
-        *blocks,
-        *(
-            FigureBlock(figure, PLACE)
-            for name, figure in figures.items()
-            if name.startswith("which_")
-        ),
-    ]
-
-
-def _gap(answer: Answer, figures: Mapping[str, Figure]) -> list[Block]:
-    overlays = [
-        FigureBlock(figure, overlay_caption(answer.verdict.window_s))
-        for name, figure in figures.items()
-        if name.startswith("overlay_")
-    ]
+def _gap(answer: Answer) -> list[Block]:
     said = (
         f"The floor is never taken from these residuals: the model, taken for true, is held "
         f"against data that it simulated itself, median of {answer.verdict.draws} draws of the "
         f"stated sensor and wake noise."
     )
-    return [gap_table(answer), Paragraph(said), *_figures(figures, "gap"), *overlays]
+    return [gap_table(answer), Paragraph(said)]
+
+
+def _tolerances(answer: Answer) -> list[Block]:
+    return [tolerances_table(answer)]
 
 
 def _now(answer: Answer, next_name: str, folder: str) -> list[Block]:
@@ -195,7 +97,7 @@ def _not_judged(answer: Answer) -> list[Block]:
     return blocks
 
 
-def _facts(answer: Answer) -> dict[str, str]:
+def _facts(answer: Answer) -> list[Block]:
     verdict, model = answer.verdict, answer.loaded.model
     facts = {
         "model": f"{model.name} ({answer.model_file})",
@@ -207,7 +109,7 @@ def _facts(answer: Answer) -> dict[str, str]:
         "took": f"{answer.seconds:.1f} s",
         "software": f"benchtool {__version__}",
     }
-    return facts | {f"sha256 of {name}": digest for name, digest in answer.hashes.items()}
+    return [Facts(facts | {f"sha256 of {name}": digest for name, digest in answer.hashes.items()})]
 
 
 def _highlights(answer: Answer) -> dict[str, str]:
@@ -221,3 +123,45 @@ def _highlights(answer: Answer) -> dict[str, str]:
         title = channel_words(gap.channel, gap.unit).title
         shown[f"gap of {title}"] = gap_numbers(gap, answer.has_model)
     return shown
+
+
+ANSWER = Page(
+    "answer",
+    [
+        ("Where", [_where, "where"]),
+        ("Which", [_named, "parameters", "which"]),
+        ("The gap", [_gap, "gap", "overlay"]),
+        ("Tolerances", [_tolerances]),
+        ("What was not judged", [_not_judged]),
+        ("What stands behind it", [_facts]),
+    ],
+)
+
+
+def answer_page(
+    answer: Answer,
+    figures: Mapping[str, FigureBlock],
+    next_name: str = "",
+    folder: str = "",
+) -> Report:
+    """Return the report page of an answer.
+
+    Args:
+        answer: the answer.
+        figures: its own, drawn.
+        next_name: name of the file beside the page that holds the next experiment.
+        folder: of the page, as it was typed; empty where nothing is written yet.
+    """
+    return Report(
+        title=f"Explanation: {answer.loaded.model.name}",
+        summary=f"{answer.verdict.sentence} {answer.caution}".strip(),
+        sections=[
+            Section("What now", _now(answer, next_name, folder)),
+            *ANSWER.sections(answer, figures),
+            *run_sections(source.path for source in (*answer.learn, *answer.check)),
+            Section("Made with", [Commands(answer.commands)]),
+        ],
+        simulated=answer.simulated,
+        made=f"benchtool {__version__}",
+        highlights=_highlights(answer),
+    )

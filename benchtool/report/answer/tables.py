@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from benchtool.explain.answer import Answer, channel_words
 from benchtool.explain.engine.verdict import ChannelGap, FoundParameter, NamedEffect, stage_words
-from benchtool.report.answer.figures import parameter_text
-from benchtool.report.answer.probabilities import percentage
+from benchtool.report.answer.figures import parameter_text, percentage
 from benchtool.report.numbers import decimals_for, exponent_of, power_of_ten, scaled
 from benchtool.report.numbers import unit_for_people as people
 from benchtool.report.page import Table

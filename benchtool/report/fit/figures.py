@@ -1,29 +1,34 @@
-"""The figures of a fit, from its output to the report's plain arrays."""
+"""Data of a fit over its model: the ratio, the thrust, and the share of a covered area."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
+from math import isfinite
 
+import matplotlib as mpl
 import numpy as np
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from benchtool.core.fit_result import FitResult
+from benchtool.core.units import from_si
 from benchtool.data.columns import code_of
-from benchtool.fit.convergence import convergence_of
 from benchtool.fit.fit_data import FAR_Z_OVER_R
 from benchtool.fit.run_recipe import FitOutput
 from benchtool.physics.conditions import FAR_AWAY_M, Conditions
 from benchtool.physics.effects.partial_coverage import factors
-from benchtool.report.fit.chains import Chains, chain_figure
-from benchtool.report.fit.corner import corner_figure
-from benchtool.report.fit.curves import bands_over, factor_over, formula_curves
-from benchtool.report.fit.residuals import Residuals, residual_figure
-from benchtool.report.numbers import unit_for_people
-from benchtool.report.page import Figure
-from benchtool.report.palette import Role
-from benchtool.report.sweep.area import AreaPoints, area_figure
-from benchtool.report.sweep.ground_effect import Curve, RatioPoints, ratio_figure
-from benchtool.report.sweep.thrust import ThrustSeries, thrust_figure
+from benchtool.report.figure import figure
+from benchtool.report.palette import BLACK, GREY, VERMILION, Role
+from benchtool.report.panels import DASHED, points, rows_of
+from benchtool.report.ratio import (
+    Curve,
+    RatioPoints,
+    bands_over,
+    distances_of,
+    draw_ratio,
+    factor_over,
+    formula_curves,
+)
 
 Array = NDArray[np.float64]
 
@@ -33,59 +38,42 @@ SHOWN_DRAWS = 400
 """Parameter draws behind a curve's band."""
 
 
-def fit_figures(output: FitOutput) -> dict[str, Figure]:
-    """Return every figure that the fit's data allow, by the name of its file."""
-    simulated = output.data.points.simulated
-    figures = {"residuals": _residuals(output, simulated)}
-    if np.any(output.data.z_over_R[output.data.used] < FAR_Z_OVER_R):
-        figures["ratio"] = ratio(output)
-    if output.recipe.basis == "joint":
-        figures["thrust"] = _thrust(output, simulated)
-    if any(effect.name == "partial_coverage" for effect in output.fitted.effects):
-        figures["area"] = _area(output, simulated)
-    for result in output.results:
-        if result.method == "emcee" and len(result.samples):
-            figures["corner"] = _corner(output, result, simulated)
-            figures["chains"] = _chains(result, simulated)
-    return figures
-
-
-def ratio(output: FitOutput) -> Figure:
+@figure(
+    page="fit",
+    name="ratio",
+    title="Ground effect: {0.recipe.name}",
+    caption="Thrust near the plate over thrust far from it. Points: mean and standard deviation "
+    "over repeats; solid line: the fitted model with its 68 % and 95 % bands; dashed: the closed "
+    "image formulae (PFI).",
+    when=lambda fit: bool(np.any(fit.data.z_over_R[fit.data.used] < FAR_Z_OVER_R)),
+)
+def ratio(figure: Figure, fit: FitOutput) -> None:
     """Draw T_IGE/T_OGE of the data over the fitted curve and the closed formulae."""
-    model, data = output.fitted, output.data
-    series = ratio_points(output, _name_of_data(output))
-    farthest = float(np.nanmax(series.z_over_R))
-    z = np.linspace(0.5, max(1.1 * farthest, 2.0), 240)
-    speeds = _typical(output).speed_rad_s
-    curves = [fitted_curve(output, z), *formula_curves(model.rig, speeds, z)]
-    return ratio_figure(
-        (series,),
-        curves,
-        title=f"Ground effect: {output.recipe.name}",
-        simulated=data.points.simulated,
-        basis=_shown_basis(output),
-    )
+    series = ratio_points(fit, name_of_data(fit))
+    z, speeds = distances_of([series]), _fastest(fit).speed_rad_s
+    curves = [fitted_curve(fit, z), *formula_curves(fit.fitted.rig, speeds, z)]
+    basis = "equal_rpm2" if fit.recipe.basis == "joint" else fit.recipe.basis
+    draw_ratio(figure, [series], curves, basis)
 
 
-def ratio_points(output: FitOutput, label: str, role: Role = "measurement") -> RatioPoints:
+def ratio_points(fit: FitOutput, label: str, role: Role = "measurement") -> RatioPoints:
     """Return the measured ratio at each distance: mean and standard deviation over its points.
 
     A single point has its stated error, if there is one. A joint fit knows the thrust out of
     ground effect at each point's own rotor speeds.
     """
-    data, model = output.data, output.fitted
+    data, model = fit.data, fit.fitted
     measured, error = data.observed, data.standard_error
-    if output.recipe.basis == "joint":
+    if fit.recipe.basis == "joint":
         values = model.parameters.values_array()
         far = data.conditions.out_of_ground_effect()
-        flow = model.flow(far, values)
-        alone = model.parameters["k"].value * model.squared_speed(flow, values)
+        alone = model.parameters["k"].value * model.squared_speed(model.flow(far, values), values)
         measured = 1.0 + (data.observed - model.thrust_N(far)) / alone
         error = error / alone
     elif data.reference is not None:  # what the parked plate itself adds
         parked = np.broadcast_to(model.factor(data.reference), measured.shape)
         measured, error = measured * parked, error * parked
-    shown = np.isfinite(measured) & (data.z_over_R < FAR_Z_OVER_R) & _fully_covered(output)
+    shown = np.isfinite(measured) & (data.z_over_R < FAR_Z_OVER_R) & _fully_covered(fit)
     distance = np.round(data.z_over_R, 2)
     rows = []
     for here in np.unique(distance[shown]):
@@ -95,138 +83,169 @@ def ratio_points(output: FitOutput, label: str, role: Role = "measurement") -> R
         else:
             sd = float(error[at][0]) if data.errors == "stated" else float("nan")
         rows.append((data.z_over_R[at].mean(), measured[at].mean(), sd, not data.used[at].any()))
-    table = np.array(rows, float).reshape(-1, 4)
-    return RatioPoints(table[:, 0], table[:, 1], table[:, 2], label, role, table[:, 3].astype(bool))
+    z, mean, sds, out = np.array(rows, float).reshape(-1, 4).T
+    return RatioPoints(z, mean, sds, label, role, out.astype(bool))
 
 
 def fitted_curve(
-    output: FitOutput, z_over_R: Array, label: str = "", role: Role = "body_lift"
+    fit: FitOutput, z_over_R: Array, label: str = "", role: Role = "body_lift"
 ) -> Curve:
     """Return the fitted model's curve with its 68 and 95 % bands."""
-    result = output.results[-1]
-    known = bool(len(result.samples)) or bool(np.isfinite(result.covariance).all())
-    speeds = _typical(output).speed_rad_s
-    middle = factor_over(output.fitted, speeds, z_over_R)
-    if not known:  # data that do not determine the curve have no band
-        return Curve(z_over_R, middle, label or f"fit: {output.fitted.name}", role, "fit")
-    rng = np.random.default_rng(output.recipe.seed)
+    result = fit.results[-1]
+    speeds = _fastest(fit).speed_rad_s
+    curve = Curve(
+        z_over_R,
+        factor_over(fit.fitted, speeds, z_over_R),
+        label or f"fit: {fit.fitted.name}",
+        role,
+        "fit",
+    )
+    rng = np.random.default_rng(fit.recipe.seed)
     if len(result.samples):
         draws = result.samples[rng.integers(len(result.samples), size=SHOWN_DRAWS)]
-    else:
+    elif np.isfinite(result.covariance).all():
         draws = rng.multivariate_normal(
             result.values, result.covariance, SHOWN_DRAWS, method="svd", check_valid="ignore"
         )
-    names = [estimate.name for estimate in result.estimates]
-    free = {name: draws[:, [column]] for column, name in enumerate(names)}
-    bands = bands_over(output.fitted, speeds, z_over_R, free)
-    return Curve(z_over_R, middle, label or f"fit: {output.fitted.name}", role, "fit", bands)
+    else:  # data that do not determine the curve have no band
+        return curve
+    free = {item.name: draws[:, [column]] for column, item in enumerate(result.estimates)}
+    return replace(curve, bands=bands_over(fit.fitted, speeds, z_over_R, free))
 
 
-def _typical(output: FitOutput) -> Conditions:
+def _fastest(fit: FitOutput) -> Conditions:
     """Return the conditions of the used point whose rotors turn fastest."""
-    rows = output.data.rows
-    fastest = rows[np.argmax(output.data.conditions.speed_rad_s[:, rows].sum(axis=0))]
-    return output.data.conditions.select(np.array([fastest]))
+    rows = fit.data.rows
+    fastest = rows[np.argmax(fit.data.conditions.speed_rad_s[:, rows].sum(axis=0))]
+    return fit.data.conditions.select(np.array([fastest]))
 
 
-def _fully_covered(output: FitOutput) -> NDArray[np.bool_]:
-    conditions = output.data.conditions
+def _fully_covered(fit: FitOutput) -> NDArray[np.bool_]:
+    """Return which points have a level plate under every disc that turns."""
+    conditions = fit.data.conditions
     squares = np.zeros_like(conditions.coverage)
-    for rotor, disc in enumerate(output.fitted.rig.disc_of_rotor):
+    for rotor, disc in enumerate(fit.fitted.rig.disc_of_rotor):
         squares[disc] += conditions.speed_rad_s[rotor] ** 2
+    covered = np.all((conditions.coverage > 0.999) | (squares == 0.0), axis=0)
     level: NDArray[np.bool_] = conditions.plate_tilt_rad == 0.0
-    covered: NDArray[np.bool_] = np.all((conditions.coverage > 0.999) | (squares == 0.0), axis=0)
-    both: NDArray[np.bool_] = np.logical_and(covered, level)
+    both: NDArray[np.bool_] = level & covered
     return both
 
 
-def _shown_basis(output: FitOutput) -> str:
-    return "equal_rpm2" if output.recipe.basis == "joint" else output.recipe.basis
+def name_of_data(fit: FitOutput) -> str:
+    """Return what a legend calls the data."""
+    repeats = "stated error" if fit.data.errors == "stated" else "mean and sd over repeats"
+    return f"{'simulated bench' if fit.simulated else 'measured'}, {repeats}"
 
 
-def _name_of_data(output: FitOutput) -> str:
-    points = output.data.points
-    repeats = "stated error" if output.data.errors == "stated" else "mean and sd over repeats"
-    return f"simulated bench, {repeats}" if points.simulated else f"measured, {repeats}"
+@figure(
+    page="fit",
+    name="thrust",
+    title="Thrust against rotor speed: {0.recipe.name}",
+    caption="Thrust against rotor speed at each plate distance (lines: the fitted model), and what "
+    "the model leaves over.",
+    when=lambda fit: fit.recipe.basis == "joint",
+    height_in=5.6,
+)
+def thrust(figure: Figure, fit: FitOutput) -> None:
+    """Draw thrust against rotor speed at each distance and, below, measured minus model."""
+    data = fit.data
+    predicted = np.broadcast_to(fit.fitted.thrust_N(data.conditions), data.observed.shape)
+    error = data.standard_error if data.errors != "none" else np.full(len(data.observed), np.nan)
+    above, below = rows_of(figure, (2.4, 1.0))
+    for label, at, color, marker in _levels(fit):
+        rpm = from_si(_mean_speed(data.conditions)[at], "rpm")
+        points(above, rpm, data.observed[at], error[at], color, marker, ms=4.2, label=label)
+        speeds, line_N = _line(fit, at[-1])
+        above.plot(from_si(speeds, "rpm"), line_N, color=color, lw=1.2)
+        points(below, rpm, (data.observed - predicted)[at], error[at], color, marker, ms=4.2)
+    above.set_ylabel("thrust [N]")
+    above.legend(loc="upper left", ncols=2 if len(above.containers) > 6 else 1)
+    below.axhline(0.0, color=GREY, linewidth=0.9)
+    below.set_ylabel("measured −\nmodel [N]")
+    figure.align_ylabels([above, below])
+    below.set_xlabel("rotor speed [rpm]")
 
 
-def _residuals(output: FitOutput, simulated: bool) -> Figure:
-    rows, data = output.data.rows, output.data
-    far = np.where(data.conditions.plate_z_m[rows] >= FAR_AWAY_M, np.inf, data.z_over_R[rows])
-    standardised = (data.observed[rows] - _predicted(output)) / output.problem.sigma(_noise(output))
-    time = data.conditions.time_s[rows]
-    order = time if np.ptp(time) > 0.0 else np.arange(len(rows), dtype=float)
-    return residual_figure(
-        Residuals(far, order, standardised),
-        title=f"What the fit leaves over: {output.recipe.name}",
-        simulated=simulated,
-    )
-
-
-def _predicted(output: FitOutput) -> Array:
-    result, problem = output.results[0], output.problem
-    return problem.predicted(np.array([result[name].value for name in problem.shape_names]))
-
-
-def _noise(output: FitOutput) -> float | None:
-    name = output.problem.noise_name
-    return None if name is None else output.results[0][name].value
-
-
-def _thrust(output: FitOutput, simulated: bool) -> Figure:
-    data, model = output.data, output.fitted
-    predicted = np.broadcast_to(model.thrust_N(data.conditions), data.observed.shape)
-    turning = np.maximum((data.conditions.speed_rad_s > 0.0).sum(axis=0), 1)
-    speed = np.sqrt((data.conditions.speed_rad_s**2).sum(axis=0) / turning)
+def _levels(fit: FitOutput) -> Iterator[tuple[str, NDArray[np.intp], str, str]]:
+    """Give label, rows by rising speed, colour and marker of each plate distance."""
+    data = fit.data
     distance = np.where(data.conditions.plate_z_m >= FAR_AWAY_M, np.inf, data.z_over_R.round(2))
     if "kind" in data.points:
         parked = data.points.column("kind") == code_of("kind", "reference")
         distance = np.where(parked, np.inf, distance)
-    series = []
-    for here in np.unique(distance[data.used]):
+    known = np.unique(distance[data.used])
+    shades = mpl.colormaps["viridis"](np.linspace(0.0, 0.88, max(np.isfinite(known).sum(), 1)))
+    for index, here in enumerate(known):
         at = np.flatnonzero(data.used & (distance == here))
-        at = at[np.argsort(speed[at], kind="stable")]
-        series.append(
-            ThrustSeries(
-                float(here),
-                speed[at],
-                data.observed[at],
-                data.standard_error[at] if data.errors != "none" else np.full(len(at), np.nan),
-                predicted[at],
-                *_line(output, at[-1]),
-            )
-        )
-    return thrust_figure(
-        series, title=f"Thrust against rotor speed: {output.recipe.name}", simulated=simulated
-    )
+        at = at[np.argsort(_mean_speed(data.conditions)[at], kind="stable")]
+        if isfinite(here):
+            yield f"$z/R$ = {here:.3g}", at, mpl.colors.to_hex(shades[index]), "o"
+        else:
+            yield "out of ground effect", at, BLACK, "s"
 
 
-def _line(output: FitOutput, fastest: int) -> tuple[Array, Array]:
+def _mean_speed(conditions: Conditions) -> Array:
+    """Return the root mean square speed (n,) of the rotors that turn: rad/s."""
+    turning = np.maximum((conditions.speed_rad_s > 0.0).sum(axis=0), 1)
+    speed: Array = np.sqrt((conditions.speed_rad_s**2).sum(axis=0) / turning)
+    return speed
+
+
+def _line(fit: FitOutput, fastest: int) -> tuple[Array, Array]:
     """Return the fitted model from standstill to a point's speeds (l,): rad/s, N.
 
     Plate, tare and drift are those of that point, and its rotors keep their ratios of speed.
     """
-    here = output.data.conditions.select(np.full(LINE_POINTS, fastest))
-    share = np.linspace(0.0, 1.03, LINE_POINTS)
-    turning = replace(here, speed_rad_s=here.speed_rad_s * share)
+    here = fit.data.conditions.select(np.full(LINE_POINTS, fastest))
+    turning = replace(here, speed_rad_s=here.speed_rad_s * np.linspace(0.0, 1.03, LINE_POINTS))
     speeds = turning.speed_rad_s[here.speed_rad_s[:, 0] > 0.0]
-    return np.sqrt((speeds**2).mean(axis=0)), output.fitted.thrust_N(turning)
+    return np.sqrt((speeds**2).mean(axis=0)), fit.fitted.thrust_N(turning)
 
 
-def _area(output: FitOutput, simulated: bool) -> Figure:
-    data, model = output.data, output.fitted
+@figure(
+    page="fit",
+    name="area",
+    title="Increment against covered area: {0.recipe.name}",
+    caption="How much of the full increment a partly covered disc makes.",
+    when=lambda fit: any(effect.name == "partial_coverage" for effect in fit.fitted.effects),
+    height_in=5.4,
+)
+def area(figure: Figure, fit: FitOutput) -> None:
+    """Draw shares of the full increment over the straight line of the paper.
+
+    Below, the departure from the line, in which a bend of a few per cent can be seen.
+    """
+    share, departure = rows_of(figure, (2.2, 1.0))
+    ends = np.array([0.0, 1.0])
+    share.plot(ends, ends, color=BLACK, linestyle=DASHED, label="in proportion to the area (line)")
+    departure.axhline(0.0, color=BLACK, linestyle=DASHED, linewidth=1.2)
+    covered, measured, sd = _increments(fit)
+    points(share, covered, measured, sd, BLACK, label=name_of_data(fit))
+    points(departure, covered, measured - covered, sd, BLACK)
+    at, fitted, sd = _area_factors(fit)
+    for axes, values, label in (
+        (share, fitted, "fitted area factors"),
+        (departure, fitted - at, None),
+    ):
+        axes.fill_between(at, values - sd, values + sd, color=VERMILION, alpha=0.2, lw=0.0)
+        axes.plot(at, values, "v-", color=VERMILION, ms=5.0, lw=1.3, label=label)
+    share.legend(loc="upper left")
+    share.set_ylabel("share of the full\nthrust increment [–]")
+    departure.set_ylabel("departure from\nthe line [–]")
+    departure.set_xlabel("covered share of the rotor disc's area [–]")
+    departure.set_xlim(-0.03, 1.03)
+    figure.align_ylabels([share, departure])
+
+
+def _increments(fit: FitOutput) -> tuple[Array, Array, Array]:
+    """Return covered area (m,), share of the full increment and its sd over repeats."""
+    data, model = fit.data, fit.fitted
     values = model.parameters.values_array()
-    whole = Conditions.of(
-        model.rig,
-        speed_rad_s=data.conditions.speed_rad_s,
-        plate_z_m=data.conditions.plate_z_m,
-        coverage=np.ones_like(data.conditions.coverage),
-        elapsed_s=data.conditions.elapsed_s,
-        time_s=data.conditions.time_s,
-    )
-    none = whole.out_of_ground_effect()
-    if output.recipe.basis == "joint":
-        low, high = model.thrust_N(none, values), model.thrust_N(whole, values)
+    whole = replace(data.conditions, coverage=np.ones_like(data.conditions.coverage))
+    if fit.recipe.basis == "joint":
+        low = model.thrust_N(whole.out_of_ground_effect(), values)
+        high = model.thrust_N(whole, values)
     else:
         low, high = np.ones(len(whole)), model.factor(whole, values)
     share = (data.observed - low) / (high - low)
@@ -237,65 +256,17 @@ def _area(output: FitOutput, simulated: bool) -> Figure:
         at = shown & (coverage.round(2) == here)
         sd = float(np.std(share[at], ddof=1)) if at.sum() > 1 else float("nan")
         rows.append((coverage[at].mean(), share[at].mean(), sd))
-    table = np.array(rows, float).reshape(-1, 3)
-    return area_figure(
-        [AreaPoints(table[:, 0], table[:, 1], table[:, 2], _name_of_data(output))],
-        _area_factors(output),
-        title=f"Increment against covered area: {output.recipe.name}",
-        simulated=simulated,
-    )
+    covered, mean, sds = np.array(rows, float).reshape(-1, 3).T
+    return covered, mean, sds
 
 
-def _area_factors(output: FitOutput) -> AreaPoints:
-    model, result = output.fitted, output.results[0]
-    items = model.parameters
-    count = sum(name.startswith("partial_coverage.knot_") for name in items)
-    knots = np.array([items[f"partial_coverage.knot_{k + 1}"].value for k in range(count)])
-    shares = [items[f"partial_coverage.share_{k + 1}"].value for k in range(count)]
-    known = {estimate.name: estimate.sd for estimate in result.derived}
-    names = [f"partial_coverage.factor_{k + 1}" for k in range(count)]
-    sd = np.array([known.get(name, float("nan")) for name in names])
-    return AreaPoints(knots, np.array(factors(shares)), sd, "fitted area factors", "body_lift")
-
-
-def _labels(result: FitResult) -> list[str]:
-    labels = []
-    for estimate in result.estimates:
-        owner, _, own = estimate.name.rpartition(".")
-        unit = "" if estimate.unit == "1" else f" [{unit_for_people(estimate.unit)}]"
-        labels.append(f"{owner}\n{own}{unit}" if owner else f"{own}{unit}")
-    return labels
-
-
-def _corner(output: FitOutput, result: FitResult, simulated: bool) -> Figure:
-    names = [estimate.name for estimate in result.estimates]
-    references = {}
-    for other in output.results:
-        if other.method == "least_squares":
-            known = {estimate.name: estimate.value for estimate in other.estimates}
-            references["least squares"] = [known.get(name, float("nan")) for name in names]
-    return corner_figure(
-        result.samples,
-        _labels(result),
-        title=f"Posterior: {output.recipe.name}",
-        simulated=simulated,
-        references=references,
-        notes=[estimate.bound for estimate in result.estimates],
-    )
-
-
-def _chains(result: FitResult, simulated: bool) -> Figure:
-    ensembles, walkers = int(result.facts["ensembles"] or 1), int(result.facts["walkers"] or 1)
-    draws = result.samples.reshape(-1, ensembles, walkers, len(result.estimates))
-    verdict = convergence_of(draws)
-    kept_every = float(result.facts["steps_kept"] or 1) / len(draws)
-    return chain_figure(
-        Chains(
-            _labels(result),
-            draws.transpose(1, 0, 2, 3),
-            verdict.rhat,
-            verdict.tau_steps * kept_every,
-        ),
-        title=f"Chains of {ensembles} ensembles: {result.model}",
-        simulated=simulated,
-    )
+def _area_factors(fit: FitOutput) -> tuple[Array, Array, Array]:
+    """Return the fitted area factors by rising area (k,): area, factor, sd."""
+    items = fit.fitted.parameters
+    numbers = range(1, 1 + sum(name.startswith("partial_coverage.knot_") for name in items))
+    knots = np.array([items[f"partial_coverage.knot_{k}"].value for k in numbers])
+    fitted = np.array(factors([items[f"partial_coverage.share_{k}"].value for k in numbers]))
+    known = {estimate.name: estimate.sd for estimate in fit.results[0].derived}
+    sd = np.array([known.get(f"partial_coverage.factor_{k}", float("nan")) for k in numbers])
+    order = np.argsort(knots)
+    return knots[order], fitted[order], sd[order]

@@ -15,7 +15,7 @@ from benchtool.data.run.entry import FIT_FILE, read_result
 from benchtool.fit.compare import Comparison, Score
 from benchtool.fit.result_file import result_tables
 from benchtool.fit.run_recipe import FitOutput
-from benchtool.report.fit.page import CAPTIONS, comparison_table, sentence_of
+from benchtool.report.fit.page import FIT, comparison_table, sentence_of
 from benchtool.report.fit.tables import methods_table, short_table
 from benchtool.report.page import Block, Paragraph, Warnings
 
@@ -99,7 +99,7 @@ def read_kept(folder: Path) -> KeptFit:
 
 def figure_files(folder: Path) -> dict[str, Path]:
     """Return the figures of a fit's folder by name, in the order of its report."""
-    files = {name: folder / f"{name}.svg" for name in CAPTIONS}
+    files = {name: folder / f"{name}.svg" for name in FIT.figures}
     return {name: path for name, path in files.items() if path.is_file()}
 
 

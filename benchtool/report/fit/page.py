@@ -1,135 +1,152 @@
-"""The report page of a fit."""
+"""The report page of a fit, and the folder that a fit is written to."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from benchtool import __version__
+from benchtool.core.errors import WouldOverwrite
 from benchtool.core.fit_result import Estimate, FitResult
-from benchtool.data.run.read import is_run
-from benchtool.data.run.run import Run
 from benchtool.fit.compare import Comparison
 from benchtool.fit.diagnose import lacks_something, times_as_much
+from benchtool.fit.result_file import write_result
 from benchtool.fit.run_recipe import FitOutput
+from benchtool.report.figure import Page, drawn
+from benchtool.report.files import save_figure
 from benchtool.report.fit.tables import estimates_table, methods_table, printed
+from benchtool.report.html import write_report
 from benchtool.report.numbers import unit_for_people, value_with_sd
 from benchtool.report.page import (
     Block,
     Commands,
     Facts,
-    Figure,
-    FigureBlock,
     Paragraph,
     Report,
     Section,
     Table,
     Warnings,
 )
-from benchtool.report.sweep.run_facts import simple_facts
-
-CAPTIONS: dict[str, str] = {
-    "ratio": (
-        "Thrust near the plate over thrust far from it. Points: mean and standard deviation over "
-        "repeats; solid line: the fitted model with its 68 % and 95 % bands; dashed: the closed "
-        "image formulae (PFI)."
-    ),
-    "thrust": (
-        "Thrust against rotor speed at each plate distance (lines: the fitted model), and what the "
-        "model leaves over."
-    ),
-    "area": "How much of the full increment a partly covered disc makes.",
-    "residuals": (
-        "Measured minus model over the standard error: against distance, in the order of "
-        "measurement, as a histogram, and as runs of equal sign."
-    ),
-    "corner": "Posterior draws, pair by pair; the least-squares answer is marked.",
-    "chains": "Traces of the independently started ensembles; they must lie on each other.",
-}
-"""Caption of each figure that `fit_figures` may make, in the order of the page."""
+from benchtool.report.run_facts import run_sections
 
 
-def fit_sections(
-    output: FitOutput, figures: Mapping[str, Figure], heading: str = ""
-) -> tuple[Section, ...]:
-    """Return the sections of one fit: answer, figures, comparison, what stands behind it."""
-    name = heading or output.recipe.name
-    warned = list(dict.fromkeys(line for result in output.results for line in result.warnings))
+def _answer(fit: FitOutput) -> list[Block]:
+    warned = list(dict.fromkeys(line for result in fit.results for line in result.warnings))
     answer: list[Block] = [
-        Paragraph(sentence(output)),
+        Paragraph(sentence(fit)),
         Warnings(warned),
-        *(estimates_table(result) for result in output.results),
+        *(estimates_table(result) for result in fit.results),
     ]
-    if len(output.results) > 1:
-        answer.append(methods_table(output.results))
-    shown: list[Block] = [
-        FigureBlock(figures[key], caption) for key, caption in CAPTIONS.items() if key in figures
-    ]
-    sections = [Section(f"{name}: fitted values", answer), Section(f"{name}: figures", shown)]
-    if output.comparison is not None:
-        sections.append(
-            Section(
-                f"{name}: models compared",
-                [Paragraph(output.comparison.sentence + "."), comparison_table(output.comparison)],
-            )
-        )
-    sections.append(Section(f"{name}: what stands behind it", [Facts(_facts(output))]))
-    return (*sections, *_runs(output))
+    return [*answer, methods_table(fit.results)] if len(fit.results) > 1 else answer
 
 
-def _runs(output: FitOutput) -> list[Section]:
-    """Say of every run that was fitted on what, in which air and with which calibration."""
-    return [
-        Section(
-            f"The run {Path(path).resolve().name}",
-            [Facts(simple_facts(Run.open(Path(path)).metadata))],
-        )
-        for path in output.data.hashes
-        if is_run(path)
-    ]
+def _compared(fit: FitOutput) -> list[Block]:
+    if fit.comparison is None:
+        return []
+    return [Paragraph(fit.comparison.sentence + "."), comparison_table(fit.comparison)]
 
 
-def fit_page(output: FitOutput, figures: Mapping[str, Figure], commands: Sequence[str]) -> Report:
+def _facts(fit: FitOutput) -> list[Block]:
+    rig = fit.loaded.model.rig
+    facts = {
+        "rig": f"{rig.name}: {rig.title}",
+        "assumed numbers of the rig": f"{len(rig.assumed)} of {len(rig.sources)}",
+        "wake rule": fit.loaded.model.wake_rule,
+        "b of eq. (4)": fit.loaded.model.body_distance.replace("_", " "),
+        "basis": fit.recipe.basis,
+        "noise": fit.recipe.noise,
+        "loss": fit.recipe.loss,
+        "seed": str(fit.recipe.seed),
+        "software": f"benchtool {__version__}",
+    }
+    facts |= {f"sha256 of {path}": digest for path, digest in fit.data.hashes.items()}
+    facts |= {f"outcome of {result.method}": result.outcome.message for result in fit.results}
+    if repairs := fit.data.points.provenance.get("repairs", ""):
+        facts["repairs made while reading"] = repairs
+    return [Facts(facts)]
+
+
+FIT = Page(
+    "fit",
+    [
+        ("{0.recipe.name}: fitted values", [_answer]),
+        (
+            "{0.recipe.name}: figures",
+            ["ratio", "thrust", "area", "residuals", "corner", "chains"],
+        ),
+        ("{0.recipe.name}: models compared", [_compared]),
+        ("{0.recipe.name}: what stands behind it", [_facts]),
+    ],
+)
+
+
+def fit_sections(fit: FitOutput) -> list[Section]:
+    """Return the sections of one fit: answer, figures, comparison, what stands behind it."""
+    return [*FIT.sections(fit), *run_sections(fit.data.hashes)]
+
+
+def fit_page(fit: FitOutput, sections: Sequence[Section], commands: Sequence[str]) -> Report:
     """Return the report page of one fit."""
-    first = output.results[0]
     return Report(
-        title=f"Fit: {output.recipe.name}",
-        summary=sentence(output),
-        sections=(*fit_sections(output, figures), Section("Made with", [Commands(commands)])),
-        simulated=output.data.points.simulated,
+        title=f"Fit: {fit.recipe.name}",
+        summary=sentence(fit),
+        sections=(*sections, Section("Made with", [Commands(commands)])),
+        simulated=fit.simulated,
         made=f"benchtool {__version__}",
-        highlights={item.name: printed(item) for item in _telling(first)},
+        highlights={item.name: printed(item) for item in _most_wanted(fit.results[0])},
     )
 
 
-MOST_TELLING = ("body_lift.K_b", "R_m", "k", "partial_coverage.factor_")
+def refuse_full(folder: Path) -> None:
+    """Refuse a folder that holds something already."""
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise WouldOverwrite(str(folder))
+
+
+def write_fit(folder: Path, fit: FitOutput, commands: Sequence[str] = ()) -> Path:
+    """Write everything that a fit made into a new folder and return its report page.
+
+    Raises:
+        WouldOverwrite: the folder holds something already; nothing was written.
+    """
+    refuse_full(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    write_result(folder, fit)
+    figures = drawn("fit", fit, FIT.figures)
+    for name, block in figures.items():
+        save_figure(block.figure, folder / name)
+    sections = [*FIT.sections(fit, figures), *run_sections(fit.data.hashes)]
+    return write_report(folder / "report.html", fit_page(fit, sections, commands))
+
+
+MOST_WANTED = ("body_lift.K_b", "R_m", "k", "partial_coverage.factor_")
 """Parameters that a reader looks for first, by the beginning of their names."""
 
 
-def _telling(result: FitResult) -> list[Estimate]:
+def _most_wanted(result: FitResult) -> list[Estimate]:
     """Return up to four estimates, those that a fit is made for before nuisances and noise."""
 
     def rank(item: Estimate) -> int:
-        for place, beginning in enumerate(MOST_TELLING):
+        for place, beginning in enumerate(MOST_WANTED):
             if item.name == beginning or (
                 beginning.endswith("_") and item.name.startswith(beginning)
             ):
                 return place
-        return len(MOST_TELLING) + item.name.startswith("noise.")
+        return len(MOST_WANTED) + item.name.startswith("noise.")
 
     ranked = sorted((*result.estimates, *result.derived), key=rank)
     return [item for item in ranked if "share_" not in item.name][:4]
 
 
-def sentence(output: FitOutput) -> str:
+def sentence(fit: FitOutput) -> str:
     """Say in one or two sentences what the fit found."""
     return sentence_of(
-        output.results[0],
-        model=output.loaded.model.name,
-        rig=output.loaded.model.rig.name,
-        basis=output.recipe.basis,
-        used=len(output.data.rows),
-        read=len(output.data.points),
+        fit.results[0],
+        model=fit.loaded.model.name,
+        rig=fit.loaded.model.rig.name,
+        basis=fit.recipe.basis,
+        used=len(fit.data.rows),
+        read=len(fit.data.points),
     )
 
 
@@ -163,56 +180,26 @@ def sentence_of(first: FitResult, *, model: str, rig: str, basis: str, used: int
 
 def comparison_table(comparison: Comparison) -> Table:
     """Return the models side by side, the best first."""
-    rows = []
-    for place, score in enumerate(comparison.scores):
-        behind = "best" if place == 0 else "clearly behind" if score.clearly_behind else "close"
-        rows.append(
-            (
-                score.model,
-                behind,
-                str(score.parameters),
-                f"{score.chi2_per_dof:.3g}",
-                f"{score.behind_best:.1f} ± {score.behind_best_se:.1f}",
-                f"{score.held_out_rms:.4g}",
-                f"{score.aic:.1f}",
-                f"{score.bic:.1f}",
-            )
+    rows = [
+        (
+            score.model,
+            "best" if place == 0 else "clearly behind" if score.clearly_behind else "close",
+            str(score.parameters),
+            f"{score.chi2_per_dof:.3g}",
+            f"{score.behind_best:.1f} ± {score.behind_best_se:.1f}",
+            f"{score.held_out_rms:.4g}",
+            f"{score.aic:.1f}",
+            f"{score.bic:.1f}",
         )
+        for place, score in enumerate(comparison.scores)
+    ]
     held_out = f" in {comparison.folds} folds over {comparison.settings} settings"
     return Table(
         f"Held-out points{held_out if comparison.folds else ''}.",
         (
-            "model",
-            "verdict",
-            "free",
-            "χ²/dof",
-            "log score behind best",
-            "held-out RMS",
-            "AIC",
-            "BIC",
+            *("model", "verdict", "free", "χ²/dof", "log score behind best", "held-out RMS"),
+            *("AIC", "BIC"),
         ),
         rows,
         text_columns=2,
     )
-
-
-def _facts(output: FitOutput) -> dict[str, str]:
-    points, rig = output.data.points, output.loaded.model.rig
-    facts = {
-        "rig": f"{rig.name}: {rig.title}",
-        "assumed numbers of the rig": f"{len(rig.assumed)} of {len(rig.sources)}",
-        "wake rule": output.loaded.model.wake_rule,
-        "b of eq. (4)": output.loaded.model.body_distance.replace("_", " "),
-        "basis": output.recipe.basis,
-        "noise": output.recipe.noise,
-        "loss": output.recipe.loss,
-        "seed": str(output.recipe.seed),
-        "software": f"benchtool {__version__}",
-    }
-    facts |= {f"sha256 of {path}": digest for path, digest in output.data.hashes.items()}
-    for result in output.results:
-        facts[f"outcome of {result.method}"] = result.outcome.message
-    repairs = points.provenance.get("repairs", "")
-    if repairs:
-        facts["repairs made while reading"] = repairs
-    return facts

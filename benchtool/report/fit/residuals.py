@@ -1,8 +1,8 @@
-"""Standardised residuals four ways: against distance, against time, as a histogram, as runs."""
+"""What a fit leaves over, in the order of measurement: structure means that the model lacks it."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from itertools import groupby
 from math import pi, sqrt
 
 import numpy as np
@@ -10,60 +10,48 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from benchtool.report.fit.lengths import refuse_unequal
-from benchtool.report.palette import BLUE, GREY, ORANGE, PALE, VERMILION
-from benchtool.report.runs import runs_of_sign
-from benchtool.report.style import new_figure, styled
+from benchtool.fit.run_recipe import FitOutput
+from benchtool.physics.conditions import FAR_AWAY_M
+from benchtool.report.figure import figure
+from benchtool.report.palette import BLUE, GREY, ORANGE, VERMILION
+from benchtool.report.panels import points, spread
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Residuals:
-    """Hold what a fit leaves over.
-
-    Attributes:
-        z_over_R: (m,) plate distance over rotor radius; infinite out of ground effect.
-        time_s: (m,) when each point was measured; gives the order.
-        standardised: (m,) measured minus model over the standard error.
-    """
-
-    z_over_R: Array
-    time_s: Array
-    standardised: Array
-
-    def __post_init__(self) -> None:
-        refuse_unequal(
-            "a residual figure",
-            z_over_R=self.z_over_R,
-            time_s=self.time_s,
-            standardised=self.standardised,
-        )
+def standardised(fit: FitOutput) -> Array:
+    """Return measured minus model over the standard error (m,) of the points that were used."""
+    result, problem = fit.results[0], fit.problem
+    predicted = problem.predicted(np.array([result[name].value for name in problem.shape_names]))
+    noise = None if problem.noise_name is None else result[problem.noise_name].value
+    left: Array = (fit.data.observed[fit.data.rows] - predicted) / problem.sigma(noise)
+    return left
 
 
-@styled
-def residual_figure(residuals: Residuals, *, title: str, simulated: bool) -> Figure:
+@figure(
+    page="fit",
+    name="residuals",
+    title="What the fit leaves over: {0.recipe.name}",
+    caption="Measured minus model over the standard error: against distance, in the order of "
+    "measurement, as a histogram, and as runs of equal sign.",
+    height_in=5.8,
+)
+def residuals(figure: Figure, fit: FitOutput) -> None:
     """Draw the residuals in four panels, in the order in which they were measured."""
-    figure = new_figure(title, simulated=simulated, height_in=5.8)
+    rows, data, values = fit.data.rows, fit.data, standardised(fit)
     (distance, histogram), (order, runs) = figure.subplots(
         2, 2, gridspec_kw={"width_ratios": [1.5, 1.0]}
     )
-    in_order = np.argsort(residuals.time_s, kind="stable")
-    _against_distance(distance, residuals)
-    _as_histogram(histogram, residuals.standardised)
-    _against_order(order, residuals.standardised[in_order])
-    _as_runs(runs, residuals.standardised[in_order])
-    return figure
+    far = np.where(data.conditions.plate_z_m[rows] >= FAR_AWAY_M, np.inf, data.z_over_R[rows])
+    in_order = np.argsort(data.conditions.time_s[rows], kind="stable")
+    _against_distance(distance, far, values)
+    _as_histogram(histogram, values)
+    _against_order(order, values[in_order])
+    _as_runs(runs, values[in_order])
 
 
-def _zero_and_two_sd(axes: Axes) -> None:
-    axes.axhspan(-2.0, 2.0, color=PALE, alpha=0.45, linewidth=0.0, zorder=0)
-    axes.axhline(0.0, color=GREY, linewidth=0.9)
-
-
-def _against_distance(axes: Axes, residuals: Residuals) -> None:
-    _zero_and_two_sd(axes)
-    z, values = residuals.z_over_R, residuals.standardised
+def _against_distance(axes: Axes, z: Array, values: Array) -> None:
+    spread(axes, 2.0, alpha=0.45)
     near = np.isfinite(z)
     # Out of ground effect has no place on the axis of distances: it stands behind the last one.
     parked = 1.12 * float(z[near].max()) if near.any() else 1.0
@@ -72,15 +60,9 @@ def _against_distance(axes: Axes, residuals: Residuals) -> None:
     for place in np.unique(shown):
         here = values[shown == place]
         if here.size > 1:
-            axes.errorbar(
-                place,
-                here.mean(),
-                yerr=here.std(ddof=1) / sqrt(here.size),
-                fmt="D",
-                color=VERMILION,
-                ms=4.0,
-                label="mean of a distance, ± its standard error",
-            )
+            error = here.std(ddof=1) / sqrt(here.size)
+            label = "mean of a distance, ± its standard error"
+            points(axes, place, here.mean(), error, VERMILION, "D", ms=4.0, label=label)
     handles, labels = axes.get_legend_handles_labels()
     if handles:
         axes.legend(handles[:1], labels[:1], loc="upper right", fontsize=7.6)
@@ -94,7 +76,7 @@ def _against_distance(axes: Axes, residuals: Residuals) -> None:
 
 
 def _against_order(axes: Axes, values: Array) -> None:
-    _zero_and_two_sd(axes)
+    spread(axes, 2.0, alpha=0.45)
     number = np.arange(1, values.size + 1)
     axes.plot(number, values, "o", color=BLUE, ms=3.6, alpha=0.55, mew=0.0)
     window = max(5, values.size // 10)
@@ -124,19 +106,43 @@ def _as_histogram(axes: Axes, values: Array) -> None:
 
 
 def _as_runs(axes: Axes, values: Array) -> None:
-    runs = runs_of_sign(values)
+    lengths = runs_of_sign(values)
+    starts = np.cumsum([0, *np.abs(lengths[:-1])])
     axes.bar(
-        runs.starts + 1,
-        runs.signs * runs.lengths,
-        width=runs.lengths,
-        align="edge",
-        color=[BLUE if sign > 0 else ORANGE for sign in runs.signs],
-        linewidth=0.0,
-    )
+        starts + 1, lengths, width=np.abs(lengths), align="edge", linewidth=0.0,
+        color=[BLUE if length > 0 else ORANGE for length in lengths],
+    )  # fmt: skip
     axes.axhline(0.0, color=GREY, linewidth=0.9)
+    expected, sd = expected_runs(values)
     axes.set_title(
-        f"{runs.count} runs, {runs.expected:.0f} ± {runs.sd:.0f} expected\n({runs.verdict})",
+        f"{len(lengths)} runs, {expected:.0f} ± {sd:.0f} expected\n"
+        f"({judge_runs(len(lengths), expected, sd)})",
         fontsize=9.0,
     )
     axes.set_xlabel("point, in the order measured")
     axes.set_ylabel("run length, with sign")
+
+
+def runs_of_sign(residuals: Array) -> NDArray[np.intp]:
+    """Return the length of each run of equal sign (r,), with the sign; exact zeros are positive."""
+    signs = np.where(residuals >= 0.0, 1, -1)
+    return np.array([sign * len(list(run)) for sign, run in groupby(signs)], np.intp)
+
+
+def expected_runs(residuals: Array) -> tuple[float, float]:
+    """Return mean and sd of the number of runs that independent signs would make.
+
+    Wald and Wolfowitz, Ann. Math. Stat. 11, 1940, p. 147; the sd is 0 for one sign only.
+    """
+    above = int((residuals >= 0.0).sum())
+    total = len(residuals)
+    mixed = 2.0 * above * (total - above)
+    variance = mixed * (mixed - total) / (total**2 * (total - 1)) if total > 1 else 0.0
+    return 1.0 + mixed / max(total, 1), sqrt(max(variance, 0.0))
+
+
+def judge_runs(count: int, expected: float, sd: float) -> str:
+    """Say in a few words what the number of runs means, at three standard deviations."""
+    if sd == 0.0 or abs(count - expected) <= 3.0 * sd:
+        return "as independent residuals show"
+    return "too few: neighbours are alike" if count < expected else "too many: neighbours alternate"

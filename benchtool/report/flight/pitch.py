@@ -4,27 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from benchtool.core.errors import InputError
-from benchtool.report.fit.lengths import refuse_unequal
+from benchtool.report.figure import Page, figure
+from benchtool.report.flight.pitch_study import PitchStudy
 from benchtool.report.palette import BLUE, GREY, VERMILION
-from benchtool.report.style import new_figure, styled
+from benchtool.report.panels import legend_below, rows_of, shade, spans
+from benchtool.simulate.pitch.result import PitchRun
 
 Array = NDArray[np.float64]
-
-OVER = "#bfe3c8"
-"""Background while a rotor is over the plate, as in the paper's figures 26 to 28."""
-
-PANEL_IN = 1.55
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PitchTrace:
-    """Hold one run for drawing.
+    """Hold one run, on a hinge or in flight.
 
     Attributes:
         label: heading of its panel ("observer").
@@ -40,56 +37,58 @@ class PitchTrace:
     covered: Array
     away_deg: Array | None = None
 
-    def __post_init__(self) -> None:
-        refuse_unequal(
-            f"the run {self.label!r}",
-            time_s=self.time_s,
-            pitch_deg=self.pitch_deg,
-            reference_deg=self.reference_deg,
-            covered=self.covered,
-            away_deg=self.away_deg,
+    @classmethod
+    def on_hinge(cls, run: PitchRun, label: str, away: PitchRun | None = None) -> PitchTrace:
+        """Return a run on the hinge, and beside it the one with the plate parked."""
+        return cls(
+            label,
+            run.time_s,
+            np.degrees(run.column("true_theta_rad")),
+            np.degrees(run.column("reference_rad")),
+            run.column("plate_share"),
+            None if away is None else np.degrees(away.column("true_theta_rad")),
         )
 
 
-@styled
-def pitch_figure(traces: Sequence[PitchTrace], *, title: str, simulated: bool) -> Figure:
-    """Draw one panel per controller, all with the same axes, as in the paper's figures 26 to 28.
+def pitch_height(panels: int) -> float:
+    """Return the height of so many panels, inches."""
+    return 1.0 + 1.55 * panels
 
-    Args:
-        traces: runs, from top to bottom.
-        title: one line that says what is to be seen.
-        simulated: whether no physical bench gave the runs.
-    """
-    if not traces:
-        raise InputError("a figure of pitch needs at least one run")
-    figure = new_figure(title, simulated=simulated, height_in=1.0 + PANEL_IN * len(traces))
-    panels = figure.subplots(len(traces), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
+
+def draw_pitch(figure: Figure, traces: Sequence[PitchTrace]) -> None:
+    """Draw one panel per run, all with the same axes, as in the paper's figures 26 to 28."""
+    panels = rows_of(figure, [1.0] * len(traces), sharey=True)
     for axes, trace in zip(panels, traces, strict=True):
-        for start, end in spans(trace.time_s, trace.covered > 0.0):
-            axes.axvspan(start, end, color=OVER, linewidth=0.0, zorder=0.4, gid="over-plate")
+        shade(axes, spans(trace.time_s, trace.covered > 0.0), "over-plate")
+        lines: list[tuple[Array | None, str, dict[str, Any]]] = [
+            (trace.away_deg, "plate away (OGE)", {"color": BLUE, "lw": 0.9}),
+            (trace.pitch_deg, "with the plate (IGE)", {"color": VERMILION, "lw": 1.2}),
+        ]
         if np.ptp(trace.reference_deg) > 0.0:
-            axes.plot(
-                trace.time_s, trace.reference_deg, color=GREY, lw=1.0, ls="--", label="wanted"
-            )
-        if trace.away_deg is not None:
-            axes.plot(trace.time_s, trace.away_deg, color=BLUE, lw=0.9, label="plate away (OGE)")
-        axes.plot(
-            trace.time_s, trace.pitch_deg, color=VERMILION, lw=1.2, label="with the plate (IGE)"
-        )
+            dashed = {"color": GREY, "lw": 1.0, "ls": "--"}
+            lines.insert(0, (trace.reference_deg, "wanted", dashed))
+        for values, label, look in lines:
+            if values is not None:
+                axes.plot(trace.time_s, values, label=label, **look)
         axes.set_title(trace.label)
         axes.set_ylabel("pitch [deg]\n(nose down +)")
     panels[-1].set_xlabel("time [s]    (green: a rotor is over the plate)")
     panels[0].set_xlim(float(traces[0].time_s[0]), float(traces[0].time_s[-1]))
-    handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
-    return figure
+    legend_below(figure, panels[:1], len(panels[0].get_legend_handles_labels()[1]))
 
 
-def spans(time_s: Array, inside: NDArray[np.bool_]) -> list[tuple[float, float]]:
-    """Return begin and end of every stretch in which `inside` holds."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], inside.astype(np.int8), [0]])))
-    last = len(time_s) - 1
-    return [
-        (float(time_s[begin]), float(time_s[min(end, last)]))
-        for begin, end in zip(edges[::2], edges[1::2], strict=True)
-    ]
+@figure(
+    page="flight.pitch",
+    name="pitch",
+    title="{0.setup.bench.model.rig.name}: {0.setup.schedule.title}",
+    caption="Pitch under each controller, with the plate and without; green: a rotor is over it.",
+    simulated=True,
+    height_in=lambda study: pitch_height(len(study.runs)),
+)
+def pitch(figure: Figure, study: PitchStudy) -> None:
+    """Draw the study as the paper lays out its figures 26 to 28."""
+    pairs = zip(study.runs, study.away, strict=True)
+    draw_pitch(figure, [PitchTrace.on_hinge(run, run.controller, away) for run, away in pairs])
+
+
+PITCH = Page("flight.pitch", [("The pitch bench", ["pitch"])])

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -21,9 +21,6 @@ from benchtool.simulate.pitch.result import PitchRun, PlateNumbers, plate_number
 from benchtool.simulate.pitch.run import PitchJob
 from benchtool.simulate.pitch.setup import PitchSetup
 from benchtool.simulate.pitch.simulate import simulate_controller, simulate_pitch
-
-if TYPE_CHECKING:
-    from benchtool.report.files import Figure
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -131,25 +128,6 @@ def warnings_of(study: PitchStudy) -> list[str]:
     return out
 
 
-def study_figure(study: PitchStudy) -> Figure:
-    """Draw the study as the paper lays out its figures 26 to 28."""
-    from benchtool.report.flight.pitch import PitchTrace, pitch_figure
-
-    traces = [
-        PitchTrace(
-            label=run.controller,
-            time_s=run.time_s,
-            pitch_deg=np.degrees(run.column("true_theta_rad")),
-            reference_deg=np.degrees(run.column("reference_rad")),
-            covered=run.column("plate_share"),
-            away_deg=np.degrees(far.column("true_theta_rad")),
-        )
-        for run, far in zip(study.runs, study.away, strict=True)
-    ]
-    rig, schedule = study.setup.bench.model.rig, study.setup.schedule
-    return pitch_figure(traces, title=f"{rig.name}: {schedule.title}", simulated=True)
-
-
 def report_lines(study: PitchStudy) -> list[str]:
     """Return all that is said of a study: what it is, the table, the warnings."""
     setup, gains = study.setup, study.setup.controls[0].gains
@@ -168,6 +146,7 @@ def write_study(study: PitchStudy, out: Path) -> list[Path]:
         the files.
     """
     from benchtool.data.run.recording_file import beside, write_recording
+    from benchtool.report.figure import drawn
     from benchtool.report.files import refuse_existing, save_figure
 
     setup = study.setup
@@ -191,7 +170,8 @@ def write_study(study: PitchStudy, out: Path) -> list[Path]:
             path, run.recording(rig, provenance), {"software": f"benchtool {__version__}"}
         )
     table.write_text("\n".join(report_lines(study)) + "\n", encoding="utf-8")
-    return [*recordings, table, *save_figure(study_figure(study), out / "pitch")]
+    block = drawn("flight.pitch", study)["pitch"]
+    return [*recordings, table, *save_figure(block.figure, out / "pitch")]
 
 
 def _gains_told(control: PitchControl) -> str:

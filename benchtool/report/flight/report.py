@@ -11,16 +11,14 @@ from typing import Any
 from benchtool import __version__
 from benchtool.core.errors import InputError
 from benchtool.data.run.recording_file import beside, write_recording
+from benchtool.report.figure import drawn
 from benchtool.report.files import refuse_existing, save_figure
-from benchtool.report.flight.flight import flight_figure
 from benchtool.report.flight.study import (
     Flown,
     fly_and_measure,
     name_of,
-    obstacle_extent,
     out_of_ground_effect,
     recording_of,
-    trace_of,
 )
 from benchtool.report.flight.warnings import warnings_of
 from benchtool.simulate.flight.flight import FlightCase, FlightControl
@@ -115,12 +113,5 @@ def write_flights(out: Path, flights: Sequence[Flown]) -> list[Path]:
     for path, flown in tables.items():
         write_recording(path, recording_of(flown.flight), {"software": f"benchtool {__version__}"})
     text.write_text("\n".join(report_lines(flights)) + "\n", encoding="utf-8")
-    first = flights[1].case
-    height = first.start_m[2] / first.vehicle.rig.propulsion.radius_m
-    figure = flight_figure(
-        [trace_of(flown, name_of(flown)) for flown in flights[1:]],
-        title=f"{first.title}, z/R = {height:.3g}, gains {first.gains.name}",
-        beside=trace_of(flights[0], "PID out of ground effect"),
-        obstacle_m=obstacle_extent(first),
-    )
-    return [*tables, text, *save_figure(figure, out / "flight")]
+    block = drawn("flight", flights)["flight"]
+    return [*tables, text, *save_figure(block.figure, out / "flight")]

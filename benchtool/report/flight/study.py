@@ -1,4 +1,4 @@
-"""A flight as a study: flown, measured, as a trace and as a recording."""
+"""A flight as a study: flown, measured, and as a recording."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ import numpy as np
 
 from benchtool.core.channel import Channel
 from benchtool.core.recording import Recording
-from benchtool.report.flight.flight import FlightTrace
 from benchtool.simulate.environment import Environment
 from benchtool.simulate.flight.flight import Flight, FlightCase, fly
 from benchtool.simulate.flight.measures import Measures, measure
@@ -92,23 +91,6 @@ def verdict(flown: Flown) -> str:
     if found.swing_m > 0.05:
         return f"never arrives: swings {found.range_m[0]:.2f} to {found.range_m[1]:.2f} m"
     return f"stays {abs(goal.x_m - found.range_m[0]):.2f} m short"
-
-
-def trace_of(flown: Flown, label: str) -> FlightTrace:
-    """Return a flight for drawing; the obstacle is marked by the discs' covered areas."""
-    flight = flown.flight
-    discs = range(1, flown.case.vehicle.rig.n_discs + 1)
-    return FlightTrace(
-        label,
-        flight["time_s"],
-        flight["x_m"],
-        np.degrees(flight["pitch_rad"]),
-        np.degrees(flight["pitch_ref_rad"]),
-        np.sum([flight[f"coverage{i}"] for i in discs], axis=0),
-        flown.case.goals[-1].x_m,
-        verdict(flown),
-        flight.ending == "flown",
-    )
 
 
 def obstacle_extent(case: FlightCase) -> tuple[float, float] | None:

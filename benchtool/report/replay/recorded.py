@@ -17,7 +17,7 @@ from benchtool.data.run.recording_file import beside as facts_beside
 from benchtool.data.run.run import Run
 from benchtool.explain.pitch.replayed import provenance_of_run
 from benchtool.report.page import Block, Facts, Listing, Paragraph, Section, Table
-from benchtool.report.sweep.run_facts import (
+from benchtool.report.run_facts import (
     MISSING,
     air_facts,
     calibration_facts,

@@ -8,65 +8,49 @@ from math import hypot, isfinite
 import numpy as np
 
 from benchtool import __version__
-from benchtool.fit.model_band import Believed
-from benchtool.fit.swept import Swept
+from benchtool.fit.swept import SweepRun
+from benchtool.report.figure import Page
 from benchtool.report.numbers import value_with_sd
-from benchtool.report.page import (
-    Block,
-    Commands,
-    FigureBlock,
-    Heading,
-    Paragraph,
-    Report,
-    Section,
-    Table,
-)
-from benchtool.report.sweep.figures import plain, runs_ratio
-from benchtool.report.sweep.page import run_sentence, swept_sections
-from benchtool.report.sweep.run_facts import MISSING, air_facts, calibration_facts, state_facts
-from benchtool.report.sweep.tables import BASES, ERRORS
-
-Place = tuple[float, float]
+from benchtool.report.page import Block, Commands, Heading, Paragraph, Report, Section, Table
+from benchtool.report.run_facts import MISSING, air_facts, calibration_facts, state_facts
+from benchtool.report.sweep.figures import plain
+from benchtool.report.sweep.page import SWEEP, run_sentence
 
 CLEAR = 3.0
 """A difference of more than so many of its standard deviations is called one."""
 
 
-def compared_page(runs: Sequence[Swept], model: Believed | None, commands: Sequence[str]) -> Report:
+def _tables(runs: Sequence[SweepRun]) -> list[Block]:
+    table, _ = common_table(runs)
+    return [*([table] if table.rows else []), facts_table(runs)]
+
+
+COMPARED = Page("sweep.compared", [("Runs compared", ["ratios", _tables])])
+
+
+def compared_page(runs: Sequence[SweepRun], commands: Sequence[str] = ()) -> Report:
     """Return the report page of several runs."""
-    table, sentence = common_table(runs)
-    blocks: list[Block] = []
-    if (figure := runs_ratio(list(runs), model)) is not None:
-        blocks.append(
-            FigureBlock(
-                figure,
-                f"Thrust near the plate over thrust with the plate parked, run by run, at "
-                f"{BASES[runs[0].basis]}. Bars: {ERRORS}. Dashed: the closed image formula at the "
-                f"radius of the first run's rig.",
-            )
-        )
-    blocks += [*([table] if table.rows else []), facts_table(runs)]
-    sections = [Section("Runs compared", blocks)]
+    sections = COMPARED.sections(runs)
     for run in runs:
         parts: list[Block] = [Paragraph(run_sentence(run))]
-        for section in swept_sections(run, model):
+        for section in SWEEP.sections(run):
             parts += [Heading(section.title), *section.blocks]
         sections.append(Section(f"The run {run.name}", parts))
     return Report(
         title=f"Sweeps compared: {', '.join(run.name for run in runs)}",
-        summary=sentence,
+        summary=common_table(runs)[1],
         sections=(*sections, Section("Made with", [Commands(commands)])),
         simulated=any(run.simulated for run in runs),
         made=f"benchtool {__version__}",
     )
 
 
-def common_table(runs: Sequence[Swept]) -> tuple[Table, str]:
+def common_table(runs: Sequence[SweepRun]) -> tuple[Table, str]:
     """Return the ratios at settings that every run has, and what they say in a sentence.
 
     Differences are those of each run from the first.
     """
-    found = [_by_place(run) for run in runs]
+    found = [_by_setting(run) for run in runs]
     common = [place for place in found[0] if all(place in one for one in found[1:])]
     rows, apart, worst = [], 0, (0.0, "")
     for place in common:
@@ -91,15 +75,15 @@ def common_table(runs: Sequence[Swept]) -> tuple[Table, str]:
     )
     if not common:
         return table, "The runs have no setting of the same distance and pulse in common."
-    count = len(common) * (len(runs) - 1)
     said = (
-        f"{apart} of {count} ratios at common settings are more than {CLEAR:g} standard deviations "
-        f"from the first run's"
+        f"{apart} of {len(common) * (len(runs) - 1)} ratios at common settings are more than "
+        f"{CLEAR:g} standard deviations from the first run's"
     )
     return table, f"{said}, the farthest {worst[1]} ({worst[0]:.1f})." if worst[1] else f"{said}."
 
 
-def _by_place(run: Swept) -> dict[Place, tuple[float, float]]:
+def _by_setting(run: SweepRun) -> dict[tuple[float, float], tuple[float, float]]:
+    """Return ratio and error by plate distance z/R and pulse in µs."""
     z, levels = run.z_over_R(run.settings).round(2), run.level_us().round(0)
     return {
         (float(z[row]), float(levels[row])): (float(run.ratio[row]), float(run.ratio_error[row]))
@@ -107,12 +91,12 @@ def _by_place(run: Swept) -> dict[Place, tuple[float, float]]:
     }
 
 
-def facts_table(runs: Sequence[Swept]) -> Table:
+def facts_table(runs: Sequence[SweepRun]) -> Table:
     """Set who measured what, when and in which air side by side."""
-    told = []
+    columns = []
     for run in runs:
         air, state = air_facts(run.metadata), state_facts(run.metadata)
-        told.append(
+        columns.append(
             {
                 "rig": run.rig.name,
                 "device": str(run.metadata.get("device_id", MISSING)),
@@ -127,6 +111,6 @@ def facts_table(runs: Sequence[Swept]) -> Table:
     return Table(
         "The runs.",
         ("", *(run.name for run in runs)),
-        [(key, *(one[key] for one in told)) for key in told[0]],
+        [(key, *(one[key] for one in columns)) for key in columns[0]],
         text_columns=1 + len(runs),
     )

@@ -8,32 +8,20 @@ import numpy as np
 
 from benchtool import __version__
 from benchtool.core.counted import counted
-from benchtool.core.errors import FileFormatError
-from benchtool.core.parsed_text import parse_toml
-from benchtool.fit.model_band import Believed
-from benchtool.fit.swept import Swept
+from benchtool.fit.swept import SweepRun
+from benchtool.report.figure import Page, drawn
 from benchtool.report.numbers import value_with_sd
 from benchtool.report.page import (
     Block,
     Commands,
     Facts,
-    FigureBlock,
     Listing,
     Paragraph,
     Report,
     Section,
     Warnings,
 )
-from benchtool.report.sweep.calibration_drawn import calibration_drawn
-from benchtool.report.sweep.figures import (
-    anchor_changes,
-    order_and_drift,
-    raw_beside_averaged,
-    run_ratio,
-    samples_over_time,
-    thrust_distance,
-)
-from benchtool.report.sweep.run_facts import (
+from benchtool.report.run_facts import (
     air_facts,
     calibration_facts,
     device_facts,
@@ -41,79 +29,128 @@ from benchtool.report.sweep.run_facts import (
     state_facts,
     version_facts,
 )
-from benchtool.report.sweep.tables import (
-    BASES,
-    ERRORS,
-    events_block,
-    limits_table,
-    settings_table,
-    tares_table,
+from benchtool.report.sweep.figures import BASES
+from benchtool.report.sweep.samples import anchor_changes
+from benchtool.report.sweep.tables import events_block, limits_table, settings_table, tares_table
+
+
+def _warnings(run: SweepRun) -> list[Block]:
+    return [Warnings(run_warnings(run))]
+
+
+def _settings(run: SweepRun) -> list[Block]:
+    return [settings_table(run)]
+
+
+def _without_samples(run: SweepRun) -> list[Block]:
+    if run.samples is not None:
+        return []
+    return [Paragraph("The folder holds no samples, only points made of them.")]
+
+
+def _drift(run: SweepRun) -> list[Block]:
+    _, change, error = anchor_changes(run)
+    said = "No anchor was repeated, so drift of the load cell was not watched."
+    if len(change) > 1:
+        worst = int(np.argmax(np.abs(change)))
+        moved = value_with_sd(1e3 * float(change[worst]), 1e3 * float(error[worst]))
+        said = (
+            f"{len(change)} anchors: since the first the load cell moved by at most {moved} mN at "
+            f"equal rotor speed."
+        )
+    elif len(change) == 1:
+        said = "One anchor was measured; drift shows from the second on."
+    tares = [] if run.tares is None else [tares_table(run.tares)]
+    return [Paragraph(said), *tares]
+
+
+def _limits(run: SweepRun) -> list[Block]:
+    return [limits_table(run), events_block(run)]
+
+
+def _rig(run: SweepRun) -> list[Block]:
+    return [Facts(rig_facts(run.metadata) | device_facts(run.metadata))]
+
+
+def _conditions(run: SweepRun) -> list[Block]:
+    facts = run.metadata
+    blocks: list[Block] = [Facts(state_facts(facts) | air_facts(facts) | calibration_facts(facts))]
+    if known := facts.get("calibration"):
+        blocks += drawn("sweep.calibration", {**known, "simulated": run.simulated}).values()
+    return blocks
+
+
+def _plan(run: SweepRun) -> list[Block]:
+    return [Listing("The plan, every number filled in (plan.toml).", run.plan_text)]
+
+
+def _data(run: SweepRun) -> list[Block]:
+    facts = version_facts(run.metadata)
+    facts["reported with"] = f"benchtool {__version__}"
+    facts["sha256 of the run's data (points and samples)"] = run.sha256
+    return [Facts(facts | {f"sha256 of {name}": digest for name, digest in run.files.items()})]
+
+
+SWEEP = Page(
+    "sweep",
+    [
+        ("What was measured", [_warnings, "ratio", "distance", _settings]),
+        ("Raw and averaged", ["samples", "visits", _without_samples]),
+        ("Order, drift and tares", ["order", _drift]),
+        ("Limits and events", [_limits]),
+        ("Rig and device", [_rig]),
+        ("Conditions and calibration", [_conditions]),
+        ("Plan", [_plan]),
+        ("Software and data", [_data]),
+    ],
 )
 
+Page("sweep.calibration", [("Calibration", ["calibration"])])
 
-def swept_page(run: Swept, model: Believed | None, commands: Sequence[str]) -> Report:
+
+def sweep_page(run: SweepRun, commands: Sequence[str] = ()) -> Report:
     """Return the report page of one run."""
     return Report(
         title=f"Sweep: {run.name}",
         summary=run_sentence(run),
-        sections=(*swept_sections(run, model), Section("Made with", [Commands(commands)])),
+        sections=(*SWEEP.sections(run), Section("Made with", [Commands(commands)])),
         simulated=run.simulated,
         made=f"benchtool {__version__}",
         highlights=_highlights(run),
     )
 
 
-def swept_sections(run: Swept, model: Believed | None) -> list[Section]:
-    """Return the sections of one run."""
-    named: list[tuple[str, list[Block]]] = [
-        ("What was measured", _measured(run, model)),
-        ("Raw and averaged", _raw(run)),
-        ("Order, drift and tares", _order(run)),
-        ("Limits and events", [limits_table(run), events_block(run)]),
-        ("Rig and device", [Facts(rig_facts(run.metadata) | device_facts(run.metadata))]),
-        ("Conditions and calibration", _conditions(run)),
-        ("Plan", [Listing("The plan, every number filled in (plan.toml).", run.plan_text)]),
-        ("Software and data", [Facts(data_facts(run))]),
-    ]
-    return [Section(title, blocks) for title, blocks in named]
-
-
-def run_sentence(run: Swept) -> str:
+def run_sentence(run: SweepRun) -> str:
     """Say in a few sentences what was measured and what came out."""
     measured, z = run.measured(), run.z_over_R(run.settings)
     levels = np.unique(run.level_us()[measured])
     visits = sum(kind == "measure" for kind in run.kinds)
-    words = (
-        (
+    if measured.any():
+        words = (
             f"{counted(visits, 'visit')} of {counted(int(measured.sum()), 'setting')} on rig "
             f"{run.rig.name}, plate at z/R {np.nanmin(z[measured]):.3g} to "
             f"{np.nanmax(z[measured]):.3g}, pulses "
             f"{', '.join(f'{level:g}' for level in levels)} µs."
         )
-        if measured.any()
-        else f"No setting near the plate was measured on rig {run.rig.name}."
-    )
+    else:
+        words = f"No setting near the plate was measured on rig {run.rig.name}."
     if (place := _largest(run)) is not None:
-        words += (
-            f" T_IGE/T_OGE at {BASES[run.basis]} is largest, "
-            f"{value_with_sd(float(run.ratio[place]), float(run.ratio_error[place]))}, at z/R "
-            f"{z[place]:.3g}."
-        )
+        largest = value_with_sd(float(run.ratio[place]), float(run.ratio_error[place]))
+        words += f" T_IGE/T_OGE at {BASES[run.basis]} is largest, {largest}, at z/R {z[place]:.3g}."
     state = str(run.metadata.get("state", ""))
-    reason = run.metadata.get("reason")
     if state == "stopped":
-        words += f" The run was stopped: {reason}."
+        words += f" The run was stopped: {run.metadata.get('reason')}."
     elif state == "running":
         words += " The run was never closed: it still goes on, or its process was killed."
     return words
 
 
-def _largest(run: Swept) -> int | None:
+def _largest(run: SweepRun) -> int | None:
     near = run.measured() & np.isfinite(run.ratio)
     return int(np.argmax(np.where(near, run.ratio, -np.inf))) if near.any() else None
 
 
-def _highlights(run: Swept) -> dict[str, str]:
+def _highlights(run: SweepRun) -> dict[str, str]:
     shown = {}
     if (place := _largest(run)) is not None:
         z = run.z_over_R(run.settings)[place]
@@ -125,16 +162,16 @@ def _highlights(run: Swept) -> dict[str, str]:
     if run.tares is not None:
         worst = float(np.nanmax(np.abs(run.tares.column("thrust_N"))))
         shown["largest rest after a tare"] = f"{1e3 * worst:.2g} mN"
-    shown["points not settled"] = f"{unsettled(run)} of {len(run.points)}"
+    shown["points not settled"] = f"{_unsettled(run)} of {len(run.points)}"
     return shown
 
 
-def unsettled(run: Swept) -> int:
+def _unsettled(run: SweepRun) -> int:
     """Return how many points were taken although settling timed out."""
     return int((run.points.column("settled") == 0.0).sum()) if "settled" in run.points else 0
 
 
-def run_warnings(run: Swept) -> list[str]:
+def run_warnings(run: SweepRun) -> list[str]:
     """Return what a reader must know before using a number."""
     out = []
     state = str(run.metadata.get("state", ""))
@@ -142,7 +179,7 @@ def run_warnings(run: Swept) -> list[str]:
         out.append(f"The run was stopped: {run.metadata.get('reason', 'no reason is stated')}.")
     elif state != "ended":
         out.append("The run was never closed; close it with benchtool sweep --resume.")
-    if count := unsettled(run):
+    if count := _unsettled(run):
         out.append(f"{counted(count, 'point')} taken although thrust or speed had not settled.")
     if not (run.metadata.get("air") or {}).get("measured"):
         out.append("Nobody measured the air: its density is that of the standard atmosphere.")
@@ -161,114 +198,3 @@ def run_warnings(run: Swept) -> list[str]:
         if repairs:
             out.append(f"Mended while reading: {repairs}.")
     return out
-
-
-def _measured(run: Swept, model: Believed | None) -> list[Block]:
-    blocks: list[Block] = [Warnings(run_warnings(run))]
-    said = ""
-    if model is not None:
-        spread = f" Its bands: {model.spread}." if model.spread else " It states no uncertainty."
-        fitted = f", fitted to {', '.join(model.fitted_to)}" if model.fitted_to else ""
-        said = f" Model: {model.model.name}{fitted}.{spread}"
-    if (figure := run_ratio(run, model)) is not None:
-        blocks.append(
-            FigureBlock(
-                figure,
-                f"Thrust near the plate over thrust with the plate parked, at "
-                f"{BASES[run.basis]}. Bars: {ERRORS}. Dashed: the closed image formulae (PFI) "
-                f"at the rig's radius, nothing fitted.{said}",
-            )
-        )
-    if run.measured().any():
-        blocks.append(
-            FigureBlock(
-                thrust_distance(run, model),
-                "Thrust against plate distance at each throttle level. Bars as above; dotted: the "
-                "level's mean with the plate parked." + said,
-            )
-        )
-    return [*blocks, settings_table(run)]
-
-
-def _raw(run: Swept) -> list[Block]:
-    calibrated = bool(run.metadata.get("calibration"))
-    blocks: list[Block] = []
-    if (figure := samples_over_time(run)) is not None:
-        blocks.append(
-            FigureBlock(
-                figure,
-                "Every sample as the device sent it"
-                + (", before the calibration" if calibrated else "")
-                + "; shaded: the stretches whose samples became points.",
-            )
-        )
-    if (figure := raw_beside_averaged(run)) is not None:
-        blocks.append(
-            FigureBlock(
-                figure,
-                "Raw samples of each visit beside their mean: nothing is filtered but by averaging "
-                "over the shaded stretches above. Standard errors count the samples' "
-                "autocorrelation (initial positive sequence, Geyer 1992)."
-                + (" Raw counts are shown through the calibration's slope." if calibrated else ""),
-            )
-        )
-    if not blocks:
-        blocks.append(Paragraph("The folder holds no samples, only points made of them."))
-    return blocks
-
-
-def _order(run: Swept) -> list[Block]:
-    residual_N = _residual_N(run.plan_text)
-    _, change, error = anchor_changes(run)
-    said = "No anchor was repeated, so drift of the load cell was not watched."
-    if len(change) > 1:
-        worst = int(np.argmax(np.abs(change)))
-        said = (
-            f"{len(change)} anchors: since the first the load cell moved by at most "
-            f"{value_with_sd(1e3 * float(change[worst]), 1e3 * float(error[worst]))} mN at equal "
-            f"rotor speed."
-        )
-    elif len(change) == 1:
-        said = "One anchor was measured; drift shows from the second on."
-    blocks: list[Block] = [
-        FigureBlock(
-            order_and_drift(run, residual_N),
-            "Above: plate distances in the order of measurement. Below: change of thrust at the "
-            "anchors, brought to the first anchor's rotor speed, and what the load cell showed "
-            "after each tare.",
-        ),
-        Paragraph(said),
-    ]
-    if run.tares is not None:
-        blocks.append(tares_table(run.tares))
-    return blocks
-
-
-def _residual_N(plan_text: str) -> float:
-    try:
-        return float(parse_toml(plan_text, "plan.toml")["tare"]["residual_N"])
-    except (FileFormatError, KeyError, TypeError, ValueError):
-        return float("nan")
-
-
-def _conditions(run: Swept) -> list[Block]:
-    facts = run.metadata
-    blocks: list[Block] = [Facts(state_facts(facts) | air_facts(facts) | calibration_facts(facts))]
-    if known := facts.get("calibration"):
-        blocks.append(
-            FigureBlock(
-                calibration_drawn(known, simulated=run.simulated),
-                "The calibration. Above: mean raw reading of each known mass and the line. Below: "
-                "what the line leaves over; a gap between the two ways is hysteresis, an arch a "
-                "bent line.",
-            )
-        )
-    return blocks
-
-
-def data_facts(run: Swept) -> dict[str, str]:
-    """Return the software, and the hashes that tie the page to its data."""
-    facts = version_facts(run.metadata)
-    facts["reported with"] = f"benchtool {__version__}"
-    facts["sha256 of the run's data (points and samples)"] = run.sha256
-    return facts | {f"sha256 of {name}": digest for name, digest in run.files.items()}

@@ -10,19 +10,15 @@ from numpy.typing import NDArray
 from benchtool.core.counted import counted
 from benchtool.core.recording import Recording
 from benchtool.data.columns import speed_columns
-from benchtool.fit.swept import Swept
+from benchtool.fit.swept import SweepRun
 from benchtool.report.numbers import value_with_sd
 from benchtool.report.page import Block, Paragraph, Table
+from benchtool.report.sweep.figures import BASES, ERRORS
 
 Array = NDArray[np.float64]
 
 SHOWN_EVENTS = 60
 """Events in the table; a run with more has them all in its events.jsonl."""
-
-ERRORS = "the standard deviation over repeats, or the standard error of a visit where it is larger"
-"""What an error bar of a setting is."""
-
-BASES = {"equal_rpm2": "equal rpm²", "equal_pwm": "equal pwm"}
 
 _LIMITS = {
     "thrust_N": ("thrust", "N", "thrust_N"),
@@ -34,7 +30,7 @@ _LIMITS = {
 """Limits of a rig that nothing may exceed: words, unit, and the channels that they hold for."""
 
 
-def mean_rpm(run: Swept) -> Array:
+def mean_rpm(run: SweepRun) -> Array:
     """Return the mean speed of the rotors that turn, for each setting (s,); nan without speeds."""
     names = speed_columns(run.settings.names, "rpm")
     total, turning = np.zeros(len(run.settings)), np.zeros(len(run.settings))
@@ -45,7 +41,7 @@ def mean_rpm(run: Swept) -> Array:
     return mean
 
 
-def settings_table(run: Swept) -> Table:
+def settings_table(run: SweepRun) -> Table:
     """List every setting: where, how fast, how much thrust, which ratio."""
     z, levels = run.z_over_R(run.settings), run.level_us()
     rpm = mean_rpm(run)
@@ -100,7 +96,7 @@ def tares_table(tares: Recording) -> Table:
     )
 
 
-def limits_table(run: Swept) -> Table:
+def limits_table(run: SweepRun) -> Table:
     """Set the largest reading beside each limit that no reading may exceed."""
     limits, source = run.metadata["rig"]["limits"], run.samples or run.points
     rows = []
@@ -132,7 +128,7 @@ def _room(seen: float, limit: float) -> str:
     return f"{100.0 * (1.0 - seen / limit):.0f} %"
 
 
-def events_block(run: Swept) -> Block:
+def events_block(run: SweepRun) -> Block:
     """Return what happened during the run, without the device's chatter."""
     told = [event for event in run.events if event.event != "device"]
     device = len(run.events) - len(told)
@@ -140,7 +136,7 @@ def events_block(run: Swept) -> Block:
     if len(told) > SHOWN_EVENTS:
         more += f" The first {SHOWN_EVENTS} of {len(told)} are shown."
     if not told:
-        return Paragraph("Nothing happened that is worth telling." + more)
+        return Paragraph("Nothing happened that is worth reporting." + more)
     return Table(
         "Events." + more,
         ("event", "what", "visit", "time [s]"),

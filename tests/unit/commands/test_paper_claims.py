@@ -6,6 +6,7 @@ import csv
 import io
 
 import pytest
+from benchtool.commands.paper.figures import paper_figures
 from matplotlib.figure import Figure
 
 from benchtool.commands.paper import sensitivity as paper_claims_sensitivity
@@ -21,7 +22,6 @@ from benchtool.commands.paper.claims import (
     claim_csv,
     claim_lines,
 )
-from benchtool.commands.paper.figures import paper_figures
 from benchtool.commands.paper.flight import flight_claims
 from benchtool.commands.paper.sensitivity import CHANGES, sensitivity_claims
 from benchtool.report.style import SIMULATED_GID

@@ -8,8 +8,9 @@ import pytest
 
 from benchtool.explain.engine.verdict import EVERYWHERE, KINDS, Kind, NotJudged, WhereShown
 from benchtool.explain.next_steps import next_sentence
-from benchtool.report.answer.figures import answer_figures
-from benchtool.report.answer.page import OVERLAY, answer_page, overlay_caption, where_sentence
+from benchtool.report.answer.overlay import OVERLAY, overlay_caption
+from benchtool.report.answer.page import answer_page, where_sentence
+from benchtool.report.figure import drawn
 from benchtool.report.html import render_report
 from tests.unit.explain.hand_made import answer
 
@@ -19,7 +20,7 @@ TITLES = ("What now", "Where", "Which", "The gap")
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_page_says_the_verdict_first_and_what_was_not_judged(kind: Kind) -> None:
     given = answer(kind)
-    text = render_report(answer_page(given, answer_figures(given)))
+    text = render_report(answer_page(given, drawn("answer", given)))
     assert given.verdict.sentence.split(",")[0] in text
     places = [text.index(f">{title}</h2>") for title in TITLES]
     assert places == sorted(places)
@@ -29,7 +30,7 @@ def test_a_page_says_the_verdict_first_and_what_was_not_judged(kind: Kind) -> No
 
 def test_several_effects_have_a_figure_each() -> None:
     given = answer("several")
-    figures = answer_figures(given)
+    figures = drawn("answer", given)
     assert {"which_coulomb_friction", "which_cog_offset"} <= set(figures)
     assert "which" not in figures
     text = render_report(answer_page(given, figures))
@@ -55,7 +56,7 @@ def test_great_residuals_are_told_as_people_write_them() -> None:
 
 def test_what_weighs_on_the_verdict_stands_beside_it_and_spikes_are_explained() -> None:
     given = answer("effect")
-    page = answer_page(given, answer_figures(given))
+    page = answer_page(given, drawn("answer", given))
     assert page.summary.startswith(given.verdict.sentence)
     assert page.summary.endswith("Mind what it rests on: " + given.remarks[0] + ".")
     assert "restarts every 1 s from the measured state" in render_report(page)
@@ -66,7 +67,7 @@ def test_a_stage_without_rows_of_its_own_is_marked_where_the_beam_moves() -> Non
     given = answer("effect")
     where = WhereShown(stage="rpm_to_thrust", regime="slow reversals", size=1.2, share=0.8)
     thrust = replace(given.explanation, verdict=replace(given.verdict, where=where))
-    figure = answer_figures(replace(given, explanation=thrust))["where"]
+    figure = drawn("answer", replace(given, explanation=thrust))["where"].figure
     marked = {
         (axes.get_title(loc="left"), label.get_text())
         for axes in figure.axes
@@ -88,4 +89,4 @@ def test_silence_of_poor_data_says_how_little_it_means() -> None:
     assert poor.verdict.sentence.startswith(f"This data can show only 2 of {len(tried)} effects")
     assert "the schedule identify" in next_sentence(poor)
     assert next_sentence(given) == ""
-    assert "the schedule identify" in render_report(answer_page(poor, answer_figures(poor)))
+    assert "the schedule identify" in render_report(answer_page(poor, drawn("answer", poor)))

@@ -13,8 +13,8 @@ import pytest
 from benchtool.core.errors import FileFormatError
 from benchtool.fit.recipe import read_recipe
 from benchtool.fit.run_recipe import FitOutput, run_recipe
-from benchtool.report.fit.folder import write_fit
 from benchtool.report.fit.kept_fit import figure_files, kept, read_kept
+from benchtool.report.fit.page import write_fit
 
 FITS = Path(__file__).parents[3] / "fits"
 

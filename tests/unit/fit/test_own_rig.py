@@ -32,7 +32,7 @@ from benchtool.fit.recipe import Recipe
 from benchtool.fit.run_recipe import run_recipe
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import load_model
-from benchtool.report.fit.folder import write_fit
+from benchtool.report.fit.page import write_fit
 from benchtool.simulate.imperfections import Imperfections
 from benchtool.virtual.simulated import SimulatedBench
 

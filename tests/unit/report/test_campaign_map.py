@@ -12,8 +12,8 @@ import pytest
 
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.data.run import campaign as store
-from benchtool.report.flight.campaign import ticks_at
-from benchtool.report.flight.campaign_map import campaign_map, campaign_panels
+from benchtool.report.figure import drawn
+from benchtool.report.flight.campaign import campaign_map
 from benchtool.simulate.campaign import Measure, Row, measure_named, write_campaign
 from benchtool.simulate.design import Design
 
@@ -71,7 +71,7 @@ def test_cells_are_the_means_of_the_whole_table(
     dice = Dice(gain_sets=("soft", "stiff"), controllers=("oge", "pid"))
     design = Design.read([SPEED, GAIN], seeds=6)
     path = table_of(tmp_path, dice, design)
-    panels = campaign_panels(path, dice, design, measure)
+    panels = campaign_map(path, dice, design, measure).panels
     assert [(panel.column, panel.row) for panel in panels] == [
         ("soft", "oge"), ("soft", "pid"), ("stiff", "oge"), ("stiff", "pid"),
     ]  # fmt: skip
@@ -85,7 +85,7 @@ def test_cells_are_the_means_of_the_whole_table(
 
 def test_random_points_fall_into_cells_and_none_is_lost(tmp_path: Path) -> None:
     dice, design = Dice(), Design.read([SPEED, GAIN], samples=300, seeds=2)
-    (panel,) = campaign_panels(table_of(tmp_path, dice, design), dice, design, "arrives")
+    (panel,) = campaign_map(table_of(tmp_path, dice, design), dice, design, "arrives").panels
     assert panel.means.shape == (8, 8)
     assert panel.count.sum() == 600
     slow, fast = panel.total[:, :4].sum(), panel.total[:, 4:].sum()
@@ -94,12 +94,12 @@ def test_random_points_fall_into_cells_and_none_is_lost(tmp_path: Path) -> None:
 
 def test_a_third_number_has_its_own_panels_while_they_stay_few(tmp_path: Path) -> None:
     dice, design = Dice(controllers=("oge", "pid")), Design.read([SPEED, GAIN, HEIGHT])
-    panels = campaign_panels(table_of(tmp_path, dice, design), dice, design, "arrives")
+    panels = campaign_map(table_of(tmp_path, dice, design), dice, design, "arrives").panels
     assert {(panel.row, panel.column) for panel in panels} == {
         (row, column) for row in ("oge", "pid") for column in ("height = 2", "height = 3")
     }
     many = Design.read([SPEED, GAIN, "height=2:3:9"])
-    merged = campaign_panels(table_of(tmp_path / "many", dice, many), dice, many, "arrives")
+    merged = campaign_map(table_of(tmp_path / "many", dice, many), dice, many, "arrives").panels
     assert [(panel.row, panel.column) for panel in merged] == [("", "oge"), ("", "pid")]
     assert merged[0].count.min() == 9
 
@@ -124,8 +124,8 @@ def test_the_figure_says_what_a_cell_is_and_is_stamped(
     dice, design = Dice(), Design.read(words, samples=samples)
     path = table_of(tmp_path, dice, design)
     for measure in dice.measures:
-        panels = campaign_panels(path, dice, design, measure)
-        figure = campaign_map(panels, dice, design, measure)
+        cells = campaign_map(path, dice, design, measure)
+        figure = drawn("flight.campaign", cells)["campaign"].figure
         texts = [text.get_text() for text in figure.texts]
         assert "SIMULATED" in texts
         assert figure.get_supxlabel() == note
@@ -133,9 +133,9 @@ def test_the_figure_says_what_a_cell_is_and_is_stamped(
 
 def test_shares_between_none_and_all_are_written_into_their_cells(tmp_path: Path) -> None:
     dice, design = Dice(), Design.read([SPEED, GAIN], seeds=10)
-    panels = campaign_panels(table_of(tmp_path, dice, design), dice, design, "arrives")
-    figure = campaign_map(panels, dice, design, "arrives")
-    means = panels[0].means
+    cells = campaign_map(table_of(tmp_path, dice, design), dice, design, "arrives")
+    figure = drawn("flight.campaign", cells)["campaign"].figure
+    means = cells.panels[0].means
     shown = sorted(text.get_text() for text in figure.axes[0].texts)
     between = means[(means > 0.0) & (means < 1.0)]
     assert shown == sorted(f"{share:.2f}".lstrip("0") for share in between)
@@ -149,28 +149,14 @@ def test_a_measure_that_is_not_there_is_refused(tmp_path: Path) -> None:
         measure_named(dice, "arive")
     path = table_of(tmp_path, dice, design)
     with pytest.raises(InputError, match="late_s has no value in any run"):
-        campaign_panels(path, dice, design, "late_s")
+        campaign_map(path, dice, design, "late_s")
 
 
 def test_ticks_stand_at_the_values_of_a_grid(tmp_path: Path) -> None:
     dice, design = Dice(controllers=("oge", "pid")), Design.read([SPEED, GAIN])
-    panels = campaign_panels(table_of(tmp_path, dice, design), dice, design, "arrives")
-    (axes, *_) = campaign_map(panels, dice, design, "arrives").axes
+    cells = campaign_map(table_of(tmp_path, dice, design), dice, design, "arrives")
+    (axes, *_) = drawn("flight.campaign", cells)["campaign"].figure.axes
     np.testing.assert_allclose(axes.get_xticks(), [0.2, 0.4, 0.6, 0.8, 1.0])
     np.testing.assert_allclose(axes.get_yticks(), [0.8, 1.0, 1.2])
     assert [text.get_text() for text in axes.get_yticklabels()] == ["0.8", "1", "1.2"]
     assert axes.get_title(loc="left") == "oge"
-
-
-@pytest.mark.parametrize(
-    ("count", "shown"),
-    [
-        (2, [0, 1]),
-        (6, [0, 1, 2, 3, 4, 5]),
-        (9, [0, 2, 4, 6, 8]),
-        (13, [0, 3, 6, 9, 12]),
-        (12, [0, 2, 4, 6, 8, 10]),
-    ],
-)
-def test_few_ticks_of_many_values_are_labelled(count: int, shown: list[int]) -> None:
-    assert ticks_at([float(k) for k in range(count)], 6) == shown

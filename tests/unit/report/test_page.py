@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from benchtool.report.sweep.ground_effect import Curve, RatioPoints, ratio_figure
 
 from benchtool.core.errors import InputError, WouldOverwrite
 from benchtool.core.fit_result import Estimate, FitResult, Outcome
@@ -25,7 +26,6 @@ from benchtool.report.page import (
     Table,
     Warnings,
 )
-from benchtool.report.sweep.ground_effect import Curve, RatioPoints, ratio_figure
 
 VOID = {"meta", "br", "hr", "img", "link", "input"}
 

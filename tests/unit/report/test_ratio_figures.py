@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 import runpy
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
-from matplotlib.colors import to_hex
 from matplotlib.container import ErrorbarContainer
 from matplotlib.figure import Figure
 
-from benchtool.core.errors import InputError
-from benchtool.report import paper_figures
 from benchtool.report.files import figure_bytes
 from benchtool.report.palette import LOOKS
+from benchtool.report.ratio import Band, Curve, RatioPoints, draw_ratio
 from benchtool.report.style import SIMULATED_GID
-from benchtool.report.sweep.ground_effect import Band, Curve, RatioPoints, ratio_figure
 
 Z = np.linspace(0.3, 6.0, 58)
 FACTOR = 1.0 / (1.0 - (1.0 / (4.0 * Z)) ** 2)
@@ -35,7 +31,8 @@ def curve(label: str = "PFI", **options: object) -> Curve:
 
 
 def drawn(*series: RatioPoints, curves: tuple[Curve, ...] = ()) -> Axes:
-    figure = ratio_figure(series, curves, title="Ratio", simulated=True, basis="equal_pwm")
+    figure = Figure()
+    draw_ratio(figure, series, curves, "equal_pwm")
     assert len(figure.axes) == 1
     return figure.axes[0]
 
@@ -106,48 +103,10 @@ def test_the_axes_say_quantity_unit_and_basis() -> None:
     assert axes.get_xlim() == pytest.approx((0.0, 4.12))
 
 
-def test_arrays_that_do_not_belong_together_are_refused() -> None:
-    with pytest.raises(InputError, match=r"the series 'rotor' .*ratio \(4,\)"):
-        RatioPoints(AT, AT[:4], AT, "rotor")
-    with pytest.raises(InputError, match=r"68 % band of 'fit'.*lower \(3,\)"):
-        Curve(Z, FACTOR, "fit", bands=(Band(Z[:3], FACTOR),))
-    with pytest.raises(InputError, match="one-dimensional"):
-        RatioPoints(AT[:, None], AT[:, None], AT[:, None], "rotor")
-
-
-@pytest.mark.parametrize(
-    ("draw", "series", "curves"),
-    [
-        (paper_figures.two_rigs_figure, ("single_rotor", "second_rig"), ("formula",)),
-        (paper_figures.quad_against_single_figure, ("single_rotor", "quad"), ("formula", "quad")),
-        (paper_figures.body_lift_figure, ("single_rotor", "quad"), ("formula", "body_lift")),
-        (paper_figures.three_rotors_figure, ("three_rotors",), ("formula", "three_rotors")),
-    ],
-)
-def test_the_papers_layouts_give_every_series_its_role(
-    draw: Callable[..., Figure], series: tuple[str, ...], curves: tuple[str, ...]
-) -> None:
-    given = [points(f"points {i}") for i in range(len(series))]
-    formulae = [curve(f"curve {i}") for i in range(len(curves))]
-    figure = draw(*given, *formulae, curve("a fit", style="fit"), simulated=True, basis="joint")
-    axes = figure.axes[0]
-    looks: dict[str, str] = {str(role): look.color for role, look in LOOKS.items()}
-    assert [to_hex(bars.lines[0].get_color()) for bars in error_bars(axes)] == [
-        looks[role] for role in series
-    ]
-    dashed = {str(line.get_label()): line for line in axes.lines}
-    assert [to_hex(dashed[f"curve {i}"].get_color()) for i in range(len(curves))] == [
-        looks[role] for role in curves
-    ]
-    assert dashed["curve 0"].get_linestyle() == "--"
-    assert dashed["a fit"].get_linestyle() == "-"
-    assert len(legend_of(axes)) == len(series) + len(curves) + 1
-
-
 def test_the_documentation_has_the_figures_that_its_script_draws() -> None:
     folder = Path(__file__).parents[3] / "docs" / "assets"
     figures = runpy.run_path(str(folder / "draw.py"))["figures"]()
     assert {f"{name}.svg" for name in figures} <= {path.name for path in folder.glob("*.svg")}
-    for figure in figures.values():
-        assert [text for text in figure.texts if text.get_gid() == SIMULATED_GID]
-    assert figure_bytes(figures["fig03-two-rigs"]).startswith(b"<?xml")
+    for block in figures.values():
+        assert [text for text in block.figure.texts if text.get_gid() == SIMULATED_GID]
+    assert figure_bytes(figures["fig03-two-rigs"].figure).startswith(b"<?xml")

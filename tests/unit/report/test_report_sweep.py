@@ -15,7 +15,7 @@ from benchtool.data.run.digest import data_hash, file_hash
 from benchtool.data.run.read import read_points, read_samples
 from benchtool.data.run.run import read_settings
 from benchtool.explain.pitch.replayed import Beside
-from benchtool.fit.swept import read_swept
+from benchtool.fit.swept import read_sweep_run
 from benchtool.report.numbers import value_with_sd
 from benchtool.report.report_file import kind_of, page_text, write_report
 from benchtool.report.sweep.compared import common_table
@@ -74,13 +74,13 @@ def test_every_setting_stands_in_the_table_with_the_run_s_own_numbers(run: Path,
         assert float(cells[4].split(" ± ")[0]) == pytest.approx(thrust, abs=0.002)
         assert float(cells[3]) == pytest.approx(rpm, abs=0.5)
         assert (cells[0] == "parked") == (kind == 1.0)
-    swept = read_swept(run)
+    swept = read_sweep_run(run)
     near = [value_with_sd(*pair) for pair in zip(swept.ratio, swept.ratio_error, strict=True)]
     assert [cells[5] for cells in rows if cells[5] != "–"] == near[:6]
 
 
 def test_an_error_bar_is_never_smaller_than_a_visit_s_own_error(run: Path) -> None:
-    swept, points = read_swept(run), read_points(run)
+    swept, points = read_sweep_run(run), read_points(run)
     for place, number in enumerate(swept.settings.column("setting")):
         own = points.column("thrust_se_N")[points.column("setting") == number]
         assert swept.thrust_error_N[place] >= own.mean() * (1.0 - 1e-12)
@@ -155,7 +155,7 @@ def test_a_model_stands_beside_the_data_with_the_band_of_its_fit(run: Path, tmp_
 def test_several_runs_are_compared_at_common_settings(run: Path, other: Path) -> None:
     page = page_text([run, other])
     check_self_contained(page)
-    table, sentence = common_table([read_swept(run), read_swept(other)])
+    table, sentence = common_table([read_sweep_run(run), read_sweep_run(other)])
     assert [cells[:2] for cells in table.rows] == [["0.6", "1500"], ["1", "1500"], ["2", "1500"]]
     assert rows_of(page, "settings that all runs have") == [list(row) for row in table.rows]
     assert sentence in words_of(page)

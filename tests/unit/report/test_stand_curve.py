@@ -9,7 +9,7 @@ import pytest
 
 from benchtool.fit.recipe import Recipe
 from benchtool.fit.run_recipe import FitOutput, run_recipe
-from benchtool.report.fit.figures import fit_figures
+from benchtool.report.figure import drawn
 
 RPM = np.linspace(3000.0, 9000.0, 12)
 SPEED = RPM * np.pi / 30.0
@@ -44,7 +44,7 @@ def test_a_plain_u_in_the_residuals_is_told_with_what_to_free(tmp_path: Path) ->
 
 def test_the_fitted_curve_is_drawn_through_the_points(tmp_path: Path) -> None:
     output = fitted(tmp_path, 0.0)
-    upper = fit_figures(output)["thrust"].axes[0]
+    upper = drawn("fit", output, ["thrust"])["thrust"].figure.axes[0]
     (line,) = [each for each in upper.lines if len(each.get_xdata()) > len(RPM)]
     rpm, thrust = np.asarray(line.get_xdata()), np.asarray(line.get_ydata())
     assert rpm[0] == 0.0

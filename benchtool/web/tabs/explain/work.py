@@ -122,9 +122,9 @@ def explain(
     from benchtool.explain.next_steps import next_file
     from benchtool.explain.request import read_request
     from benchtool.report.answer.added_words import added_sentence
-    from benchtool.report.answer.figures import answer_figures
     from benchtool.report.answer.folder import write_folder
     from benchtool.report.answer.page import answer_page
+    from benchtool.report.figure import drawn
     from benchtool.report.page import Facts, Paragraph
     from benchtool.web.drawing import fragments
 
@@ -143,11 +143,11 @@ def explain(
     aside = partial_folder(out)
     shutil.rmtree(aside, ignore_errors=True)
     write_folder(aside, answer, asked_for.effects_file, called=out)
-    figures = answer_figures(answer)
+    figures = drawn("answer", answer)
     page = answer_page(answer, figures, next_file(answer)[0])
     # Whether it is written changes under the page, which says so beside its own button.
     left_out = [Paragraph(added_sentence(answer))] if answer.has_model else []
-    files = {id(figure): aside / f"{name}.svg" for name, figure in figures.items()}
+    files = {id(block.figure): aside / f"{name}.svg" for name, block in figures.items()}
     return ExplanationResult(
         sentence=page.summary,
         named=tuple(effect.name for effect in added_effects(answer)),

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path, PurePosixPath
-from typing import NamedTuple
 
 from benchtool.core.errors import InputError
 from benchtool.core.own_code import refuse_code
-from benchtool.core.parameter import Parameter
 from benchtool.core.parsed_text import parse_toml
 from benchtool.core.rig import Rig
 from benchtool.core.rig_file import rig_names
@@ -22,7 +20,30 @@ from benchtool.physics.model_file import LoadedModel, load_model, model_names
 MODEL_FILE = "model.toml"
 
 
-class ParameterChoice(NamedTuple):
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AdjustableParameter:
+    """Hold one number of a model as a form shows it.
+
+    Attributes:
+        name: its full name.
+        unit: of its value.
+        value: that the model has.
+        free: whether the model frees it.
+        lower, upper: its bounds.
+        source: where the value comes from.
+    """
+
+    name: str
+    unit: str
+    value: float
+    free: bool
+    lower: float
+    upper: float
+    source: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterChoice:
     """Choose one number of a model to be free, or fixed at a value."""
 
     free: bool
@@ -72,15 +93,26 @@ def _refuse_outside(folder: RunsFolder, chosen: str, path: Path) -> None:
     folder.file_of(f"{PurePosixPath(chosen).parent}/{named}")
 
 
-def adjustables(model: str, rig: Rig | None = None) -> dict[str, Parameter]:
-    """Return the numbers of a model by full name; those of the noise follow from their option.
+def adjustables(model: str, rig: Rig | None = None) -> tuple[AdjustableParameter, ...]:
+    """Return the numbers of a model; those of the noise follow from the option for it.
 
     Args:
         model: as `model_path` gives it.
         rig: of the data, which goes before the one that the model file names.
     """
-    parameters = loaded(model, rig).model.parameters
-    return {name: item for name, item in parameters.items() if not name.startswith("noise.")}
+    return tuple(
+        AdjustableParameter(
+            name=name,
+            unit=item.unit,
+            value=item.value,
+            free=item.free,
+            lower=item.lower,
+            upper=item.upper,
+            source=item.source,
+        )
+        for name, item in loaded(model, rig).model.parameters.items()
+        if not name.startswith("noise.")
+    )
 
 
 def loaded(model: str, rig: Rig | None = None) -> LoadedModel:
@@ -106,7 +138,7 @@ def _read(model: str, stamp: int, on: _ByValue) -> LoadedModel:
 
 
 def choice_options(
-    numbers: Mapping[str, Parameter], choices: Mapping[str, ParameterChoice]
+    numbers: Sequence[AdjustableParameter], choices: Mapping[str, ParameterChoice]
 ) -> dict[str, object]:
     """Return the recipe's options free, hold and fix that make a model's numbers as chosen.
 
@@ -115,13 +147,15 @@ def choice_options(
     free: list[str] = []
     hold: list[str] = []
     fix: dict[str, float] = {}
-    for name, number in numbers.items():
-        choice = choices.get(name, ParameterChoice(number.free, number.value))
+    for number in numbers:
+        choice = choices.get(number.name)
+        if choice is None:
+            continue
         if choice.free:
             if not number.free:
-                free.append(name)
+                free.append(number.name)
         elif choice.value != number.value:
-            fix[name] = choice.value
+            fix[number.name] = choice.value
         elif number.free:
-            hold.append(name)
+            hold.append(number.name)
     return {"free": free, "hold": hold, "fix": fix}

@@ -8,7 +8,6 @@ from dataclasses import replace
 from nicegui import ui
 
 from benchtool.core.errors import BenchtoolError
-from benchtool.core.parameter import Parameter
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.fit.fit_options import recipe_of_options
 from benchtool.web.context import PageContext
@@ -18,6 +17,7 @@ from benchtool.web.progress import JobProgress
 from benchtool.web.tabs.fit.data import DataCard
 from benchtool.web.tabs.fit.how import MethodCard
 from benchtool.web.tabs.fit.model_choice import (
+    AdjustableParameter,
     adjustables,
     model_choices,
     model_path,
@@ -84,10 +84,10 @@ class FitTab:
         await self._data.choose(names)
 
     def _other_model(self) -> None:
-        self._parameters.show({}, {})
+        self._parameters.show((), {})
         self._changed()
 
-    def _numbers(self) -> dict[str, Parameter]:
+    def _numbers(self) -> tuple[AdjustableParameter, ...]:
         """Return the chosen model's numbers on the rig of the chosen data."""
         model = model_path(self._folder, self._model.value)
         return adjustables(model, data_rig(self._data.names, self._folder))

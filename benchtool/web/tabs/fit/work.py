@@ -59,7 +59,7 @@ def fit_into(
         BenchtoolError: the data or the model do not allow the fit.
     """
     from benchtool.fit.run_recipe import run_recipe
-    from benchtool.report.fit.folder import refuse_full, write_fit
+    from benchtool.report.fit.page import refuse_full, write_fit
 
     refuse_full(out)
     report("reading", 0.0)
@@ -78,8 +78,8 @@ def fit_into(
 
 def view_fit(root: Path, name: str) -> PageSection:
     """Return what `benchtool fit` prints of a stored fit, and its figures."""
+    from benchtool.report.figure import captions
     from benchtool.report.fit.kept_fit import SIMULATED, figure_files, read_kept
-    from benchtool.report.fit.page import CAPTIONS
     from benchtool.report.page import Paragraph
     from benchtool.web.drawing import FigureImage, fragments
 
@@ -87,8 +87,9 @@ def view_fit(root: Path, name: str) -> PageSection:
     stored = read_kept(path)
     blocks = [block for block in stored.told if block != Paragraph(SIMULATED)]
     warnings, rest = blocks[-1], blocks[1:-1]
+    said = captions("fit")
     figures = [
-        FigureImage(file.read_bytes(), CAPTIONS[key]) for key, file in figure_files(path).items()
+        FigureImage(file.read_bytes(), said[key]) for key, file in figure_files(path).items()
     ]
     return PageSection(
         title=name,

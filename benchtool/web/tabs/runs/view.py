@@ -53,7 +53,7 @@ def view_entry(root: Path, name: str) -> tuple[PageSection, tuple[str, ...]]:
     report = _report(path, entry)
     blocks: list[Block] = [Paragraph(report.summary)]
     if entry.kind == "sweep":
-        from benchtool.report.sweep.run_facts import simple_facts
+        from benchtool.report.run_facts import simple_facts
 
         blocks.append(Facts(simple_facts(read_json(path / "metadata.json"))))
     section = PageSection(
@@ -81,14 +81,14 @@ def view_part(root: Path, name: str, part: str) -> PageSection:
 
 def view_comparison(root: Path, names: Sequence[str]) -> PageSection:
     """Return several sweeps in one plot, with the settings that they share."""
-    from benchtool.fit.swept import read_swept
+    from benchtool.fit.swept import read_sweep_run
     from benchtool.report.sweep.compared import compared_page
     from benchtool.web.drawing import fragments
 
     paths = [RunsFolder(root).path_of(name) for name in names]
     if len(paths) < 2:
         raise InputError("choose two sweeps or more to compare")
-    report = compared_page([read_swept(path) for path in paths], None, ())
+    report = compared_page([read_sweep_run(path) for path in paths])
     return PageSection(
         title=f"{len(names)} sweeps compared",
         fragments=fragments(report.sections[0].blocks),
@@ -107,31 +107,32 @@ def _made(path: Path, kind: str, stamp: int) -> Report:
     """Return the report of a run; its figures are drawn when they are asked for."""
     del stamp  # another one after every change on the disk
     if kind == "sweep":
-        from benchtool.fit.swept import read_swept
-        from benchtool.report.sweep.page import swept_page
+        from benchtool.fit.swept import read_sweep_run
+        from benchtool.report.sweep.page import sweep_page
 
-        return swept_page(read_swept(path), None, ())
+        return sweep_page(read_sweep_run(path))
     from benchtool.explain.pitch.replayed import Beside
-    from benchtool.report.replay.replay_page import recording_page
+    from benchtool.report.replay.page import recording_page
 
-    return recording_page(path, Beside(), ())
+    return recording_page(path, Beside())
 
 
 def _answer(path: Path, name: str) -> PageSection:
-    from benchtool.report.answer.page import CAPTIONS, PLACE, overlay_caption
+    from benchtool.report.answer.figures import WHICH, WHICH_OF_SEVERAL
+    from benchtool.report.answer.overlay import overlay_caption
+    from benchtool.report.figure import captions
     from benchtool.report.page import Facts, Paragraph
     from benchtool.web.drawing import FigureImage, fragments
 
     facts = read_json(path / ANSWER_FILE)
     overlay = overlay_caption(float(facts.get("window_s", 0.0)))
-    captions = {
-        path / f"{key}.svg": CAPTIONS[key] for key in ("gap", "where", "parameters", "which")
-    }
-    captions |= dict.fromkeys(sorted(path.glob("which_*.svg")), PLACE)
-    captions |= dict.fromkeys(sorted(path.glob("overlay_*.svg")), overlay)
+    said = captions("answer") | {"which": WHICH}
+    images = {path / f"{key}.svg": said[key] for key in ("gap", "where", "parameters", "which")}
+    images |= dict.fromkeys(sorted(path.glob("which_*.svg")), WHICH_OF_SEVERAL)
+    images |= dict.fromkeys(sorted(path.glob("overlay_*.svg")), overlay)
     figures = [
         FigureImage(file.read_bytes(), caption)
-        for file, caption in captions.items()
+        for file, caption in images.items()
         if file.is_file()
     ]
     shown = {"verdict": str(facts["verdict"]), "model": str(facts["model"])}

@@ -67,7 +67,7 @@ def model_curves(model: str, rig: Rig, z_over_R: tuple[float, float]) -> tuple[R
         BenchtoolError: the model cannot be read, or is of another rig.
     """
     from benchtool.fit.model_band import believed
-    from benchtool.report.fit.curves import bands_over, factor_over, formula_curves
+    from benchtool.report.ratio import bands_over, factor_over, formula_curves
 
     low, high = z_over_R
     x = np.geomspace(max(low, 0.5), max(high, low + 0.5), CURVE_POINTS)

@@ -72,20 +72,20 @@ def test_a_model_may_not_lead_out_either(folder: RunsFolder, line: str) -> None:
 
 def test_what_the_form_leaves_alone_needs_no_option() -> None:
     numbers = adjustables("quad_bench")
-    assert not any(name.startswith("noise.") for name in numbers)
-    same = {name: ParameterChoice(each.free, each.value) for name, each in numbers.items()}
+    assert not any(number.name.startswith("noise.") for number in numbers)
+    same = {number.name: ParameterChoice(number.free, number.value) for number in numbers}
     assert choice_options(numbers, same) == {"free": [], "hold": [], "fix": {}}
 
 
 def test_the_form_frees_holds_and_fixes() -> None:
-    numbers = adjustables("quad_bench")
+    numbers = {number.name: number for number in adjustables("quad_bench")}
     fixed = next(name for name, number in numbers.items() if not number.free)
-    choices = {
+    wishes = {
         "body_lift.K_b": ParameterChoice(False, 2.5),
         "R_m": ParameterChoice(False, numbers["R_m"].value),
         fixed: ParameterChoice(True, numbers[fixed].value),
     }
-    options = choice_options(numbers, choices)
+    options = choice_options(tuple(numbers.values()), wishes)
     assert options == {"free": [fixed], "hold": ["R_m"], "fix": {"body_lift.K_b": 2.5}}
     recipe = recipe_of_options({"name": "x", "data": ["a"], "model": "quad_bench", **options})
     parameters = recipe_model(recipe).model.parameters

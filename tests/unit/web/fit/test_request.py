@@ -70,8 +70,8 @@ def test_the_numbers_shown_are_those_of_the_runs_rig(
     metadata.write_text(json.dumps(facts), "utf-8")
     rig = data_rig(["one", "lab.csv"], folder)
     assert rig is not None
-    numbers = adjustables("single_bench", rig)
-    own = adjustables("single_bench")
+    numbers = {number.name: number for number in adjustables("single_bench", rig)}
+    own = {number.name: number for number in adjustables("single_bench")}
     assert numbers["R_m"].value == 0.2 != own["R_m"].value
     # What is shown needs no option; the model file's own number is another here, and does.
     for value, fix in ((0.2, {}), (own["R_m"].value, {"R_m": own["R_m"].value})):

@@ -1,0 +1,183 @@
+"""What a sampler found: every pair of parameters, and the traces of its ensembles."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Literal
+
+import corner as corner_plot  # type: ignore[import-untyped]
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import ScalarFormatter
+from numpy.typing import NDArray
+
+from benchtool.core.fit_result import FitResult
+from benchtool.fit.convergence import convergence_of
+from benchtool.fit.run_recipe import FitOutput
+from benchtool.report.figure import figure
+from benchtool.report.numbers import unit_for_people, value_with_sd
+from benchtool.report.palette import BLUE, CYCLE, VERMILION
+from benchtool.report.panels import rows_of
+
+Array = NDArray[np.float64]
+
+SIGMAS_2D = (1.0, 2.0)
+"""Contours at one and two standard deviations of a plane normal: 39 % and 86 % of the draws."""
+
+_LEVELS = tuple(1.0 - float(np.exp(-0.5 * sigma**2)) for sigma in SIGMAS_2D)
+
+SHOWN_STEPS = 600
+"""At most this many steps of a chain are drawn, evenly spaced: more would only blacken the page."""
+
+SHOWN_WALKERS = 12
+"""At most this many walkers of each ensemble are drawn."""
+
+R_HAT_LIMIT = 1.01
+"""Above it, chains disagree (Vehtari et al., Bayesian Analysis 16, 2021, p. 667)."""
+
+
+def sampled(fit: FitOutput) -> FitResult | None:
+    """Return the result that has draws of the posterior; None without."""
+    found = [item for item in fit.results if item.method == "emcee" and len(item.samples)]
+    return found[-1] if found else None
+
+
+def _result(fit: FitOutput) -> FitResult:
+    found = sampled(fit)
+    assert found is not None  # `when` of the figures
+    return found
+
+
+def _size(fit: FitOutput) -> float:
+    return max(4.6, 1.2 + 1.75 * len(_result(fit).estimates))
+
+
+def _labels(result: FitResult) -> list[str]:
+    labels = []
+    for estimate in result.estimates:
+        owner, _, own = estimate.name.rpartition(".")
+        unit = "" if estimate.unit == "1" else f" [{unit_for_people(estimate.unit)}]"
+        labels.append(f"{owner}\n{own}{unit}" if owner else f"{own}{unit}")
+    return labels
+
+
+@figure(
+    page="fit",
+    name="corner",
+    title="Posterior: {0.recipe.name}",
+    caption="Posterior draws, pair by pair; the least-squares answer is marked.",
+    when=lambda fit: sampled(fit) is not None,
+    height_in=_size,
+    width_in=_size,
+    layout=None,
+)
+def corner(figure: Figure, fit: FitOutput) -> None:
+    """Draw posterior draws pair by pair, the least-squares answer beside them."""
+    result = _result(fit)
+    n = len(result.estimates)
+    names = [item.name for item in result.estimates]
+    marked: dict[str, list[float]] = {}
+    for other in fit.results:
+        if other.method == "least_squares":
+            known = {item.name: item.value for item in other.estimates}
+            marked["least squares"] = [known.get(name, float("nan")) for name in names]
+    figure.subplots(n, n, squeeze=False)
+    corner_plot.corner(
+        result.samples, fig=figure, labels=_labels(result), range=_ranges(result.samples, marked),
+        color=BLUE, bins=32, smooth=1.0, levels=_LEVELS, plot_datapoints=False,
+        fill_contours=True, quantiles=[0.16, 0.5, 0.84], show_titles=False, max_n_ticks=4,
+        hist_kwargs={"linewidth": 1.3},
+    )  # fmt: skip
+    _tidy(figure, result.samples, [item.bound for item in result.estimates])
+    handles = [Line2D([], [], color=BLUE, label="posterior: 1 and 2 sd; dashed: 16, 50, 84 %")]
+    dashes: Literal["-"] = "-"
+    for label, values in marked.items():
+        at = [None if np.isnan(value) else float(value) for value in values]
+        if n > 1:
+            corner_plot.overplot_lines(figure, at, color=VERMILION, linestyle=dashes, linewidth=1.2)
+        elif at[0] is not None:  # corner marks nothing on a single histogram
+            figure.axes[0].axvline(at[0], color=VERMILION, linestyle=dashes, linewidth=1.2)
+        handles.append(Line2D([], [], color=VERMILION, linestyle=dashes, label=label))
+    top = 1.0 - 0.42 / figure.get_figheight()
+    figure.legend(handles=handles, loc="upper right", bbox_to_anchor=(0.99, top))
+
+
+def _ranges(samples: Array, marked: Mapping[str, Sequence[float]]) -> list[tuple[float, float]]:
+    """Reach over 99.7 % of the draws and over every marked value."""
+    low, high = np.percentile(samples, [0.15, 99.85], axis=0)
+    for values in marked.values():
+        low = np.fmin(low, np.asarray(values, float))
+        high = np.fmax(high, np.asarray(values, float))
+    span = np.where(high > low, high - low, np.maximum(np.abs(high), 1.0) * 1e-6)
+    return list(zip(low - 0.04 * span, high + 0.04 * span, strict=True))
+
+
+def _tidy(figure: Figure, samples: Array, notes: Sequence[str]) -> None:
+    """Make room for labels and titles, and write the median with its sd over each histogram."""
+    n, height_in = len(notes), figure.get_figheight()
+    figure.subplots_adjust(
+        left=1.15 / height_in, bottom=1.10 / height_in, right=1.0 - 0.15 / height_in,
+        top=1.0 - (1.05 if n == 1 else 0.75) / height_in, wspace=0.09, hspace=0.09,
+    )  # fmt: skip
+    low, middle, high = np.percentile(samples, [16, 50, 84], axis=0)
+    for index, note in enumerate(notes):
+        shown = value_with_sd(middle[index], 0.5 * (high[index] - low[index]))
+        title = "\n".join(filter(None, (shown, note)))
+        figure.axes[index * n + index].set_title(title, loc="center", fontsize=8.6)
+    for axes in figure.axes:
+        box = axes.get_position()
+        axes.xaxis.set_label_coords(0.5, -0.68 / (box.height * height_in))
+        axes.yaxis.set_label_coords(-0.68 / (box.width * height_in), 0.5)
+        axes.grid(visible=False)
+        axes.tick_params(labelsize=7.6)
+        for axis in (axes.xaxis, axes.yaxis):
+            formatter = axis.get_major_formatter()
+            if isinstance(formatter, ScalarFormatter):
+                formatter.set_powerlimits((-3, 4))
+
+
+@figure(
+    page="fit",
+    name="chains",
+    title=lambda fit: (
+        f"Chains of {_result(fit).facts['ensembles'] or 1} ensembles: {_result(fit).model}"
+    ),
+    caption="Traces of the independently started ensembles; they must lie on each other.",
+    when=lambda fit: sampled(fit) is not None,
+    height_in=lambda fit: 1.0 + 1.45 * len(_result(fit).estimates),
+)
+def chains(figure: Figure, fit: FitOutput) -> None:
+    """Draw one trace per parameter with R-hat and the autocorrelation time over it."""
+    result = _result(fit)
+    labels, facts = _labels(result), result.facts
+    ensembles, walkers = int(facts["ensembles"] or 1), int(facts["walkers"] or 1)
+    draws = result.samples.reshape(-1, ensembles, walkers, len(labels))
+    steps = len(draws)
+    found = convergence_of(draws)
+    tau_steps = found.tau_steps * float(facts["steps_kept"] or 1) / steps
+    each_step, each_walker = -(-steps // SHOWN_STEPS), -(-walkers // SHOWN_WALKERS)
+    rows = rows_of(figure, [1.0] * len(labels))
+    for index, axes in enumerate(rows):
+        for ensemble in range(ensembles):
+            lines = axes.plot(
+                np.arange(0, steps, each_step), draws[::each_step, ensemble, ::each_walker, index],
+                color=CYCLE[ensemble % len(CYCLE)], linewidth=0.45, alpha=0.5, rasterized=True,
+            )  # fmt: skip
+            lines[0].set_label(f"ensemble {ensemble + 1}")
+        disagree = "" if found.rhat[index] <= R_HAT_LIMIT else f"  (above {R_HAT_LIMIT:g})"
+        axes.set_title(
+            f"$\\hat{{R}}$ = {found.rhat[index]:.4f}{disagree},  "
+            f"$\\tau$ = {tau_steps[index]:.0f} steps",
+            fontsize=9.0,
+        )
+        axes.set_ylabel(labels[index])
+        axes.set_xlim(0, max(steps - 1, 1))
+    rows[-1].set_xlabel("step")
+    legend = rows[0].legend(
+        loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=ensembles, fontsize=7.8, frameon=False
+    )
+    for handle in legend.get_lines():
+        handle.set_linewidth(2.0)
+        handle.set_alpha(1.0)
+    figure.align_ylabels(rows)

@@ -1,0 +1,190 @@
+"""Parts that recur in figures: points with errors, shaded spans, thinned lines, legends, z/R."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from numpy.typing import NDArray
+
+from benchtool.core.units import from_si
+from benchtool.report.palette import BLACK, CYCLE, GREY, PALE
+
+Array = NDArray[np.float64]
+
+OVER = "#bfe3c8"
+"""Background while a rotor is over a surface, as in the paper's figures 26 to 28."""
+
+DASHED = (0, (5, 2.2))
+DOTTED = (0, (1.5, 1.5))
+
+
+def rows_of(
+    figure: Figure, heights: Sequence[float], *, sharex: bool = True, sharey: bool = False
+) -> list[Axes]:
+    """Return panels one above the other, of these relative heights, on a common x axis."""
+    grid = figure.subplots(
+        len(heights), 1, sharex=sharex, sharey=sharey, squeeze=False,
+        gridspec_kw={"height_ratios": list(heights)},
+    )  # fmt: skip
+    return list(grid[:, 0])
+
+
+def points(
+    axes: Axes, x: Any, y: Any, error: Any, color: str, marker: str = "o", **look: Any
+) -> None:
+    """Draw points with their error bars; nan where a point has none."""
+    axes.errorbar(x, y, yerr=error, fmt=marker, color=color, **{"ms": 4.6, **look})
+
+
+def spread(axes: Axes, half: float, gid: str | None = None, alpha: float | None = None) -> None:
+    """Draw the zero line, and the band of ± `half` about it where that is known."""
+    if np.isfinite(half):
+        axes.axhspan(-half, half, color=PALE, alpha=alpha, linewidth=0.0, zorder=0.4, gid=gid)
+    axes.axhline(0.0, color=GREY, linewidth=0.9)
+
+
+def spans(time_s: Array, inside: NDArray[np.bool_]) -> list[tuple[float, float]]:
+    """Return begin and end of every stretch in which `inside` holds."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], inside.astype(np.int8), [0]])))
+    last = len(time_s) - 1
+    return [
+        (float(time_s[begin]), float(time_s[min(end, last)]))
+        for begin, end in zip(edges[::2], edges[1::2], strict=True)
+    ]
+
+
+def shade(axes: Axes, stretches: Iterable[tuple[float, float]], gid: str = "over-surface") -> None:
+    """Colour the background in stretches of time in which a rotor is over a surface."""
+    for begin, end in stretches:
+        axes.axvspan(begin, end, color=OVER, linewidth=0.0, zorder=0.4, gid=gid)
+
+
+def envelope(time_s: Array, values: Array, slots: int = 900) -> tuple[Array, Array]:
+    """Return times and values with the smallest and the largest of every slot, nan left out.
+
+    A long signal keeps its spikes with two samples of each slot.
+
+    Args:
+        time_s: (n,) s.
+        values: (n,) the signal; nan where it had no new value.
+        slots: stretches of equal sample count.
+    """
+    present = np.isfinite(values) & np.isfinite(time_s)
+    time_s, values = time_s[present], values[present]
+    if values.size <= 2 * slots:
+        return time_s, values
+    edges = np.linspace(0, values.size, slots + 1).astype(int)
+    shown: set[int] = {0, values.size - 1}
+    for start, end in pairwise(edges):
+        stretch = values[start:end]
+        shown.update((start + int(stretch.argmin()), start + int(stretch.argmax())))
+    index = np.array(sorted(shown))
+    return time_s[index], values[index]
+
+
+def broken_line(axes: Axes, time_s: Array, values: Array, **look: Any) -> None:
+    """Draw a signal thinned by `envelope`, broken where it is nan."""
+    known = np.isfinite(values)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], known.astype(np.int8), [0]])))
+    slots = max(40, int(900 / max(len(edges) // 2, 1)))
+    at, shown = [np.empty(0)], [np.empty(0)]
+    for begin, end in zip(edges[::2], edges[1::2], strict=True):
+        thin = envelope(time_s[begin:end], values[begin:end], slots)
+        at += [thin[0], np.array([np.nan])]
+        shown += [thin[1], np.array([np.nan])]
+    axes.plot(np.concatenate(at), np.concatenate(shown), **look)
+
+
+def in_radii(axes: Axes, radius_m: float) -> None:
+    """Add an axis in z/R on the right of a plate distance in mm."""
+    in_mm = from_si(radius_m, "mm")
+
+    def to_radii(z_mm: Any) -> Any:
+        return z_mm / in_mm
+
+    def to_mm(ratio: Any) -> Any:
+        return ratio * in_mm
+
+    axes.secondary_yaxis("right", functions=(to_radii, to_mm)).set_ylabel("$z/R$ [–]")
+
+
+def rotor_color(rotor: int) -> str:
+    """Return the colour of a numbered rotor, counted from 0."""
+    return CYCLE[rotor % len(CYCLE)]
+
+
+def rotor_legend(axes: Axes, rotors: int) -> None:
+    """Name the colours of numbered rotors over a panel; one rotor needs no name."""
+    numbers = range(rotors if rotors > 1 else 0)
+    legend_over(
+        axes,
+        [
+            Line2D([], [], color=rotor_color(index), label=str(index + 1) if index else "rotor 1")
+            for index in numbers
+        ],
+    )
+
+
+def legend_over(axes: Axes, handles: Sequence[Artist]) -> None:
+    """Put a legend in one row over a panel, where it hides no signal."""
+    if handles:
+        axes.legend(
+            handles=handles, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=len(handles),
+            frameon=False, fontsize=8.2, handlelength=1.2, columnspacing=1.4, borderaxespad=0.1,
+        )  # fmt: skip
+
+
+def legend_below(figure: Figure, axes: Sequence[Axes], ncols: int, **instead: Artist) -> None:
+    """Put one legend of all axes below the figure, each label once.
+
+    Args:
+        figure: the figure.
+        axes: whose handles are taken.
+        ncols: columns.
+        instead: handles that take the place of those of a label, blanks as underscores.
+    """
+    found: dict[str, Any] = {}
+    for each in axes:
+        found |= {
+            label: handle for handle, label in zip(*each.get_legend_handles_labels(), strict=True)
+        }
+    found |= {label.replace("_", " "): handle for label, handle in instead.items()}
+    figure.legend(list(found.values()), list(found), loc="outside lower center", ncols=ncols)
+
+
+def named_rows(
+    axes: Axes,
+    names: Sequence[str],
+    marked: Iterable[str] = (),
+    *,
+    bottom: float = 0.4,
+    top: float = 0.6,
+) -> None:
+    """Name the rows of horizontal bars from top to bottom, marked ones in bold."""
+    bold = set(marked)
+    axes.set_yticks(range(len(names)), list(names))
+    for label, name in zip(axes.get_yticklabels(), names, strict=True):
+        label.set_fontweight("bold" if name in bold else "normal")
+    axes.set_ylim(len(names) - bottom, -top)
+    axes.grid(visible=False, axis="y")
+
+
+def arrow(axes: Axes, begin: tuple[float, float], end: tuple[float, float], **look: Any) -> None:
+    """Draw an arrow from begin to end."""
+    axes.annotate(
+        "", end, begin, arrowprops={"arrowstyle": "-|>", "color": BLACK, "linewidth": 1.5, **look}
+    )
+
+
+def ticks_at(grid: Sequence[float], most: int) -> list[float]:
+    """Return the values of a grid, or every second, third ... from the first, so that few stay."""
+    step = -(-len(grid) // most)
+    even = [each for each in range(step, 2 * step) if (len(grid) - 1) % each == 0]
+    return list(grid[:: even[0] if even else step])

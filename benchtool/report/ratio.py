@@ -1,0 +1,234 @@
+"""T_IGE/T_OGE against z/R: measured points over model curves with bands, and closed formulae."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.container import ErrorbarContainer
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+from numpy.typing import NDArray
+
+from benchtool.core.rig import Rig
+from benchtool.physics.conditions import Conditions
+from benchtool.physics.model import Model
+from benchtool.physics.validity import VALIDITY_Z_OVER_R
+from benchtool.report.palette import GREY, LOOKS, Role
+from benchtool.report.panels import DASHED, points
+from benchtool.report.style import ratio_label
+
+Array = NDArray[np.float64]
+
+_DASHES: dict[str, Any] = {"fit": "-", "formula": DASHED, "other": (0, (1.2, 1.6))}
+_BAND_ALPHA = {68: 0.30, 95: 0.13}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RatioPoints:
+    """Hold measured (or simulated) thrust ratios.
+
+    Attributes:
+        z_over_R, ratio: (m,) each, dimensionless.
+        sd: (m,) standard deviation over repeats; nan where there was one repeat.
+        label: legend entry.
+        role: what it is; gives colour and marker.
+        left_out: (m,) True for points that the fit left out, drawn hollow; None when all were used.
+    """
+
+    z_over_R: Array
+    ratio: Array
+    sd: Array
+    label: str
+    role: Role = "measurement"
+    left_out: NDArray[np.bool_] | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Band:
+    """Hold the interval of a curve at one level: lower and upper (m,), level in per cent."""
+
+    lower: Array
+    upper: Array
+    level: Literal[68, 95] = 68
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Curve:
+    """Hold a model's curve.
+
+    Attributes:
+        z_over_R, ratio: (m,) each, dimensionless.
+        label: legend entry.
+        role: what it is; gives the colour.
+        style: "fit" (solid), "formula" (dashed, as the paper draws its PFI curves) or
+            "other" (dotted).
+        bands: intervals of the curve, at most one per level.
+    """
+
+    z_over_R: Array
+    ratio: Array
+    label: str
+    role: Role = "formula"
+    style: Literal["fit", "formula", "other"] = "formula"
+    bands: tuple[Band, ...] = ()
+
+
+def conditions_over(rig: Rig, speed_rad_s: Array, z_over_R: Array) -> Conditions:
+    """Return a level plate under every disc, at these distances (m,) and speeds (n_rotors, 1)."""
+    return Conditions.of(
+        rig,
+        speed_rad_s=speed_rad_s,
+        plate_z_m=z_over_R * rig.propulsion.radius_m,
+        coverage=np.ones((rig.n_discs, 1)),
+    )
+
+
+def values_at(model: Model, draws: Mapping[str, Array] | None = None) -> list[Any]:
+    """Return all values of a model, those that are drawn (d, 1) in place of its own."""
+    known = draws or {}
+    return [known.get(name, item.value) for name, item in model.parameters.items()]
+
+
+def factor_over(
+    model: Model, speed_rad_s: Array, z_over_R: Array, draws: Mapping[str, Array] | None = None
+) -> Any:
+    """Return T_IGE/T_OGE (m,), or (d, m) with draws."""
+    conditions = conditions_over(model.rig, speed_rad_s, z_over_R)
+    return model.factor(conditions, values_at(model, draws))
+
+
+def band_of(spread: Array, level: Literal[68, 95]) -> Band:
+    """Return the central interval of draws (d, m) at a level in per cent."""
+    lower, upper = np.percentile(spread, [50.0 - level / 2.0, 50.0 + level / 2.0], axis=0)
+    return Band(lower, upper, level)
+
+
+def bands_over(
+    model: Model, speed_rad_s: Array, z_over_R: Array, draws: Mapping[str, Array]
+) -> tuple[Band, ...]:
+    """Return the 68 and the 95 % band of a model's curve; none without draws."""
+    if not draws:
+        return ()
+    spread = np.asarray(factor_over(model, speed_rad_s, z_over_R, draws), float)
+    spread = np.broadcast_to(spread, (len(next(iter(draws.values()))), len(z_over_R)))
+    return band_of(spread, 68), band_of(spread, 95)
+
+
+def formula_curves(rig: Rig, speed_rad_s: Array, z_over_R: Array) -> list[Curve]:
+    """Return eq. (2), and eq. (3) where more than one rotor turns."""
+    single = Model.single(rig)
+    turning = int(np.asarray(speed_rad_s > 0.0).sum())
+    alone = factor_over(single, speed_rad_s, z_over_R)
+    curves = [Curve(z_over_R, alone, "eq. (2), one rotor", "formula")]
+    if turning > 1:
+        images = single.with_effect("neighbour_images")
+        label = f"eq. (3), {turning} rotors" if turning != 4 else "eq. (3), quadrotor"
+        curves.append(Curve(z_over_R, factor_over(images, speed_rad_s, z_over_R), label, "quad"))
+    return curves
+
+
+def distances_of(series: Sequence[RatioPoints]) -> Array:
+    """Return the distances z/R (240,) of curves that go somewhat beyond the farthest point."""
+    farthest = max(float(np.nanmax(item.z_over_R)) for item in series)
+    return np.linspace(0.5, max(1.1 * farthest, 2.0), 240)
+
+
+def draw_ratio(
+    figure: Figure,
+    series: Sequence[RatioPoints],
+    curves: Sequence[Curve],
+    basis: str,
+    validity_limit: float = VALIDITY_Z_OVER_R,
+) -> None:
+    """Draw thrust ratios with error bars over model curves with their bands.
+
+    Args:
+        figure: empty.
+        series: measured ratios.
+        curves: model curves; parts below the validity limit are not drawn.
+        basis: what is held equal, one of `style.BASES`.
+        validity_limit: z/R below which the region is hatched.
+    """
+    axes = figure.subplots()
+    for each in series:
+        _draw_points(axes, each)
+    for curve in curves:
+        _draw_curve(axes, curve, validity_limit)
+    axes.axhline(1.0, color=GREY, linewidth=0.9, zorder=0.5)
+    axes.axvspan(
+        0.0, validity_limit, facecolor="none", edgecolor=GREY, hatch="////", alpha=0.45, lw=0.0
+    )
+    axes.text(
+        validity_limit / 2.0, 0.5, "outside the validity of the formulae",
+        transform=axes.get_xaxis_transform(), rotation=90, ha="center", va="center", fontsize=8,
+        color=GREY, bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.5, "alpha": 0.9},
+    )  # fmt: skip
+    axes.set_xlabel("distance to the plate  $z/R$ [–]")
+    axes.set_ylabel(ratio_label(basis))
+    distances = np.concatenate(
+        [[1.0], *(each.z_over_R for each in series), *(each.z_over_R for each in curves)]
+    )
+    axes.set_xlim(0.0, 1.03 * float(distances[np.isfinite(distances)].max()))
+    axes.set_ylim(*_limits(series, curves, validity_limit))
+    _legend(axes, curves)
+
+
+def _draw_curve(axes: Axes, curve: Curve, validity_limit: float) -> None:
+    color = LOOKS[curve.role].color
+    valid = curve.z_over_R >= validity_limit
+    z = curve.z_over_R[valid]
+    for band in sorted(curve.bands, key=lambda item: -item.level):
+        axes.fill_between(
+            z, band.lower[valid], band.upper[valid], color=color, alpha=_BAND_ALPHA[band.level],
+            linewidth=0.0, gid=f"band-{band.level}",
+        )  # fmt: skip
+    axes.plot(
+        z, curve.ratio[valid], color=color, linestyle=_DASHES[curve.style], label=curve.label,
+        zorder=2.0 if curve.style == "fit" else 2.2,
+    )  # fmt: skip
+
+
+def _draw_points(axes: Axes, series: RatioPoints) -> None:
+    look = LOOKS[series.role]
+    out = np.zeros(series.ratio.shape, bool) if series.left_out is None else series.left_out
+    for rows, fill, label in (
+        (~out, look.color, series.label),
+        (out, "white", f"{series.label}, left out of the fit"),
+    ):
+        if rows.any():
+            points(
+                axes, series.z_over_R[rows], series.ratio[rows], series.sd[rows], look.color,
+                look.marker, mfc=fill, mec=look.color, elinewidth=1.2, capsize=3.5, label=label,
+                zorder=3,
+            )  # fmt: skip
+
+
+def _limits(
+    series: Sequence[RatioPoints], curves: Sequence[Curve], validity_limit: float
+) -> tuple[float, float]:
+    seen = [1.0]
+    for each in series:
+        spread = np.nan_to_num(each.sd)
+        seen += [*(each.ratio - spread), *(each.ratio + spread)]
+    for curve in curves:
+        valid = curve.z_over_R >= validity_limit
+        for line in (curve.ratio, *(band.upper for band in curve.bands)):
+            seen += list(line[valid])
+    finite = np.array([value for value in seen if np.isfinite(value)])
+    span = max(finite.max() - finite.min(), 0.02)
+    return float(finite.min() - 0.05 * span), float(finite.max() + 0.06 * span)
+
+
+def _legend(axes: Axes, curves: Sequence[Curve]) -> None:
+    """Name measured series first, then curves, then the levels of the bands."""
+    entries = list(zip(*axes.get_legend_handles_labels(), strict=True))
+    entries.sort(key=lambda entry: not isinstance(entry[0], ErrorbarContainer))
+    for level in sorted({band.level for curve in curves for band in curve.bands}):
+        patch = Patch(facecolor=GREY, alpha=2.0 * _BAND_ALPHA[level], linewidth=0.0)
+        entries.append((patch, f"{level} % band of the fit"))
+    if entries:
+        axes.legend(*map(list, zip(*entries, strict=True)), loc="upper right")

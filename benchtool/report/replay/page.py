@@ -1,0 +1,174 @@
+"""The report page of a recording: what a log holds, and the simulated run beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool import __version__
+from benchtool.data.run.run_rig import rig_of_data
+from benchtool.explain.pitch.replay_judged import on_log_clock
+from benchtool.explain.pitch.replay_track import PitchTrack, pitch_track
+from benchtool.explain.pitch.replayed import Beside, Replay, replayed
+from benchtool.report.figure import Page
+from benchtool.report.numbers import numeral
+from benchtool.report.page import Block, Commands, Report, Section, Table, Warnings
+from benchtool.report.replay.figures import ReplayedLog
+from benchtool.report.replay.recorded import Recorded, read_recorded, sections_behind
+from benchtool.report.replay.stand import STAND, stand_summary
+
+Array = NDArray[np.float64]
+
+
+def recording_page(path: Path, beside: Beside, commands: Sequence[str] = ()) -> Report:
+    """Return the report page of a recording; with a model, its simulated run beside it."""
+    recorded = read_recorded(path)
+    highlights = {}
+    if "theta_rad" in recorded.recording and "time_s" in recorded.recording:
+        log, warned = _replay(recorded, beside)
+        first = REPLAY.sections(log)[0]
+        sections = [Section(first.title, [Warnings(warned), *first.blocks])]
+        summary, highlights = _sentence(log), _highlights(log)
+        title = "Pitch recording" if recorded.is_run else "Replayed log"
+    else:
+        beside.refuse_controller("this recording has no attitude")
+        sections, summary, title = STAND.sections(recorded), stand_summary(recorded), "Recording"
+    return Report(
+        title=f"{title}: {recorded.name}",
+        summary=summary,
+        sections=(
+            *sections,
+            *sections_behind(recorded),
+            Section("Made with", [Commands(commands)]),
+        ),
+        simulated=recorded.recording.simulated,
+        made=f"benchtool {__version__}",
+        highlights=highlights,
+    )
+
+
+def _replay(recorded: Recorded, beside: Beside) -> tuple[ReplayedLog, list[str]]:
+    """Return the log with its simulated run, and what a reader must know of both."""
+    track = pitch_track(recorded.recording, beside.motors)
+    if not beside.model:
+        return ReplayedLog(recorded, track, beside), list(track.remarks)
+    rig = rig_of_data([str(recorded.path)])
+    replay, lacks = replayed(track, beside, recorded.provenance, rig)
+    return ReplayedLog(recorded, track, beside, replay), [*lacks, *track.remarks]
+
+
+def errors_deg(track: PitchTrack, replay: Replay | None) -> tuple[Array, Array]:
+    """Return pitch errors (n,) of the log and of the simulated run on the log's clock: deg.
+
+    The error is from the reference, or from the log's median where none is logged.
+    """
+    wanted = track.reference_rad
+    if not np.isfinite(wanted).any():
+        wanted = np.full(len(track), np.nanmedian(track.theta_rad))
+    recorded = np.degrees(track.theta_rad - wanted)
+    if replay is None:
+        return recorded, np.full(len(track), np.nan)
+    theta = on_log_clock(track, replay.time_s, replay.theta_rad)
+    return recorded, np.degrees(theta - wanted)
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.nanmean(values**2))) if np.isfinite(values).any() else float("nan")
+
+
+def _peak(values: Array) -> float:
+    if not np.isfinite(values).any():
+        return float("nan")
+    return float(values[int(np.nanargmax(np.abs(values)))])
+
+
+def _rms_and_peak(errors: Array) -> tuple[str, ...]:
+    # Adding 0 takes the sign off a zero.
+    return tuple(numeral(round(of(errors), 2) + 0.0, ".2f") for of in (_rms, _peak))
+
+
+def visits_table(log: ReplayedLog) -> list[Block]:
+    """List the errors of the pitch in each green stretch and outside of all.
+
+    A simulated run that does not follow the log has no columns here.
+    """
+    track = log.track
+    if not track.visits:
+        return []
+    recorded, simulated = errors_deg(log.track, log.replay)
+    beside = log.replay is not None and not log.replay.missed
+    stretches = [
+        (f"{begin:.2f} … {end:.2f}", log.rotors(first, last), np.arange(first, last + 1))
+        for (begin, end), (first, last) in zip(log.stretches, track.visits, strict=True)
+    ]
+    outside = ("outside of them", "none", np.flatnonzero(track.any_over <= 0.0))
+    rows = [
+        (
+            span,
+            rotors,
+            *_rms_and_peak(recorded[part]),
+            *(_rms_and_peak(simulated[part]) if beside else ()),
+        )
+        for span, rotors, part in (*stretches, outside)
+    ]
+    wanted = "reference" if np.isfinite(track.reference_rad).any() else "log's median"
+    return [
+        Table(
+            f"Pitch minus {wanted}, in degrees, positive nose down.",
+            (
+                *("time [s]", "rotors over it", "RMS", "largest"),
+                *(("simulated RMS", "simulated largest") if beside else ()),
+            ),
+            rows,
+            text_columns=2,
+        )
+    ]
+
+
+REPLAY = Page("replay", [("The log and its simulated run", ["log", "closer", visits_table])])
+
+
+def _sentence(log: ReplayedLog) -> str:
+    track, replay = log.track, log.replay
+    recorded, simulated = errors_deg(log.track, log.replay)
+    inside = track.any_over > 0.0
+    duration_s = len(track) / track.rate_Hz
+    words = f"{log.recorded.name}: {duration_s:.4g} s of pitch, RMS error {_rms(recorded):.2f}°"
+    if inside.any():
+        words += (
+            f"; over a surface in {len(track.visits)} "
+            f"stretch{'es' if len(track.visits) > 1 else ''} ({inside.sum() / track.rate_Hz:.4g} "
+            f"s), there {_rms(recorded[inside]):.2f}° and at most "
+            f"{numeral(_peak(recorded[inside]), '+.2f')}°"
+        )
+    if replay is not None and replay.missed:
+        words += f". A run simulated with {replay.model} does not follow the log and is no result"
+    elif replay is not None and np.isfinite(simulated).any():
+        part = inside if inside.any() else np.ones(len(track), bool)
+        there = " there" if inside.any() else ""
+        words += f". Simulated with {replay.model}: {_rms(simulated[part]):.2f}°{there}"
+    return words + "."
+
+
+def _highlights(log: ReplayedLog) -> dict[str, str]:
+    replay = log.replay
+    recorded, simulated = errors_deg(log.track, log.replay)
+    inside = log.track.any_over > 0.0
+    shown = {"RMS pitch error": f"{_rms(recorded):.2f}°"}
+    if inside.any():
+        shown = {
+            "RMS pitch error, over a surface": f"{_rms(recorded[inside]):.2f}°",
+            "elsewhere": f"{_rms(recorded[~inside]):.2f}°",
+        }
+    if replay is not None and replay.missed:
+        shown["simulated run"] = "does not follow the log"
+    elif replay is not None:
+        part = inside if inside.any() else np.ones(len(inside), bool)
+        name = "simulated RMS error" + (", over it" if inside.any() else "")
+        shown[name] = f"{_rms(simulated[part]):.2f}°"
+        if replay.by == "pulses":
+            shown["recorded − simulated, RMS"] = f"{_rms(recorded - simulated):.2f}°"
+    return shown

@@ -1,0 +1,315 @@
+"""The samples of a run over time, beside their averages, and in the order of measurement."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from numpy.typing import NDArray
+
+from benchtool.core.errors import FileFormatError
+from benchtool.core.parsed_text import parse_toml
+from benchtool.core.recording import Recording
+from benchtool.core.units import from_si
+from benchtool.data.columns import code_of
+from benchtool.fit.swept import SweepRun
+from benchtool.report.figure import figure
+from benchtool.report.palette import BLACK, BLUE, GREEN, GREY, ORANGE, PALE, PURPLE, VERMILION
+from benchtool.report.panels import (
+    envelope,
+    in_radii,
+    legend_below,
+    legend_over,
+    points,
+    rotor_color,
+    rotor_legend,
+    rows_of,
+    spread,
+)
+
+Array = NDArray[np.float64]
+
+KIND_COLORS = {"measure": BLUE, "reference": GREEN, "anchor": ORANGE, "tare": GREY}
+"""Shading of the windows in which points were taken; any other kind is shaded purple."""
+
+MINUTES_FROM_S = 600.0
+"""Runs longer than this have their time axis in minutes."""
+
+Window = tuple[float, float, str]
+"""Begin and end of the samples that became a point, in s, and its kind as in points.csv."""
+
+_PANELS = {"thrust": 1.5, "speed": 1.2, "pwm": 0.9, "plate": 0.9}
+"""Relative heights."""
+
+
+def _signals(recording: Recording) -> dict[str, Array]:
+    """Return the panels' signals (rows, n) that the recording has; thrust is always there."""
+
+    def rows(stem: str, suffix: str) -> Array:
+        names = [f"{stem}{number}{suffix}" for number in range(1, 1 + len(recording.names))]
+        found = [recording.si(name) for name in names if name in recording]
+        return np.array(found).reshape(len(found), len(recording))
+
+    def one(name: str) -> Array:
+        blank = np.full(len(recording), np.nan)
+        return np.array([recording.si(name) if name in recording else blank])
+
+    known = {
+        "thrust": one("thrust_N"),
+        "speed": from_si(rows("rpm", ""), "rpm"),
+        "pwm": rows("pwm", "_us"),
+        "plate": from_si(one("plate_z_m"), "mm"),
+    }
+    return {
+        name: each for name, each in known.items() if name == "thrust" or np.isfinite(each).any()
+    }
+
+
+def samples_height(recording: Recording) -> float:
+    """Return the height of `draw_samples` in inches."""
+    return 1.1 + 1.22 * sum(_PANELS[name] for name in _signals(recording))
+
+
+def draw_samples(
+    figure: Figure,
+    recording: Recording,
+    windows: Sequence[Window] = (),
+    radius_m: float | None = None,
+) -> None:
+    """Draw the signals of a run one above the other, the windows of its points shaded.
+
+    Args:
+        figure: empty.
+        recording: the samples; a signal that was never read has no panel.
+        windows: stretches of time whose samples became points.
+        radius_m: rotor radius; when given, the plate distance has a second axis in z/R.
+    """
+    time_s, signals = recording.si("time_s"), _signals(recording)
+    last_s = float(np.nanmax(time_s, initial=0.0))
+    unit, per_unit_s = ("min", 60.0) if last_s > MINUTES_FROM_S else ("s", 1.0)
+    every = rows_of(figure, [_PANELS[name] for name in signals])
+    shown = dict(zip(signals, every, strict=True))
+    labels = ("thrust [N]", "rotor speed\n[rpm]", "pwm [µs]", "plate [mm]")
+    single = {"thrust": BLUE, "plate": VERMILION}
+    for name, label in zip(_PANELS, labels, strict=True):
+        for index, row in enumerate(signals.get(name, ())):
+            color = single.get(name, rotor_color(index))
+            shown[name].plot(*envelope(time_s / per_unit_s, row), color=color, linewidth=0.8)
+        if name in shown:
+            shown[name].set_ylabel(label)
+    if "plate" in shown and radius_m:
+        in_radii(shown["plate"], radius_m)
+    kinds = {kind: KIND_COLORS.get(kind, PURPLE) for *_, kind in windows}
+    for axes in every:
+        for kind, color in kinds.items():
+            axes.broken_barh(
+                [
+                    (begin / per_unit_s, (end - begin) / per_unit_s)
+                    for begin, end, own in windows
+                    if own == kind
+                ],
+                (0.0, 1.0), transform=axes.get_xaxis_transform(), color=color, alpha=0.16,
+                linewidth=0.0, zorder=0,
+            )  # fmt: skip
+    every[-1].set_xlim(0.0, last_s / per_unit_s or 1.0)
+    every[-1].set_xlabel(f"time [{unit}]")
+    figure.align_ylabels(every)
+    legend_over(
+        shown["thrust"],
+        [Patch(color=color, alpha=0.3, linewidth=0.0, label=kind) for kind, color in kinds.items()],
+    )
+    rotors = max(len(signals.get("speed", ())), len(signals.get("pwm", ())))
+    rotor_legend(shown.get("speed", shown.get("pwm", shown["thrust"])), rotors)
+
+
+@figure(
+    page="sweep",
+    name="samples",
+    title="Every sample: {0.name}",
+    caption=lambda run: (
+        "Every sample as the device sent it"
+        + (", before the calibration" if run.metadata.get("calibration") else "")
+        + "; shaded: the stretches whose samples became points."
+    ),
+    when=lambda run: run.samples is not None,
+    height_in=lambda run: samples_height(run.samples),
+)
+def samples(figure: Figure, run: SweepRun) -> None:
+    """Draw every sample with the stretches that became points."""
+    assert run.samples is not None
+    number, time_s = run.samples.column("point"), run.samples.column("time_s")
+    sampled = run.samples.column("phase") == code_of("phase", "sample")
+    windows = []
+    for point, kind in dict(zip(run.points.column("point"), run.kinds, strict=True)).items():
+        rows = np.flatnonzero(sampled & (number == point))
+        if rows.size:
+            windows.append((float(time_s[rows[0]]), float(time_s[rows[-1]]), kind))
+    draw_samples(figure, run.samples, windows, run.rig.propulsion.radius_m)
+
+
+def _raw_thrust(run: SweepRun) -> tuple[Array, Array] | None:
+    """Return visit and thrust (n,) of the samples behind points; None where there are none.
+
+    With a calibration the raw counts go through its slope about the visit's own mean.
+    """
+    if run.samples is None:
+        return None
+    slope = float((run.metadata.get("calibration") or {}).get("slope_N_per_count", np.nan))
+    name = "thrust_raw" if np.isfinite(slope) and "thrust_raw" in run.samples else "thrust_N"
+    if name not in run.samples:
+        return None
+    rows = run.samples.column("phase") == code_of("phase", "sample")
+    rows &= np.isfinite(run.samples.column(name))
+    number, values = run.samples.column("point")[rows], run.samples.column(name)[rows]
+    if name == "thrust_N":
+        return number, values
+    thrust = np.full(values.shape, np.nan)
+    for point, mean in zip(run.points.column("point"), run.points.column("thrust_N"), strict=True):
+        own = number == point
+        if own.any():
+            thrust[own] = mean + slope * (values[own] - values[own].mean())
+    return number, thrust
+
+
+@figure(
+    page="sweep",
+    name="visits",
+    title="Raw samples beside their means: {0.name}",
+    caption=lambda run: (
+        "Raw samples of each visit beside their mean: nothing is filtered but by "
+        "averaging over the shaded stretches above. Standard errors count the samples' "
+        "autocorrelation (initial positive sequence, Geyer 1992)."
+        + (
+            " Raw counts are shown through the calibration's slope."
+            if run.metadata.get("calibration")
+            else ""
+        )
+    ),
+    when=lambda run: _raw_thrust(run) is not None,
+    height_in=5.0,
+)
+def visits(figure: Figure, run: SweepRun) -> None:
+    """Draw means over raw samples in the order of measurement; below, samples minus their mean."""
+    raw = _raw_thrust(run)
+    assert raw is not None
+    visit_of_sample, sample_N = raw
+    top, left = rows_of(figure, (1.0, 1.0))
+    number, mean_N = run.points.column("point"), run.points.column("thrust_N")
+    place, away = np.full((2, len(sample_N)), np.nan)
+    for visit, mean in zip(number, mean_N, strict=True):
+        rows = np.flatnonzero(visit_of_sample == visit)
+        place[rows] = visit + WIDTH * (np.linspace(0.0, 1.0, len(rows)) - 0.5)
+        away[rows] = sample_N[rows] - mean
+    for axes, values in ((top, sample_N), (left, from_si(away, "mN"))):
+        axes.plot(
+            place, values, ".", color=GREY, ms=1.6, alpha=0.45, rasterized=True, zorder=1.5,
+            label="raw samples",
+        )  # fmt: skip
+    for kind, own in _rows_of_kinds(run).items():
+        color = KIND_COLORS.get(kind, BLACK)
+        top.plot(number[own], mean_N[own], "_", color=color, ms=9.0, mew=2.2, label=kind)
+    for name, label, color, width, cap in (
+        ("sd", "± standard deviation", BLACK, 0.9, 2.5),
+        ("se", "± standard error of the mean", BLUE, 4.0, 0.0),
+    ):
+        half = from_si(run.points.column(f"thrust_{name}_N"), "mN")
+        left.errorbar(
+            number, np.zeros(len(number)), yerr=half, fmt="none", color=color, elinewidth=width,
+            capsize=cap, label=label,
+        )  # fmt: skip
+    top.set_ylabel("thrust [N]")
+    left.set_ylabel("sample − mean\nof its visit [mN]")
+    left.set_xlabel("visit, in the order of measurement")
+    figure.align_ylabels([top, left])
+    dot = Line2D([], [], color=GREY, marker=".", ls="none", ms=6.0)
+    legend_below(figure, [top, left], 3, raw_samples=dot)
+
+
+WIDTH = 0.7
+"""Width that the samples of a visit take, in visits."""
+
+MOST_TICKS = 6
+"""Plate distances that are written beside their axis; more would touch each other."""
+
+MARKERS = {"measure": "o", "reference": "s", "anchor": "D"}
+
+
+def _rows_of_kinds(run: SweepRun) -> Mapping[str, NDArray[np.bool_]]:
+    kinds = np.array(run.kinds)
+    return {kind: kinds == kind for kind in dict.fromkeys(run.kinds)}
+
+
+@figure(
+    page="sweep",
+    name="order",
+    title="Order, anchors and tares: {0.name}",
+    caption="Above: plate distances in the order of measurement. Below: change of thrust at the "
+    "anchors, brought to the first anchor's rotor speed, and what the load cell showed after each "
+    "tare.",
+    height_in=4.8,
+)
+def order(figure: Figure, run: SweepRun) -> None:
+    """Draw plate distances in the order of measurement; below, anchors and tares."""
+    places, drift = rows_of(figure, (1.3, 1.0))
+    minutes, z = run.points.column("time_s") / 60.0, run.z_over_R(run.points)
+    for kind, rows in _rows_of_kinds(run).items():
+        places.plot(
+            minutes[rows], z[rows], MARKERS.get(kind, "o"), ms=4.8,
+            color=KIND_COLORS.get(kind, GREY), label=kind,
+        )  # fmt: skip
+    places.plot(minutes, z, color=PALE, lw=0.9, zorder=1.0)
+    places.set_yscale("log")
+    known = np.unique(z[np.isfinite(z)].round(2))
+    ticks = known[np.unique(np.linspace(0, len(known) - 1, MOST_TICKS).astype(int))]
+    places.set_yticks(ticks, [f"{value:g}" for value in ticks])
+    places.minorticks_off()
+    places.set_ylabel("plate $z/R$ [–]")
+    spread(drift, from_si(_residual_N(run.plan_text), "mN"), "tare-limit", alpha=0.5)
+    anchors = anchor_changes(run)
+    if run.tares is None:
+        tares: Sequence[Array] = [np.empty(0)] * 3
+    else:
+        tares = [run.tares.column(name) for name in ("time_s", "thrust_N", "thrust_se_N")]
+    for (at, value, error), color, marker, look in (
+        (anchors, KIND_COLORS["anchor"], "D-", {"ms": 4.8, "label": "anchor since the first"}),
+        (tares, VERMILION, "v", {"ms": 5.5, "label": "left after a tare"}),
+    ):
+        lw: dict[str, Any] = {"lw": 0.9} if marker == "D-" else {}
+        mN, error_mN = from_si(value, "mN"), from_si(error, "mN")
+        points(drift, at / 60.0, mN, error_mN, color, marker, **look, **lw)
+    drift.set_ylabel("change of the\nload cell [mN]")
+    drift.set_xlabel("time [min]    (grey band: what the plan lets a tare leave)")
+    figure.align_ylabels([places, drift])
+    legend_below(figure, [places, drift], 5)
+
+
+def _residual_N(plan_text: str) -> float:
+    """Return the largest rest that a plan lets a tare leave: N; nan where it states none."""
+    try:
+        return float(parse_toml(plan_text, "plan.toml")["tare"]["residual_N"])
+    except (FileFormatError, KeyError, TypeError, ValueError):
+        return float("nan")
+
+
+def anchor_changes(run: SweepRun) -> tuple[Array, Array, Array]:
+    """Return time, change since the first and its standard error of the anchors (a,) each.
+
+    Thrust is brought to the first anchor's summed squared speed, so that a battery that sags is
+    not taken for a load cell that drifts.
+    """
+    part = run.points.select(np.flatnonzero(np.array(run.kinds) == "anchor"))
+    if not len(part):
+        return np.empty(0), np.empty(0), np.empty(0)
+    squares = np.zeros(len(part))
+    for name in part.names:
+        if name.startswith("rpm") and not name.endswith("_se"):
+            squares = squares + np.nan_to_num(part.column(name)) ** 2
+    scale = np.divide(squares[0], squares, out=np.ones(len(part)), where=squares > 0.0)
+    thrust, se = part.column("thrust_N") * scale, part.column("thrust_se_N")
+    error = np.hypot(se, se[0])
+    error[0] = 0.0
+    return part.column("time_s"), thrust - thrust[0], error

@@ -1,0 +1,37 @@
+"""Write docs/reference/figures.md from the registry: python docs/reference/write_figures.py"""
+
+from __future__ import annotations
+
+from itertools import groupby
+from pathlib import Path
+
+from benchtool.report.figure import FigureEntry, every_figure
+
+PAGE = Path(__file__).with_name("figures.md")
+
+HEAD = """# Figures
+
+Every figure that benchtool draws, by the page that shows it, made from the registry by
+`docs/reference/write_figures.py`. The name is also that of its file. How to add one:
+[write a figure](../how-to/write-a-figure.md).
+"""
+
+
+def page() -> str:
+    """Return the page."""
+    parts = [HEAD]
+    for name, entries in groupby(every_figure(), key=lambda entry: entry.page):
+        rows = "\n".join(f"| `{entry.name}` | {shown(entry)} |" for entry in entries)
+        parts.append(f"## {name}\n\n| figure | shows |\n|---|---|\n{rows}\n")
+    return "\n".join(parts)
+
+
+def shown(entry: FigureEntry) -> str:
+    """Return the first line of what the figure's function says of itself, else its title."""
+    if entry.draw.__doc__:
+        return entry.draw.__doc__.strip().splitlines()[0]
+    return str(entry.title)
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), encoding="utf-8")

@@ -1,0 +1,185 @@
+"""Subjects in which every registered figure has something to draw, by page."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchtool.core.channel import Channel
+from benchtool.core.recording import Recording
+from benchtool.core.rig import Rig
+from benchtool.core.rig_file import rig_named
+from benchtool.core.schedule import PlateVisit
+from benchtool.data.columns import code_of
+from benchtool.explain.pitch.replay_track import pitch_track
+from benchtool.explain.pitch.replayed import Beside, Replay
+from benchtool.fit.recipe import read_recipe
+from benchtool.fit.run_recipe import FitOutput, run_recipe
+from benchtool.fit.swept import SweepRun, read_sweep_run
+from benchtool.physics.wake_picture import Hover
+from benchtool.report.fit.demo import Story
+from benchtool.report.flight.campaign import CampaignMap, CampaignPanel
+from benchtool.report.flight.pitch_study import PitchStudy, pitch_study
+from benchtool.report.flight.study import Flown, fly_and_measure
+from benchtool.report.replay.figures import ReplayedLog
+from benchtool.report.replay.recorded import Recorded
+from benchtool.simulate.campaign_pitch import PitchCampaign
+from benchtool.simulate.design import Design
+from benchtool.simulate.flight.cases import flight_case
+from benchtool.simulate.flight.vehicle import FlightVehicle
+from benchtool.simulate.gain_file import gains_named
+from benchtool.simulate.pitch.setup import pitch_setup
+from tests.unit.explain.hand_made import answer
+
+ROOT = Path(__file__).parents[2]
+
+
+@cache
+def fit(name: str) -> FitOutput:
+    """Fit a shipped recipe by least squares."""
+    recipe = read_recipe(ROOT / "fits" / name)
+    return run_recipe(replace(recipe, methods=("least_squares",), compare=()))
+
+
+@cache
+def sampled_fit() -> FitOutput:
+    """Return the quadrotor's fit with draws, as two ensembles of four walkers would make them."""
+    found = fit("quad")
+    result = found.results[0]
+    draws = np.random.default_rng(0).multivariate_normal(result.values, result.covariance, 400)
+    facts = {**result.facts, "ensembles": 2, "walkers": 4, "steps_kept": 50}
+    return replace(
+        found, results=(result, replace(result, method="emcee", samples=draws, facts=facts))
+    )
+
+
+@cache
+def sweep() -> SweepRun:
+    """Return the shipped run of the quadrotor, with samples made up and a calibration."""
+    run = read_sweep_run(ROOT / "datasets" / "quad" / "run")
+    points = run.points
+    rows = np.repeat(np.arange(len(points)), 3)
+    columns = {
+        "time_s": points.column("time_s")[rows] + np.tile([0.0, 0.5, 1.0], len(points)),
+        "point": points.column("point")[rows],
+        "phase": np.full(len(rows), code_of("phase", "sample")),
+    }
+    for name in ("thrust_N", "rpm1", "pwm1_us", "plate_z_m"):
+        columns[name] = points.column(name)[rows]
+    units = {"time_s": "s", "thrust_N": "N", "rpm1": "rpm", "pwm1_us": "pwm_us", "plate_z_m": "m"}
+    samples = Recording.from_columns(
+        [(Channel(name, units.get(name, "1")), values) for name, values in columns.items()]
+    )
+    return replace(run, samples=samples)
+
+
+def calibration() -> dict[str, Any]:
+    """Return a calibration with three masses up and down."""
+    return {
+        "id": "cell-1", "gravity_m_s2": 9.81, "lever_ratio": 1.0, "simulated": True,
+        "masses_kg": [0.0, 1.0, 2.0, 1.0, 0.0], "counts": [0.0, 1e3, 2e3, 1e3, 0.0],
+        "residuals_N": [0.0, 0.001, 0.0, 0.003, 0.001],
+    }  # fmt: skip
+
+
+@cache
+def study() -> PitchStudy:
+    """Run the pitch bench for two seconds, the plate under one rotor from the first on."""
+    setup = pitch_setup(gains="s3", controllers=("pid",))
+    visit = PlateVisit(z_over_R=2.0, in_s=0.5, out_s=1.5, move_s=0.1)
+    schedule = replace(setup.schedule, duration_s=2.0, plate=(visit,))
+    return pitch_study(replace(setup, schedule=schedule), 1)
+
+
+@cache
+def log() -> ReplayedLog:
+    """Return the recording of that run, its own attitude beside it as if simulated."""
+    run = study().runs[0]
+    recording = run.recording(study().setup.bench.model.rig, {})
+    track = pitch_track(recording)
+    recorded = Recorded(
+        path=Path("hinge"), recording=recording, facts={}, provenance={}, plan_text="", sha256="0"
+    )
+    replay = Replay(
+        model="pitch_pquad", rig="pquad", time_s=track.time_s, theta_rad=track.theta_rad,
+        pwm_us=track.pwm_us, disturbance_Nm=np.empty(0), words="closed loop", by="controller",
+    )  # fmt: skip
+    return ReplayedLog(recorded, track, Beside(model="pitch_pquad"), replay)
+
+
+def stand() -> Recorded:
+    """Return a recording of a stand without attitude."""
+    return replace(log().recorded, recording=sweep_samples())
+
+
+def sweep_samples() -> Recording:
+    """Return the samples of the sweep."""
+    found = sweep().samples
+    assert found is not None
+    return found
+
+
+def campaign() -> CampaignMap:
+    """Return two panels of six cells with a run in each."""
+    design = Design.read(["K_b=1:3:3", "gains.attitude=0.8:1.2:2"])
+    panels = tuple(CampaignPanel("", name, (2, 3)) for name in ("pid", "observer"))
+    rows, columns = np.divmod(np.arange(6), 3)
+    for panel in panels:
+        panel.add((rows, columns), np.linspace(0.0, 1.0, 6))
+    made = PitchCampaign(setups={"s3": study().setup})
+    edges = (np.linspace(0.5, 3.5, 4), np.linspace(0.7, 1.3, 3))
+    return CampaignMap(made, design, "peak_deg", panels, edges)
+
+
+def flights() -> list[Flown]:
+    """Fly one case for a second, out of ground effect and with it."""
+    return [flown(None), flown(2.0)]
+
+
+@cache
+def flown(z_over_R: float | None) -> Flown:
+    """Fly a plate under the front rotor for a second."""
+    vehicle = FlightVehicle(rig=rig_named("pquad"))
+    case = flight_case("plate", vehicle, gains_named("s3"), z_over_R=z_over_R)
+    return fly_and_measure(replace(case, duration_s=1.0))
+
+
+class Flights:
+    """Fly the same second, whatever is asked for."""
+
+    rig: Rig = rig_named("pquad")
+
+    def fly(self, *_: Any, **__: Any) -> Flown:
+        return flown(2.0)
+
+
+SUBJECTS: dict[str, Callable[[], Sequence[Any]]] = {
+    "answer": lambda: [answer(), answer("several"), answer("unknown")],
+    "fit": lambda: [sampled_fit(), fit("partial_area")],
+    "fit.demo": lambda: [Story(fit("single_rotor"), fit("quad"), fit("quad"))],
+    "fit.demo_sweeps": lambda: [{"quad": ROOT / "datasets" / "quad" / "run"}],
+    "flight": lambda: [flights()],
+    "flight.campaign": lambda: [campaign()],
+    "flight.pitch": lambda: [study()],
+    "paper": lambda: [Flights()],
+    "paper.flow": lambda: [Hover.quad()],
+    "paper.layouts": lambda: [
+        {
+            "single": fit("single_rotor"),
+            "second": fit("amuse_rotor"),
+            "three": fit("three_rotors"),
+            "quad": fit("quad"),
+        }
+    ],
+    "replay": lambda: [log()],
+    "replay.stand": lambda: [stand()],
+    "sweep": lambda: [sweep()],
+    "sweep.calibration": lambda: [calibration()],
+    "sweep.compared": lambda: [[sweep(), sweep()]],
+}
+"""Of each page: what it may be of. A figure that none of them allows has no test."""

@@ -1,0 +1,62 @@
+"""The contract of every registered figure: shown by its page, described, drawn."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from benchtool.report.figure import PAGES, FigureEntry, every_figure
+from benchtool.report.files import figure_bytes
+from benchtool.report.paper import flights
+from benchtool.report.style import SIMULATED_GID
+from tests.contracts.figure_subjects import SUBJECTS, study
+
+FIGURES = {f"{entry.page}/{entry.name}": entry for entry in every_figure()}
+EACH = pytest.mark.parametrize("entry", FIGURES.values(), ids=FIGURES)
+DOCS = Path(__file__).parents[2] / "docs" / "reference" / "figures.md"
+
+
+@pytest.mark.parametrize("page", sorted({entry.page for entry in FIGURES.values()} | set(PAGES)))
+def test_a_page_shows_every_figure_of_its_own_and_no_other(page: str) -> None:
+    registered = {entry.name for entry in FIGURES.values() if entry.page == page}
+    assert page in PAGES, f"no page is called {page}: make one with Page({page!r}, ...)"
+    shown = PAGES[page].figures
+    assert registered == set(shown), f"name every figure of {page} in its list of sections"
+    assert len(shown) == len(set(shown))
+
+
+@EACH
+def test_it_is_in_the_table_of_the_reference(entry: FigureEntry) -> None:
+    row = f"| `{entry.name}` |"
+    part = DOCS.read_text("utf-8").partition(f"## {entry.page}\n")[2].partition("\n## ")[0]
+    assert row in part, "write the page again: python docs/reference/write_figures.py"
+
+
+@pytest.fixture
+def quick_bench(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let figures of the pitch bench show two seconds that were simulated once."""
+    monkeypatch.setattr(flights, "pitch_study", lambda *_: study())
+
+
+@EACH
+@pytest.mark.usefixtures("quick_bench")
+def test_it_is_drawn_with_axes_words_and_stamp(entry: FigureEntry) -> None:
+    assert entry.page in SUBJECTS, f"add a subject of {entry.page} to figure_subjects.py"
+    blocks: dict[str, Any] = {}
+    for subject in SUBJECTS[entry.page]():
+        blocks |= dict(entry.blocks(subject))
+    assert blocks, "no subject allows it: add one to figure_subjects.py"
+    for name, block in blocks.items():
+        assert name == entry.name or name.startswith(f"{entry.name}_")
+        assert len(block.caption) > 20
+        assert block.caption.endswith(".")
+        assert "{" not in block.caption
+        figure = block.figure
+        assert figure.get_suptitle().strip()
+        assert "{" not in figure.get_suptitle().replace("\\hat{", "")
+        assert figure.axes
+        stamps = [text for text in figure.texts if text.get_gid() == SIMULATED_GID]
+        assert len(stamps) <= 1
+    assert figure_bytes(figure).startswith(b"<?xml")
