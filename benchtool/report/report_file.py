@@ -31,7 +31,7 @@ TAKES = (
 """What a report can be made of, for the one sentence that refuses anything else."""
 
 MARKS: dict[str, Kind] = {FIT_FILE: "fit", ANSWER_FILE: "explanation"}
-"""Files that tell a folder, whose report.html is its report already."""
+"""Files by which a folder is recognised; its report.html is its report already."""
 
 PAGE = "report.html"
 
@@ -87,8 +87,8 @@ def page_text(
     beside = beside or Beside()
     kinds = [kind_of(path) for path in paths]
     if len(paths) > 1 and set(kinds) != {"sweep"}:
-        told = ", ".join(f"{path} ({kind})" for path, kind in zip(paths, kinds, strict=True))
-        raise InputError(f"several runs are compared where all are sweeps, but these are: {told}")
+        listed = ", ".join(f"{path} ({kind})" for path, kind in zip(paths, kinds, strict=True))
+        raise InputError(f"several runs are compared where all are sweeps, but these are: {listed}")
     if not paths:
         raise InputError(f"nothing to report: name {TAKES}")
     if kinds[0] in ("fit", "explanation"):

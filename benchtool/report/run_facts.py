@@ -50,9 +50,9 @@ def device_facts(metadata: Mapping[str, Any]) -> dict[str, str]:
         facts["stream"] = f"{device['rate_Hz']:g} Hz: {', '.join(device.get('channels', {}))}"
     if "watchdog_s" in device:
         facts["watchdog"] = f"{device['watchdog_s']:g} s"
-    told = {key: str(value) for key, value in (device.get("facts") or {}).items()}
-    if told:
-        facts["it says"] = ", ".join(f"{key} = {value}" for key, value in told.items())
+    reported = {key: str(value) for key, value in (device.get("facts") or {}).items()}
+    if reported:
+        facts["it says"] = ", ".join(f"{key} = {value}" for key, value in reported.items())
     return facts
 
 

@@ -108,7 +108,7 @@ def print_next(answer: Answer, out: Path | None, json_file: Path | None) -> None
     _print_verdict(console, answer)
     console.print(added_sentence(answer, folder), markup=False)
     for change in changes(answer):
-        console.print(f"  {change.told}", markup=False)
+        console.print(f"  {change.words}", markup=False)
     if to_do := next_sentence(answer):
         name, _ = next_file(answer)
         stands = f" It stands in {out / name}." if out is not None and name else ""

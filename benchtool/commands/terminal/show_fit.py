@@ -13,7 +13,7 @@ from rich.table import Table
 
 from benchtool.fit.run_recipe import FitOutput
 from benchtool.report import page
-from benchtool.report.fit.kept_fit import kept
+from benchtool.report.fit.stored_fit import stored
 
 FILE_WIDTH = 110
 """Width of tables where no terminal gives one: room for the longest parameter names."""
@@ -45,7 +45,7 @@ def print_fit(output: FitOutput) -> None:
     console = Console(soft_wrap=True, highlight=False)
     if not console.is_terminal:
         console.width = FILE_WIDTH
-    for block in kept(output).told:
+    for block in stored(output).blocks:
         if isinstance(block, page.Table):
             print_table(console, _narrow(block))
         elif isinstance(block, page.Warnings):

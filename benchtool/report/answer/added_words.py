@@ -33,7 +33,7 @@ class Change:
     found: bool
 
     @property
-    def told(self) -> str:
+    def words(self) -> str:
         """Name, value and unit, with the value before."""
         unit = "" if self.unit == "1" else f" {self.unit}"
         before = "absent" if self.before is None else f"{self.before:.4g}"
@@ -56,12 +56,12 @@ def changes(answer: Answer) -> tuple[Change, ...]:
     for effect in new.effects:
         if all(present.name != effect.name for present in fresh.effects):
             fresh = fresh.with_effect(effect)
-    told = [
+    moved = [
         change(name, item)
         for name, item in new.parameters.items()
         if not isclose(fresh.parameters[name].value, item.value, abs_tol=NOTHING)
     ]
-    return tuple(sorted(told, key=lambda one: not one.found))
+    return tuple(sorted(moved, key=lambda one: not one.found))
 
 
 def changes_table(answer: Answer) -> Table:
@@ -87,7 +87,7 @@ def added_sentence(answer: Answer, folder: str = "") -> str:
     """Say what was added, and to which file.
 
     Args:
-        answer: what is told.
+        answer: the answer.
         folder: that the answer is written to; empty where it is not.
     """
     kind = answer.verdict.kind

@@ -30,11 +30,11 @@ def effects_table(answer: Answer) -> Table:
 def short_effects_table(answer: Answer) -> Table:
     """List every named effect in the width of a terminal."""
     whole = effects_table(answer)
-    kept = (0, 2, 3, 4, 5, 6)
+    columns = (0, 2, 3, 4, 5, 6)
     return Table(
         _effects_caption(answer),
-        [whole.header[column] for column in kept],
-        [[row[column] for column in kept] for row in whole.rows],
+        [whole.header[column] for column in columns],
+        [[row[column] for column in columns] for row in whole.rows],
         text_columns=2,
     )
 

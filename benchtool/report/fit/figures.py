@@ -18,7 +18,7 @@ from benchtool.fit.run_recipe import FitOutput
 from benchtool.physics.conditions import FAR_AWAY_M, Conditions
 from benchtool.physics.effects.partial_coverage import factors
 from benchtool.report.figure import figure
-from benchtool.report.palette import BLACK, GREY, VERMILION, Role
+from benchtool.report.palette import BLACK, BLUE, GREY, VERMILION, Role
 from benchtool.report.panels import DASHED, points, rows_of
 from benchtool.report.ratio import (
     Curve,
@@ -221,8 +221,8 @@ def area(figure: Figure, fit: FitOutput) -> None:
     share.plot(ends, ends, color=BLACK, linestyle=DASHED, label="in proportion to the area (line)")
     departure.axhline(0.0, color=BLACK, linestyle=DASHED, linewidth=1.2)
     covered, measured, sd = _increments(fit)
-    points(share, covered, measured, sd, BLACK, label=name_of_data(fit))
-    points(departure, covered, measured - covered, sd, BLACK)
+    points(share, covered, measured, sd, BLUE, label=name_of_data(fit))
+    points(departure, covered, measured - covered, sd, BLUE)
     at, fitted, sd = _area_factors(fit)
     for axes, values, label in (
         (share, fitted, "fitted area factors"),

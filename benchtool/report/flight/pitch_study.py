@@ -29,7 +29,7 @@ class PitchStudy:
 
     Attributes:
         setup: what was simulated.
-        runs: one per controller; away: the same with the plate parked, empty where not asked for.
+        runs: one per controller; away: the same with the plate parked, empty where not wanted.
         seed: of the noise.
     """
 
@@ -72,9 +72,9 @@ def pitch_study(
     runs, away = every[: len(jobs)], every[len(jobs) :]
     for name, kind in own:
         job = PitchJob(setup.bench, setup.controls[0], setup.believed)
-        for schedule, kept in zip(schedules, (runs, away), strict=False):
+        for schedule, done in zip(schedules, (runs, away), strict=False):
             run = simulate_controller(made(kind, name), job, schedule, seed, name=name)
-            kept.append(run)
+            done.append(run)
     return PitchStudy(setup=setup, runs=tuple(runs), away=tuple(away), seed=seed)
 
 
@@ -156,7 +156,7 @@ def write_study(study: PitchStudy, out: Path) -> list[Path]:
     sidecars = [beside(path) for path in recordings]
     refuse_existing([*recordings, *sidecars, table, out / "pitch.svg", out / "pitch.png"])
     out.mkdir(parents=True, exist_ok=True)
-    gains = {control.name: _gains_told(control) for control in setup.controls}
+    gains = {control.name: _gain_set_name(control) for control in setup.controls}
     for path, run in recordings.items():
         provenance = {
             "device": f"simulated pitch bench {rig.name}",
@@ -174,7 +174,7 @@ def write_study(study: PitchStudy, out: Path) -> list[Path]:
     return [*recordings, table, *save_figure(block.figure, out / "pitch")]
 
 
-def _gains_told(control: PitchControl) -> str:
+def _gain_set_name(control: PitchControl) -> str:
     """Return the name of a controller's gain set; empty where its numbers were changed."""
     gains = control.gains
     known = gains is not None and gains.name in gain_names() and gains == gains_named(gains.name)

@@ -1,4 +1,4 @@
-"""A recording with what stands beside it on the disk, and the sections of a page that tell it."""
+"""A recording with the files beside it, and the sections of a page on where it comes from."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Recorded:
         path: run folder or file.
         recording: its values.
         facts: metadata of a run, or the JSON beside a file.
-        provenance: controller, gains and so on, where anything tells them.
+        provenance: controller, gains and so on, where anything states them.
         plan_text: of a run; empty for a file.
         sha256: of the data.
     """
@@ -99,7 +99,10 @@ def sections_behind(recorded: Recorded) -> list[Section]:
         return [
             Section("Rig and device", [Facts(rig_facts(facts) | device_facts(facts))]),
             Section("Conditions and calibration", [Facts(conditions)]),
-            Section("Experiment", [Listing("What was asked (plan.toml).", recorded.plan_text)]),
+            Section(
+                "Experiment",
+                [Listing("The plan of the experiment (plan.toml).", recorded.plan_text)],
+            ),
             Section("Software and data", [Facts(hashes)]),
         ]
     sections = []
@@ -109,14 +112,14 @@ def sections_behind(recorded: Recorded) -> list[Section]:
     ordered = {key: stated[key] for key in MODELLED if key in stated}
     if "file" in stated:
         stated["file"] = Path(stated["file"]).name
-    told = ordered | {key: value for key, value in stated.items() if key not in ordered}
+    listed = ordered | {key: value for key, value in stated.items() if key not in ordered}
     channels = ", ".join(f"{item.name} [{item.unit}]" for item in recording.channels)
     sections.append(
         Section(
             "Where it comes from",
             [
                 Facts(
-                    told
+                    listed
                     | {
                         "read as": str(facts.get("imported_as", "a recording of benchtool")),
                         "rows": str(len(recording)),
@@ -157,12 +160,12 @@ def _made_with(recorded: Recorded) -> dict[str, str]:
 
 
 def _windows(facts: Mapping[str, Any]) -> dict[str, str]:
-    told = [
+    listed = [
         f"{item['start_s']:g} to {item['end_s']:g} s, "
         f"{'all rotors' if not item['rotor'] else 'rotor ' + str(item['rotor'])} ({item['source']})"
         for item in facts.get("windows") or []
     ]
-    return {"over a surface": "; ".join(told)} if told else {}
+    return {"over a surface": "; ".join(listed)} if listed else {}
 
 
 def _findings(findings: Sequence[Mapping[str, Any]], facts: Mapping[str, Any]) -> list[Block]:

@@ -130,19 +130,19 @@ def _room(seen: float, limit: float) -> str:
 
 def events_block(run: SweepRun) -> Block:
     """Return what happened during the run, without the device's chatter."""
-    told = [event for event in run.events if event.event != "device"]
-    device = len(run.events) - len(told)
+    shown = [event for event in run.events if event.event != "device"]
+    device = len(run.events) - len(shown)
     more = f" In events.jsonl: {counted(device, 'message')} of the device." if device else ""
-    if len(told) > SHOWN_EVENTS:
-        more += f" The first {SHOWN_EVENTS} of {len(told)} are shown."
-    if not told:
+    if len(shown) > SHOWN_EVENTS:
+        more += f" The first {SHOWN_EVENTS} of {len(shown)} are shown."
+    if not shown:
         return Paragraph("Nothing happened that is worth reporting." + more)
     return Table(
         "Events." + more,
         ("event", "what", "visit", "time [s]"),
         [
             (event.event, event.text, str(event.point or "–"), f"{event.time_s:.1f}")
-            for event in told[:SHOWN_EVENTS]
+            for event in shown[:SHOWN_EVENTS]
         ],
         text_columns=2,
     )

@@ -24,7 +24,7 @@ def test_what_was_added_is_told_with_whole_values_and_those_before() -> None:
         "Written: found/model.toml, which is pitch_bench with Coulomb friction in it."
     )
     found, moved = changes(given)
-    assert found.told == "coulomb_friction.torque_Nm = 0.0241 N m (0 before)"
+    assert found.words == "coulomb_friction.torque_Nm = 0.0241 N m (0 before)"
     assert (found.found, moved.found) == (True, False)
     assert (moved.name, moved.now) == ("inertia_kgm2", 0.0309)
     assert changes_table(given).rows[1][1] == "adjusted within what was known of it"

@@ -79,13 +79,13 @@ def fit_into(
 def view_fit(root: Path, name: str) -> PageSection:
     """Return what `benchtool fit` prints of a stored fit, and its figures."""
     from benchtool.report.figure import captions
-    from benchtool.report.fit.kept_fit import SIMULATED, figure_files, read_kept
+    from benchtool.report.fit.stored_fit import SIMULATED, figure_files, read_stored
     from benchtool.report.page import Paragraph
     from benchtool.web.drawing import FigureImage, fragments
 
     path = RunsFolder(root).path_of(name)
-    stored = read_kept(path)
-    blocks = [block for block in stored.told if block != Paragraph(SIMULATED)]
+    stored = read_stored(path)
+    blocks = [block for block in stored.blocks if block != Paragraph(SIMULATED)]
     warnings, rest = blocks[-1], blocks[1:-1]
     said = captions("fit")
     figures = [

@@ -15,7 +15,7 @@ from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.data.run.upload import columns_file
 from benchtool.fit.fit_data import recipe_model
 from benchtool.fit.run_recipe import run_recipe
-from benchtool.report.fit.kept_fit import read_kept
+from benchtool.report.fit.stored_fit import read_stored
 from benchtool.web.tabs.fit.model_choice import ParameterChoice, adjustables
 from benchtool.web.tabs.fit.request import (
     FitRequest,
@@ -128,7 +128,7 @@ def test_the_work_writes_what_the_command_would(
     assert fit_into(tell, recipe, out, tuple(words), False) == "fit-one"
     assert [what for what, _ in told] == ["reading", "least squares", "drawing"]
     expected = run_recipe(recipe).results[0]
-    found = read_kept(out).results[0]
+    found = read_stored(out).results[0]
     assert found["R_m"] == expected["R_m"]
     assert f"benchtool {' '.join(words)}" in (out / "report.html").read_text("utf-8")
     assert not partial_folder(out).exists()

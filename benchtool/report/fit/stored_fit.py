@@ -1,4 +1,4 @@
-"""A fit as its folder keeps it, and what is said of it: on a terminal, on the page, in a report."""
+"""A fit as its folder stores it, and its words on a terminal, on the page and in a report."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ SIMULATED = "SIMULATED DATA: no physical bench produced these points"
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class KeptFit:
-    """Hold what result.json tells of a fit.
+class StoredFit:
+    """Hold what result.json says of a fit.
 
     Attributes:
-        recipe: what was asked, as the file has it.
+        recipe: the request, as the file has it.
         model: its name.
         rig: name of the rig that it was fitted on; empty where the file does not say.
         basis: see `Recipe`.
@@ -67,7 +67,7 @@ class KeptFit:
         return tuple(dict.fromkeys(line for result in self.results for line in result.warnings))
 
     @property
-    def told(self) -> tuple[Block, ...]:
+    def blocks(self) -> tuple[Block, ...]:
         """What `benchtool fit` prints, block by block."""
         blocks: list[Block] = [Paragraph(SIMULATED)] if self.simulated else []
         blocks.append(Paragraph(self.sentence))
@@ -83,13 +83,13 @@ class KeptFit:
         return (*blocks, Warnings(self.warnings))
 
 
-def kept(output: FitOutput) -> KeptFit:
-    """Return a fit as its folder would keep it."""
+def stored(output: FitOutput) -> StoredFit:
+    """Return a fit as its folder would store it."""
     return _from_tables(result_tables(output), FIT_FILE)
 
 
-def read_kept(folder: Path) -> KeptFit:
-    """Return the fit that a folder keeps.
+def read_stored(folder: Path) -> StoredFit:
+    """Return the fit that a folder holds.
 
     Raises:
         FileFormatError: a result.json that does not say what it must.
@@ -103,7 +103,7 @@ def figure_files(folder: Path) -> dict[str, Path]:
     return {name: path for name, path in files.items() if path.is_file()}
 
 
-def _from_tables(tables: Mapping[str, Any], where: str) -> KeptFit:
+def _from_tables(tables: Mapping[str, Any], where: str) -> StoredFit:
     try:
         points = tables["points"]
         results = tuple(
@@ -112,7 +112,7 @@ def _from_tables(tables: Mapping[str, Any], where: str) -> KeptFit:
         )
         if not results:
             raise FileFormatError(where, "no method has a result in it; fit again")
-        return KeptFit(
+        return StoredFit(
             recipe=tables["recipe"],
             model=str(tables["model"]),
             rig=str(tables.get("rig", "")),

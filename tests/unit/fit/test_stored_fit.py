@@ -13,8 +13,8 @@ import pytest
 from benchtool.core.errors import FileFormatError
 from benchtool.fit.recipe import read_recipe
 from benchtool.fit.run_recipe import FitOutput, run_recipe
-from benchtool.report.fit.kept_fit import figure_files, kept, read_kept
 from benchtool.report.fit.page import write_fit
+from benchtool.report.fit.stored_fit import figure_files, read_stored, stored
 
 FITS = Path(__file__).parents[3] / "fits"
 
@@ -27,8 +27,8 @@ def output() -> FitOutput:
 
 def test_a_folder_tells_what_the_fit_told(output: FitOutput, tmp_path: Path) -> None:
     write_fit(tmp_path / "fit", output)
-    again = read_kept(tmp_path / "fit")
-    assert again.told == kept(output).told
+    again = read_stored(tmp_path / "fit")
+    assert again.blocks == stored(output).blocks
     assert again.results[0]["body_lift.K_b"] == output.results[0]["body_lift.K_b"]
     assert again.comparison is not None
     assert again.sentence.startswith("96 of 96 points, model quad_bench on rig pquad, basis thrust")
@@ -36,7 +36,7 @@ def test_a_folder_tells_what_the_fit_told(output: FitOutput, tmp_path: Path) -> 
 
 
 def test_a_fit_of_an_older_version_is_read(output: FitOutput) -> None:
-    found = read_kept(FITS / "quad")
+    found = read_stored(FITS / "quad")
     assert [result.method for result in found.results] == ["least_squares", "emcee"]
     assert found.simulated
     assert found.comparison is not None
@@ -49,7 +49,7 @@ def test_a_number_that_does_not_exist_is_none(tmp_path: Path) -> None:
     tables = json.loads(path.read_text("utf-8"))
     tables["results"]["least_squares"]["estimates"]["R_m"]["sd"] = None
     path.write_text(json.dumps(tables), "utf-8")
-    found = read_kept(tmp_path / "fit").results[0]["R_m"]
+    found = read_stored(tmp_path / "fit").results[0]["R_m"]
     assert found.sd != found.sd
 
 
@@ -68,4 +68,4 @@ def test_a_broken_result_is_told_in_one_sentence(
     tables = json.loads((FITS / "quad" / "result.json").read_text("utf-8")) | change
     (tmp_path / "result.json").write_text(json.dumps(tables), "utf-8")
     with pytest.raises(FileFormatError, match=said):
-        read_kept(tmp_path)
+        read_stored(tmp_path)
