@@ -80,8 +80,8 @@ def command(
     from benchtool.commands.terminal.name_values import name_values
     from benchtool.core.errors import UnknownChoice
     from benchtool.report.flight.report import fly_each, report_lines, write_flights
-    from benchtool.report.flight.table import GYRO_NOISE_RAD_S
     from benchtool.simulate.campaign_flight import OGE, FlightCampaign
+    from benchtool.simulate.flight.cases import GYRO_NOISE_RAD_S
     from benchtool.simulate.flight.flight import FlightControl
     from benchtool.simulate.flight.map import read_map
     from benchtool.simulate.flight.setup import FlightSetup, changed, full_name

@@ -16,8 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.report.flight.report import fly_each, table_lines
-from benchtool.report.flight.study import Flown, fly_and_measure, name_of, verdict
-from benchtool.report.flight.warnings import warnings_of
 from benchtool.report.panels import spans
 from benchtool.report.preview import (
     Chart,
@@ -33,6 +31,8 @@ from benchtool.simulate.environment import Block
 from benchtool.simulate.flight.flight import FlightCase, FlightControl
 from benchtool.simulate.flight.law import AT_X, AT_Y
 from benchtool.simulate.flight.setup import FlightSetup
+from benchtool.simulate.flight.study import Flown, fly_and_measure, name_of, verdict
+from benchtool.simulate.flight.warnings import warnings_of
 from benchtool.simulate.in_order import results_in_order
 
 Array = NDArray[np.float64]

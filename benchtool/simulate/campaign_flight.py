@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 from benchtool.core.errors import InputError, UnknownChoice
-from benchtool.report.flight.warnings import too_short
 from benchtool.simulate.campaign import Measure, Row, at_point
 from benchtool.simulate.design import Design
 from benchtool.simulate.environment import Environment
 from benchtool.simulate.flight.flight import FlightCase, fly
 from benchtool.simulate.flight.measures import measure
 from benchtool.simulate.flight.setup import FlightSetup, changed
+from benchtool.simulate.flight.warnings import too_short
 from benchtool.simulate.in_order import results_in_order
 
 OGE = "oge"

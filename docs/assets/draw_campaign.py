@@ -13,10 +13,10 @@ from benchtool.core.rig_file import rig_named
 from benchtool.report.figure import drawn
 from benchtool.report.files import save_figure
 from benchtool.report.flight.campaign import campaign_map
-from benchtool.report.flight.table import GYRO_NOISE_RAD_S
 from benchtool.simulate.campaign import write_campaign
 from benchtool.simulate.campaign_flight import OGE, FlightCampaign
 from benchtool.simulate.design import Design
+from benchtool.simulate.flight.cases import GYRO_NOISE_RAD_S
 from benchtool.simulate.flight.setup import FlightSetup
 from benchtool.simulate.flight.vehicle import FlightVehicle
 from benchtool.simulate.gain_file import gains_named

@@ -25,12 +25,12 @@ from benchtool.physics.wake_picture import Hover
 from benchtool.report.fit.demo import Story
 from benchtool.report.flight.campaign import CampaignMap, CampaignPanel
 from benchtool.report.flight.pitch_study import PitchStudy, pitch_study
-from benchtool.report.flight.study import Flown, fly_and_measure
 from benchtool.report.replay.figures import ReplayedLog
 from benchtool.report.replay.recorded import Recorded
 from benchtool.simulate.campaign_pitch import PitchCampaign
 from benchtool.simulate.design import Design
 from benchtool.simulate.flight.cases import flight_case
+from benchtool.simulate.flight.study import Flown, fly_and_measure
 from benchtool.simulate.flight.vehicle import FlightVehicle
 from benchtool.simulate.gain_file import gains_named
 from benchtool.simulate.pitch.setup import pitch_setup

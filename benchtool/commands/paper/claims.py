@@ -10,9 +10,9 @@ from typing import Any
 from benchtool.core.counted import counted
 from benchtool.core.rig import Rig
 from benchtool.core.rig_file import rig_named
-from benchtool.report.flight.study import Flown, fly_and_measure
 from benchtool.simulate.flight.cases import flight_case
 from benchtool.simulate.flight.measures import Measures
+from benchtool.simulate.flight.study import Flown, fly_and_measure
 from benchtool.simulate.flight.vehicle import FlightVehicle
 from benchtool.simulate.gain_file import Gains, gains_named
 

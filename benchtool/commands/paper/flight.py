@@ -13,10 +13,9 @@ from benchtool.commands.paper.claims import (
     arrival,
     yes,
 )
-from benchtool.report.flight.study import Flown
-from benchtool.report.flight.table import GYRO_NOISE_RAD_S
-from benchtool.simulate.flight.cases import PLATE_S
+from benchtool.simulate.flight.cases import GYRO_NOISE_RAD_S, PLATE_S
 from benchtool.simulate.flight.flight import Flight
+from benchtool.simulate.flight.study import Flown
 
 NOISE_SEEDS = (1, 2, 3, 4)
 """Four seeds, as in the notes' table."""

@@ -12,9 +12,9 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from benchtool.report.figure import Page, figure
-from benchtool.report.flight.study import Flown, name_of, obstacle_extent, verdict
 from benchtool.report.palette import BLUE, GREEN, GREY, VERMILION
 from benchtool.report.panels import DASHED, DOTTED, OVER, spans
+from benchtool.simulate.flight.study import Flown, name_of, obstacle_extent, verdict
 
 Array = NDArray[np.float64]
 

@@ -13,9 +13,8 @@ from benchtool.report.figure import figure
 from benchtool.report.flight.flight import draw_flights, flights_width
 from benchtool.report.flight.pitch import PitchTrace, draw_pitch, pitch_height
 from benchtool.report.flight.pitch_study import pitch_study
-from benchtool.report.flight.study import CONTROL_NAMES, Flown
-from benchtool.report.flight.table import GYRO_NOISE_RAD_S
-from benchtool.simulate.flight.cases import OBSTACLE_X_M
+from benchtool.simulate.flight.cases import GYRO_NOISE_RAD_S, OBSTACLE_X_M
+from benchtool.simulate.flight.study import CONTROL_NAMES, Flown
 from benchtool.simulate.pitch.setup import PitchSetup, changed, pitch_setup
 
 UNTIL_S = 60.0

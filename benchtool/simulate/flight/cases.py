@@ -22,6 +22,9 @@ from benchtool.simulate.gain_file import Gains
 OBSTACLE_X_M = (3.0, 5.0)
 """Extent of the paper's obstacle (section 3.1)."""
 
+GYRO_NOISE_RAD_S = 0.015
+"""Paper, section 3.2: normal, standard deviation 0.015 rad/s."""
+
 GOAL_OVER_M, GOAL_EDGE_M = 7.0, 2.8
 """Where case 1 and case 2 fly to (paper, section 3.1 and Fig. 11)."""
 

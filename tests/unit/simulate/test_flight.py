@@ -10,7 +10,6 @@ import pytest
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.rig_file import rig_named
 from benchtool.physics.model_file import load_model
-from benchtool.report.flight.table import TABLE, Row
 from benchtool.simulate.environment import Block, Environment
 from benchtool.simulate.flight import flight as flight_module
 from benchtool.simulate.flight.cases import FLIGHTS, flight_case
@@ -19,6 +18,7 @@ from benchtool.simulate.flight.height_grid import HeightGrid
 from benchtool.simulate.flight.measures import arrival_s, count_push_backs, measure
 from benchtool.simulate.flight.vehicle import FlightVehicle
 from benchtool.simulate.gain_file import gains_named
+from tests.unit.simulate.flight_table import TABLE, Row
 from tests.unit.simulate.flying import PQUAD, Slice, case, flown
 
 

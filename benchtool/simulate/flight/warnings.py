@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.counted import counted
-from benchtool.report.flight.study import Flown, name_of
 from benchtool.simulate.environment import Block
 from benchtool.simulate.flight.flight import FlightCase
 from benchtool.simulate.flight.measures import NEAR_M
+from benchtool.simulate.flight.study import Flown, name_of
 
 Array = NDArray[np.float64]
 

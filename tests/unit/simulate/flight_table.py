@@ -9,14 +9,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import nan
 
-from benchtool.simulate.flight.cases import flight_case
+from benchtool.simulate.flight.cases import GYRO_NOISE_RAD_S, flight_case
 from benchtool.simulate.flight.flight import FlightCase, FlightControl
 from benchtool.simulate.flight.measures import Measures
 from benchtool.simulate.flight.vehicle import FlightVehicle
 from benchtool.simulate.gain_file import Gains
-
-GYRO_NOISE_RAD_S = 0.015
-"""Paper, section 3.2: normal, standard deviation 0.015 rad/s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
