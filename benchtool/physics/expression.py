@@ -15,11 +15,11 @@ from __future__ import annotations
 import hashlib
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import lru_cache, wraps
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, TypeAlias, TypeVar
+from typing import Any, NamedTuple, TypeAlias, TypeVar
 
 from benchtool.core.errors import MissingLibrary
 
@@ -30,7 +30,7 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 _recorded: list[Callable[..., Any]] = []
 _recorded_parts: list[Callable[..., Any]] = []
-_registered: set[int] = set()
+_registered: set[int | str] = set()
 _asked_to_compile: bool = False
 
 
@@ -64,6 +64,121 @@ def compile_expressions() -> None:
         if id(function) not in _registered:
             register_jitable(error_model="numpy", forceinline=True, no_cfunc_wrapper=True)(function)
             _registered.add(id(function))
+    if "records" not in _registered:
+        _register_records()
+        _registered.add("records")
+
+
+class Slot(NamedTuple):
+    """Say where a record stands in a block of rows, one column per lane.
+
+    Attributes:
+        first: its first row; its numbers stand one below the other.
+        like: a record of the same type, itself of numbers, tuples and named tuples.
+    """
+
+    first: int
+    like: Any
+
+
+def read_record(block: Any, slot: Any, lane: Any, lanes: Any) -> Any:
+    """Return the record of one lane, as `slot.like` is, from a block of rows times lanes."""
+    flat = block.reshape(-1)
+    return _filled(slot.like, iter(range(slot.first * lanes + lane, flat.size, lanes)), flat)
+
+
+def write_record(block: Any, slot: Any, lane: Any, lanes: Any, record: Any) -> None:
+    """Write a record of the type of `slot.like` to one lane of a block of rows times lanes."""
+    flat = block.reshape(-1)
+    for position, value in enumerate(numbers_of(record)):
+        flat[(slot.first + position) * lanes + lane] = value
+
+
+def replaced(values: Any, i: int, value: Any) -> Any:
+    """Return the tuple with another value at place i; for loops over discs."""
+    return (*values[:i], value, *values[i + 1 :])
+
+
+def numbers_of(record: Any) -> list[Any]:
+    """Return the numbers of a record in the order of their rows."""
+    if isinstance(record, tuple):
+        return [number for part in record for number in numbers_of(part)]
+    return [record]
+
+
+def _filled(like: Any, places: Iterator[int], flat: Any) -> Any:
+    if not isinstance(like, tuple):
+        return flat[next(places)]
+    parts = [_filled(part, places, flat) for part in like]
+    return type(like)(*parts) if hasattr(like, "_fields") else tuple(parts)
+
+
+def _register_records() -> None:
+    """Give compiled loops `read_record` and `write_record`, as plain loads and stores."""
+    from numba import types
+    from numba.core import cgutils
+    from numba.extending import lower_builtin, type_callable
+
+    tools: Any = cgutils
+
+    def places(context: Any, builder: Any, kinds: Any, values: Any) -> Any:
+        """Return a function that gives the address of the next row at every call."""
+        block, slot, lane, lanes = values[:4]
+        data = context.make_array(kinds[0])(context, builder, block).data
+        width = context.cast(builder, lanes, kinds[3], types.intp)
+        first = context.cast(builder, builder.extract_value(slot, 0), kinds[1].types[0], types.intp)
+        start = builder.mul(first, width)
+        at = [builder.add(start, context.cast(builder, lane, kinds[2], types.intp))]
+
+        def following() -> Any:
+            address = builder.gep(data, [at[0]])
+            at[0] = builder.add(at[0], width)
+            return address
+
+        return following
+
+    def read(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        following = places(context, builder, signature.args, values)
+        element = signature.args[0].dtype
+
+        def made(kind: Any) -> Any:
+            if hasattr(kind, "types"):
+                return context.make_tuple(builder, kind, [made(each) for each in kind.types])
+            return context.cast(builder, builder.load(following()), element, kind)
+
+        return made(signature.return_type)
+
+    def write(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        following = places(context, builder, signature.args, values)
+        element = signature.args[0].dtype
+
+        def put(kind: Any, value: Any) -> None:
+            if hasattr(kind, "types"):
+                for position, each in enumerate(kind.types):
+                    put(each, builder.extract_value(value, position))
+            else:
+                builder.store(context.cast(builder, value, kind, element), following())
+
+        put(signature.args[4], values[4])
+        return context.get_dummy_value()
+
+    def replace(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        tuple_kind, index, value = signature.args
+        room = tools.alloca_once_value(builder, values[0])
+        place = builder.gep(
+            room, [tools.intp_t(0), context.cast(builder, values[1], index, types.intp)]
+        )
+        builder.store(context.cast(builder, values[2], value, tuple_kind.dtype), place)
+        return builder.load(room)
+
+    typed: Any = type_callable
+    lowered: Any = lower_builtin
+    typed(read_record)(lambda context: lambda block, slot, lane, lanes: slot.types[1])
+    typed(write_record)(lambda context: lambda block, slot, lane, lanes, record: types.none)
+    typed(replaced)(lambda context: lambda values, i, value: values)
+    lowered(replaced, types.UniTuple, types.Any, types.Any)(replace)
+    lowered(read_record, types.Array, *[types.Any] * 3)(read)
+    lowered(write_record, types.Array, *[types.Any] * 4)(write)
 
 
 def loop_part(function: Function) -> Function:

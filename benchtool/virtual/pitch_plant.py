@@ -17,9 +17,9 @@ from benchtool.core.schedule import PARKED_M, Schedule
 from benchtool.simulate.controllers.controller import PitchMeasurement, PitchReference
 from benchtool.simulate.noise import lane_states
 from benchtool.simulate.own_controller import made
-from benchtool.simulate.pitch import rows as r
+from benchtool.simulate.pitch import records as r
 from benchtool.simulate.pitch.own import PitchController, own_ticks
-from benchtool.simulate.pitch.run import PAST, PitchJob, PitchLoop
+from benchtool.simulate.pitch.run import PitchJob, PitchLoop
 
 Array = NDArray[np.float64]
 
@@ -38,16 +38,12 @@ SLOWEST_RPM = 60.0
 IDLE_RUN = 2**31
 """Number of the run whose noise the sensors have before the first arming: none that counts up."""
 
-_CONTROLLER = (
-    r.RATE_INTEGRAL,
-    r.ACCELERATION_INTEGRAL,
-    r.EXPLAINED,
-    r.ERROR_INTEGRAL,
-    r.ESTIMATE,
-    r.TORQUE,
-    r.DIFFERENCE,
-)
-"""Rows that begin anew with every arming."""
+_CONTROLLER = ("law_state", "command.torque_Nm", "command.difference_us")
+"""Records that begin anew with every arming."""
+
+_VISIT = ("setpoint.plate_z_m", "setpoint.plate_share")
+_NOMINAL_VISIT = ("nominal_plate_z_m", "nominal_share")
+"""Where the plate is, and where a map has it, in the schedule."""
 
 
 class PitchPlant:
@@ -95,8 +91,10 @@ class PitchPlant:
         self._controller: PitchController = _Still() if own is None else made(own, job.control.name)
         self._own_ticks = None if own is None else own_ticks(self._loop)
         self._ticks_armed = 0
-        self._visits = self._loop.table[[r.S_PLATE, r.S_SHARE]].copy()
-        self._believed = self._loop.table[[r.S_BELIEVED_PLATE, r.S_BELIEVED_SHARE]].copy()
+        self._visits, self._nominal_visits = (
+            [self._loop.wish(field)[0].copy() for field in fields]
+            for fields in (_VISIT, _NOMINAL_VISIT)
+        )
         self._tick = 0
         self._plate_m = self._target_m = PARKED_M
         pulse = self.rig.propulsion
@@ -138,7 +136,7 @@ class PitchPlant:
     @property
     def clamped_readings(self) -> int:
         """Plant steps with a disc nearer than the formulae hold."""
-        return int(self._loop.row(r.CLAMPED)[0])
+        return int(self._loop.view("hinge.clamped_steps")[0, 0])
 
     @property
     def armed(self) -> bool:
@@ -166,16 +164,15 @@ class PitchPlant:
             believed = self.job.belief
             speed_rad_s = pulse.speed_per_us_rad_s * (mean_us - pulse.pwm_start_us)
             thrust_N = believed.parameters["k"].value * speed_rad_s**2
-            loop.table[r.S_COLLECTIVE] = loop.schedule.collective * thrust_N
+            loop.wish("setpoint.collective_N")[0] = loop.schedule.collective * thrust_N
             return
         if self._armed:
             self._armed = False
-            loop.plan[3] = 2
-            for row in _CONTROLLER:
-                loop.row(row)[0] = 0.0
+            loop.let(r.PULSES)
+            self._restart_controller()
             self._jump(0)
         for rotor, disc in enumerate(self.rig.disc_of_rotor):
-            loop.table[r.S_PULSES + disc] = pwm_us[rotor]
+            loop.wish("pwm_us")[disc] = pwm_us[rotor]
 
     def command_plate(self, z_m: float, x_m: float, tilt_rad: float) -> None:
         """Start moving the plate under the first disc to a distance; `PARKED_M` or more is away."""
@@ -244,17 +241,17 @@ class PitchPlant:
                 log[:, [6, 7]],
             ]
         )
-        flags = loop.fresh[first : first + count].astype(bool)
+        flags = r.Fresh(*loop.fresh[:, first : first + count].astype(bool))
         closed = np.full(count, self._armed)
         rotors = np.ones((1, self.rig.n_rotors), bool)
         fresh = np.column_stack(
             [
                 closed,
-                flags[:, r.F_THETA],
-                flags[:, r.F_GYRO],
+                flags.theta,
+                flags.gyro,
                 np.ones(count, bool)[:, None] & rotors,
-                flags[:, r.F_SPEED, None] & rotors,
-                flags[:, r.F_PLATE],
+                flags.speed[:, None] & rotors,
+                flags.plate,
                 closed,
                 closed,
             ]
@@ -273,51 +270,51 @@ class PitchPlant:
         under = (stands_m < PARKED_M).astype(float)
         block = slice(first, first + count)
         away_m = self.job.control.feedforward.height_error_m
-        for (z_row, share_row), (visit_m, visit), error_m in (
-            ((r.S_PLATE, r.S_SHARE), self._visits[:, block], 0.0),
-            ((r.S_BELIEVED_PLATE, r.S_BELIEVED_SHARE), self._believed[:, block], away_m),
+        for (z_field, share_field), (visit_m, visit), error_m in (
+            (_VISIT, self._visits, 0.0),
+            (_NOMINAL_VISIT, self._nominal_visits, away_m),
         ):
-            visiting = (visit > 0.0) & self._armed
-            self._loop.table[z_row, block] = np.where(visiting, visit_m, stands_m + error_m)
-            self._loop.table[share_row, block] = np.where(visiting, visit, under)
+            visiting = (visit[block] > 0.0) & self._armed
+            placed_m = np.where(visiting, visit_m[block], stands_m + error_m)
+            self._loop.wish(z_field)[0, block] = placed_m
+            self._loop.wish(share_field)[0, block] = np.where(visiting, visit[block], under)
 
     def _arm(self) -> None:
         """Close the loop at the schedule's beginning, with noise of its own for every arming."""
         loop = self._loop
         loop.states[:] = lane_states(self._seed, [self._armings])
         self._armings += 1
-        for row in _CONTROLLER:
-            loop.row(row)[0] = 0.0
-        loop.plan[3] = 0
+        self._restart_controller()
+        loop.let(r.BUILT_IN)
         if self._own is not None:
-            loop.plan[3] = 1
+            loop.let(r.CALLER)
             self._controller = made(self._own, self.job.control.name)
             self._ticks_armed = 0
         self._jump(0)
         self._armed = True
 
+    def _restart_controller(self) -> None:
+        for record in _CONTROLLER:
+            self._loop.view(record)[:] = 0.0
+
     def _catch(self, ticks: int) -> None:
         """Hold the beam and bring it towards level, as long as the loop is open."""
         back_rad = CATCH_RAD_S * ticks / self.control_rate_Hz
-        theta = self._loop.row(r.THETA)
-        theta[0] -= np.clip(theta[0], -back_rad, back_rad)
-        self._loop.row(r.RATE)[0] = 0.0
+        theta = self._loop.view("hinge.theta_rad")
+        theta -= np.clip(theta, -back_rad, back_rad)
+        self._loop.view("hinge.rate_rad_s")[:] = 0.0
 
     def _rest(self) -> None:
         """Begin with rotors that stand still."""
-        loop = self._loop
-        for rows in (r.SPEED, r.TARGET, r.OLD, r.NEW, r.READ_SPEED):
-            for disc in range(loop.n_discs):
-                loop.row(rows + disc)[0] = 0.0
-        loop.sent[:] = 0.0
+        self._loop.turn(0.0)
+        self._loop.view("readings.speed_rad_s")[:] = 0.0
 
     def _jump(self, tick: int) -> None:
         """Go on at another tick of the schedule; what is late or delayed stays in order."""
         loop, shift = self._loop, tick - self._tick
         if shift:
-            sent, past = loop.sent.reshape(-1, loop.ring), loop.past.reshape(-1, PAST)
-            sent[:] = np.roll(sent, shift, axis=1)
-            past[:] = np.roll(past, shift, axis=1)
+            loop.sent[:] = np.roll(loop.sent, shift, axis=1)
+            loop.past[:] = np.roll(loop.past, shift, axis=1)
         self._tick = tick
 
     def _sensor_Hz(self, channel: Channel) -> float:

@@ -1,13 +1,15 @@
 """The seam for controllers: one method, called once per control period.
 
 A user's controller is any class with `step`; it may keep state, and a simulation makes a new one
-for every run. The built-in laws are expressions over numbers (`pid`, `observer`, `cascade`), run
-inside the compiled loop; `pitch_law` wraps them in this seam.
+for every run. A built-in law is a function of numbers and states (`PitchLaw`), so that it also runs
+inside the compiled loop; `LawController` makes a controller of it.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol, TypeVar
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 MeasurementT = TypeVar("MeasurementT", contravariant=True)
 ReferenceT = TypeVar("ReferenceT", contravariant=True)
@@ -47,10 +49,14 @@ class PitchMeasurement(NamedTuple):
 
 
 class PitchReference(NamedTuple):
-    """What is wanted of a pitch bench: attitude (rad) and collective thrust per rotor (N)."""
+    """What is wanted of a pitch bench: attitude (rad) and collective thrust per rotor (N).
+
+    `observer` is 1 while the schedule lets a disturbance observer act, else 0.
+    """
 
     theta_rad: float
     collective_N: float
+    observer: float = 1.0
 
 
 class PitchCommand(NamedTuple):
@@ -64,3 +70,43 @@ class PitchCommand(NamedTuple):
 
     torque_Nm: float
     difference_us: float = 0.0
+
+
+class PitchPlant(NamedTuple):
+    """What a law may know of the bench: inertia about the hinge, and what the mixer can give."""
+
+    inertia_kgm2: float
+    torque_limit_Nm: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PitchLaw:
+    """Describe a built-in law of the pitch bench.
+
+    Attributes:
+        name, title: as on the command line, and one line for people.
+        step: step(p, state, measurement, reference, dt_s) -> state, PitchCommand; marked
+            `@expression`, so that the same source runs in Python and in the compiled loop.
+        state: at the beginning, a named tuple of floats and tuples of them. A field `estimate_Nm`
+            is logged as the disturbance that the law sees.
+        numbers: numbers(control, plant) -> p, a named tuple of floats and tuples of them.
+    """
+
+    name: str
+    title: str
+    step: Callable[..., Any]
+    state: Any
+    numbers: Callable[[Any, PitchPlant], Any]
+
+
+class LawController:
+    """Run a built-in law as a `Controller`, outside of a compiled loop."""
+
+    def __init__(self, law: PitchLaw, numbers: Any) -> None:
+        self.law, self.numbers, self.state = law, numbers, law.state
+
+    def step(
+        self, measurement: PitchMeasurement, reference: PitchReference, dt_s: float
+    ) -> PitchCommand:
+        self.state, command = self.law.step(self.numbers, self.state, measurement, reference, dt_s)
+        return PitchCommand(*map(float, command))

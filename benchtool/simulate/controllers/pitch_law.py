@@ -1,14 +1,11 @@
-"""The built-in attitude law as a controller of the seam, for use outside of a compiled loop.
-
-The same expressions as in the simulator's loop, one call per control period: what a bench program
-would run, and a start for a law of one's own.
-"""
+"""The built-in attitude law: two nested loops, an observer, and a law in pulse widths."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
-from benchtool.simulate.controllers.controller import PitchCommand, PitchMeasurement, PitchReference
+from benchtool.physics.expression import expression
+from benchtool.simulate.controllers.controller import PitchCommand, PitchLaw, PitchPlant
 from benchtool.simulate.controllers.limits import limited
 from benchtool.simulate.controllers.observer import next_explained, observed
 from benchtool.simulate.controllers.pid import (
@@ -17,48 +14,78 @@ from benchtool.simulate.controllers.pid import (
     attitude_torque,
     next_pid_state,
 )
-from benchtool.simulate.gain_file import Gains
 
 
-@dataclass(slots=True)
-class AttitudeController:
-    """Hold level or a reference with two nested loops, and with the observer of eq. (12).
-
-    Attributes:
-        pid: numbers of the loops.
-        observer_rate_per_s: L of the observer; 0 is none.
-        state: integrals.
-        explained_Nms: the observer's memory.
-        estimate_Nm: disturbance torque as last observed.
+class Pulses(NamedTuple):
+    """Numbers of a PID in pulse widths: us/rad, us/(rad s), us/(rad/s), and the integral's limit
+    (rad s).
     """
 
+    kp_us_per_rad: Any
+    ki_us_per_rad_s: Any
+    kd_us_s_per_rad: Any
+    limit_rad_s: Any
+
+
+class AttitudeNumbers(NamedTuple):
+    """Numbers of the law; an observer of rate 0 (1/s) is none."""
+
     pid: AttitudePid
-    observer_rate_per_s: float = 0.0
-    state: PidState = field(default_factory=lambda: PidState(0.0, 0.0))
-    explained_Nms: float = 0.0
-    estimate_Nm: float = 0.0
+    observer_rate_per_s: Any
+    pulses: Pulses
 
-    @classmethod
-    def of(
-        cls, gains: Gains, inertia_kgm2: float, torque_limit_Nm: float, observer: bool = False
-    ) -> AttitudeController:
-        """Return the controller of a gain set for a body of this inertia."""
-        attitude = gains.attitude
-        numbers = {name: getattr(attitude, name) for name in attitude.__slots__}
-        pid = AttitudePid(**numbers, inertia_kgm2=inertia_kgm2, torque_limit_Nm=torque_limit_Nm)
-        return cls(pid, gains.observer.rate_per_s if observer else 0.0)
 
-    def step(
-        self, measurement: PitchMeasurement, reference: PitchReference, dt_s: float
-    ) -> PitchCommand:
-        on = float(self.observer_rate_per_s > 0.0)
-        angle, rate = measurement.theta_rad, measurement.rate_rad_s
-        momentum = self.pid.inertia_kgm2 * rate
-        self.estimate_Nm = on * observed(momentum, self.explained_Nms, self.observer_rate_per_s)
-        wanted = attitude_torque(reference.theta_rad, angle, rate, self.state, self.pid)
-        torque = float(limited(wanted - self.estimate_Nm, self.pid.torque_limit_Nm))
-        self.state = next_pid_state(reference.theta_rad, angle, rate, self.state, self.pid, dt_s)
-        self.explained_Nms = next_explained(
-            momentum, self.explained_Nms, torque, self.estimate_Nm, on, dt_s
-        )
-        return PitchCommand(torque)
+class AttitudeState(NamedTuple):
+    """Integrals, what the observer explained of the momentum (N m s), the summed error (rad s), and
+    the disturbance as last observed (N m).
+    """
+
+    integrals: PidState = PidState(0.0, 0.0)
+    explained_Nms: Any = 0.0
+    error_rad_s: Any = 0.0
+    estimate_Nm: Any = 0.0
+
+
+@expression
+def attitude_step(
+    p: AttitudeNumbers, state: AttitudeState, measurement: Any, reference: Any, dt_s: Any
+) -> tuple[AttitudeState, PitchCommand]:
+    """Return state and command of the control period that begins now."""
+    wanted, angle, rate = reference.theta_rad, measurement.theta_rad, measurement.rate_rad_s
+    on, before = reference.observer, state.integrals
+    momentum = p.pid.inertia_kgm2 * rate
+    estimate = on * observed(momentum, state.explained_Nms, p.observer_rate_per_s)
+    asked = attitude_torque(wanted, angle, rate, before, p.pid) - estimate
+    torque = limited(asked, p.pid.torque_limit_Nm)
+    after = next_pid_state(wanted, angle, rate, before, p.pid, dt_s)
+    explained = next_explained(momentum, state.explained_Nms, torque, estimate, on, dt_s)
+    error = wanted - angle
+    total = limited(state.error_rad_s + error * dt_s, p.pulses.limit_rad_s)
+    difference = (
+        p.pulses.kp_us_per_rad * error
+        + p.pulses.ki_us_per_rad_s * total
+        - p.pulses.kd_us_s_per_rad * rate
+    )
+    return AttitudeState(after, explained, total, estimate), PitchCommand(torque, difference)
+
+
+def attitude_numbers(control: Any, plant: PitchPlant) -> AttitudeNumbers:
+    """Return the law's numbers for gains, observer and pulse law of a `PitchControl`."""
+    pid, rate_per_s, pulses = AttitudePid(*[0.0] * len(AttitudePid._fields)), 0.0, control.pulses
+    if control.gains is not None:
+        attitude = control.gains.attitude
+        given = {name: getattr(attitude, name) for name in attitude.__slots__}
+        pid = AttitudePid(**given, **plant._asdict())
+        rate_per_s = control.gains.observer.rate_per_s if control.observer else 0.0
+    return AttitudeNumbers(
+        pid, rate_per_s, Pulses(*(getattr(pulses, name) for name in Pulses._fields))
+    )
+
+
+LAW = PitchLaw(
+    name="pid",
+    title="cascaded PID alone",
+    step=attitude_step,
+    state=AttitudeState(),
+    numbers=attitude_numbers,
+)

@@ -13,12 +13,13 @@ from benchtool.core.parameter import Parameters
 from benchtool.core.schedule import SampledSchedule
 from benchtool.physics.model import Model
 from benchtool.simulate.controllers.pitch import PitchControl
-from benchtool.simulate.pitch import rows as r
 from benchtool.simulate.pitch import track as t
 from benchtool.simulate.pitch.bench import STEPS_PER_LAG, PitchBench
 from benchtool.simulate.pitch.run import PitchJob, PitchLoop
 
 Array = NDArray[np.float64]
+
+_MODE = t.Seen._fields.index("mode")
 
 LANES = (1, 8, 32)
 """Numbers of lanes that loops are compiled for; a loop takes the next larger one."""
@@ -198,14 +199,14 @@ def follow_windows(
         return [_joined(window) for window in zip(*parts, strict=True)]
     loop = _loop(benches, logged, lanes, seed)
     seen = _seen(logged, np.full(len(logged), float(t.FREE)))
-    nothing = np.zeros(t.SPEED_GAIN + 1)
+    nothing = np.zeros(len(t.FilterGains._fields))
     found = []
     for start, state in zip(starts, states, strict=True):
         first = max(int(start) - lead, 0)
         _begin(loop, state)
-        seen[t.SEEN_MODE, first:start] = t.WAIT
+        seen[_MODE, first:start] = t.WAIT
         log = loop.follow(seen, nothing, span=(first, int(start) + rows))
-        seen[t.SEEN_MODE, first:start] = t.FREE
+        seen[_MODE, first:start] = t.FREE
         found.append(_followed(log[start - first :], len(benches), logged.n_discs))
     return found
 
@@ -237,31 +238,25 @@ def _loop(
         jobs, logged.schedule(), seed or 0, list(range(lanes)), external=True, neutral_too=True
     )
     loop.drive(np.ascontiguousarray(logged.pwm_us, float))
-    w = loop.w.reshape(-1, lanes)
     if seed is None:
-        w[r.WAKE_KICK] = 0.0
+        loop.view("motion.wake_kick_Nm")[:] = 0.0
     p = first.model.rig.propulsion
     settled = p.speed_per_us_rad_s * np.maximum(first_us - p.pwm_start_us, 0.0)
-    w[r.SPEED : r.SPEED + discs] = settled[:, None]
-    _send(loop)
+    _turn(loop, settled[:, None])
     return loop
 
 
 def _begin(loop: PitchLoop, states: Array) -> None:
     """Put every lane into a state (3 + n_discs, lanes)."""
-    lanes, discs = loop.lanes, loop.n_discs
-    w = loop.w.reshape(-1, lanes)
-    wide = np.pad(states, ((0, 0), (0, lanes - states.shape[1])), mode="edge")
-    w[r.THETA], w[r.RATE], w[r.WAKE] = wide[0], wide[1], wide[2]
-    w[r.SPEED : r.SPEED + discs] = wide[3:]
-    _send(loop)
+    wide = np.pad(states, ((0, 0), (0, loop.lanes - states.shape[1])), mode="edge")
+    loop.view("hinge")[:3] = wide[:3]
+    _turn(loop, wide[3:])
 
 
-def _send(loop: PitchLoop) -> None:
-    """Let the pulses on their way be those of the present speeds."""
-    w = loop.w.reshape(-1, loop.lanes)
-    sent = loop.sent.reshape(loop.n_discs, loop.ring, loop.lanes)
-    sent[:] = w[r.SPEED : r.SPEED + loop.n_discs][:, None, :]
+def _turn(loop: PitchLoop, speed_rad_s: Array) -> None:
+    """Let rotors turn at these speeds (n_discs, lanes), with no other on its way."""
+    loop.view("rotors.speed_rad_s")[:] = speed_rad_s
+    loop.sent[:] = loop.view("rotors.speed_rad_s")[:, None, :]
 
 
 def _seen(logged: LoggedPitch, mode: Array) -> Array:

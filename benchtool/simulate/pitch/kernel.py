@@ -2,142 +2,213 @@
 
 One source for every use: a single run (one lane), a batch (several lanes that the compiler runs
 side by side), a controller written in Python (one tick per call), and plain NumPy where numba is
-not installed. `lanes` is a tuple with one entry per lane, `shared.x` one with one entry per disc:
-their lengths are known when the loop is compiled, and the loops over lanes hold no other loop.
+not installed. `lanes` is a tuple with one entry per lane: its length is known when the loop is
+compiled, and the loops over lanes hold no other loop.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
-from benchtool.physics.expression import loop_part
-from benchtool.simulate.pitch import rows as r
+import numpy as np
+
+from benchtool.physics.expression import loop_part, read_record, write_record
+from benchtool.simulate.gathered import line, plane, solid
 from benchtool.simulate.pitch.lane import arrive_lane, sense_lane, step_lane
 from benchtool.simulate.pitch.law import control_lane, expect_lane, mix_lane, turn_lane
-from benchtool.simulate.pitch.shared import Shared
+from benchtool.simulate.pitch.records import (
+    BUILT_IN,
+    FRESH,
+    PLAN,
+    PULSES,
+    Command,
+    Delayed,
+    Places,
+)
+
+
+class LoopArrays(NamedTuple):
+    """Hold the arrays of a run.
+
+    Attributes:
+        w: records of every lane, flat: row times lanes plus lane (`records.Places`).
+        states: state of each lane's random numbers (n_lanes,).
+        sent: speeds commanded lately (n_discs, n_ring, n_lanes).
+        past: true pitch, rate and plate distance lately (3, n_past, n_lanes), for delayed sensors.
+        log: (n_ticks, n_logged, n_lanes), filled with the rows `logged` of each tick.
+        logged: rows to log (n_logged,).
+        schedule: (n_rows, n_ticks), a `Tick` per column.
+        fresh: (n_sensors, n_ticks + 1) which sensors have a new reading at a tick.
+        geometry: a `Geometry` (n_numbers,).
+    """
+
+    w: Any
+    states: Any
+    sent: Any
+    past: Any
+    log: Any
+    logged: Any
+    schedule: Any
+    fresh: Any
+    geometry: Any
+
+
+def packed_arrays(arrays: LoopArrays) -> tuple[Any, Any, list[Any]]:
+    """Return one block that holds copies of the arrays, where each stands, and views into it.
+
+    For a loop that is called at every control tick: each array that is handed over costs some
+    50 ns a call, and a named tuple of arrays microseconds.
+
+    Returns:
+        block (total,); places (n_arrays, 5): begin, end, lengths of three axes; views like
+        `arrays`, which have elements of 8 bytes and one to three axes.
+    """
+    ends = np.cumsum([array.size for array in arrays])
+    block = np.empty(int(ends[-1]))
+    places = np.ones((len(arrays), 5), np.int64)
+    views = []
+    for k, array in enumerate(arrays):
+        begin, end = int(ends[k]) - array.size, int(ends[k])
+        view = block[begin:end].view(array.dtype).reshape(array.shape)
+        view[...] = array
+        places[k, :2], places[k, 2 : 2 + array.ndim] = (begin, end), array.shape
+        views.append(view)
+    return block, places, views
 
 
 @loop_part
-def run_ticks(
-    w: Any,
-    states: Any,
-    sent: Any,
-    past: Any,
-    log: Any,
-    logged: Any,
-    schedule: Any,
-    fresh: Any,
-    table: Any,
-    distances: Any,
-    arms: Any,
-    plan: Any,
-    dt_s: Any,
-    lanes: Any,
-    hooks: Any,
-) -> None:
+def unpacked_arrays(block: Any, places: Any) -> LoopArrays:
+    """Return the arrays that `packed_arrays` put into a block, as views."""
+    return LoopArrays(
+        w=line(block, places, 0),
+        states=line(block, places, 1).view(np.int64),
+        sent=solid(block, places, 2),
+        past=solid(block, places, 3),
+        log=solid(block, places, 4),
+        logged=line(block, places, 5).view(np.int64),
+        schedule=plane(block, places, 6),
+        fresh=plane(block, places, 7),
+        geometry=line(block, places, 8),
+    )
+
+
+class Build(NamedTuple):
+    """Hold what a loop is compiled for.
+
+    Attributes:
+        lanes: one entry per lane.
+        to: where records stand.
+        tick: slot of a schedule's column.
+        geometry: slot of the discs' places.
+        ones: 1 for each disc.
+    """
+
+    lanes: Any
+    to: Places
+    tick: Any
+    geometry: Any
+    ones: Any
+
+
+@loop_part
+def run_ticks(a: Any, plan: Any, first: Any, last: Any, build: Any, law: Any, hooks: Any) -> None:
     """Run control ticks of every lane.
 
     Args:
-        w: work space, flat: row times lanes plus lane (`pitch_rows`).
-        states: state of each lane's random numbers (n_lanes,).
-        sent: speeds commanded lately, flat: (disc times ring plus tick) times lanes plus lane.
-        past: true pitch, rate and plate distance lately, the same way, for delayed sensors.
-        log: (n_ticks, n_logged, n_lanes), filled with the rows `logged` of each tick.
-        logged: rows to log (n_logged,).
-        schedule: (9 or more, n_ticks), see `pitch_rows`.
-        fresh: (n_ticks + 1, 4) which sensors have a new reading at a tick.
-        table: (n, 3) places x, y of the discs and root of the rotors on each.
-        distances: (n, n) between discs.
-        arms: (n,) from the body's centre, for eq. (4).
-        plan: integers (10,): first tick, tick to stop before, plant steps per tick, who controls
-            (0 the built-in laws, 1 the caller, 2 pulses in the schedule), ring length of `sent`,
-            whether commands are delayed, ring length of `past`, delays of encoder, gyro and plate
-            in ticks.
-        dt_s: plant step: s.
-        lanes: one entry per lane, from the spelled-out module.
-        hooks: the spelled-out effects.
+        a: `LoopArrays`.
+        plan: `Plan`, as integers.
+        first: control tick to begin with.
+        last: control tick to stop before.
+        build: `Build`.
+        law: step of the built-in law.
+        hooks: `hooks.Hooks`.
     """
-    at = len(lanes)
-    first, last, substeps, external = plan[0], plan[1], plan[2], plan[3]
-    ring, delayed = plan[4], plan[5]
-    x, y, roots = hooks.places(table)
-    between, centre = hooks.spans(distances, arms)
+    w, to, at = a.w, build.to, len(build.lanes)
+    now = read_record(plan, PLAN, 0, 1)
+    discs = read_record(a.geometry, build.geometry, 0, 1)
+    dt_s, substeps, n_ticks = discs.dt_s, now.substeps, a.schedule.shape[1]
     span = 0.0
-    for i in range(len(x)):
-        span = span + roots[i] * roots[i] * x[i] * x[i]
+    for i in range(len(discs.x_m)):
+        span = span + discs.roots[i] * discs.roots[i] * discs.x_m[i] * discs.x_m[i]
     for tick in range(first, last):
         time_s = tick * substeps * dt_s
-        shared = Shared(x, y, roots, between, centre, dt_s, time_s)
+        wish = read_record(a.schedule, build.tick, tick, n_ticks)
         for lane in range(at):
-            w[r.REFERENCE * at + lane] = schedule[r.S_REFERENCE, tick]
-            w[r.COLLECTIVE * at + lane] = schedule[r.S_COLLECTIVE, tick]
-            w[r.PLATE * at + lane] = schedule[r.S_PLATE, tick]
-            w[r.SHARE * at + lane] = schedule[r.S_SHARE, tick]
-        if external == 0:
-            observing = schedule[r.S_OBSERVER, tick]
+            write_record(w, to.setpoint, lane, at, wish.setpoint)
+        if now.driver == BUILT_IN:
             for lane in range(at):
-                control_lane(w, lane, at, observing, substeps * dt_s)
-        if schedule[r.S_FEEDFORWARD, tick] > 0.0:
-            now = (schedule[r.S_BELIEVED_PLATE, tick], schedule[r.S_BELIEVED_SHARE, tick])
+                control_lane(w, lane, at, time_s, wish.observer, substeps * dt_s, to, law)
+        if wish.feedforward > 0.0:
             for lane in range(at):
-                expect_lane(w, lane, at, now, shared, hooks)
+                expect_lane(w, lane, at, wish, time_s, discs, to, hooks)
         else:
-            for i in range(len(x)):
-                for lane in range(at):
-                    w[(r.FACTOR + i) * at + lane] = 1.0
-        if external == 2:
-            for i in range(len(x)):
-                for lane in range(at):
-                    w[(r.PWM + i) * at + lane] = schedule[r.S_PULSES + i, tick]
+            for lane in range(at):
+                before = read_record(w, to.command, lane, at)
+                write_record(
+                    w, to.command, lane, at,
+                    Command(before.torque_Nm, before.difference_us, build.ones, before.pwm_us),
+                )  # fmt: skip
+        if now.driver == PULSES:
+            for lane in range(at):
+                before = read_record(w, to.command, lane, at)
+                write_record(
+                    w, to.command, lane, at,
+                    Command(before.torque_Nm, before.difference_us, before.factor, wish.pwm_us),
+                )  # fmt: skip
         else:
-            dither = schedule[r.S_DITHER, tick]
             for lane in range(at):
-                mix_lane(w, lane, at, dither, span, x)
-        for lane in range(at):
-            turn_lane(w, lane, at, shared, hooks)
-        for i in range(len(x)):
-            for lane in range(at):
-                sent[(i * ring + tick % ring) * at + lane] = w[(r.TARGET + i) * at + lane]
-                w[(r.OLD + i) * at + lane] = w[(r.TARGET + i) * at + lane]
-                w[(r.NEW + i) * at + lane] = w[(r.TARGET + i) * at + lane]
-        for channel in range(len(logged)):
-            for lane in range(at):
-                log[tick, channel, lane] = w[logged[channel] * at + lane]
-        for part in range(substeps):
-            if delayed > 0:
-                for lane in range(at):
-                    arrive_lane(w, lane, at, sent, tick * substeps + part, substeps, ring, x)
-            for lane in range(at):
-                step_lane(w, lane, at, states, shared, hooks)
-        sense_all(w, states, past, fresh, schedule, plan, tick + 1, shared, lanes, hooks)
+                mix_lane(w, lane, at, wish, span, discs, to)
+        send_all(a, tick, time_s, discs, build, hooks)
+        move_all(a, now, tick, substeps, time_s, discs, build, hooks)
+        sense_all(a, now, tick + 1, discs, build, hooks)
 
 
 @loop_part
-def sense_all(
-    w: Any,
-    states: Any,
-    past: Any,
-    fresh: Any,
-    schedule: Any,
-    plan: Any,
-    tick: Any,
-    shared: Any,
-    lanes: Any,
-    hooks: Any,
-) -> None:
-    """Read every sensor of every lane at the beginning of a tick; arguments as `run_ticks`."""
-    at, length = len(lanes), plan[6]
-    x, y = shared.x, shared.y
+def send_all(a: Any, tick: Any, time_s: Any, discs: Any, build: Any, hooks: Any) -> None:
+    """Send the pulses of a tick on their way to the rotors of every lane, and log the tick."""
+    w, to, at = a.w, build.to, len(build.lanes)
     for lane in range(at):
-        past[(tick % length) * at + lane] = w[r.THETA * at + lane]
-        past[(length + tick % length) * at + lane] = w[r.RATE * at + lane]
-        past[(2 * length + tick % length) * at + lane] = w[r.PLATE * at + lane]
+        turn_lane(w, lane, at, time_s, discs, to, hooks)
+    place = tick % a.sent.shape[1]
+    for i in range(len(discs.x_m)):
+        for lane in range(at):
+            a.sent[i, place, lane] = read_record(w, to.targets, lane, at).sent_rad_s[i]
+    for channel in range(len(a.logged)):
+        for lane in range(at):
+            a.log[tick, channel, lane] = w[a.logged[channel] * at + lane]
+
+
+@loop_part
+def move_all(
+    a: Any, now: Any, tick: Any, steps: Any, time_s: Any, discs: Any, build: Any, hooks: Any,
+) -> None:  # fmt: skip
+    """Advance the bench of every lane by so many plant steps."""
+    w, to, at = a.w, build.to, len(build.lanes)
+    for part in range(steps):
+        if now.delayed > 0:
+            for lane in range(at):
+                arrive_lane(w, lane, at, a.sent, tick * now.substeps + part, now.substeps, to)
+        for lane in range(at):
+            step_lane(w, lane, at, a.states, discs, time_s, to, hooks)
+
+
+@loop_part
+def sense_all(a: Any, now: Any, tick: Any, discs: Any, build: Any, hooks: Any) -> None:
+    """Read every sensor of every lane at the beginning of a tick."""
+    w, to, at, length = a.w, build.to, len(build.lanes), a.past.shape[1]
+    place = tick % length
     for lane in range(at):
-        w[r.SEEN_THETA * at + lane] = past[((tick - plan[7]) % length) * at + lane]
-        w[r.SEEN_RATE * at + lane] = past[(length + (tick - plan[8]) % length) * at + lane]
-        w[r.SEEN_PLATE * at + lane] = past[(2 * length + (tick - plan[9]) % length) * at + lane]
-    nothing = shared.roots
-    flow = hooks.bare(0.0, x, y, nothing, nothing, nothing, 0.0, 0.0, 0.0, 1.0, 0.0)
-    new = fresh[tick]
+        hinge, plate = read_record(w, to.hinge, lane, at), read_record(w, to.setpoint, lane, at)
+        a.past[0, place, lane] = hinge.theta_rad
+        a.past[1, place, lane] = hinge.rate_rad_s
+        a.past[2, place, lane] = plate.plate_z_m
+    theta_at, rate_at = (tick - now.late_theta) % length, (tick - now.late_rate) % length
+    plate_at = (tick - now.late_plate) % length
     for lane in range(at):
-        sense_lane(w, lane, at, states, new, hooks, flow, x)
+        late = Delayed(
+            a.past[0, theta_at, lane], a.past[1, rate_at, lane], a.past[2, plate_at, lane]
+        )
+        write_record(w, to.delayed, lane, at, late)
+    fresh = read_record(a.fresh, FRESH, tick, a.fresh.shape[1])
+    for lane in range(at):
+        sense_lane(w, lane, at, a.states, fresh, discs, to, hooks)

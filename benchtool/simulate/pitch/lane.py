@@ -1,9 +1,8 @@
 """One lane's hinge, rotors and sensors; every function works on column `lane` of the work space.
 
-`w` is the work space, flat: row times the number of lanes (`at`) plus lane. The hinge is
-integrated by the midpoint rule with an implicit step for dry friction: second order while it
-slips, exactly at rest while it sticks. Rotor speeds follow their lag exactly, also where a delayed
-command arrives in the middle of a step.
+The hinge is integrated by the midpoint rule with an implicit step for dry friction: second order
+while it slips, exactly at rest while it sticks. Rotor speeds follow their lag exactly, also where a
+delayed command arrives in the middle of a step.
 """
 
 from __future__ import annotations
@@ -12,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from benchtool.physics.expression import expression, loop_part
+from benchtool.physics.expression import expression, loop_part, read_record, replaced, write_record
 from benchtool.physics.mixer import pitch_moment_Nm
 from benchtool.simulate.controllers.limits import limited
 from benchtool.simulate.noise import next_state, normal
-from benchtool.simulate.pitch import rows as r
+from benchtool.simulate.pitch.records import Hinge, Readings, Rotors, Targets
 from benchtool.simulate.trigonometry import cosine, sine
 
 SMALLEST = 1e-300
@@ -31,103 +30,134 @@ def rounded(value: Any, quantum: Any) -> Any:
 
 
 @expression
-def read(true: Any, draw: Any, w: Any, sensor: Any, at: Any, lane: Any) -> Any:
+def read(true: Any, draw: Any, sensor: Any) -> Any:
     """Return a sensor's reading: bias and white noise on the true value, in whole quanta."""
-    raw = true + w[sensor[1] * at + lane] + w[sensor[0] * at + lane] * draw
-    return rounded(raw, w[sensor[2] * at + lane])
+    return rounded(true + sensor.bias + sensor.noise * draw, sensor.quantum)
+
+
+@expression
+def lagged(lag: Any, speed: Any, old: Any, new: Any) -> Any:
+    """Return the speed of each disc half a plant step on: rad/s."""
+    found = speed
+    for i in range(len(speed)):
+        found = replaced(found, i, lag.remains * speed[i] + lag.old * old[i] + lag.new * new[i])
+    return found
+
+
+@expression
+def heights_over(plate_z_m: Any, x_m: Any, theta_rad: Any) -> Any:
+    """Return the height of each disc over a plate that lies level: m."""
+    found, slope = x_m, sine(theta_rad)
+    for i in range(len(x_m)):
+        found = replaced(found, i, plate_z_m - x_m[i] * slope)
+    return found
+
+
+@expression
+def scaled(values: Any, by: Any) -> Any:
+    """Return each disc's value times a number."""
+    found = values
+    for i in range(len(values)):
+        found = replaced(found, i, values[i] * by)
+    return found
 
 
 @loop_part
-def step_lane(w: Any, lane: Any, at: Any, states: Any, shared: Any, hooks: Any) -> None:
-    """Advance the bench of one lane by one plant step; `shared` is what all lanes share."""
-    x, dt_s, time_s = shared.x, shared.dt_s, shared.time_s
+def step_lane(
+    w: Any, lane: Any, at: Any, states: Any, discs: Any, time_s: Any, to: Any, hooks: Any
+) -> None:
+    """Advance the bench of one lane by one plant step; `to` says where its records stand."""
+    body, motion = read_record(w, to.body, lane, at), read_record(w, to.motion, lane, at)
+    hinge, rotors = read_record(w, to.hinge, lane, at), read_record(w, to.rotors, lane, at)
+    plate = read_record(w, to.setpoint, lane, at)
+    p = read_record(w, to.effects, lane, at)
+    targets = read_record(w, to.targets, lane, at)
+    old, new = targets.old_rad_s, targets.new_rad_s
+    middle_rad_s = lagged(motion.first, rotors.speed_rad_s, old, new)
+    end_rad_s = lagged(motion.second, middle_rad_s, old, new)
+    write_record(w, to.rotors, lane, at, Rotors(end_rad_s))
+
+    x, dt_s, rate = discs.x_m, discs.dt_s, hinge.rate_rad_s
+    theta = hinge.theta_rad + 0.5 * dt_s * rate
+    heights = heights_over(plate.plate_z_m, x, theta)
+    areas = scaled(body.covered, plate.plate_share)
+    speed = middle_rad_s
     for i in range(len(x)):
-        w[(r.SPEED + i) * at + lane] = (
-            w[r.MID_KEPT * at + lane] * w[(r.SPEED + i) * at + lane]
-            + w[r.MID_OLD * at + lane] * w[(r.OLD + i) * at + lane]
-            + w[r.MID_NEW * at + lane] * w[(r.NEW + i) * at + lane]
-        )
-        w[(r.DISC_SPEED + i) * at + lane] = shared.roots[i] * w[(r.SPEED + i) * at + lane]
-        w[(r.SPEED + i) * at + lane] = (
-            w[r.END_KEPT * at + lane] * w[(r.SPEED + i) * at + lane]
-            + w[r.END_OLD * at + lane] * w[(r.OLD + i) * at + lane]
-            + w[r.END_NEW * at + lane] * w[(r.NEW + i) * at + lane]
-        )
-        w[(r.AREA + i) * at + lane] = w[(r.COVERED + i) * at + lane] * w[r.SHARE * at + lane]
-    p = hooks.numbers(w, r.EFFECTS, lane, at)
-    rate = w[r.RATE * at + lane]
-    theta = w[r.THETA * at + lane] + 0.5 * dt_s * rate
-    radius, weight, k = w[r.RADIUS * at + lane], w[r.WEIGHT * at + lane], w[r.K * at + lane]
-    heights = hooks.gaps(w[r.PLATE * at + lane], x, sine(theta))
-    areas = hooks.of_discs(w, r.AREA, lane, at)
-    speed = hooks.of_discs(w, r.DISC_SPEED, lane, at)
+        speed = replaced(speed, i, discs.roots[i] * middle_rad_s[i])
     flow = hooks.bare(
-        radius, x, shared.y, heights, areas, speed, time_s, theta, rate, cosine(theta), weight
-    )
-    flow = hooks.blown(flow, shared.distances, shared.arms, p)
+        body.radius_m, x, discs.y_m, heights, areas, speed, time_s, theta, rate, cosine(theta),
+        body.weight_N,
+    )  # fmt: skip
+    flow = hooks.with_images(flow, discs.distances_m, discs.arms_m, p)
     factor = hooks.factors(flow, p)
-    flow = hooks.loaded(flow, rate, k, factor)
-    pushed = pitch_moment_Nm(flow.thrust_N, x) + w[r.WAKE * at + lane]
-    share = dt_s / w[r.INERTIA * at + lane]
-    middle = rate + 0.5 * share * (pushed + hooks.torque(flow, p))
-    flow = hooks.loaded(flow, middle, k, factor)
-    slipping = rate + share * (pushed + hooks.torque(flow, p))
-    held = share * hooks.dry_friction(flow, p)
-    built = held / np.maximum(held + hooks.dry_width(flow, p), SMALLEST)
+    flow = hooks.with_thrust(flow, rate, body.k, factor)
+    pushed = pitch_moment_Nm(flow.thrust_N, x) + hinge.wake_Nm
+    share = dt_s / body.inertia_kgm2
+    middle = rate + 0.5 * share * (pushed + hooks.torque(0, flow, p))
+    flow = hooks.with_thrust(flow, middle, body.k, factor)
+    slipping = rate + share * (pushed + hooks.torque(0, flow, p))
+    held = share * hooks.dry_friction(0, flow, p)
+    built = held / np.maximum(held + hooks.dry_width(0, flow, p), SMALLEST)
     rate = slipping - limited(slipping * built, held)
     theta = theta + 0.5 * dt_s * rate
-    inside = limited(theta, w[r.STOP * at + lane])
+    inside = limited(theta, body.stop_rad)
     hit = 1.0 * (inside != theta)
-    w[r.THETA * at + lane] = inside
-    w[r.RATE * at + lane] = (1.0 - hit) * rate
-    w[r.STOPPED * at + lane] = w[r.STOPPED * at + lane] + hit
     low = 0.0 * hit
     for i in range(len(x)):
-        low = np.maximum(low, (flow.height_m[i] <= 0.5 * radius) * (flow.coverage[i] > 0.0))
-    w[r.CLAMPED * at + lane] = w[r.CLAMPED * at + lane] + low
+        low = np.maximum(low, (flow.height_m[i] <= 0.5 * body.radius_m) * (flow.coverage[i] > 0.0))
     first = next_state(states[lane])
     second = next_state(first)
     states[lane] = second
-    w[r.WAKE * at + lane] = w[r.WAKE_KEPT * at + lane] * w[r.WAKE * at + lane] + w[
-        r.WAKE_KICK * at + lane
-    ] * normal(first, second)
+    wake = motion.wake_remains * hinge.wake_Nm + motion.wake_kick_Nm * normal(first, second)
+    moved = Hinge(
+        inside, (1.0 - hit) * rate, wake, hinge.clamped_steps + low, hinge.stopped_steps + hit
+    )
+    write_record(w, to.hinge, lane, at, moved)
 
 
 @loop_part
-def arrive_lane(
-    w: Any, lane: Any, at: Any, sent: Any, step: Any, substeps: Any, ring: Any, n: Any
-) -> None:
+def arrive_lane(w: Any, lane: Any, at: Any, sent: Any, step: Any, substeps: Any, to: Any) -> None:
     """Look up which commands are in force at the two ends of a plant step, after the delay."""
-    late = step - int(w[r.DELAY_STEPS * at + lane])
-    old, new = ((late - 1) // substeps) % ring, (late // substeps) % ring
-    for i in range(len(n)):
-        w[(r.OLD + i) * at + lane] = sent[(i * ring + old) * at + lane]
-        w[(r.NEW + i) * at + lane] = sent[(i * ring + new) * at + lane]
+    motion, targets = read_record(w, to.motion, lane, at), read_record(w, to.targets, lane, at)
+    late, ring = step - int(motion.delay_steps), sent.shape[1]
+    before, after = ((late - 1) // substeps) % ring, (late // substeps) % ring
+    old, new = targets.old_rad_s, targets.new_rad_s
+    for i in range(len(old)):
+        old = replaced(old, i, sent[i, before, lane])
+        new = replaced(new, i, sent[i, after, lane])
+    write_record(w, to.targets, lane, at, Targets(targets.sent_rad_s, old, new))
 
 
 @loop_part
 def sense_lane(
-    w: Any, lane: Any, at: Any, states: Any, new: Any, hooks: Any, flow: Any, n: Any
+    w: Any, lane: Any, at: Any, states: Any, fresh: Any, discs: Any, to: Any, hooks: Any
 ) -> None:
-    """Read encoder, gyro, plate and rotor speeds of one lane; `new` says which have a reading."""
-    p = hooks.numbers(w, r.EFFECTS, lane, at)
+    """Read encoder, gyro, plate and rotor speeds of one lane; `fresh` says which have a reading."""
+    before, late = read_record(w, to.readings, lane, at), read_record(w, to.delayed, lane, at)
+    sensors, rotors = read_record(w, to.sensors, lane, at), read_record(w, to.rotors, lane, at)
+    p = read_record(w, to.effects, lane, at)
+    roots = discs.roots
+    flow = hooks.bare(0.0, discs.x_m, discs.y_m, roots, roots, roots, 0.0, 0.0, 0.0, 1.0, 0.0)
     a = next_state(states[lane])
     b = next_state(a)
-    theta = read(w[r.SEEN_THETA * at + lane], normal(a, b), w, r.THETA_SENSOR, at, lane)
+    theta = read(late.theta_rad, normal(a, b), sensors.theta)
     a = next_state(b)
     b = next_state(a)
-    turning = hooks.gyro(w[r.SEEN_RATE * at + lane], flow, p)
-    gyro = read(turning, normal(a, b), w, r.GYRO_SENSOR, at, lane)
+    gyro = read(hooks.gyro(0, late.rate_rad_s, flow, p), normal(a, b), sensors.gyro)
     a = next_state(b)
     b = next_state(a)
-    plate = read(w[r.SEEN_PLATE * at + lane], normal(a, b), w, r.PLATE_SENSOR, at, lane)
-    w[r.READ_THETA * at + lane] = theta if new[r.F_THETA] else w[r.READ_THETA * at + lane]
-    w[r.READ_GYRO * at + lane] = gyro if new[r.F_GYRO] else w[r.READ_GYRO * at + lane]
-    w[r.READ_PLATE * at + lane] = plate if new[r.F_PLATE] else w[r.READ_PLATE * at + lane]
-    for i in range(len(n)):
+    plate = read(late.plate_z_m, normal(a, b), sensors.plate)
+    speeds = before.speed_rad_s
+    for i in range(len(roots)):
         a = next_state(b)
         b = next_state(a)
-        speed = read(w[(r.SPEED + i) * at + lane], normal(a, b), w, r.SPEED_SENSOR, at, lane)
-        held = w[(r.READ_SPEED + i) * at + lane]
-        w[(r.READ_SPEED + i) * at + lane] = speed if new[r.F_SPEED] else held
+        speed = read(rotors.speed_rad_s[i], normal(a, b), sensors.speed)
+        speeds = replaced(speeds, i, speed if fresh.speed else before.speed_rad_s[i])
     states[lane] = b
+    shown = Readings(
+        theta if fresh.theta else before.theta_rad,
+        gyro if fresh.gyro else before.gyro_rad_s,
+        plate if fresh.plate else before.plate_z_m,
+        speeds,
+    )
+    write_record(w, to.readings, lane, at, shown)

@@ -14,7 +14,6 @@ from benchtool.simulate.controllers.controller import (
     PitchReference,
 )
 from benchtool.simulate.own_controller import raised, unusable
-from benchtool.simulate.pitch import rows as r
 from benchtool.simulate.pitch.run import PitchLoop
 
 PitchController = Controller[PitchMeasurement, PitchReference, PitchCommand | float]
@@ -30,26 +29,28 @@ def own_ticks(loop: PitchLoop) -> Callable[[PitchController, int, int, int], Non
     or returned what is no finite number. The loop's plan must say that the caller controls.
     """
     advance = loop.stepper()
-    n, rate_Hz = loop.n_discs, loop.schedule.rate_Hz
-    w, dt_s = loop.w, 1.0 / rate_Hz
-    speed = r.READ_SPEED - r.READ_THETA
-    readings = w[r.READ_THETA : r.READ_SPEED + n]
+    rate_Hz, dt_s = loop.schedule.rate_Hz, 1.0 / loop.schedule.rate_Hz
+    readings, sent = loop.view("readings")[:, 0], loop.view("command")[:, 0]
     new = tuple.__new__  # spares the named tuples' own constructors, half a microsecond a tick
 
     def run(controller: PitchController, first: int, last: int, before: int) -> None:
         step = controller.step
-        references = loop.table[r.S_REFERENCE, first:last].tolist()
-        collectives = loop.table[r.S_COLLECTIVE, first:last].tolist()
-        for number in range(last - first):
+        wishes = zip(
+            *(
+                loop.wish(field)[0, first:last].tolist()
+                for field in ("setpoint.reference_rad", "setpoint.collective_N", "observer")
+            ),
+            strict=True,
+        )
+        for number, wish in enumerate(wishes):
             time_s = (before + number) / rate_Hz
             read = readings.tolist()
             measured = new(
                 PitchMeasurement,
-                (time_s, read[0], read[1], read[2], tuple(read[speed:])),
+                (time_s, read[0], read[1], read[2], tuple(read[3:])),
             )
-            reference = new(PitchReference, (references[number], collectives[number]))
             try:
-                command = step(measured, reference, dt_s)
+                command = step(measured, new(PitchReference, wish), dt_s)
             except (Exception, SystemExit) as error:
                 raise raised(controller, error, time_s) from error
             try:
@@ -59,8 +60,7 @@ def own_ticks(loop: PitchLoop) -> Callable[[PitchController, int, int, int], Non
                 usable = False
             if not usable:
                 raise _faulty(controller, command, time_s)
-            w[r.TORQUE] = torque
-            w[r.DIFFERENCE] = difference
+            sent[:2] = torque, difference
             advance(first + number)
 
     return run

@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 from benchtool.core.errors import InputError
 from benchtool.core.schedule import PARKED_M, SampledSchedule
 from benchtool.simulate.controllers.pitch import PitchControl
-from benchtool.simulate.pitch import rows as r
 from benchtool.simulate.pitch.bench import PitchBench
 from benchtool.simulate.pitch.run import PitchJob, PitchLoop
 
@@ -58,11 +57,12 @@ def replay_pulses(
     )
     control = PitchControl(name="logged", gains=None, rate_Hz=rate_Hz)
     loop = PitchLoop([PitchJob(bench, control)], schedule, 0, [0], external=True)
-    loop.w[r.THETA], loop.w[r.RATE] = theta_rad, rate_rad_s
+    loop.view("hinge.theta_rad")[:], loop.view("hinge.rate_rad_s")[:] = theta_rad, rate_rad_s
     loop.drive(np.ascontiguousarray(pwm_us, float))
     p = bench.model.rig.propulsion
     settled = p.speed_per_us_rad_s * np.maximum(pwm_us[:, 0] - p.pwm_start_us, 0.0)
-    loop.w[r.SPEED : r.SPEED + n_discs] = settled if speed_rad_s is None else speed_rad_s
+    turning = settled if speed_rad_s is None else speed_rad_s
+    loop.view("rotors.speed_rad_s")[:, 0] = turning
     loop.run()
     attitude: Array = loop.log[:, 8, 0].copy()
     return attitude

@@ -5,20 +5,21 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
-from types import ModuleType
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.errors import InputError
 from benchtool.core.schedule import SampledSchedule
+from benchtool.physics.expression import numbers_of
 from benchtool.physics.model import Model
+from benchtool.simulate.controllers.controller import PitchPlant
 from benchtool.simulate.controllers.pitch import Feedforward, PitchControl
-from benchtool.simulate.gathered import gathered
 from benchtool.simulate.noise import lane_states
-from benchtool.simulate.pitch import rows as r
+from benchtool.simulate.pitch import records as r
 from benchtool.simulate.pitch.bench import SENSOR_NAMES, PitchBench, PitchSensor
-from benchtool.simulate.pitch.hooks import pitch_module
+from benchtool.simulate.pitch.kernel import LoopArrays, packed_arrays
+from benchtool.simulate.pitch.loops import pitch_loops
 from benchtool.simulate.pitch.pack import geometry_of, loop_effects, pack
 from benchtool.simulate.sensor import due
 
@@ -54,29 +55,30 @@ def shared_key(job: PitchJob) -> tuple[object, ...]:
         model.body_distance,
         bench.plant_rate_Hz,
         bench.hover_N,
+        control.law.name,
         control.observer,
         (known.strength > 0.0, known.height_error_m, known.late_s),
         tuple((sensor.rate_Hz, sensor.delay_s) for sensor in sensors),
     )
 
 
-def log_rows(n_discs: int) -> NDArray[np.int64]:
-    """Return the rows of the work space that a run logs, in the order of `PitchLog`."""
-    scalars = [
-        r.REFERENCE, r.READ_THETA, r.READ_GYRO, r.PLATE, r.READ_PLATE, r.SHARE, r.TORQUE,
-        r.ESTIMATE, r.THETA, r.RATE,
-    ]  # fmt: skip
-    discs = range(n_discs)
-    rows = scalars + [r.PWM + i for i in discs] + [r.READ_SPEED + i for i in discs]
-    return np.array(rows, np.int64)
+LOGGED = (
+    "setpoint.reference_rad", "readings.theta_rad", "readings.gyro_rad_s", "setpoint.plate_z_m",
+    "readings.plate_z_m", "setpoint.plate_share", "command.torque_Nm", "law_state.estimate_Nm",
+    "hinge.theta_rad", "hinge.rate_rad_s", "command.pwm_us", "readings.speed_rad_s",
+)  # fmt: skip
+"""Records' fields that a run logs, in the order of `PitchRun`."""
+
+FOLLOWED = (
+    "readings.theta_rad", "readings.gyro_rad_s", "hinge.theta_rad", "hinge.rate_rad_s",
+    "hinge.wake_Nm", "readings.speed_rad_s", "rotors.speed_rad_s",
+)  # fmt: skip
+"""Records' fields that following a log gives: predicted readings, then the state."""
 
 
-def track_rows(n_discs: int) -> NDArray[np.int64]:
-    """Return the rows that following a log gives: predicted readings, then the state."""
-    discs = range(n_discs)
-    rows = [r.READ_THETA, r.READ_GYRO, r.THETA, r.RATE, r.WAKE]
-    rows += [r.READ_SPEED + i for i in discs] + [r.SPEED + i for i in discs]
-    return np.array(rows, np.int64)
+def _row_numbers(layout: r.Layout, fields: Sequence[str]) -> NDArray[np.int64]:
+    found = [row for field in fields for row in range(layout.n_rows)[layout.rows(field)]]
+    return np.array(found, np.int64)
 
 
 class PitchLoop:
@@ -114,68 +116,91 @@ class PitchLoop:
         self.n_discs = model.rig.n_discs
         models = [model for job in jobs for model in (job.bench.model, job.belief)]
         effects = loop_effects(*models, neutral_too=neutral_too)
-        self._module: ModuleType = pitch_module(
-            effects, self.n_discs, self.lanes, model.wake_rule, len(model.body_arms_m)
-        )
-        packed = {id(job): pack(job.bench, job.control, job.belief, effects) for job in jobs}
+        control, law = first.control, first.control.law
+        n_numbers = sum(len(effect.parameters) for effect in effects)
+        like = law.numbers(control, PitchPlant(1.0, 1.0))
+        self.layout = r.layout_for(self.n_discs, n_numbers, r.zeroed(like), law.state)
+        arms = len(model.body_arms_m)
+        self._loops = pitch_loops(effects, self.layout, self.lanes, model.wake_rule, arms, law)
+        packed = {
+            id(job): pack(job.bench, job.control, job.belief, effects, self.layout) for job in jobs
+        }
         columns = [packed[id(job)] for job in jobs]
         self.substeps = substeps_of(bench, schedule.rate_Hz)
-        self.dt_s = 1.0 / bench.plant_rate_Hz
         ticks = len(schedule)
-        most = max(int(column[r.DELAY_STEPS]) for column in columns)
-        self.ring = most // self.substeps + 3
+        delays = np.concatenate(
+            [column[self.layout.rows("motion.delay_steps")] for column in columns]
+        )
+        self.ring = int(delays.max()) // self.substeps + 3
         self.w = np.ascontiguousarray(np.stack(columns, axis=1)).reshape(-1)
         self.states = lane_states(seed, list(runs))
-        self.sent = np.zeros(self.n_discs * self.ring * self.lanes)
-        self.past = np.zeros(3 * PAST * self.lanes)
-        self.rows = log_rows(self.n_discs)
+        self.sent = np.zeros((self.n_discs, self.ring, self.lanes))
+        self.past = np.zeros((3, PAST, self.lanes))
+        self.rows = _row_numbers(self.layout, LOGGED)
         shape = (ticks, len(self.rows), self.lanes)
         self.log = log if log is not None and log.shape == shape else np.empty(shape)
-        control = first.control
-        self.table = scheduled(schedule, control.feedforward, control.observer, bench.hover_N)
+        self.table = scheduled(
+            schedule, control.feedforward, control.observer, bench.hover_N, self.n_discs
+        )
         rates_Hz = (bench.sensors.get(name, PitchSensor()).rate_Hz for name in SENSOR_NAMES)
         self.fresh = fresh_flags(tuple(rates_Hz), len(schedule), schedule.rate_Hz)
-        self.geometry = geometry_of(model)
-        delays = [sensor_delay(bench, name, schedule.rate_Hz) for name in SENSOR_NAMES[:3]]
-        late = any(column[r.DELAY_STEPS] > 0.0 or _late(column) for column in columns)
-        self.plan = np.array(
-            [0, ticks, self.substeps, int(external), self.ring, int(late), PAST, *delays],
-            np.int64,
-        )
+        self.geometry = geometry_of(model, 1.0 / bench.plant_rate_Hz)
+        late = [sensor_delay(bench, name, schedule.rate_Hz) for name in SENSOR_NAMES[:3]]
+        on_old = [self.view(f"motion.{half}")[1] for half in ("first", "second")]
+        delayed = delays.any() or np.any(on_old)
+        driver = r.CALLER if external else r.BUILT_IN
+        self.plan = np.array(r.Plan(self.substeps, driver, bool(delayed), *late), np.int64)
         self._settle(first)
 
     def _settle(self, job: PitchJob) -> None:
         """Begin at rest, at level, with the rotors at the first collective and sensors read."""
-        at = self.lanes
-        w = self.w.reshape(-1, at)
-        discs = slice(0, self.n_discs)
-        start = self.schedule.collective[0] * job.bench.hover_N
-        for rows in (r.SPEED, r.TARGET, r.OLD, r.NEW, r.READ_SPEED):
-            w[rows : rows + self.n_discs] = np.sqrt(start / w[r.K])[None, :][discs]
-        self.sent.reshape(self.n_discs, self.ring, at)[:] = w[r.SPEED : r.SPEED + self.n_discs][
-            :, None, :
-        ]
-        w[r.PLATE] = w[r.SEEN_PLATE] = w[r.READ_PLATE] = self.schedule.plate_z_m[0]
-        self.past.reshape(3, PAST, at)[2] = self.schedule.plate_z_m[0]
+        start_N = self.schedule.collective[0] * job.bench.hover_N
+        speed_rad_s = np.sqrt(start_N / self.view("body.k"))
+        self.turn(speed_rad_s)
+        self.view("readings.speed_rad_s")[:] = speed_rad_s
+        for field in ("setpoint.plate_z_m", "delayed.plate_z_m", "readings.plate_z_m"):
+            self.view(field)[:] = self.schedule.plate_z_m[0]
+        self.past[2] = self.schedule.plate_z_m[0]
+
+    def view(self, field: str) -> Array:
+        """Return a record or its field, as "hinge.theta_rad", to read or write (n, n_lanes)."""
+        return self.w.reshape(-1, self.lanes)[self.layout.rows(field)]
+
+    def wish(self, field: str) -> Array:
+        """Return a field of the schedule's `Tick`, to read or write (n, n_ticks)."""
+        return self.table[r.rows_in(self.layout.tick, field)]
+
+    def turn(self, speed_rad_s: Array | float) -> None:
+        """Let every rotor turn at these speeds (n_discs, n_lanes), with no other on its way."""
+        for field in ("rotors.speed", "targets.sent", "targets.old", "targets.new"):
+            self.view(f"{field}_rad_s")[:] = speed_rad_s
+        self.sent[:] = self.view("rotors.speed_rad_s")[:, None, :]
 
     def run(self, first: int = 0, last: int | None = None) -> None:
         """Run control ticks from `first` up to `last`."""
-        self.plan[0] = first
-        self.plan[1] = len(self.schedule) if last is None else last
-        self._module.run(
-            self.w, self.states, self.sent, self.past, self.log, self.rows, self.table,
-            self.fresh, *self.geometry, self.plan, self.dt_s,
+        end = len(self.schedule) if last is None else last
+        self._loops.run(self._arrays(), self.plan, first, end)
+
+    def _arrays(self) -> LoopArrays:
+        return LoopArrays(
+            self.w, self.states, self.sent, self.past, self.log, self.rows, self.table, self.fresh,
+            self.geometry,
         )  # fmt: skip
+
+    def let(self, driver: int) -> None:
+        """Say who controls: `BUILT_IN`, `CALLER` or `PULSES`."""
+        self.plan[r.Plan._fields.index("driver")] = driver
 
     def drive(self, pwm_us: Array) -> None:
         """Take the pulses (n_discs, n_ticks) from a log; no controller runs."""
-        self.table = np.vstack([self.table, pwm_us])
-        self.plan[3] = 2
+        self.table = self.table.copy()
+        self.wish("pwm_us")[:] = pwm_us
+        self.let(r.PULSES)
 
     def follow(
         self, seen: Array, gains: Array, first_tick: int = 0, span: tuple[int, int] | None = None
     ) -> Array:
-        """Follow a log and return its rows (n_ticks, n_rows, n_lanes), see `track_rows`.
+        """Follow a log and return its rows (n_ticks, n_rows, n_lanes), see `FOLLOWED`.
 
         Args:
             seen: (3 + n_discs, n_ticks) what was read, see `pitch_track`.
@@ -184,13 +209,10 @@ class PitchLoop:
             span: the first row to follow, and the one to stop before; the whole log when None.
         """
         first, last = span if span is not None else (0, len(self.schedule))
-        self.plan[0], self.plan[1] = first, last
-        rows = track_rows(self.n_discs)
+        rows = _row_numbers(self.layout, FOLLOWED)
         log = np.empty((len(self.schedule), len(rows), self.lanes))
-        self._module.track(
-            self.w, self.states, self.sent, log, rows, self.table, seen, gains, *self.geometry,
-            self.plan, self.dt_s, first_tick,
-        )  # fmt: skip
+        arrays = self._arrays()._replace(log=log, logged=rows)
+        self._loops.track(arrays, self.plan, first, last, seen, gains, first_tick)
         return log[first:last] if span is None else np.array(log[first:last])
 
     def stepper(self) -> Callable[[int], None]:
@@ -198,19 +220,12 @@ class PitchLoop:
 
         The loop's arrays become views into one block: take them from the loop afterwards.
         """
-        block, where, views = gathered(
-            [
-                self.w, self.states, self.sent, self.past, self.log, self.rows, self.table,
-                self.fresh.astype(float), *self.geometry, np.array([self.dt_s]),
-            ]
-        )  # fmt: skip
-        self.w, self.states, self.sent, self.past, self.log, _, self.table = views[:7]
-        return partial(self._module.tick, block, where, self.plan)
-
-    def row(self, row: int) -> Array:
-        """Return one row of the work space (n_lanes,)."""
-        values: Array = self.w.reshape(-1, self.lanes)[row]
-        return values
+        arrays = self._arrays()._replace(fresh=self.fresh.astype(float))
+        block, where, views = packed_arrays(arrays)
+        for name in ("w", "states", "sent", "past", "log"):
+            setattr(self, name, getattr(LoopArrays(*views), name))
+        self.table = LoopArrays(*views).schedule
+        return partial(self._loops.tick, block, where, self.plan)
 
 
 def substeps_of(bench: PitchBench, rate_Hz: float) -> int:
@@ -227,29 +242,32 @@ def substeps_of(bench: PitchBench, rate_Hz: float) -> int:
 
 @lru_cache(maxsize=4)
 def scheduled(
-    schedule: SampledSchedule, known: Feedforward, observing: bool, hover_N: float
+    schedule: SampledSchedule, known: Feedforward, observing: bool, hover_N: float, n_discs: int
 ) -> Array:
-    """Return the schedule as the loop takes it (9, n_ticks)."""
+    """Return the schedule as the loop takes it, a `Tick` per column (n_rows, n_ticks)."""
     shift = round(known.late_s * schedule.rate_Hz)
     source = np.clip(np.arange(len(schedule)) - shift, 0, len(schedule) - 1)
-    table = np.empty((r.SCHEDULE_ROWS, len(schedule)))
-    table[r.S_REFERENCE] = schedule.reference_rad
-    table[r.S_COLLECTIVE] = schedule.collective * hover_N
-    table[r.S_PLATE] = schedule.plate_z_m
-    table[r.S_SHARE] = schedule.plate_share
-    table[r.S_BELIEVED_PLATE] = schedule.plate_z_m[source] + known.height_error_m
-    table[r.S_BELIEVED_SHARE] = schedule.plate_share[source]
-    table[r.S_OBSERVER] = schedule.observer * float(observing)
-    table[r.S_FEEDFORWARD] = schedule.feedforward * float(known.strength > 0.0)
-    table[r.S_DITHER] = schedule.dither_us
-    return table
+    still = np.zeros(len(schedule))
+    wish = r.Tick(
+        r.Setpoint(
+            schedule.reference_rad, schedule.collective * hover_N, schedule.plate_z_m,
+            schedule.plate_share,
+        ),
+        nominal_plate_z_m=schedule.plate_z_m[source] + known.height_error_m,
+        nominal_share=schedule.plate_share[source],
+        observer=schedule.observer * float(observing),
+        feedforward=schedule.feedforward * float(known.strength > 0.0),
+        dither_us=schedule.dither_us,
+        pwm_us=(still,) * n_discs,
+    )  # fmt: skip
+    return np.array(numbers_of(wish), float)
 
 
 @lru_cache(maxsize=4)
 def fresh_flags(rates_Hz: tuple[float, ...], ticks: int, control_Hz: float) -> NDArray[np.uint8]:
-    """Return which sensor has a new reading at which tick (n_ticks + 1, n_sensors)."""
+    """Return which sensor has a new reading at which tick (n_sensors, n_ticks + 1)."""
     flags = [due(0, ticks + 1, rate_Hz, control_Hz) for rate_Hz in rates_Hz]
-    return np.ascontiguousarray(np.column_stack(flags).astype(np.uint8))
+    return np.stack(flags).astype(np.uint8)
 
 
 def sensor_delay(bench: PitchBench, name: str, rate_Hz: float) -> int:
@@ -261,8 +279,3 @@ def sensor_delay(bench: PitchBench, name: str, rate_Hz: float) -> int:
             f"{name}.delay_s is {delay_s:g} s, above {(PAST - 1) / rate_Hz:g} s; lower it"
         )
     return ticks
-
-
-def _late(column: Array) -> bool:
-    """Whether some of a step still runs on the command before."""
-    return bool(column[r.MID_OLD] > 0.0 or column[r.END_OLD] > 0.0)

@@ -6,7 +6,6 @@ import numpy as np
 
 from benchtool.core.errors import InputError
 from benchtool.core.schedule import SampledSchedule
-from benchtool.simulate.pitch import rows as r
 from benchtool.simulate.pitch.own import PitchController, own_ticks
 from benchtool.simulate.pitch.result import PitchRun
 from benchtool.simulate.pitch.run import PitchJob, PitchLoop
@@ -62,6 +61,6 @@ def taken(loop: PitchLoop, lane: int, name: str) -> PitchRun:
         controller=name,
         rate_Hz=loop.schedule.rate_Hz,
         log=log,
-        clamped_steps=int(loop.row(r.CLAMPED)[lane]),
-        stopped_steps=int(loop.row(r.STOPPED)[lane]),
+        clamped_steps=int(loop.view("hinge.clamped_steps")[0, lane]),
+        stopped_steps=int(loop.view("hinge.stopped_steps")[0, lane]),
     )

@@ -8,118 +8,122 @@ of its own, so that a derivative costs no more than a run.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
-from benchtool.physics.expression import loop_part
-from benchtool.simulate.pitch import rows as r
-from benchtool.simulate.pitch.lane import arrive_lane, step_lane
-from benchtool.simulate.pitch.law import turn_lane
-from benchtool.simulate.pitch.shared import Shared
+from benchtool.physics.expression import Slot, loop_part, read_record, replaced, write_record
+from benchtool.simulate.pitch.kernel import move_all, send_all
+from benchtool.simulate.pitch.records import PLAN, Command, Hinge, Readings, Rotors
 
 FREE, CORRECT, RESTART, WAIT = range(4)
 """What to do with a tick: run on without its readings, correct by them, begin anew from them, or
 only send its pulses, so that a delay has them when the plant begins to move."""
 
-(SEEN_MODE, SEEN_THETA, SEEN_GYRO) = range(3)
-SEEN_SPEEDS = 3
-"""Rows of what was seen: mode, pitch, gyro, then the speed of each disc; nan where nothing was."""
 
-(BY_THETA, BY_GYRO, RATE_BY_THETA, RATE_BY_GYRO, WAKE_BY_THETA, WAKE_BY_GYRO, SPEED_GAIN) = range(7)
-"""Gains of the filter."""
+class Seen(NamedTuple):
+    """What was read at a tick: what to do with it, pitch (rad), gyro (rad/s), and the speed of each
+    disc (rad/s); nan where nothing was.
+    """
+
+    mode: Any
+    theta_rad: Any
+    gyro_rad_s: Any
+    speed_rad_s: Any
+
+
+class FilterGains(NamedTuple):
+    """Gains from the errors of pitch and gyro to pitch, rate and random torque, and from a speed's
+    error to the speed.
+    """
+
+    theta_by_theta: Any = 0.0
+    theta_by_gyro: Any = 0.0
+    rate_by_theta: Any = 0.0
+    rate_by_gyro: Any = 0.0
+    wake_by_theta: Any = 0.0
+    wake_by_gyro: Any = 0.0
+    speed: Any = 0.0
+
+
+GAINS = Slot(0, FilterGains())
 
 
 @loop_part
 def track_ticks(
-    w: Any,
-    states: Any,
-    sent: Any,
-    log: Any,
-    logged: Any,
-    schedule: Any,
+    a: Any,
+    plan: Any,
+    first: Any,
+    last: Any,
     seen: Any,
     gains: Any,
-    table: Any,
-    distances: Any,
-    arms: Any,
-    plan: Any,
-    dt_s: Any,
     before: Any,
-    lanes: Any,
+    build: Any,
     hooks: Any,
 ) -> None:
     """Follow a log with every lane.
 
-    What is not told here is as in `pitch_kernel.run_ticks`: the (3 + n, n_ticks) `seen` holds mode
-    and readings (`SEEN_MODE` and the names beside it), the (7,) `gains` are the filter's and the
-    same for all lanes, `before` is how many ticks of the experiment lie before the first row.
+    Args:
+        a: `kernel.LoopArrays`.
+        plan: `Plan`, as integers.
+        first: row to begin with.
+        last: row to stop before.
+        seen: (3 + n, n_ticks) a `Seen` per column.
+        gains: `FilterGains` (7,), the same for all lanes.
+        before: how many ticks of the experiment lie before the first row.
+        build: `kernel.Build`.
+        hooks: `hooks.Hooks`.
     """
-    at = len(lanes)
-    first, last, substeps, ring, delayed = plan[0], plan[1], plan[2], plan[4], plan[5]
-    x, y, roots = hooks.places(table)
-    between, centre = hooks.spans(distances, arms)
+    w, to, at = a.w, build.to, len(build.lanes)
+    now = read_record(plan, PLAN, 0, 1)
+    discs = read_record(a.geometry, build.geometry, 0, 1)
+    by, shown = read_record(gains, GAINS, 0, 1), Slot(0, Seen(0.0, 0.0, 0.0, discs.x_m))
+    dt_s, substeps, n_ticks = discs.dt_s, now.substeps, a.schedule.shape[1]
     for tick in range(first, last):
-        shared = Shared(x, y, roots, between, centre, dt_s, (before + tick) * substeps * dt_s)
+        time_s = (before + tick) * substeps * dt_s
+        wish = read_record(a.schedule, build.tick, tick, n_ticks)
+        read = read_record(seen, shown, tick, n_ticks)
         for lane in range(at):
-            w[r.PLATE * at + lane] = schedule[r.S_PLATE, tick]
-            w[r.SHARE * at + lane] = schedule[r.S_SHARE, tick]
+            write_record(w, to.setpoint, lane, at, wish.setpoint)
+            held = read_record(w, to.command, lane, at)
+            driven = Command(held.torque_Nm, held.difference_us, held.factor, wish.pwm_us)
+            write_record(w, to.command, lane, at, driven)
         for lane in range(at):
-            correct_lane(w, lane, at, seen, tick, gains, shared, hooks)
-        for i in range(len(x)):
-            for lane in range(at):
-                w[(r.PWM + i) * at + lane] = schedule[r.S_PULSES + i, tick]
-        for lane in range(at):
-            turn_lane(w, lane, at, shared, hooks)
-        for i in range(len(x)):
-            for lane in range(at):
-                sent[(i * ring + tick % ring) * at + lane] = w[(r.TARGET + i) * at + lane]
-                w[(r.OLD + i) * at + lane] = w[(r.TARGET + i) * at + lane]
-                w[(r.NEW + i) * at + lane] = w[(r.TARGET + i) * at + lane]
-        for channel in range(len(logged)):
-            for lane in range(at):
-                log[tick, channel, lane] = w[logged[channel] * at + lane]
-        moving = substeps if seen[SEEN_MODE, tick] != WAIT else 0
-        for part in range(moving):
-            if delayed > 0:
-                for lane in range(at):
-                    arrive_lane(w, lane, at, sent, tick * substeps + part, substeps, ring, x)
-            for lane in range(at):
-                step_lane(w, lane, at, states, shared, hooks)
+            correct_lane(w, lane, at, read, by, discs, to, hooks)
+        send_all(a, tick, time_s, discs, build, hooks)
+        moving = substeps if read.mode != WAIT else 0
+        move_all(a, now, tick, moving, time_s, discs, build, hooks)
 
 
 @loop_part
 def correct_lane(
-    w: Any, lane: Any, at: Any, seen: Any, tick: Any, gains: Any, shared: Any, hooks: Any
+    w: Any, lane: Any, at: Any, seen: Any, by: Any, discs: Any, to: Any, hooks: Any
 ) -> None:
     """Predict the readings of a tick and correct one lane's state by what was seen."""
-    x = shared.x
-    nothing = shared.roots
-    flow = hooks.bare(0.0, x, shared.y, nothing, nothing, nothing, 0.0, 0.0, 0.0, 1.0, 0.0)
-    p = hooks.numbers(w, r.EFFECTS, lane, at)
-    gyro = hooks.gyro(w[r.RATE * at + lane], flow, p)
-    w[r.READ_THETA * at + lane] = w[r.THETA * at + lane]
-    w[r.READ_GYRO * at + lane] = gyro
-    mode = seen[SEEN_MODE, tick]
-    pitch_error = seen[SEEN_THETA, tick] - w[r.THETA * at + lane]
-    rate_error = seen[SEEN_GYRO, tick] - gyro
+    hinge, rotors = read_record(w, to.hinge, lane, at), read_record(w, to.rotors, lane, at)
+    shown = read_record(w, to.readings, lane, at)
+    p = read_record(w, to.effects, lane, at)
+    roots = discs.roots
+    flow = hooks.bare(0.0, discs.x_m, discs.y_m, roots, roots, roots, 0.0, 0.0, 0.0, 1.0, 0.0)
+    gyro = hooks.gyro(0, hinge.rate_rad_s, flow, p)
+    predicted = Readings(hinge.theta_rad, gyro, shown.plate_z_m, rotors.speed_rad_s)
+    write_record(w, to.readings, lane, at, predicted)
+    pitch_error, rate_error = seen.theta_rad - hinge.theta_rad, seen.gyro_rad_s - gyro
     pitch_error = pitch_error if pitch_error == pitch_error else 0.0
     rate_error = rate_error if rate_error == rate_error else 0.0
-    if mode == CORRECT:
-        w[r.THETA * at + lane] += gains[BY_THETA] * pitch_error + gains[BY_GYRO] * rate_error
-        w[r.RATE * at + lane] += (
-            gains[RATE_BY_THETA] * pitch_error + gains[RATE_BY_GYRO] * rate_error
-        )
-        w[r.WAKE * at + lane] += (
-            gains[WAKE_BY_THETA] * pitch_error + gains[WAKE_BY_GYRO] * rate_error
-        )
-    elif mode == RESTART:
-        w[r.THETA * at + lane] += pitch_error
-        w[r.RATE * at + lane] += rate_error
-        w[r.WAKE * at + lane] = 0.0
-    for i in range(len(x)):
-        w[(r.READ_SPEED + i) * at + lane] = w[(r.SPEED + i) * at + lane]
-        error = seen[SEEN_SPEEDS + i, tick] - w[(r.SPEED + i) * at + lane]
+    theta, rate, wake = hinge.theta_rad, hinge.rate_rad_s, hinge.wake_Nm
+    if seen.mode == CORRECT:
+        theta = theta + (by.theta_by_theta * pitch_error + by.theta_by_gyro * rate_error)
+        rate = rate + (by.rate_by_theta * pitch_error + by.rate_by_gyro * rate_error)
+        wake = wake + (by.wake_by_theta * pitch_error + by.wake_by_gyro * rate_error)
+    elif seen.mode == RESTART:
+        theta, rate, wake = theta + pitch_error, rate + rate_error, 0.0
+    speeds = rotors.speed_rad_s
+    for i in range(len(speeds)):
+        error = seen.speed_rad_s[i] - speeds[i]
         error = error if error == error else 0.0
-        if mode == CORRECT:
-            w[(r.SPEED + i) * at + lane] += gains[SPEED_GAIN] * error
-        elif mode == RESTART:
-            w[(r.SPEED + i) * at + lane] += error
+        if seen.mode == CORRECT:
+            speeds = replaced(speeds, i, speeds[i] + by.speed * error)
+        elif seen.mode == RESTART:
+            speeds = replaced(speeds, i, speeds[i] + error)
+    corrected = Hinge(theta, rate, wake, hinge.clamped_steps, hinge.stopped_steps)
+    write_record(w, to.hinge, lane, at, corrected)
+    write_record(w, to.rotors, lane, at, Rotors(speeds))

@@ -13,7 +13,6 @@ from benchtool.core.schedule import PlateVisit, Signal
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.model import OWN_IMAGES, Model
 from benchtool.simulate.controllers.pitch import PulseLaw
-from benchtool.simulate.pitch import rows as r
 from benchtool.simulate.pitch.bench import PitchBench, PitchSensor
 from benchtool.simulate.pitch.run import PitchLoop
 from benchtool.simulate.pitch.simulate import simulate_pitch
@@ -51,7 +50,7 @@ def test_friction_brings_a_spinning_beam_to_rest_in_the_right_time() -> None:
     """From rate q the beam stops after J q / T, at J q^2 / 2 T, and stays there."""
     bench = quiet_bench(coulomb_friction={"torque_Nm": 0.02})
     loop = PitchLoop([job(bench)], sampled(2.0), 0, [0])
-    loop.w[r.RATE] = 0.4
+    loop.view("hinge.rate_rad_s")[:] = 0.4
     loop.run()
     theta, rate = loop.log[:, 8, 0], loop.log[:, 9, 0]
     assert np.flatnonzero(rate == 0.0)[0] / 500.0 == pytest.approx(0.03 * 0.4 / 0.02, abs=0.003)
@@ -62,13 +61,13 @@ def test_friction_brings_a_spinning_beam_to_rest_in_the_right_time() -> None:
 def test_a_free_beam_on_a_spring_keeps_its_energy_and_a_free_one_its_momentum() -> None:
     bench = quiet_bench(hinge_spring={"stiffness_Nm_per_rad": 0.5})
     loop = PitchLoop([job(bench)], sampled(60.0), 0, [0])
-    loop.w[r.RATE] = 0.5
+    loop.view("hinge.rate_rad_s")[:] = 0.5
     loop.run()
     theta, rate = loop.log[:, 8, 0], loop.log[:, 9, 0]
     energy = 0.5 * 0.03 * rate**2 + 0.5 * 0.5 * theta**2
     np.testing.assert_allclose(energy, energy[0], rtol=1e-5)
     free = PitchLoop([job(quiet_bench())], sampled(2.0), 0, [0])
-    free.w[r.RATE] = 0.1
+    free.view("hinge.rate_rad_s")[:] = 0.1
     free.run()
     assert np.ptp(free.log[:, 9, 0]) < 1e-15
 
