@@ -99,7 +99,7 @@ class SweepInputs(Inputs):
 
 def rig_for(address: str, named: str | None) -> Rig:
     """Return the rig on the bench: as named, or the one that a `sim:` address names."""
-    from benchtool.bench.address import parse_address
+    from benchtool.bench.drivers import parse_address
     from benchtool.core.rig_file import rig_named, rig_names
 
     if named:

@@ -11,7 +11,7 @@ import numpy as np
 from benchtool.acquire.bench_check import low_throttle_us
 from benchtool.bench.bench import Bench
 from benchtool.bench.guard import GuardedBench
-from benchtool.bench.mavlink.motor_map import MotorMap
+from benchtool.bench.mavlink.settings import MotorMap
 from benchtool.core.errors import BenchError, InputError
 from benchtool.core.rig import Rig
 

@@ -40,9 +40,7 @@ def stage_for(
         rig: travel and feed.
         ask: puts a question to the operator.
     """
-    from benchtool.bench.stage.idle_stage import IdleStage
-    from benchtool.bench.stage.one_sided_stage import OneSidedStage
-    from benchtool.bench.stage.stage import DeviceStage, HandStage
+    from benchtool.bench.stage.stage import DeviceStage, HandStage, IdleStage, OneSidedStage
 
     chosen = option or ("device" if bench.identity.moves_plate else rig.plate.moved_by)
     if chosen == "device":
@@ -69,8 +67,7 @@ def stage_for(
 
 
 def _grbl(place: str, rig: Rig, opening: Pause = lambda duration_s: None) -> Stage:
-    from benchtool.bench.stage.grbl_stage import GrblStage
-    from benchtool.bench.stage.grbl_way import GrblAxis
+    from benchtool.bench.stage.grbl import GrblAxis, GrblStage
     from benchtool.bench.transport.serial_port import SerialPort
 
     port, _, query = place.partition("?")

@@ -24,7 +24,7 @@ from benchtool.acquire.settle import is_settled
 from benchtool.acquire.tare import Tared, tare, tare_point
 from benchtool.bench.bench import Readings
 from benchtool.bench.guard import GuardedBench
-from benchtool.bench.stage.plate_check import PlateCheck
+from benchtool.bench.plate_check import PlateCheck
 from benchtool.bench.stage.stage import Stage
 from benchtool.core.counted import counted
 from benchtool.core.errors import InputError, RunStopped, StandstillNotSeen

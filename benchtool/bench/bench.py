@@ -7,7 +7,8 @@ simulated one, so that nothing above this seam ever sleeps on real time by itsel
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import TracebackType
 from typing import Protocol, Self, runtime_checkable
@@ -189,3 +190,91 @@ class Bench(Protocol):
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None: ...
+
+
+def joined(parts: Sequence[Readings]) -> Readings:
+    """Return one block of all samples, losses added up, messages in order."""
+    if len(parts) == 1:
+        return parts[0]
+    return Readings(
+        time_s=np.concatenate([part.time_s for part in parts]),
+        device_time_us=np.concatenate([part.device_time_us for part in parts]),
+        values=np.concatenate([part.values for part in parts]),
+        lost=sum(part.lost for part in parts),
+        corrupt=sum(part.corrupt for part in parts),
+        messages=tuple(message for part in parts for message in part.messages),
+        repeated=sum(part.repeated for part in parts),
+    )
+
+
+class Opened(ABC):
+    """Make a context manager of a driver that has `open` and `close`."""
+
+    @abstractmethod
+    def open(self) -> None: ...
+
+    @abstractmethod
+    def close(self) -> None: ...
+
+    def __enter__(self) -> Self:
+        self.open()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+
+Listener = Callable[[Readings], None]
+"""Is given every block of samples once, in order; it must return quickly and never raise."""
+
+
+@runtime_checkable
+class Subscribable(Protocol):
+    """Let somebody hear the samples as they come, whatever call waits for the device."""
+
+    def overhear(self, listener: Listener) -> None:
+        """Tell a listener of every block from now on, before it is handed out by `read`.
+
+        The listener is called in the thread that owns the bench.
+        """
+        ...
+
+
+class ReadAhead:
+    """Keep blocks of samples until they are read."""
+
+    def __init__(self) -> None:
+        self._kept: list[Readings] = []
+        self._listener: Listener | None = None
+
+    def overhear(self, listener: Listener) -> None:
+        """Tell a listener of every block from now on."""
+        self._listener = listener
+
+    def told(self, readings: Readings) -> Readings:
+        """Return a block that is handed out at once, after the listener has heard of it."""
+        if self._listener is not None:
+            self._listener(readings)
+        return readings
+
+    def keep(self, readings: Readings) -> None:
+        """Keep a block for the next read; the listener hears of it now."""
+        self._kept.append(self.told(readings))
+
+    def read(self, fresh: Callable[[], Readings]) -> Readings:
+        """Return what was kept, or else a fresh block; what was kept without samples goes along."""
+        kept = self.take()
+        if kept is not None and len(kept):
+            return kept
+        new = self.told(fresh())
+        return new if kept is None else joined([kept, new])
+
+    def take(self) -> Readings | None:
+        """Return what was kept, in one block; None where nothing was."""
+        kept, self._kept = self._kept, []
+        return joined(kept) if kept else None

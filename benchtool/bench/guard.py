@@ -18,14 +18,12 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.bench.bench import Bench, Readings
+from benchtool.bench.bench import Bench, Readings, joined
+from benchtool.bench.clocks import HostPause
 from benchtool.bench.driven import DrivenBench
-from benchtool.bench.host_pause import HostPause
-from benchtool.bench.join_readings import joined
 from benchtool.bench.limit_check import LimitCheck
-from benchtool.bench.stage.plate_check import PlateCheck
-from benchtool.bench.stage.plate_permission import check_travel, wait_for_idle, wait_for_plate
-from benchtool.bench.transport.stop_signals import StopSignals
+from benchtool.bench.plate_check import PlateCheck, check_travel, wait_for_idle, wait_for_plate
+from benchtool.bench.signals import StopSignals
 from benchtool.core.counted import counted
 from benchtool.core.errors import (
     BenchError,

@@ -9,8 +9,8 @@ from math import inf, pi
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.bench.obedience import GAP_S, HostPulses, LoopPulses
-from benchtool.bench.stage.plate_check import CHANNEL, plate_tolerance_m
+from benchtool.bench.plate_check import CHANNEL, plate_tolerance_m
+from benchtool.bench.rpm_tracking import GAP_S, HostPulses, LoopPulses
 from benchtool.core.channel import Channel
 from benchtool.core.errors import LimitExceeded
 from benchtool.core.rig import Limits, Rig

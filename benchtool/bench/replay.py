@@ -15,8 +15,7 @@ from typing import Any, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.bench.bench import Identity, Readings
-from benchtool.bench.transport.opened import Opened
+from benchtool.bench.bench import Identity, Opened, Readings
 from benchtool.core.channel import Channel, unit_told_by
 from benchtool.core.counted import counted
 from benchtool.core.errors import CommandRefused, FileFormatError, LinkLost

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.bench.bench import Identity
-from benchtool.bench.obedience import speeds_of
+from benchtool.bench.rpm_tracking import speeds_of
 from benchtool.core.rig import Rig
 
 Array = NDArray[np.float64]

@@ -17,9 +17,8 @@ if TYPE_CHECKING:
     from benchtool.core.rig import Rig
     from benchtool.virtual.faults import Fault
     from benchtool.virtual.firmware import Firmware
-    from benchtool.virtual.served_device import ServedDevice
-    from benchtool.virtual.server import BenchServer
-    from benchtool.virtual.server_links import ServerLink
+    from benchtool.virtual.links import ServerLink
+    from benchtool.virtual.server import BenchServer, ServedDevice
 
     Speak = Callable[[Firmware], ServedDevice]
     PitchNames = tuple[str, str, str, list[str]]
@@ -86,11 +85,11 @@ def serve(
     import signal
     import sys
 
-    from benchtool.bench.address import MODES
+    from benchtool.bench.drivers import MODES
     from benchtool.core.errors import InputError, UnknownChoice
     from benchtool.core.rig_file import rig_named
-    from benchtool.virtual.carried_plate import stage_option
     from benchtool.virtual.faults import fault_from
+    from benchtool.virtual.grbl import stage_option
 
     if mode not in MODES:
         raise UnknownChoice("mode", mode, MODES)
@@ -132,7 +131,7 @@ def serve(
 def _carried(path: Path, mode: str) -> ServerLink:
     """Return the link of a stage that carries the plate."""
     from benchtool.core.errors import InputError
-    from benchtool.virtual.server_links import PtyLink
+    from benchtool.virtual.links import PtyLink
 
     if mode != "plate":
         raise InputError("--grbl moves the plate under a load cell; leave --mode pitch out")
@@ -141,15 +140,15 @@ def _carried(path: Path, mode: str) -> ServerLink:
 
 def _carrying(speak: Speak, link: ServerLink, rig: Rig) -> Speak:
     """Return a protocol whose device has its plate on a stage."""
-    from benchtool.virtual.carried_plate import CarriedPlate
+    from benchtool.virtual.grbl import CarriedPlate
 
     return lambda firmware: CarriedPlate(speak(firmware), firmware, link, rig.plate)
 
 
 def _own_protocol(link: str, symlink: Path | None) -> tuple[Speak, ServerLink, Callable[[], str]]:
     """Return protocol, link and address of a device that speaks the bench protocol."""
-    from benchtool.virtual.device_link import DeviceLink
-    from benchtool.virtual.server_links import link_named
+    from benchtool.virtual.links import link_named
+    from benchtool.virtual.protocol import DeviceLink
 
     where = link_named(link, symlink)
     return DeviceLink, where, lambda: where.address
@@ -160,9 +159,9 @@ def _bridged(
 ) -> tuple[Speak, ServerLink, Callable[[], str]]:
     """Return protocol, link and address of a virtual stand behind the RCbenchmark GUI."""
     from benchtool.bench.rcbenchmark.bridge_file import GUI_PORT, LOOPBACK
-    from benchtool.bench.rcbenchmark.udp_link import UdpLink, one_line
     from benchtool.core.errors import InputError
     from benchtool.virtual.bridge import VirtualBridge
+    from benchtool.virtual.links import UdpLink, one_line
 
     port = link.partition(":")[2] or str(GUI_PORT)
     if symlink is not None or mode != "plate" or not port.isdecimal():
@@ -186,8 +185,8 @@ def _mavlink(
     from benchtool.bench.mavlink.settings import read_key
     from benchtool.core.errors import UnknownChoice
     from benchtool.virtual.autopilot import VirtualAutopilot
-    from benchtool.virtual.autopilot_links import autopilot_link, host_address
     from benchtool.virtual.autopilot_orders import AUTOPILOTS
+    from benchtool.virtual.links import autopilot_link, host_address
 
     kind, system, key = named
     if kind not in AUTOPILOTS:
@@ -221,7 +220,7 @@ def _plate(
     from benchtool.core.toml_text import build
     from benchtool.physics.model_file import load_model
     from benchtool.simulate.imperfections import Imperfections
-    from benchtool.virtual.serve import standard_truth, virtual_server
+    from benchtool.virtual.devices import standard_truth, virtual_server
 
     name = truth or standard_truth(rig)
     loaded = load_model(name, rig, announce_code)
@@ -255,7 +254,7 @@ def _pitch(
     from benchtool.simulate.controllers.pitch import PITCH_CONTROLLERS
     from benchtool.simulate.own_controllers import controller_class
     from benchtool.simulate.pitch.setup import changed_job
-    from benchtool.virtual.pitch_device import pitch_plant, pitch_server
+    from benchtool.virtual.devices import pitch_plant, pitch_server
 
     schedule, controller, gains, settings = named
     values = name_values(settings, "--set")

@@ -112,7 +112,7 @@ def _from_bench(
 
     from benchtool.acquire.calibrate_bench import mean_counts, require_raw_counts
     from benchtool.acquire.inputs import rig_for
-    from benchtool.bench.address import open_bench
+    from benchtool.bench.drivers import open_bench
     from benchtool.commands.terminal.announce_code import announce_code
     from benchtool.commands.terminal.sweep_operator import LOOK_S, answer_to
     from benchtool.core.errors import InputError

@@ -20,7 +20,7 @@ def check(
     from benchtool.acquire.arming import CONFIRMATION, remember_check
     from benchtool.acquire.bench_check import check_bench, low_throttle_us
     from benchtool.acquire.inputs import rig_for
-    from benchtool.bench.address import open_bench
+    from benchtool.bench.drivers import open_bench
     from benchtool.bench.guard import GuardedBench
     from benchtool.commands.terminal.announce_code import announce_code
     from benchtool.commands.terminal.sweep_operator import confirm_arming, say_of_bench, say_of_end

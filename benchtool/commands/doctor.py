@@ -16,15 +16,15 @@ def command(
     ] = False,
 ) -> None:
     """Explain what keeps a serial port from working."""
-    from benchtool.bench.doctor import doctor
-    from benchtool.bench.doctor.network_doctor import network_findings, serial_port_of
-    from benchtool.bench.doctor.surroundings import look_around
+    from benchtool.bench.doctor import causes as doctor
+    from benchtool.bench.doctor.host_environment import probe_environment
+    from benchtool.bench.doctor.network import network_findings, serial_port_of
 
     if udev_rule:
         print(doctor.udev_rule(), end="")
         return
     place = serial_port_of(port)
-    found = network_findings(port) if place is None else doctor.findings(look_around(place))
+    found = network_findings(port) if place is None else doctor.findings(probe_environment(place))
     for finding in found:
         print(f"{finding.verdict:11}  {finding.name}: {finding.sentence}")
         if finding.fix:

@@ -34,7 +34,7 @@ def map_motors(
     from benchtool.acquire.bench_check import low_throttle_us
     from benchtool.acquire.inputs import rig_for
     from benchtool.acquire.learn_motors import learn_motors
-    from benchtool.bench.address import open_bench, parse_address
+    from benchtool.bench.drivers import open_bench, parse_address
     from benchtool.bench.guard import GuardedBench
     from benchtool.commands.terminal.announce_code import announce_code
     from benchtool.commands.terminal.sweep_operator import confirm_arming, say_of_bench, say_of_end

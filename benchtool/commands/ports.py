@@ -14,7 +14,7 @@ def command(
     baud: Annotated[int, typer.Option(help="Bits per second for --probe.")] = 2_000_000,
 ) -> None:
     """List serial ports and, with --probe, what answers on them."""
-    from benchtool.bench.transport.ports import ask_port, serial_ports
+    from benchtool.bench.doctor.ports import ask_port, serial_ports
     from benchtool.bench.transport.serial_port import SerialPort
 
     found = serial_ports()

@@ -51,7 +51,7 @@ def command(
         hover_pulse_us,
     )
     from benchtool.acquire.pitch_record import summary_line
-    from benchtool.bench.address import open_bench
+    from benchtool.bench.drivers import open_bench
     from benchtool.commands.terminal.announce_code import announce_code
     from benchtool.data.run.run import refuse_taken
 
@@ -87,9 +87,9 @@ def _record(
     from benchtool.acquire.new_run import new_pitch_run
     from benchtool.acquire.pitch_experiment import require_pitch
     from benchtool.acquire.pitch_record import record_pitch
-    from benchtool.bench.address import open_bench
-    from benchtool.bench.closing_signals import ClosingSignals
+    from benchtool.bench.drivers import open_bench
     from benchtool.bench.guard import GuardedBench
+    from benchtool.bench.signals import ClosingSignals
     from benchtool.commands.terminal.announce_code import announce_code
     from benchtool.commands.terminal.closing import close_stopped
     from benchtool.commands.terminal.sweep_operator import say_of_bench, say_of_end

@@ -44,7 +44,7 @@ def sweep(inputs: SweepInputs) -> None:
     from benchtool.acquire.inputs import rig_for
     from benchtool.acquire.resume import prepare, unfinished
     from benchtool.acquire.stage_choice import check_stage
-    from benchtool.bench.address import open_bench
+    from benchtool.bench.drivers import open_bench
     from benchtool.commands.terminal.announce_code import announce_code
     from benchtool.core.own_code import refuse_code
     from benchtool.data.run.run import Run, check_run_name, refuse_taken
@@ -125,8 +125,8 @@ def _sweep(
     from benchtool.acquire.resume import require_same_device
     from benchtool.acquire.stage_choice import stage_for
     from benchtool.acquire.sweep import run_sweep
-    from benchtool.bench.closing_signals import ClosingSignals
     from benchtool.bench.guard import GuardedBench
+    from benchtool.bench.signals import ClosingSignals
     from benchtool.commands.terminal.closing import close_stopped
     from benchtool.commands.terminal.sweep_display import display_for
     from benchtool.commands.terminal.sweep_operator import LOOK_S, answer_to, say_of_bench

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from benchtool.virtual.device_link import DeviceLink
 from benchtool.virtual.faults import LinkFaults
 from benchtool.virtual.firmware import Firmware
-from benchtool.virtual.served_device import ServedDevice
+from benchtool.virtual.protocol import DeviceLink
+from benchtool.virtual.server import ServedDevice
 
 STEP_S = 0.005
 

@@ -14,9 +14,9 @@ from math import isfinite
 
 import numpy as np
 
-from benchtool.bench.mavlink.dialect import Message, dialect
 from benchtool.bench.mavlink.frames import AUTOPILOT_COMPONENT, MavlinkFrames
 from benchtool.bench.mavlink.health import ARMED, HIL
+from benchtool.bench.mavlink.messages import Message, dialect
 from benchtool.bench.mavlink.pilots import ARM_DISARM, MOTOR_TEST
 from benchtool.bench.serial.commands import MovePlate, SetPwm, Stop
 from benchtool.core.counted import counted
@@ -36,6 +36,7 @@ from benchtool.virtual.autopilot_streams import Streams
 from benchtool.virtual.firmware import Firmware
 
 BEAT_S = 1.0
+
 SET_INTERVAL, REQUEST_MESSAGE, REBOOT = 511, 512, 246
 """MAV_CMD_SET_MESSAGE_INTERVAL, MAV_CMD_REQUEST_MESSAGE, MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN."""
 

@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.bench.mavlink.dialect import ESC_STATUS
+from benchtool.bench.mavlink.messages import ESC_STATUS
 from benchtool.bench.mavlink.pilots import (
     ACTUATOR_TEST,
     LEAST_US,
@@ -25,6 +25,7 @@ AUTOPILOTS = {"ardupilot": 3, "px4": 12}
 """MAV_AUTOPILOT of what can be imitated, by name."""
 
 LONGEST_S = 600.0
+
 PX4_LONGEST_S = 3.0
 """Longest time-outs that are taken (ArduCopter's MOTOR_TEST_TIMEOUT_SEC, PX4's ACTUATOR_TEST)."""
 
@@ -35,7 +36,9 @@ CRITICAL, WARNING, INFO = 2, 4, 6
 """MAV_SEVERITY."""
 
 SET_SERVO, TERMINATE, AUX_FUNCTION, SAFETY_SWITCH = 183, 185, 218, 5300
+
 SET_MODE, CAMERA = 176, 206
+
 EMERGENCY_STOP = 31.0
 """Number of ArduPilot's auxiliary function that stops motors, for DO_AUX_FUNCTION."""
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from math import cos, isnan, nan, sin
 
-from benchtool.bench.mavlink.dialect import ESC_STATUS, Message, dialect
-from benchtool.bench.mavlink.time import MODULUS
+from benchtool.bench.mavlink.frames import MODULUS
+from benchtool.bench.mavlink.messages import ESC_STATUS, Message, dialect
 from benchtool.core.channel import Channel
 
 NO_PULSE = 0

@@ -1,25 +1,74 @@
-"""A virtual RCbenchmark GUI whose bridge is imitated: the script's words in front of simulated
-physics. Pure.
-
-For demonstrations and for tests on a clock of their own. The script itself, which is JavaScript, is
-run by tests/rcb; both are held to the same conversation there.
-"""
+"""What the RCbenchmark GUI would give for rows of simulated readings, pure."""
 
 from __future__ import annotations
 
 import json
 import re
+from math import isfinite
 from typing import Any
 
 from benchtool.bench.rcbenchmark.bridge_file import RAMP_MS, SILENCE_MS, SPEEDS
-from benchtool.bench.rcbenchmark.words import BRIDGE_VERSION
+from benchtool.bench.rcbenchmark.lines import BRIDGE_VERSION, VIRTUAL_BOARD
 from benchtool.bench.serial.commands import Clear, MovePlate, SetPwm, SetRate, Stop, Tare
 from benchtool.core.counted import counted
 from benchtool.core.errors import InputError
+from benchtool.core.units import from_si
 from benchtool.virtual.firmware import Firmware
-from benchtool.virtual.stand import VIRTUAL_1580, StandReadings
+
+VIRTUAL_1580 = f"{VIRTUAL_BOARD}, as Series 1580"
+
+READINGS: dict[str, tuple[str, str]] = {
+    "thrust_N": ("thrust", "gf"),
+    "rpm1": ("motorOpticalSpeed", "RPM"),
+    "voltage_V": ("voltage", "V"),
+    "current_A": ("current", "A"),
+    "plate_z_m": ("plateDistance", "m"),
+}
+"""Name and unit in the GUI of each channel; a plate is the virtual stand's own."""
+
+
+class StandReadings:
+    """Turn rows of a plant into the GUI's results.
+
+    Every channel holds its last value, as the GUI shows it.
+
+    Args:
+        names: (c,) channels of a row.
+        speed: stand seconds per wall second.
+    """
+
+    def __init__(self, names: tuple[str, ...], speed: float) -> None:
+        self._names = names
+        self._speed = speed
+        self._held: dict[str, float] = {}
+
+    def result(self, time_us: int, row: list[float], plate_moves: bool) -> dict[str, Any]:
+        """Return the result of one reading, with working values and units only.
+
+        Args:
+            time_us: device time.
+            row: (c,) in the channels' units, nan where a channel has no new value.
+            plate_moves: whether the plate is on its way.
+        """
+        self._held |= {
+            name: value for name, value in zip(self._names, row, strict=True) if isfinite(value)
+        }
+        result = {"time": _entry(1e-6 * time_us, "s")}
+        for channel, (name, unit) in READINGS.items():
+            if channel in self._held:
+                value = self._held[channel]
+                result[name] = _entry(from_si(value, unit) if unit == "gf" else value, unit)
+        result["plateMoving"] = _entry(float(plate_moves), "")
+        result["simulationSpeed"] = _entry(self._speed, "")
+        return result
+
+
+def _entry(value: float, unit: str) -> dict[str, Any]:
+    return {"workingValue": value, "workingUnit": unit}
+
 
 _WORDS = re.compile(rb"hello|stop|clear|tare|average \d+|virtual plate [^\n]*?(?=\n|$)|[\d.]+")
+
 LIMITS = ("thrust_N", "rpm", "current_A", "voltage_min_V")
 
 

@@ -19,6 +19,7 @@ from benchtool.bench.serial.commands import (
     AskPlate,
     Clear,
     Command,
+    Event,
     MovePlate,
     Reply,
     SetLimit,
@@ -89,19 +90,6 @@ class Plant(Protocol):
     def advance(self, n: int) -> Array:
         """Return the next n ticks (n, c), nan where a channel has no new value."""
         ...
-
-
-@dataclass(frozen=True, slots=True)
-class Event:
-    """Report something unasked: `watchdog`, `limit`, `arrived`, `stage`, `boot`, `dropped`."""
-
-    kind: str
-    text: str
-
-    @property
-    def stops_motors(self) -> bool:
-        """Whether the device's motors stand still because of it."""
-        return self.kind in ("watchdog", "limit", "boot")
 
 
 @dataclass(frozen=True, slots=True, eq=False)

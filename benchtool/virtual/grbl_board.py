@@ -9,14 +9,20 @@ from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Mapping
 
-from benchtool.virtual.grbl_code import CodeState
-from benchtool.virtual.grbl_homing import Homing, Surroundings
-from benchtool.virtual.grbl_motion import Motion
-from benchtool.virtual.grbl_report import Reports
-from benchtool.virtual.grbl_settings import ACCELERATION, AXES, FASTEST, VirtualSettings
+from benchtool.virtual.grbl_code import (
+    ACCELERATION,
+    AXES,
+    FASTEST,
+    CodeState,
+    Reports,
+    VirtualSettings,
+)
+from benchtool.virtual.grbl_motion import Homing, Motion, StageHardware
 
 BANNER = "\r\nGrbl 1.1h ['$' for help]"
+
 LOCKED = "[MSG:'$H'|'$X' to unlock]"
+
 PULL_OFF_MM = 1.0
 
 ALARM_S = 0.5
@@ -26,8 +32,11 @@ BOOT_S = 0.03
 """From a reset to the banner."""
 
 PLANNER_BLOCKS, BUFFER_BYTES = 15, 128
+
 INCHES = 13
+
 HARD, SOFT, ABORTED, HOMING_ABORTED = 1, 2, 3, 6
+
 NEED_RESET = (HARD, SOFT)
 
 
@@ -53,14 +62,14 @@ class GrblBoard(ABC):
         travel_mm: Mapping[str, float] | None = None,
         at_mm: float = -PULL_OFF_MM,
         settings: Mapping[int, float] | None = None,
-        around: Surroundings | None = None,
+        around: StageHardware | None = None,
     ) -> None:
         travels = {130 + AXES.index(axis): mm for axis, mm in (travel_mm or {}).items()}
         self.settings = VirtualSettings(travels | dict(settings or {}))
         self.code = CodeState(self.settings)
         self.position_mm = dict.fromkeys(AXES, 0.0)
         # Where it stands when the power comes on is not known to the board.
-        self.around = around or Surroundings()
+        self.around = around or StageHardware()
         self.around.lost_mm = dict.fromkeys(AXES, -PULL_OFF_MM) | {"Z": at_mm}
         self.startup = ""
         self._now_s = 0.0

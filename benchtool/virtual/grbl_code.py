@@ -1,14 +1,202 @@
-"""Modes, feed and offsets of a virtual stage, and the move that a block of G-code makes. Pure."""
+"""G-code, settings and reports of a virtual stage: lines to words, modes, moves. Pure.
+
+As much of G-code as a stage needs: straight moves, dwells, offsets, units, distances.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Set
+from dataclasses import dataclass, field
 
-from benchtool.virtual.grbl_lines import Block, Refused
-from benchtool.virtual.grbl_settings import AXES, FASTEST, VirtualSettings
+_WORD = re.compile(r"([A-Z])([-+]?(?:\d+\.?\d*|\.\d+))")
+
+LONGEST = 80
+"""Characters of a line without blanks and comments."""
+
+GROUPS: dict[str, frozenset[str]] = {
+    "motion": frozenset(("G0", "G1", "G2", "G3", "G38.2", "G80")),
+    "once": frozenset(("G4", "G10", "G28.1", "G92", "G92.1")),
+    "units": frozenset(("G20", "G21")),
+    "distance": frozenset(("G90", "G91")),
+    "plane": frozenset(("G17",)),
+    "feed": frozenset(("G93", "G94")),
+    "length": frozenset(("G43.1", "G49")),
+    "system": frozenset(("G54",)),
+    "override": frozenset(("G53",)),
+    "path": frozenset(("G61",)),
+    "spindle": frozenset(("M3", "M5")),
+    "coolant": frozenset(("M9",)),
+}
+"""Codes of one group exclude each other in a line."""
+
+_FIRST_OF = {code: group for group, codes in GROUPS.items() for code in codes}
+
+_FRACTIONS = ("G10", "G28.1", "G92.1", "G43.1")
+
+
+class Refused(Exception):
+    """Carry the number of an error."""
+
+    def __init__(self, number: int) -> None:
+        self.number = number
+        super().__init__(f"error:{number}")
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """One line of G-code: codes by group, and the words with numbers."""
+
+    codes: Mapping[str, str] = field(default_factory=dict)
+    words: Mapping[str, float] = field(default_factory=dict)
+
+
+def cleaned(line: bytes) -> str:
+    """Return a line without blanks and comments, in capitals.
+
+    Raises:
+        Refused: it is too long.
+    """
+    text = re.sub(r"\([^)]*\)?|;.*", "", line.decode("ascii", "replace"))
+    text = re.sub(r"[\s/\0]", "", text).upper()
+    if len(text) > LONGEST:
+        raise Refused(11)
+    return text
+
+
+def block_of(text: str) -> Block:
+    """Return what a cleaned line says.
+
+    Raises:
+        Refused: which error it is answered by.
+    """
+    codes: dict[str, str] = {}
+    words: dict[str, float] = {}
+    at = 0
+    while at < len(text):
+        if not text[at].isalpha():
+            raise Refused(1)
+        found = _WORD.match(text, at)
+        if found is None:
+            raise Refused(2)
+        letter, number = found[1], float(found[2])
+        at = found.end()
+        if letter in "GM":
+            _add_code(codes, f"{letter}{number:g}", number)
+        elif letter not in "FIJKLNPRSTXYZ":
+            raise Refused(20)
+        elif letter in words:
+            raise Refused(25)
+        else:
+            words[letter] = number
+            if letter in "FNPST" and number < 0.0:
+                raise Refused(4)
+            if letter == "N" and number > 9999999:
+                raise Refused(27)
+            if letter == "T" and number > 255:
+                raise Refused(38)
+    return Block(codes, words)
+
+
+def _add_code(codes: dict[str, str], code: str, number: float) -> None:
+    group = _FIRST_OF.get(code)
+    if group is None:
+        whole = f"{code[0]}{int(number)}"
+        raise Refused(23 if number % 1.0 and whole in _FIRST_OF and whole not in ("G61",) else 20)
+    if group in codes:
+        raise Refused(21)
+    codes[group] = code
+
+
+AXES = "XYZ"
+
+SETTINGS: dict[int, float] = {
+    0: 5, 1: 25, 2: 0, 3: 0, 4: 0, 5: 0, 6: 0, 10: 1, 11: 0.010, 12: 0.002, 13: 0, 20: 1, 21: 0,
+    22: 1, 23: 0, 24: 300, 25: 3000, 26: 25, 27: 1, 30: 1000, 31: 0, 32: 0, 100: 100, 101: 100,
+    102: 100, 110: 9000, 111: 9000, 112: 9000, 120: 500, 121: 500, 122: 500, 130: 20, 131: 20,
+    132: 1500,
+}  # fmt: skip
+"""Of the stage whose conversations were recorded."""
+
+STEPS, FASTEST, ACCELERATION, TRAVEL = 100, 110, 120, 130
+
+_WITH_DECIMALS = frozenset((11, 12, 24, 25, 27, *range(100, 140)))
 
 _MM_PER_INCH = 25.4
+
+
+class VirtualSettings:
+    """Hold settings by number, and what follows from them.
+
+    Attributes:
+        values: by number.
+    """
+
+    def __init__(self, changed: Mapping[int, float]) -> None:
+        self.values = SETTINGS | dict(changed)
+
+    def __getitem__(self, number: int) -> float:
+        return self.values[number]
+
+    def of(self, first: int, axis: str) -> float:
+        """Return the setting of an axis in a group that begins at `first`."""
+        return self.values[first + AXES.index(axis)]
+
+    def on_a_step(self, axis: str, mm: float) -> float:
+        """Return the step of an axis that is nearest to a position: mm."""
+        return round(mm * self.of(STEPS, axis)) / self.of(STEPS, axis)
+
+    def is_beyond(self, target_mm: Mapping[str, float]) -> bool:
+        """Return whether a target lies outside of the soft limits."""
+        outside = (not -self.of(TRAVEL, axis) <= mm <= 0.0 for axis, mm in target_mm.items())
+        return bool(self.values[20]) and any(outside)
+
+    def length(self, mm: float) -> str:
+        """Return a length as reports show it, in mm or inches."""
+        mm += 0.0  # no minus zero
+        return f"{mm / _MM_PER_INCH:.4f}" if self.values[13] else f"{mm:.3f}"
+
+    def feed(self, mm_min: float) -> str:
+        """Return a feed as reports show it."""
+        return f"{mm_min / _MM_PER_INCH:.1f}" if self.values[13] else f"{mm_min:.0f}"
+
+    def places(self, place_mm: Mapping[str, float]) -> str:
+        """Return positions of all axes as reports show them."""
+        return ",".join(self.length(place_mm[axis]) for axis in AXES)
+
+    def lines(self) -> list[str]:
+        """Return what `$$` says."""
+        return [
+            f"${number}={value:.3f}" if number in _WITH_DECIMALS else f"${number}={value:.0f}"
+            for number, value in sorted(self.values.items())
+        ]
+
+    def change(self, text: str) -> int:
+        """Take a line such as `$132=1400` and return the number that it changed.
+
+        Raises:
+            Refused: which error it is answered by.
+        """
+        name, equals, value_text = text[1:].partition("=")
+        if not name.isdigit():
+            raise Refused(3 if name == "RST" else 2)
+        if not equals or int(name) not in self.values:
+            raise Refused(3)
+        number, value = int(name), float(value_text)
+        if value < 0.0:
+            raise Refused(4)
+        if number == 0 and value < 3:
+            raise Refused(6)
+        if number == 20 and value and not self.values[22]:
+            raise Refused(10)
+        self.values[number] = value
+        if number == 22 and not value:
+            self.values[20] = 0
+        return number
+
+
 _SYSTEMS = ("G54", "G55", "G56", "G57", "G58", "G59", "G28", "G30", "G92")
+
 _ONCE_WITH_AXES = ("G10", "G92")
 
 
@@ -143,3 +331,79 @@ class CodeState:
                     mm += present_mm[axis] if relative else self.offset_mm[axis]
                 target_mm[axis] = self._settings.on_a_step(axis, mm)
         return target_mm
+
+
+WCO_REST, WCO_BUSY, OV_REST, OV_BUSY = 10, 30, 10, 20
+"""The work offset comes in every so-manyth report, the overrides in the one after (recorded)."""
+
+BUSY = ("Home", "Run", "Hold", "Jog")
+
+PINS = "XYZRHS"
+
+
+class Reports:
+    """Make reports; count when the seldom fields are due.
+
+    Attributes:
+        override: of the feed, percent.
+
+    Args:
+        settings: say what a report carries (`$10`) and in which unit (`$13`).
+    """
+
+    def __init__(self, settings: VirtualSettings) -> None:
+        self.override = 100
+        self._settings = settings
+        self._wco = self._ov = 0
+
+    def show_offset(self) -> None:
+        """Let the next report carry the work offset."""
+        self._wco = 0
+
+    def change_override(self, percent: int) -> None:
+        """Take another override of the feed; the next report carries it."""
+        self.override = min(max(percent, 10), 200)
+        self._ov = 0
+
+    def text(
+        self,
+        state: str,
+        place_mm: Mapping[str, float],
+        offset_mm: Mapping[str, float],
+        feed_mm_min: float,
+        free: tuple[int, int],
+        pins: Set[str],
+    ) -> str:
+        """Return a report.
+
+        Args:
+            state: as the stage says it.
+            place_mm: machine position of each axis.
+            offset_mm: of work coordinates.
+            feed_mm_min: at present.
+            free: places left for moves, and for bytes.
+            pins: switches and buttons that are closed.
+        """
+        settings, mask = self._settings, int(self._settings[10])
+        place_mm = {axis: settings.on_a_step(axis, mm) for axis, mm in place_mm.items()}
+        if not mask & 1:
+            place_mm = {axis: place_mm[axis] - offset_mm[axis] for axis in AXES}
+        parts = [state, f"{'MPos' if mask & 1 else 'WPos'}:{settings.places(place_mm)}"]
+        if mask & 2:
+            parts.append(f"Bf:{free[0]},{free[1]}")
+        parts.append(f"FS:{settings.feed(feed_mm_min)},0")
+        if closed := "".join(pin for pin in PINS if pin in pins):
+            parts.append(f"Pn:{closed}")
+        busy = state.partition(":")[0] in BUSY
+        if self._wco > 0:
+            self._wco -= 1
+        else:
+            self._wco = (WCO_BUSY if busy else WCO_REST) - 1
+            self._ov = self._ov or 1
+            parts.append(f"WCO:{settings.places(offset_mm)}")
+        if self._ov > 0:
+            self._ov -= 1
+        else:
+            self._ov = (OV_BUSY if busy else OV_REST) - 1
+            parts.append(f"Ov:{self.override},100,100")
+        return f"<{'|'.join(parts)}>"

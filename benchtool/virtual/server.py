@@ -1,19 +1,44 @@
-"""The virtual bench as a process of its own: physics in real time or faster, behind a link.
-
-Device time runs `speed` times faster than the wall; watchdog and link run on wall time.
-"""
+"""The seam between a virtual device and the link that it is served on: bytes in, bytes out."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from typing import Protocol
 
 from benchtool.core.errors import BenchtoolError
 from benchtool.virtual.faults import LinkFaults
-from benchtool.virtual.served_device import ServedDevice
-from benchtool.virtual.server_links import ServerLink
+from benchtool.virtual.links import ServerLink
+
+
+class ServedDevice(Protocol):
+    """Be a device without a port; wall time is handed in."""
+
+    @property
+    def speed(self) -> float:
+        """Device seconds per wall second."""
+        ...
+
+    @property
+    def greeted_s(self) -> float | None:
+        """Wall time at which the present host came, None before any."""
+        ...
+
+    def receive(self, data: bytes, now_s: float) -> bytes:
+        """Take what arrived and return the answers."""
+        ...
+
+    def tick(self, n: int, now_s: float) -> tuple[bytes, list[bytes]]:
+        """Run n ticks; return what must get through, and frames that may be dropped."""
+        ...
+
+    def tell_dropped(self, count: int) -> bytes:
+        """Return the news that so many frames were dropped since the host came."""
+        ...
+
 
 NAP_S = 0.004
+
 LONGEST_CATCH_UP_S = 0.5
 """Wall time that the physics makes up for after the process was held; more is left out."""
 

@@ -12,11 +12,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.bench.bench import Identity, Readings
+from benchtool.bench.bench import Identity, Opened, Readings
 from benchtool.bench.serial.commands import (
     AskHello,
     Clear,
     Command,
+    Event,
     MovePlate,
     SetLimit,
     SetPwm,
@@ -25,14 +26,14 @@ from benchtool.bench.serial.commands import (
     Tare,
 )
 from benchtool.bench.serial.hello import Hello
-from benchtool.bench.transport.opened import Opened
 from benchtool.core.errors import CommandRefused, DeviceStopped, InputError, LinkLost, StageError
 from benchtool.core.rig import Rig
 from benchtool.physics.model import Model
 from benchtool.simulate.imperfections import Imperfections
 from benchtool.simulate.plate_bench import PlateBench
-from benchtool.virtual.device import hello_of, virtual_plant
-from benchtool.virtual.firmware import Event, Firmware, Rows
+from benchtool.virtual.devices import hello_of, pitch_hello, virtual_plant
+from benchtool.virtual.firmware import Firmware, Rows
+from benchtool.virtual.pitch_plant import PitchPlant
 
 if TYPE_CHECKING:
     from benchtool.virtual.pitch_plant import PitchPlant
@@ -236,3 +237,20 @@ class SimulatedBench(Opened):
     def _need_open(self, what: str) -> None:
         if not self._open:
             raise LinkLost(f"{what} was asked of a bench that is not open; open it first")
+
+
+LOOK_S = 0.02
+"""The device looks at its limits so often, because a beam turns quickly. A choice, five ticks."""
+
+
+class SimulatedPitch(SimulatedBench):
+    """Answer as a pitch bench does, without waiting.
+
+    Args:
+        address: as the user gave it.
+        plant: bench, controller and schedule.
+        seed: of the plant's noise.
+    """
+
+    def __init__(self, address: str, plant: PitchPlant, seed: int = 0) -> None:
+        self._power_up(address, plant, pitch_hello(plant, seed), LOOK_S)

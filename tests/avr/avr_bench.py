@@ -26,7 +26,7 @@ from benchtool.bench.serial.sketch_files import sketch_files
 from benchtool.core.rig import Rig
 from benchtool.physics.model_file import load_model
 from benchtool.simulate.plate_bench import PlateBench
-from benchtool.virtual.device import virtual_plant
+from benchtool.virtual.devices import virtual_plant
 
 INSTALL = "apt-get install gcc-avr avr-libc simavr libsimavr-dev libelf-dev"
 BOARD = board_named("uno")

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchtool.bench.serial.serial_bench import SerialBench
+from benchtool.bench.serial.bench import SerialBench
 from benchtool.core.errors import DeviceStopped
 from tests.avr.avr_bench import AvrBench
 

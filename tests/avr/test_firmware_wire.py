@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from benchtool.bench.serial.hello_reader import HelloReader
-from benchtool.bench.serial.link import Decoder, Message, frame
+from benchtool.bench.serial.frames import Decoder, Message, frame
+from benchtool.bench.serial.hello import HelloReader
 from tests.avr.avr_bench import BAUD, AvrBench
 
 PAGE = Path(__file__).parents[2] / "docs/reference/bench-protocol.md"

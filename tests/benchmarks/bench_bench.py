@@ -10,12 +10,12 @@ import time
 
 import numpy as np
 
-from benchtool.bench.address import open_bench
+from benchtool.bench.drivers import open_bench
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.limit_check import LimitCheck
 from benchtool.core.rig_file import rig_named
 from benchtool.physics.model_file import load_model
-from benchtool.virtual.device import virtual_plant
+from benchtool.virtual.devices import virtual_plant
 
 RIG = rig_named("pquad")
 TRUTH = load_model("quad_body_lift", RIG).model

@@ -21,7 +21,7 @@ from link_load import (
     read_with_readline,
 )
 
-from benchtool.bench.serial.link import Decoder, SampleWriter, crc16
+from benchtool.bench.serial.frames import Decoder, SampleWriter, crc16
 
 FRAMES = 50_000
 

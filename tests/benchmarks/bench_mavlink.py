@@ -12,15 +12,14 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from benchtool.bench.mavlink.bench import MavlinkBench
-from benchtool.bench.mavlink.dialect import dialect
 from benchtool.bench.mavlink.frames import MavlinkFrames
+from benchtool.bench.mavlink.messages import dialect
 from benchtool.bench.mavlink.rows import MavlinkRows
-from benchtool.bench.mavlink.settings import MavlinkSettings
-from benchtool.bench.mavlink.wiring import Wiring
+from benchtool.bench.mavlink.settings import MavlinkSettings, Wiring
 from benchtool.core.rig_file import rig_named
 from benchtool.physics.model_file import load_model
 from benchtool.virtual.autopilot import VirtualAutopilot
-from benchtool.virtual.device import hello_of, virtual_plant
+from benchtool.virtual.devices import hello_of, virtual_plant
 from benchtool.virtual.firmware import Firmware
 
 MESSAGES = 60_000

@@ -20,15 +20,15 @@ import numpy as np
 import serial
 from numpy.typing import NDArray
 
+from benchtool.bench.serial.bench import SerialBench
 from benchtool.bench.serial.commands import AskHello, SetRate
+from benchtool.bench.serial.frames import crc16, frame_command
 from benchtool.bench.serial.hello import Hello
-from benchtool.bench.serial.link import crc16, frame_command
-from benchtool.bench.serial.serial_bench import SerialBench
 from benchtool.core.channel import Channel
-from benchtool.virtual.device_link import DeviceLink
 from benchtool.virtual.firmware import Firmware
+from benchtool.virtual.links import PtyLink
+from benchtool.virtual.protocol import DeviceLink
 from benchtool.virtual.server import BenchServer
-from benchtool.virtual.server_links import PtyLink
 
 RATE_HZ = 1000.0
 CHANNELS = (

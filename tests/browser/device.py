@@ -25,10 +25,10 @@ from benchtool.core.units import STANDARD_GRAVITY_M_S2
 from benchtool.physics.model_file import load_model
 from benchtool.simulate import plate_bench
 from benchtool.simulate.load_cell import LoadCell
-from benchtool.virtual.device_link import DeviceLink
+from benchtool.virtual.devices import standard_truth, virtual_server
 from benchtool.virtual.firmware import Firmware
-from benchtool.virtual.serve import standard_truth, virtual_server
-from benchtool.virtual.server_links import PtyLink
+from benchtool.virtual.links import PtyLink
+from benchtool.virtual.protocol import DeviceLink
 from tests.wire.version_1 import VersionOne
 
 ROOT = Path(__file__).parents[2]

@@ -13,13 +13,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchtool.bench.address import open_bench
 from benchtool.bench.bench import Bench
+from benchtool.bench.drivers import open_bench
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.mavlink.bench import MavlinkBench
 from benchtool.bench.mavlink.settings import MavlinkSettings
 from benchtool.bench.rcbenchmark.bench import RcbBench
-from benchtool.bench.serial.serial_bench import SerialBench
+from benchtool.bench.serial.bench import SerialBench
 from benchtool.core.errors import BenchError, BenchtoolError, InputError, LinkLost, StageError
 from benchtool.core.rig_file import rig_named
 from benchtool.core.units import unit_named
@@ -28,11 +28,15 @@ from benchtool.simulate.imperfections import Imperfections
 from benchtool.testing.loopback_link import LoopbackLink
 from benchtool.virtual.autopilot import VirtualAutopilot
 from benchtool.virtual.bridge import VirtualBridge
-from benchtool.virtual.device import hello_of, virtual_plant
+from benchtool.virtual.devices import (
+    hello_of,
+    pitch_hello,
+    pitch_plant,
+    virtual_plant,
+    virtual_server,
+)
 from benchtool.virtual.firmware import Firmware
-from benchtool.virtual.pitch_device import pitch_hello, pitch_plant
-from benchtool.virtual.serve import virtual_server
-from benchtool.virtual.server_links import PtyLink, ServerLink, TcpLink
+from benchtool.virtual.links import PtyLink, ServerLink, TcpLink
 
 RIG = rig_named("pquad_single")
 TRUTH = load_model("single", RIG).model

@@ -7,14 +7,13 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from benchtool.bench.bench import Bench, Readings
+from benchtool.bench.bench import Bench, Readings, Subscribable
 from benchtool.bench.mavlink.bench import MavlinkBench
 from benchtool.bench.mavlink.settings import MavlinkSettings
-from benchtool.bench.read_ahead import Overheard
-from benchtool.bench.stoppable import StoppableBench
+from benchtool.bench.wrappers import StoppableBench
 from benchtool.testing.loopback_link import LoopbackLink
 from benchtool.virtual.autopilot import VirtualAutopilot
-from benchtool.virtual.device import hello_of, virtual_plant
+from benchtool.virtual.devices import hello_of, virtual_plant
 from benchtool.virtual.firmware import Firmware
 from tests.contracts.test_bench import RIG, TRUTH, bridged, looped
 
@@ -41,7 +40,7 @@ MAKERS: dict[str, Callable[[], Bench]] = {
 @pytest.mark.parametrize("name", MAKERS)
 def test_every_sample_is_told_once_and_as_it_comes(name: str) -> None:
     bench = MAKERS[name]()
-    assert isinstance(bench, Overheard)
+    assert isinstance(bench, Subscribable)
     told: list[Readings] = []
     moments_s: list[float] = []
 

@@ -23,16 +23,16 @@ from pathlib import Path
 from typing import Any
 from unittest import mock
 
-from benchtool.bench.address import SCHEMES
-from benchtool.bench.serial.serial_bench import SerialBench
+from benchtool.bench.drivers import SCHEMES
+from benchtool.bench.serial.bench import SerialBench
 from benchtool.commands.app import main
 from benchtool.core.errors import LinkLost
 from benchtool.core.rig_file import rig_named
 from benchtool.physics.model_file import load_model
-from benchtool.virtual.device_link import DeviceLink
+from benchtool.virtual.devices import standard_truth, virtual_server
 from benchtool.virtual.faults import fault_from
 from benchtool.virtual.firmware import Firmware
-from benchtool.virtual.serve import standard_truth, virtual_server
+from benchtool.virtual.protocol import DeviceLink
 from tests.faults.proxy import TURNING_US, Fault, Proxy, Seen
 
 STEP_S = 0.002

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from benchtool.acquire import resume
-from benchtool.bench.serial.serial_bench import SerialBench
+from benchtool.bench.serial.bench import SerialBench
 from benchtool.data.run.run import Run
 from tests.faults.loop import ADDRESS, World, command, plan, sweep
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchtool.bench.serial.link import Decoder, SampleWriter
+from benchtool.bench.serial.frames import Decoder, SampleWriter
 from tests.faults.loop import Outcome, plan, sweep
 from tests.faults.proxy import Fault
 

@@ -22,8 +22,8 @@ from benchtool.bench.rcbenchmark.bridge_file import BridgePlace, bridge_text
 from benchtool.core.errors import BenchtoolError
 from benchtool.core.rig_file import rig_named
 from benchtool.physics.model_file import load_model
-from benchtool.virtual.device import virtual_plant
-from benchtool.virtual.stand import VIRTUAL_1580, StandReadings
+from benchtool.virtual.bridge import VIRTUAL_1580, StandReadings
+from benchtool.virtual.devices import virtual_plant
 
 GUI = Path(__file__).with_name("gui.js")
 RIG = rig_named("pquad_single")

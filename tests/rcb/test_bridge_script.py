@@ -15,16 +15,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchtool.bench.address import open_bench
 from benchtool.bench.bench import Bench
+from benchtool.bench.drivers import open_bench
 from benchtool.bench.rcbenchmark.bridge_file import RAMP_MS, SILENCE_MS
-from benchtool.bench.rcbenchmark.words import RcbEar
+from benchtool.bench.rcbenchmark.lines import RcbEar
 from benchtool.core.errors import CommandRefused, DeviceStopped, LinkLost
 from benchtool.data.run.read import read_points
 from benchtool.data.run.run import Run
 from benchtool.physics.model_file import load_model
 from benchtool.virtual.bridge import VirtualBridge
-from benchtool.virtual.device import hello_of, virtual_plant
+from benchtool.virtual.devices import hello_of, virtual_plant
 from benchtool.virtual.firmware import Firmware
 from tests.rcb.stand import RIG, Stand, gui, needs_node
 from tests.system.served import environment_of, run
@@ -85,7 +85,7 @@ def test_a_bench_behind_the_script(tmp_path: Path) -> None:
 SPIN = """
 import sys
 import numpy as np
-from benchtool.bench.address import open_bench
+from benchtool.bench.drivers import open_bench
 from benchtool.bench.bench import Bench
 from benchtool.virtual.firmware import Firmware
 with open_bench(sys.argv[1]) as bench:

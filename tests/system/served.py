@@ -20,7 +20,7 @@ posix = pytest.mark.skipif(os.name != "posix", reason="needs pseudo-terminals an
 SPIN = """
 import sys
 import numpy as np
-from benchtool.bench.address import open_bench
+from benchtool.bench.drivers import open_bench
 with open_bench(sys.argv[1]) as bench:
     bench.set_pwm(np.full(bench.identity.n_rotors, float(sys.argv[2])))
     print("turning", flush=True)

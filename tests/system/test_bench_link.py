@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from benchtool.bench.serial.serial_bench import SerialBench
+from benchtool.bench.serial.bench import SerialBench
 from benchtool.core.errors import (
     BenchError,
     DeviceStopped,
@@ -24,10 +24,10 @@ from benchtool.core.errors import (
     PortBusy,
     StageError,
 )
-from benchtool.virtual.device_link import DeviceLink
 from benchtool.virtual.firmware import Firmware
+from benchtool.virtual.links import PtyLink, ServerLink, TcpLink, link_named
+from benchtool.virtual.protocol import DeviceLink
 from benchtool.virtual.server import BenchServer, Outbox
-from benchtool.virtual.server_links import PtyLink, ServerLink, TcpLink, link_named
 from tests.system.served import DeviceTime, posix, turning
 from tests.wire.still_plant import StillPlant, still_hello
 

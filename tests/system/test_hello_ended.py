@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from benchtool.bench.serial.link import frame
+from benchtool.bench.serial.frames import frame
 
 WORDS = ["--rig", "pquad_single", "--z-over-r", "1", "--pwm", "1450", "--repeats", "1", "--yes"]
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchtool.bench.mavlink.motor_map import read_motor_map
+from benchtool.bench.mavlink.settings import read_motor_map
 from benchtool.data.run.events import read_events
 from benchtool.data.run.pitch import read_pitch
 from benchtool.data.run.run import Run

@@ -11,15 +11,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchtool.bench.rcbenchmark.udp_link import UdpLink
 from benchtool.core.rig_file import rig_named
 from benchtool.data.run.events import read_events
 from benchtool.data.run.read import read_points, read_samples
 from benchtool.data.run.run import Run
 from benchtool.physics.model_file import load_model
 from benchtool.virtual.autopilot import VirtualAutopilot
-from benchtool.virtual.device import hello_of, virtual_plant
+from benchtool.virtual.devices import hello_of, virtual_plant
 from benchtool.virtual.firmware import Firmware
+from benchtool.virtual.links import UdpLink
 from benchtool.virtual.server import BenchServer
 from tests.system.served import DeviceTime, free_port, posix, run, serving, turning
 

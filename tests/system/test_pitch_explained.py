@@ -10,8 +10,7 @@ from benchtool.acquire.pitch_experiment import PitchExperiment
 from benchtool.acquire.pitch_record import record_pitch
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.mavlink.bench import MavlinkBench
-from benchtool.bench.mavlink.motor_map import MotorMap
-from benchtool.bench.mavlink.settings import MavlinkSettings
+from benchtool.bench.mavlink.settings import MavlinkSettings, MotorMap
 from benchtool.core.rig_file import rig_named
 from benchtool.data.run.pitch import read_pitch
 from benchtool.data.run.run import Run
@@ -22,8 +21,8 @@ from benchtool.physics.model_file import load_model
 from benchtool.simulate.pitch.setup import changed_job
 from benchtool.testing.loopback_link import LoopbackLink
 from benchtool.virtual.autopilot import VirtualAutopilot
+from benchtool.virtual.devices import pitch_hello, pitch_plant
 from benchtool.virtual.firmware import Firmware
-from benchtool.virtual.pitch_device import pitch_hello, pitch_plant
 
 HIDDEN_NM = 0.02
 MAP = MotorMap(

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchtool.bench.address import open_bench
 from benchtool.bench.bench import Bench
+from benchtool.bench.drivers import open_bench
 from benchtool.core.errors import DeviceStopped
 from benchtool.data.run.events import read_events
 from benchtool.data.run.pitch import read_pitch

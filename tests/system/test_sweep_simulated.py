@@ -284,7 +284,7 @@ def test_arming_wants_the_word(
 
 
 def test_a_calibration_follows_every_run(capsys: pytest.CaptureFixture[str]) -> None:
-    from benchtool.bench.address import open_bench
+    from benchtool.bench.drivers import open_bench
 
     with open_bench("sim:pquad_single") as bench:
         identity = bench.identity

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchtool.bench.serial.bench import SerialBench
 from benchtool.bench.serial.commands import (
     Arm,
     AskHello,
@@ -15,8 +16,7 @@ from benchtool.bench.serial.commands import (
     SetRate,
     Stop,
 )
-from benchtool.bench.serial.hello import hello_lines
-from benchtool.bench.serial.link import (
+from benchtool.bench.serial.frames import (
     HEARTBEAT,
     crc16,
     frame,
@@ -24,7 +24,7 @@ from benchtool.bench.serial.link import (
     frame_fields,
     payload_of,
 )
-from benchtool.bench.serial.serial_bench import SerialBench
+from benchtool.bench.serial.hello import hello_lines
 from benchtool.core.errors import (
     CommandRefused,
     DeviceStopped,

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchtool.bench.serial.bench import SerialBench
 from benchtool.bench.serial.commands import MovePlate, Reply
-from benchtool.bench.serial.link import HEARTBEAT
-from benchtool.bench.serial.serial_bench import SerialBench
+from benchtool.bench.serial.frames import HEARTBEAT
 from benchtool.core.errors import CommandRefused, DeviceStopped, HostPaused, LinkLost
 from benchtool.testing.loopback_link import LoopbackLink
 from benchtool.virtual.faults import Corrupt, Delay, Drop, Fault, LinkFaults, Silence

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from benchtool.bench.doctor.strangers import KNOCK
-from benchtool.bench.stage.grbl_stage import GrblStage
-from benchtool.bench.stage.grbl_way import GrblAxis
+from benchtool.bench.identify import KNOCK
+from benchtool.bench.stage.grbl import GrblAxis, GrblStage
 from benchtool.core.errors import LinkLost, NoDevice, StageError
 from benchtool.testing.scripted_link import ScriptedLink, Turn
 from tests.wire.grbl_recordings import settings_text

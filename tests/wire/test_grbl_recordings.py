@@ -8,8 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from benchtool.bench.stage.grbl_stage import GrblStage
-from benchtool.bench.stage.grbl_way import GrblAxis
+from benchtool.bench.stage.grbl import GrblAxis, GrblStage
 from benchtool.core.errors import BenchtoolError
 from tests.wire.grbl_recordings import RecordedStage, Recording, names
 

@@ -10,9 +10,8 @@ import pytest
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.mavlink.bench import MavlinkBench
 from benchtool.bench.mavlink.frames import MavlinkFrames
-from benchtool.bench.mavlink.motor_map import MotorMap
 from benchtool.bench.mavlink.pilots import ArduPilot, Order
-from benchtool.bench.mavlink.settings import MavlinkSettings
+from benchtool.bench.mavlink.settings import MavlinkSettings, MotorMap
 from benchtool.core.errors import (
     CommandRefused,
     DeviceStopped,

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import pytest
 
-from benchtool.bench.doctor.strangers import KNOCK
-from benchtool.bench.mavlink.dialect import dialect
+from benchtool.bench.identify import KNOCK
 from benchtool.bench.mavlink.frames import MavlinkFrames
+from benchtool.bench.mavlink.learn import Wish, ask_for, interval
+from benchtool.bench.mavlink.link import MavlinkTalk
+from benchtool.bench.mavlink.messages import dialect
 from benchtool.bench.mavlink.pilots import ArduPilot, Order, Px4
-from benchtool.bench.mavlink.streams import Wish, ask_for, interval
-from benchtool.bench.mavlink.talk import MavlinkTalk
 from benchtool.bench.serial.conversation import Conversation
-from benchtool.bench.serial.link import frame
+from benchtool.bench.serial.frames import frame
 from benchtool.core.errors import InputError, LinkLost, NoDevice, ProtocolError
 from benchtool.testing.scripted_link import ScriptedLink, Turn
 

@@ -12,11 +12,10 @@ from benchtool.acquire.bench_check import Finding, check_bench
 from benchtool.acquire.learn_motors import learn_motors
 from benchtool.bench.bench import Readings
 from benchtool.bench.mavlink.bench import MavlinkBench
-from benchtool.bench.mavlink.dialect import Message
 from benchtool.bench.mavlink.health import kind_of_text
-from benchtool.bench.mavlink.motor_map import MotorMap
+from benchtool.bench.mavlink.messages import Message
 from benchtool.bench.mavlink.pilots import MOTOR_TEST
-from benchtool.bench.mavlink.settings import MavlinkSettings
+from benchtool.bench.mavlink.settings import MavlinkSettings, MotorMap
 from benchtool.core.errors import BenchError, CommandRefused, DeviceStopped, LinkLost
 from benchtool.core.rig_file import rig_named
 from tests.wire.recorded_autopilot import (

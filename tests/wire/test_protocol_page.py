@@ -12,10 +12,10 @@ from pathlib import Path
 import pytest
 
 from benchtool.bench.serial.commands import COMMAND_NAMES, command_from
-from benchtool.bench.serial.link import Decoder, crc16
-from benchtool.virtual.device_link import DeviceLink
+from benchtool.bench.serial.frames import Decoder, crc16
 from benchtool.virtual.faults import FAULTS, fault_from
 from benchtool.virtual.firmware import Firmware
+from benchtool.virtual.protocol import DeviceLink
 from tests.wire.still_plant import StillPlant, still_hello
 
 PAGE = (Path(__file__).parents[2] / "docs/reference/bench-protocol.md").read_text(encoding="utf-8")

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchtool.bench.serial.link import Decoder
-from benchtool.bench.serial.serial_bench import SerialBench
+from benchtool.bench.serial.bench import SerialBench
+from benchtool.bench.serial.frames import Decoder
 from benchtool.core.errors import HostPaused, ProtocolError
 from benchtool.testing.loopback_link import LoopbackLink
-from benchtool.virtual.device_link import DeviceLink
 from benchtool.virtual.faults import Drop, LinkFaults
 from benchtool.virtual.firmware import Firmware
+from benchtool.virtual.protocol import DeviceLink
 from tests.wire.still_plant import StillPlant, still_hello
 from tests.wire.version_1 import VersionOne
 

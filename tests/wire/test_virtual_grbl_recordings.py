@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from benchtool.virtual.grbl import VirtualGrbl
-from benchtool.virtual.grbl_homing import Surroundings
+from benchtool.virtual.grbl_motion import StageHardware
 from tests.wire.grbl_recordings import CASE_SETTINGS, Entry, Recording, names
 
 STAGE = names("driver_", "plain_", "sweep_")
@@ -83,7 +83,7 @@ class Played:
     def __init__(self, recording: Recording) -> None:
         name = recording.name
         settings = CASE_SETTINGS.get(name, {}) | MORE_SETTINGS.get(name, {})
-        around = Surroundings(**{k: set(v) for k, v in ELSEWHERE.get(name, {}).items()})
+        around = StageHardware(**{k: set(v) for k, v in ELSEWHERE.get(name, {}).items()})
         self.stage = VirtualGrbl(None, START_MM.get(name, -30.0), settings, around)
         around.lost_mm |= {"X": -3.0, "Y": -3.0}
         self.stage.code.offsets["G54"] |= OFFSETS.get(name, {})

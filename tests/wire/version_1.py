@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from benchtool.bench.serial.commands import AskHello, Reply, command_from
+from benchtool.bench.serial.frames import Message, frame_fields
 from benchtool.bench.serial.hello import hello_lines
-from benchtool.bench.serial.link import Message, frame_fields
 from benchtool.core.errors import BenchtoolError
-from benchtool.virtual.device_link import DeviceLink
 from benchtool.virtual.firmware import Firmware
+from benchtool.virtual.protocol import DeviceLink
 
 
 class VersionOne(DeviceLink):

@@ -14,34 +14,39 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.bench.bench import Identity, Readings
-from benchtool.bench.mavlink.dialect import Message
-from benchtool.bench.mavlink.drive import Drive, PitchDrive, TestDrive
+from benchtool.bench.bench import Identity, Listener, Opened, ReadAhead, Readings
+from benchtool.bench.clocks import DeviceClock
+from benchtool.bench.mavlink.drive import Drive, PitchDrive, RunWatch
 from benchtool.bench.mavlink.frames import LinkQuality, MavlinkFrames
 from benchtool.bench.mavlink.health import Health
-from benchtool.bench.mavlink.learn import Learnt, identity_of, learn
-from benchtool.bench.mavlink.plate import move_virtual_plate
-from benchtool.bench.mavlink.rows import MavlinkRows
-from benchtool.bench.mavlink.settings import LEAST_HZ, MOST_HZ, MavlinkSettings
-from benchtool.bench.mavlink.streams import (
+from benchtool.bench.mavlink.learn import (
     LATE_S,
     OUTPUT_MESSAGES,
+    Learnt,
     ask_for,
     check_fit,
     fitted,
+    identity_of,
     interval,
+    learn,
     require_outputs,
     switch_off_others,
     told,
     wishes,
 )
-from benchtool.bench.mavlink.talk import MavlinkTalk
-from benchtool.bench.mavlink.watch import RunWatch
-from benchtool.bench.mavlink.wiring import PITCH_CHANNELS, THRUST_MESSAGES, channels_of
-from benchtool.bench.rcbenchmark.side_cell import SideCell, in_order
-from benchtool.bench.read_ahead import Listener, ReadAhead
-from benchtool.bench.serial.device_clock import DeviceClock
-from benchtool.bench.transport.opened import Opened
+from benchtool.bench.mavlink.link import MavlinkTalk
+from benchtool.bench.mavlink.messages import Message
+from benchtool.bench.mavlink.motor_test import TestDrive
+from benchtool.bench.mavlink.rows import MavlinkRows
+from benchtool.bench.mavlink.settings import (
+    LEAST_HZ,
+    MOST_HZ,
+    PITCH_CHANNELS,
+    THRUST_MESSAGES,
+    MavlinkSettings,
+    channels_of,
+)
+from benchtool.bench.mavlink.side_cell import SideCell, in_order, move_virtual_plate
 from benchtool.bench.transport.transport import Transport
 from benchtool.core.channel import Channel
 from benchtool.core.errors import BenchError, InputError, LinkLost, StageError

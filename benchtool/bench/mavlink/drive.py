@@ -1,35 +1,25 @@
-"""Who turns the motors of an autopilot: orders of the host, or the autopilot's own loop."""
+"""Who turns the motors of an autopilot, and what ends a run behind it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Protocol
 
-from benchtool.bench.mavlink.dialect import dialect
-from benchtool.bench.mavlink.health import SILENT_S, Health
+from benchtool.bench.mavlink.health import RESTARTED, SILENT_S, Health, silence_of
 from benchtool.bench.mavlink.learn import Learnt
-from benchtool.bench.mavlink.outputs import UNTOLD_S, OutputWatch
-from benchtool.bench.mavlink.pilots import ARM_DISARM, FORCE_DISARM, RESEND_S, TIMEOUT_S, Order
-from benchtool.bench.mavlink.talk import MavlinkTalk
-from benchtool.core.errors import CommandRefused, DeviceStopped, HostPaused, LinkLost, RunStopped
-
-ACCEPTED, IN_PROGRESS = 0, 5
-"""MAV_RESULT of an order that is carried out."""
+from benchtool.bench.mavlink.link import MavlinkTalk
+from benchtool.bench.mavlink.pilots import (
+    ACCEPTED,
+    ARM_DISARM,
+    FORCE_DISARM,
+    Order,
+    result_name,
+)
+from benchtool.bench.mavlink.rows import MavlinkRows
+from benchtool.core.errors import CommandRefused, DeviceStopped, HostPaused, LinkLost
 
 ARM_WAIT_S = 3.0
 """After an accepted arming the heartbeat must show it within this; it comes once a second."""
-
-STOPPED_S = 1.0
-"""Outputs must show a stop within this before another motor is turned. ArduCopter takes at most
-0.06 s; the rest is room for the link."""
-
-STOP_TRIES_S = (0.1, 0.1, 0.2, 0.3, 0.3)
-"""How long each try of a stop waits for its acknowledgement; motors end by themselves sooner."""
-
-REASON_S = 0.1
-"""The words of a refusal lie before or just behind its acknowledgement."""
-
-LOOK_S = 0.02
 
 Outputs = tuple[int, ...]
 
@@ -95,206 +85,6 @@ class Drive(Protocol):
         ...
 
 
-class TestDrive:
-    """Turn motors by the autopilot's motor test, whose orders end by themselves.
-
-    Stopped first is what turns and shall not: on ArduPilot an order for another motor leaves the
-    first one turning.
-    """
-
-    renews = True
-
-    def __init__(
-        self,
-        talk: MavlinkTalk,
-        learnt: Learnt,
-        health: Health,
-        arm: str,
-        clock: Callable[[], float],
-    ) -> None:
-        self._talk, self._learnt, self._health, self._clock = talk, learnt, health, clock
-        self._outputs = OutputWatch(learnt.pilot.name, learnt.pulses.stop_us)
-        self._known = list(learnt.wiring.outputs)
-        self._standing: tuple[Order, ...] = ()
-        self._turning: dict[int, float] = {}
-        self._ended = False
-        self.highest_us = 0.0
-        self._sent_s = self._acked_s = 0.0
-
-    def command(self, pulses_us: tuple[float, ...]) -> None:
-        learnt, wiring = self._learnt, self._learnt.wiring
-        if self._ended:
-            raise RunStopped("no motor was turned: the autopilot restarted; open it anew")
-        range_us = learnt.pulses
-        turn = {
-            motor: pulse_us
-            for motor, pulse_us in zip(wiring.motors, pulses_us, strict=True)
-            if pulse_us > range_us.stop_us and pulse_us >= range_us.low_us
-        }
-        orders = learnt.pilot.turn(turn, range_us)
-        self._talk.gaps.begin(self._clock())
-        self._standing, self.highest_us = (), max(turn.values(), default=0.0)
-        stopping = tuple(sorted(set(self._turning) - set(turn)))
-        if not turn or (stopping and not learnt.pilot.together):
-            stopping = wiring.motors
-        if stopping:
-            # A heartbeat that shows disarmed from here on is what was ordered.
-            self._health.drive(False, self._clock())
-            self._expect({}, self._clock())
-            self._stop(stopping)
-            self._turning = {m: us for m, us in self._turning.items() if m not in stopping}
-        # Before anything is sent: an order whose acknowledgement is lost may be carried out.
-        self._turning |= turn
-        self._health.refusal = ""
-        self._expect(turn, self._clock())
-        if orders:
-            self._give(orders)
-        self._standing, self._sent_s = orders, self._clock()
-        self._turning = turn
-        self._health.drive(bool(turn), self._sent_s)
-
-    def stop(self) -> None:
-        self.cease()
-        self._turning, self.highest_us = {}, 0.0
-        now_s = self._clock()
-        self._health.drive(False, now_s)
-        self._outputs.command({}, now_s)
-        if self._ended:
-            return
-        orders = self._learnt.pilot.stop(self._learnt.wiring.motors)
-        for order in orders[1:]:
-            self._talk.order(order)
-        for order in orders:
-            self._talk.exchange(order, STOP_TRIES_S)
-
-    def let_go(self) -> None:
-        self.stop()
-
-    def cease(self) -> None:
-        self._standing = ()
-
-    def end(self) -> None:
-        self.cease()
-        self._ended = True
-
-    def keep_on(self, now_s: float) -> str | None:
-        for command in {order.command for order in self._standing}:
-            result = self._talk.take_ack(command)
-            if result in (ACCEPTED, IN_PROGRESS):
-                self._acked_s = now_s
-            elif result is not None:
-                self.cease()
-                return f"the autopilot refused to go on: {self._reason(result)}"
-        since_s = now_s - self._sent_s
-        if self._standing and since_s > TIMEOUT_S:
-            # The motors stand by now: an order that is sent again would start them anew.
-            self.cease()
-            raise HostPaused(since_s, TIMEOUT_S)
-        if self._standing and since_s >= RESEND_S:
-            self._sent_s = now_s
-            for order in self._standing:
-                self._talk.order(order)
-        return None
-
-    def seen(self, outputs_us: Outputs, now_s: float) -> tuple[int, int] | None:
-        found = self._outputs.seen(outputs_us, now_s)
-        if found is not None:
-            self._known[found[0] - 1] = found[1]
-        return found
-
-    def shown(self) -> bool:
-        return self._outputs.shown
-
-    def fault(self, outputs_us: Outputs, now_s: float) -> str | None:
-        lost_s = now_s - self._acked_s if self._turning else 0.0
-        return self._outputs.fault(outputs_us, now_s, lost_s, self._talk.slowest_s)
-
-    def _expect(self, turn: Mapping[int, float], now_s: float) -> None:
-        """Note what the outputs should show from now on."""
-        stop_us = self._learnt.pulses.stop_us
-        motors = zip(self._learnt.wiring.motors, self._known, strict=True)
-        self._outputs.command(
-            {
-                rotor: (output, turn.get(motor, stop_us))
-                for rotor, (motor, output) in enumerate(motors, 1)
-                if output or motor in turn
-            },
-            now_s,
-        )
-
-    def _stop(self, motors: tuple[int, ...]) -> None:
-        """Stop motors and wait until the outputs show it: an acknowledgement proves nothing."""
-        self._order(self._learnt.pilot.stop(motors))
-        until_s = self._clock() + STOPPED_S
-        while not self._outputs.shown:
-            if self._clock() > until_s:
-                raise DeviceStopped(
-                    f"{self._learnt.pilot.name} acknowledged the stop of its motors, but its "
-                    f"outputs do not show it after {STOPPED_S:g} s; no motor was turned; cut the "
-                    f"power and look at what else commands them"
-                )
-            self._talk.pump(LOOK_S)
-
-    def _give(self, orders: tuple[Order, ...]) -> None:
-        """Send orders to turn until they are acknowledged, or until the outputs show them.
-
-        An acknowledgement may come late; silence and motors that nobody sees may not last.
-        """
-        begun_s = self._clock()
-        waiting, sent_s = {order.command for order in orders}, -1e9
-        for command in waiting:
-            self._talk.take_ack(command)
-        while waiting:
-            self._raise_if_paused()
-            now_s = self._clock()
-            silent_s = now_s - max(self._talk.heard_s, begun_s)
-            if silent_s > SILENT_S or now_s - begun_s > UNTOLD_S:
-                raise LinkLost(
-                    f"{self._learnt.pilot.name} did not acknowledge an order to turn in "
-                    f"{now_s - begun_s:.1f} s, and its outputs do not show it; motor tests end by "
-                    f"themselves; check the link, then start again"
-                )
-            if now_s - sent_s >= RESEND_S:
-                sent_s = now_s
-                for order in orders:
-                    self._talk.order(order)
-            self._talk.pump(LOOK_S)
-            for command in sorted(waiting):
-                result = self._talk.take_ack(command)
-                if result in (ACCEPTED, IN_PROGRESS):
-                    self._acked_s = self._clock()
-                    waiting.discard(command)
-                elif result is not None:
-                    raise CommandRefused(_shown(orders[0]), self._reason(result))
-            if self._outputs.shown and self._outputs.told_since(begun_s):
-                self._acked_s = self._clock()
-                break
-        self._raise_if_paused()
-
-    def _raise_if_paused(self) -> None:
-        """Refuse orders to turn from before a pause of this computer; those that were sent lapsed.
-
-        Raises:
-            HostPaused: how long it was.
-        """
-        if (paused_s := self._talk.gaps.longest_s) > TIMEOUT_S:
-            self.cease()
-            raise HostPaused(paused_s, TIMEOUT_S)
-
-    def _order(self, orders: tuple[Order, ...]) -> None:
-        for order in orders:
-            result = self._talk.exchange(order)
-            if result not in (ACCEPTED, IN_PROGRESS):
-                raise CommandRefused(_shown(order), self._reason(result))
-
-    def _reason(self, result: int) -> str:
-        """Return why an order was refused, in the autopilot's own words where it has some."""
-        until_s = self._clock() + REASON_S
-        while not self._health.refusal and self._clock() < until_s:
-            self._talk.pump(LOOK_S)
-        return self._health.refusal or _word(result)
-
-
 class PitchDrive:
     """Leave the motors to the autopilot's own loop: arm it or wait for that, and disarm it."""
 
@@ -324,7 +114,7 @@ class PitchDrive:
             self._health.refusal = ""
             result = self._talk.exchange(Order(ARM_DISARM, (1.0, *[0.0] * 6)))
             if result != ACCEPTED:
-                raise CommandRefused("arm", self._health.refusal or _word(result))
+                raise CommandRefused("arm", self._health.refusal or result_name(result))
         until_s = self._clock() + ARM_WAIT_S
         while not self._health.armed and self._clock() < until_s:
             self._talk.pump(0.02)
@@ -368,17 +158,104 @@ class PitchDrive:
         return None
 
 
-def _word(result: int | None) -> str:
-    """Return a MAV_RESULT in MAVLink's own word."""
-    known = dialect().enums["MAV_RESULT"]
-    return str(known[result].name).removeprefix("MAV_RESULT_") if result in known else str(result)
+PAUSE_S = 0.15
+"""Nobody read for longer than this: the silence was ours, not that of the autopilot."""
 
 
-def _shown(order: Order) -> str:
-    """Return an order as people write it."""
-    return f"{_name(order.command)} {','.join(f'{value:g}' for value in order.parameters)}"
+class RunWatch:
+    """Read on, send what must be sent again, and stop the motors before anybody is told why.
 
+    Attributes:
+        ask_again: orders to an autopilot that has started anew: its outputs are asked for, because
+            only they show that its motors stand.
 
-def _name(command: int) -> str:
-    known = dialect().enums["MAV_CMD"]
-    return str(known[command].name).removeprefix("MAV_CMD_") if command in known else str(command)
+    Args:
+        address: for messages.
+        talk: the conversation.
+        health: what the autopilot says of itself.
+        drive: turns the motors.
+        rows: outputs and time of the autopilot.
+    """
+
+    def __init__(
+        self, address: str, talk: MavlinkTalk, health: Health, drive: Drive, rows: MavlinkRows
+    ) -> None:
+        self.ask_again: list[Order] = []
+        self._address = address
+        self._talk, self._health, self._drive, self._rows = talk, health, drive, rows
+        self._pumped_s = talk.clock()
+        self._stopped: str | None = None
+        self._told = False
+        talk.take_gap()
+
+    def pump(self, timeout_s: float) -> None:
+        """Take what arrives, send what must be sent again, and look for what ends a run.
+
+        Raises:
+            LinkLost: the autopilot is silent.
+            HostPaused: nobody called this for so long that the motors stand; zero was commanded.
+        """
+        pause_s = self._talk.clock() - self._pumped_s
+        if pause_s > PAUSE_S:
+            self._health.skip(pause_s)
+            self._talk.heard_s += pause_s
+        self._talk.pump(timeout_s)
+        self._pumped_s = now_s = self._talk.clock()
+        silent_s = now_s - self._talk.heard_s
+        if silent_s > SILENT_S:
+            self._drive.cease()
+        silence = silence_of(self._address, silent_s, self._health.silence_s(now_s))
+        if silence is not None:
+            raise silence
+        said = self._health.take_fault()
+        fault = self._came_back() or said
+        try:
+            fault = fault or self._drive.keep_on(now_s)
+        except HostPaused:
+            self._stop()
+            raise
+        if silent_s <= SILENT_S:
+            fault = fault or self._drive.fault(self._rows.outputs_us, now_s)
+        if fault is not None and self._stopped is None:
+            self._stopped = fault
+            if fault == RESTARTED:
+                self._drive.end()
+                for order in self.ask_again:
+                    self._talk.order(order)
+            self._stop()
+
+    def raise_if_stopped(self, again: bool = True) -> None:
+        """Refuse to go on after a fault.
+
+        Args:
+            again: also where it was raised before.
+
+        Raises:
+            DeviceStopped: what ended the run.
+        """
+        if self._stopped is None or (self._told and not again):
+            return
+        self._told = True
+        raise DeviceStopped(
+            f"the run was ended: {self._stopped}; zero was commanded; remove the cause and start "
+            f"again"
+        )
+
+    def _came_back(self) -> str | None:
+        """Return how the autopilot came back where it was silent while motors turned."""
+        gap = self._talk.take_gap()
+        if self._rows.time.rebooted or (gap and gap.from_start and self._health.driven):
+            self._rows.time.rebooted = False
+            return RESTARTED
+        if gap and self._health.driven and self._drive.renews:
+            return (
+                f"nothing came from the autopilot for {gap.silent_s:.1f} s while a motor turned, "
+                f"limit {SILENT_S:g} s"
+            )
+        return None
+
+    def _stop(self) -> None:
+        try:
+            self._drive.stop()
+        except LinkLost:
+            pass  # They stop by their time-out.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import Literal
 
-from benchtool.bench.mavlink.dialect import Message
+from benchtool.bench.mavlink.messages import Message
 from benchtool.core.errors import LinkLost
 
 HEARTBEAT_LOST_S = 5.5
@@ -13,6 +13,7 @@ HEARTBEAT_LOST_S = 5.5
 A choice: of a link that loses every tenth frame five in a row are missing once in a day."""
 
 ARMED = 128
+
 HIL = 32
 """Bits of the heartbeat's base_mode (MAV_MODE_FLAG): motors live; hardware in the loop, where
 "all motors / actuators are blocked": what the virtual autopilot shows."""
@@ -38,10 +39,13 @@ RESTARTED = "the autopilot restarted"
 TextKind = Literal["information", "failsafe", "refusal", "restart"]
 
 _STARTING = re.compile(r"^ArduPilot Ready$|^Motor Test: Board initialising$")
+
 _REFUSAL = re.compile(r"^Motor Test: ")
+
 _FAILSAFE = re.compile(
     r"failsafe|crash|thrust loss|yaw imbalance|disarm|kill|emergency|terminat", re.I
 )
+
 _PASSES = re.compile(r"^(PreArm|Arm): |cleared", re.I)
 
 

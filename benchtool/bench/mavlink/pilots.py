@@ -11,7 +11,32 @@ from dataclasses import dataclass
 from math import nan
 from typing import Protocol
 
-from benchtool.core.errors import InputError, ProtocolError
+from benchtool.bench.mavlink.messages import dialect
+from benchtool.core.errors import (
+    InputError,
+    ProtocolError,
+)
+
+ACCEPTED, IN_PROGRESS = 0, 5
+
+"""MAV_RESULT of an order that is carried out."""
+
+
+def result_name(result: int | None) -> str:
+    """Return a MAV_RESULT in MAVLink's own word."""
+    known = dialect().enums["MAV_RESULT"]
+    return str(known[result].name).removeprefix("MAV_RESULT_") if result in known else str(result)
+
+
+def order_text(order: Order) -> str:
+    """Return an order as people write it."""
+    return f"{_command_name(order.command)} {','.join(f'{value:g}' for value in order.parameters)}"
+
+
+def _command_name(command: int) -> str:
+    known = dialect().enums["MAV_CMD"]
+    return str(known[command].name).removeprefix("MAV_CMD_") if command in known else str(command)
+
 
 TIMEOUT_S = 0.25
 """An order to turn ends by itself after so long: the watchdog of every bench."""
@@ -20,10 +45,12 @@ RESEND_S = 0.05
 """How often a standing order is sent again: four in a row may get lost without a gap."""
 
 ARM_DISARM = 400
+
 MOTOR_TEST = 209
 """MAV_CMD_DO_MOTOR_TEST. 206, which some lists give, is a camera command that moves nothing."""
 
 ACTUATOR_TEST = 310
+
 FORCE_DISARM = 21196.0
 """Second parameter of ARM_DISARM that disarms whatever the vehicle does (MAVLink common.xml)."""
 
@@ -32,7 +59,6 @@ LEAST_US, LONGEST_US = 800.0, 2200.0
 
 MOTORS_OF_FRAME = {1: 4, 2: 6, 3: 8, 4: 8, 5: 6, 7: 3, 12: 12, 14: 10}
 """ArduCopter's FRAME_CLASS: quad, hexa, octa, octaquad, Y6, tri, dodecahexa, deca."""
-
 
 TIMEOUT_AT = {MOTOR_TEST: 3, ACTUATOR_TEST: 1}
 """Which parameter of an order to turn is its time-out."""
@@ -212,3 +238,8 @@ PILOTS: dict[int, Pilot] = {3: ArduPilot(), 12: Px4()}
 
 AUTOPILOT_INVALID = 8
 """MAV_AUTOPILOT of what is no autopilot: ground stations, gimbals, companions."""
+
+
+SEEN_S = 0.3
+
+"""An acknowledged pulse must show at the outputs within this; ArduPilot takes 0.02 to 0.07 s."""

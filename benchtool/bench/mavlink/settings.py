@@ -1,32 +1,192 @@
-"""What a `mavlink:` address says: the link, the target, and which messages carry which channel."""
+"""What a `mavlink:` address says: link, target, and which message carries which channel."""
 
 from __future__ import annotations
 
+import dataclasses
 import ipaddress
+import json
 import re
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
-from benchtool.bench.mavlink.motor_map import MotorMap, read_motor_map
-from benchtool.bench.mavlink.wiring import DOWN, THRUST, ThrustSource
-from benchtool.bench.transport.tcp_socket import TcpSocket
+from annotated_types import Ge, Le, Len
+
+from benchtool.bench.transport.sockets import TcpSocket, UdpSocket
 from benchtool.bench.transport.transport import Transport
-from benchtool.bench.transport.udp_socket import UdpSocket
-from benchtool.core.errors import InputError, UnknownChoice
-from benchtool.core.user_file import read_file
+from benchtool.core.channel import Channel
+from benchtool.core.errors import FileFormatError, InputError, UnknownChoice
+from benchtool.core.toml_text import FiniteTable, read_strict
+from benchtool.core.user_file import read_file, read_text
 
 if TYPE_CHECKING:
-    from benchtool.bench.transport.parsed_address import Address
+    from benchtool.bench.address import Address
+
+THRUST_MESSAGES = ("NAMED_VALUE_FLOAT", "DEBUG_VECT", "DEBUG_FLOAT_ARRAY")
+
+PITCH_CHANNELS = ("theta_rad", "gyro_rad_s", "theta_ref_rad")
+
+DOWN = 25
+"""MAV_SENSOR_ROTATION_PITCH_270: a distance sensor that looks down, where the plate is."""
+
+_THRUST = re.compile(r"(?P<name>[^.\[\]]{1,10})(?:\.(?P<axis>[xyz])|\[(?P<index>\d{1,2})\])?")
+
+
+@dataclass(frozen=True, slots=True)
+class ThrustSource:
+    """Name the message that carries thrust.
+
+    Attributes:
+        message: one of `THRUST_MESSAGES`.
+        name: of the value, at most ten letters; NAMED_VALUE_FLOAT and the others have one field.
+        part: "x", "y" or "z" of a vector, the index in an array, "" for a single value.
+    """
+
+    message: str = "NAMED_VALUE_FLOAT"
+    name: str = "thrust"
+    part: str = ""
+
+    @classmethod
+    def named(cls, text: str) -> ThrustSource:
+        """Read `thrust` (a single value), `cell.z` (of a vector) or `cells[2]` (of an array).
+
+        Raises:
+            InputError: it is none of these.
+        """
+        found = _THRUST.fullmatch(text)
+        if found is None:
+            raise InputError(
+                f"thrust={text!r} names no value; write thrust=NAME, NAME.x or NAME[0], the name "
+                f"at most 10 letters long"
+            )
+        if found["axis"]:
+            return cls("DEBUG_VECT", found["name"], found["axis"])
+        if found["index"]:
+            return cls("DEBUG_FLOAT_ARRAY", found["name"], found["index"])
+        return cls("NAMED_VALUE_FLOAT", found["name"])
+
+
+THRUST = ThrustSource()
+"""A single value called `thrust`: what a script or a companion sends unless told otherwise."""
+
+NO_THRUST = ThrustSource(name="")
+"""A name that no message has, for a load cell that hangs elsewhere."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wiring:
+    """Say how the rotors of a rig hang on an autopilot.
+
+    Attributes:
+        motors: (n_rotors,) number of each rotor in the autopilot's motor test, from 1.
+        outputs: (n_rotors,) output that drives each rotor, from 1; 0 where it is not known.
+        escs: (n_rotors,) place of each rotor in speed messages, from 1.
+        thrust: message of the load cell.
+        thrust_scale_N: newtons per unit of that message.
+        orientation: of the distance sensor that looks at the plate; None takes no distance.
+        virtual: whether the autopilot's world is virtual and knows the plate's distance exactly.
+    """
+
+    motors: tuple[int, ...]
+    outputs: tuple[int, ...]
+    escs: tuple[int, ...]
+    thrust: ThrustSource = THRUST
+    thrust_scale_N: float = 1.0
+    orientation: int | None = None
+    virtual: bool = False
+
+    @property
+    def n_rotors(self) -> int:
+        """How many rotors there are."""
+        return len(self.motors)
+
+
+def channels_of(n_rotors: int) -> tuple[Channel, ...]:
+    """Return everything that an autopilot can tell about so many rotors, in order."""
+    numbers = range(1, n_rotors + 1)
+    return (
+        *(Channel(f"pwm{i}_us", "pwm_us", f"output that drives rotor {i}") for i in numbers),
+        *(Channel(f"rpm{i}", "rpm", f"speed of rotor {i}") for i in numbers),
+        Channel("thrust_N", "N", "thrust since the tare, tared by the host"),
+        Channel("thrust_raw", "count", "what the load cell's message says, never tared"),
+        Channel("plate_z_m", "m", "distance sensor"),
+        Channel("voltage_V", "V", "battery voltage"),
+        Channel("current_A", "A", "battery current"),
+        Channel("temperature_degC", "degC", "hottest ESC"),
+        Channel("theta_rad", "rad", "pitch, positive nose down"),
+        Channel("gyro_rad_s", "rad/s", "pitch rate, positive nose down"),
+        Channel("theta_ref_rad", "rad", "wanted pitch, positive nose down"),
+    )
+
+
+MotorNumber = Annotated[int, Ge(1), Le(12)]
+
+Place = Annotated[int, Ge(0), Le(16)]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MotorMap(FiniteTable):
+    """Say which motor, output and ESC belongs to each rotor of a rig, in the rig's order.
+
+    Attributes:
+        rig: name of the rig.
+        autopilot: name of the autopilot that it was learnt on.
+        motors: number of each rotor in the autopilot's motor test.
+        outputs: output that drives each rotor; 0 where that is not known.
+        escs: place of each rotor in speed messages; 0 where it has none.
+    """
+
+    rig: str
+    autopilot: str
+    motors: Annotated[tuple[MotorNumber, ...], Len(1, 12)]
+    outputs: tuple[Place, ...]
+    escs: tuple[Place, ...]
+
+    def to_toml(self) -> str:
+        """Return it as the text of its file."""
+        lines = ["# Made by `benchtool bench map`: rotors of the rig on an autopilot."]
+        # JSON's strings and lists of numbers are TOML's as well, on one line.
+        lines += [
+            f"{name} = {json.dumps(value)}" for name, value in dataclasses.asdict(self).items()
+        ]
+        return "\n".join(lines) + "\n"
+
+
+def read_motor_map(path: Path) -> MotorMap:
+    """Read a map of motors.
+
+    Raises:
+        FileFormatError: there is no such file, or it does not say what it must.
+    """
+    try:
+        text = read_text(path)
+    except FileFormatError as error:
+        raise FileFormatError(
+            f"the map of motors {error.where}",
+            f"{error.problem}; make one with benchtool bench map",
+        ) from error
+    found = read_strict(MotorMap, text, str(path))
+    if not len(found.motors) == len(found.outputs) == len(found.escs):
+        raise FileFormatError(
+            str(path), "motors, outputs and escs are not equally long; give one of each per rotor"
+        )
+    if len(set(found.motors)) < len(found.motors):
+        raise FileFormatError(str(path), "motors names one motor twice; each drives one rotor")
+    return found
+
 
 LINKS = ("udpin", "udpout", "tcp", "serial")
+
 EXAMPLE = "mavlink:udpin:127.0.0.1:14550"
+
 LOOPBACK = "127.0.0.1"
+
 DEFAULT_BAUD = 115_200
 """Usual rate of a telemetry port over USB; radios have 57600."""
 
 KEY_BYTES = 32
+
 MOST_KEY_BYTES = 4096
 """Longest pass phrase; a choice."""
 

@@ -14,13 +14,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.bench.bench import Identity, Readings
-from benchtool.bench.rcbenchmark.settings import RcbSettings
-from benchtool.bench.rcbenchmark.talk import RcbTalk
-from benchtool.bench.rcbenchmark.words import PULSE, Hello, Line, StandClock, words_for
-from benchtool.bench.read_ahead import Listener, ReadAhead
-from benchtool.bench.serial.device_clock import DeviceClock
-from benchtool.bench.transport.opened import Opened
+from benchtool.bench.bench import Identity, Listener, Opened, ReadAhead, Readings
+from benchtool.bench.clocks import DeviceClock
+from benchtool.bench.rcbenchmark.lines import PULSE, Hello, Line, StandClock, words_for
+from benchtool.bench.rcbenchmark.link import RcbSettings, RcbTalk
 from benchtool.bench.transport.transport import Transport
 from benchtool.core.channel import Channel, unit_told_by
 from benchtool.core.errors import (
@@ -47,6 +44,7 @@ TARE_S = 20.0
 """Longest tare (wall time); a guess, the GUI takes a few seconds."""
 
 ARRIVE_S = 120.0
+
 LEAST_HZ = 1.0
 
 

@@ -11,6 +11,35 @@ from math import isfinite
 
 from benchtool.core.errors import InputError, ProtocolError, UnknownChoice
 
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """Report something unasked: `watchdog`, `limit`, `arrived`, `stage`, `boot`, `dropped`."""
+
+    kind: str
+    text: str
+
+    @property
+    def stops_motors(self) -> bool:
+        """Whether the device's motors stand still because of it."""
+        return self.kind in ("watchdog", "limit", "boot")
+
+
+OLDEST_S = 0.5
+
+"""Orders are refused from this age on: a host waits 5 x 100 ms for an answer and then commands a
+stop, so that an older order has been given up."""
+
+LATE = "late: "
+
+"""How the reason of such a refusal begins."""
+
+
+def too_old(reason: str) -> bool:
+    """Return whether an order was refused for its age."""
+    return reason.startswith(LATE) and " ms old" in reason
+
+
 PROTOCOL_VERSION = 2
 """The version that this library speaks; of a device of version 1 the hello is asked twice."""
 

@@ -5,43 +5,47 @@ from __future__ import annotations
 from collections.abc import Callable
 from math import inf
 
-from benchtool.bench.doctor.strangers import not_a_bench
-from benchtool.bench.host_pause import Gaps
+from benchtool.bench.clocks import Gaps
+from benchtool.bench.identify import not_a_bench
 from benchtool.bench.serial.commands import (
+    LATE,
+    OLDEST_S,
     PROTOCOL_VERSION,
     Arm,
     AskHello,
     AskPlate,
     Command,
+    Event,
     Reply,
     SetPwm,
     Stop,
     fields_of,
+    too_old,
 )
-from benchtool.bench.serial.hello import Hello
-from benchtool.bench.serial.hello_reader import HelloReader
-from benchtool.bench.serial.link import (
+from benchtool.bench.serial.frames import (
     HEARTBEAT,
+    TIME_MODULUS_US,
     Batch,
     Decoder,
     Message,
     frame_command,
     frame_version_1,
+    signed_step,
 )
-from benchtool.bench.serial.order_check import LATE, OLDEST_S, too_old
-from benchtool.bench.serial.sample_order import TIME_MODULUS_US, signed_step
+from benchtool.bench.serial.hello import Hello, HelloReader
 from benchtool.bench.transport.transport import Transport
 from benchtool.core.errors import HostPaused, LinkLost, NoDevice, PortBusy, ProtocolError
-from benchtool.virtual.firmware import Event
 
 HELLO_S = 5.0
 """How long the hello is repeated: boards that reset when their port is opened boot meanwhile."""
 
 HELLO_TRY_S = 0.25
+
 ANSWER_S = 0.1
 """How long one try of a command waits: six latency periods (16 ms) of an FTDI adapter."""
 
 TRIES = 5
+
 HEARTBEAT_S = 0.08
 """A third of the 250 ms watchdog: two heartbeats may get lost."""
 
@@ -53,6 +57,7 @@ LAST_NUMBER_1 = 65535
 """Largest number of a command in version 1, where they start over."""
 
 LONGEST_WAIT_S = 0.02
+
 _SHOWN_BYTES = 200
 
 

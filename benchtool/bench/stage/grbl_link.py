@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
-from benchtool.bench.doctor.strangers import knocked, not_a_stage
-from benchtool.bench.stage.grbl_settings import GrblSettings
-from benchtool.bench.stage.grbl_words import (
+from benchtool.bench.identify import knocked, not_a_stage
+from benchtool.bench.stage.grbl_lines import (
     HOLD,
     RESET,
     SETTINGS,
@@ -15,6 +14,7 @@ from benchtool.bench.stage.grbl_words import (
     Banner,
     Ear,
     Error,
+    GrblSettings,
     Note,
     Ok,
     Other,
@@ -30,15 +30,19 @@ WAKE_S = 5.0
 """Boards that reset when their port is opened take 1 to 2 s to boot; a margin on that."""
 
 WAKE_TRY_S = 1.0
+
 ANSWER_S = 2.0
 """GRBL answers in milliseconds (95 % in 13 ms) except while homing; a longer silence is a fault."""
 
 LISTEN_S = 0.02
+
 AFTER_BANNER_S = 0.1
 """The word that G-code is locked follows the banner at once."""
 
 ASK_S = 0.2
+
 SETTINGS_TRIES = 3
+
 MOST_REPORTS = 40
 """The work offset comes in every 10th to 30th report (Grbl 1.1 configuration)."""
 

@@ -14,7 +14,6 @@ Pause = Callable[[float], None]
 """pause(s): wait about so long; whoever moves the plate calls it instead of sleeping, so that the
 bench is listened to meanwhile."""
 
-
 RULER_M = 0.002
 """How far what a person measures may be from a reading. A choice, two marks of a ruler."""
 
@@ -152,3 +151,101 @@ class HandStage:
                 f"{1e3 * self._tolerance_m:.1f} mm. "
             )
         return ""
+
+
+class PlateGuard(Protocol):
+    """Be asked before a move and after it (`GuardedBench`)."""
+
+    def ready_for_move(self, z_m: float, x_m: float = 0.0, tilt_rad: float = 0.0) -> None:
+        """Raise when the plate must stay."""
+        ...
+
+    def confirm_plate(self, target_m: float, stage_m: float, more_m: float = 0.0) -> None:
+        """Raise when the bench reads another position than the stage says."""
+        ...
+
+
+class IdleStage:
+    """Be another stage that asks first whether the plate may move, and then whether it did.
+
+    Args:
+        stage: moves the plate by itself, without the bench knowing.
+        guard: of the bench.
+    """
+
+    def __init__(self, stage: Stage, guard: PlateGuard) -> None:
+        self._stage = stage
+        self._guard = guard
+
+    @property
+    def facts(self) -> Mapping[str, str | float]:
+        return self._stage.facts
+
+    @property
+    def measures_to_m(self) -> float:
+        return self._stage.measures_to_m
+
+    def open(self) -> None:
+        self._stage.open()
+
+    def move(self, z_m: float, x_m: float, tilt_rad: float, pause: Pause) -> float:
+        self._guard.ready_for_move(z_m, x_m, tilt_rad)
+        reached_m = self._stage.move(z_m, x_m, tilt_rad, pause)
+        self._guard.confirm_plate(z_m, reached_m, self._stage.measures_to_m)
+        return reached_m
+
+    def hold(self) -> None:
+        self._stage.hold()
+
+    def close(self) -> None:
+        self._stage.close()
+
+
+OVERSHOOT_BACKLASHES = 5.0
+"""How far to go past a distance that is approached from nearer, in backlashes; a choice."""
+
+
+class OneSidedStage:
+    """Be another stage that overshoots when it moves away, and comes back.
+
+    Without it a distance stands nearer or farther by the play, as the last move happened to go: a
+    scatter that grows towards the plate and pulls R and K_b apart. With it the play is a constant,
+    which a plate offset takes up.
+
+    Args:
+        stage: moves the plate by itself (no operator).
+        plate: play and travel.
+    """
+
+    def __init__(self, stage: Stage, plate: PlateStage) -> None:
+        self._stage = stage
+        self._overshoot_m = OVERSHOOT_BACKLASHES * plate.backlash_m
+        self._farthest_m = plate.z_max_m
+        self._standing_m: float | None = None
+
+    @property
+    def facts(self) -> Mapping[str, str | float]:
+        return self._stage.facts
+
+    @property
+    def measures_to_m(self) -> float:
+        return self._stage.measures_to_m
+
+    def open(self) -> None:
+        self._stage.open()
+
+    def move(self, z_m: float, x_m: float, tilt_rad: float, pause: Pause) -> float:
+        away = self._standing_m is None or z_m > self._standing_m
+        past_m = min(z_m + self._overshoot_m, self._farthest_m)
+        if away and past_m > z_m:
+            self._stage.move(past_m, x_m, tilt_rad, pause)
+        reached_m = self._stage.move(z_m, x_m, tilt_rad, pause)
+        self._standing_m = z_m
+        return reached_m
+
+    def hold(self) -> None:
+        self._standing_m = None
+        self._stage.hold()
+
+    def close(self) -> None:
+        self._stage.close()

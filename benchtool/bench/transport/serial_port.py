@@ -7,7 +7,7 @@ from contextlib import suppress
 
 import serial
 
-from benchtool.bench.transport.link_errors import lost_error, opening_error
+from benchtool.bench.transport.errors import lost_error, opening_error
 from benchtool.bench.transport.transport import first_bytes
 from benchtool.core.errors import InputError, LinkLost
 

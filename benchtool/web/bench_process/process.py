@@ -14,10 +14,9 @@ from contextlib import suppress
 from multiprocessing.connection import Connection as Pipe
 
 from benchtool.acquire.inputs import rig_for
-from benchtool.bench.address import open_bench
+from benchtool.bench.drivers import open_bench
 from benchtool.bench.guard import GuardedBench
-from benchtool.bench.paced import PacedBench
-from benchtool.bench.stoppable import StoppableBench
+from benchtool.bench.wrappers import PacedBench, StoppableBench
 from benchtool.core.errors import BenchtoolError, StandstillNotSeen
 from benchtool.web.bench_process.commands import (
     AnswerQuestion,

@@ -10,7 +10,7 @@ from benchtool.acquire.arming import CONFIRMATION
 from benchtool.acquire.calibration_file import calibration_for
 from benchtool.bench.bench import Bench, Identity
 from benchtool.bench.guard import GuardedBench
-from benchtool.bench.stoppable import AskedToStop
+from benchtool.bench.wrappers import AskedToStop
 from benchtool.core.errors import BenchError, BenchtoolError, InputError
 from benchtool.core.rig import Rig
 from benchtool.web.bench_process.commands import (

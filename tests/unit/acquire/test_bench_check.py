@@ -8,8 +8,8 @@ import pytest
 
 from benchtool.acquire.arming import remember_check, require_unattended
 from benchtool.acquire.bench_check import check_bench
-from benchtool.bench.address import open_bench
 from benchtool.bench.bench import Readings
+from benchtool.bench.drivers import open_bench
 from benchtool.core.errors import BenchError, InputError
 from benchtool.core.rig_file import rig_named
 from tests.unit.acquire.fake_bench import FakeBench

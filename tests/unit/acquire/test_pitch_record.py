@@ -19,8 +19,8 @@ from benchtool.acquire.pitch_experiment import (
     hover_pulse_us,
 )
 from benchtool.acquire.pitch_record import PitchSummary, record_pitch, summary_line
-from benchtool.bench.address import open_bench
 from benchtool.bench.bench import Readings
+from benchtool.bench.drivers import open_bench
 from benchtool.bench.guard import GuardedBench
 from benchtool.core.errors import FileFormatError, InputError, LimitExceeded, PlanError, RunStopped
 from benchtool.core.rig_file import rig_named

@@ -14,7 +14,7 @@ from benchtool.acquire.resume import unfinished
 from benchtool.acquire.stage_choice import stage_for
 from benchtool.acquire.sweep import run_sweep
 from benchtool.bench.guard import GuardedBench
-from benchtool.bench.stage.idle_stage import IdleStage
+from benchtool.bench.stage.stage import IdleStage
 from benchtool.core.errors import BenchtoolError, InputError, StageError
 from benchtool.core.rig_file import rig_named
 from benchtool.data.run.events import read_events

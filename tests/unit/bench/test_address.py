@@ -2,8 +2,8 @@
 
 import pytest
 
-from benchtool.bench.address import SCHEMES, open_bench, parse_address
-from benchtool.bench.serial.serial_bench import SerialBench
+from benchtool.bench.drivers import SCHEMES, open_bench, parse_address
+from benchtool.bench.serial.bench import SerialBench
 from benchtool.core.errors import FileFormatError, InputError, UnknownChoice
 from benchtool.virtual.simulated import SimulatedBench
 

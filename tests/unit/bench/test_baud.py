@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from benchtool.bench.transport.baud import check_rate, highest_rate_Hz
+from benchtool.bench.serial.bench import check_rate, highest_rate_Hz
 from benchtool.core.errors import InputError
 
 

@@ -7,7 +7,7 @@ import signal
 
 import pytest
 
-from benchtool.bench.closing_signals import PATIENCE_S, ClosingSignals
+from benchtool.bench.signals import PATIENCE_S, ClosingSignals
 
 posix = pytest.mark.skipif(os.name != "posix", reason="needs POSIX signals")
 

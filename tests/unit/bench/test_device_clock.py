@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from benchtool.bench.serial.device_clock import DeviceClock
+from benchtool.bench.clocks import DeviceClock
 
 
 def test_host_time_is_right_to_the_smallest_delay(rng: np.random.Generator) -> None:

@@ -1,6 +1,6 @@
 """A device that moves its own plate, as a stage."""
 
-from benchtool.bench.address import open_bench
+from benchtool.bench.drivers import open_bench
 from benchtool.bench.stage.stage import DeviceStage
 
 

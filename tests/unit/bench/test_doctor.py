@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import pytest
 
-from benchtool.bench.doctor.doctor import INSTALL_RULE, findings, udev_rule
-from benchtool.bench.doctor.surroundings import Surroundings, look_around
-from benchtool.bench.transport.port_holders import Holder
-from benchtool.bench.transport.ports import Port
+from benchtool.bench.doctor.causes import INSTALL_RULE, findings, udev_rule
+from benchtool.bench.doctor.host_environment import HostEnvironment, probe_environment
+from benchtool.bench.doctor.ports import Port
+from benchtool.bench.transport.errors import Holder
 
 FTDI = Port(
     name="/dev/ttyUSB0",
@@ -17,7 +17,7 @@ FTDI = Port(
     product=0x6001,
     by_id="/dev/serial/by-id/usb-FTDI_FT232R_USB_UART_A50285BI-if00-port0",
 )
-LINUX = Surroundings(
+LINUX = HostEnvironment(
     system="Linux",
     port=FTDI.by_id,
     ports=(FTDI,),
@@ -34,7 +34,7 @@ LINUX = Surroundings(
     rule_installed=True,
     on_battery=False,
 )
-MAC = Surroundings(
+MAC = HostEnvironment(
     system="Darwin",
     port="/dev/cu.usbserial-A50285BI",
     ports=(replace(FTDI, name="/dev/cu.usbserial-A50285BI", by_id=""),),
@@ -44,7 +44,7 @@ MAC = Surroundings(
     user="ada",
     programs=frozenset({"finder"}),
 )
-WINDOWS = Surroundings(
+WINDOWS = HostEnvironment(
     system="Windows",
     port="COM12",
     ports=(replace(FTDI, name="COM12", by_id=""),),
@@ -56,7 +56,8 @@ WINDOWS = Surroundings(
 def by_id_leads_to_the_port(monkeypatch):
     real = {FTDI.by_id: FTDI.name}
     monkeypatch.setattr(
-        "benchtool.bench.doctor.surroundings.os.path.realpath", lambda path: real.get(path, path)
+        "benchtool.bench.doctor.host_environment.os.path.realpath",
+        lambda path: real.get(path, path),
     )
 
 
@@ -112,7 +113,7 @@ def test_a_port_that_is_not_there_lists_those_that_are():
 
 
 def test_no_port_at_all_offers_the_virtual_bench():
-    finding = found(Surroundings(system="Linux"), "port")
+    finding = found(HostEnvironment(system="Linux"), "port")
     assert finding.verdict == "problem"
     assert "bench serve" in finding.fix
 
@@ -124,7 +125,7 @@ def test_the_program_that_holds_the_port_is_named():
 
 
 def test_the_server_behind_a_pseudo_terminal_is_no_rival():
-    around = Surroundings(
+    around = HostEnvironment(
         system="Linux",
         port="/dev/pts/3",
         exists=True,
@@ -215,4 +216,4 @@ def test_the_shipped_rule_names_what_it_mends():
 
 
 def test_looking_around_this_computer_gives_something_to_judge():
-    assert findings(look_around())
+    assert findings(probe_environment())

@@ -2,7 +2,7 @@
 
 import pytest
 
-from benchtool.bench.stage.grbl_words import (
+from benchtool.bench.stage.grbl_lines import (
     Alarm,
     Banner,
     Ear,

@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchtool.bench.driven import SPIN_DOWN_S
 from benchtool.bench.guard import GuardedBench
-from benchtool.bench.spin_down import SPIN_DOWN_S
 from benchtool.core.errors import (
     DeviceStopped,
     LimitExceeded,

@@ -4,14 +4,13 @@ import numpy as np
 import pytest
 
 from benchtool.bench.guard import GuardedBench
-from benchtool.bench.serial.serial_bench import SerialBench
+from benchtool.bench.serial.bench import SerialBench
 from benchtool.core.errors import BenchtoolError, LimitExceeded, StageError, StandstillNotSeen
 from benchtool.core.rig_file import rig_named
 from benchtool.physics.model_file import load_model
 from benchtool.testing.loopback_link import LoopbackLink
-from benchtool.virtual.device import hello_of, virtual_plant
-from benchtool.virtual.faults import LinkFaults, fault_from
-from benchtool.virtual.faulty_plant import FaultyPlant
+from benchtool.virtual.devices import hello_of, virtual_plant
+from benchtool.virtual.faults import FaultyPlant, LinkFaults, fault_from
 from benchtool.virtual.firmware import Firmware
 
 RIG = rig_named("pquad")

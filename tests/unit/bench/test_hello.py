@@ -6,9 +6,15 @@ import random
 
 import pytest
 
-from benchtool.bench.serial.hello import Hello, channel_hash, hello_from, hello_lines
-from benchtool.bench.serial.hello_reader import MOST_LINES, HelloReader
-from benchtool.bench.serial.link import crc16, payload_of
+from benchtool.bench.serial.frames import crc16, payload_of
+from benchtool.bench.serial.hello import (
+    MOST_LINES,
+    Hello,
+    HelloReader,
+    channel_hash,
+    hello_from,
+    hello_lines,
+)
 from benchtool.core.errors import ProtocolError
 from tests.wire.still_plant import StillPlant, still_hello
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchtool.bench.guard import GuardedBench
-from benchtool.bench.stage.idle_stage import IdleStage
+from benchtool.bench.stage.stage import IdleStage
 from benchtool.core.errors import StageError
 from benchtool.core.rig_file import rig_named
 from benchtool.physics.model_file import load_model

@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from benchtool.bench.limit_check import LimitCheck, unwatched_limits
-from benchtool.bench.obedience import speeds_of
+from benchtool.bench.rpm_tracking import speeds_of
 from benchtool.core.channel import Channel
 from benchtool.core.errors import LimitExceeded
 from benchtool.core.rig_file import rig_named

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from benchtool.bench.serial.commands import AskHello, SetPwm
-from benchtool.bench.serial.link import (
+from benchtool.bench.serial.frames import (
     HEARTBEAT,
     MAX_LINE_BYTES,
     Decoder,

@@ -11,11 +11,9 @@ from pathlib import Path
 import pytest
 import serial
 
-from benchtool.bench.transport.link_errors import opening_error
-from benchtool.bench.transport.port_holders import holders, holders_text
+from benchtool.bench.transport.errors import holders, holders_text, opening_error
 from benchtool.bench.transport.serial_port import SerialPort
-from benchtool.bench.transport.tcp_socket import TcpSocket
-from benchtool.bench.transport.udp_socket import UdpSocket
+from benchtool.bench.transport.sockets import TcpSocket, UdpSocket
 from benchtool.core.errors import InputError, LinkError, LinkLost, NoDevice, PortBusy, PortDenied
 
 posix = pytest.mark.skipif(os.name != "posix", reason="pseudo-terminals are POSIX")

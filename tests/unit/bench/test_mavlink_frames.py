@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from benchtool.bench.mavlink.dialect import dialect
 from benchtool.bench.mavlink.frames import LinkCounts, MavlinkFrames
+from benchtool.bench.mavlink.messages import dialect
 
 WORDS = dialect()
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from benchtool.bench.mavlink.dialect import Message, dialect
 from benchtool.bench.mavlink.health import ARMED, Health, silence_of
+from benchtool.bench.mavlink.messages import Message, dialect
 
 WORDS = dialect()
 

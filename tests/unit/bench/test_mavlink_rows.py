@@ -3,9 +3,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchtool.bench.mavlink.dialect import ESC_STATUS, dialect
+from benchtool.bench.mavlink.messages import ESC_STATUS, dialect
 from benchtool.bench.mavlink.rows import MavlinkRows
-from benchtool.bench.mavlink.wiring import ThrustSource, Wiring, channels_of
+from benchtool.bench.mavlink.settings import ThrustSource, Wiring, channels_of
 from benchtool.core.errors import InputError
 
 W = dialect()

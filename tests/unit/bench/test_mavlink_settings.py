@@ -5,12 +5,16 @@ from pathlib import Path
 
 import pytest
 
-from benchtool.bench.address import MAVLINK_OPTIONS, open_bench, parse_address
-from benchtool.bench.mavlink.motor_map import MotorMap, read_motor_map
-from benchtool.bench.mavlink.settings import read_key, settings_of, transport_of
+from benchtool.bench.drivers import MAVLINK_OPTIONS, open_bench, parse_address
+from benchtool.bench.mavlink.settings import (
+    MotorMap,
+    read_key,
+    read_motor_map,
+    settings_of,
+    transport_of,
+)
 from benchtool.bench.transport.serial_port import SerialPort
-from benchtool.bench.transport.tcp_socket import TcpSocket
-from benchtool.bench.transport.udp_socket import UdpSocket
+from benchtool.bench.transport.sockets import TcpSocket, UdpSocket
 from benchtool.core.errors import FileFormatError, InputError, PortBusy, UnknownChoice
 
 

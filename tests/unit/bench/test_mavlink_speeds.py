@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from benchtool.bench.mavlink.speeds import SpeedSources
+from benchtool.bench.mavlink.rows import SpeedSources
 
 STEP_US = 50_000
 

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from benchtool.bench.mavlink.time import MODULUS, BootTime
+from benchtool.bench.mavlink.frames import MODULUS, BootTime
 
 
 def test_microseconds_of_32_bits_go_on_over_their_wrap() -> None:

@@ -7,8 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from benchtool.bench.stage.one_sided_stage import OneSidedStage
-from benchtool.bench.stage.stage import DeviceStage
+from benchtool.bench.stage.stage import DeviceStage, OneSidedStage
 from benchtool.core.rig import PlateStage
 from benchtool.core.rig_file import rig_named
 from benchtool.physics.model_file import load_model

@@ -4,13 +4,13 @@ from types import SimpleNamespace
 
 import pytest
 
-from benchtool.bench.transport.ports import ask_port, by_id_names, serial_ports
+from benchtool.bench.doctor.ports import ask_port, by_id_names, serial_ports
 from benchtool.core.errors import PortBusy, PortDenied
 from benchtool.core.rig_file import rig_named
 from benchtool.physics.model_file import load_model
 from benchtool.testing.loopback_link import LoopbackLink
 from benchtool.testing.scripted_link import ScriptedLink
-from benchtool.virtual.device import hello_of, virtual_plant
+from benchtool.virtual.devices import hello_of, virtual_plant
 from benchtool.virtual.firmware import Firmware
 
 

@@ -9,9 +9,9 @@ from contextlib import contextmanager
 
 import pytest
 
-from benchtool.bench.address import open_bench, parse_address
-from benchtool.bench.rcbenchmark import talk as rcb_talk
-from benchtool.bench.rcbenchmark.settings import RcbSettings, rcb_settings_of
+from benchtool.bench.drivers import open_bench, parse_address
+from benchtool.bench.rcbenchmark import link as rcb_talk
+from benchtool.bench.rcbenchmark.link import RcbSettings, rcb_settings_of
 from benchtool.core.errors import InputError, LinkError, NoDevice, PortBusy, ProtocolError
 
 
@@ -86,8 +86,8 @@ def test_what_answers_instead_is_told_apart(
 
 
 def test_a_flight_controller_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    from benchtool.bench.mavlink.dialect import dialect
     from benchtool.bench.mavlink.frames import MavlinkFrames
+    from benchtool.bench.mavlink.messages import dialect
 
     monkeypatch.setattr(rcb_talk, "HELLO_S", 0.3)
     beat = MavlinkFrames(1, 1).pack(dialect().MAVLink_heartbeat_message(2, 3, 81, 0, 3, 3))

@@ -7,7 +7,7 @@ from math import isnan
 
 import pytest
 
-from benchtool.bench.rcbenchmark.words import RcbEar, StandClock, words_for
+from benchtool.bench.rcbenchmark.lines import RcbEar, StandClock, words_for
 from benchtool.core.errors import ProtocolError
 
 ENTRY = {"bridge": 1, "n": 7, "t_ms": 1250.5, "us": 1400, "why": ""}

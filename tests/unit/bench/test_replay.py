@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchtool.bench.address import open_bench
+from benchtool.bench.drivers import open_bench
 from benchtool.core.errors import CommandRefused, FileFormatError, LinkLost
 
 HEADER = "time_s,device_time_us,point,phase,pwm1_us,rpm1,thrust_N,thrust_raw,torque_Nm"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchtool.bench.serial.sample_order import (
+from benchtool.bench.serial.frames import (
     LEAP,
     SEQUENCE_MODULUS,
     TIME_MODULUS_US,

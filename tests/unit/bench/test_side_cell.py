@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchtool.bench.rcbenchmark.side_cell import CellLines, SideCell, in_order
-from benchtool.bench.serial.device_clock import DeviceClock
+from benchtool.bench.clocks import DeviceClock
+from benchtool.bench.mavlink.side_cell import CellLines, SideCell, in_order
 from benchtool.core.errors import NoDevice
 from benchtool.testing.scripted_link import ScriptedLink
 

@@ -9,11 +9,9 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from benchtool.bench.rcbenchmark.udp_link import UdpLink
-from benchtool.bench.transport.tcp_socket import TcpSocket
-from benchtool.bench.transport.udp_socket import UdpSocket
+from benchtool.bench.transport.sockets import TcpSocket, UdpSocket
 from benchtool.core.errors import InputError, LinkError
-from benchtool.virtual.server_links import TcpLink
+from benchtool.virtual.links import TcpLink, UdpLink
 
 NAME_TOO_LONG = "x" * 70  # a label of a host's name has at most 63 letters: UnicodeError
 

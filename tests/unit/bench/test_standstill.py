@@ -9,12 +9,7 @@ import numpy as np
 import pytest
 
 from benchtool.bench.bench import Identity
-from benchtool.bench.standstill import (
-    HOLD_S,
-    StandstillWatch,
-    standstill_rpm,
-    unmeasured_rotors,
-)
+from benchtool.bench.standstill import HOLD_S, StandstillWatch, standstill_rpm, unmeasured_rotors
 from benchtool.core.channel import Channel
 from benchtool.core.rig_file import rig_named, rig_names
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from benchtool.bench.guard import GuardedBench
-from benchtool.bench.transport.stop_signals import StopSignals
+from benchtool.bench.signals import StopSignals
 from benchtool.core.errors import RunStopped
 from tests.unit.bench.guarded_fake import RIG
 

@@ -7,11 +7,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from benchtool.bench.address import open_bench
+from benchtool.bench.drivers import open_bench
 from benchtool.bench.guard import GuardedBench
-from benchtool.bench.paced import PacedBench
-from benchtool.bench.serial.serial_bench import SerialBench
-from benchtool.bench.stoppable import AskedToStop, StoppableBench
+from benchtool.bench.serial.bench import SerialBench
+from benchtool.bench.wrappers import AskedToStop, PacedBench, StoppableBench
 from benchtool.core.errors import LinkLost
 from benchtool.core.rig_file import rig_named
 from benchtool.testing.loopback_link import LoopbackLink

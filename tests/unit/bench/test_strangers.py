@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from benchtool.bench.doctor.strangers import (
+from benchtool.bench.identify import (
     Kind,
     kind_of,
     not_a_bench,
@@ -16,13 +16,12 @@ from benchtool.bench.doctor.strangers import (
     not_mavlink,
     not_the_bridge,
 )
-from benchtool.bench.mavlink.dialect import dialect
 from benchtool.bench.mavlink.frames import MavlinkFrames
-from benchtool.bench.mavlink.talk import MavlinkTalk
-from benchtool.bench.rcbenchmark.side_cell import SideCell
-from benchtool.bench.serial.link import frame
-from benchtool.bench.stage.grbl_stage import GrblStage
-from benchtool.bench.stage.grbl_way import GrblAxis
+from benchtool.bench.mavlink.link import MavlinkTalk
+from benchtool.bench.mavlink.messages import dialect
+from benchtool.bench.mavlink.side_cell import SideCell
+from benchtool.bench.serial.frames import frame
+from benchtool.bench.stage.grbl import GrblAxis, GrblStage
 from benchtool.core.errors import ProtocolError
 from benchtool.testing.scripted_link import ScriptedLink
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from benchtool.bench.transport.udp_socket import BUFFER_BYTES, UdpSocket
+from benchtool.bench.transport.sockets import BUFFER_BYTES, UdpSocket
 
 TIMEOUT_S = 1.0
 

@@ -8,7 +8,7 @@ import pytest
 
 from benchtool.commands.app import main
 from benchtool.commands.demo import free_folder
-from benchtool.virtual.serve import LARGEST_SPEED
+from benchtool.virtual.devices import LARGEST_SPEED
 
 
 def test_a_second_demo_goes_into_a_folder_of_its_own(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from benchtool.bench.address import open_bench
+from benchtool.bench.drivers import open_bench
 from benchtool.commands.app import main
 from benchtool.core.errors import InputError
 from benchtool.explain.request import read_request

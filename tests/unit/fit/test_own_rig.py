@@ -18,8 +18,7 @@ from benchtool.acquire.plan import (
 )
 from benchtool.acquire.sweep import run_sweep
 from benchtool.bench.guard import GuardedBench
-from benchtool.bench.stage.one_sided_stage import OneSidedStage
-from benchtool.bench.stage.stage import DeviceStage
+from benchtool.bench.stage.stage import DeviceStage, OneSidedStage
 from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.rig import Rig
 from benchtool.core.rig_file import rig_named, rig_to_dict

@@ -17,10 +17,10 @@ from benchtool.bench.serial.commands import (
     Stop,
     Tare,
 )
+from benchtool.bench.serial.frames import HEARTBEAT, Decoder, crc16, frame, frame_command
 from benchtool.bench.serial.hello import hello_from
-from benchtool.bench.serial.link import HEARTBEAT, Decoder, crc16, frame, frame_command
-from benchtool.virtual.device_link import DeviceLink
 from benchtool.virtual.firmware import Firmware
+from benchtool.virtual.protocol import DeviceLink
 from tests.wire.still_plant import StillPlant, still_hello
 
 

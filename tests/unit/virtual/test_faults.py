@@ -11,6 +11,7 @@ from benchtool.virtual.faults import (
     Corrupt,
     Delay,
     Drop,
+    FaultyPlant,
     LinkFaults,
     OverThrust,
     RefuseMove,
@@ -19,7 +20,6 @@ from benchtool.virtual.faults import (
     Unplug,
     fault_from,
 )
-from benchtool.virtual.faulty_plant import FaultyPlant
 from tests.wire.still_plant import StillPlant
 
 LINE = b"0123456789" * 1000

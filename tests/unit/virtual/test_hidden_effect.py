@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from benchtool.bench.address import open_bench
+from benchtool.bench.drivers import open_bench
 from benchtool.core.errors import BenchtoolError, InputError
 from benchtool.core.rig_file import rig_named
 from benchtool.physics.model_file import load_model
-from benchtool.virtual.hidden_effect import EXAMPLE, with_hidden
-from benchtool.virtual.pitch_device import pitch_plant
+from benchtool.virtual.devices import EXAMPLE, pitch_plant, with_hidden
 
 
 def test_numbers_are_changed_and_effects_added() -> None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchtool.bench.address import open_bench
 from benchtool.bench.bench import Bench
+from benchtool.bench.drivers import open_bench
 from benchtool.bench.serial.commands import Clear, MovePlate, SetLimit, SetPwm, SetRate, Stop, Tare
 from benchtool.core.errors import (
     BenchtoolError,
@@ -19,8 +19,8 @@ from benchtool.core.rig_file import rig_named
 from benchtool.core.units import unit_named
 from benchtool.simulate.controllers.controller import PitchCommand, PitchMeasurement, PitchReference
 from benchtool.simulate.pitch.simulate import simulate_pitch
+from benchtool.virtual.devices import pitch_hello, pitch_plant
 from benchtool.virtual.firmware import Firmware
-from benchtool.virtual.pitch_device import pitch_hello, pitch_plant
 from benchtool.virtual.pitch_plant import PitchPlant
 
 RIG = rig_named("pquad")

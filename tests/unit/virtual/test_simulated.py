@@ -5,7 +5,7 @@ import time
 import numpy as np
 import pytest
 
-from benchtool.bench.address import open_bench
+from benchtool.bench.drivers import open_bench
 from benchtool.core.errors import CommandRefused, DeviceStopped, InputError, LinkLost, StageError
 
 

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from benchtool.bench.stage.grbl_stage import GrblStage
-from benchtool.bench.stage.grbl_way import GrblAxis
+from benchtool.bench.stage.grbl import GrblAxis, GrblStage
 from benchtool.core.errors import StageError
 from benchtool.virtual.grbl import VirtualGrbl
-from benchtool.virtual.grbl_homing import Surroundings
+from benchtool.virtual.grbl_motion import StageHardware
 
 TRAVEL_MM = dict.fromkeys("XYZ", 1500.0)
 BANNER = b"\r\nGrbl 1.1h ['$' for help]\r\n"
@@ -85,7 +84,7 @@ def test_no_question_is_answered_while_it_homes() -> None:
 
 @pytest.mark.parametrize(("what", "alarm"), [("missing", b"ALARM:9"), ("stuck", b"ALARM:8")])
 def test_a_homing_that_fails_says_ok_and_starts_anew_by_itself(what: str, alarm: bytes) -> None:
-    stage = VirtualGrbl({"Z": 300.0}, around=Surroundings(**{what: {"Z"}}))
+    stage = VirtualGrbl({"Z": 300.0}, around=StageHardware(**{what: {"Z"}}))
     stage.step(b"$H\n", 0.0)
     said = b"".join(stage.step(b"", 0.01 * number) for number in range(1100))
     assert said == alarm + b"\r\nok\r\n" + BANNER + LOCK

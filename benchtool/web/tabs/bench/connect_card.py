@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from nicegui import run, ui
 
-from benchtool.bench.address import SCHEMES
+from benchtool.bench.drivers import SCHEMES
 from benchtool.core.errors import BenchtoolError
 from benchtool.core.rig_file import rig_named, rig_names
 from benchtool.web.bench_process.commands import Connect, Disconnect, SetClockSpeed
@@ -92,7 +92,7 @@ class ConnectCard:
         self._command.show(check or ["bench", "check", address, *rig])
 
     async def _find(self) -> None:
-        from benchtool.bench.transport.ports import serial_ports
+        from benchtool.bench.doctor.ports import serial_ports
 
         self._menu.clear()
         try:

@@ -1,0 +1,157 @@
+"""What answers where another device was expected, judged from its first bytes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Literal
+
+from benchtool.bench.serial.commands import AskHello
+from benchtool.bench.serial.frames import Decoder, frame_command
+from benchtool.bench.stage.grbl_lines import Other, word_of
+from benchtool.bench.transport.transport import Transport
+
+Kind = Literal["bench", "mavlink", "grbl", "stand", "text", "frames", "noise"]
+
+KNOCK = frame_command(1, AskHello()) + b"?"
+"""What makes those speak that are quiet until asked, and turns no motor: a bench answers the
+hello, a G-code stage the question for its state."""
+
+KNOCK_S = 0.5
+"""How long an answer to it is waited for; both answer within milliseconds. A choice."""
+
+PRINTABLE_SHARE = 0.9
+"""Share of letters above which bytes count as text; a choice: at a wrong baud rate half are not."""
+
+
+def kind_of(heard: bytes) -> Kind:
+    """Return what the sender of some bytes is.
+
+    `stand` is a script of the RCbenchmark GUI, `frames` looks like MAVLink without one whole frame
+    in it, `noise` is what a wrong baud rate gives.
+    """
+    from benchtool.bench.mavlink.frames import MavlinkFrames
+
+    if any(message.letter for message in Decoder().feed(heard + b"\n").messages):
+        return "bench"
+    if MavlinkFrames().parse(heard):
+        return "mavlink"
+    if b'"workingValue"' in heard or b'{"benchtool"' in heard:
+        return "stand"
+    if _is_grbl(heard):
+        return "grbl"
+    letters = sum(32 <= byte < 127 or byte in b"\r\n\t" for byte in heard)
+    if letters >= PRINTABLE_SHARE * len(heard):
+        return "text"
+    return "frames" if 0xFD in heard or 0xFE in heard else "noise"
+
+
+def knocked(transport: Transport, clock: Callable[[], float]) -> bytes:
+    """Knock on an open transport and return what answers, perhaps nothing."""
+    transport.write(KNOCK)
+    heard, until_s = b"", clock() + KNOCK_S
+    while (left_s := until_s - clock()) > 0.0:
+        heard += transport.read(left_s)
+    return heard
+
+
+def not_mavlink(heard: bytes) -> str:
+    """Return the end of a sentence that begins with the address of an expected autopilot."""
+    shown = _shown(heard)
+    match kind_of(heard):
+        case "bench":
+            return "speaks the bench protocol, not MAVLink; use a serial: or tcp: address for it"
+        case "grbl":
+            return "is a G-code stage, not an autopilot; give it as --stage grbl:PORT"
+        case "stand":
+            return "is a script of the RCbenchmark GUI, not an autopilot; use rcbudp: for it"
+        case "text":
+            return (
+                f"sends text ({shown}), not MAVLink; it is another device, or the autopilot's "
+                f"console port: choose its telemetry port"
+            )
+        case "noise":
+            return (
+                f"sends bytes that are not MAVLink ({shown}); the baud rate is wrong: try 57600 or "
+                f"115200"
+            )
+        case _:
+            return (
+                f"sends bytes of which none makes a whole MAVLink frame ({shown}); the baud rate "
+                f"is wrong, or another program reads from the same port"
+            )
+
+
+def not_a_bench(heard: bytes, address: str) -> str:
+    """Return the end of a sentence that begins with the address of an expected bench."""
+    place, shown = address.partition("?")[0], _shown(heard)
+    match kind_of(heard):
+        case "bench":
+            return (
+                "speaks the bench protocol, but gave no hello that can be read; the line loses "
+                "bytes, or its firmware is not whole: look at the cable, then at the firmware"
+            )
+        case "mavlink":
+            return f"speaks MAVLink: it is a flight controller; use mavlink:{place} for it"
+        case "grbl":
+            return (
+                f"is no bench: it is a G-code stage; give it as --stage grbl:"
+                f"{place.partition(':')[2]}"
+            )
+        case "stand":
+            return "is a script of the RCbenchmark GUI, not a bench; use rcbudp: for it"
+        case "text":
+            return (
+                f"sends text ({shown}), which is not the bench protocol; it is another device, or "
+                f"a board with another program: `benchtool firmware` writes one for an Arduino"
+            )
+        case _:
+            return (
+                f"sends bytes that are no text ({shown}), and benches speak text; the baud rate is "
+                f"wrong: write the device's own as ?baud= (benchtool's firmware has 500000)"
+            )
+
+
+def not_a_stage(heard: bytes) -> str:
+    """Return the end of a sentence that begins with the name of an expected G-code stage."""
+    shown = _shown(heard)
+    match kind_of(heard):
+        case "bench":
+            return "speaks the bench protocol: it is the bench, not a G-code stage; swap the ports"
+        case "mavlink":
+            return "speaks MAVLink: it is a flight controller, not a G-code stage; swap the ports"
+        case "noise" | "frames":
+            return (
+                f"sends bytes that are no text ({shown}); the baud rate is wrong: GRBL has 115200 "
+                f"unless ?baud= says otherwise"
+            )
+        case _:
+            return (
+                f"did not say its name after a reset, but sends text ({shown}); it is another "
+                f"device, or no GRBL 1.1"
+            )
+
+
+def not_the_bridge(heard: bytes) -> str:
+    """Return the end of a sentence that begins with the address of an expected bridge script."""
+    match kind_of(heard):
+        case "mavlink":
+            return "speaks MAVLink: it is a flight controller; use a mavlink: address for it"
+        case "bench":
+            return "speaks the bench protocol, not that of a script in the GUI; check host and port"
+        case _:
+            return f"sends {_shown(heard)}, which no bridge script says; check host and port"
+
+
+def _is_grbl(heard: bytes) -> bool:
+    if b"Grbl" in heard:
+        return True
+    lines = [line for line in heard.decode("latin-1").splitlines() if line.strip()]
+    # The first and the last may be cut.
+    whole = lines[1:-1] if len(lines) > 2 else lines
+    return bool(whole) and not any(isinstance(word_of(line), Other) for line in whole)
+
+
+def _shown(heard: bytes) -> str:
+    """Return the first bytes, as many as are of use to somebody who reads them."""
+    start = bytes(heard[:40])
+    return repr(start if start.isascii() else start[:12])

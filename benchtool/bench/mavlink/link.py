@@ -1,0 +1,344 @@
+"""The host's end of a MAVLink link: who is there, orders until acknowledged, heartbeats, news."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from benchtool.bench.clocks import Gaps
+from benchtool.bench.identify import knocked, not_mavlink
+from benchtool.bench.mavlink.frames import (
+    AUTOPILOT_COMPONENT,
+    GROUND_SYSTEM,
+    SEQUENCE_MODULUS,
+    MavlinkFrames,
+    is_signed,
+)
+from benchtool.bench.mavlink.health import SILENT_S
+from benchtool.bench.mavlink.messages import Message, dialect
+from benchtool.bench.mavlink.pilots import AUTOPILOT_INVALID, Order
+from benchtool.bench.transport.transport import Transport
+from benchtool.core.errors import InputError, LinkLost, NoDevice, ProtocolError
+
+HEARTBEAT_S = 1.0
+"""A ground station's heartbeat, as MAVLink asks."""
+
+FIND_S = 5.0
+"""How long a heartbeat is waited for: boards that reset when their port opens boot meanwhile."""
+
+OTHERS_S = 1.2
+"""So long after the first heartbeat others are waited for: each comes once a second."""
+
+TRIES_S = (0.15, 0.3, 0.6, 1.2, 1.5)
+"""How long each try of an order waits. ArduPilot acknowledges in about 6 ms; behind MAVProxy on a
+busy machine it took 0.7 s, on a line of 57,600 baud that is overfilled 3.0 s."""
+
+PARAMETER_S = (0.6, 0.3)
+
+REQUIRED_S = (0.6, 0.9, 1.5)
+"""An unknown parameter gets no answer at all; a known one answers in about 0.1 s, on an overfilled
+line in 3 s."""
+
+LONGEST_WAIT_S = 0.02
+
+_SHOWN_BYTES = 200
+
+FIRST_NUMBERS = 16
+"""A frame below this number, where the last one was another one's neighbour, comes after a start:
+an autopilot says a few frames only within the first second. A choice."""
+
+
+@dataclass(frozen=True, slots=True)
+class Gap:
+    """Describe a silence of the autopilot.
+
+    Attributes:
+        silent_s: how long it was.
+        from_start: whether its frames are numbered from the beginning since.
+    """
+
+    silent_s: float
+    from_start: bool
+
+
+class MavlinkTalk:
+    """Hold one conversation with an autopilot over a transport.
+
+    Attributes:
+        system: number of the autopilot, known once it is found.
+        component: number of the autopilot within its system.
+        on_message: is given every message of that system with the wall time of its arrival.
+        heard_s: wall time of the autopilot's own last message.
+        slowest_s: longest time that an acknowledgement took.
+        gaps: how long `pump` was not called, or did not return.
+        clock: monotonic wall clock in seconds.
+
+    Args:
+        transport: carries the bytes.
+        address: for messages.
+        clock: monotonic wall clock in seconds.
+        frames: packs and parses.
+    """
+
+    def __init__(
+        self,
+        transport: Transport,
+        address: str,
+        clock: Callable[[], float],
+        frames: MavlinkFrames,
+    ) -> None:
+        self.transport = transport
+        self.frames = frames
+        self.system = 0
+        self.component = AUTOPILOT_COMPONENT
+        self.heard_s = clock()
+        self.slowest_s = 0.0
+        self.gaps = Gaps()
+        self.on_message: Callable[[Message, float], None] = _ignore
+        self.words = dialect()
+        self._address = address
+        self.clock = clock
+        self._beat_s = -HEARTBEAT_S
+        self._beats: dict[int, Message] = {}
+        self._acks: dict[int, int] = {}
+        self._sent_s: dict[int, float] = {}
+        self._told: dict[str, float] = {}
+        self._heard = b""
+        self._number = 0
+        self._gap: Gap | None = None
+
+    def find(self, wanted: int | None) -> Message:
+        """Open the transport, wait for heartbeats, choose a system; return its heartbeat.
+
+        Args:
+            wanted: number of the system; None takes the only one.
+
+        Raises:
+            PortBusy, PortDenied, NoDevice: the port cannot be had, or it stays silent.
+            ProtocolError: what answers speaks something else, or with another key.
+            InputError: several autopilots answer, or not the one that is wanted.
+        """
+        self._heard = b""
+        self.transport.open()
+        deadline_s = self.clock() + FIND_S
+        while self.clock() < deadline_s and wanted not in self._beats:
+            before = len(self._beats)
+            self.pump(LONGEST_WAIT_S)
+            if len(self._beats) > before == 0:
+                deadline_s = self.clock() + OTHERS_S
+        if not self._beats:
+            raise self._silence()
+        if wanted is None and len(self._beats) > 1:
+            raise InputError(
+                f"{self._address} has {len(self._beats)} autopilots, systems {self._listed()}; "
+                f"choose one with system={min(self._beats)}"
+            )
+        if wanted is not None and wanted not in self._beats:
+            raise InputError(
+                f"{self._address} has no system {wanted}; it has {self._listed()}; correct system="
+            )
+        self.system = wanted if wanted is not None else next(iter(self._beats))
+        beat = self._beats[self.system]
+        self.component = beat.get_srcComponent()
+        return beat
+
+    def send(self, message: Message) -> None:
+        """Send a message."""
+        self.transport.write(self.frames.pack(message))
+
+    def order(self, order: Order) -> None:
+        """Send an order and do not wait: its acknowledgement comes to `take_ack`."""
+        self._sent_s.setdefault(order.command, self.clock())
+        self.send(
+            self.words.MAVLink_command_long_message(
+                self.system, self.component, order.command, 0, *order.parameters
+            )
+        )
+
+    def take_ack(self, command: int) -> int | None:
+        """Return the result of the last acknowledgement of a command, once, None without one."""
+        return self._acks.pop(command, None)
+
+    def exchange(self, order: Order, tries_s: tuple[float, ...] = TRIES_S) -> int:
+        """Send an order until it is acknowledged; return the result (MAV_RESULT).
+
+        Args:
+            order: not one that turns a motor.
+            tries_s: how long each try waits.
+
+        Raises:
+            LinkLost: no answer to any try.
+            ProtocolError: it signs its frames, we do not.
+        """
+        self._acks.pop(order.command, None)
+        begun_s = self.clock()
+        for wait_s in tries_s:
+            self.order(order)
+            deadline_s = self.clock() + wait_s
+            while (left_s := deadline_s - self.clock()) > 0.0:
+                self.pump(left_s)
+                if (result := self.take_ack(order.command)) is not None:
+                    return result
+        self._check_signed()
+        raise LinkLost(
+            f"{self._address} did not acknowledge command {order.command}, sent {len(tries_s)} "
+            f"times in {self.clock() - begun_s:.1f} s; check the link, then start again"
+        )
+
+    def _check_signed(self) -> None:
+        """Say why nothing is answered where a signature is wanted."""
+        beat = self._beats.get(self.system)
+        if not self.frames.signs and beat is not None and is_signed(beat):
+            raise ProtocolError(
+                f"{self._address} signs its frames and takes no order without a signature; give "
+                f"its key as key=FILE"
+            )
+
+    def parameters(
+        self, names: tuple[str, ...], required: tuple[str, ...] = ()
+    ) -> dict[str, float]:
+        """Return the values of those parameters that the autopilot has.
+
+        Args:
+            names: of the parameters.
+            required: those of them that must be known.
+
+        Raises:
+            ProtocolError: a required one did not come.
+        """
+        self._told = {}
+        self._ask(names, PARAMETER_S)
+        self._ask(required, REQUIRED_S)
+        if not self._told:
+            self._check_signed()
+        if missing := [name for name in required if name not in self._told]:
+            raise ProtocolError(
+                f"{self._address} did not tell {', '.join(missing)} in {sum(REQUIRED_S):g} s, so "
+                f"that pulses could not be kept within its range; check the link and the parameter"
+            )
+        return {name: self._told[name] for name in names if name in self._told}
+
+    def _ask(self, names: tuple[str, ...], tries_s: tuple[float, ...]) -> None:
+        """Ask for parameters until they are known, or for the last time."""
+        for wait_s in tries_s:
+            for name in names:
+                if name not in self._told:
+                    self.send(
+                        self.words.MAVLink_param_request_read_message(
+                            self.system, self.component, name.encode(), -1
+                        )
+                    )
+            deadline_s = self.clock() + wait_s
+            while (left_s := deadline_s - self.clock()) > 0.0:
+                if all(name in self._told for name in names):
+                    return
+                self.pump(left_s)
+
+    def pump(self, timeout_s: float) -> bool:
+        """Send a heartbeat when one is due and take what arrives within a short wait.
+
+        Returns:
+            whether anything arrived.
+        """
+        now_s = self.clock()
+        self.gaps.note(now_s)
+        if now_s - self._beat_s >= HEARTBEAT_S:
+            self._beat_s = now_s
+            # A ground station (6) without an autopilot of its own, active.
+            self.send(self.words.MAVLink_heartbeat_message(6, AUTOPILOT_INVALID, 0, 0, 4, 3))
+        data = self.transport.read(min(timeout_s, LONGEST_WAIT_S))
+        self.gaps.note(self.clock())
+        if not data:
+            return False
+        if len(self._heard) < _SHOWN_BYTES:
+            self._heard = (self._heard + data)[:_SHOWN_BYTES]
+        arrived_s = self.clock()
+        for message in self.frames.parse(data):
+            source = message.get_srcSystem()
+            if not self.system:
+                self._meet(message)
+            elif source == self.system:
+                self._sort(message, arrived_s)
+        return True
+
+    def _meet(self, message: Message) -> None:
+        """Note who is there, before one is chosen."""
+        if message.msgname == "HEARTBEAT" and message.autopilot != AUTOPILOT_INVALID:
+            self._beats[message.get_srcSystem()] = message
+
+    def _sort(self, message: Message, arrived_s: float) -> None:
+        name = message.msgname
+        if self.is_own(message):
+            number = int(message.get_seq())
+            if (silent_s := arrived_s - self.heard_s) > SILENT_S:
+                skipped = (number - self._number - 1) % SEQUENCE_MODULUS
+                self._gap = Gap(silent_s, number < FIRST_NUMBERS <= skipped)
+            self.heard_s, self._number = arrived_s, number
+            if name == "COMMAND_ACK":
+                self._take_ack(message, arrived_s)
+            elif name == "PARAM_VALUE":
+                self._told[str(message.param_id)] = _value(message)
+        self.on_message(message, arrived_s)
+
+    def is_own(self, message: Message) -> bool:
+        """Tell whether the autopilot itself sends it, and no companion or gimbal of its system."""
+        return bool(message.get_srcComponent() == self.component)
+
+    def take_gap(self) -> Gap | None:
+        """Return the last silence of the autopilot that is over, once."""
+        gap, self._gap = self._gap, None
+        return gap
+
+    def _take_ack(self, message: Message, arrived_s: float) -> None:
+        # Another ground station's orders are acknowledged to that one.
+        if message.target_system not in (0, GROUND_SYSTEM):
+            return
+        self._acks[message.command] = message.result
+        sent_s = self._sent_s.pop(message.command, arrived_s)
+        self.slowest_s = max(self.slowest_s, arrived_s - sent_s)
+
+    def _listed(self) -> str:
+        return ", ".join(str(system) for system in sorted(self._beats))
+
+    def _silence(self) -> NoDevice | ProtocolError:
+        """Say what is there instead of an autopilot."""
+        if self.frames.heard:
+            return ProtocolError(
+                f"{self._address} carries MAVLink, but no autopilot's heartbeat came within "
+                f"{FIND_S:g} s; check that the flight controller runs and is not behind a router"
+            )
+        if self.frames.unsigned:
+            return ProtocolError(
+                f"{self._address} carries MAVLink, but none of it bears a signature of this key; "
+                f"check key= and the key that the autopilot was given"
+            )
+        if not self._heard:
+            self._heard = knocked(self.transport, self.clock)
+        if not self._heard:
+            return NoDevice(
+                f"{self._address} is open, but nothing came for {FIND_S:g} s; check power, and "
+                f"that the autopilot sends MAVLink to this port (`benchtool doctor` tries each "
+                f"cause)"
+            )
+        return ProtocolError(f"{self._address} {not_mavlink(self._heard)}")
+
+
+def _ignore(message: Message, arrived_s: float) -> None:
+    """Pass a message over."""
+
+
+INTEGER_TYPES = range(1, 9)
+"""MAV_PARAM_TYPE of whole numbers."""
+
+
+def _value(message: Message) -> float:
+    """Return a parameter's value.
+
+    ArduPilot writes every one as a float. PX4 writes whole numbers bit by bit into the float's
+    place, which as a float is next to nothing.
+    """
+    value = float(message.param_value)
+    if message.param_type in INTEGER_TYPES and value != 0.0 and abs(value) < 1e-30:
+        return float(struct.unpack("<i", struct.pack("<f", value))[0])
+    return value

@@ -1,0 +1,375 @@
+"""Turn motors by the autopilot's motor test; its outputs are the acknowledgement."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from benchtool.bench.mavlink.drive import Outputs
+from benchtool.bench.mavlink.health import SILENT_S, Health
+from benchtool.bench.mavlink.learn import Learnt
+from benchtool.bench.mavlink.link import MavlinkTalk
+from benchtool.bench.mavlink.pilots import (
+    ACCEPTED,
+    IN_PROGRESS,
+    RESEND_S,
+    SEEN_S,
+    TIMEOUT_S,
+    Order,
+    order_text,
+    result_name,
+)
+from benchtool.core.errors import CommandRefused, DeviceStopped, HostPaused, LinkLost, RunStopped
+
+STOPPED_S = 1.0
+
+"""Outputs must show a stop within this before another motor is turned. ArduCopter takes at most
+0.06 s; the rest is room for the link."""
+
+STOP_TRIES_S = (0.1, 0.1, 0.2, 0.3, 0.3)
+
+"""How long each try of a stop waits for its acknowledgement; motors end by themselves sooner."""
+
+REASON_S = 0.1
+
+"""The words of a refusal lie before or just behind its acknowledgement."""
+
+LOOK_S = 0.02
+
+
+class TestDrive:
+    """Turn motors by the autopilot's motor test, whose orders end by themselves.
+
+    Stopped first is what turns and shall not: on ArduPilot an order for another motor leaves the
+    first one turning.
+    """
+
+    renews = True
+
+    def __init__(
+        self,
+        talk: MavlinkTalk,
+        learnt: Learnt,
+        health: Health,
+        arm: str,
+        clock: Callable[[], float],
+    ) -> None:
+        self._talk, self._learnt, self._health, self._clock = talk, learnt, health, clock
+        self._outputs = OutputWatch(learnt.pilot.name, learnt.pulses.stop_us)
+        self._known = list(learnt.wiring.outputs)
+        self._standing: tuple[Order, ...] = ()
+        self._turning: dict[int, float] = {}
+        self._ended = False
+        self.highest_us = 0.0
+        self._sent_s = self._acked_s = 0.0
+
+    def command(self, pulses_us: tuple[float, ...]) -> None:
+        learnt, wiring = self._learnt, self._learnt.wiring
+        if self._ended:
+            raise RunStopped("no motor was turned: the autopilot restarted; open it anew")
+        range_us = learnt.pulses
+        turn = {
+            motor: pulse_us
+            for motor, pulse_us in zip(wiring.motors, pulses_us, strict=True)
+            if pulse_us > range_us.stop_us and pulse_us >= range_us.low_us
+        }
+        orders = learnt.pilot.turn(turn, range_us)
+        self._talk.gaps.begin(self._clock())
+        self._standing, self.highest_us = (), max(turn.values(), default=0.0)
+        stopping = tuple(sorted(set(self._turning) - set(turn)))
+        if not turn or (stopping and not learnt.pilot.together):
+            stopping = wiring.motors
+        if stopping:
+            # A heartbeat that shows disarmed from here on is what was ordered.
+            self._health.drive(False, self._clock())
+            self._expect({}, self._clock())
+            self._stop(stopping)
+            self._turning = {m: us for m, us in self._turning.items() if m not in stopping}
+        # Before anything is sent: an order whose acknowledgement is lost may be carried out.
+        self._turning |= turn
+        self._health.refusal = ""
+        self._expect(turn, self._clock())
+        if orders:
+            self._give(orders)
+        self._standing, self._sent_s = orders, self._clock()
+        self._turning = turn
+        self._health.drive(bool(turn), self._sent_s)
+
+    def stop(self) -> None:
+        self.cease()
+        self._turning, self.highest_us = {}, 0.0
+        now_s = self._clock()
+        self._health.drive(False, now_s)
+        self._outputs.command({}, now_s)
+        if self._ended:
+            return
+        orders = self._learnt.pilot.stop(self._learnt.wiring.motors)
+        for order in orders[1:]:
+            self._talk.order(order)
+        for order in orders:
+            self._talk.exchange(order, STOP_TRIES_S)
+
+    def let_go(self) -> None:
+        self.stop()
+
+    def cease(self) -> None:
+        self._standing = ()
+
+    def end(self) -> None:
+        self.cease()
+        self._ended = True
+
+    def keep_on(self, now_s: float) -> str | None:
+        for command in {order.command for order in self._standing}:
+            result = self._talk.take_ack(command)
+            if result in (ACCEPTED, IN_PROGRESS):
+                self._acked_s = now_s
+            elif result is not None:
+                self.cease()
+                return f"the autopilot refused to go on: {self._reason(result)}"
+        since_s = now_s - self._sent_s
+        if self._standing and since_s > TIMEOUT_S:
+            # The motors stand by now: an order that is sent again would start them anew.
+            self.cease()
+            raise HostPaused(since_s, TIMEOUT_S)
+        if self._standing and since_s >= RESEND_S:
+            self._sent_s = now_s
+            for order in self._standing:
+                self._talk.order(order)
+        return None
+
+    def seen(self, outputs_us: Outputs, now_s: float) -> tuple[int, int] | None:
+        found = self._outputs.seen(outputs_us, now_s)
+        if found is not None:
+            self._known[found[0] - 1] = found[1]
+        return found
+
+    def shown(self) -> bool:
+        return self._outputs.shown
+
+    def fault(self, outputs_us: Outputs, now_s: float) -> str | None:
+        lost_s = now_s - self._acked_s if self._turning else 0.0
+        return self._outputs.fault(outputs_us, now_s, lost_s, self._talk.slowest_s)
+
+    def _expect(self, turn: Mapping[int, float], now_s: float) -> None:
+        """Note what the outputs should show from now on."""
+        stop_us = self._learnt.pulses.stop_us
+        motors = zip(self._learnt.wiring.motors, self._known, strict=True)
+        self._outputs.command(
+            {
+                rotor: (output, turn.get(motor, stop_us))
+                for rotor, (motor, output) in enumerate(motors, 1)
+                if output or motor in turn
+            },
+            now_s,
+        )
+
+    def _stop(self, motors: tuple[int, ...]) -> None:
+        """Stop motors and wait until the outputs show it: an acknowledgement proves nothing."""
+        self._order(self._learnt.pilot.stop(motors))
+        until_s = self._clock() + STOPPED_S
+        while not self._outputs.shown:
+            if self._clock() > until_s:
+                raise DeviceStopped(
+                    f"{self._learnt.pilot.name} acknowledged the stop of its motors, but its "
+                    f"outputs do not show it after {STOPPED_S:g} s; no motor was turned; cut the "
+                    f"power and look at what else commands them"
+                )
+            self._talk.pump(LOOK_S)
+
+    def _give(self, orders: tuple[Order, ...]) -> None:
+        """Send orders to turn until they are acknowledged, or until the outputs show them.
+
+        An acknowledgement may come late; silence and motors that nobody sees may not last.
+        """
+        begun_s = self._clock()
+        waiting, sent_s = {order.command for order in orders}, -1e9
+        for command in waiting:
+            self._talk.take_ack(command)
+        while waiting:
+            self._raise_if_paused()
+            now_s = self._clock()
+            silent_s = now_s - max(self._talk.heard_s, begun_s)
+            if silent_s > SILENT_S or now_s - begun_s > UNTOLD_S:
+                raise LinkLost(
+                    f"{self._learnt.pilot.name} did not acknowledge an order to turn in "
+                    f"{now_s - begun_s:.1f} s, and its outputs do not show it; motor tests end by "
+                    f"themselves; check the link, then start again"
+                )
+            if now_s - sent_s >= RESEND_S:
+                sent_s = now_s
+                for order in orders:
+                    self._talk.order(order)
+            self._talk.pump(LOOK_S)
+            for command in sorted(waiting):
+                result = self._talk.take_ack(command)
+                if result in (ACCEPTED, IN_PROGRESS):
+                    self._acked_s = self._clock()
+                    waiting.discard(command)
+                elif result is not None:
+                    raise CommandRefused(order_text(orders[0]), self._reason(result))
+            if self._outputs.shown and self._outputs.told_since(begun_s):
+                self._acked_s = self._clock()
+                break
+        self._raise_if_paused()
+
+    def _raise_if_paused(self) -> None:
+        """Refuse orders to turn from before a pause of this computer; those that were sent lapsed.
+
+        Raises:
+            HostPaused: how long it was.
+        """
+        if (paused_s := self._talk.gaps.longest_s) > TIMEOUT_S:
+            self.cease()
+            raise HostPaused(paused_s, TIMEOUT_S)
+
+    def _order(self, orders: tuple[Order, ...]) -> None:
+        for order in orders:
+            result = self._talk.exchange(order)
+            if result not in (ACCEPTED, IN_PROGRESS):
+                raise CommandRefused(order_text(order), self._reason(result))
+
+    def _reason(self, result: int) -> str:
+        """Return why an order was refused, in the autopilot's own words where it has some."""
+        until_s = self._clock() + REASON_S
+        while not self._health.refusal and self._clock() < until_s:
+            self._talk.pump(LOOK_S)
+        return self._health.refusal or result_name(result)
+
+
+TOLERANCE_US = 3.0
+"""Rounding of pulses on the way through percent and timer ticks; a choice."""
+
+GAP_S = 0.15
+"""Outputs come at 10 Hz at least; a longer pause is one of the link or of the reader."""
+
+UNTOLD_S = 1.0
+"""Motors do not turn for longer without their outputs being told; a choice."""
+
+UNTOLD_AT_REST_S = 3.0
+"""The same at rest: an autopilot that has started anew has forgotten what it was asked for."""
+
+
+class OutputWatch:
+    """Compare what outputs tell with what they were told.
+
+    Attributes:
+        shown: whether every output, as last told, shows what was commanded.
+
+    Args:
+        name: of the autopilot, for messages.
+        stop_us: pulse of a motor that stands; outputs without any pulse stand as well.
+    """
+
+    def __init__(self, name: str, stop_us: float) -> None:
+        self._name = name
+        self._stop_us = stop_us
+        self._wanted: dict[int, tuple[int, float]] = {}
+        self._lately: list[tuple[float, int, float]] = []
+        self._good_s: dict[int, float] = {}
+        self._heard_s: float | None = None
+        self.shown = False
+
+    def told_since(self, time_s: float) -> bool:
+        """Tell whether outputs were told after a wall time."""
+        return self._heard_s is not None and self._heard_s > time_s
+
+    def command(self, wanted: Mapping[int, tuple[int, float]], now_s: float) -> None:
+        """Note what outputs should show from now on.
+
+        Args:
+            wanted: by rotor (from 1): its output (from 1, 0 when not known) and its pulse in us.
+            now_s: wall time.
+        """
+        for rotor, (output, pulse_us) in wanted.items():
+            before = self._wanted.get(rotor)
+            if before != (output, pulse_us):
+                if before is not None:
+                    self._lately.append((now_s, rotor, before[1]))
+                self._good_s[rotor] = max(self._good_s.get(rotor, now_s), now_s)
+        self._wanted = dict(wanted)
+        self.shown = False
+
+    def seen(self, outputs_us: tuple[int, ...], now_s: float) -> tuple[int, int] | None:
+        """Note what outputs tell; a pulse commanded a moment ago is as good as the present one.
+
+        Returns:
+            a rotor whose output was not known, and the only output that follows it (from 1).
+        """
+        found = None
+        gap_s = now_s - self._heard_s if self._heard_s is not None else 0.0
+        self._heard_s = now_s
+        if gap_s > GAP_S:
+            # A pause of the link or of the reader says nothing about the outputs.
+            self._good_s = {rotor: good_s + gap_s for rotor, good_s in self._good_s.items()}
+        self._lately = [item for item in self._lately if now_s - item[0] <= SEEN_S]
+        self.shown = True
+        for rotor, (output, pulse_us) in self._wanted.items():
+            shown = outputs_us[output - 1] if output else _nearest(outputs_us, pulse_us)
+            self.shown = self.shown and self._fits(shown, pulse_us)
+            allowed = [pulse_us, *(us for _, own, us in self._lately if own == rotor)]
+            if any(self._fits(shown, us) for us in allowed):
+                self._good_s[rotor] = now_s
+                if not output and max(allowed) > self._stop_us:
+                    found = self._only(rotor, outputs_us) or found
+        if found is not None:
+            self._wanted[found[0]] = (found[1], self._wanted[found[0]][1])
+        return found
+
+    def fault(
+        self, outputs_us: tuple[int, ...], now_s: float, lost_s: float = 0.0, slowest_s: float = 0.0
+    ) -> str | None:
+        """Return what is wrong in a sentence, None while nothing is.
+
+        Args:
+            outputs_us: pulse of every output, as last told.
+            now_s: wall time.
+            lost_s: since the last acknowledgement of an order that is sent again and again.
+            slowest_s: longest time that an acknowledgement took.
+        """
+        if self._heard_s is None:
+            return None
+        late = f"; acknowledgements take up to {slowest_s:.1f} s: the link carries more than it can"
+        late = late if slowest_s > SEEN_S else ""
+        for rotor, (output, pulse_us) in self._wanted.items():
+            late_s = self._heard_s - self._good_s[rotor]
+            if late_s <= SEEN_S:
+                continue
+            shown = f"output {output} shows {outputs_us[output - 1]} us"
+            where = shown if output else "no output shows it"
+            if lost_s > SEEN_S:
+                return (
+                    f"{self._name} acknowledged no order for {lost_s:.1f} s and {where} where "
+                    f"rotor {rotor} was commanded {pulse_us:g} us: orders get lost on the way to "
+                    f"it; check cable, radio and ports{late}"
+                )
+            return (
+                f"rotor {rotor} was commanded {pulse_us:g} us and {self._name} acknowledged it, "
+                f"but {where} after {late_s:.1f} s, limit "
+                f"{SEEN_S:g} s; look at the safety switch, the arming checks and the map of "
+                f"outputs (benchtool bench map){late}"
+            )
+        untold_s = now_s - self._heard_s
+        turning = any(us > self._stop_us for _, us in self._wanted.values())
+        if untold_s > (UNTOLD_S if turning else UNTOLD_AT_REST_S):
+            return f"{self._name} has not told its outputs for {untold_s:.1f} s{late}"
+        return None
+
+    def _only(self, rotor: int, outputs_us: tuple[int, ...]) -> tuple[int, int] | None:
+        """Return a rotor with the one output that is driven, None where several are."""
+        driven = [
+            output
+            for output, shown in enumerate(outputs_us, 1)
+            if shown > self._stop_us + TOLERANCE_US
+        ]
+        turning = [own for own, (_, pulse_us) in self._wanted.items() if pulse_us > self._stop_us]
+        return (rotor, driven[0]) if len(driven) == 1 and turning == [rotor] else None
+
+    def _fits(self, shown: int, pulse_us: float) -> bool:
+        if pulse_us <= self._stop_us:
+            return shown <= self._stop_us + TOLERANCE_US
+        return abs(shown - pulse_us) <= TOLERANCE_US
+
+
+def _nearest(outputs_us: tuple[int, ...], pulse_us: float) -> int:
+    """Return the output that comes nearest to a pulse, where it is not known which one it is."""
+    return min(outputs_us, key=lambda shown: abs(shown - pulse_us))

@@ -1,0 +1,212 @@
+"""What hangs beside an autopilot: a load cell with its own port, a virtual plate."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.bench.clocks import DeviceClock
+from benchtool.bench.identify import kind_of
+from benchtool.bench.mavlink.link import MavlinkTalk
+from benchtool.bench.transport.transport import Transport
+from benchtool.core.errors import NoDevice, ProtocolError, StageError
+
+Array = NDArray[np.float64]
+
+FIRST_S = 5.0
+"""A board that resets when its port opens has booted by then; as for the hello of a bench."""
+
+LONGEST_LINE = 512
+
+_NUMBER = re.compile(rb"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
+
+
+class CellLines:
+    r"""Turn bytes into readings: the first number behind a colon, else the first of its line.
+
+    Both examples of the HX711 library for Arduino read so: ``HX711 reading: 124006`` and
+    ``one reading:\t16.1\t| average:\t4.2``. Half a line waits for its end; one without a number
+    is passed over.
+    """
+
+    def __init__(self) -> None:
+        self._rest = b""
+        self._begun = False
+
+    def feed(self, data: bytes) -> list[float]:
+        """Return the readings that `data` completes."""
+        *lines, self._rest = (self._rest + data).split(b"\n")
+        self._rest = self._rest[-LONGEST_LINE:]
+        if lines and not self._begun:
+            # A link begins in the middle of a line, whose number may be cut.
+            self._begun, lines = True, lines[1:]
+        readings = []
+        for line in lines:
+            _, colon, after = line.partition(b":")
+            found = _NUMBER.search(after if colon else line)
+            if found is not None:
+                readings.append(float(found[0]))
+        return readings
+
+
+class SideCell:
+    """Read a load cell that sends text, and lay its readings on an autopilot's time.
+
+    A reading counts from the arrival of its line; what the amplifier and the wire take before (an
+    HX711 at 80 Hz about 15 ms, at 10 Hz 100 ms) is not known and not taken off.
+
+    Args:
+        transport: its port.
+        name: for messages.
+        clock: monotonic wall clock in seconds.
+    """
+
+    def __init__(self, transport: Transport, name: str, clock: Callable[[], float]) -> None:
+        self._transport, self._name, self._clock = transport, name, clock
+        self._lines = CellLines()
+        self._waiting: list[tuple[float, float]] = []
+        self._last_us = 0
+        self._heard = b""
+
+    def open(self) -> None:
+        """Open the port and wait for the first reading; whoever owns the port closes it.
+
+        Raises:
+            PortBusy, PortDenied, NoDevice: it cannot be had, or no number comes.
+        """
+        self._lines, self._waiting, self._last_us = CellLines(), [], 0
+        self._transport.open()
+        until_s = self._clock() + FIRST_S
+        self._heard = b""
+        while not self._waiting:
+            if self._clock() >= until_s:
+                raise self._silence()
+            self.poll(0.02)
+
+    def poll(self, timeout_s: float = 0.0) -> None:
+        """Take what has arrived."""
+        data = self._transport.read(timeout_s)
+        arrived_s = self._clock()
+        if not self._waiting and len(self._heard) < LONGEST_LINE:
+            self._heard += data
+        self._waiting += [(arrived_s, value) for value in self._lines.feed(data)]
+
+    def _silence(self) -> NoDevice | ProtocolError:
+        """Say what is there instead of a load cell that sends numbers."""
+        if not self._heard:
+            return NoDevice(
+                f"the load cell on {self._name} sent nothing for {FIRST_S:g} s; check its power, "
+                f"its program and the port's name"
+            )
+        if kind_of(self._heard) in ("noise", "frames"):
+            return ProtocolError(
+                f"the load cell on {self._name} sends bytes that are no text "
+                f"({bytes(self._heard[:40])!r}); the baud rate is wrong: write it behind the "
+                f"port's name, as cell=/dev/ttyUSB1:57600"
+            )
+        return ProtocolError(
+            f"what hangs on {self._name} sends text without a number "
+            f"({bytes(self._heard[:40])!r}); it is no load cell, or another program runs on it"
+        )
+
+    def rows(
+        self, host_s: Callable[[float], float], clock: DeviceClock, width: int, columns: list[int]
+    ) -> tuple[NDArray[np.int64], Array]:
+        """Return device times (m,): us and rows (m, width) of the readings since the last call.
+
+        Args:
+            host_s: turns wall time into the bench's.
+            clock: has learnt how the autopilot's time lies on that.
+            width: of a row.
+            columns: where the reading goes.
+        """
+        waiting, self._waiting = self._waiting, []
+        offset_s = float(clock.host_time_s(np.zeros(1, np.int64))[0])
+        values = np.full((len(waiting), width), np.nan)
+        times_us = np.empty(len(waiting), np.int64)
+        for row, (arrived_s, value) in enumerate(waiting):
+            values[row, columns] = value
+            at_us = round(1e6 * (host_s(arrived_s) - offset_s))
+            times_us[row] = self._last_us = max(at_us, self._last_us + 1)
+        return times_us, values
+
+
+def in_order(
+    first: tuple[NDArray[np.int64], Array],
+    second: tuple[NDArray[np.int64], Array],
+    after_us: int,
+) -> tuple[NDArray[np.int64], Array]:
+    """Return rows of two sources (times (m,): us, values (m, c)) as one, in order of time.
+
+    Every row comes later than `after_us` and than the row before: one that came late moves behind
+    what was handed out already.
+    """
+    times_us = np.concatenate([first[0], second[0]])
+    values = np.concatenate([first[1], second[1]])
+    order = np.argsort(times_us, kind="stable")
+    times_us, values = times_us[order], values[order]
+    steps = np.arange(len(times_us))
+    return np.maximum.accumulate(np.maximum(times_us, after_us + 1) - steps) + steps, values
+
+
+AGAIN_S = 0.5
+"""A place that was not taken note of is told again after so long (wall time)."""
+
+ARRIVE_S = 120.0
+
+ON_ITS_WAY, THERE, REFUSED = 1.0, 0.0, -1.0
+"""What `plate_mov` says."""
+
+
+class PlateListener(Protocol):
+    """Be a bench that reads on while something else is waited for."""
+
+    def now_s(self) -> float:
+        """Return the bench's clock."""
+        ...
+
+    def listen(self, timeout_s: float) -> list[float]:
+        """Read on and return what `plate_mov` said meanwhile."""
+        ...
+
+    def last_text(self) -> str:
+        """Return what the autopilot said last."""
+        ...
+
+
+def move_virtual_plate(
+    bench: PlateListener, talk: MavlinkTalk, place: tuple[float, float, float]
+) -> None:
+    """Tell the virtual world where the plate shall stand, and wait until it does.
+
+    Args:
+        bench: listens meanwhile.
+        talk: sends.
+        place: distance m, lateral position m, tilt rad.
+
+    Raises:
+        StageError: refused, or not there in time.
+    """
+    made = talk.words.MAVLink_named_value_float_message
+    begun_s, sent_s, moving = bench.now_s(), -1e9, False
+    while bench.now_s() - begun_s < ARRIVE_S:
+        if not moving and bench.now_s() - sent_s >= AGAIN_S:
+            sent_s = bench.now_s()
+            z_m, x_m, tilt_rad = place
+            for name, value in (("plate_x", x_m), ("plate_tilt", tilt_rad), ("plate_z", z_m)):
+                talk.send(made(0, name.encode(), value))
+        for state in bench.listen(0.05):
+            if state == REFUSED:
+                raise StageError(f"the plate stays where it is: {bench.last_text()}")
+            moving = moving or state == ON_ITS_WAY
+            if moving and state == THERE:
+                return
+    talk.send(made(0, b"plate_halt", 1.0))
+    raise StageError(
+        f"the plate did not reach {place[0]:g} m within {ARRIVE_S:g} s and was halted; look at the "
+        f"virtual bench"
+    )

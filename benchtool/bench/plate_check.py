@@ -1,0 +1,216 @@
+"""Whether the plate may move, and whether it stands where its stage says.
+
+A position is believed only where it is measured: a stage that counts its own steps cannot know that
+it lost some, and a position channel may be frozen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import isfinite, nan
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.bench.driven import LOOK_S, SPIN_DOWN_S
+from benchtool.core.channel import Channel
+from benchtool.core.errors import StageError
+from benchtool.core.rig import Rig, Sensor
+
+if TYPE_CHECKING:
+    from benchtool.bench.guard import GuardedBench
+
+CHANNEL = "plate_z_m"
+
+LEAST_M = 0.001
+"""Distances closer than this count as one, with a perfect drive and sensor too. A choice: at the
+nearest plates of the rigs shipped, 1 mm changes thrust by less than 2 percent."""
+
+NOISES = 4.0
+"""Standard deviations of the sensor that one reading may be off."""
+
+
+def plate_tolerance_m(rig: Rig) -> float:
+    """Return how far a reading may be from where the plate stands: play, quantum and noise."""
+    sensor = rig.sensors.get(CHANNEL, Sensor())
+    return LEAST_M + rig.plate.backlash_m + sensor.quantum + NOISES * sensor.noise
+
+
+class PlateCheck:
+    """Judge the plate of one bench by what its position channel reads.
+
+    Attributes:
+        measured: whether the stream has a position channel.
+        read_m: the last reading, nan before the first.
+        tolerance_m: how far apart two positions may be.
+
+    Args:
+        channels: (c,) of the stream.
+        rig: play, sensor and least gap.
+    """
+
+    def __init__(self, channels: Sequence[Channel], rig: Rig) -> None:
+        names = [channel.name for channel in channels]
+        self.measured = CHANNEL in names
+        self.read_m = nan
+        self.tolerance_m = plate_tolerance_m(rig)
+        self._column = names.index(CHANNEL) if self.measured else -1
+        self._rig = rig
+        self._before_m = nan
+
+    def note(self, values: NDArray[np.float64]) -> None:
+        """Take the readings of samples (m, c), in channel order."""
+        if self.measured:
+            present = values[np.isfinite(values[:, self._column]), self._column]
+            if len(present):
+                self.read_m = float(present[-1])
+
+    def departs(self) -> None:
+        """Note that the plate is about to move."""
+        self._before_m = self.read_m
+
+    def arrives(self) -> None:
+        """Note that the plate is said to have arrived: only later readings count."""
+        self.read_m = nan
+
+    def problem(self, target_m: float, stage_m: float, more_m: float = 0.0) -> StageError | None:
+        """Return what is wrong with where the plate stands after a move, None when all agrees.
+
+        Args:
+            target_m: where it was sent.
+            stage_m: where what moves it says that it stands.
+            more_m: allowed on top of the tolerance, for a position that a person measured.
+        """
+        if not self.measured:
+            return None
+        allowed_m = self.tolerance_m + more_m
+        after = f"after the move to {target_m:.4g} m"
+        least_m = self._rig.plate.z_min_m
+        if not isfinite(self.read_m):
+            return StageError(
+                f"{CHANNEL} brought no reading {after}, so where the plate stands is not known; "
+                f"check the position sensor and its cable"
+            )
+        if self.read_m < least_m - self.tolerance_m:
+            return StageError(
+                f"{CHANNEL} reads {self.read_m:.4f} m {after}, inside the least gap of {least_m:g} "
+                f"m of rig {self._rig.name!r}; move the plate away by hand, then check stage and "
+                f"sensor"
+            )
+        if abs(self.read_m - stage_m) <= allowed_m:
+            return None
+        said = "" if stage_m == target_m else f", the stage says {stage_m:.4f} m"
+        limit = f"tolerance {1e3 * allowed_m:.1f} mm"
+        if abs(self.read_m - self._before_m) <= allowed_m < abs(target_m - self._before_m):
+            return StageError(
+                f"{CHANNEL} still reads {self.read_m:.4f} m {after}{said}, {limit}: the plate did "
+                f"not move or its position channel is frozen; look at both before motors turn"
+            )
+        return StageError(
+            f"{CHANNEL} reads {self.read_m:.4f} m {after}{said}, {limit}; home the stage and "
+            f"measure the distance by hand, then correct zero, sensor or the rig's "
+            f"sensors.{CHANNEL} (noise, quantum)"
+        )
+
+    def crept(self, stage_m: float, mean_m: float, more_m: float = 0.0) -> StageError | None:
+        """Return an error when the mean reading of a point is not where the stage stands."""
+        if not self.measured or abs(mean_m - stage_m) <= self.tolerance_m + more_m:
+            return None
+        if not isfinite(mean_m):
+            return StageError(
+                f"{CHANNEL} brought no reading during the point at {stage_m:.4g} m; check the "
+                f"position sensor and its cable"
+            )
+        return StageError(
+            f"the plate moved while motors turned: {CHANNEL} reads {mean_m:.4f} m on average at "
+            f"{stage_m:.4f} m, tolerance {1e3 * (self.tolerance_m + more_m):.1f} mm; look at what "
+            f"holds the plate"
+        )
+
+
+Array = NDArray[np.float64]
+
+PLATE_S = 5.0
+"""A position reading may lag behind the plate for so long after a move. A choice: range finders are
+averaged over about a second, and the seconds of a virtual bench may pass 20 times faster than those
+of its link."""
+
+
+def check_travel(rig: Rig, z_m: float, x_m: float, tilt_rad: float) -> None:
+    """Refuse a place outside of the plate's travel.
+
+    Raises:
+        StageError: the position against its limit.
+    """
+    plate = rig.plate
+    if not plate.z_min_m <= z_m <= plate.z_max_m:
+        raise StageError(
+            f"the plate was not moved to {z_m:g} m, outside {plate.z_min_m:g} to "
+            f"{plate.z_max_m:g} m of rig {rig.name!r}; choose a distance in between"
+        )
+    if not abs(x_m) <= rig.plate_x_max_m:
+        raise StageError(
+            f"the plate was not moved sideways to {x_m:g} m, limit {rig.plate_x_max_m:g} "
+            f"m of rig {rig.name!r} to either side; choose a position in between"
+        )
+    if not isfinite(tilt_rad):
+        raise StageError(f"the plate was not tilted to {tilt_rad:g} rad; give a finite angle")
+
+
+def wait_for_idle(bench: GuardedBench, rig: Rig) -> None:
+    """Refuse motors that are commanded above idle, and wait for rotors that are still fast.
+
+    Raises:
+        StageError: a pulse above idle, or rotors that do not slow down.
+    """
+    pulse, pwm_us = rig.propulsion, bench.pwm_us
+    # The device's own word, else the rig's.
+    told_us = bench.identity.pwm_idle_us
+    idle_us = pulse.pwm_start_us if told_us is None else told_us
+    if (pwm_us > idle_us).any():
+        motor = int(np.argmax(pwm_us))
+        raise StageError(
+            f"the plate was not moved: motor {motor + 1} is commanded {pwm_us[motor]:g} "
+            f"us, above idle at {idle_us:g} us; command idle first"
+        )
+    at_idle_rad_s = pulse.speed_per_us_rad_s * max(idle_us - pulse.pwm_start_us, 0.0)
+    slow_rpm = 1.5 * at_idle_rad_s * 30.0 / np.pi + 60.0
+    names = [channel.name for channel in bench.identity.channels]
+    columns = [i for i, name in enumerate(names) if name.rstrip("0123456789") == "rpm"]
+    if not columns:
+        return
+    until_s = bench.now_s() + SPIN_DOWN_S
+    while True:
+        rpm = bench.listen(LOOK_S).values[:, columns]
+        whole = np.flatnonzero(np.isfinite(rpm).all(axis=1))
+        if len(whole) and (rpm[whole[-1]] <= slow_rpm).all():
+            return
+        if bench.now_s() > until_s:
+            fastest = float(np.max(rpm[whole[-1]])) if len(whole) else float("nan")
+            raise StageError(
+                f"the plate was not moved: a rotor still turns at {fastest:.0f} rpm "
+                f"{SPIN_DOWN_S:g} s after idle was commanded, limit {slow_rpm:.0f} rpm; look "
+                f"at its ESC and its rpm channel"
+            )
+
+
+def wait_for_plate(
+    bench: GuardedBench, plate: PlateCheck, target_m: float, stage_m: float, more_m: float
+) -> StageError | None:
+    """Read on until the bench reads the plate where it was sent; return what disagrees.
+
+    Args:
+        bench: read meanwhile.
+        plate: compares.
+        target_m: where the plate was sent.
+        stage_m: where what moved it says that it stands.
+        more_m: allowed on top of the tolerance.
+    """
+    plate.arrives()
+    until_s = bench.now_s() + PLATE_S
+    while True:
+        bench.listen(LOOK_S)
+        problem = plate.problem(target_m, stage_m, more_m)
+        if problem is None or bench.now_s() > until_s:
+            return problem

@@ -1,0 +1,249 @@
+"""What the bridge script of the RCbenchmark GUI says: lines of JSON to values, pure."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from math import isfinite, nan
+from typing import Annotated, Any, ClassVar
+
+from annotated_types import Ge, Gt, Le
+
+from benchtool.bench.rcbenchmark.bridge_file import FORCE_UNITS
+from benchtool.core.channel import Channel
+from benchtool.core.errors import FileFormatError, InputError, ProtocolError
+from benchtool.core.parsed_text import parse_json
+from benchtool.core.toml_text import build
+from benchtool.core.units import from_si, to_si, unit_named
+
+BRIDGE_VERSION = 1
+
+VIRTUAL_BOARD = "benchtool virtual stand"
+"""How the board version of a virtual stand begins."""
+
+LONGEST_LINE = 65536
+
+LARGEST_SPEED = 1000.0
+"""Most stand seconds per wall second that a virtual stand is believed."""
+
+SPEED, PULSE = "rpm1", "pwm1_us"
+
+CHANNELS: dict[str, Channel] = {
+    "thrust": Channel("thrust_N", "N", "thrust of the load cell"),
+    "torque": Channel("torque_Nm", "N m", "torque of the load cells"),
+    "voltage": Channel("voltage_V", "V", "supply voltage"),
+    "current": Channel("current_A", "A", "supply current"),
+    "vibration": Channel("vibration_m_s2", "m/s2", "vibration of the stand"),
+    # Only a virtual stand has a plate.
+    "plateDistance": Channel("plate_z_m", "m", "distance of the plate"),
+}
+"""Channel of each reading by its name in the GUI, beside pulse and speed."""
+
+UNITS: dict[str, str] = {
+    **FORCE_UNITS,
+    "n·m": "N m",
+    "nm": "N m",
+    "rpm": "rpm",
+    "v": "V",
+    "a": "A",
+    "s": "s",
+    "m": "m",
+    "m/s2": "m/s2",
+    "": "1",
+}
+"""Our units for the GUI's, in small letters; the `g` of vibration is an acceleration."""
+
+STANDARD_GRAVITY_M_S2 = unit_named("kgf").factor
+
+Pulse = Annotated[float, Ge(0.0), Le(1e4)]
+
+Time = Annotated[float, Ge(0.0), Le(1e13)]
+
+_FINITE: dict[str, Any] = {"allow_inf_nan": False}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Entry:
+    """What the script itself says with every line.
+
+    Attributes:
+        bridge: version of the script.
+        t_ms: its own clock.
+        us: the pulse that the output holds.
+        n: number of these readings, None for an answer.
+        to: the word that this answers.
+        refused: why the word was refused, empty when it was not.
+        why: why the script has stopped the motor, empty when it has not.
+    """
+
+    __pydantic_config__: ClassVar[dict[str, Any]] = _FINITE
+    bridge: int
+    t_ms: Time
+    us: Pulse
+    n: Annotated[int, Ge(0)] | None = None
+    to: str = ""
+    refused: str = ""
+    why: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Hello(Entry):
+    """The answer to a hello: which stand, which limits the script watches, when it stops."""
+
+    __pydantic_config__: ClassVar[dict[str, Any]] = _FINITE
+    board: str
+    version: str
+    firmware: str
+    output: str
+    speed: str
+    low_us: Pulse
+    high_us: Pulse
+    silence_ms: Annotated[float, Gt(0.0), Le(1e5)]
+    ramp_ms: Annotated[float, Ge(0.0), Le(1e5)]
+    limits: Mapping[str, Annotated[float, Ge(0.0), Le(1e9)]]
+
+    @property
+    def is_virtual(self) -> bool:
+        """Whether this comes from a stand of benchtool's, not the maker's."""
+        return self.version.startswith(VIRTUAL_BOARD)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Line:
+    """One line of the bridge.
+
+    Attributes:
+        entry: what the script itself says.
+        values: readings by channel name, in the channel's unit; nan where there is none.
+        time_s: the stand's own time of the readings, nan where there is none.
+        plate_moves: whether the plate of a virtual stand is on its way.
+        speed: stand seconds per wall second; 1 on every physical stand.
+    """
+
+    entry: Entry
+    values: Mapping[str, float] = field(default_factory=dict)
+    time_s: float = nan
+    plate_moves: bool = False
+    speed: float = 1.0
+
+
+class RcbEar:
+    """Put bytes together to lines.
+
+    Attributes:
+        speed: reading that counts as the rotor's speed.
+        foreign: lines of readings that did not come from the bridge script.
+        corrupt: lines that were no JSON.
+    """
+
+    def __init__(self) -> None:
+        self.speed = "motorOpticalSpeed"
+        self.foreign = self.corrupt = 0
+        self._rest = b""
+
+    def feed(self, data: bytes) -> list[Line]:
+        """Return the lines of the bridge that `data` completes.
+
+        Raises:
+            ProtocolError: another version of the script, or a reading in an unknown unit.
+        """
+        *lines, self._rest = (self._rest + data).split(b"\n")
+        if self._rest.endswith(b"}"):
+            # The maker's own example sends an object without an end of line.
+            lines, self._rest = [*lines, self._rest], b""
+        self._rest = self._rest[-LONGEST_LINE:]
+        return [line for text in lines if (line := self._line(text)) is not None]
+
+    def _line(self, text: bytes) -> Line | None:
+        if not text.strip():
+            return None
+        try:
+            # The GUI's helper cuts every letter to a byte: the degree sign comes as Latin 1.
+            said = parse_json(text.decode("latin-1"), "a line of the bridge script")
+        except FileFormatError:
+            self.corrupt += 1
+            return None
+        entry = said.get("benchtool") if isinstance(said, dict) else None
+        if not isinstance(entry, dict):
+            self.foreign += isinstance(said, dict)
+            self.corrupt += not isinstance(said, dict)
+            return None
+        if entry.get("bridge") != BRIDGE_VERSION:
+            raise ProtocolError(
+                f"the bridge script in the GUI has version {entry.get('bridge')}, this program "
+                f"needs {BRIDGE_VERSION}; write it anew with benchtool bench bridge"
+            )
+        kind = Hello if entry.get("to") == "hello" else Entry
+        try:
+            read = build(kind, entry, "the bridge script's line")
+        except InputError as error:
+            raise ProtocolError(f"{error}; write it anew with benchtool bench bridge") from error
+        if read.n is None:
+            return Line(entry=read)
+        values = {
+            channel.name: _reading(said, name, channel.unit) for name, channel in CHANNELS.items()
+        }
+        values[SPEED] = _reading(said, self.speed, "rpm")
+        values[PULSE] = read.us
+        speed = _reading(said, "simulationSpeed", "1")
+        return Line(
+            entry=read,
+            values=values,
+            time_s=_reading(said, "time", "s"),
+            plate_moves=_reading(said, "plateMoving", "1") == 1.0,
+            speed=speed if 0.0 < speed <= LARGEST_SPEED else 1.0,
+        )
+
+
+def _reading(said: Mapping[str, Any], name: str, unit: str) -> float:
+    """Return one reading in a channel's unit, nan where there is none.
+
+    Raises:
+        ProtocolError: in a unit that is none of that dimension.
+    """
+    entry = said.get(name)
+    value = entry.get("workingValue") if isinstance(entry, dict) else None
+    if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
+        return nan
+    spelled = str(entry.get("workingUnit", "")) if isinstance(entry, dict) else ""
+    if name == "vibration" and spelled.lower() == "g":
+        return value * STANDARD_GRAVITY_M_S2
+    ours = UNITS.get(spelled.lower())
+    if ours is None or unit_named(ours).dimension != unit_named(unit).dimension:
+        raise ProtocolError(
+            f"the stand tells {name} in {spelled!r}, which is no known unit of it; known: "
+            f"{', '.join(sorted(UNITS))}"
+        )
+    return from_si(to_si(float(value), ours), unit)
+
+
+def words_for(pulse_us: float) -> bytes:
+    """Return a pulse as the bridge takes it: ASCII, microseconds."""
+    return f"{pulse_us:.7g}".encode("ascii")
+
+
+class StandClock:
+    """Give each reading a device time that never runs backwards, us.
+
+    A stand's time begins anew with every log, and two readings can carry the same one; the
+    script's own clock says how much has passed then.
+    """
+
+    def __init__(self) -> None:
+        self._last_us = 0
+        self._stand_s = nan
+        self._script_ms = nan
+
+    def time_us(self, stand_s: float, script_ms: float) -> int:
+        """Return the device time of a reading.
+
+        Args:
+            stand_s: its time by the stand, nan where it has none.
+            script_ms: when the script had it, by its own clock.
+        """
+        step_us = 1e6 * (stand_s - self._stand_s)
+        if not step_us > 0.0:
+            step_us = 1e3 * (script_ms - self._script_ms)
+        self._stand_s, self._script_ms = stand_s, script_ms
+        self._last_us += max(round(step_us), 1) if isfinite(step_us) else 1
+        return self._last_us

@@ -1,0 +1,230 @@
+"""The host's end of the bridge: who is there, words until answered, the pulse as heartbeat."""
+
+from __future__ import annotations
+
+import ipaddress
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from benchtool.bench.identify import not_the_bridge
+from benchtool.bench.rcbenchmark.bridge_file import GUI_PORT, HOST_PORT, LOOPBACK
+from benchtool.bench.rcbenchmark.lines import Hello, Line, RcbEar, words_for
+from benchtool.bench.transport.transport import Transport
+from benchtool.core.errors import CommandRefused, InputError, LinkLost, NoDevice, ProtocolError
+
+if TYPE_CHECKING:
+    from benchtool.bench.address import Address
+
+HELLO_S = 5.0
+
+HELLO_TRY_S = 0.25
+
+ANSWER_S = 0.15
+"""How long one try of a word waits: GUI and script hand it on several times."""
+
+TRIES = 5
+
+HEARTBEAT_S = 0.08
+"""A third of the script's 250 ms: two heartbeats may get lost."""
+
+LONGEST_WAIT_S = 0.02
+
+_SHOWN_BYTES = 200
+
+WRITE_IT = "write it with benchtool bench bridge and run it in the GUI"
+
+
+class RcbTalk:
+    """Hold one conversation with the bridge script.
+
+    Attributes:
+        ear: puts lines together.
+        heard_s: wall time of the last line.
+
+    Args:
+        transport: carries the datagrams.
+        address: for messages.
+        clock: monotonic wall clock in seconds.
+    """
+
+    def __init__(self, transport: Transport, address: str, clock: Callable[[], float]) -> None:
+        self.ear = RcbEar()
+        self.heard_s = 0.0
+        self._transport, self._address, self._clock = transport, address, clock
+        self._answers: dict[bytes, Line] = {}
+        self._lines: list[Line] = []
+        self._heard = b""
+        self._begin()
+
+    def open(self) -> Hello:
+        """Open the transport and ask who is there until the script answers.
+
+        Raises:
+            PortBusy, PortDenied, NoDevice: the port cannot be had, or it stays silent.
+            ProtocolError: what answers is not the bridge script.
+        """
+        self.ear = RcbEar()
+        self._begin()
+        self._transport.open()
+        deadline_s = self._clock() + HELLO_S
+        while self._clock() < deadline_s:
+            answer = self._try(b"hello", HELLO_TRY_S)
+            hello = answer.entry if answer is not None else None
+            if isinstance(hello, Hello):
+                self.ear.speed = hello.speed
+                self._low = self._pulse = words_for(hello.low_us)
+                self.heard_s = self._clock()
+                return hello
+        raise self._silence()
+
+    def close(self) -> None:
+        """Give the transport back."""
+        self._transport.close()
+
+    def order(self, word: bytes, longest_s: float = TRIES * ANSWER_S) -> Line:
+        """Say a word until it is answered; the script may carry it out more than once.
+
+        Raises:
+            CommandRefused: the script said no.
+            LinkLost: no answer to any try.
+        """
+        if word[:1].isdigit() or word == b"stop":
+            # From here on the heartbeat says this; after a stop it says nothing that turns.
+            before, self._pulse = self._pulse, self._low if word == b"stop" else word
+        else:
+            before = self._pulse
+        deadline_s = self._clock() + longest_s
+        while (left_s := deadline_s - self._clock()) > 0.0:
+            answer = self._try(word, min(left_s, ANSWER_S if longest_s < 2.0 else 1.0))
+            if answer is None:
+                continue
+            if refused := answer.entry.refused:
+                self._pulse = before
+                raise CommandRefused(word.decode(), refused)
+            return answer
+        raise LinkLost(
+            f"{self._address} did not answer {word.decode()!r} within {longest_s:g} s; the script "
+            f"should stop the motor unless the GUI has gone as well; look at both, then start "
+            f"the script again"
+        )
+
+    def pump(self, timeout_s: float) -> bool:
+        """Send a heartbeat when one is due and take what arrives within a short wait.
+
+        Returns:
+            whether anything arrived.
+        """
+        if self._pulse and self._clock() - self._sent_s >= HEARTBEAT_S:
+            self._send(self._pulse)
+        data = self._transport.read(min(timeout_s, LONGEST_WAIT_S))
+        if not data:
+            return False
+        if len(self._heard) < _SHOWN_BYTES:
+            self._heard = (self._heard + data)[:_SHOWN_BYTES]
+        for line in self.ear.feed(data):
+            self.heard_s = self._clock()
+            if line.entry.to:
+                self._answers[line.entry.to.encode("latin-1", "replace")] = line
+            self._lines.append(line)
+        return True
+
+    def take_lines(self) -> list[Line]:
+        """Return what the script said since the last call, oldest first."""
+        lines, self._lines = self._lines, []
+        return lines
+
+    def _begin(self) -> None:
+        self._answers.clear()
+        self._lines.clear()
+        self._sent_s = -HEARTBEAT_S
+        self._low = self._pulse = b""
+        self._heard = b""
+
+    def _try(self, word: bytes, wait_s: float) -> Line | None:
+        self._answers.pop(word, None)
+        self._send(word)
+        deadline_s = self._clock() + wait_s
+        while (left_s := deadline_s - self._clock()) > 0.0:
+            self.pump(left_s)
+            if word in self._answers:
+                return self._answers.pop(word)
+        return None
+
+    def _send(self, word: bytes) -> None:
+        self._transport.write(word)
+        self._sent_s = self._clock()
+
+    def _silence(self) -> NoDevice | ProtocolError:
+        """Say what is there instead of the bridge script."""
+        if self.ear.foreign:
+            return ProtocolError(
+                f"{self._address} sends readings, but not through benchtool's bridge script: the "
+                f"script that runs there stops no motor when its host dies; {WRITE_IT}"
+            )
+        if not self._heard:
+            return NoDevice(
+                f"nothing came from {self._address} for {HELLO_S:g} s; start the bridge script in "
+                f"the GUI ({WRITE_IT}), and check that the ports at its head are those of this "
+                f"address"
+            )
+        return ProtocolError(f"{self._address} {not_the_bridge(self._heard)}")
+
+
+EXAMPLE = f"rcbudp:{LOOPBACK}:{GUI_PORT}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RcbSettings:
+    """Say where the two ends of the bridge are.
+
+    Attributes:
+        host, port: where the script in the GUI listens.
+        listen: port of this computer that the script sends to; 0 takes any, for a virtual stand.
+        thrust_scale: factor on thrust, -1 for a stand that pushes where it should pull.
+    """
+
+    host: str = LOOPBACK
+    port: int = GUI_PORT
+    listen: int = HOST_PORT
+    thrust_scale: float = 1.0
+
+    @property
+    def warning(self) -> str:
+        """What must be said aloud of an end that listens beyond this computer, or nothing."""
+        if is_loopback(self.host):
+            return ""
+        return (
+            f"listening on UDP port {self.listen} of every network of this computer for "
+            f"{self.host}: neither end can tell who sends, anybody there can turn the motor; use a "
+            f"network of the two computers alone, or run benchtool beside the GUI"
+        )
+
+
+def rcb_settings_of(address: Address) -> RcbSettings:
+    """Return what an address says.
+
+    Raises:
+        InputError: no host and port, or an option that makes no sense.
+    """
+    host, _, port = address.place.rpartition(":")
+    if not port.isdecimal() or not 0 < int(port) < 65536:
+        raise InputError(
+            f"address {address.text!r} needs host and port of the GUI; write for example {EXAMPLE}"
+        )
+    return RcbSettings(
+        host=host.strip("[]") or LOOPBACK,
+        port=int(port),
+        listen=address.whole("listen", HOST_PORT, 0, 65535),
+        thrust_scale=address.number("thrust_scale", 1.0, -1e6, 1e6),
+    )
+
+
+def is_loopback(host: str) -> bool:
+    """Tell whether a host is this computer."""
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False

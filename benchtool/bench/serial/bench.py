@@ -1,0 +1,384 @@
+"""A bench behind the wire: `serial:` and `tcp:` addresses.
+
+Heartbeats are sent by `read` and by commands only, never by a thread of their own: a host whose
+control loop hangs must fall silent, so that the device stops its motors. Whoever spins motors
+therefore reads at least every `identity.watchdog_s`.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.bench.bench import Identity, Listener, Opened, ReadAhead, Readings
+from benchtool.bench.clocks import DeviceClock
+from benchtool.bench.serial.commands import (
+    LATE,
+    Arm,
+    AskPlate,
+    Clear,
+    Command,
+    MovePlate,
+    SetLimit,
+    SetPwm,
+    SetRate,
+    Stop,
+    Tare,
+    fields_of,
+    too_old,
+)
+from benchtool.bench.serial.conversation import Conversation
+from benchtool.bench.serial.frames import Batch
+from benchtool.bench.serial.hello import Hello
+from benchtool.bench.transport.transport import Transport
+from benchtool.core.errors import (
+    BenchError,
+    CommandRefused,
+    DeviceStopped,
+    InputError,
+    LinkLost,
+    NoDevice,
+    ProtocolError,
+    StageError,
+)
+
+Array = NDArray[np.float64]
+
+STALE_S = 1.0
+"""A stream that brings nothing for so long is lost (wall time); a choice, four watchdogs."""
+
+ASK_PLATE_S = 0.5
+"""How often a moving plate is asked whether it stands, should the `arrived` line get lost."""
+
+HALT_TRIES = 3
+
+
+class SerialBench(Opened):
+    """Drive a device that speaks the bench protocol.
+
+    Time of this bench is wall time, multiplied by the speed that a virtual device tells in its
+    hello; every `timeout_s` is in that time. Link time-outs and the watchdog are wall time.
+
+    Args:
+        transport: carries the bytes.
+        address: as the user gave it, for the identity and messages.
+        clock: monotonic wall clock in seconds.
+        arrive_s: bench time after which a plate that has not arrived is given up.
+        device_id: the only device to accept, as after a replug or for a resumed run; None takes
+            any.
+    """
+
+    def __init__(
+        self,
+        transport: Transport,
+        address: str,
+        clock: Callable[[], float] = time.monotonic,
+        arrive_s: float = 120.0,
+        device_id: str | None = None,
+    ) -> None:
+        self.address = address
+        self._talk = Conversation(transport, address, clock, self._take_in)
+        self._clock = clock
+        self._arrive_s = arrive_s
+        self._device_id = device_id
+        self._hello: Hello | None = None
+        self._rate_Hz = 0.0
+        self._opened_s = 0.0
+        self._device_clock = DeviceClock()
+        self._ahead = ReadAhead()
+        self._messages: list[str] = []
+        self._silent_since_s: float | None = None
+        self._stopped: str | None = None
+        self._told = False
+        self._armed = False
+        self._arrived = False
+        self._stage_fault: str | None = None
+
+    @classmethod
+    def on_port(cls, address: str, port: str, baud: int) -> Self:
+        """Return the bench on a serial port, not opened yet."""
+        from benchtool.bench.transport.serial_port import SerialPort
+
+        return cls(SerialPort(port, baud), address)
+
+    @classmethod
+    def on_tcp(cls, address: str, host: str, port: int) -> Self:
+        """Return the bench behind a TCP port, not opened yet."""
+        from benchtool.bench.transport.sockets import TcpSocket
+
+        return cls(TcpSocket(host, port), address)
+
+    @property
+    def identity(self) -> Identity:
+        return self._known().identity(self.address, self._rate_Hz)
+
+    def now_s(self) -> float:
+        speed = self._hello.speed if self._hello else 1.0
+        return self._opened_s + (self._clock() - self._opened_s) * speed
+
+    def open(self) -> None:
+        if self._hello is not None:
+            return
+        self._opened_s = self._clock()
+        self._device_clock = DeviceClock()
+        self._ahead.take()
+        try:
+            self._hello = self._talk.open()
+            if self._device_id not in (None, self._hello.device_id):
+                raise NoDevice(
+                    f"{self.address} answers as device {self._hello.device_id!r}, but "
+                    f"{self._device_id!r} is needed; plug that one in or start a new run"
+                )
+            self.clear()
+            self._messages.clear()
+            fits_Hz = self._hello.rate_Hz
+            if baud := self._baud():
+                most_Hz = highest_rate_Hz(self._hello.frame_bytes, baud)
+                fits_Hz = min(fits_Hz, most_Hz / self._hello.speed)
+            self._start_stream(fits_Hz)
+        except BaseException:
+            self._talk.close()
+            self._hello = None
+            raise
+
+    def close(self) -> None:
+        if self._hello is None:
+            return
+        try:
+            self._talk.exchange(Stop(), HALT_TRIES)
+            self._talk.exchange(SetRate(0.0), HALT_TRIES)
+        except BenchError:
+            pass  # The device's watchdog stops the motors where we cannot.
+        finally:
+            self._talk.close()
+            self._hello = None
+
+    def set_pwm(self, pwm_us: Array) -> None:
+        self._raise_if_stopped()
+        pulses = np.asarray(pwm_us, float).ravel()
+        turns = bool((pulses > self._known().pwm_stop_us).any())
+        if turns:
+            self._arm()
+        try:
+            self._order(SetPwm(tuple(pulses.tolist())), turns)
+        except CommandRefused:
+            self._armed = False  # Perhaps by a stop from another thread; the next order arms anew.
+            raise
+
+    def stop(self) -> None:
+        self._armed = False
+        self._order(Stop())
+
+    def halt(self) -> None:
+        """Send zero at once, from any thread (`Halts`)."""
+        self._talk.halt()
+
+    def overhear(self, listener: Listener) -> None:
+        """Tell samples as they come, also while an answer or the plate is waited for."""
+        self._ahead.overhear(listener)
+
+    def move_plate(self, z_m: float, x_m: float = 0.0, tilt_rad: float = 0.0) -> None:
+        self._raise_if_stopped()
+        self._arm()
+        self._arrived, self._stage_fault = False, None
+        reply = self._talk.exchange(MovePlate(z_m, x_m, tilt_rad), moves=True)
+        if not reply.ok:
+            self._armed = False
+            if reply.reason.startswith(LATE):  # No fault of the stage.
+                raise _refused(MovePlate(z_m, x_m, tilt_rad), reply.reason)
+            raise StageError(f"the stage refused to move to {z_m:g} m: {reply.reason}")
+        started_s = asked_s = self._clock()
+        while not self._arrived:
+            self._talk.pump(0.05)
+            self._note()
+            self._raise_if_stopped()
+            if self._stage_fault is not None:
+                raise StageError(f"the stage did not reach {z_m:g} m: {self._stage_fault}")
+            now_s = self._clock()
+            if (now_s - started_s) * self._known().speed > self._arrive_s:
+                self.stop()
+                raise StageError(
+                    f"the plate did not reach {z_m:g} m within {self._arrive_s:g} s and was "
+                    f"halted; look for what blocks it"
+                )
+            if now_s - asked_s > ASK_PLATE_S and not self._arrived:
+                asked_s = now_s
+                moving = self._talk.exchange(AskPlate()).fields
+                if moving[:1] == ("0",):
+                    self._arrived = True
+
+    def tare(self) -> None:
+        self._order(Tare())
+
+    def set_limit(self, name: str, value: float) -> None:
+        """Make one device-side limit narrower.
+
+        Raises:
+            CommandRefused: no such limit, or the value is wider than the present one.
+        """
+        self._order(SetLimit(name, value))
+
+    def clear(self) -> None:
+        """Lift the latch of a device that stopped by itself; its motors stay at zero."""
+        self._armed = False
+        self._order(Clear())
+        self._note()
+        self._stopped, self._told = None, False
+
+    def set_rate(self, rate_Hz: float) -> None:
+        hello = self._known()
+        check_rate(rate_Hz * hello.speed, hello.frame_bytes, self._baud())
+        self._start_stream(rate_Hz)
+
+    def read(self, timeout_s: float) -> Readings:
+        speed = self._known().speed
+        deadline_s = self._clock() + timeout_s / speed
+        while True:
+            self._note()
+            # Before the samples, which later reads return: some of them may already show motors
+            # that stand under the pulse that the host commanded last.
+            if not self._told:
+                self._raise_if_stopped()
+            if (kept := self._ahead.take()) is not None:
+                self._silent_since_s = None
+                return kept
+            left_s = deadline_s - self._clock()
+            if left_s <= 0.0:
+                return self._ahead.told(self._readings())
+            if not self._talk.pump(left_s):
+                self._check_silence()
+
+    def _known(self) -> Hello:
+        if self._hello is None:
+            raise LinkLost(f"{self.address} is not open; open it first")
+        return self._hello
+
+    def _baud(self) -> int:
+        """Return the rate of the slower end's line, 0 where there is no such limit."""
+        told = self._known().baud
+        opened = self._talk.transport.baud
+        return min(told, opened) if told and opened else told
+
+    def _order(self, command: Command, moves: bool = False) -> None:
+        self._known()
+        reply = self._talk.exchange(command, moves=moves)
+        if not reply.ok:
+            raise _refused(command, reply.reason)
+
+    def _arm(self) -> None:
+        """Arm a device that was stopped since, and compare its channels with those of the hello.
+
+        Raises:
+            ProtocolError: it streams other channels by now.
+            CommandRefused: the device stopped by itself and was not cleared.
+        """
+        hello = self._known()
+        if self._armed or hello.version < 2:
+            return
+        reply = self._talk.exchange(Arm(), moves=True)
+        if not reply.ok:
+            raise _refused(Arm(), reply.reason)
+        if reply.fields != (hello.channel_hash,):
+            self.stop()
+            raise ProtocolError(
+                f"{self.address} has a channel map of hash {''.join(reply.fields) or 'none'}, at "
+                f"its hello {hello.channel_hash}; its channels cannot be told apart; open it anew"
+            )
+        self._armed = True
+
+    def _start_stream(self, rate_Hz: float) -> None:
+        self._order(SetRate(rate_Hz))
+        self._rate_Hz = rate_Hz
+        self._silent_since_s = None
+
+    def _check_silence(self) -> None:
+        now_s = self._clock()
+        if self._silent_since_s is None:
+            self._silent_since_s = now_s
+        silent_s = now_s - self._silent_since_s
+        if self._rate_Hz > 0.0 and silent_s > max(STALE_S, 3.0 / self._rate_Hz):
+            raise LinkLost(
+                f"{self.address} sent nothing for {silent_s:.1f} s, limit {STALE_S:g} s; the "
+                f"device should stop its motors by its watchdog; check cable and power, then start "
+                f"again"
+            )
+
+    def _note(self) -> None:
+        """Take the device's news: what stopped it, where the plate is, what it says."""
+        for event in self._talk.take_events():
+            self._messages.append(f"{event.kind}: {event.text}")
+            if event.stops_motors:
+                self._stopped = f"{event.kind}: {event.text}"
+            elif event.kind == "arrived":
+                self._arrived = True
+            elif event.kind == "stage":
+                self._stage_fault = event.text
+
+    def _raise_if_stopped(self) -> None:
+        if self._stopped is not None:
+            self._told = True
+            raise DeviceStopped(
+                f"the device stopped its motors by itself ({self._stopped}); remove the cause and "
+                f"start again"
+            )
+
+    def _take_in(self, arrived_s: float, batch: Batch) -> None:
+        """Keep samples for the next read, with the news that came before them."""
+        self._note()
+        host_s = self._opened_s + (arrived_s - self._opened_s) * self._known().speed
+        self._device_clock.learn(int(batch.device_time_us[-1]), host_s)
+        self._ahead.keep(self._readings(batch))
+
+    def _readings(self, batch: Batch | None = None) -> Readings:
+        """Return a batch's samples, or none, with messages and losses that nobody was told yet."""
+        messages, self._messages = tuple(self._messages), []
+        lost, corrupt, repeated = self._talk.take_losses()
+        if batch is None:
+            times_us = np.empty(0, np.int64)
+            values = np.empty((0, len(self._known().channels)))
+        else:
+            times_us, values = batch.device_time_us, batch.values
+        return Readings(
+            time_s=self._device_clock.host_time_s(times_us),
+            device_time_us=times_us.astype(float),
+            values=values,
+            lost=lost,
+            corrupt=corrupt,
+            messages=messages,
+            repeated=repeated,
+        )
+
+
+def _refused(command: Command, reason: str) -> CommandRefused:
+    late = "; the link delivered it late; check the link and start again" if too_old(reason) else ""
+    return CommandRefused(",".join(fields_of(command)), f"{reason}{late}")
+
+
+BITS_PER_BYTE = 10
+"""Start bit, eight data bits, stop bit (8N1)."""
+
+
+def highest_rate_Hz(frame_bytes: int, baud: int) -> float:
+    """Return the fastest stream of frames of that length, in frames per second."""
+    return baud / (BITS_PER_BYTE * frame_bytes)
+
+
+def check_rate(rate_Hz: float, frame_bytes: int, baud: int) -> None:
+    """Refuse a stream that does not fit the line; a baud of 0 has no limit.
+
+    Raises:
+        InputError: with the arithmetic.
+    """
+    if rate_Hz < 0.0 or rate_Hz != rate_Hz:
+        raise InputError(f"a stream rate of {rate_Hz:g} Hz makes no sense; give 0 or more")
+    needed = rate_Hz * frame_bytes * BITS_PER_BYTE
+    if baud and needed > baud:
+        raise InputError(
+            f"{rate_Hz:g} frames/s x {frame_bytes} bytes x {BITS_PER_BYTE} bits = {needed:,.0f} "
+            f"baud, but the link runs at {baud:,} baud; ask for at most "
+            f"{int(highest_rate_Hz(frame_bytes, baud))} Hz or raise baud on both ends"
+        )

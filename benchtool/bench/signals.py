@@ -1,0 +1,151 @@
+"""Signals that end a run: deferred while it goes on, ignored for a while as it is closed."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import FrameType, TracebackType
+from typing import Any, Self
+
+from benchtool.core.errors import RunStopped
+
+SIGNAL_NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
+"""Ctrl-C, a request to end, a closed terminal, and Ctrl-Break on Windows; each where it exists."""
+
+_WORDS = {
+    "SIGINT": "stopped by Ctrl-C",
+    "SIGBREAK": "stopped by Ctrl-Break",
+    "SIGHUP": "stopped because the terminal was closed",
+}
+
+
+class StopSignals:
+    """Be the scope, from `install` to `restore`, in which signals are deferred.
+
+    A signal is only noted, and raised by the next `raise_if_asked`; so it can come neither between
+    a sample and the disk nor into a stop. Within `interruptible` it is raised at once: for waits
+    that call nothing else for long. Each scope raises at most one signal at once.
+
+    Outside of the main thread Python allows no handlers; there only exceptions end a run.
+
+    Args:
+        note: is told the reason at once, in case somebody catches the error.
+    """
+
+    def __init__(self, note: Callable[[str], None]) -> None:
+        self._note = note
+        self._before: dict[signal.Signals, Any] = {}
+        self._asked: str | None = None
+        self._raises = False
+
+    def install(self) -> None:
+        """Take the signals over; those that were ignored stay so (nohup)."""
+        if threading.current_thread() is not threading.main_thread():
+            return
+        self._asked, self._raises = None, False
+        for name in SIGNAL_NAMES:
+            number = getattr(signal, name, None)
+            if number is None or signal.getsignal(number) in (signal.SIG_IGN, None):
+                continue
+            self._before[number] = signal.signal(number, self._handle)
+
+    def restore(self) -> None:
+        """Give the signals back to whoever had them."""
+        while self._before:
+            number, handler = self._before.popitem()
+            signal.signal(number, handler)
+
+    @contextmanager
+    def interruptible(self) -> Iterator[None]:
+        """Let a signal raise at once within this inner scope, one that was noted on entering it."""
+        self.raise_if_asked()
+        self._raises = True
+        try:
+            self.raise_if_asked()
+            yield
+        finally:
+            self._raises = False
+
+    def raise_if_asked(self) -> None:
+        """Raise what a signal has noted, again and again should somebody swallow it."""
+        if self._asked is not None:
+            raise RunStopped(f"{self._asked}; zero was commanded to the motors")
+
+    def _handle(self, number: int, frame: FrameType | None) -> None:
+        name = signal.Signals(number).name
+        again = self._asked is not None
+        self._asked = self._asked or _WORDS.get(name, f"stopped by {name}")
+        self._note(self._asked)
+        if self._raises and not again:
+            self._raises = False
+            self.raise_if_asked()
+
+
+PATIENCE_S = 10.0
+"""After so long since the first ignored signal the next one ends the program; a choice: closing a
+run of hours takes about a second."""
+
+
+class ClosingSignals:
+    """Keep impatient signals from cutting the closing of a run short.
+
+    Entered before the bench is guarded; a guard's own handlers act while it is there. Until `begin`
+    signals mean what they meant before, after it they are ignored.
+
+    Args:
+        clock: monotonic, in seconds.
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        self._before: dict[signal.Signals, Any] = {}
+        self._begun = False
+        self._first_s: float | None = None
+
+    def begin(self) -> None:
+        """Say that there is a run now, which is to be closed whatever happens."""
+        self._begun = True
+
+    def __enter__(self) -> Self:
+        if threading.current_thread() is threading.main_thread():
+            for name in SIGNAL_NAMES:
+                number = getattr(signal, name, None)
+                if number is None or signal.getsignal(number) in (signal.SIG_IGN, None):
+                    continue
+                self._before[number] = signal.signal(number, self._handle)
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        while self._before:
+            number, handler = self._before.popitem()
+            signal.signal(number, handler)
+
+    def _handle(self, number: int, frame: FrameType | None) -> None:
+        if not self._begun:
+            before = self._before[signal.Signals(number)]
+            if callable(before):
+                before(number, frame)
+            else:
+                signal.signal(number, before)
+                signal.raise_signal(number)
+            return
+        now_s = self._clock()
+        if self._first_s is None:
+            self._first_s = now_s
+            # Not print: a handler may interrupt a print of the program.
+            os.write(
+                2,
+                f"benchtool: the run is being closed; Ctrl-C once more after {PATIENCE_S:g} s "
+                f"leaves it as it is\n".encode(),
+            )
+        elif now_s - self._first_s >= PATIENCE_S:
+            raise KeyboardInterrupt

@@ -1,0 +1,191 @@
+"""TCP and UDP as transports."""
+
+from __future__ import annotations
+
+import errno
+import socket
+from contextlib import ExitStack, suppress
+
+from benchtool.bench.transport.errors import lost_error, opening_error
+from benchtool.bench.transport.transport import first_bytes
+from benchtool.core.errors import LinkLost, NoDevice, PortBusy
+
+CONNECT_S = 3.0
+
+WRITE_TIMEOUT_S = 0.2
+
+
+class TcpSocket:
+    """Carry bytes over one TCP connection.
+
+    Args:
+        host: name or number of the machine.
+        port: TCP port.
+    """
+
+    baud: int | None = None
+
+    def __init__(self, host: str, port: int) -> None:
+        self.host = host
+        self.port = port
+        self._socket: socket.socket | None = None
+
+    def open(self) -> None:
+        where = f"{self.host}:{self.port}"
+        try:
+            with ExitStack() as on_failure:
+                opened = socket.create_connection((self.host, self.port), timeout=CONNECT_S)
+                on_failure.enter_context(opened)
+                opened.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                opened.setblocking(False)
+                on_failure.pop_all()
+        except TimeoutError as error:
+            raise NoDevice(
+                f"{where} did not answer within {CONNECT_S:g} s; check the address and the network"
+            ) from error
+        except (OSError, OverflowError, UnicodeError) as error:
+            raise opening_error(error, where) from error
+        self._socket = opened
+
+    def read(self, timeout_s: float) -> bytes:
+        return first_bytes(self._take, timeout_s)
+
+    def write(self, data: bytes) -> None:
+        opened = self._opened()
+        try:
+            # As a rule the system takes it all at once, and nothing about the socket changes that
+            # another thread would see in the middle of a read.
+            with suppress(BlockingIOError):
+                data = data[opened.send(data) :]
+            if not data:
+                return
+            opened.settimeout(WRITE_TIMEOUT_S)
+            try:
+                opened.sendall(data)
+            finally:
+                opened.setblocking(False)
+        except OSError as error:
+            raise lost_error(error, f"{self.host}:{self.port}") from error
+
+    def close(self) -> None:
+        opened, self._socket = self._socket, None
+        if opened is not None:
+            opened.close()
+
+    def _opened(self) -> socket.socket:
+        if self._socket is None:
+            raise LinkLost(f"{self.host}:{self.port} is closed; open it first")
+        return self._socket
+
+    def _take(self) -> bytes:
+        try:
+            data = self._opened().recv(65536)
+        except BlockingIOError:
+            return b""
+        except OSError as error:
+            raise lost_error(error, f"{self.host}:{self.port}") from error
+        if not data:
+            raise LinkLost(
+                f"{self.host}:{self.port} closed the connection; check the bench there and reopen"
+            )
+        return data
+
+
+MOST_PEERS = 8
+"""Senders that are answered; a choice. Beyond it the oldest is forgotten."""
+
+DATAGRAM_BYTES = 65536
+
+BUFFER_BYTES = 1 << 20
+"""What the system keeps while nobody reads: seconds of telemetry instead of a fraction of one."""
+
+
+class UdpSocket:
+    """Carry bytes in datagrams.
+
+    Args:
+        host: to listen on, or to send to.
+        port: UDP port.
+        listen: True binds and answers whoever has sent; False sends to `host` first, and only
+            datagrams from that very address and port are heard.
+        own_port: port of ours that `host` sends to, 0 for any.
+    """
+
+    baud: int | None = None
+
+    def __init__(self, host: str, port: int, listen: bool, own_port: int | None = None) -> None:
+        self.host, self.port, self.listens = host, port, listen
+        self._own_port = own_port
+        self._socket: socket.socket | None = None
+        self._peers: list[tuple[str, int]] = []
+
+    def open(self) -> None:
+        where = f"{self.host}:{self.port}"
+        taken = where if self._own_port is None else f"port {self._own_port}"
+        opened = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        try:
+            opened.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER_BYTES)
+            if self.listens:
+                opened.bind((self.host, self.port))
+                self._peers = []
+            else:
+                peer = socket.gethostbyname(self.host)
+                self._peers = [(peer, self.port)]
+                if self._own_port is not None:
+                    # Wider than this computer only where the other end is not on it.
+                    opened.bind(("127.0.0.1" if peer.startswith("127.") else "", self._own_port))
+                # The system drops what comes from any other address or port.
+                opened.connect((peer, self.port))
+            opened.setblocking(False)
+        except (OSError, OverflowError, UnicodeError) as error:
+            opened.close()
+            if getattr(error, "errno", None) == errno.EADDRINUSE:
+                raise PortBusy(
+                    f"another program listens on UDP {taken} (a ground station, another run?); end "
+                    f"it, or choose another port at both ends"
+                ) from error
+            raise opening_error(error, f"UDP {where}") from error
+        self._socket = opened
+
+    def read(self, timeout_s: float) -> bytes:
+        return first_bytes(self._take, timeout_s)
+
+    def write(self, data: bytes) -> None:
+        opened = self._opened()
+        for peer in self._peers:
+            try:
+                if self.listens:
+                    opened.sendto(data, peer)
+                else:
+                    opened.send(data)
+            except ConnectionError:
+                pass  # Nobody there at the moment: silence is judged by whoever reads.
+            except OSError as error:
+                raise lost_error(error, f"UDP {peer[0]}:{peer[1]}") from error
+
+    def close(self) -> None:
+        opened, self._socket = self._socket, None
+        if opened is not None:
+            opened.close()
+
+    def _opened(self) -> socket.socket:
+        if self._socket is None:
+            raise LinkLost(f"UDP {self.host}:{self.port} is closed; open it first")
+        return self._socket
+
+    def _take(self) -> bytes:
+        opened = self._opened()
+        parts: list[bytes] = []
+        taken = 0
+        while taken < BUFFER_BYTES:  # a flood of datagrams must not hold the caller
+            try:
+                data, peer = opened.recvfrom(DATAGRAM_BYTES)
+            except (BlockingIOError, ConnectionError):
+                break
+            except OSError as error:
+                raise lost_error(error, f"UDP {self.host}:{self.port}") from error
+            parts.append(data)
+            taken += len(data) + 1
+            if self.listens and peer not in self._peers:
+                self._peers = [*self._peers, peer][-MOST_PEERS:]
+        return b"".join(parts)

@@ -1,0 +1,202 @@
+"""Benches around another bench: held to the pace of life, or stopped from another thread."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.bench.bench import Bench, Identity, Listener, Opened, Readings, Subscribable
+from benchtool.core.errors import BenchtoolError, CommandRefused, RunStopped, StageError
+
+Array = NDArray[np.float64]
+
+PACE_S = 0.02
+"""Wall time of one read at most; a choice, a frame of a live chart has two of them."""
+
+LATE_S = 0.5
+"""A clock that is off by more, as after a move of the plate, is set anew instead of caught up."""
+
+
+class PacedBench(Opened):
+    """Be a bench whose reads take as long as they say, divided by `speed`.
+
+    For people who watch. Only reading takes time: a virtual plate moves at once.
+
+    Args:
+        bench: on a virtual clock.
+        speed: bench seconds per wall second; may be changed at any time.
+        clock: monotonic wall clock in seconds.
+        wait: waits at most so long for an event.
+    """
+
+    def __init__(
+        self,
+        bench: Bench,
+        speed: float = 1.0,
+        clock: Callable[[], float] = time.monotonic,
+        wait: Callable[[threading.Event, float], object] = threading.Event.wait,
+    ) -> None:
+        self.speed = speed
+        self._bench = bench
+        self._clock = clock
+        self._wait = wait
+        self._woken = threading.Event()
+        self._due_s = clock()
+
+    def halt(self) -> None:
+        """Let the present read return at once: no motor turns here, and its owner then stops."""
+        self._woken.set()
+
+    @property
+    def identity(self) -> Identity:
+        return self._bench.identity
+
+    def now_s(self) -> float:
+        return self._bench.now_s()
+
+    def open(self) -> None:
+        self._due_s = self._clock()
+        self._bench.open()
+
+    def close(self) -> None:
+        self._bench.close()
+
+    def set_pwm(self, pwm_us: Array) -> None:
+        self._bench.set_pwm(pwm_us)
+
+    def stop(self) -> None:
+        self._bench.stop()
+
+    def move_plate(self, z_m: float, x_m: float = 0.0, tilt_rad: float = 0.0) -> None:
+        self._bench.move_plate(z_m, x_m, tilt_rad)
+
+    def tare(self) -> None:
+        self._bench.tare()
+
+    def set_rate(self, rate_Hz: float) -> None:
+        self._bench.set_rate(rate_Hz)
+
+    def read(self, timeout_s: float) -> Readings:
+        speed = self.speed
+        step_s = min(timeout_s, PACE_S * speed)
+        if abs(self._due_s - self._clock()) > LATE_S:
+            self._due_s = self._clock()
+        self._due_s += step_s / speed
+        if (left_s := self._due_s - self._clock()) > 0.0:
+            self._wait(self._woken, left_s)
+        self._woken.clear()
+        return self._bench.read(step_s)
+
+
+STOP_SLICE_S = 0.05
+"""Longest wait of one read; a request to stop is raised to the owner at least as often."""
+
+
+@runtime_checkable
+class Halts(Protocol):
+    """Be able to send zero from any thread."""
+
+    def halt(self) -> None:
+        """Send zero to every motor without waiting for the answer, from any thread.
+
+        The owner of the bench may be in the middle of a command of its own.
+        """
+        ...
+
+
+class AskedToStop(RunStopped):
+    """Somebody asked to stop: the bench may go on when its owner wants it to."""
+
+
+class StoppableBench(Opened):
+    """Be another bench until somebody asks to stop.
+
+    `ask_to_stop` sends zero from the thread that asks, where the bench can do that, and lets the
+    owner's next call raise AskedToStop once. A pulse that the owner sends in the same moment is
+    taken back, or refused by a device that the stop had reached before.
+
+    Args:
+        bench: the one to stop.
+        heard: is given every sample once: as it comes from a bench that can be overheard, else
+            with the read that brings it.
+    """
+
+    def __init__(self, bench: Bench, heard: Listener | None = None) -> None:
+        self._bench = bench
+        self._heard = heard
+        if heard is not None and isinstance(bench, Subscribable):
+            bench.overhear(heard)
+            self._heard = None
+        self._asked: str | None = None
+
+    def ask_to_stop(self, reason: str) -> None:
+        """Stop from any thread; the owner hears the reason."""
+        self._asked = reason
+        if isinstance(self._bench, Halts):
+            with suppress(BenchtoolError, OSError):
+                self._bench.halt()
+
+    def forget(self) -> None:
+        """Forget a request that came when there was nothing to stop."""
+        self._asked = None
+
+    @property
+    def identity(self) -> Identity:
+        return self._bench.identity
+
+    def now_s(self) -> float:
+        return self._bench.now_s()
+
+    def open(self) -> None:
+        self._bench.open()
+
+    def close(self) -> None:
+        self._bench.close()
+
+    def set_pwm(self, pwm_us: Array) -> None:
+        self._raise_if_asked()
+        try:
+            self._bench.set_pwm(pwm_us)
+        except CommandRefused:
+            self._raise_if_asked()
+            raise
+        if self._asked is not None:
+            self._bench.stop()
+            self._raise_if_asked()
+
+    def stop(self) -> None:
+        self._bench.stop()
+
+    def move_plate(self, z_m: float, x_m: float = 0.0, tilt_rad: float = 0.0) -> None:
+        self._raise_if_asked()
+        try:
+            self._bench.move_plate(z_m, x_m, tilt_rad)
+        except (CommandRefused, StageError):
+            self._raise_if_asked()
+            raise
+
+    def tare(self) -> None:
+        self._raise_if_asked()
+        self._bench.tare()
+
+    def set_rate(self, rate_Hz: float) -> None:
+        self._bench.set_rate(rate_Hz)
+
+    def read(self, timeout_s: float) -> Readings:
+        self._raise_if_asked()
+        # Not raised behind the read: no sample is lost to a request.
+        readings = self._bench.read(min(timeout_s, STOP_SLICE_S))
+        if self._heard is not None:
+            self._heard(readings)
+        return readings
+
+    def _raise_if_asked(self) -> None:
+        reason, self._asked = self._asked, None
+        if reason is not None:
+            raise AskedToStop(f"{reason}; zero was commanded to the motors")

@@ -1,0 +1,280 @@
+"""The virtual benches as devices: simulated physics, what each says of itself, its server."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+
+import numpy as np
+
+from benchtool import __version__
+from benchtool.bench.serial.hello import LARGEST_SPEED, Hello
+from benchtool.core.errors import InputError, UnknownChoice
+from benchtool.core.own_code import CodePermit, refuse_code
+from benchtool.core.rig import Rig
+from benchtool.core.schedule_file import schedule_named
+from benchtool.physics.catalogue import effect_named
+from benchtool.physics.model import Model
+from benchtool.physics.model_file import load_model, model_names
+from benchtool.simulate.controllers.pitch import pitch_controller
+from benchtool.simulate.gain_file import gains_named
+from benchtool.simulate.imperfections import Imperfections
+from benchtool.simulate.pitch.bench import PitchBench
+from benchtool.simulate.pitch.own import PitchController
+from benchtool.simulate.pitch.run import PitchJob
+from benchtool.simulate.plate_bench import PlateBench
+from benchtool.virtual.faults import Fault, FaultyPlant, LinkFaults
+from benchtool.virtual.firmware import Firmware
+from benchtool.virtual.links import ServerLink
+from benchtool.virtual.pitch_plant import PitchPlant
+from benchtool.virtual.protocol import DeviceLink
+from benchtool.virtual.server import BenchServer, ServedDevice
+
+IDLE_SHARE = 0.05
+"""Share of the pulse range that counts as idle; an assumption: motors turn slowly or not at all."""
+
+
+def virtual_plant(
+    rig: Rig,
+    truth: Model,
+    seed: int,
+    imperfections: Imperfections | None = None,
+    rate_Hz: float = 200.0,
+) -> PlateBench:
+    """Return the simulated physics of a rig, its random numbers from `seed`."""
+    return PlateBench(rig, truth, np.random.default_rng(seed), imperfections, rate_Hz)
+
+
+def hello_of(plant: PlateBench, truth: Model, seed: int) -> Hello:
+    """Return what the virtual device of that plant says of itself."""
+    rig = plant.rig
+    pulse = rig.propulsion
+    start_us = max(pulse.pwm_stop_us, pulse.pwm_start_us)
+    return Hello(
+        device_id=f"virtual-{rig.name}-{seed}",
+        firmware=f"benchtool virtual bench {__version__}",
+        n_rotors=rig.n_rotors,
+        channels=plant.channels,
+        channel_rates_Hz=plant.channel_rates_Hz,
+        rate_Hz=plant.rate_Hz,
+        limits=device_limits(rig),
+        pwm_stop_us=pulse.pwm_stop_us,
+        pwm_idle_us=start_us + IDLE_SHARE * (pulse.pwm_max_us - start_us),
+        # Whatever moves the plate of the real rig, nobody else can move that of a virtual one.
+        moves_plate=True,
+        simulated=True,
+        facts={
+            "rig": rig.name,
+            "truth": truth.name,
+            "seed": str(seed),
+            "thrust_raw_N_per_count": f"{plant.count_N:.9g}",
+        },
+    )
+
+
+def device_limits(rig: Rig) -> dict[str, float]:
+    """Return the limits that a device of this rig guards by itself, by name."""
+    limits = rig.limits
+    return {
+        "pwm_us": limits.pwm_us,
+        "thrust_N": min(limits.thrust_N, limits.load_cell_rating_N),
+        "rpm": limits.rpm,
+        "current_A": limits.current_A,
+        "voltage_min_V": limits.voltage_min_V,
+        "temperature_degC": limits.temperature_degC,
+        "plate_z_min_m": rig.plate.z_min_m,
+        "plate_z_max_m": rig.plate.z_max_m,
+        "plate_x_max_m": rig.plate_x_max_m,
+    }
+
+
+EXAMPLE = "coulomb_friction.torque_Nm:0.012"
+
+
+def with_hidden(model: Model, text: str) -> Model:
+    """Return a model with some numbers of effects changed.
+
+    Args:
+        model: of the bench.
+        text: EFFECT.PARAMETER:VALUE in SI units, several with commas.
+
+    Raises:
+        InputError, UnknownChoice: no such effect or parameter, or a value beyond its bounds.
+    """
+    for each in text.split(","):
+        name, _, value = each.partition(":")
+        effect, _, parameter = name.partition(".")
+        known = [item.name for item in effect_named(effect).parameters]
+        if parameter not in known:
+            raise UnknownChoice(f"parameter of effect {effect!r}", parameter, known)
+        try:
+            number = float(value)
+        except ValueError:
+            raise InputError(
+                f"hidden is {each!r}, which ends in no number; write for example hidden={EXAMPLE}"
+            ) from None
+        if name not in model.parameters:
+            model = model.with_effect(effect)
+        model = model.fixed(name, number)
+    return model
+
+
+PITCH_LIMIT_RAD = np.radians(45.0)
+"""A device stops beyond this angle: three quarters of the way to the hinge's stop. A choice."""
+
+RATE_LIMIT_RAD_S = 10.0
+"""A device stops beyond this rate: no schedule that ships comes near half of it. A choice."""
+
+
+def pitch_plant(
+    rig: Rig,
+    truth: str | None = None,
+    schedule: str = "plate",
+    controller: str = "pid",
+    gains: str = "s3",
+    seed: int = 0,
+    rate_Hz: float | None = None,
+    own: type[PitchController] | None = None,
+    hidden: str = "",
+    change: Callable[[PitchJob], PitchJob] = lambda job: job,
+    permit: CodePermit = refuse_code,
+) -> PitchPlant:
+    """Return the simulated pitch bench of these names.
+
+    Args:
+        rig: on the hinge.
+        truth: model or its file; the rig's own pitch model when None.
+        schedule: by name or file.
+        controller: a built-in one, by name; or what `own` is called.
+        gains: by name or file.
+        seed: of the noise.
+        rate_Hz: stream rate; the control rate when None.
+        own: class of the user's own controller; its rate is that of the gains.
+        hidden: effects as `hidden_effect.with_hidden` takes them; none when empty.
+        change: gives the job with other numbers.
+        permit: called with the file of a truth's own effects before it is run.
+    """
+    usual = f"pitch_{rig.name}"
+    if truth is not None:
+        model = load_model(truth, rig, permit).model
+    elif usual in model_names():
+        model = load_model(usual, rig).model
+    else:
+        model = Model.single(rig)
+    if hidden:
+        model = with_hidden(model, hidden)
+    control = pitch_controller("pid" if own else controller, gains_named(gains))
+    job = change(PitchJob(PitchBench.of(model), replace(control, name=controller)))
+    return PitchPlant(job, schedule_named(schedule), seed, rate_Hz, own)
+
+
+def pitch_hello(plant: PitchPlant, seed: int) -> Hello:
+    """Return what the virtual pitch bench of that plant says of itself."""
+    rig, job = plant.rig, plant.job
+    gains = job.control.gains
+    families = ("pwm", "rpm", "plate_z")
+    limits = {k: v for k, v in device_limits(rig).items() if k.startswith(families)}
+    limits |= {"theta_rad": float(PITCH_LIMIT_RAD), "gyro_rad_s": RATE_LIMIT_RAD_S}
+    return Hello(
+        device_id=f"virtual-pitch-{rig.name}-{seed}",
+        firmware=f"benchtool virtual pitch bench {__version__}",
+        n_rotors=rig.n_rotors,
+        channels=plant.channels,
+        channel_rates_Hz=plant.channel_rates_Hz,
+        rate_Hz=plant.rate_Hz,
+        limits=limits,
+        pwm_stop_us=rig.propulsion.pwm_stop_us,
+        pwm_idle_us=plant.idle_us,
+        moves_plate=True,
+        simulated=True,
+        has_loop=True,
+        # Sequence, time and checksum, then about thirteen characters for each value.
+        frame_bytes=26 + 13 * len(plant.channels),
+        facts={
+            "mode": "pitch",
+            "rig": rig.name,
+            "truth": job.bench.model.name,
+            "controller": job.control.name,
+            "gains": gains.name if gains is not None else "none",
+            "schedule": plant.schedule.name,
+            "schedule_s": f"{plant.schedule.duration_s:g}",
+            "control_rate_Hz": f"{plant.control_rate_Hz:g}",
+            "seed": str(seed),
+        },
+    )
+
+
+def pitch_server(
+    physics: PitchPlant,
+    link: ServerLink,
+    *,
+    seed: int = 0,
+    speed: float = 1.0,
+    faults: Iterable[Fault] = (),
+    speak: Callable[[Firmware], ServedDevice] = DeviceLink,
+) -> BenchServer:
+    """Return a server whose device is a virtual pitch bench; `speak` is its protocol.
+
+    Raises:
+        InputError: a speed that makes no sense, or a fault of an unknown channel.
+    """
+    if not 0.0 < speed <= LARGEST_SPEED:
+        raise InputError(f"speed {speed:g} is outside 0 to {LARGEST_SPEED:g}; 1 is real time")
+    faults = tuple(faults)
+    plant = FaultyPlant(physics, faults)
+    hello = replace(pitch_hello(physics, seed), speed=speed)
+    link_rng = np.random.default_rng(np.random.SeedSequence(seed).spawn(1)[0])
+    return BenchServer(
+        speak(Firmware(plant, hello)),
+        link,
+        lambda: plant.rate_Hz,
+        LinkFaults(faults, link_rng),
+        plant.begin,
+    )
+
+
+def standard_truth(rig: Rig) -> str:
+    """Return the name of the model that a virtual bench of this rig obeys unless told otherwise."""
+    return "single" if rig.n_discs == 1 else "quad_body_lift"
+
+
+def virtual_server(
+    rig: Rig,
+    truth: Model,
+    link: ServerLink,
+    *,
+    seed: int = 0,
+    speed: float = 1.0,
+    rate_Hz: float = 200.0,
+    imperfections: Imperfections | None = None,
+    faults: Iterable[Fault] = (),
+    speak: Callable[[Firmware], ServedDevice] = DeviceLink,
+    clock: Callable[[], float] = time.monotonic,
+) -> BenchServer:
+    """Return a server whose device is the virtual bench of a rig; `speak` is its protocol.
+
+    Raises:
+        InputError: a speed or a rate that makes no sense, or a fault of an unknown channel.
+    """
+    if not 0.0 < speed <= LARGEST_SPEED:
+        raise InputError(f"speed {speed:g} is outside 0 to {LARGEST_SPEED:g}; 1 is real time")
+    faults = tuple(faults)
+    physics = virtual_plant(rig, truth, seed, imperfections, rate_Hz)
+    plant = FaultyPlant(physics, faults)
+    hello = replace(
+        hello_of(physics, truth, seed),
+        speed=speed,
+        # Sequence, time and checksum, then about nine characters for each value.
+        frame_bytes=26 + 9 * len(physics.channels),
+    )
+    # A stream of random numbers of its own, apart from that of the physics.
+    link_rng = np.random.default_rng(np.random.SeedSequence(seed).spawn(1)[0])
+    return BenchServer(
+        speak(Firmware(plant, hello, clock())),
+        link,
+        lambda: plant.rate_Hz,
+        LinkFaults(faults, link_rng),
+        plant.begin,
+        clock,
+    )

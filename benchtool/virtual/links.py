@@ -1,0 +1,391 @@
+"""Where virtual devices listen: a pseudo-terminal, a TCP port, UDP. Never blocks."""
+
+from __future__ import annotations
+
+import errno
+import os
+import socket
+from collections.abc import Callable
+from contextlib import ExitStack, suppress
+from pathlib import Path
+from typing import Protocol
+
+from benchtool.bench.mavlink.settings import DEFAULT_BAUD, LOOPBACK
+from benchtool.bench.serial.commands import Event
+from benchtool.core.errors import InputError, LinkError, NoDevice, PortBusy
+from benchtool.virtual.protocol import event_line
+
+
+class ServerLink(Protocol):
+    """Carry bytes to whoever is connected at the moment."""
+
+    @property
+    def address(self) -> str:
+        """What a host writes to reach this bench."""
+        ...
+
+    def read(self) -> bytes:
+        """Return what has arrived, perhaps nothing; never waits."""
+        ...
+
+    def write(self, data: bytes) -> int:
+        """Send what fits at the moment and return how many bytes that were."""
+        ...
+
+    def unplug(self) -> None:
+        """Vanish as a pulled cable does."""
+        ...
+
+    def replug(self) -> None:
+        """Come back, where possible under the same address."""
+        ...
+
+    def close(self) -> None:
+        """Stop listening."""
+        ...
+
+
+class PtyLink:
+    """Listen on a pseudo-terminal.
+
+    Args:
+        symlink: a path that always leads to the present terminal, also after a replug.
+    """
+
+    def __init__(self, symlink: Path | None = None) -> None:
+        if os.name != "posix":
+            raise InputError("this system has no pseudo-terminals; serve with --link tcp:5555")
+        self._symlink = symlink
+        self._ends: tuple[int, int] | None = None
+        self._path = ""
+        if symlink is not None and symlink.exists() and not symlink.is_symlink():
+            raise InputError(f"{symlink} exists and is no link; choose another --symlink")
+        self.replug()
+
+    @property
+    def address(self) -> str:
+        return f"serial:{self._symlink or self._path}"
+
+    def read(self) -> bytes:
+        if self._ends is None:
+            return b""
+        try:
+            return os.read(self._ends[0], 65536)
+        except OSError:  # nothing there, or nobody
+            return b""
+
+    def write(self, data: bytes) -> int:
+        if self._ends is None:
+            return len(data)
+        try:
+            return os.write(self._ends[0], data)
+        except OSError:
+            return 0
+
+    def unplug(self) -> None:
+        ends, self._ends = self._ends, None
+        for end in ends or ():
+            os.close(end)
+        if self._symlink is not None:
+            self._symlink.unlink(missing_ok=True)
+
+    def replug(self) -> None:
+        import pty
+        import tty
+
+        # The far end stays open here: otherwise its settings and its bytes go with every client.
+        near, far = pty.openpty()
+        tty.setraw(far)
+        os.set_blocking(near, False)
+        self._ends, self._path = (near, far), os.ttyname(far)
+        if self._symlink is None:
+            return
+        try:
+            self._symlink.unlink(missing_ok=True)
+            self._symlink.symlink_to(self._path)
+        except OSError as error:
+            symlink, self._symlink = self._symlink, None
+            self.unplug()
+            raise InputError(
+                f"--symlink {symlink} cannot be made ({error.strerror}); choose a path in a folder "
+                f"that exists and may be written"
+            ) from error
+
+    def close(self) -> None:
+        self.unplug()
+
+
+class TcpLink:
+    """Listen on a TCP port for one client at a time; a second one is told who holds the bench."""
+
+    def __init__(self, host: str, port: int) -> None:
+        self._host = host
+        self._port = port
+        self._client: socket.socket | None = None
+        self._client_name = ""
+        self._listener: socket.socket | None = None
+        self.replug()
+
+    @property
+    def address(self) -> str:
+        return f"tcp:{self._host}:{self._port}"
+
+    def read(self) -> bytes:
+        # The old client first, up to its end: one that comes back at once must not find it here.
+        heard = b""
+        while self._client is not None:
+            try:
+                data = self._client.recv(65536)
+            except BlockingIOError:
+                break
+            except OSError:
+                data = b""
+            if not data:
+                self._drop_client()
+            heard += data
+        self._accept()
+        return heard
+
+    def write(self, data: bytes) -> int:
+        if self._client is None:
+            return len(data)
+        try:
+            return self._client.send(data)
+        except BlockingIOError:
+            return 0
+        except OSError:
+            self._drop_client()
+            return len(data)
+
+    def unplug(self) -> None:
+        self._drop_client()
+        if self._listener is not None:
+            self._listener.close()
+            self._listener = None
+
+    def replug(self) -> None:
+        try:
+            with ExitStack() as on_failure:
+                listener = on_failure.enter_context(socket.socket())
+                if os.name == "posix":
+                    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+                listener.bind((self._host, self._port))
+                listener.listen()
+                listener.setblocking(False)
+                on_failure.pop_all()
+        except (OSError, OverflowError, UnicodeError) as error:
+            raise _listen_error(error, self._host, self._port) from error
+        self._listener = listener
+        self._port = listener.getsockname()[1]
+
+    def close(self) -> None:
+        self.unplug()
+
+    def _accept(self) -> None:
+        if self._listener is None:
+            return
+        try:
+            client, peer = self._listener.accept()
+        except OSError:
+            return
+        if self._client is not None:
+            with client, suppress(OSError):
+                client.sendall(event_line(Event("busy", self._client_name)))
+            return
+        try:
+            client.setblocking(False)
+            client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        except OSError:  # it went away again at once
+            client.close()
+            return
+        self._client, self._client_name = client, f"{peer[0]}:{peer[1]}"
+
+    def _drop_client(self) -> None:
+        client, self._client = self._client, None
+        if client is not None:
+            client.close()
+
+
+def _listen_error(error: Exception, host: str, port: int) -> LinkError | InputError:
+    import errno
+
+    if isinstance(error, OSError) and error.errno == errno.EADDRINUSE:
+        return PortBusy(f"another program listens on {host}:{port}; choose another port")
+    if isinstance(error, OverflowError):
+        return InputError(f"TCP port {port} is outside 0 to 65535; choose one in it")
+    return NoDevice(f"cannot listen on {host}:{port} ({error}); choose another host or port")
+
+
+def link_named(text: str, symlink: Path | None = None) -> ServerLink:
+    """Return the link that `pty`, `tcp:PORT` or `tcp:HOST:PORT` names.
+
+    Raises:
+        InputError: it names none.
+    """
+    scheme, _, place = text.partition(":")
+    if scheme == "pty" and not place:
+        return PtyLink(symlink)
+    host, _, port = place.rpartition(":")
+    if scheme == "tcp" and port.isdecimal():
+        if symlink is not None:
+            raise InputError("--symlink goes with --link pty only; leave it out")
+        return TcpLink(host or "127.0.0.1", int(port))
+    raise InputError(f"link {text!r} is none; known: pty, tcp:PORT, tcp:HOST:PORT")
+
+
+FRAME_START = 0xFD
+
+HEADER_BYTES, SIGNATURE_BYTES = 12, 13
+
+DATAGRAM_BYTES = 1400
+"""Most bytes of whole frames in one datagram: below the usual 1500 of a network's packets."""
+
+
+class UdpLink:
+    """Carry frames in datagrams, whole ones only.
+
+    Args:
+        host: to send to, or to listen on.
+        port: UDP port.
+        listen: True waits for a host; False sends to it from the start, as autopilots do.
+        fitting: how many bytes of data, from a place in it, go into one datagram; those of whole
+            MAVLink frames when left out.
+    """
+
+    def __init__(
+        self,
+        host: str,
+        port: int,
+        listen: bool,
+        fitting: Callable[[bytes, int], int] | None = None,
+    ) -> None:
+        self._host, self._port, self._listen = host, port, listen
+        self._fitting = fitting or _whole_frames
+        self._socket: socket.socket | None = None
+        self._peer: tuple[str, int] | None = None
+        self.replug()
+
+    @property
+    def place(self) -> str:
+        """Host and port."""
+        return f"{self._host}:{self._port}"
+
+    @property
+    def address(self) -> str:
+        """What follows `mavlink:` in the address of a host."""
+        return f"{'udpout' if self._listen else 'udpin'}:{self._host}:{self._port}"
+
+    def read(self) -> bytes:
+        parts = []
+        while self._socket is not None:
+            try:
+                data, peer = self._socket.recvfrom(65536)
+            except OSError:  # nothing there, or nobody
+                break
+            parts.append(data)
+            if self._listen:
+                self._peer = peer
+        return b"".join(parts)
+
+    def write(self, data: bytes) -> int:
+        if self._socket is None or self._peer is None:
+            return len(data)
+        sent = 0
+        while sent < len(data):
+            size = self._fitting(data, sent)
+            try:
+                self._socket.sendto(data[sent : sent + size], self._peer)
+            except BlockingIOError:
+                return sent
+            except OSError:
+                pass  # Nobody listens: datagrams get lost.
+            sent += size
+        return sent
+
+    def unplug(self) -> None:
+        opened, self._socket = self._socket, None
+        if opened is not None:
+            opened.close()
+
+    def replug(self) -> None:
+        try:
+            with ExitStack() as on_failure:
+                opened = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+                on_failure.enter_context(opened)
+                if self._listen:
+                    opened.bind((self._host, self._port))
+                    self._port = opened.getsockname()[1]
+                else:
+                    self._peer = (socket.gethostbyname(self._host), self._port)
+                opened.setblocking(False)
+                on_failure.pop_all()
+        except OverflowError as error:
+            raise InputError(
+                f"UDP port {self._port} is outside 0 to 65535; choose one in it"
+            ) from error
+        except (OSError, UnicodeError) as error:
+            where = f"UDP {self._host}:{self._port}"
+            if isinstance(error, OSError) and error.errno == errno.EADDRINUSE:
+                raise PortBusy(
+                    f"another program listens on {where}; choose another port"
+                ) from error
+            raise NoDevice(f"cannot use {where} ({error}); choose another host or port") from error
+        self._socket = opened
+
+    def close(self) -> None:
+        self.unplug()
+
+
+def _whole_frames(data: bytes, start: int) -> int:
+    """Return how many bytes from `start` make whole frames that fit one datagram."""
+    at = start
+    while at < len(data):
+        size = 1
+        if data[at] == FRAME_START and at + 2 < len(data):
+            signed = data[at + 2] & 1
+            size = HEADER_BYTES + data[at + 1] + SIGNATURE_BYTES * signed
+        if at > start and at + size - start > DATAGRAM_BYTES:
+            break
+        at += size
+    return min(at, len(data)) - start
+
+
+def one_line(data: bytes, start: int) -> int:
+    """Return how many bytes from `start` make one line, whatever its length."""
+    end = data.find(b"\n", start)
+    return (len(data) if end < 0 else end + 1) - start
+
+
+USUAL_PORT = 14550
+"""Where ground stations listen."""
+
+
+def autopilot_link(text: str, symlink: Path | None = None) -> ServerLink:
+    """Return the link that follows `mavlink` in `--link`.
+
+    Nothing stands for UDP to port 14550 of this computer; `:pty`, `:tcp:5760`, `:udpout:HOST:PORT`
+    (sends there) and `:udpin:PORT` (waits there) are the others.
+
+    Raises:
+        InputError: it names none.
+    """
+    kind, _, place = text.removeprefix(":").partition(":")
+    if kind == "pty" and not place:
+        return PtyLink(symlink)
+    if symlink is not None:
+        raise InputError("--symlink goes with --link mavlink:pty only; leave it out")
+    host, _, port = (place or f"{LOOPBACK}:{USUAL_PORT}").rpartition(":")
+    if kind in ("", "udpout", "udpin", "tcp") and port.isdecimal():
+        if kind == "tcp":
+            return TcpLink(host or LOOPBACK, int(port))
+        return UdpLink(host or LOOPBACK, int(port), listen=kind == "udpin")
+    raise InputError(
+        f"link 'mavlink:{text.removeprefix(':')}' is none; known: mavlink, mavlink:pty, "
+        f"mavlink:tcp:PORT, mavlink:udpout:HOST:PORT, mavlink:udpin:PORT"
+    )
+
+
+def host_address(link: ServerLink, n_rotors: int, options: str = "") -> str:
+    """Return the address that a host opens: link, and how many rotors hang on the autopilot."""
+    place = link.address + (f":{DEFAULT_BAUD}" if link.address.startswith("serial:") else "")
+    return f"mavlink:{place}?rotors={n_rotors}{options}"

@@ -1,0 +1,222 @@
+"""The device's end of the wire: bytes in, bytes out, around a `Firmware`. Pure; time is handed in.
+
+This is what a microcontroller does in its loop: read lines, refuse late orders, answer each command
+number once, send samples and events.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import inf
+
+from benchtool.bench.serial.commands import (
+    LATE,
+    OLDEST_S,
+    PROTOCOL_VERSION,
+    Arm,
+    AskHello,
+    AskPlate,
+    Clear,
+    Command,
+    Event,
+    MovePlate,
+    Reply,
+    SetPwm,
+    Stop,
+    command_from,
+)
+from benchtool.bench.serial.frames import (
+    TIME_MODULUS_US,
+    Decoder,
+    Message,
+    SampleWriter,
+    crc16,
+    frame,
+    frame_fields,
+    payload_of,
+)
+from benchtool.bench.serial.hello import hello_lines
+from benchtool.core.errors import BenchtoolError
+from benchtool.virtual.firmware import Firmware
+
+LAST_NUMBER = TIME_MODULUS_US - 1
+"""Largest number of an order; they grow from the hello on and never start over."""
+
+
+class OrderCheck:
+    """Know which orders are late.
+
+    An order carries a number that grows and the last device time that its host has read. Its age is
+    the time since then on the device's own clock, so that neither the host's clock nor the delay
+    of the way to the host matters.
+
+    Args:
+        speed: device seconds per wall second; the age limit is wall time.
+
+    Attributes:
+        armed: whether orders to turn or to move are obeyed.
+        number: of the last order that was carried out.
+    """
+
+    def __init__(self, speed: float = 1.0) -> None:
+        self.armed = False
+        self.number = 0
+        self._speed = speed
+        self._stopped_us = -inf
+
+    def greet(self, number: int, now_us: int) -> None:
+        """Begin anew with a host that says hello."""
+        self.stop(now_us)
+        self.number = number
+
+    def stop(self, now_us: int) -> None:
+        """Note a stop: what was ordered before it is refused from now on."""
+        self.armed = False
+        self._stopped_us = now_us
+
+    def refusal(self, number: int, time: str, now_us: int) -> str:
+        """Return why an order is refused as late, nothing when it may be carried out.
+
+        Args:
+            number: of the order.
+            time: device time that the order repeats, as it came.
+            now_us: device time, not wrapped.
+        """
+        if number <= self.number:
+            return f"{LATE}number {number} comes after {self.number}"
+        if not (time.isdecimal() and len(time) <= 10 and int(time) < TIME_MODULUS_US):
+            return f"{time!r} is no device time; repeat that of the last sample or answer"
+        age_us = (now_us - int(time)) % TIME_MODULUS_US
+        age_s = age_us / 1e6 / self._speed
+        if age_s > OLDEST_S:
+            return f"{LATE}{1000.0 * age_s:.0f} ms old; limit {1000.0 * OLDEST_S:.0f} ms"
+        if now_us - age_us < self._stopped_us:
+            return f"{LATE}given before the last stop"
+        return ""
+
+
+class DeviceLink:
+    """Speak the bench protocol for one device.
+
+    Attributes:
+        firmware: the device itself.
+        greeted_s: wall time of the last hello, None before the first.
+        orders: which orders come late, and whether the device is armed.
+    """
+
+    def __init__(self, firmware: Firmware) -> None:
+        self.firmware = firmware
+        self.greeted_s: float | None = None
+        self.orders = OrderCheck(firmware.hello.speed)
+        self._decoder = Decoder()
+        self._writer = SampleWriter(len(firmware.hello.channels))
+        self._answered = b""
+
+    @property
+    def speed(self) -> float:
+        """Device seconds per wall second."""
+        return self.firmware.hello.speed
+
+    def receive(self, data: bytes, now_s: float) -> bytes:
+        """Take what arrived at wall time `now_s` and return the answers."""
+        if not data:
+            return b""
+        return b"".join(
+            self._answer(message, now_s) for message in self._decoder.feed(data).messages
+        )
+
+    def tick(self, n: int, now_s: float) -> tuple[bytes, list[bytes]]:
+        """Run n ticks; return what must get through, and one line per sample of the stream."""
+        rows = self.firmware.advance(n, now_s)
+        events = b"".join(event_line(event) for event in self.firmware.take_events())
+        if self.firmware.rate_Hz <= 0.0:
+            return events, []
+        return events, self._writer.frames(rows.device_time_us, rows.values)
+
+    def tell_dropped(self, count: int) -> bytes:
+        """Return the event that says how many samples were dropped."""
+        text = f"{count} samples dropped by the device since the hello; read faster"
+        return event_line(Event("dropped", text))
+
+    def _answer(self, message: Message, now_s: float) -> bytes:
+        self.firmware.hear(now_s)
+        fields = message.fields
+        if message.letter != "C" or len(fields) < 2 or not fields[0].isdecimal():
+            return b""
+        number, name = int(fields[0]), fields[1]
+        if number > LAST_NUMBER:
+            return b""
+        try:
+            # A hello has its version where other commands have the time.
+            command = command_from((name, *fields[2 if name == "hello" else 3 :]))
+        except BenchtoolError as error:
+            return self._refuse(number, str(error))
+        match command:
+            case AskHello(version):
+                return self._greet(number, version, now_s)
+            case Stop() | AskPlate():
+                return self._execute(number, command, now_s)
+        if number == self.orders.number and self._answered:
+            return self._answered
+        time = fields[2] if len(fields) > 2 else ""
+        if late := self.orders.refusal(number, time, self.firmware.device_time_us):
+            return self._refuse(number, late)
+        self.orders.number = number
+        if self._turns(command) and not self.orders.armed:
+            self._answered = self._refuse(number, "not armed since the last stop; send arm first")
+        else:
+            self._answered = self._execute(number, command, now_s)
+        return self._answered
+
+    def _turns(self, command: Command) -> bool:
+        """Whether something moves by a command, so that it is obeyed by an armed device only."""
+        if isinstance(command, SetPwm):
+            return any(us > self.firmware.hello.pwm_stop_us for us in command.pwm_us)
+        return isinstance(command, MovePlate)
+
+    def _execute(self, number: int, command: Command, now_s: float) -> bytes:
+        try:
+            reply = self.firmware.execute(command, now_s)
+        except BenchtoolError as error:
+            reply = Reply(False, str(error))
+        if not reply.ok:
+            return self._refuse(number, reply.reason)
+        if isinstance(command, Stop | Clear):
+            self.orders.stop(self.firmware.device_time_us)
+        self.orders.armed |= isinstance(command, Arm)
+        return self._acknowledge(number, reply.fields)
+
+    def _greet(self, number: int, version: int, now_s: float) -> bytes:
+        """Answer a hello with its lines, their count, and the CRC over them."""
+        if version < PROTOCOL_VERSION:
+            told = f"this device speaks protocol version {PROTOCOL_VERSION}; update benchtool"
+            return self._refuse(number, told)
+        self.firmware.execute(AskHello(), now_s)
+        self.orders.greet(number, self.firmware.device_time_us)
+        self._answered = b""
+        self.greeted_s = now_s
+        payloads = [
+            payload_of("H", (str(index), *map(_one_field, line)))
+            for index, line in enumerate(hello_lines(self.firmware.hello))
+        ]
+        whole = crc16(b"".join(payload + b"\n" for payload in payloads))
+        answer = self._acknowledge(number, (str(len(payloads)), f"{whole:04X}"))
+        return b"".join(map(frame, payloads)) + answer
+
+    def _acknowledge(self, number: int, fields: Sequence[str]) -> bytes:
+        return frame_fields("A", (str(number), self._time(), *fields))
+
+    def _refuse(self, number: int, reason: str) -> bytes:
+        return frame_fields("N", (str(number), self._time(), reason))
+
+    def _time(self) -> str:
+        return str(self.firmware.device_time_us % TIME_MODULUS_US)
+
+
+def event_line(event: Event) -> bytes:
+    """Return the line that reports an event."""
+    return frame_fields("E", (event.kind, event.text))
+
+
+def _one_field(text: str) -> str:
+    return text.replace(",", ";")
