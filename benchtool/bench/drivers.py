@@ -1,18 +1,18 @@
-"""Addresses: `scheme:where?option=value` to a bench, not opened yet.
+"""Every kind of address and the driver behind it, and how a driver is opened.
 
-Nothing falls back to another scheme, least of all to the simulator: a user who names a port that
-is not there is told so.
+A driver is named by a string, so that nothing here imports it before it is used, and so that the
+simulator, which stands above this room, can be one of them. Nothing falls back to another scheme,
+least of all to the simulator: a user who names a port that is not there gets that as an error.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from pathlib import Path
+from dataclasses import dataclass, replace
+from importlib import import_module
 from typing import Any
 from urllib.parse import parse_qsl
 
-from benchtool.bench.address import Address
+from benchtool.bench.address import Address, Endpoint
 from benchtool.bench.bench import Bench
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.own_code import CodePermit, refuse_code
@@ -20,17 +20,73 @@ from benchtool.core.own_code import CodePermit, refuse_code
 LONGEST_ADDRESS = 1024
 """Longest address, in characters; a choice: a path and some options."""
 
-DEFAULT_BAUD = 2_000_000
-"""Rate of a serial address that names none: what the protocol's description recommends."""
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Driver:
+    """Describe one kind of address.
 
-@dataclass(frozen=True, slots=True)
-class Scheme:
-    """Describe one kind of address: how to open it, its options, an example for people."""
+    Attributes:
+        opener: "module:function" that turns an `Address` into a bench, not opened yet.
+        example: an address, for people.
+        options: names of what may follow the place.
+        ends: "module:function" that turns an `Address` into the ends of its link, which
+            `benchtool doctor` looks at; empty where there is none.
+    """
 
-    opener: Callable[[Address, CodePermit], Bench]
-    options: tuple[str, ...]
+    opener: str
     example: str
+    options: tuple[str, ...] = ()
+    ends: str = ""
+
+
+DRIVERS: dict[str, Driver] = {}
+"""Every driver by the scheme of its addresses."""
+
+
+def register(
+    scheme: str, opener: str, *, example: str, options: tuple[str, ...] = (), ends: str = ""
+) -> None:
+    """Add a driver; see `Driver` for what each argument is."""
+    DRIVERS[scheme] = Driver(opener=opener, example=example, options=options, ends=ends)
+
+
+register(
+    "sim",
+    "benchtool.virtual.simulated:open_simulated",
+    example="sim:pquad?seed=3",
+    options=("truth", "seed", "rate", "mode", "schedule", "controller", "gains", "hidden"),
+)
+register(
+    "serial",
+    "benchtool.bench.serial.bench:open_serial",
+    example="serial:/dev/ttyUSB0?baud=2000000",
+    options=("baud",),
+    ends="benchtool.bench.transport.serial_port:serial_ends",
+)
+register(
+    "tcp",
+    "benchtool.bench.serial.bench:open_tcp",
+    example="tcp:127.0.0.1:5555",
+    ends="benchtool.bench.transport.sockets:tcp_ends",
+)
+register(
+    "mavlink",
+    "benchtool.bench.mavlink.bench:open_mavlink",
+    example="mavlink:udpin:127.0.0.1:14550",
+    options=(
+        *("system", "rotors", "map", "mode", "arm", "rate", "key"),
+        *("thrust", "thrust_scale", "rpm", "distance", "orientation", "cell"),
+    ),
+    ends="benchtool.bench.mavlink.settings:mavlink_ends",
+)
+register(
+    "rcbudp",
+    "benchtool.bench.rcbenchmark.bench:open_rcbudp",
+    example="rcbudp:127.0.0.1:55047",
+    options=("listen", "thrust_scale"),
+    ends="benchtool.bench.rcbenchmark.link:rcbudp_ends",
+)
+register("replay", "benchtool.bench.replay:open_replay", example="replay:runs/2026-01-31-first")
 
 
 def parse_address(text: str) -> Address:
@@ -43,14 +99,15 @@ def parse_address(text: str) -> Address:
     if len(text) > LONGEST_ADDRESS:
         raise InputError(
             f"the address {text[:40]!r}... has {len(text):,} characters, limit "
-            f"{LONGEST_ADDRESS:,}; write for example {SCHEMES['sim'].example}"
+            f"{LONGEST_ADDRESS:,}; write for example {DRIVERS['sim'].example}"
         )
     scheme, colon, rest = text.strip().partition(":")
     if not colon:
-        raise InputError(f"{text!r} names no scheme; write it as one of: {', '.join(_examples())}")
-    if scheme not in SCHEMES:
-        raise UnknownChoice("address scheme", scheme, SCHEMES)
-    known = SCHEMES[scheme]
+        examples = ", ".join(driver.example for driver in DRIVERS.values())
+        raise InputError(f"{text!r} names no scheme; write it as one of: {examples}")
+    if scheme not in DRIVERS:
+        raise UnknownChoice("address scheme", scheme, DRIVERS)
+    known = DRIVERS[scheme]
     # Windows device paths (\\?\...) hold a question mark of their own, before any option.
     head = rest[:4] if rest.startswith("\\\\?\\") else ""
     place, _, query = rest[len(head) :].partition("?")
@@ -67,7 +124,7 @@ def parse_address(text: str) -> Address:
     for name, _ in pairs:
         if name not in known.options:
             raise UnknownChoice(f"option of {scheme}: addresses", name, known.options)
-    return Address(text, scheme, head + place, dict(pairs))
+    return Address(text, scheme, head + place, dict(pairs), known.example)
 
 
 def open_bench(address: str, permit: CodePermit = refuse_code) -> Bench:
@@ -82,130 +139,19 @@ def open_bench(address: str, permit: CodePermit = refuse_code) -> Bench:
         InputError, UnknownChoice: the address cannot be read.
         FileFormatError: a file that it names cannot be read.
     """
-    parsed = parse_address(address)
-    return SCHEMES[parsed.scheme].opener(parsed, permit)
+    parsed = replace(parse_address(address), permit=permit)
+    bench: Bench = load(DRIVERS[parsed.scheme].opener)(parsed)
+    return bench
 
 
-def _examples() -> list[str]:
-    return [scheme.example for scheme in SCHEMES.values()]
+def ends_of(address: Address) -> tuple[Endpoint, ...]:
+    """Return the ends of an address's link, none for one that has no link."""
+    ends = DRIVERS[address.scheme].ends
+    found: tuple[Endpoint, ...] = load(ends)(address) if ends else ()
+    return found
 
 
-MODES = ("plate", "pitch")
-"""What a virtual bench is: a load cell over a plate, or a pitch hinge with a controller."""
-
-MAVLINK_OPTIONS = (
-    *("system", "rotors", "map", "mode", "arm", "rate", "key"),
-    *("thrust", "thrust_scale", "rpm", "distance", "orientation", "cell"),
-)
-"""What may follow the place of a `mavlink:` address; mavlink_settings.py says what each means."""
-
-_PITCH_OPTIONS = ("schedule", "controller", "gains", "hidden")
-
-
-def _simulated(address: Address, permit: CodePermit) -> Bench:
-    mode = address.options.get("mode", "plate")
-    if mode not in MODES:
-        raise UnknownChoice(f"mode of address {address.text!r}", mode, MODES)
-    if mode == "pitch":
-        return _simulated_pitch(address, permit)
-    for name in _PITCH_OPTIONS:
-        if name in address.options:
-            raise InputError(
-                f"option {name} of address {address.text!r} is for mode=pitch; add &mode=pitch"
-            )
-    from benchtool.core.rig_file import rig_named
-    from benchtool.core.toml_text import build
-    from benchtool.physics.model_file import load_model
-    from benchtool.simulate.imperfections import Imperfections
-    from benchtool.virtual.devices import standard_truth
-    from benchtool.virtual.simulated import SimulatedBench
-
-    rig = rig_named(address.place)
-    truth = address.options.get("truth", standard_truth(rig))
-    loaded = load_model(truth, rig, permit)
-    return SimulatedBench(
-        address.text,
-        rig,
-        loaded.model,
-        seed=address.whole("seed", 0, 0, 2**32 - 1),
-        rate_Hz=address.number("rate", 200.0, 1.0, 5000.0),
-        imperfections=build(Imperfections, dict(loaded.imperfections), f"{truth}: [imperfections]"),
-    )
-
-
-def _simulated_pitch(address: Address, permit: CodePermit) -> Bench:
-    from benchtool.core.rig_file import rig_named
-    from benchtool.virtual.devices import pitch_plant
-    from benchtool.virtual.simulated import SimulatedPitch
-
-    seed = address.whole("seed", 0, 0, 2**32 - 1)
-    rate_Hz = address.number("rate", 0.0, 1.0, 5000.0)
-    # A plus sign in an address reads as a space.
-    named: dict[str, Any] = {
-        name: address.options[name].replace(" ", "+")
-        for name in ("truth", *_PITCH_OPTIONS)
-        if name in address.options
-    }
-    plant = pitch_plant(
-        rig_named(address.place), seed=seed, rate_Hz=rate_Hz or None, permit=permit, **named
-    )
-    return SimulatedPitch(address.text, plant, seed)
-
-
-def _serial(address: Address, permit: CodePermit) -> Bench:
-    from benchtool.bench.serial.bench import SerialBench
-    from benchtool.bench.transport.serial_port import SerialPort
-
-    baud = address.whole("baud", DEFAULT_BAUD, 1200, 12_000_000)
-    return SerialBench(SerialPort(address.place, baud), address.text)
-
-
-def _tcp(address: Address, permit: CodePermit) -> Bench:
-    from benchtool.bench.serial.bench import SerialBench
-    from benchtool.bench.transport.sockets import TcpSocket
-
-    host, _, port = address.place.rpartition(":")
-    if not host or not port.isdecimal() or not 0 < int(port) < 65536:
-        raise InputError(
-            f"address {address.text!r} needs host and port; write for example tcp:127.0.0.1:5555"
-        )
-    return SerialBench(TcpSocket(host.strip("[]"), int(port)), address.text)
-
-
-def _replay(address: Address, permit: CodePermit) -> Bench:
-    from benchtool.bench.replay import ReplayBench
-
-    return ReplayBench.of_run(address.text, Path(address.place))
-
-
-def _mavlink(address: Address, permit: CodePermit) -> Bench:
-    from benchtool.bench.mavlink.bench import MavlinkBench
-    from benchtool.bench.mavlink.settings import settings_of, transport_of
-    from benchtool.bench.transport.serial_port import SerialPort
-
-    settings = settings_of(address)
-    cell = SerialPort(*settings.cell) if settings.cell else None
-    return MavlinkBench(transport_of(address), address.text, settings, cell=cell)
-
-
-def _rcbudp(address: Address, permit: CodePermit) -> Bench:
-    from benchtool.bench.rcbenchmark.bench import RcbBench
-    from benchtool.bench.rcbenchmark.link import rcb_settings_of
-    from benchtool.bench.transport.sockets import UdpSocket
-
-    settings = rcb_settings_of(address)
-    port = UdpSocket(settings.host, settings.port, listen=False, own_port=settings.listen)
-    return RcbBench(port, address.text, settings)
-
-
-SCHEMES: dict[str, Scheme] = {
-    "sim": Scheme(
-        _simulated, ("truth", "seed", "rate", "mode", *_PITCH_OPTIONS), "sim:pquad?seed=3"
-    ),
-    "serial": Scheme(_serial, ("baud",), "serial:/dev/ttyUSB0?baud=2000000"),
-    "tcp": Scheme(_tcp, (), "tcp:127.0.0.1:5555"),
-    "mavlink": Scheme(_mavlink, MAVLINK_OPTIONS, "mavlink:udpin:127.0.0.1:14550"),
-    "rcbudp": Scheme(_rcbudp, ("listen", "thrust_scale"), "rcbudp:127.0.0.1:55047"),
-    "replay": Scheme(_replay, (), "replay:runs/2026-01-31-first"),
-}
-"""Every kind of address; another driver costs one line here."""
+def load(name: str) -> Any:
+    """Return what "module:function" names."""
+    module, _, function = name.partition(":")
+    return getattr(import_module(module), function)

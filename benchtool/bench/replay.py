@@ -15,6 +15,7 @@ from typing import Any, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.bench.address import Address
 from benchtool.bench.bench import Identity, Opened, Readings
 from benchtool.core.channel import Channel, unit_told_by
 from benchtool.core.counted import counted
@@ -112,6 +113,11 @@ class ReplayBench(Opened):
 
     def _refuse(self, command: str) -> NoReturn:
         raise CommandRefused(command, "a replay takes no commands; name a bench to drive one")
+
+
+def open_replay(address: Address) -> ReplayBench:
+    """Return the bench that plays a run, not opened yet."""
+    return ReplayBench.of_run(address.text, Path(address.place))
 
 
 def _read_samples(path: Path, *, follow: bool) -> tuple[list[str], Array]:

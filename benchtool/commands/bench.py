@@ -85,11 +85,11 @@ def serve(
     import signal
     import sys
 
-    from benchtool.bench.drivers import MODES
     from benchtool.core.errors import InputError, UnknownChoice
     from benchtool.core.rig_file import rig_named
     from benchtool.virtual.faults import fault_from
     from benchtool.virtual.grbl import stage_option
+    from benchtool.virtual.simulated import MODES
 
     if mode not in MODES:
         raise UnknownChoice("mode", mode, MODES)

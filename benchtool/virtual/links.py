@@ -10,7 +10,8 @@ from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Protocol
 
-from benchtool.bench.mavlink.settings import DEFAULT_BAUD, LOOPBACK
+from benchtool.bench.address import LOOPBACK
+from benchtool.bench.mavlink.settings import DEFAULT_BAUD
 from benchtool.bench.serial.commands import Event
 from benchtool.core.errors import InputError, LinkError, NoDevice, PortBusy
 from benchtool.virtual.protocol import event_line

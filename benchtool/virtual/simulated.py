@@ -7,11 +7,12 @@ here, because host and device are one process.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.bench.address import Address
 from benchtool.bench.bench import Identity, Opened, Readings
 from benchtool.bench.serial.commands import (
     AskHello,
@@ -28,10 +29,19 @@ from benchtool.bench.serial.commands import (
 from benchtool.bench.serial.hello import Hello
 from benchtool.core.errors import CommandRefused, DeviceStopped, InputError, LinkLost, StageError
 from benchtool.core.rig import Rig
+from benchtool.core.rig_file import rig_named
+from benchtool.core.toml_text import build
 from benchtool.physics.model import Model
+from benchtool.physics.model_file import load_model
 from benchtool.simulate.imperfections import Imperfections
 from benchtool.simulate.plate_bench import PlateBench
-from benchtool.virtual.devices import hello_of, pitch_hello, virtual_plant
+from benchtool.virtual.devices import (
+    hello_of,
+    pitch_hello,
+    pitch_plant,
+    standard_truth,
+    virtual_plant,
+)
 from benchtool.virtual.firmware import Firmware, Rows
 from benchtool.virtual.pitch_plant import PitchPlant
 
@@ -254,3 +264,41 @@ class SimulatedPitch(SimulatedBench):
 
     def __init__(self, address: str, plant: PitchPlant, seed: int = 0) -> None:
         self._power_up(address, plant, pitch_hello(plant, seed), LOOK_S)
+
+
+MODES = ("plate", "pitch")
+"""What a virtual bench is: a load cell over a plate, or a pitch hinge with a controller."""
+
+_PITCH_OPTIONS = ("schedule", "controller", "gains", "hidden")
+
+
+def open_simulated(address: Address) -> SimulatedBench:
+    """Return the virtual bench of an address, not opened yet."""
+    mode = address.choice("mode", "plate", MODES)
+    rig = rig_named(address.place)
+    seed = address.whole("seed", 0, 0, 2**32 - 1)
+    if mode == "pitch":
+        rate_Hz = address.number("rate", 0.0, 1.0, 5000.0)
+        # A plus sign in an address reads as a space.
+        named: dict[str, Any] = {
+            name: address.options[name].replace(" ", "+")
+            for name in ("truth", *_PITCH_OPTIONS)
+            if name in address.options
+        }
+        plant = pitch_plant(rig, seed=seed, rate_Hz=rate_Hz or None, permit=address.permit, **named)
+        return SimulatedPitch(address.text, plant, seed)
+    for name in _PITCH_OPTIONS:
+        if name in address.options:
+            raise InputError(
+                f"option {name} of address {address.text!r} is for mode=pitch; add &mode=pitch"
+            )
+    truth = address.options.get("truth", standard_truth(rig))
+    loaded = load_model(truth, rig, address.permit)
+    return SimulatedBench(
+        address.text,
+        rig,
+        loaded.model,
+        seed=seed,
+        rate_Hz=address.number("rate", 200.0, 1.0, 5000.0),
+        imperfections=build(Imperfections, dict(loaded.imperfections), f"{truth}: [imperfections]"),
+    )

@@ -18,12 +18,12 @@ import os
 import re
 from collections.abc import Callable, Sequence
 from contextlib import chdir, redirect_stderr, redirect_stdout
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from unittest import mock
 
-from benchtool.bench.drivers import SCHEMES
+from benchtool.bench.address import Address
 from benchtool.bench.serial.bench import SerialBench
 from benchtool.commands.app import main
 from benchtool.core.errors import LinkLost
@@ -237,14 +237,14 @@ def sweep(
 
 def command(words: list[str], folder: Path, world: World) -> Outcome:
     """Run `benchtool WORDS` in a folder; its address ADDRESS leads into the world."""
-    scheme = replace(
-        SCHEMES["tcp"],
-        opener=lambda parsed, _: SerialBench(LoopTransport(world), parsed.text, world.clock),
-    )
+
+    def open_loop(parsed: Address) -> SerialBench:
+        return SerialBench(LoopTransport(world), parsed.text, world.clock)
+
     heard, code = io.StringIO(), 0
     state = {"BENCHTOOL_STATE": str(folder / ".state"), "BENCHTOOL_DEBUG": ""}
     with (
-        mock.patch.dict(SCHEMES, tcp=scheme),
+        mock.patch("benchtool.bench.serial.bench.open_tcp", open_loop),
         mock.patch.dict(os.environ, state),
         mock.patch("sys.stdin", io.StringIO()),
         chdir(folder),

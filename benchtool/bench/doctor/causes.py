@@ -1,4 +1,4 @@
-"""What keeps a port from working: one finding per cause, judged from given surroundings. Pure."""
+"""What keeps a port from working: one finding per cause, judged from a given environment. Pure."""
 
 from __future__ import annotations
 
@@ -32,9 +32,18 @@ PROBING = {
     "brltty": "brltty takes CH340 and FTDI adapters for braille displays",
 }
 
+SLEEP_OFF = {
+    "Linux": "run it as: systemd-inhibit --what=sleep:idle benchtool sweep ...",
+    "Darwin": "run it as: caffeinate -is benchtool sweep ...",
+    "Windows": "set sleep to never while it runs (Settings, System, Power)",
+}
+
+State = tuple[Verdict, str, str]
+"""Verdict, sentence and fix of one cause."""
+
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class PortFinding:
     """Say how one thing stands.
 
     Attributes:
@@ -50,10 +59,10 @@ class Finding:
     fix: str = ""
 
 
-def findings(around: HostEnvironment) -> tuple[Finding, ...]:
+def findings(host: HostEnvironment) -> tuple[PortFinding, ...]:
     """Return what was found for each cause, those that do not concern the port left out."""
-    found = (check(around) for check in CHECKS)
-    return tuple(finding for finding in found if finding is not None)
+    states = ((name, judge(host)) for name, judge in CAUSES.items())
+    return tuple(PortFinding(name, *state) for name, state in states if state is not None)
 
 
 def udev_rule() -> str:
@@ -61,217 +70,156 @@ def udev_rule() -> str:
     return (resources.files("benchtool.bench.doctor") / UDEV_RULE.name).read_text(encoding="utf-8")
 
 
-def _presence(around: HostEnvironment) -> Finding | None:
-    name = "port"
-    if not around.port:
-        if around.ports:
-            listed = ", ".join(port.name for port in around.ports)
-            return Finding(name, "ok", f"this computer has {listed}", "name one to look closer")
-        return Finding(
-            name,
-            "problem",
-            "this computer has no serial port",
+def _presence(host: HostEnvironment) -> State | None:
+    if not host.port:
+        if host.ports:
+            listed = ", ".join(port.name for port in host.ports)
+            return "ok", f"this computer has {listed}", "name one to look closer"
+        fix = (
             "plug the bench in; some USB cables only charge; `benchtool bench serve` makes a "
-            "virtual bench",
+            "virtual bench"
         )
-    if around.system == "Darwin" and around.port.startswith("/dev/tty."):
-        return Finding(
-            name,
-            "problem",
-            f"{around.port} waits for a carrier signal that benches do not give",
-            f"use {around.port.replace('/dev/tty.', '/dev/cu.')}",
-        )
-    if around.exists or around.hardware is not None:
-        return Finding(name, "ok", f"{around.port} is there")
-    known = ", ".join(port.name for port in around.ports) or "none"
-    return Finding(
-        name,
-        "problem",
-        f"{around.port} is not there; present: {known}",
-        "plug it in; after a replug the number may have changed",
-    )
+        return "problem", "this computer has no serial port", fix
+    if host.system == "Darwin" and host.port.startswith("/dev/tty."):
+        fix = f"use {host.port.replace('/dev/tty.', '/dev/cu.')}"
+        return "problem", f"{host.port} waits for a carrier signal that benches do not give", fix
+    if host.exists or host.hardware is not None:
+        return "ok", f"{host.port} is there", ""
+    known = ", ".join(port.name for port in host.ports) or "none"
+    fix = "plug it in; after a replug the number may have changed"
+    return "problem", f"{host.port} is not there; present: {known}", fix
 
 
-def _permission(around: HostEnvironment) -> Finding | None:
-    name = "permission"
-    if around.system == "Windows":
-        return Finding(name, "not checked", "Windows lets every user open a free port")
-    if not around.port or not around.exists:
+def _permission(host: HostEnvironment) -> State | None:
+    if host.system == "Windows":
+        return "not checked", "Windows lets every user open a free port", ""
+    if not host.port or not host.exists:
         return None
-    if around.may_open:
-        return Finding(name, "ok", f"{around.user} may open {around.port}")
-    group = around.group or "dialout"
-    if group in around.groups_on_file and group not in around.groups:
-        return Finding(
-            name,
-            "problem",
-            f"{around.user} was added to group {group}, but this session began before",
-            "log out and in again",
-        )
-    fix = f"sudo usermod -aG {group} {around.user}, then log out and in again"
-    if around.system == "Linux" and not around.rule_installed:
+    if host.may_open:
+        return "ok", f"{host.user} may open {host.port}", ""
+    group = host.group or "dialout"
+    if group in host.groups_on_file and group not in host.groups:
+        said = f"{host.user} was added to group {group}, but this session began before"
+        return "problem", said, "log out and in again"
+    fix = f"sudo usermod -aG {group} {host.user}, then log out and in again"
+    if host.system == "Linux" and not host.rule_installed:
         fix += f"; or install the udev rule: {INSTALL_RULE}"
-    return Finding(
-        name,
-        "problem",
-        f"{around.user} may not open {around.port}, which belongs to group {group}",
-        fix,
-    )
+    return "problem", f"{host.user} may not open {host.port}, which belongs to group {group}", fix
 
 
-def _rule(around: HostEnvironment) -> Finding | None:
-    name = "udev rule"
-    if around.rule_installed is None or around.is_terminal:
+def _rule(host: HostEnvironment) -> State | None:
+    if host.rule_installed is None or host.is_terminal:
         return None
-    if around.rule_installed:
-        return Finding(name, "ok", f"{UDEV_RULE} is installed")
-    return Finding(
-        name,
-        "warning",
-        "benchtool's udev rule (access, ModemManager, FTDI latency) is not installed",
-        INSTALL_RULE,
-    )
+    if host.rule_installed:
+        return "ok", f"{UDEV_RULE} is installed", ""
+    said = "benchtool's udev rule (access, ModemManager, FTDI latency) is not installed"
+    return "warning", said, INSTALL_RULE
 
 
-def _holders(around: HostEnvironment) -> Finding | None:
-    name = "other users"
-    if not around.port:
+def _holders(host: HostEnvironment) -> State | None:
+    if not host.port:
         return None
-    if around.holders is None:
-        return Finding(
-            name,
-            "not checked",
-            f"{around.system} does not tell which program has a port open",
-            "close terminal programs, the Arduino serial monitor, slicers",
-        )
-    if len(around.holders) == 1 and around.holders[0].is_terminal:
-        return Finding(name, "ok", f"the virtual bench behind it is {_listed(around.holders)}")
-    if around.holders:
-        return Finding(
-            name,
-            "problem",
-            f"{around.port} is open in {_listed(around.holders)}",
-            "end that program",
-        )
-    return Finding(name, "ok", "no program of this user has it open")
+    if host.holders is None:
+        said = f"{host.system} does not tell which program has a port open"
+        return "not checked", said, "close terminal programs, the Arduino serial monitor, slicers"
+    if len(host.holders) == 1 and host.holders[0].is_terminal:
+        return "ok", f"the virtual bench behind it is {_listed(host.holders)}", ""
+    if host.holders:
+        return "problem", f"{host.port} is open in {_listed(host.holders)}", "end that program"
+    return "ok", "no program of this user has it open", ""
 
 
-def _probing(around: HostEnvironment) -> Finding | None:
-    name = "port grabbers"
-    if around.is_terminal:
+def _probing(host: HostEnvironment) -> State | None:
+    if host.is_terminal:
         return None
-    if around.programs is None or around.system != "Linux":
-        return Finding(
-            name, "not checked", f"no program is known that grabs ports on {around.system}"
-        )
-    running = [program for program in PROBING if program in around.programs]
+    if host.programs is None or host.system != "Linux":
+        return "not checked", f"no program is known that grabs ports on {host.system}", ""
+    running = [program for program in PROBING if program in host.programs]
     if not running:
-        return Finding(name, "ok", "neither ModemManager nor brltty runs")
+        return "ok", "neither ModemManager nor brltty runs", ""
     fixes = []
-    if "modemmanager" in running and not around.rule_installed:
+    if "modemmanager" in running and not host.rule_installed:
         fixes.append("install the udev rule, which makes ModemManager leave bench ports alone")
     if "brltty" in running:
         fixes.append("remove brltty (sudo apt remove brltty) unless braille is needed")
-    return Finding(
-        name,
-        "warning" if fixes else "ok",
-        "; ".join(PROBING[program] for program in running),
-        "; ".join(fixes),
-    )
+    said = "; ".join(PROBING[program] for program in running)
+    return "warning" if fixes else "ok", said, "; ".join(fixes)
 
 
-def _lasting_name(around: HostEnvironment) -> Finding | None:
+def _lasting_name(host: HostEnvironment) -> State | None:
     """Say how the port is called after a replug."""
-    name = "lasting name"
-    port = around.hardware
+    port = host.hardware
     if port is None or not port.usb:
         return None
-    twins = [other for other in around.ports if other.usb == port.usb and other is not port]
+    twins = [other for other in host.ports if other.usb == port.usb and other is not port]
     if not port.serial_number:
-        return Finding(
-            name,
-            "warning",
+        said = (
             f"its USB adapter ({port.usb}) has no serial number; after a replug it cannot be told "
-            f"from others",
-            "keep it in the same socket" + (", and other adapters out" if twins else ""),
+            f"from others"
         )
-    if port.by_id and around.port != port.by_id:
-        return Finding(
-            name,
-            "warning",
-            f"{around.port} may be called otherwise after a replug",
+        others = ", and other adapters out" if twins else ""
+        return "warning", said, f"keep it in the same socket{others}"
+    if port.by_id and host.port != port.by_id:
+        fix = (
             f"use serial:{port.by_id}; a run goes on only with the same serial number "
-            f"({port.serial_number})",
+            f"({port.serial_number})"
         )
-    return Finding(name, "ok", f"known by its serial number {port.serial_number}")
+        return "warning", f"{host.port} may be called otherwise after a replug", fix
+    return "ok", f"known by its serial number {port.serial_number}", ""
 
 
-def _latency(around: HostEnvironment) -> Finding | None:
-    name = "FTDI latency"
-    port = around.hardware
-    if around.latency_ms is not None:
-        if around.latency_ms <= 2:
-            return Finding(name, "ok", f"the latency timer is {around.latency_ms} ms")
-        return Finding(
-            name,
-            "warning",
-            f"the latency timer is {around.latency_ms} ms; samples arrive in bursts that late",
-            f"install the udev rule: {INSTALL_RULE}",
-        )
+def _latency(host: HostEnvironment) -> State | None:
+    port = host.hardware
+    if host.latency_ms is not None:
+        if host.latency_ms <= 2:
+            return "ok", f"the latency timer is {host.latency_ms} ms", ""
+        said = f"the latency timer is {host.latency_ms} ms; samples arrive in bursts that late"
+        return "warning", said, f"install the udev rule: {INSTALL_RULE}"
     if port is None or port.vendor != 0x0403:
         return None
     fix = (
         "Device Manager, Ports, Advanced: set Latency Timer to 1 ms"
-        if around.system == "Windows"
+        if host.system == "Windows"
         else "the driver's default is 16 ms; on macOS it follows the baud rate"
     )
-    return Finding(name, "not checked", f"{around.system} does not tell it here", fix)
+    return "not checked", f"{host.system} does not tell it here", fix
 
 
-def _reset(around: HostEnvironment) -> Finding | None:
-    port = around.hardware
+def _reset(host: HostEnvironment) -> State | None:
+    port = host.hardware
     if port is None or port.vendor not in RESETTING:
         return None
-    return Finding(
-        "reset on open",
-        "ok",
+    said = (
         f"boards with a {RESETTING[port.vendor]} adapter often reset when the port is opened; the "
-        f"hello is repeated for 5 s",
+        f"hello is repeated for 5 s"
     )
+    return "ok", said, ""
 
 
-def _sleep(around: HostEnvironment) -> Finding | None:
-    fix = {
-        "Linux": "run it as: systemd-inhibit --what=sleep:idle benchtool sweep ...",
-        "Darwin": "run it as: caffeinate -is benchtool sweep ...",
-        "Windows": "set sleep to never while it runs (Settings, System, Power)",
-    }.get(around.system, "switch sleep off while it runs")
-    if around.on_battery:
-        return Finding(
-            "computer sleep",
-            "warning",
-            "the computer runs on its battery and may fall asleep during a run; the device's "
-            "watchdog stops the motors then",
-            fix,
-        )
-    return Finding(
-        "computer sleep", "not checked", "whether this computer falls asleep by itself", fix
+def _sleep(host: HostEnvironment) -> State | None:
+    fix = SLEEP_OFF.get(host.system, "switch sleep off while it runs")
+    if not host.on_battery:
+        return "not checked", "whether this computer falls asleep by itself", fix
+    said = (
+        "the computer runs on its battery and may fall asleep during a run; the device's "
+        "watchdog stops the motors then"
     )
+    return "warning", said, fix
 
 
 def _listed(found: tuple[Holder, ...]) -> str:
     return " and ".join(f"{holder.name} (pid {holder.pid})" for holder in found)
 
 
-CHECKS: tuple[Callable[[HostEnvironment], Finding | None], ...] = (
-    _presence,
-    _permission,
-    _holders,
-    _probing,
-    _rule,
-    _lasting_name,
-    _latency,
-    _reset,
-    _sleep,
-)
-"""Every cause that is looked at, in the order of the report."""
+CAUSES: dict[str, Callable[[HostEnvironment], State | None]] = {
+    "port": _presence,
+    "permission": _permission,
+    "other users": _holders,
+    "port grabbers": _probing,
+    "udev rule": _rule,
+    "lasting name": _lasting_name,
+    "FTDI latency": _latency,
+    "reset on open": _reset,
+    "computer sleep": _sleep,
+}
+"""Every cause that is looked at, in the order of the report; None where it does not apply."""

@@ -14,6 +14,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.bench.address import Address
 from benchtool.bench.bench import Identity, Listener, Opened, ReadAhead, Readings
 from benchtool.bench.clocks import DeviceClock
 from benchtool.bench.mavlink.drive import Drive, PitchDrive, RunWatch
@@ -45,6 +46,8 @@ from benchtool.bench.mavlink.settings import (
     THRUST_MESSAGES,
     MavlinkSettings,
     channels_of,
+    settings_of,
+    transport_of,
 )
 from benchtool.bench.mavlink.side_cell import SideCell, in_order, move_virtual_plate
 from benchtool.bench.transport.transport import Transport
@@ -384,3 +387,12 @@ class MavlinkBench(Opened):
 
     def _on_bench_clock(self, wall_s: float) -> float:
         return self._opened_s + (wall_s - self._opened_s) * self._known().speed
+
+
+def open_mavlink(address: Address) -> MavlinkBench:
+    """Return the bench behind an autopilot, not opened yet."""
+    from benchtool.bench.transport.serial_port import SerialPort
+
+    settings = settings_of(address)
+    cell = SerialPort(*settings.cell) if settings.cell else None
+    return MavlinkBench(transport_of(address), address.text, settings, cell=cell)

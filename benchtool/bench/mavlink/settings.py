@@ -3,25 +3,22 @@
 from __future__ import annotations
 
 import dataclasses
-import ipaddress
 import json
 import re
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 from annotated_types import Ge, Le, Len
 
+from benchtool.bench.address import LOOPBACK, Address, Endpoint, is_loopback
 from benchtool.bench.transport.sockets import TcpSocket, UdpSocket
 from benchtool.bench.transport.transport import Transport
 from benchtool.core.channel import Channel
 from benchtool.core.errors import FileFormatError, InputError, UnknownChoice
 from benchtool.core.toml_text import FiniteTable, read_strict
 from benchtool.core.user_file import read_file, read_text
-
-if TYPE_CHECKING:
-    from benchtool.bench.address import Address
 
 THRUST_MESSAGES = ("NAMED_VALUE_FLOAT", "DEBUG_VECT", "DEBUG_FLOAT_ARRAY")
 
@@ -178,9 +175,6 @@ def read_motor_map(path: Path) -> MotorMap:
 
 LINKS = ("udpin", "udpout", "tcp", "serial")
 
-EXAMPLE = "mavlink:udpin:127.0.0.1:14550"
-
-LOOPBACK = "127.0.0.1"
 
 DEFAULT_BAUD = 115_200
 """Usual rate of a telemetry port over USB; radios have 57600."""
@@ -246,22 +240,22 @@ def settings_of(address: Address) -> MavlinkSettings:
     Raises:
         InputError, UnknownChoice, FileFormatError: an option that makes no sense, with its choices.
     """
-    mode = _choice(address, "mode", "plate", ("plate", "pitch"))
+    mode = address.choice("mode", "plate", ("plate", "pitch"))
     pitch = mode == "pitch"
-    seen = _choice(address, "distance", "on" if pitch else "off", ("on", "off"))
+    seen = address.choice("distance", "on" if pitch else "off", ("on", "off"))
     options = address.options
     return MavlinkSettings(
         system=address.whole("system", 1, 1, 255) if "system" in options else None,
         rotors=address.whole("rotors", 4, 1, 12) if "rotors" in options else None,
         motor_map=read_motor_map(Path(options["map"])) if "map" in options else None,
         mode="pitch" if pitch else "plate",
-        arm="host" if _choice(address, "arm", "operator", ("operator", "host")) == "host"
+        arm="host" if address.choice("arm", "operator", ("operator", "host")) == "host"
         else "operator",
         rate_Hz=address.number("rate", PITCH_HZ if pitch else RATE_HZ, LEAST_HZ, MOST_HZ),
         key=read_key(Path(options["key"])) if "key" in options else None,
         thrust=ThrustSource.named(options.get("thrust", "thrust")),
         thrust_scale_N=address.number("thrust_scale", 1.0, -1e6, 1e6),
-        speeds=_choice(address, "rpm", "auto", ("auto", "none")) == "auto",
+        speeds=address.choice("rpm", "auto", ("auto", "none")) == "auto",
         distance=seen == "on",
         orientation=address.whole("orientation", DOWN, 0, 100),
         cell=_port_and_baud(options["cell"]) if "cell" in options else None,
@@ -288,10 +282,20 @@ def transport_of(address: Address) -> Transport:
             )
         port, baud = _port_and_baud(rest)
         return SerialPort(port, baud)
-    host, port_number = _host_and_port(address, rest)
+    host, port_number = address.host_and_port(rest, LOOPBACK)
     if kind == "tcp":
         return TcpSocket(host, port_number)
     return UdpSocket(host, port_number, listen=kind == "udpin")
+
+
+def mavlink_ends(address: Address) -> tuple[Endpoint, ...]:
+    """Return the end of the link that the place of an address names."""
+    link = transport_of(address)
+    if isinstance(link, UdpSocket):
+        return (Endpoint("listens" if link.listens else "sends", link.host, link.port),)
+    if isinstance(link, TcpSocket):
+        return (Endpoint("connects", link.host, link.port),)
+    return (Endpoint("serial", _port_and_baud(address.place.partition(":")[2])[0]),)
 
 
 def read_key(path: Path) -> bytes:
@@ -313,22 +317,6 @@ def read_key(path: Path) -> bytes:
     return sha256(text).digest()
 
 
-def _choice(address: Address, name: str, default: str, known: tuple[str, ...]) -> str:
-    given = address.options.get(name, default)
-    if given not in known:
-        raise UnknownChoice(f"{name} of address {address.text!r}", given, known)
-    return given
-
-
-def _host_and_port(address: Address, rest: str) -> tuple[str, int]:
-    host, _, port = rest.rpartition(":")
-    if not port.isdecimal() or not 0 < int(port) < 65536:
-        raise InputError(
-            f"address {address.text!r} needs host and port; write for example {EXAMPLE}"
-        )
-    return host.strip("[]") or LOOPBACK, int(port)
-
-
 def _port_and_baud(text: str) -> tuple[str, int]:
     """Split `/dev/ttyACM0:57600`; Windows and macOS ports have no colon of their own."""
     port, _, baud = text.rpartition(":")
@@ -339,13 +327,8 @@ def _wide(place: str) -> str:
     """Return what must be said of an address that listens beyond this computer."""
     kind, _, rest = place.partition(":")
     host = rest.rpartition(":")[0] or LOOPBACK
-    if kind != "udpin" or host == "localhost":
+    if kind != "udpin" or is_loopback(host):
         return ""
-    try:
-        if ipaddress.ip_address(host).is_loopback:
-            return ""
-    except ValueError:
-        pass
     return (
         f"listening on {host}: any computer that reaches this one can send, and MAVLink believes "
         f"whoever sends unless key= signs it; mavlink:udpin:{LOOPBACK} listens to this one alone"

@@ -14,10 +14,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.bench.address import Address
 from benchtool.bench.bench import Identity, Listener, Opened, ReadAhead, Readings
 from benchtool.bench.clocks import DeviceClock
 from benchtool.bench.rcbenchmark.lines import PULSE, Hello, Line, StandClock, words_for
-from benchtool.bench.rcbenchmark.link import RcbSettings, RcbTalk
+from benchtool.bench.rcbenchmark.link import RcbSettings, RcbTalk, rcb_settings_of
+from benchtool.bench.transport.sockets import UdpSocket
 from benchtool.bench.transport.transport import Transport
 from benchtool.core.channel import Channel, unit_told_by
 from benchtool.core.errors import (
@@ -343,3 +345,10 @@ def _identity(
         watchdog_s=1e-3 * hello.silence_ms,
         facts=facts,
     )
+
+
+def open_rcbudp(address: Address) -> RcbBench:
+    """Return the bench behind the RCbenchmark GUI, not opened yet."""
+    settings = rcb_settings_of(address)
+    port = UdpSocket(settings.host, settings.port, listen=False, own_port=settings.listen)
+    return RcbBench(port, address.text, settings)

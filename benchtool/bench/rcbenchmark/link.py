@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import ipaddress
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
+from benchtool.bench.address import Address, Endpoint, is_loopback
 from benchtool.bench.identify import not_the_bridge
 from benchtool.bench.rcbenchmark.bridge_file import GUI_PORT, HOST_PORT, LOOPBACK
 from benchtool.bench.rcbenchmark.lines import Hello, Line, RcbEar, words_for
 from benchtool.bench.transport.transport import Transport
-from benchtool.core.errors import CommandRefused, InputError, LinkLost, NoDevice, ProtocolError
-
-if TYPE_CHECKING:
-    from benchtool.bench.address import Address
+from benchtool.core.errors import CommandRefused, LinkLost, NoDevice, ProtocolError
 
 HELLO_S = 5.0
 
@@ -171,9 +167,6 @@ class RcbTalk:
         return ProtocolError(f"{self._address} {not_the_bridge(self._heard)}")
 
 
-EXAMPLE = f"rcbudp:{LOOPBACK}:{GUI_PORT}"
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RcbSettings:
     """Say where the two ends of the bridge are.
@@ -207,24 +200,19 @@ def rcb_settings_of(address: Address) -> RcbSettings:
     Raises:
         InputError: no host and port, or an option that makes no sense.
     """
-    host, _, port = address.place.rpartition(":")
-    if not port.isdecimal() or not 0 < int(port) < 65536:
-        raise InputError(
-            f"address {address.text!r} needs host and port of the GUI; write for example {EXAMPLE}"
-        )
+    host, port = address.host_and_port(default_host=LOOPBACK, of=" of the GUI")
     return RcbSettings(
-        host=host.strip("[]") or LOOPBACK,
-        port=int(port),
+        host=host,
+        port=port,
         listen=address.whole("listen", HOST_PORT, 0, 65535),
         thrust_scale=address.number("thrust_scale", 1.0, -1e6, 1e6),
     )
 
 
-def is_loopback(host: str) -> bool:
-    """Tell whether a host is this computer."""
-    if host == "localhost":
-        return True
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return False
+def rcbudp_ends(address: Address) -> tuple[Endpoint, ...]:
+    """Return both ends of the bridge."""
+    settings = rcb_settings_of(address)
+    return (
+        Endpoint("listens", "", settings.listen),
+        Endpoint("sends", settings.host, settings.port),
+    )

@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.bench.address import Address
 from benchtool.bench.bench import Identity, Listener, Opened, ReadAhead, Readings
 from benchtool.bench.clocks import DeviceClock
 from benchtool.bench.serial.commands import (
@@ -34,6 +34,7 @@ from benchtool.bench.serial.commands import (
 from benchtool.bench.serial.conversation import Conversation
 from benchtool.bench.serial.frames import Batch
 from benchtool.bench.serial.hello import Hello
+from benchtool.bench.transport.sockets import TcpSocket
 from benchtool.bench.transport.transport import Transport
 from benchtool.core.errors import (
     BenchError,
@@ -47,6 +48,9 @@ from benchtool.core.errors import (
 )
 
 Array = NDArray[np.float64]
+
+DEFAULT_BAUD = 2_000_000
+"""Rate of an address that names none: what the protocol's description recommends."""
 
 STALE_S = 1.0
 """A stream that brings nothing for so long is lost (wall time); a choice, four watchdogs."""
@@ -97,20 +101,6 @@ class SerialBench(Opened):
         self._armed = False
         self._arrived = False
         self._stage_fault: str | None = None
-
-    @classmethod
-    def on_port(cls, address: str, port: str, baud: int) -> Self:
-        """Return the bench on a serial port, not opened yet."""
-        from benchtool.bench.transport.serial_port import SerialPort
-
-        return cls(SerialPort(port, baud), address)
-
-    @classmethod
-    def on_tcp(cls, address: str, host: str, port: int) -> Self:
-        """Return the bench behind a TCP port, not opened yet."""
-        from benchtool.bench.transport.sockets import TcpSocket
-
-        return cls(TcpSocket(host, port), address)
 
     @property
     def identity(self) -> Identity:
@@ -382,3 +372,16 @@ def check_rate(rate_Hz: float, frame_bytes: int, baud: int) -> None:
             f"baud, but the link runs at {baud:,} baud; ask for at most "
             f"{int(highest_rate_Hz(frame_bytes, baud))} Hz or raise baud on both ends"
         )
+
+
+def open_serial(address: Address) -> SerialBench:
+    """Return the bench on a serial port, not opened yet."""
+    from benchtool.bench.transport.serial_port import SerialPort
+
+    baud = address.whole("baud", DEFAULT_BAUD, 1200, 12_000_000)
+    return SerialBench(SerialPort(address.place, baud), address.text)
+
+
+def open_tcp(address: Address) -> SerialBench:
+    """Return the bench behind a TCP port, not opened yet."""
+    return SerialBench(TcpSocket(*address.host_and_port()), address.text)

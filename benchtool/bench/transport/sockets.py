@@ -6,6 +6,7 @@ import errno
 import socket
 from contextlib import ExitStack, suppress
 
+from benchtool.bench.address import Address, Endpoint
 from benchtool.bench.transport.errors import lost_error, opening_error
 from benchtool.bench.transport.transport import first_bytes
 from benchtool.core.errors import LinkLost, NoDevice, PortBusy
@@ -13,6 +14,11 @@ from benchtool.core.errors import LinkLost, NoDevice, PortBusy
 CONNECT_S = 3.0
 
 WRITE_TIMEOUT_S = 0.2
+
+
+def tcp_ends(address: Address) -> tuple[Endpoint, ...]:
+    """Return where an address connects to."""
+    return (Endpoint("connects", *address.host_and_port()),)
 
 
 class TcpSocket:

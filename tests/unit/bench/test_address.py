@@ -2,7 +2,7 @@
 
 import pytest
 
-from benchtool.bench.drivers import SCHEMES, open_bench, parse_address
+from benchtool.bench.drivers import DRIVERS, open_bench, parse_address
 from benchtool.bench.serial.bench import SerialBench
 from benchtool.core.errors import FileFormatError, InputError, UnknownChoice
 from benchtool.virtual.simulated import SimulatedBench
@@ -39,7 +39,7 @@ def test_an_address_is_split_into_its_parts(text, place, options):
 
 
 def test_every_example_can_be_parsed():
-    for name, scheme in SCHEMES.items():
+    for name, scheme in DRIVERS.items():
         assert parse_address(scheme.example).scheme == name
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from benchtool.bench.drivers import MAVLINK_OPTIONS, open_bench, parse_address
+from benchtool.bench.drivers import DRIVERS, open_bench, parse_address
 from benchtool.bench.mavlink.settings import (
     MotorMap,
     read_key,
@@ -73,7 +73,7 @@ def test_options(tmp_path: Path) -> None:
     assert pitch.distance
     assert pitch.rate_Hz == 250.0  # the loop on board is followed, a motor test is looked at
     assert settings_of(parse_address("mavlink:udpin:14550")).rate_Hz == 50.0
-    assert set(MAVLINK_OPTIONS) >= {"system", "map", "thrust", "cell", "key"}
+    assert set(DRIVERS["mavlink"].options) >= {"system", "map", "thrust", "cell", "key"}
 
 
 def test_keys(tmp_path: Path) -> None:
