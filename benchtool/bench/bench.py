@@ -26,7 +26,6 @@ class Identity:
     """Say who answers.
 
     Attributes:
-        address: as the user gave it.
         device_id: the device's own unchanging name (serial number).
         firmware: name and version in the device's words.
         protocol: protocol name and version ("benchtool-2", "replay").

@@ -86,7 +86,6 @@ class HostPause:
 
     Args:
         identity: watchdog in wall time, speed of the bench's clock.
-        now_s: on that clock.
     """
 
     def __init__(self, identity: Identity, now_s: float) -> None:

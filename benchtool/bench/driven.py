@@ -24,13 +24,8 @@ class DrivenBench:
     """Remember what the motors were told and stop them for good.
 
     Attributes:
-        bench: the one on the wire.
         reason: why zero was commanded, the first of all reasons.
         troubles: what failed on the way out.
-
-    Args:
-        bench: that one.
-        rig: what stands on it.
     """
 
     def __init__(self, bench: Bench, rig: Rig) -> None:

@@ -56,7 +56,6 @@ class GuardedBench(DrivenBench):
     """Watch over a bench.
 
     Args:
-        bench: the one to guard.
         rig: what stands on it: thrust coefficient, pulses, least plate distance.
         limits: what no reading may exceed; those of the rig when left out.
         stale_s: a channel without a new value for so long is dead.

@@ -57,9 +57,6 @@ class LimitCheck:
     """Judge blocks of samples against the limits of a rig.
 
     Args:
-        channels: (c,) of the stream.
-        rig: thrust coefficient, number of rotors.
-        limits: what no reading may exceed.
         stale_s: thrust and rpm that bring no new value for so long are dead; the others get longer.
         start_s: time on the bench's clock from which silence counts.
     """
@@ -119,7 +116,6 @@ class LimitCheck:
         that fall silent end the run as speeds do: they are what speeds are judged by.
 
         Args:
-            now_s: time on the bench's clock.
             armed_else: somebody else may start the motors, as with a transmitter, so they may turn
                 before the host commands anything.
         """
@@ -304,7 +300,6 @@ def _filled(rows: Array, seen: Array) -> tuple[Array, Array]:
     with is a silent channel, which is judged by itself.
 
     Args:
-        rows: readings.
         seen: (n,) the last ones before them.
     """
     if np.isnan(rows).any():

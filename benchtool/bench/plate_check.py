@@ -44,10 +44,6 @@ class PlateCheck:
         measured: whether the stream has a position channel.
         read_m: the last reading, nan before the first.
         tolerance_m: how far apart two positions may be.
-
-    Args:
-        channels: (c,) of the stream.
-        rig: play, sensor and least gap.
     """
 
     def __init__(self, channels: Sequence[Channel], rig: Rig) -> None:
@@ -201,8 +197,6 @@ def wait_for_plate(
     """Read on until the bench reads the plate where it was sent; return what disagrees.
 
     Args:
-        bench: read meanwhile.
-        plate: compares.
         target_m: where the plate was sent.
         stage_m: where what moved it says that it stands.
         more_m: allowed on top of the tolerance.

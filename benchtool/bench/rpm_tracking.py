@@ -34,8 +34,6 @@ class HostPulses:
     """Hold each rotor's speed against the pulse that the host commands.
 
     Args:
-        propulsion: pulse map.
-        n_rotors: of the rig.
         start_s: time on the bench's clock.
     """
 
@@ -87,8 +85,6 @@ class LoopPulses:
     host drives; the means make that later by less than a second.
 
     Args:
-        propulsion: pulse map.
-        n_rotors: of the rig.
         start_s: time on the bench's clock.
     """
 

@@ -95,9 +95,6 @@ class ClosingSignals:
 
     Entered before the bench is guarded; a guard's own handlers act while it is there. Until `begin`
     signals mean what they meant before, after it they are ignored.
-
-    Args:
-        clock: monotonic, in seconds.
     """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:

@@ -77,8 +77,6 @@ class StandstillWatch:
 
     Args:
         identity: channels of the bench, and what its pulses mean.
-        rig: radius, pulse map.
-        now_s: on the bench's clock.
     """
 
     def __init__(self, identity: Identity, rig: Rig, now_s: float) -> None:

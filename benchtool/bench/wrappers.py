@@ -23,35 +23,11 @@ LATE_S = 0.5
 """A clock that is off by more, as after a move of the plate, is set anew instead of caught up."""
 
 
-class PacedBench(Opened):
-    """Be a bench whose reads take as long as they say, divided by `speed`.
+class BenchWrapper(Opened):
+    """Be another bench; a wrapper overrides what it changes."""
 
-    For people who watch. Only reading takes time: a virtual plate moves at once.
-
-    Args:
-        bench: on a virtual clock.
-        speed: bench seconds per wall second; may be changed at any time.
-        clock: monotonic wall clock in seconds.
-        wait: waits at most so long for an event.
-    """
-
-    def __init__(
-        self,
-        bench: Bench,
-        speed: float = 1.0,
-        clock: Callable[[], float] = time.monotonic,
-        wait: Callable[[threading.Event, float], object] = threading.Event.wait,
-    ) -> None:
-        self.speed = speed
+    def __init__(self, bench: Bench) -> None:
         self._bench = bench
-        self._clock = clock
-        self._wait = wait
-        self._woken = threading.Event()
-        self._due_s = clock()
-
-    def halt(self) -> None:
-        """Let the present read return at once: no motor turns here, and its owner then stops."""
-        self._woken.set()
 
     @property
     def identity(self) -> Identity:
@@ -61,7 +37,6 @@ class PacedBench(Opened):
         return self._bench.now_s()
 
     def open(self) -> None:
-        self._due_s = self._clock()
         self._bench.open()
 
     def close(self) -> None:
@@ -81,6 +56,43 @@ class PacedBench(Opened):
 
     def set_rate(self, rate_Hz: float) -> None:
         self._bench.set_rate(rate_Hz)
+
+    def read(self, timeout_s: float) -> Readings:
+        return self._bench.read(timeout_s)
+
+
+class PacedBench(BenchWrapper):
+    """Be a bench whose reads take as long as they say, divided by `speed`.
+
+    For people who watch. Only reading takes time: a virtual plate moves at once.
+
+    Args:
+        bench: on a virtual clock.
+        speed: bench seconds per wall second; may be changed at any time.
+        wait: waits at most so long for an event.
+    """
+
+    def __init__(
+        self,
+        bench: Bench,
+        speed: float = 1.0,
+        clock: Callable[[], float] = time.monotonic,
+        wait: Callable[[threading.Event, float], object] = threading.Event.wait,
+    ) -> None:
+        super().__init__(bench)
+        self.speed = speed
+        self._clock = clock
+        self._wait = wait
+        self._woken = threading.Event()
+        self._due_s = clock()
+
+    def halt(self) -> None:
+        """Let the present read return at once: no motor turns here, and its owner then stops."""
+        self._woken.set()
+
+    def open(self) -> None:
+        self._due_s = self._clock()
+        self._bench.open()
 
     def read(self, timeout_s: float) -> Readings:
         speed = self.speed
@@ -114,7 +126,7 @@ class AskedToStop(RunStopped):
     """Somebody asked to stop: the bench may go on when its owner wants it to."""
 
 
-class StoppableBench(Opened):
+class StoppableBench(BenchWrapper):
     """Be another bench until somebody asks to stop.
 
     `ask_to_stop` sends zero from the thread that asks, where the bench can do that, and lets the
@@ -122,13 +134,12 @@ class StoppableBench(Opened):
     taken back, or refused by a device that the stop had reached before.
 
     Args:
-        bench: the one to stop.
         heard: is given every sample once: as it comes from a bench that can be overheard, else
             with the read that brings it.
     """
 
     def __init__(self, bench: Bench, heard: Listener | None = None) -> None:
-        self._bench = bench
+        super().__init__(bench)
         self._heard = heard
         if heard is not None and isinstance(bench, Subscribable):
             bench.overhear(heard)
@@ -146,19 +157,6 @@ class StoppableBench(Opened):
         """Forget a request that came when there was nothing to stop."""
         self._asked = None
 
-    @property
-    def identity(self) -> Identity:
-        return self._bench.identity
-
-    def now_s(self) -> float:
-        return self._bench.now_s()
-
-    def open(self) -> None:
-        self._bench.open()
-
-    def close(self) -> None:
-        self._bench.close()
-
     def set_pwm(self, pwm_us: Array) -> None:
         self._raise_if_asked()
         try:
@@ -169,9 +167,6 @@ class StoppableBench(Opened):
         if self._asked is not None:
             self._bench.stop()
             self._raise_if_asked()
-
-    def stop(self) -> None:
-        self._bench.stop()
 
     def move_plate(self, z_m: float, x_m: float = 0.0, tilt_rad: float = 0.0) -> None:
         self._raise_if_asked()
@@ -184,9 +179,6 @@ class StoppableBench(Opened):
     def tare(self) -> None:
         self._raise_if_asked()
         self._bench.tare()
-
-    def set_rate(self, rate_Hz: float) -> None:
-        self._bench.set_rate(rate_Hz)
 
     def read(self, timeout_s: float) -> Readings:
         self._raise_if_asked()

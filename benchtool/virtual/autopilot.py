@@ -61,13 +61,10 @@ class VirtualAutopilot:
     """Speak MAVLink for a virtual bench.
 
     Attributes:
-        speed: device seconds per wall second.
         greeted_s: wall time of the first message of the present host.
 
     Args:
         firmware: limits, plate and time of the bench behind it.
-        kind: "ardupilot" or "px4".
-        system: number of this system.
         key: 32 bytes that sign every frame; None signs nothing.
         now_s: time since 1970, for signatures.
         hover_us: pulse that a pilot holds once the autopilot is armed, on a pitch bench.

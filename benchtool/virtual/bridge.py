@@ -46,7 +46,6 @@ class StandReadings:
         """Return the result of one reading, with working values and units only.
 
         Args:
-            time_us: device time.
             row: (c,) in the channels' units, nan where a channel has no new value.
             plate_moves: whether the plate is on its way.
         """
@@ -76,7 +75,6 @@ class VirtualBridge:
     """Speak the bridge script's words for a virtual bench with one rotor.
 
     Attributes:
-        speed: device seconds per wall second.
         greeted_s: wall time of the last hello, None before the first.
 
     Args:

@@ -96,7 +96,6 @@ def with_hidden(model: Model, text: str) -> Model:
     """Return a model with some numbers of effects changed.
 
     Args:
-        model: of the bench.
         text: EFFECT.PARAMETER:VALUE in SI units, several with commas.
 
     Raises:
@@ -143,12 +142,8 @@ def pitch_plant(
     """Return the simulated pitch bench of these names.
 
     Args:
-        rig: on the hinge.
         truth: model or its file; the rig's own pitch model when None.
-        schedule: by name or file.
         controller: a built-in one, by name; or what `own` is called.
-        gains: by name or file.
-        seed: of the noise.
         rate_Hz: stream rate; the control rate when None.
         own: class of the user's own controller; its rate is that of the gains.
         hidden: effects as `hidden_effect.with_hidden` takes them; none when empty.

@@ -204,7 +204,6 @@ class FaultyPlant:
     """Be another plant, with faults that begin so many device seconds after `begin`.
 
     Args:
-        plant: the healthy one.
         faults: those of the link among them are left to `LinkFaults`.
     """
 

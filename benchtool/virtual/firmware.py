@@ -104,7 +104,6 @@ class Firmware:
     """Guard a plant: accept commands, check limits on every tick, stop when the host is silent.
 
     Args:
-        plant: what is measured and driven.
         hello: what the device says of itself; its limits hold from the start.
         now_s: wall time at power-up.
     """

@@ -135,9 +135,6 @@ class CarriedPlate:
     The home switch is at the far end: Z at 0 is the greatest distance.
 
     Args:
-        device: the bench.
-        firmware: of the bench.
-        link: of the stage.
         plate: travel and where it is parked.
     """
 

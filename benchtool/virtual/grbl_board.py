@@ -46,7 +46,6 @@ class GrblBoard(ABC):
     Attributes:
         position_mm: of each axis, as the board counts it.
         around: switches, buttons, lost steps.
-        settings: by number.
         code: modes and offsets.
         startup: line of G-code that it obeys by itself after homing.
 

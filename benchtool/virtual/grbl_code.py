@@ -377,11 +377,6 @@ class Reports:
         """Return a report.
 
         Args:
-            state: as the stage says it.
-            place_mm: machine position of each axis.
-            offset_mm: of work coordinates.
-            feed_mm_min: at present.
-            free: places left for moves, and for bytes.
             pins: switches and buttons that are closed.
         """
         settings, mask = self._settings, int(self._settings[10])

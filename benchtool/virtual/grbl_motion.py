@@ -12,17 +12,7 @@ STEP_S = 0.002
 
 
 class Motion:
-    """Move axes along one line, from standstill to standstill.
-
-    Attributes:
-        speed_mm_s: at present.
-
-    Args:
-        start_mm: position of each axis.
-        target_mm: where they go.
-        feed_mm_s: along the line.
-        accel_mm_s2: along the line.
-    """
+    """Move axes along one line, from standstill to standstill."""
 
     def __init__(
         self,
@@ -74,8 +64,6 @@ class Motion:
         """Move on for at most so long and return the time that is left over: s.
 
         Args:
-            left_s: time.
-            override: of the feed.
             holding: slow down and stand.
         """
         while left_s > 0.0 and not self.done and not (holding and self.speed_mm_s == 0.0):
@@ -144,7 +132,6 @@ def homing(
         settings: feeds, pauses, travel.
         counted_mm: position of each axis as the board counts it.
         around: switches, and where the axes really stand.
-        now_s: time at which it begins.
     """
     seek_mm_s, locate_mm_s, pull_off_mm = settings[25] / 60.0, settings[24] / 60.0, settings[27]
     place_mm, until_s = dict(counted_mm), now_s

@@ -247,7 +247,6 @@ class UdpLink:
 
     Args:
         host: to send to, or to listen on.
-        port: UDP port.
         listen: True waits for a host; False sends to it from the start, as autopilots do.
         fitting: how many bytes of data, from a place in it, go into one datagram; those of whole
             MAVLink frames when left out.

@@ -78,7 +78,6 @@ class OrderCheck:
         """Return why an order is refused as late, nothing when it may be carried out.
 
         Args:
-            number: of the order.
             time: device time that the order repeats, as it came.
             now_us: device time, not wrapped.
         """
@@ -99,7 +98,6 @@ class DeviceLink:
     """Speak the bench protocol for one device.
 
     Attributes:
-        firmware: the device itself.
         greeted_s: wall time of the last hello, None before the first.
         orders: which orders come late, and whether the device is armed.
     """

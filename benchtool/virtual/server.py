@@ -84,11 +84,9 @@ class BenchServer:
 
     Args:
         device: served; its speed sets the pace.
-        link: where it listens.
         tick_Hz: ticks of the plant per second of device time, at present.
         faults: what goes wrong on the wire.
         on_hello: called when a host has said hello.
-        clock: monotonic wall clock in seconds.
     """
 
     def __init__(

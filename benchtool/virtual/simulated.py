@@ -61,11 +61,6 @@ class SimulatedBench(Opened):
     """Answer as a rotor bench does, from simulated physics, without waiting.
 
     Args:
-        address: as the user gave it.
-        rig: what stands on the bench.
-        truth: the model whose thrust the load cell shows.
-        seed: of every random number.
-        rate_Hz: stream rate.
         imperfections: how far from perfect; the default bench when left out.
         max_step_s: most time that passes between two looks of the device at its own limits.
     """
@@ -254,13 +249,7 @@ LOOK_S = 0.02
 
 
 class SimulatedPitch(SimulatedBench):
-    """Answer as a pitch bench does, without waiting.
-
-    Args:
-        address: as the user gave it.
-        plant: bench, controller and schedule.
-        seed: of the plant's noise.
-    """
+    """Answer as a pitch bench does, without waiting."""
 
     def __init__(self, address: str, plant: PitchPlant, seed: int = 0) -> None:
         self._power_up(address, plant, pitch_hello(plant, seed), LOOK_S)

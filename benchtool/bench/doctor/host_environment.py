@@ -28,17 +28,12 @@ class HostEnvironment:
     Attributes:
         system: "Linux", "Darwin" or "Windows".
         port: as the user named it, empty when no port was named.
-        ports: those of this computer.
-        exists: whether the port is there.
         is_terminal: whether it is a pseudo-terminal, which no hardware question concerns.
         may_open: whether this user may read and write it.
         group: that owns the port.
-        user: name of this user.
-        groups: of this session.
         groups_on_file: that the user would have after logging in again.
         holders: processes that have the port open.
         programs: names of all running programs, lower case.
-        driver: of the port's adapter.
         latency_ms: of an FTDI adapter.
         rule_installed: whether benchtool's udev rule is.
         on_battery: whether the computer runs on its battery.

@@ -64,10 +64,6 @@ class MavlinkBench(Opened):
     """Drive motors through an autopilot and read what it tells.
 
     Args:
-        transport: carries the bytes.
-        address: as the user gave it, for the identity and messages.
-        settings: what the address says.
-        clock: monotonic wall clock in seconds.
         since_1970_s: wall clock for signatures.
         cell: port of a load cell beside the autopilot.
     """

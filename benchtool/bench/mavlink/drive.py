@@ -168,13 +168,6 @@ class RunWatch:
     Attributes:
         ask_again: orders to an autopilot that has started anew: its outputs are asked for, because
             only they show that its motors stand.
-
-    Args:
-        address: for messages.
-        talk: the conversation.
-        health: what the autopilot says of itself.
-        drive: turns the motors.
-        rows: outputs and time of the autopilot.
     """
 
     def __init__(

@@ -110,8 +110,6 @@ class MavlinkFrames:
         signs: whether what is sent bears a signature, and what comes must.
 
     Args:
-        system: our own number.
-        component: our own component number.
         key: 32 bytes that sign what is sent and check what comes; None signs nothing.
         now_s: time since 1970, for the signatures.
     """

@@ -105,8 +105,6 @@ class Health:
         """Note a heartbeat.
 
         Args:
-            message: the heartbeat.
-            now_s: its arrival.
             shown: whether the outputs show what was commanded. Where they do not, the motor test
                 has ended, as when orders get lost; the outputs say what that means.
         """
@@ -169,7 +167,6 @@ def silence_of(address: str, silent_s: float, quiet_s: float) -> LinkLost | None
     """Return the error that a silence is, None for one that is short enough.
 
     Args:
-        address: for the message.
         silent_s: for so long nothing came from the autopilot.
         quiet_s: for so long no heartbeat came.
     """

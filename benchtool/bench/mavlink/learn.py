@@ -52,11 +52,7 @@ class Learnt:
     """Hold what an autopilot says of itself.
 
     Attributes:
-        pilot: how it is told to turn motors.
-        pulses: range of its outputs.
         wiring: rotors, outputs and messages.
-        device_id: its unchanging name.
-        firmware: name and version.
         simulated: whether its heartbeat says that no motor turns.
         speed: its seconds per second of ours; 1 unless simulated.
     """
@@ -167,13 +163,7 @@ def identity_of(
     """Return the identity of an open bench.
 
     Args:
-        address: as the user gave it.
-        learnt: what the autopilot said.
-        settings: what the address says.
-        channels: those that live.
-        rate_Hz: of the outputs.
         slowest_s: longest time that an acknowledgement took (wall time).
-        more: facts of the link.
     """
     pulses = learnt.pulses
     facts = {
@@ -357,10 +347,8 @@ def ask_for(
     """Ask for every message and say what became of each.
 
     Args:
-        talk: the conversation.
         wanted: messages, first choices first.
         counts: how many of a message have come so far.
-        clock: wall time.
         speed: of the autopilot's time.
 
     Raises:
@@ -409,7 +397,6 @@ def switch_off_others(
     that others may share they are left alone.
 
     Args:
-        talk: the conversation.
         counts: how many of each message of the autopilot itself have come.
         became: what became of the messages that were asked for.
     """

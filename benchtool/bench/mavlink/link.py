@@ -72,13 +72,6 @@ class MavlinkTalk:
         heard_s: wall time of the autopilot's own last message.
         slowest_s: longest time that an acknowledgement took.
         gaps: how long `pump` was not called, or did not return.
-        clock: monotonic wall clock in seconds.
-
-    Args:
-        transport: carries the bytes.
-        address: for messages.
-        clock: monotonic wall clock in seconds.
-        frames: packs and parses.
     """
 
     def __init__(
@@ -201,7 +194,6 @@ class MavlinkTalk:
         """Return the values of those parameters that the autopilot has.
 
         Args:
-            names: of the parameters.
             required: those of them that must be known.
 
         Raises:

@@ -256,7 +256,6 @@ class OutputWatch:
         shown: whether every output, as last told, shows what was commanded.
 
     Args:
-        name: of the autopilot, for messages.
         stop_us: pulse of a motor that stands; outputs without any pulse stand as well.
     """
 
@@ -278,7 +277,6 @@ class OutputWatch:
 
         Args:
             wanted: by rotor (from 1): its output (from 1, 0 when not known) and its pulse in us.
-            now_s: wall time.
         """
         for rotor, (output, pulse_us) in wanted.items():
             before = self._wanted.get(rotor)
@@ -322,7 +320,6 @@ class OutputWatch:
 
         Args:
             outputs_us: pulse of every output, as last told.
-            now_s: wall time.
             lost_s: since the last acknowledgement of an order that is sent again and again.
             slowest_s: longest time that an acknowledgement took.
         """

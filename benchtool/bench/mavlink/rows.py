@@ -303,11 +303,7 @@ class _Rotor:
 
 
 class SpeedSources:
-    """Take speeds from whichever message lives, and withhold those of a dead one.
-
-    Args:
-        n_rotors: how many rotors there are.
-    """
+    """Take speeds from whichever message lives, and withhold those of a dead one."""
 
     def __init__(self, n_rotors: int) -> None:
         self._rotors = [_Rotor() for _ in range(n_rotors)]

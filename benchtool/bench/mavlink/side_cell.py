@@ -58,11 +58,6 @@ class SideCell:
 
     A reading counts from the arrival of its line; what the amplifier and the wire take before (an
     HX711 at 80 Hz about 15 ms, at 10 Hz 100 ms) is not known and not taken off.
-
-    Args:
-        transport: its port.
-        name: for messages.
-        clock: monotonic wall clock in seconds.
     """
 
     def __init__(self, transport: Transport, name: str, clock: Callable[[], float]) -> None:
@@ -121,7 +116,6 @@ class SideCell:
         Args:
             host_s: turns wall time into the bench's.
             clock: has learnt how the autopilot's time lies on that.
-            width: of a row.
             columns: where the reading goes.
         """
         waiting, self._waiting = self._waiting, []
@@ -184,8 +178,6 @@ def move_virtual_plate(
     """Tell the virtual world where the plate shall stand, and wait until it does.
 
     Args:
-        bench: listens meanwhile.
-        talk: sends.
         place: distance m, lateral position m, tilt rad.
 
     Raises:

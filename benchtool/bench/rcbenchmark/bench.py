@@ -51,14 +51,7 @@ LEAST_HZ = 1.0
 
 
 class RcbBench(Opened):
-    """Drive one motor through the RCbenchmark GUI and read what its stand measures.
-
-    Args:
-        transport: carries datagrams to the bridge script and from it.
-        address: as the user gave it, for the identity and messages.
-        settings: what the address says.
-        clock: monotonic wall clock in seconds.
-    """
+    """Drive one motor through the RCbenchmark GUI and read what its stand measures."""
 
     def __init__(
         self,

@@ -37,11 +37,6 @@ class RcbTalk:
     Attributes:
         ear: puts lines together.
         heard_s: wall time of the last line.
-
-    Args:
-        transport: carries the datagrams.
-        address: for messages.
-        clock: monotonic wall clock in seconds.
     """
 
     def __init__(self, transport: Transport, address: str, clock: Callable[[], float]) -> None:

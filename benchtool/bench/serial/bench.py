@@ -68,9 +68,6 @@ class SerialBench(Opened):
     hello; every `timeout_s` is in that time. Link time-outs and the watchdog are wall time.
 
     Args:
-        transport: carries the bytes.
-        address: as the user gave it, for the identity and messages.
-        clock: monotonic wall clock in seconds.
         arrive_s: bench time after which a plate that has not arrived is given up.
         device_id: the only device to accept, as after a replug or for a resumed run; None takes
             any.

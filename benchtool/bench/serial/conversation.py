@@ -65,9 +65,6 @@ class Conversation:
     """Hold one conversation with a device over a transport.
 
     Args:
-        transport: carries the bytes.
-        address: for messages.
-        clock: monotonic wall clock in seconds.
         take: is given every batch of samples and the wall time of its arrival, whatever is waited
             for meanwhile.
     """
@@ -126,8 +123,6 @@ class Conversation:
         All tries are the same line: the age of an order is counted from the first.
 
         Args:
-            command: what to send.
-            tries: how often.
             moves: whether something may move by it: then it is not sent after a pause of this
                 computer, also to a device that does not know the age of orders.
 

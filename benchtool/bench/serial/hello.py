@@ -53,7 +53,6 @@ class Hello:
         speed: device seconds per wall second; 1 on every physical device.
         has_loop: a control loop on the device makes the pulses once it is armed.
         facts: anything else worth keeping with a run.
-        version: protocol version.
     """
 
     device_id: str

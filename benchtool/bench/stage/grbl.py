@@ -49,12 +49,8 @@ class GrblStage:
     """Move the plate with a stage that speaks GRBL 1.1.
 
     Args:
-        transport: carries the bytes.
         distance: axis of the plate distance.
-        feed_m_s: how fast.
         lateral: axis of the lateral position, None where there is none.
-        clock: monotonic seconds.
-        name: of the stage, for messages.
         opening: called while the stage homes on opening, which takes long; a bench beside it would
             run over if nobody listened to it.
         option: how it was chosen.
@@ -230,8 +226,6 @@ def _problem(way: Way, report: Report, place_mm: Mapping[str, float] | None, sin
     """Return what is wrong with a report that no good move makes; empty for a good one.
 
     Args:
-        way: of the move.
-        report: a new one.
         place_mm: where it says that the stage is, None where it cannot be known.
         since_s: how long it has been in this state.
     """

@@ -56,11 +56,6 @@ class GrblLink:
         locked: it takes no G-code before it is unlocked or homed.
         homed: it knows where it stands.
         unanswered: a line was sent that has no answer; half of it may wait there for the rest.
-
-    Args:
-        transport: carries the bytes.
-        clock: monotonic seconds.
-        name: of the stage, for messages.
     """
 
     def __init__(self, transport: Transport, clock: Callable[[], float], name: str) -> None:

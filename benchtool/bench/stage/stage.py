@@ -85,7 +85,6 @@ class HandStage:
 
     Args:
         ask: shows a question and returns the answer.
-        plate: least and greatest distance.
         tolerance_m: how far the distance typed in may be from the one asked for.
         tries: how often a wrong answer is asked again.
     """
@@ -170,7 +169,6 @@ class IdleStage:
 
     Args:
         stage: moves the plate by itself, without the bench knowing.
-        guard: of the bench.
     """
 
     def __init__(self, stage: Stage, guard: PlateGuard) -> None:
@@ -214,7 +212,6 @@ class OneSidedStage:
 
     Args:
         stage: moves the plate by itself (no operator).
-        plate: play and travel.
     """
 
     def __init__(self, stage: Stage, plate: PlateStage) -> None:

@@ -28,7 +28,6 @@ class SerialPort:
 
     Args:
         port: `/dev/ttyUSB0`, `COM12`, a pseudo-terminal.
-        baud: bits per second.
     """
 
     def __init__(self, port: str, baud: int = 115_200) -> None:

@@ -22,12 +22,7 @@ def tcp_ends(address: Address) -> tuple[Endpoint, ...]:
 
 
 class TcpSocket:
-    """Carry bytes over one TCP connection.
-
-    Args:
-        host: name or number of the machine.
-        port: TCP port.
-    """
+    """Carry bytes over one TCP connection."""
 
     baud: int | None = None
 
@@ -110,8 +105,6 @@ class UdpSocket:
     """Carry bytes in datagrams.
 
     Args:
-        host: to listen on, or to send to.
-        port: UDP port.
         listen: True binds and answers whoever has sent; False sends to `host` first, and only
             datagrams from that very address and port are heard.
         own_port: port of ours that `host` sends to, 0 for any.
