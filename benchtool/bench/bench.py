@@ -234,10 +234,10 @@ Listener = Callable[[Readings], None]
 
 @runtime_checkable
 class Subscribable(Protocol):
-    """Let somebody hear the samples as they come, whatever call waits for the device."""
+    """Publish samples as they come, whatever call waits for the device."""
 
-    def overhear(self, listener: Listener) -> None:
-        """Tell a listener of every block from now on, before it is handed out by `read`.
+    def subscribe(self, listener: Listener) -> None:
+        """Give a listener every block from now on, before it is handed out by `read`.
 
         The listener is called in the thread that owns the bench.
         """
@@ -245,35 +245,41 @@ class Subscribable(Protocol):
 
 
 class ReadAhead:
-    """Keep blocks of samples until they are read."""
+    """Hold blocks of samples until they are read; a listener gets each of them at once."""
 
     def __init__(self) -> None:
-        self._kept: list[Readings] = []
+        self._waiting: list[Readings] = []
+        self._counts: list[Readings] = []  # losses and messages without a sample to go with
         self._listener: Listener | None = None
 
-    def overhear(self, listener: Listener) -> None:
-        """Tell a listener of every block from now on."""
+    def subscribe(self, listener: Listener) -> None:
+        """Give a listener every block from now on."""
         self._listener = listener
 
-    def told(self, readings: Readings) -> Readings:
-        """Return a block that is handed out at once, after the listener has heard of it."""
+    def hold(self, readings: Readings) -> None:
+        """Hold a block for the next read; one without samples goes along with the next samples."""
+        if len(readings):
+            self._waiting.append(self._published(readings))
+        else:
+            self._counts.append(readings)
+
+    def take(self) -> Readings | None:
+        """Return the samples that wait, in one block; None where there are none."""
+        waiting, self._waiting = self._waiting, []
+        return joined(waiting) if waiting else None
+
+    def read(self, fresh: Callable[[], Readings]) -> Readings:
+        """Return the samples that wait, or else a fresh block."""
+        waiting = self.take()
+        return self._published(fresh()) if waiting is None else waiting
+
+    def clear(self) -> None:
+        """Forget everything that was not read."""
+        self._waiting, self._counts = [], []
+
+    def _published(self, readings: Readings) -> Readings:
+        counts, self._counts = self._counts, []
+        readings = joined([*counts, readings])
         if self._listener is not None:
             self._listener(readings)
         return readings
-
-    def keep(self, readings: Readings) -> None:
-        """Keep a block for the next read; the listener hears of it now."""
-        self._kept.append(self.told(readings))
-
-    def read(self, fresh: Callable[[], Readings]) -> Readings:
-        """Return what was kept, or else a fresh block; what was kept without samples goes along."""
-        kept = self.take()
-        if kept is not None and len(kept):
-            return kept
-        new = self.told(fresh())
-        return new if kept is None else joined([kept, new])
-
-    def take(self) -> Readings | None:
-        """Return what was kept, in one block; None where nothing was."""
-        kept, self._kept = self._kept, []
-        return joined(kept) if kept else None

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Literal
 
 from benchtool.bench.serial.commands import AskHello
-from benchtool.bench.serial.frames import Decoder, frame_command
+from benchtool.bench.serial.frames import frame_command, messages_in
 from benchtool.bench.stage.grbl_lines import Other, word_of
 from benchtool.bench.transport.transport import Transport
 
@@ -31,7 +31,7 @@ def kind_of(heard: bytes) -> Kind:
     """
     from benchtool.bench.mavlink.frames import MavlinkFrames
 
-    if any(message.letter for message in Decoder().feed(heard + b"\n").messages):
+    if any(message.letter for message in messages_in(heard + b"\n")):
         return "bench"
     if MavlinkFrames().parse(heard):
         return "mavlink"

@@ -142,7 +142,7 @@ class StoppableBench(BenchWrapper):
         super().__init__(bench)
         self._heard = heard
         if heard is not None and isinstance(bench, Subscribable):
-            bench.overhear(heard)
+            bench.subscribe(heard)
             self._heard = None
         self._asked: str | None = None
 

@@ -119,9 +119,8 @@ class DeviceLink:
         """Take what arrived at wall time `now_s` and return the answers."""
         if not data:
             return b""
-        return b"".join(
-            self._answer(message, now_s) for message in self._decoder.feed(data).messages
-        )
+        self._decoder.feed(data)
+        return b"".join(self._answer(line, now_s) for line in self._decoder.take_messages())
 
     def tick(self, n: int, now_s: float) -> tuple[bytes, list[bytes]]:
         """Run n ticks; return what must get through, and one line per sample of the stream."""

@@ -41,7 +41,7 @@ class Wire:
         while self._bench.clock() < end_s:
             batch = self._decoder.feed(self._bench.read(0.01))
             assert batch.corrupt == 0
-            come += batch.messages
+            come += self._decoder.take_messages()
         self.heard += come
         return come
 

@@ -56,8 +56,9 @@ def test_every_line_of_the_conversation_is_whole() -> None:
     decoder = Decoder(5)
     batch = decoder.feed("".join(line[2:] + "\n" for line in lines).encode())
     assert batch.corrupt == 0
-    assert len(batch.messages) + len(batch.values) == len(lines)
-    for message in batch.messages:
+    messages = decoder.take_messages()
+    assert len(messages) + len(batch.values) == len(lines)
+    for message in messages:
         if message.letter == "C":
             _, name, time, *values = message.fields
             command_from((name, time) if name == "hello" else (name, *values))

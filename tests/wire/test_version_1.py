@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchtool.bench.serial.bench import SerialBench
-from benchtool.bench.serial.frames import Decoder
+from benchtool.bench.serial.frames import messages_in
 from benchtool.core.errors import HostPaused, ProtocolError
 from benchtool.testing.loopback_link import LoopbackLink
 from benchtool.virtual.faults import Drop, LinkFaults
@@ -27,7 +27,7 @@ def wired(
 
 
 def commands(link: LoopbackLink) -> list[tuple[str, ...]]:
-    messages = Decoder().feed(b"".join(link.sent)).messages
+    messages = messages_in(b"".join(link.sent))
     return [message.fields[1:] for message in messages if message.letter == "C"]
 
 

@@ -117,7 +117,7 @@ class MavlinkBench(Opened):
         self._messages: list[str] = [settings.warning] if settings.warning else []
         self._zero_N = 0.0
         self._given_us = -1
-        self._ahead.take()
+        self._ahead.clear()
         self._plate_state: list[float] = []
         try:
             if self._cell is not None:
@@ -195,9 +195,8 @@ class MavlinkBench(Opened):
         self._known()
         self._drive.stop()
 
-    def overhear(self, listener: Listener) -> None:
-        """Tell samples as they come, also while the plate moves or the load cell is tared."""
-        self._ahead.overhear(listener)
+    def subscribe(self, listener: Listener) -> None:
+        self._ahead.subscribe(listener)
 
     def move_plate(self, z_m: float, x_m: float = 0.0, tilt_rad: float = 0.0) -> None:
         learnt = self._known()
@@ -216,7 +215,7 @@ class MavlinkBench(Opened):
 
     def listen(self, timeout_s: float) -> list[float]:
         """Read on, keep the samples for the next `read`, and return what the plate told."""
-        self._ahead.keep(self._read_fresh(timeout_s))
+        self._ahead.hold(self._read_fresh(timeout_s))
         state, self._plate_state = self._plate_state, []
         return state
 
@@ -229,7 +228,7 @@ class MavlinkBench(Opened):
         until_s = self.now_s() + TARE_S
         while (left_s := until_s - self.now_s()) > 1e-9:
             readings = self._read_fresh(left_s)
-            self._ahead.keep(readings)
+            self._ahead.hold(readings)
             parts.append(readings.values[:, index])
         seen = np.concatenate(parts) if parts else np.empty(0)
         if np.isfinite(seen).any():

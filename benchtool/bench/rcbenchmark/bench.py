@@ -83,7 +83,7 @@ class RcbBench(Opened):
         self._opened_s = self._read_s = self._clock()
         self._device_clock, self._stand_clock = DeviceClock(), StandClock()
         self._rows: list[tuple[int, Line]] = []
-        self._ahead.take()
+        self._ahead.clear()
         self._messages: list[str] = [self._settings.warning] if self._settings.warning else []
         self._expected: int | None = None
         self._lost = 0
@@ -135,9 +135,8 @@ class RcbBench(Opened):
         self._known()
         self._talk.order(b"stop")
 
-    def overhear(self, listener: Listener) -> None:
-        """Tell samples as they come, also while the plate moves or the load cell is tared."""
-        self._ahead.overhear(listener)
+    def subscribe(self, listener: Listener) -> None:
+        self._ahead.subscribe(listener)
 
     def move_plate(self, z_m: float, x_m: float = 0.0, tilt_rad: float = 0.0) -> None:
         if not self._known().moves_plate:
@@ -152,7 +151,7 @@ class RcbBench(Opened):
             raise StageError(f"the plate stays where it is: {error.reason}") from error
         begun_s, self._moving = self.now_s(), True
         while self._moving:
-            self._ahead.keep(self._read_fresh(0.05 * self._speed))
+            self._ahead.hold(self._read_fresh(0.05 * self._speed))
             if self.now_s() - begun_s > ARRIVE_S:
                 self.stop()
                 raise StageError(

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.bench.address import Address
 from benchtool.bench.bench import Identity, Listener, Opened, ReadAhead, Readings
-from benchtool.bench.clocks import DeviceClock
 from benchtool.bench.serial.commands import (
     LATE,
     Arm,
@@ -32,7 +32,6 @@ from benchtool.bench.serial.commands import (
     too_old,
 )
 from benchtool.bench.serial.conversation import Conversation
-from benchtool.bench.serial.frames import Batch
 from benchtool.bench.serial.hello import Hello
 from benchtool.bench.transport.sockets import TcpSocket
 from benchtool.bench.transport.transport import Transport
@@ -88,8 +87,6 @@ class SerialBench(Opened):
         self._device_id = device_id
         self._hello: Hello | None = None
         self._rate_Hz = 0.0
-        self._opened_s = 0.0
-        self._device_clock = DeviceClock()
         self._ahead = ReadAhead()
         self._messages: list[str] = []
         self._silent_since_s: float | None = None
@@ -104,15 +101,12 @@ class SerialBench(Opened):
         return self._known().identity(self.address, self._rate_Hz)
 
     def now_s(self) -> float:
-        speed = self._hello.speed if self._hello else 1.0
-        return self._opened_s + (self._clock() - self._opened_s) * speed
+        return self._talk.now_s()
 
     def open(self) -> None:
         if self._hello is not None:
             return
-        self._opened_s = self._clock()
-        self._device_clock = DeviceClock()
-        self._ahead.take()
+        self._ahead.clear()
         try:
             self._hello = self._talk.open()
             if self._device_id not in (None, self._hello.device_id):
@@ -164,9 +158,8 @@ class SerialBench(Opened):
         """Send zero at once, from any thread (`Halts`)."""
         self._talk.halt()
 
-    def overhear(self, listener: Listener) -> None:
-        """Tell samples as they come, also while an answer or the plate is waited for."""
-        self._ahead.overhear(listener)
+    def subscribe(self, listener: Listener) -> None:
+        self._ahead.subscribe(listener)
 
     def move_plate(self, z_m: float, x_m: float = 0.0, tilt_rad: float = 0.0) -> None:
         self._raise_if_stopped()
@@ -235,7 +228,7 @@ class SerialBench(Opened):
                 return kept
             left_s = deadline_s - self._clock()
             if left_s <= 0.0:
-                return self._ahead.told(self._readings())
+                return self._ahead.read(self._no_samples)
             if not self._talk.pump(left_s):
                 self._check_silence()
 
@@ -313,31 +306,18 @@ class SerialBench(Opened):
                 f"start again"
             )
 
-    def _take_in(self, arrived_s: float, batch: Batch) -> None:
-        """Keep samples for the next read, with the news that came before them."""
-        self._note()
-        host_s = self._opened_s + (arrived_s - self._opened_s) * self._known().speed
-        self._device_clock.learn(int(batch.device_time_us[-1]), host_s)
-        self._ahead.keep(self._readings(batch))
+    def _take_in(self, readings: Readings) -> None:
+        """Hold samples for the next read, with the messages that came before them."""
+        if len(readings):
+            self._note()
+            messages, self._messages = tuple(self._messages), []
+            readings = replace(readings, messages=messages)
+        self._ahead.hold(readings)
 
-    def _readings(self, batch: Batch | None = None) -> Readings:
-        """Return a batch's samples, or none, with messages and losses that nobody was told yet."""
+    def _no_samples(self) -> Readings:
         messages, self._messages = tuple(self._messages), []
-        lost, corrupt, repeated = self._talk.take_losses()
-        if batch is None:
-            times_us = np.empty(0, np.int64)
-            values = np.empty((0, len(self._known().channels)))
-        else:
-            times_us, values = batch.device_time_us, batch.values
-        return Readings(
-            time_s=self._device_clock.host_time_s(times_us),
-            device_time_us=times_us.astype(float),
-            values=values,
-            lost=lost,
-            corrupt=corrupt,
-            messages=messages,
-            repeated=repeated,
-        )
+        none = np.empty(0)
+        return Readings(none, none, np.empty((0, len(self._known().channels))), messages=messages)
 
 
 def _refused(command: Command, reason: str) -> CommandRefused:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from math import inf
 
+from benchtool.bench.bench import Readings
 from benchtool.bench.clocks import Gaps
 from benchtool.bench.identify import not_a_bench
 from benchtool.bench.serial.commands import (
@@ -25,7 +26,6 @@ from benchtool.bench.serial.commands import (
 from benchtool.bench.serial.frames import (
     HEARTBEAT,
     TIME_MODULUS_US,
-    Batch,
     Decoder,
     Message,
     frame_command,
@@ -65,8 +65,7 @@ class Conversation:
     """Hold one conversation with a device over a transport.
 
     Args:
-        take: is given every batch of samples and the wall time of its arrival, whatever is waited
-            for meanwhile.
+        take: is given every block of readings from the hello on, whatever is waited for meanwhile.
     """
 
     def __init__(
@@ -74,7 +73,7 @@ class Conversation:
         transport: Transport,
         address: str,
         clock: Callable[[], float],
-        take: Callable[[float, Batch], None] = lambda arrived_s, batch: None,
+        take: Callable[[Readings], None] = lambda readings: None,
     ) -> None:
         self.transport = transport
         self._address = address
@@ -90,7 +89,8 @@ class Conversation:
         self._events: list[Event] = []
         self._replies: dict[int, Reply] = {}
         self._gaps = Gaps()
-        self._losses = (0, 0, 0)
+        self._hello: Hello | None = None
+        self._opened_s = 0.0
         self._heard = b""
 
     def open(self) -> Hello:
@@ -104,18 +104,24 @@ class Conversation:
         self._reader = HelloReader()
         self._number, self._device_read_s = 0, -inf
         self._heard = b""
+        self._hello, self._opened_s = None, self._clock()
         self.transport.open()
         self._gaps.begin(self._clock())
-        hello = self._ask_hello()
+        self._hello = hello = self._ask_hello()
         self._version = hello.version
         self._decoder.expect(len(hello.channels))
-        self._losses = (0, 0, 0)
         self._events = []
         return hello
 
     def close(self) -> None:
         """Give the transport back."""
+        self._hello = None
         self.transport.close()
+
+    def now_s(self) -> float:
+        """Return the device's pace on the host's clock: wall time, multiplied by its speed."""
+        speed = self._hello.speed if self._hello else 1.0
+        return self._opened_s + (self._clock() - self._opened_s) * speed
 
     def exchange(self, command: Command, tries: int = TRIES, moves: bool = False) -> Reply:
         """Send a command until it is answered; the device carries each number out once.
@@ -195,26 +201,19 @@ class Conversation:
             return False
         if len(self._heard) < _SHOWN_BYTES:
             self._heard = (self._heard + data)[:_SHOWN_BYTES]
-        batch = self._decoder.feed(data)
-        lost, corrupt, repeated = self._losses
-        self._losses = lost + batch.lost, corrupt + batch.corrupt, repeated + batch.repeated
-        arrived_s = self._clock()
-        for message in batch.messages:
+        readings = self._decoder.feed(data, self.now_s())
+        for message in self._decoder.take_messages():
             self._sort(message)
-        if len(batch.device_time_us):
-            self._note_time(str(int(batch.device_time_us[-1]) % TIME_MODULUS_US))
-            self._take(arrived_s, batch)
+        if len(readings):
+            self._note_time(str(int(readings.device_time_us[-1]) % TIME_MODULUS_US))
+        if self._hello is not None:
+            self._take(readings)
         return True
 
     def take_events(self) -> list[Event]:
         """Return the device's news since the last call, oldest first."""
         events, self._events = self._events, []
         return events
-
-    def take_losses(self) -> tuple[int, int, int]:
-        """Return lost samples, corrupt lines and repeated samples since the last call."""
-        losses, self._losses = self._losses, (0, 0, 0)
-        return losses
 
     def _try(self, number: int, line: bytes, wait_s: float) -> Reply | None:
         self._send(line)

@@ -13,6 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.bench.bench import Readings
+from benchtool.bench.clocks import DeviceClock
 from benchtool.bench.serial.commands import AskHello, Command, fields_of
 
 Array = NDArray[np.float64]
@@ -71,29 +73,8 @@ class Message:
     fields: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Batch:
-    """Hold what one chunk of bytes completed.
-
-    Attributes:
-        device_time_us: (m,) unwrapped over the decoder's life.
-        values: (m, c), nan where a field was empty.
-        messages: every other line, in order.
-        lost: samples missing by their sequence numbers.
-        corrupt: lines thrown away.
-        repeated: samples left out because they came twice or too late to be sorted.
-    """
-
-    device_time_us: NDArray[np.int64]
-    values: Array
-    messages: tuple[Message, ...]
-    lost: int
-    corrupt: int
-    repeated: int = 0
-
-
 class Decoder:
-    """Turn bytes, in chunks of any size, into samples and messages.
+    """Turn bytes, in chunks of any size, into readings on the host's clock, and into messages.
 
     Garbage never raises. A line counts as corrupt when it holds no valid frame, except before the
     first valid frame, where a link begins in the middle of a line or a board prints its boot text.
@@ -104,19 +85,24 @@ class Decoder:
     """
 
     def __init__(self, n_channels: int | None = None) -> None:
-        self._n_channels = n_channels
         self._rest = b""
         self._overlong = False
         self._synchronised = False
-        self._order = SampleOrder()
+        self._messages: list[Message] = []
+        self.expect(n_channels)
 
-    def expect(self, n_channels: int) -> None:
+    def expect(self, n_channels: int | None) -> None:
         """Take samples of so many values from now on, with a fresh count."""
         self._n_channels = n_channels
-        self._order = SampleOrder()
+        self._order, self._clock = SampleOrder(), DeviceClock()
 
-    def feed(self, data: bytes) -> Batch:
-        """Decode what `data` completes."""
+    def take_messages(self) -> list[Message]:
+        """Return every line since the last call that is no sample, in order."""
+        messages, self._messages = self._messages, []
+        return messages
+
+    def feed(self, data: bytes, arrived_s: float = 0.0) -> Readings:
+        """Decode what `data` completes, which arrived at a time of the bench's clock."""
         *lines, self._rest = (self._rest + data).split(b"\n")
         if self._overlong and lines:
             lines[0] = b"?" * (MAX_LINE_BYTES + 1)
@@ -126,7 +112,6 @@ class Decoder:
         if self._overlong:
             self._rest = b""
         samples: list[bytes] = []
-        messages: list[Message] = []
         corrupt = 0
         for line in lines:
             payloads: list[bytes] = []
@@ -149,13 +134,10 @@ class Decoder:
                     samples.append(payload[2:])
                 elif payload:
                     letter, *fields = payload.decode("ascii", "replace").split(",")
-                    messages.append(Message(letter, tuple(fields)))
-        return self._batch(samples, messages, corrupt)
-
-    def _batch(self, samples: list[bytes], messages: list[Message], corrupt: int) -> Batch:
+                    self._messages.append(Message(letter, tuple(fields)))
         if self._n_channels is None or not samples:
-            empty = np.empty((0, self._n_channels or 0))
-            return Batch(np.empty(0, np.int64), empty, tuple(messages), 0, corrupt)
+            none = np.empty(0)
+            return Readings(none, none, np.empty((0, self._n_channels or 0)), corrupt=corrupt)
         width = self._n_channels + 2
         table = _table(samples, width)
         if table is None:
@@ -163,8 +145,23 @@ class Decoder:
             corrupt += len(samples) - len(rows)
             table = np.concatenate(rows) if rows else np.empty((0, width))
         found = self._order.sort(table[:, :2].astype(np.int64))
-        values = table[found.rows, 2:]
-        return Batch(found.time_us, values, tuple(messages), found.lost, corrupt, found.repeated)
+        if len(found.rows):
+            self._clock.learn(int(found.time_us[-1]), arrived_s)
+        return Readings(
+            time_s=self._clock.host_time_s(found.time_us),
+            device_time_us=found.time_us.astype(float),
+            values=table[found.rows, 2:],
+            lost=found.lost,
+            corrupt=corrupt,
+            repeated=found.repeated,
+        )
+
+
+def messages_in(data: bytes) -> list[Message]:
+    """Return the messages in bytes of which nothing is known yet."""
+    decoder = Decoder()
+    decoder.feed(data)
+    return decoder.take_messages()
 
 
 def _search(line: bytes) -> list[bytes]:

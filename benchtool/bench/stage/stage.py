@@ -164,16 +164,11 @@ class PlateGuard(Protocol):
         ...
 
 
-class IdleStage:
-    """Be another stage that asks first whether the plate may move, and then whether it did.
+class _StageWrapper:
+    """Be another stage; a wrapper says how it moves."""
 
-    Args:
-        stage: moves the plate by itself, without the bench knowing.
-    """
-
-    def __init__(self, stage: Stage, guard: PlateGuard) -> None:
+    def __init__(self, stage: Stage) -> None:
         self._stage = stage
-        self._guard = guard
 
     @property
     def facts(self) -> Mapping[str, str | float]:
@@ -186,12 +181,6 @@ class IdleStage:
     def open(self) -> None:
         self._stage.open()
 
-    def move(self, z_m: float, x_m: float, tilt_rad: float, pause: Pause) -> float:
-        self._guard.ready_for_move(z_m, x_m, tilt_rad)
-        reached_m = self._stage.move(z_m, x_m, tilt_rad, pause)
-        self._guard.confirm_plate(z_m, reached_m, self._stage.measures_to_m)
-        return reached_m
-
     def hold(self) -> None:
         self._stage.hold()
 
@@ -199,11 +188,29 @@ class IdleStage:
         self._stage.close()
 
 
+class IdleStage(_StageWrapper):
+    """Be another stage that asks first whether the plate may move, and then whether it did.
+
+    Args:
+        stage: moves the plate by itself, without the bench knowing.
+    """
+
+    def __init__(self, stage: Stage, guard: PlateGuard) -> None:
+        super().__init__(stage)
+        self._guard = guard
+
+    def move(self, z_m: float, x_m: float, tilt_rad: float, pause: Pause) -> float:
+        self._guard.ready_for_move(z_m, x_m, tilt_rad)
+        reached_m = self._stage.move(z_m, x_m, tilt_rad, pause)
+        self._guard.confirm_plate(z_m, reached_m, self._stage.measures_to_m)
+        return reached_m
+
+
 OVERSHOOT_BACKLASHES = 5.0
 """How far to go past a distance that is approached from nearer, in backlashes; a choice."""
 
 
-class OneSidedStage:
+class OneSidedStage(_StageWrapper):
     """Be another stage that overshoots when it moves away, and comes back.
 
     Without it a distance stands nearer or farther by the play, as the last move happened to go: a
@@ -215,21 +222,10 @@ class OneSidedStage:
     """
 
     def __init__(self, stage: Stage, plate: PlateStage) -> None:
-        self._stage = stage
+        super().__init__(stage)
         self._overshoot_m = OVERSHOOT_BACKLASHES * plate.backlash_m
         self._farthest_m = plate.z_max_m
         self._standing_m: float | None = None
-
-    @property
-    def facts(self) -> Mapping[str, str | float]:
-        return self._stage.facts
-
-    @property
-    def measures_to_m(self) -> float:
-        return self._stage.measures_to_m
-
-    def open(self) -> None:
-        self._stage.open()
 
     def move(self, z_m: float, x_m: float, tilt_rad: float, pause: Pause) -> float:
         away = self._standing_m is None or z_m > self._standing_m
@@ -243,6 +239,3 @@ class OneSidedStage:
     def hold(self) -> None:
         self._standing_m = None
         self._stage.hold()
-
-    def close(self) -> None:
-        self._stage.close()

@@ -20,6 +20,7 @@ from benchtool.bench.serial.frames import (
     frame_command,
     frame_fields,
     frame_version_1,
+    messages_in,
 )
 
 
@@ -38,7 +39,7 @@ def test_lines_as_sent() -> None:
 def test_text_cannot_break_a_line() -> None:
     line = frame_fields("E", ("note", "5*3 $ \r\n ü"))
     assert line.count(b"$") == line.count(b"*") == line.count(b"\n") == 1
-    assert len(Decoder().feed(line).messages) == 1
+    assert len(messages_in(line)) == 1
 
 
 def test_samples_come_back(rng: np.random.Generator) -> None:
@@ -106,18 +107,20 @@ def test_lines_with_carriage_return_are_taken() -> None:
 
 
 def test_boot_text_before_the_first_frame_is_not_corrupt() -> None:
-    batch = Decoder().feed(b"half a line*12\r\nrst:0x1 (POWERON)\n" + HEARTBEAT + b"noise\n")
-    assert len(batch.messages) == 1
+    decoder = Decoder()
+    batch = decoder.feed(b"half a line*12\r\nrst:0x1 (POWERON)\n" + HEARTBEAT + b"noise\n")
+    assert len(decoder.take_messages()) == 1
     assert batch.corrupt == 1
 
 
 def test_a_line_without_end_is_not_kept() -> None:
     decoder = Decoder()
     decoder.feed(HEARTBEAT)
+    decoder.take_messages()
     for _ in range(100):
         assert decoder.feed(b"x" * MAX_LINE_BYTES).corrupt == 0
     batch = decoder.feed(b"x" + HEARTBEAT + HEARTBEAT)
-    assert (batch.corrupt, len(batch.messages)) == (1, 1)
+    assert (batch.corrupt, len(decoder.take_messages())) == (1, 1)
 
 
 def _cut(data: bytes, cuts: list[int]) -> list[bytes]:
@@ -131,7 +134,7 @@ def _result(chunks: list[bytes]) -> tuple[object, ...]:
     return (
         [row for batch in batches for row in batch.values.tolist()],
         [time for batch in batches for time in batch.device_time_us.tolist()],
-        [message for batch in batches for message in batch.messages],
+        decoder.take_messages(),
         sum(batch.lost for batch in batches),
         sum(batch.corrupt for batch in batches),
     )
@@ -178,7 +181,7 @@ def test_whole_frames_are_found_in_any_garbage(pieces: list[tuple[bytes, bool]])
     # A line's end that got lost is made up for by the next frame's start.
     found = [
         message
-        for message in Decoder().feed(data + b"$\n").messages
+        for message in messages_in(data + b"$\n")
         if message.letter == "E" and message.fields[:1] == ("note",)
     ]
     followed_by_dollar = [

@@ -17,7 +17,7 @@ from benchtool.bench.serial.commands import (
     Stop,
     Tare,
 )
-from benchtool.bench.serial.frames import HEARTBEAT, Decoder, crc16, frame, frame_command
+from benchtool.bench.serial.frames import HEARTBEAT, crc16, frame, frame_command, messages_in
 from benchtool.bench.serial.hello import hello_from
 from benchtool.virtual.firmware import Firmware
 from benchtool.virtual.protocol import DeviceLink
@@ -35,7 +35,7 @@ def device(plant: StillPlant) -> DeviceLink:
 
 
 def fields(answer: bytes) -> list[tuple[str, ...]]:
-    return [(message.letter, *message.fields) for message in Decoder().feed(answer).messages]
+    return [(message.letter, *message.fields) for message in messages_in(answer)]
 
 
 SPIN = SetPwm((1100.0, 1100.0))
