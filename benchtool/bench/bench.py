@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.channel import Channel
+from benchtool.core.errors import LinkLost
 
 Array = NDArray[np.float64]
 
@@ -207,7 +208,25 @@ def joined(parts: Sequence[Readings]) -> Readings:
 
 
 class Opened(ABC):
-    """Make a context manager of a driver that has `open` and `close`."""
+    """Make a context manager of a driver that has `open` and `close`.
+
+    Attributes:
+        address: as the user gave it, for messages.
+    """
+
+    address = ""
+    _identity: Identity | None = None
+
+    @property
+    def identity(self) -> Identity:
+        """Who answers, from `open` on; a driver stores it in `_identity`, None while closed.
+
+        Raises:
+            LinkLost: the bench is not open.
+        """
+        if self._identity is None:
+            raise LinkLost(f"{self.address} is not open; open it first")
+        return self._identity
 
     @abstractmethod
     def open(self) -> None: ...

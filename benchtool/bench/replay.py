@@ -40,7 +40,7 @@ class ReplayBench(Opened):
     def __init__(
         self, identity: Identity, time_s: Array, device_time_us: Array, values: Array
     ) -> None:
-        self._identity = identity
+        self._recorded = identity
         self._time_s = time_s
         self._device_time_us = device_time_us
         self._values = values
@@ -71,7 +71,7 @@ class ReplayBench(Opened):
 
     @property
     def identity(self) -> Identity:
-        return self._identity
+        return self._recorded
 
     def now_s(self) -> float:
         return self._now_s
@@ -99,10 +99,10 @@ class ReplayBench(Opened):
 
     def read(self, timeout_s: float) -> Readings:
         if not self._open:
-            raise LinkLost(f"{self._identity.address} is not open; open it first")
+            raise LinkLost(f"{self._recorded.address} is not open; open it first")
         if self._next >= len(self._time_s):
             raise LinkLost(
-                f"{self._identity.address} ends here, after "
+                f"{self._recorded.address} ends here, after "
                 f"{counted(len(self._time_s), 'sample')}; there is nothing more to read"
             )
         self._now_s += timeout_s

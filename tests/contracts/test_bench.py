@@ -5,149 +5,47 @@ commands the motors; and what a replay, which only listens, has in common with t
 from __future__ import annotations
 
 import os
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.contracts.benches import MAKERS, PITCH_MAKERS, STOP_US, served, simulated
 
 from benchtool.bench.bench import Bench
 from benchtool.bench.drivers import open_bench
-from benchtool.bench.guard import GuardedBench
-from benchtool.bench.mavlink.bench import MavlinkBench
-from benchtool.bench.mavlink.settings import MavlinkSettings
-from benchtool.bench.rcbenchmark.bench import RcbBench
-from benchtool.bench.serial.bench import SerialBench
 from benchtool.core.errors import BenchError, BenchtoolError, InputError, LinkLost, StageError
-from benchtool.core.rig_file import rig_named
 from benchtool.core.units import unit_named
-from benchtool.physics.model_file import load_model
 from benchtool.simulate.imperfections import Imperfections
-from benchtool.testing.loopback_link import LoopbackLink
-from benchtool.virtual.autopilot import VirtualAutopilot
-from benchtool.virtual.bridge import VirtualBridge
-from benchtool.virtual.devices import (
-    hello_of,
-    pitch_hello,
-    pitch_plant,
-    virtual_plant,
-    virtual_server,
-)
-from benchtool.virtual.firmware import Firmware
-from benchtool.virtual.links import PtyLink, ServerLink, TcpLink
-
-RIG = rig_named("pquad_single")
-TRUTH = load_model("single", RIG).model
-STOP_US = RIG.propulsion.pwm_stop_us
-
-
-def simulated() -> Bench:
-    return open_bench("sim:pquad_single?seed=2")
-
-
-def looped() -> Bench:
-    plant = virtual_plant(RIG, TRUTH, 2)
-    link = LoopbackLink(Firmware(plant, hello_of(plant, TRUTH, 2)), lambda: plant.rate_Hz)
-    return SerialBench(link, "serial:loop", clock=link.clock)
-
-
-def guarded() -> Bench:
-    return GuardedBench(simulated(), RIG)
-
-
-@contextmanager
-def served(link: ServerLink) -> Iterator[Bench]:
-    """Serve a virtual bench from a thread at 20 times real time."""
-    server = virtual_server(RIG, TRUTH, link, seed=2, speed=20.0, rate_Hz=100.0)
-    ended = threading.Event()
-    thread = threading.Thread(target=server.run, args=(lambda: not ended.is_set(),), daemon=True)
-    thread.start()
-    try:
-        yield open_bench(link.address)
-    finally:
-        ended.set()
-        thread.join(5.0)
-        link.close()
-
-
-def pitching() -> Bench:
-    return open_bench("sim:pquad?mode=pitch&seed=2")
-
-
-def pitching_looped() -> Bench:
-    plant = pitch_plant(rig_named("pquad"), seed=2)
-    link = LoopbackLink(Firmware(plant, pitch_hello(plant, 2)), lambda: plant.rate_Hz)
-    return SerialBench(link, "serial:loop", clock=link.clock)
-
-
-def flown(kind: str) -> Bench:
-    plant = virtual_plant(RIG, TRUTH, 2)
-    hello = replace(hello_of(plant, TRUTH, 2), speed=20.0)
-    device = VirtualAutopilot(Firmware(plant, hello), kind)
-    link = LoopbackLink(device, lambda: plant.rate_Hz)
-    return MavlinkBench(link, "mavlink:loop", MavlinkSettings(rotors=1), clock=link.clock)
-
-
-def ardupilot() -> Bench:
-    return flown("ardupilot")
-
-
-def px4() -> Bench:
-    return flown("px4")
-
-
-def bridged() -> Bench:
-    plant = virtual_plant(RIG, TRUTH, 2)
-    link = LoopbackLink(
-        VirtualBridge(Firmware(plant, hello_of(plant, TRUTH, 2))), lambda: plant.rate_Hz
-    )
-    return RcbBench(link, "rcbudp:loop", clock=link.clock)
-
-
-def pitching_flown() -> Bench:
-    plant = pitch_plant(rig_named("pquad"), seed=2)
-    firmware = Firmware(plant, replace(pitch_hello(plant, 2), speed=20.0))
-    link = LoopbackLink(VirtualAutopilot(firmware, hover_us=1599.0), lambda: plant.rate_Hz)
-    settings = MavlinkSettings(rotors=4, mode="pitch", arm="host", distance=True)
-    return MavlinkBench(link, "mavlink:loop", settings, clock=link.clock)
-
-
-MAKERS = {"sim": simulated, "loop": looped, "guarded": guarded}
-MAKERS |= {"ardupilot": ardupilot, "px4": px4, "rcbudp": bridged}
-PITCH_MAKERS = {"pitch": pitching, "pitch loop": pitching_looped, "pitch flown": pitching_flown}
+from benchtool.virtual.links import PtyLink, TcpLink
 
 
 @pytest.fixture(params=[*MAKERS, "tcp", "pty"])
 def bench(request: pytest.FixtureRequest) -> Iterator[Bench]:
-    if request.param in MAKERS:
-        yield MAKERS[request.param]()
-    elif request.param == "tcp":
-        with served(TcpLink("127.0.0.1", 0)) as made:
-            yield made
-    elif os.name != "posix":
-        pytest.skip("this system has no pseudo-terminals")
-    else:
-        with served(PtyLink()) as made:
-            yield made
+    with made(request.param) as bench:
+        yield bench
 
 
 @pytest.fixture(params=[*MAKERS, *PITCH_MAKERS, "tcp", "pty"])
 def any_bench(request: pytest.FixtureRequest) -> Iterator[Bench]:
     """Give a bench of either kind: with a load cell, or with a hinge."""
-    if request.param in PITCH_MAKERS:
-        yield PITCH_MAKERS[request.param]()
-    elif request.param in MAKERS:
-        yield MAKERS[request.param]()
-    elif request.param == "tcp":
-        with served(TcpLink("127.0.0.1", 0)) as made:
-            yield made
+    with made(request.param) as bench:
+        yield bench
+
+
+@contextmanager
+def made(name: str) -> Iterator[Bench]:
+    """Give a bench by its name; skip one that this system cannot serve."""
+    if name in MAKERS or name in PITCH_MAKERS:
+        yield {**MAKERS, **PITCH_MAKERS}[name]()
+    elif name == "tcp":
+        with served(TcpLink("127.0.0.1", 0)) as bench:
+            yield bench
     elif os.name != "posix":
         pytest.skip("this system has no pseudo-terminals")
     else:
-        with served(PtyLink()) as made:
-            yield made
+        with served(PtyLink()) as bench:
+            yield bench
 
 
 def spin(bench: Bench, pulse_us: float) -> None:

@@ -64,13 +64,8 @@ class RcbBench(Opened):
         self._settings = settings or RcbSettings()
         self._talk = RcbTalk(transport, address, clock)
         self._clock = clock
-        self._identity: Identity | None = None
         self._ahead = ReadAhead()
         self._speed = 1.0
-
-    @property
-    def identity(self) -> Identity:
-        return self._known()
 
     def now_s(self) -> float:
         if self._identity is None:
@@ -115,7 +110,7 @@ class RcbBench(Opened):
             self._identity = None
 
     def set_pwm(self, pwm_us: Array) -> None:
-        self._known()
+        _ = self.identity  # raises while the bench is closed
         self._note()
         self._raise_if_stopped()
         pulses = np.asarray(pwm_us, float).ravel()
@@ -132,14 +127,14 @@ class RcbBench(Opened):
             raise
 
     def stop(self) -> None:
-        self._known()
+        _ = self.identity  # raises while the bench is closed
         self._talk.order(b"stop")
 
     def subscribe(self, listener: Listener) -> None:
         self._ahead.subscribe(listener)
 
     def move_plate(self, z_m: float, x_m: float = 0.0, tilt_rad: float = 0.0) -> None:
-        if not self._known().moves_plate:
+        if not self.identity.moves_plate:
             raise StageError(
                 "this stand does not move the plate; give --stage hand or --stage grbl:PORT"
             )
@@ -161,7 +156,7 @@ class RcbBench(Opened):
 
     def tare(self) -> None:
         """Let the GUI zero its load cells, which takes seconds."""
-        self._known()
+        _ = self.identity  # raises while the bench is closed
         self._talk.order(b"tare", TARE_S)
         # What was measured before is not tared, whatever it is read for.
         self._note()
@@ -169,7 +164,7 @@ class RcbBench(Opened):
 
     def set_rate(self, rate_Hz: float) -> None:
         """Ask for means of so many readings that about this rate is left."""
-        known = self._known()
+        known = self.identity
         if not LEAST_HZ <= rate_Hz <= 1.25 * self._base_Hz:
             raise InputError(
                 f"a stream of {rate_Hz:g} Hz is not possible; this stand reads {self._base_Hz:.4g} "
@@ -181,7 +176,7 @@ class RcbBench(Opened):
         self._read_s = self._clock()
 
     def read(self, timeout_s: float) -> Readings:
-        self._known()
+        _ = self.identity  # raises while the bench is closed
         return self._ahead.read(lambda: self._read_fresh(timeout_s))
 
     def _read_fresh(self, timeout_s: float) -> Readings:
@@ -198,11 +193,6 @@ class RcbBench(Opened):
                 return self._readings()
             self._talk.pump(left_s)
             self._check_silence()
-
-    def _known(self) -> Identity:
-        if self._identity is None:
-            raise LinkLost(f"{self.address} is not open; open it first")
-        return self._identity
 
     def _clear(self) -> None:
         """Lift the latch, once a motor that the script brings down stands."""
