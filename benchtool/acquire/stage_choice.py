@@ -11,7 +11,7 @@ from benchtool.core.errors import InputError, UnknownChoice
 
 if TYPE_CHECKING:
     from benchtool.bench.guard import GuardedBench
-    from benchtool.bench.stage.stage import Pause, Stage
+    from benchtool.bench.stage.stage import Pause, PlateStage
     from benchtool.core.rig import Rig
 
 _GRBL_OPTIONS = ("baud", "axis", "zero_mm", "direction", "lateral", "lateral_zero_mm")
@@ -30,7 +30,7 @@ def check_stage(option: str | None, rig: Rig) -> None:
 
 def stage_for(
     option: str | None, bench: GuardedBench, rig: Rig, ask: Callable[[str], str]
-) -> Stage:
+) -> PlateStage:
     """Return what moves the plate, not opened yet.
 
     Args:
@@ -66,7 +66,7 @@ def stage_for(
     return OneSidedStage(IdleStage(_grbl(place, rig, listen), bench), rig.plate)
 
 
-def _grbl(place: str, rig: Rig, opening: Pause = lambda duration_s: None) -> Stage:
+def _grbl(place: str, rig: Rig, opening: Pause = lambda duration_s: None) -> PlateStage:
     from benchtool.bench.stage.grbl import GrblAxis, GrblStage
     from benchtool.bench.transport.serial_port import SerialPort
 

@@ -25,7 +25,7 @@ from benchtool.acquire.tare import Tared, tare, tare_point
 from benchtool.bench.bench import Readings
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.plate_check import PlateCheck
-from benchtool.bench.stage.stage import Stage
+from benchtool.bench.stage.stage import PlateStage
 from benchtool.core.counted import counted
 from benchtool.core.errors import InputError, RunStopped, StandstillNotSeen
 from benchtool.core.recording import Recording
@@ -79,7 +79,7 @@ class Summary:
 
 def run_sweep(
     bench: GuardedBench,
-    stage: Stage,
+    stage: PlateStage,
     plan: Plan,
     rig: Rig,
     run: Run,
@@ -138,7 +138,7 @@ class _Sweep:
     def __init__(
         self,
         bench: GuardedBench,
-        stage: Stage,
+        stage: PlateStage,
         plan: Plan,
         rig: Rig,
         run: Run,

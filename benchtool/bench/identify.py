@@ -5,18 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Literal
 
-from benchtool.bench.serial.commands import AskHello
+from benchtool.bench.serial.commands import RequestHello
 from benchtool.bench.serial.frames import frame_command, messages_in
-from benchtool.bench.stage.grbl_lines import Other, word_of
+from benchtool.bench.stage.grbl_lines import Other, parse_line
 from benchtool.bench.transport.transport import Transport
 
 Kind = Literal["bench", "mavlink", "grbl", "stand", "text", "frames", "noise"]
 
-KNOCK = frame_command(1, AskHello()) + b"?"
+PROBE = frame_command(1, RequestHello()) + b"?"
 """What makes those speak that are quiet until asked, and turns no motor: a bench answers the
 hello, a G-code stage the question for its state."""
 
-KNOCK_S = 0.5
+PROBE_S = 0.5
 """How long an answer to it is waited for; both answer within milliseconds. A choice."""
 
 PRINTABLE_SHARE = 0.9
@@ -45,10 +45,10 @@ def kind_of(heard: bytes) -> Kind:
     return "frames" if 0xFD in heard or 0xFE in heard else "noise"
 
 
-def knocked(transport: Transport, clock: Callable[[], float]) -> bytes:
+def probe_answer(transport: Transport, clock: Callable[[], float]) -> bytes:
     """Knock on an open transport and return what answers, perhaps nothing."""
-    transport.write(KNOCK)
-    heard, until_s = b"", clock() + KNOCK_S
+    transport.write(PROBE)
+    heard, until_s = b"", clock() + PROBE_S
     while (left_s := until_s - clock()) > 0.0:
         heard += transport.read(left_s)
     return heard
@@ -148,7 +148,7 @@ def _is_grbl(heard: bytes) -> bool:
     lines = [line for line in heard.decode("latin-1").splitlines() if line.strip()]
     # The first and the last may be cut.
     whole = lines[1:-1] if len(lines) > 2 else lines
-    return bool(whole) and not any(isinstance(word_of(line), Other) for line in whole)
+    return bool(whole) and not any(isinstance(parse_line(line), Other) for line in whole)
 
 
 def _shown(heard: bytes) -> str:

@@ -94,7 +94,7 @@ class StandstillWatch:
         if identity.has_loop:
             self.expect_loop()
         self._pulses_us: Array = np.full(n, stop_us)
-        self._rows = [_Rotor(now_s) for _ in range(n)]
+        self._rows = [_RotorState(now_s) for _ in range(n)]
         self.zero_s = now_s
 
     def expect_loop(self) -> None:
@@ -232,7 +232,7 @@ class _Seen:
             self.stood_s = float(time_s[fresh_low[stood][0]])
 
 
-class _Rotor:
+class _RotorState:
     """Hold what is known of one rotor."""
 
     def __init__(self, now_s: float) -> None:

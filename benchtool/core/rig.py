@@ -83,7 +83,7 @@ class Sensor(FiniteTable):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PlateStage(FiniteTable):
+class PlateDrive(FiniteTable):
     """Describe what moves the plate.
 
     Attributes:
@@ -137,7 +137,7 @@ class Rig(FiniteTable):
     propulsion: Propulsion
     body: Body
     sensors: Mapping[str, Sensor]
-    plate: PlateStage
+    plate: PlateDrive
     limits: Limits
     sources: Mapping[str, str] = field(default_factory=dict)
     assumed: tuple[str, ...] = ()

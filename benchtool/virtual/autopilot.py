@@ -18,7 +18,7 @@ from benchtool.bench.mavlink.frames import AUTOPILOT_COMPONENT, MavlinkFrames
 from benchtool.bench.mavlink.health import ARMED, HIL
 from benchtool.bench.mavlink.messages import Message, dialect
 from benchtool.bench.mavlink.pilots import ARM_DISARM, MOTOR_TEST
-from benchtool.bench.serial.commands import MovePlate, SetPwm, Stop
+from benchtool.bench.serial.commands import SendPlate, SetPwm, StopDevice
 from benchtool.core.counted import counted
 from benchtool.virtual.autopilot_orders import (
     ACCEPTED,
@@ -29,8 +29,8 @@ from benchtool.virtual.autopilot_orders import (
     INFO,
     UNSUPPORTED,
     WARNING,
-    Said,
-    orders_of,
+    StatusText,
+    motor_orders,
 )
 from benchtool.virtual.autopilot_streams import Streams
 from benchtool.virtual.firmware import Firmware
@@ -85,7 +85,7 @@ class VirtualAutopilot:
         self._words = words = dialect()
         self._system = system
         self._frames = MavlinkFrames(system, AUTOPILOT_COMPONENT, key, now_s)
-        self._orders = orders_of(kind, hello)
+        self._orders = motor_orders(kind, hello)
         silent = (words.MAVLINK_MSG_ID_RPM,)
         self._streams = Streams(hello.channels, self._orders.outputs, silent)
         self._booted_s: float | None = None
@@ -218,14 +218,14 @@ class VirtualAutopilot:
 
     def restart(self, now_s: float) -> None:
         """Begin anew as after a loss of power: nothing that was asked for is known any more."""
-        self._orders = orders_of(self.kind, self.firmware.hello)
+        self._orders = motor_orders(self.kind, self.firmware.hello)
         self._frames = MavlinkFrames(
             self._system, AUTOPILOT_COMPONENT, self._key, self._since_1970_s
         )
         self._every_us, self._due_us = {}, {}
         self._booted_s, self._boot_us = now_s, self.firmware.device_time_us
         self._armed, self._beat_s, self._plate_us = False, -BEAT_S, 0
-        self.firmware.execute(Stop(), now_s)
+        self.firmware.execute(StopDevice(), now_s)
         self._pulses = np.array(self.firmware.pwm_us)
         self._streams.outputs_us[:] = [0] * 16
 
@@ -260,7 +260,7 @@ class VirtualAutopilot:
         else:
             # Disarming ends no motor test.
             if self._armed:
-                self.firmware.execute(Stop(), now_s)
+                self.firmware.execute(StopDevice(), now_s)
             self._armed, self._shows_armed = False, False
         self._beat_s = -BEAT_S
         return ACCEPTED, []
@@ -301,7 +301,7 @@ class VirtualAutopilot:
 
     def _take_said(self) -> list[Message]:
         """Return what was said of motors."""
-        said: list[Said] = self._orders.said.copy()
+        said: list[StatusText] = self._orders.said.copy()
         self._orders.said.clear()
         return [message for severity, text in said for message in self._text(text, severity)]
 
@@ -324,13 +324,13 @@ class VirtualAutopilot:
         if name in self._aside:
             self._aside[name] = value
         elif name == "plate_z":
-            move = MovePlate(value, self._aside["plate_x"], self._aside["plate_tilt"])
+            move = SendPlate(value, self._aside["plate_x"], self._aside["plate_tilt"])
             reply = self.firmware.execute(move, now_s)
             if not reply.ok:
                 self._news += self._text(f"plate: {reply.reason}", WARNING)
             self._news.append(self._plate(1.0 if reply.ok else -1.0))
         elif name == "plate_halt":
-            self.firmware.execute(Stop(), now_s)
+            self.firmware.execute(StopDevice(), now_s)
 
     def _take_news(self) -> list[Message]:
         news, self._news = self._news, []

@@ -47,11 +47,11 @@ PLUS_ORDER = (3, 1, 4, 2, 5, 6, 7, 8, 9, 10, 11, 12)
 
 STRAIGHT_ORDER = tuple(range(1, 13))
 
-Said = tuple[int, str]
+StatusText = tuple[int, str]
 """Severity and words of a text."""
 
 
-class Orders(Protocol):
+class MotorOrders(Protocol):
     """Be how one kind of autopilot takes orders and turns motors by them.
 
     Attributes:
@@ -68,7 +68,7 @@ class Orders(Protocol):
     lacks: frozenset[int]
     parameters: dict[str, float]
     safe: bool
-    said: list[Said]
+    said: list[StatusText]
 
     @property
     def running(self) -> bool:
@@ -111,7 +111,7 @@ class ArduPilotOrders:
         self.n_outputs = max(4, hello.n_rotors)
         self.lacks = frozenset({251, 339, 290, ESC_STATUS, 375, ACTUATOR_TEST})
         self.safe = False
-        self.said: list[Said] = []
+        self.said: list[StatusText] = []
         self._stop_us, self._n_rotors = hello.pwm_stop_us, hello.n_rotors
         self._emergency = False
         self._test: _Test | None = None
@@ -205,7 +205,7 @@ class Px4Orders:
         self.n_outputs = hello.n_rotors
         self.lacks = frozenset({226, 251, 339, 290, 11030, 11031, 11032})
         self.safe = False
-        self.said: list[Said] = []
+        self.said: list[StatusText] = []
         self._stop_us, self._n_rotors = hello.pwm_stop_us, hello.n_rotors
         self._running: dict[int, tuple[float, float]] = {}
         self.parameters = {
@@ -246,6 +246,6 @@ class Px4Orders:
         self._running = {}
 
 
-def orders_of(kind: str, hello: Hello) -> Orders:
+def motor_orders(kind: str, hello: Hello) -> MotorOrders:
     """Return how that autopilot takes orders, in front of a bench that says this hello."""
     return Px4Orders(hello) if kind == "px4" else ArduPilotOrders(hello)

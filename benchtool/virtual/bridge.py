@@ -9,7 +9,14 @@ from typing import Any
 
 from benchtool.bench.rcbenchmark.bridge_file import RAMP_MS, SILENCE_MS, SPEEDS
 from benchtool.bench.rcbenchmark.lines import BRIDGE_VERSION, VIRTUAL_BOARD
-from benchtool.bench.serial.commands import Clear, MovePlate, SetPwm, SetRate, Stop, Tare
+from benchtool.bench.serial.commands import (
+    Clear,
+    SendPlate,
+    SetPwm,
+    SetRate,
+    StopDevice,
+    TareDevice,
+)
 from benchtool.core.counted import counted
 from benchtool.core.errors import InputError
 from benchtool.core.units import from_si
@@ -131,20 +138,20 @@ class VirtualBridge:
                 z_m, x_m, tilt_rad = map(float, word.split()[2:])
             except ValueError:
                 return "three numbers are needed: z m, x m, tilt rad"
-            reply = self.firmware.execute(MovePlate(z_m, x_m, tilt_rad), self._now_s)
+            reply = self.firmware.execute(SendPlate(z_m, x_m, tilt_rad), self._now_s)
             self._moving = self._moving or reply.ok
         elif word.startswith("average"):
             count = max(1, int(word.split()[1]))
             reply = self.firmware.execute(SetRate(hello.rate_Hz / count), self._now_s)
         elif word == "stop":
             self._moving = False
-            reply = self.firmware.execute(Stop(), self._now_s)
+            reply = self.firmware.execute(StopDevice(), self._now_s)
         elif word == "clear":
             reply = self.firmware.execute(Clear(), self._now_s)
         elif word == "tare":
             if self.firmware.pwm_us[0] > hello.pwm_stop_us:
                 return "the motor turns; stop it first"
-            reply = self.firmware.execute(Tare(), self._now_s)
+            reply = self.firmware.execute(TareDevice(), self._now_s)
         else:
             try:
                 pulse_us = float(word)

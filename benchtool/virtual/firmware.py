@@ -14,19 +14,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.bench.serial.commands import (
-    Arm,
-    AskHello,
-    AskPlate,
+    ArmDevice,
     Clear,
     Command,
-    Event,
-    MovePlate,
+    DeviceEvent,
     Reply,
+    RequestHello,
+    RequestPlate,
+    SendPlate,
     SetLimit,
     SetPwm,
     SetRate,
-    Stop,
-    Tare,
+    StopDevice,
+    TareDevice,
     text_of,
 )
 from benchtool.bench.serial.hello import Hello
@@ -111,11 +111,11 @@ class Firmware:
     def __init__(self, plant: Plant, hello: Hello, now_s: float = 0.0) -> None:
         self.hello = hello
         self.rate_Hz = 0.0
-        self.latched: Event | None = None
+        self.latched: DeviceEvent | None = None
         self.pwm_us: Array = np.full(hello.n_rotors, hello.pwm_stop_us)
         self.limits: dict[str, float] = dict(hello.limits)
         self._plant = plant
-        self._events: list[Event] = []
+        self._events: list[DeviceEvent] = []
         self._heard_s = now_s
         self._reminded_s = now_s
         self._device_us = 0.0
@@ -138,7 +138,7 @@ class Firmware:
         """Note that a valid line (a heartbeat or anything else) came at wall time `now_s`."""
         self._heard_s = now_s
 
-    def take_events(self) -> tuple[Event, ...]:
+    def take_events(self) -> tuple[DeviceEvent, ...]:
         """Return what happened since the last call, oldest first."""
         events, self._events = tuple(self._events), []
         return events
@@ -147,28 +147,28 @@ class Firmware:
         """Carry out one command that arrived at wall time `now_s`."""
         self.hear(now_s)
         match command:
-            case AskHello():
+            case RequestHello():
                 self._zero()
                 self.rate_Hz = 0.0
                 return Reply(True)
-            case Arm():
+            case ArmDevice():
                 return self._refuse_latched() or Reply(True, fields=(self.hello.channel_hash,))
             case SetPwm(pwm_us):
                 return self._set_pwm(np.array(pwm_us, float))
-            case MovePlate(z_m, x_m, tilt_rad):
+            case SendPlate(z_m, x_m, tilt_rad):
                 return self._move(z_m, x_m, tilt_rad)
-            case AskPlate():
+            case RequestPlate():
                 at = self._target or (np.nan, np.nan, np.nan)
                 fields = ("" if np.isnan(value) else text_of(value) for value in at)
                 return Reply(True, fields=(str(int(self._plant.plate_moving)), *fields))
-            case Tare():
+            case TareDevice():
                 self._plant.tare()
                 return Reply(True)
             case SetRate(rate_Hz):
                 return self._set_rate(rate_Hz)
             case SetLimit(name, value):
                 return self._set_limit(name, value)
-            case Stop():
+            case StopDevice():
                 self._zero()
                 return Reply(True)
             case Clear():
@@ -196,7 +196,9 @@ class Firmware:
             values = self._plant.advance(n)
         except BenchtoolError as error:
             # The plant's own program failed: nothing may turn, and the host is told why.
-            self._latch(Event("limit", f"{str(error)[:LONGEST_REASON]}; motors stopped"), now_s)
+            self._latch(
+                DeviceEvent("limit", f"{str(error)[:LONGEST_REASON]}; motors stopped"), now_s
+            )
             raise
         step_us = 1e6 / self._plant.rate_Hz
         times_us = self._device_us + step_us * np.arange(1, n + 1)
@@ -205,7 +207,7 @@ class Firmware:
         if self._moving and not self._plant.plate_moving:
             self._moving = False
             assert self._target is not None
-            self._events.append(Event("arrived", ",".join(map(text_of, self._target))))
+            self._events.append(DeviceEvent("arrived", ",".join(map(text_of, self._target))))
         return Rows(times_us.astype(np.int64), values)
 
     def _zero(self) -> None:
@@ -214,7 +216,7 @@ class Firmware:
         self._plant.halt_plate()
         self._moving = False
 
-    def _latch(self, event: Event, now_s: float) -> None:
+    def _latch(self, event: DeviceEvent, now_s: float) -> None:
         self._zero()
         self.latched = event
         self._reminded_s = now_s
@@ -225,7 +227,7 @@ class Firmware:
         running = bool(np.any(self.pwm_us > self.hello.pwm_stop_us)) or self._moving
         if running and silent_s >= self.hello.watchdog_s:
             text = f"no line for {1000.0 * silent_s:.0f} ms; motors stopped"
-            self._latch(Event("watchdog", text), now_s)
+            self._latch(DeviceEvent("watchdog", text), now_s)
         elif self.latched is not None and now_s - self._reminded_s >= REMIND_S:
             self._reminded_s = now_s
             self._events.append(self.latched)
@@ -242,7 +244,7 @@ class Firmware:
                     worst = float(column[broken][0])
                     channel = self._plant.channels[index].name
                     text = f"{channel} {worst:.6g} against limit {limit:.6g}; motors stopped"
-                    self._latch(Event("limit", text), now_s)
+                    self._latch(DeviceEvent("limit", text), now_s)
                     return
 
     def _set_pwm(self, pwm_us: Array) -> Reply:

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from benchtool.core.rig import PlateStage
+from benchtool.core.rig import PlateDrive
 from benchtool.virtual.firmware import Firmware
 from benchtool.virtual.grbl_board import BOOT_S, INCHES, GrblBoard
-from benchtool.virtual.grbl_code import Block, Refused, block_of, cleaned
+from benchtool.virtual.grbl_code import CodeBlock, Refused, block_of, cleaned
 from benchtool.virtual.grbl_motion import homing
 from benchtool.virtual.links import ServerLink
 from benchtool.virtual.server import ServedDevice
@@ -107,7 +107,7 @@ class VirtualGrbl(GrblBoard):
         self._jogging = True
         self._queue(target_mm, feed_mm_min)
 
-    def _g_code(self, block: Block) -> None:
+    def _g_code(self, block: CodeBlock) -> None:
         if block.codes.get("once") == "G4":
             if "P" not in block.words:
                 raise Refused(28)
@@ -139,7 +139,7 @@ class CarriedPlate:
     """
 
     def __init__(
-        self, device: ServedDevice, firmware: Firmware, link: ServerLink, plate: PlateStage
+        self, device: ServedDevice, firmware: Firmware, link: ServerLink, plate: PlateDrive
     ) -> None:
         self._device, self._firmware, self._link, self._plate = device, firmware, link, plate
         firmware.hello = replace(firmware.hello, moves_plate=False)
@@ -168,6 +168,6 @@ class CarriedPlate:
         return self._device.tell_dropped(count)
 
 
-def stage_option(path: str, plate: PlateStage) -> str:
+def stage_option(path: str, plate: PlateDrive) -> str:
     """Return the `--stage` of a host for the stage at a path."""
     return f"grbl:{path}?axis=Z&zero_mm={1e3 * plate.z_max_m:g}&direction=1"

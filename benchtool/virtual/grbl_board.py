@@ -17,7 +17,7 @@ from benchtool.virtual.grbl_code import (
     Reports,
     VirtualSettings,
 )
-from benchtool.virtual.grbl_motion import Homing, Motion, StageHardware
+from benchtool.virtual.grbl_motion import Homing, StageHardware, StageMotion
 
 BANNER = "\r\nGrbl 1.1h ['$' for help]"
 
@@ -79,7 +79,7 @@ class GrblBoard(ABC):
 
     def _start_anew(self) -> None:
         """Forget all that a reset forgets."""
-        self._moves: deque[Motion] = deque()
+        self._moves: deque[StageMotion] = deque()
         self._dwell_until_s: float | None = None
         self._homing: Homing | None = None
         self._holding = self._jogging = self._checking = self._asleep = False
@@ -341,7 +341,7 @@ class GrblBoard(ABC):
         settings = self.settings
         fastest = min(settings.of(FASTEST, axis) for axis in target_mm)
         accel = min(settings.of(ACCELERATION, axis) for axis in target_mm)
-        motion = Motion(self._end_mm, target_mm, min(feed_mm_min, fastest) / 60.0, accel)
+        motion = StageMotion(self._end_mm, target_mm, min(feed_mm_min, fastest) / 60.0, accel)
         if self._moves and self._moves[-1].goes_on(motion):
             return
         if not motion.done:

@@ -44,7 +44,7 @@ class Refused(Exception):
 
 
 @dataclass(frozen=True, slots=True)
-class Block:
+class CodeBlock:
     """One line of G-code: codes by group, and the words with numbers."""
 
     codes: Mapping[str, str] = field(default_factory=dict)
@@ -64,7 +64,7 @@ def cleaned(line: bytes) -> str:
     return text
 
 
-def block_of(text: str) -> Block:
+def block_of(text: str) -> CodeBlock:
     """Return what a cleaned line says.
 
     Raises:
@@ -95,7 +95,7 @@ def block_of(text: str) -> Block:
                 raise Refused(27)
             if letter == "T" and number > 255:
                 raise Refused(38)
-    return Block(codes, words)
+    return CodeBlock(codes, words)
 
 
 def _add_code(codes: dict[str, str], code: str, number: float) -> None:
@@ -233,7 +233,7 @@ class CodeState:
         }
 
     def move(
-        self, block: Block, present_mm: Mapping[str, float]
+        self, block: CodeBlock, present_mm: Mapping[str, float]
     ) -> tuple[dict[str, float], float] | None:
         """Take a block and return target of each axis and feed of its move, None without one.
 
@@ -273,7 +273,9 @@ class CodeState:
         self._modal, self._feed_mm_min = modal, feed
         return move
 
-    def jog(self, block: Block, present_mm: Mapping[str, float]) -> tuple[dict[str, float], float]:
+    def jog(
+        self, block: CodeBlock, present_mm: Mapping[str, float]
+    ) -> tuple[dict[str, float], float]:
         """Return target and feed of a jog; it changes no modes.
 
         Raises:
@@ -319,7 +321,7 @@ class CodeState:
             self.offsets["G92"] |= {a: present_mm[a] - system[a] - mm for a, mm in given.items()}
 
     def _target(
-        self, block: Block, modal: Mapping[str, str], present_mm: Mapping[str, float]
+        self, block: CodeBlock, modal: Mapping[str, str], present_mm: Mapping[str, float]
     ) -> dict[str, float]:
         scale = _MM_PER_INCH if modal["units"] == "G20" else 1.0
         target_mm = {}

@@ -11,7 +11,7 @@ from benchtool.virtual.grbl_code import ACCELERATION, AXES, TRAVEL, VirtualSetti
 STEP_S = 0.002
 
 
-class Motion:
+class StageMotion:
     """Move axes along one line, from standstill to standstill."""
 
     def __init__(
@@ -49,7 +49,7 @@ class Motion:
             for axis, mm in self._start_mm.items()
         }
 
-    def goes_on(self, following: Motion) -> bool:
+    def goes_on(self, following: StageMotion) -> bool:
         """Take a following motion up, where it goes on straight at the same feed."""
         ways = [end - self.place_mm[axis] for axis, end in self._target_mm.items()]
         more = [mm - self.end_mm[axis] for axis, mm in following._target_mm.items()]

@@ -12,7 +12,7 @@ from typing import Protocol
 
 from benchtool.bench.address import LOOPBACK
 from benchtool.bench.mavlink.settings import DEFAULT_BAUD
-from benchtool.bench.serial.commands import Event
+from benchtool.bench.serial.commands import DeviceEvent
 from benchtool.core.errors import InputError, LinkError, NoDevice, PortBusy
 from benchtool.virtual.protocol import event_line
 
@@ -191,7 +191,7 @@ class TcpLink:
             return
         if self._client is not None:
             with client, suppress(OSError):
-                client.sendall(event_line(Event("busy", self._client_name)))
+                client.sendall(event_line(DeviceEvent("busy", self._client_name)))
             return
         try:
             client.setblocking(False)

@@ -13,23 +13,23 @@ from benchtool.bench.serial.commands import (
     LATE,
     OLDEST_S,
     PROTOCOL_VERSION,
-    Arm,
-    AskHello,
-    AskPlate,
+    ArmDevice,
     Clear,
     Command,
-    Event,
-    MovePlate,
+    DeviceEvent,
     Reply,
+    RequestHello,
+    RequestPlate,
+    SendPlate,
     SetPwm,
-    Stop,
+    StopDevice,
     command_from,
 )
 from benchtool.bench.serial.frames import (
     TIME_MODULUS_US,
     Decoder,
-    Message,
-    SampleWriter,
+    SampleFramer,
+    TextMessage,
     crc16,
     frame,
     frame_fields,
@@ -107,7 +107,7 @@ class DeviceLink:
         self.greeted_s: float | None = None
         self.orders = OrderCheck(firmware.hello.speed)
         self._decoder = Decoder()
-        self._writer = SampleWriter(len(firmware.hello.channels))
+        self._writer = SampleFramer(len(firmware.hello.channels))
         self._answered = b""
 
     @property
@@ -133,9 +133,9 @@ class DeviceLink:
     def tell_dropped(self, count: int) -> bytes:
         """Return the event that says how many samples were dropped."""
         text = f"{count} samples dropped by the device since the hello; read faster"
-        return event_line(Event("dropped", text))
+        return event_line(DeviceEvent("dropped", text))
 
-    def _answer(self, message: Message, now_s: float) -> bytes:
+    def _answer(self, message: TextMessage, now_s: float) -> bytes:
         self.firmware.hear(now_s)
         fields = message.fields
         if message.letter != "C" or len(fields) < 2 or not fields[0].isdecimal():
@@ -149,9 +149,9 @@ class DeviceLink:
         except BenchtoolError as error:
             return self._refuse(number, str(error))
         match command:
-            case AskHello(version):
+            case RequestHello(version):
                 return self._greet(number, version, now_s)
-            case Stop() | AskPlate():
+            case StopDevice() | RequestPlate():
                 return self._execute(number, command, now_s)
         if number == self.orders.number and self._answered:
             return self._answered
@@ -169,7 +169,7 @@ class DeviceLink:
         """Whether something moves by a command, so that it is obeyed by an armed device only."""
         if isinstance(command, SetPwm):
             return any(us > self.firmware.hello.pwm_stop_us for us in command.pwm_us)
-        return isinstance(command, MovePlate)
+        return isinstance(command, SendPlate)
 
     def _execute(self, number: int, command: Command, now_s: float) -> bytes:
         try:
@@ -178,9 +178,9 @@ class DeviceLink:
             reply = Reply(False, str(error))
         if not reply.ok:
             return self._refuse(number, reply.reason)
-        if isinstance(command, Stop | Clear):
+        if isinstance(command, StopDevice | Clear):
             self.orders.stop(self.firmware.device_time_us)
-        self.orders.armed |= isinstance(command, Arm)
+        self.orders.armed |= isinstance(command, ArmDevice)
         return self._acknowledge(number, reply.fields)
 
     def _greet(self, number: int, version: int, now_s: float) -> bytes:
@@ -188,7 +188,7 @@ class DeviceLink:
         if version < PROTOCOL_VERSION:
             told = f"this device speaks protocol version {PROTOCOL_VERSION}; update benchtool"
             return self._refuse(number, told)
-        self.firmware.execute(AskHello(), now_s)
+        self.firmware.execute(RequestHello(), now_s)
         self.orders.greet(number, self.firmware.device_time_us)
         self._answered = b""
         self.greeted_s = now_s
@@ -210,7 +210,7 @@ class DeviceLink:
         return str(self.firmware.device_time_us % TIME_MODULUS_US)
 
 
-def event_line(event: Event) -> bytes:
+def event_line(event: DeviceEvent) -> bytes:
     """Return the line that reports an event."""
     return frame_fields("E", (event.kind, event.text))
 

@@ -50,7 +50,7 @@ OUTBOX_BYTES = 65536
 beyond it are dropped and counted. A choice: 0.6 s of 12 channels at 1 kHz, for busy machines."""
 
 
-class Outbox:
+class ServerOutbox:
     """Hold what is to be sent: answers always, samples only while there is room."""
 
     def __init__(self, room_bytes: int = OUTBOX_BYTES) -> None:
@@ -98,7 +98,7 @@ class BenchServer:
         on_hello: Callable[[], None] = lambda: None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self.outbox = Outbox()
+        self.outbox = ServerOutbox()
         self._device = device
         self._link = link
         self._tick_Hz = tick_Hz

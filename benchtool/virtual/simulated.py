@@ -15,16 +15,16 @@ from numpy.typing import NDArray
 from benchtool.bench.address import Address
 from benchtool.bench.bench import Identity, Opened, Readings
 from benchtool.bench.serial.commands import (
-    AskHello,
     Clear,
     Command,
-    Event,
-    MovePlate,
+    DeviceEvent,
+    RequestHello,
+    SendPlate,
     SetLimit,
     SetPwm,
     SetRate,
-    Stop,
-    Tare,
+    StopDevice,
+    TareDevice,
 )
 from benchtool.bench.serial.hello import Hello
 from benchtool.core.errors import CommandRefused, DeviceStopped, InputError, LinkLost, StageError
@@ -92,7 +92,7 @@ class SimulatedBench(Opened):
         self._next_tick_s = 1.0 / plant.rate_Hz
         self._waiting: list[tuple[Array, Rows]] = []
         self._messages: list[str] = []
-        self._stopped: Event | None = None
+        self._stopped: DeviceEvent | None = None
         self._told = False
         self._clamped = False
         self._open = False
@@ -106,7 +106,7 @@ class SimulatedBench(Opened):
 
     def open(self) -> None:
         self._open = True
-        self._firmware.execute(AskHello(), self._now_s)
+        self._firmware.execute(RequestHello(), self._now_s)
         self.clear()
         self._command("rate", SetRate(self._rate_Hz))
 
@@ -124,12 +124,12 @@ class SimulatedBench(Opened):
 
     def stop(self) -> None:
         if self._open:
-            self._firmware.execute(Stop(), self._now_s)
+            self._firmware.execute(StopDevice(), self._now_s)
 
     def move_plate(self, z_m: float, x_m: float = 0.0, tilt_rad: float = 0.0) -> None:
         self._raise_if_stopped()
         try:
-            self._command("plate", MovePlate(z_m, x_m, tilt_rad))
+            self._command("plate", SendPlate(z_m, x_m, tilt_rad))
         except CommandRefused as error:
             raise StageError(f"the plate stays where it is: {error.reason}") from error
         deadline_s = self._now_s + MOVE_LIMIT_S
@@ -144,7 +144,7 @@ class SimulatedBench(Opened):
             self._raise_if_stopped()
 
     def tare(self) -> None:
-        self._command("tare", Tare())
+        self._command("tare", TareDevice())
 
     def set_rate(self, rate_Hz: float) -> None:
         if not rate_Hz > 0.0:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from benchtool.bench.serial.frames import Decoder, Message, frame
+from benchtool.bench.serial.frames import Decoder, TextMessage, frame
 from benchtool.bench.serial.hello import HelloReader
 from tests.avr.avr_bench import BAUD, AvrBench
 
@@ -26,7 +26,7 @@ class Wire:
     def __init__(self, bench: AvrBench) -> None:
         self._bench = bench
         self._decoder = Decoder()
-        self.heard: list[Message] = []
+        self.heard: list[TextMessage] = []
         self.time = "0"
         bench.open()
         self.listen(0.02)
@@ -34,10 +34,10 @@ class Wire:
     def say(self, line: bytes) -> None:
         self._bench.write(line)
 
-    def listen(self, seconds: float) -> list[Message]:
+    def listen(self, seconds: float) -> list[TextMessage]:
         """Return what comes within so long."""
         end_s = self._bench.clock() + seconds
-        come: list[Message] = []
+        come: list[TextMessage] = []
         while self._bench.clock() < end_s:
             batch = self._decoder.feed(self._bench.read(0.01))
             assert batch.corrupt == 0
@@ -45,27 +45,27 @@ class Wire:
         self.heard += come
         return come
 
-    def ask(self, payload: str) -> list[Message]:
+    def ask(self, payload: str) -> list[TextMessage]:
         """Return what comes up to the answer to a command."""
         self.say(frame(payload.encode()))
         return self.listen_for("AN", 1)
 
-    def listen_for(self, letters: str, count: int) -> list[Message]:
+    def listen_for(self, letters: str, count: int) -> list[TextMessage]:
         """Return what comes until so many lines of these letters are there."""
-        come: list[Message] = []
+        come: list[TextMessage] = []
         for _ in range(100):
             come += self.listen(0.02)
             if sum(message.letter in letters for message in come) >= count:
                 return come
         raise AssertionError(f"{count} lines of {letters} wanted; heard {come}")
 
-    def answer(self, payload: str) -> Message:
+    def answer(self, payload: str) -> TextMessage:
         """Return the answer to a command, without its device time."""
         (found,) = (message for message in self.ask(payload) if message.letter in "AN")
         number, self.time, *fields = found.fields
-        return Message(found.letter, (number, *fields))
+        return TextMessage(found.letter, (number, *fields))
 
-    def order(self, number: int, command: str, time: str | None = None) -> Message:
+    def order(self, number: int, command: str, time: str | None = None) -> TextMessage:
         """Return the answer to an order that repeats the present device time."""
         self.answer("C,1,where,0")
         name, comma, values = command.partition(",")
@@ -94,7 +94,7 @@ def answers_of_the_page() -> list[tuple[str, list[str]]]:
     return said
 
 
-def without_numbers(message: Message) -> str:
+def without_numbers(message: TextMessage) -> str:
     """Return letter and words; times and the milliseconds of a silence differ from run to run.
 
     The hash of the channels and the sum over the hello are those of other channels.
@@ -107,9 +107,9 @@ def without_numbers(message: Message) -> str:
     return re.sub(r"no line for \d+ ms", "no line for N ms", ",".join((message.letter, *fields)))
 
 
-def as_messages(payloads: list[str]) -> list[Message]:
+def as_messages(payloads: list[str]) -> list[TextMessage]:
     split = [payload.split(",") for payload in payloads]
-    return [Message(letter, tuple(fields)) for letter, *fields in split]
+    return [TextMessage(letter, tuple(fields)) for letter, *fields in split]
 
 
 def test_the_pages_conversation(pair_wire: Wire) -> None:
@@ -153,12 +153,14 @@ def test_the_hello_is_whole_and_true(wire: Wire) -> None:
     assert hello.limits == {"pwm_us": 1950, "thrust_N": 12, "rpm": 9800, "voltage_min_V": 9.6}
     assert (hello.pwm_stop_us, hello.pwm_idle_us, hello.watchdog_s) == (1000, 1050, 0.25)
     assert (hello.simulated, hello.moves_plate, hello.baud) == (True, False, BAUD)
-    assert wire.order(2, "arm") == Message("A", ("2", hello.channel_hash))
+    assert wire.order(2, "arm") == TextMessage("A", ("2", hello.channel_hash))
 
 
 def test_a_host_of_version_1_is_refused(wire: Wire) -> None:
     answer = wire.answer("C,1,hello,1")
-    assert answer == Message("N", ("1", "this device speaks protocol version 2; update benchtool"))
+    assert answer == TextMessage(
+        "N", ("1", "this device speaks protocol version 2; update benchtool")
+    )
 
 
 def test_a_number_is_carried_out_once(wire: Wire) -> None:
@@ -174,7 +176,7 @@ def test_a_number_is_carried_out_once(wire: Wire) -> None:
 def test_late_orders_are_refused(wire: Wire, bench: AvrBench) -> None:
     wire.ask("C,1,hello,2")
     disarmed = "not armed since the last stop; send arm first"
-    assert wire.order(2, "pwm,1200") == Message("N", ("2", disarmed))
+    assert wire.order(2, "pwm,1200") == TextMessage("N", ("2", disarmed))
     assert wire.order(3, "arm").letter == "A"
     before = wire.time
     assert wire.answer("C,0,stop,0").letter == "A"
@@ -216,7 +218,7 @@ def test_late_orders_are_refused(wire: Wire, bench: AvrBench) -> None:
     ],
 )
 def test_what_it_refuses(wire: Wire, command: str, reason: str) -> None:
-    assert wire.order(4294967295, command) == Message("N", ("4294967295", reason))
+    assert wire.order(4294967295, command) == TextMessage("N", ("4294967295", reason))
 
 
 def test_where_and_numbers_with_exponents(wire: Wire) -> None:

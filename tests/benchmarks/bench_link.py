@@ -21,7 +21,7 @@ from link_load import (
     read_with_readline,
 )
 
-from benchtool.bench.serial.frames import Decoder, SampleWriter, crc16
+from benchtool.bench.serial.frames import Decoder, SampleFramer, crc16
 
 FRAMES = 50_000
 
@@ -53,7 +53,7 @@ def decoding() -> None:
     values = np.round(rng.uniform(900.0, 20000.0, (FRAMES, 12)), 1)
     for empty in (0.0, 0.3):
         values[rng.random(values.shape) < empty] = np.nan
-        data = b"".join(SampleWriter(12).frames(1000 * np.arange(FRAMES), values))
+        data = b"".join(SampleFramer(12).frames(1000 * np.arange(FRAMES), values))
         start_s = time.process_time()
         assert decode_by_line(data) == FRAMES
         plain = FRAMES / (time.process_time() - start_s)

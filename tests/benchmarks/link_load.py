@@ -21,7 +21,7 @@ import serial
 from numpy.typing import NDArray
 
 from benchtool.bench.serial.bench import SerialBench
-from benchtool.bench.serial.commands import AskHello, SetRate
+from benchtool.bench.serial.commands import RequestHello, SetRate
 from benchtool.bench.serial.frames import crc16, frame_command
 from benchtool.bench.serial.hello import Hello
 from benchtool.core.channel import Channel
@@ -169,7 +169,7 @@ def read_with_readline(port: str, seconds: float, file: IO[str]) -> tuple[int, i
     rows = lost = corrupt = 0
     before: int | None = None
     with serial.Serial(port, 2_000_000, timeout=1.0, exclusive=True) as link:
-        link.write(frame_command(1, AskHello()))
+        link.write(frame_command(1, RequestHello()))
         while not (answer := link.readline()).startswith(b"$A,1,"):
             pass
         link.write(frame_command(2, SetRate(RATE_HZ), int(answer.split(b",")[2])))

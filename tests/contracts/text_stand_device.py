@@ -9,7 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from benchtool.bench.serial.commands import Arm, Clear, SetPwm, SetRate, Stop, Tare
+from benchtool.bench.serial.commands import (
+    ArmDevice,
+    Clear,
+    SetPwm,
+    SetRate,
+    StopDevice,
+    TareDevice,
+)
 from benchtool.virtual.firmware import Firmware
 
 PAGE = Path(__file__).parents[2] / "docs" / "how-to" / "write-a-driver.md"
@@ -59,7 +66,7 @@ class TextStandDevice:
             self.firmware.execute(Clear(), now_s)
             limit_us = hello.limits["pwm_us"]
             return f"ok id? virtual-stand 2.1 {hello.pwm_stop_us:g} {limit_us:g}"
-        commands: dict[str, Any] = {"stop": Stop, "tare": Tare, "alive": Arm}
+        commands: dict[str, Any] = {"stop": StopDevice, "tare": TareDevice, "alive": ArmDevice}
         if word == "pwm":
             command = SetPwm((float(rest),))
         elif word == "rate":

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchtool.bench.serial.frames import Decoder, SampleWriter
+from benchtool.bench.serial.frames import Decoder, SampleFramer
 from tests.faults.loop import Outcome, plan, sweep
 from tests.faults.proxy import Fault
 
@@ -51,7 +51,7 @@ def test_samples_that_are_lost_are_counted_one_by_one(tmp_path: Path) -> None:
 def test_a_gap_of_65536_samples_is_counted_by_the_time_that_passed() -> None:
     decoder = Decoder(1)
     times_us = 6100 * np.arange(65_600)  # 164 Hz, 400 s
-    lines = SampleWriter(1).frames(times_us, np.ones((len(times_us), 1)))
+    lines = SampleFramer(1).frames(times_us, np.ones((len(times_us), 1)))
     kept = [*lines[:3], *lines[3 + 65_536 :]]
     batches = [decoder.feed(line) for line in kept]
     rows = sum(len(batch.values) for batch in batches)

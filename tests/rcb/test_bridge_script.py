@@ -18,7 +18,7 @@ import pytest
 from benchtool.bench.bench import Bench
 from benchtool.bench.drivers import open_bench
 from benchtool.bench.rcbenchmark.bridge_file import RAMP_MS, SILENCE_MS
-from benchtool.bench.rcbenchmark.lines import RcbEar
+from benchtool.bench.rcbenchmark.lines import BridgeDecoder
 from benchtool.core.errors import CommandRefused, DeviceStopped, LinkLost
 from benchtool.data.run.read import read_points
 from benchtool.data.run.run import Run
@@ -220,7 +220,7 @@ def test_script_and_imitation_say_the_same(tmp_path: Path) -> None:
                 own.sendto(word, ("127.0.0.1", listen))
                 answer: dict = {}
                 while answer.get("to") != word.decode():
-                    for line in RcbEar().feed(own.recv(65536)):
+                    for line in BridgeDecoder().feed(own.recv(65536)):
                         answer = asdict(line.entry)
-                (ours,) = RcbEar().feed(imitated.receive(word, 0.0))
+                (ours,) = BridgeDecoder().feed(imitated.receive(word, 0.0))
                 assert told(answer) == told(asdict(ours.entry)), word

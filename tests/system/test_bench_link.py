@@ -326,7 +326,7 @@ def test_links_by_name(tmp_path: Path) -> None:
 
 
 def test_the_outbox_keeps_answers_and_counts_what_it_drops() -> None:
-    outbox = Outbox(room_bytes=10)
+    outbox = ServerOutbox(room_bytes=10)
     for _ in range(5):
         outbox.add_sample(b"1234")
     outbox.add(b"answer")

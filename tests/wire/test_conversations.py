@@ -7,14 +7,14 @@ import pytest
 
 from benchtool.bench.serial.bench import SerialBench
 from benchtool.bench.serial.commands import (
-    Arm,
-    AskHello,
-    AskPlate,
+    ArmDevice,
     Clear,
-    MovePlate,
+    RequestHello,
+    RequestPlate,
+    SendPlate,
     SetPwm,
     SetRate,
-    Stop,
+    StopDevice,
 )
 from benchtool.bench.serial.frames import (
     HEARTBEAT,
@@ -51,14 +51,16 @@ def hello_answer(number: int, **changes: object) -> bytes:
 
 
 def arm(number: int, time_us: int = 0) -> Turn:
-    return Turn(frame_command(number, Arm(), time_us), ack(number, still_hello().channel_hash))
+    return Turn(
+        frame_command(number, ArmDevice(), time_us), ack(number, still_hello().channel_hash)
+    )
 
 
 def sample(sequence: int, thrust: str = "1.5") -> bytes:
     return frame(b"S,%d,%d,1000,1000,%s,0.1,12" % (sequence, 10_000 * sequence, thrust.encode()))
 
 
-HELLO = frame_command(1, AskHello())
+HELLO = frame_command(1, RequestHello())
 OPENING = (
     Turn(HELLO, hello_answer(1)),
     Turn(frame_command(2, Clear()), ack(2)),
@@ -82,7 +84,7 @@ def test_open_read_close() -> None:
     link = ScriptedLink(
         *OPENING[:2],
         stream,
-        Turn(frame_command(4, Stop(), 10_000), ack(4, time_us=11_000)),
+        Turn(frame_command(4, StopDevice(), 10_000), ack(4, time_us=11_000)),
         Turn(frame_command(5, SetRate(0.0), 11_000), ack(5)),
     )
     with bench_on(link) as bench:
@@ -118,13 +120,13 @@ def test_a_lost_acknowledgement_is_asked_for_with_the_same_number() -> None:
 
 
 def test_a_late_answer_to_an_earlier_number_is_passed_over() -> None:
-    bench, link = opened(Turn(frame_command(4, Stop()), ack(3) + ack(2) + ack(4)))
+    bench, link = opened(Turn(frame_command(4, StopDevice()), ack(3) + ack(2) + ack(4)))
     bench.stop()
     link.check_finished()
 
 
 def test_no_answer_at_all_is_a_lost_link() -> None:
-    stop = frame_command(4, Stop())
+    stop = frame_command(4, StopDevice())
     bench, link = opened(*[Turn(stop), Turn(HEARTBEAT)] * 5)
     with pytest.raises(LinkLost, match="did not answer 'stop' in 5 tries"):
         bench.stop()
@@ -145,7 +147,7 @@ def test_a_hello_with_a_lost_line_is_asked_again() -> None:
     whole = hello_answer(1).splitlines(keepends=True)
     link = ScriptedLink(
         Turn(HELLO, b"".join(whole[:5] + whole[6:])),
-        Turn(frame_command(2, AskHello()), hello_answer(2)),
+        Turn(frame_command(2, RequestHello()), hello_answer(2)),
         Turn(frame_command(3, Clear()), ack(3)),
         Turn(frame_command(4, SetRate(100.0)), ack(4)),
     )
@@ -158,13 +160,16 @@ def test_a_board_that_boots_first_is_waited_for() -> None:
         turn
         for number in range(1, 9)
         for turn in (
-            Turn(frame_command(number, AskHello()), b"ets Jul 29 2019\r\n" if number == 3 else b""),
+            Turn(
+                frame_command(number, RequestHello()),
+                b"ets Jul 29 2019\r\n" if number == 3 else b"",
+            ),
             *[Turn(HEARTBEAT)] * 2,
         )
     ]
     link = ScriptedLink(
         *tries,
-        Turn(frame_command(9, AskHello()), frame(b"E,boot,power on") + hello_answer(9)),
+        Turn(frame_command(9, RequestHello()), frame(b"E,boot,power on") + hello_answer(9)),
         Turn(frame_command(10, Clear()), ack(10)),
         Turn(frame_command(11, SetRate(100.0)), ack(11)),
     )
@@ -210,7 +215,7 @@ def test_another_protocol_version_is_refused() -> None:
 def test_a_refused_hello() -> None:
     link = ScriptedLink(
         Turn(HELLO, frame(b"N,1,not today")),
-        Turn(frame_command(2, AskHello(1)), frame(b"N,2,not today")),
+        Turn(frame_command(2, RequestHello(1)), frame(b"N,2,not today")),
     )
     with pytest.raises(ProtocolError, match="refused the hello: not today"):
         bench_on(link).open()
@@ -281,7 +286,7 @@ def test_an_order_repeats_the_last_device_time() -> None:
 
 def test_a_host_that_has_read_nothing_lately_asks_for_the_time_first() -> None:
     bench, link = opened(
-        Turn(frame_command(4, AskPlate()), ack(4, "0", "", "", "", time_us=900_000)),
+        Turn(frame_command(4, RequestPlate()), ack(4, "0", "", "", "", time_us=900_000)),
         arm(5, 900_000),
         Turn(frame_command(6, SetPwm((1200.0, 1200.0)), 900_000), ack(6)),
     )
@@ -293,7 +298,7 @@ def test_a_host_that_has_read_nothing_lately_asks_for_the_time_first() -> None:
 def test_arming_compares_the_channel_map() -> None:
     other = ack(4, "0BAD")
     bench, link = opened(
-        Turn(frame_command(4, Arm()), other), Turn(frame_command(5, Stop()), ack(5))
+        Turn(frame_command(4, ArmDevice()), other), Turn(frame_command(5, StopDevice()), ack(5))
     )
     with pytest.raises(ProtocolError, match="channel map of hash 0BAD, at its hello 2E39"):
         bench.set_pwm(np.array([1200.0, 1200.0]))
@@ -304,7 +309,7 @@ def test_after_a_stop_the_next_order_arms_anew() -> None:
     spin = SetPwm((1200.0, 1200.0))
     bench, link = opened(
         *(arm(4), Turn(frame_command(5, spin), ack(5))),
-        Turn(frame_command(6, Stop()), ack(6)),
+        Turn(frame_command(6, StopDevice()), ack(6)),
         Turn(frame_command(7, SetPwm((1000.0, 1000.0))), ack(7)),
         *(arm(8), Turn(frame_command(9, spin), ack(9))),
     )
@@ -318,7 +323,7 @@ def test_after_a_stop_the_next_order_arms_anew() -> None:
 def test_an_order_that_is_refused_since_another_thread_stopped_is_not_armed_by_itself() -> None:
     spin = frame_command(5, SetPwm((1200.0, 1200.0)))
     refused = frame(b"N,5,0,not armed since the last stop; send arm first")
-    bench, link = opened(arm(4), Turn(frame_command(0, Stop())), Turn(spin, ack(0) + refused))
+    bench, link = opened(arm(4), Turn(frame_command(0, StopDevice())), Turn(spin, ack(0) + refused))
     bench._arm()
     bench.halt()
     with pytest.raises(CommandRefused, match="not armed since the last stop"):
@@ -372,7 +377,7 @@ def test_a_pulled_cable_passes_through_and_close_stays_quiet() -> None:
 
 
 def test_the_plate_arrives() -> None:
-    move = frame_command(5, MovePlate(0.2, 0.0, 0.1))
+    move = frame_command(5, SendPlate(0.2, 0.0, 0.1))
     bench, link = opened(
         arm(4),
         Turn(move, ack(5) + sample(0)),
@@ -386,9 +391,9 @@ def test_the_plate_arrives() -> None:
 def test_a_plate_whose_arrival_got_lost_is_asked_for() -> None:
     bench, link = opened(
         arm(4),
-        Turn(frame_command(5, MovePlate(0.2)), ack(5)),
+        Turn(frame_command(5, SendPlate(0.2)), ack(5)),
         *[Turn(HEARTBEAT)] * 5,
-        Turn(frame_command(6, AskPlate()), ack(6, "0", "0.2", "0", "0")),
+        Turn(frame_command(6, RequestPlate()), ack(6, "0", "0.2", "0", "0")),
     )
     bench.move_plate(0.2)
     link.check_finished()
@@ -402,7 +407,7 @@ def test_a_plate_whose_arrival_got_lost_is_asked_for() -> None:
     ],
 )
 def test_a_stage_that_fails(answer: bytes, words: str) -> None:
-    bench, _ = opened(arm(4), Turn(frame_command(5, MovePlate(0.2)), answer))
+    bench, _ = opened(arm(4), Turn(frame_command(5, SendPlate(0.2)), answer))
     with pytest.raises(StageError, match=words):
         bench.move_plate(0.2)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchtool.bench.serial.bench import SerialBench
-from benchtool.bench.serial.commands import MovePlate, Reply
+from benchtool.bench.serial.commands import Reply, SendPlate
 from benchtool.bench.serial.frames import HEARTBEAT
 from benchtool.core.errors import CommandRefused, DeviceStopped, HostPaused, LinkLost
 from benchtool.testing.loopback_link import LoopbackLink
@@ -216,7 +216,7 @@ def test_a_plate_order_that_the_link_delivers_late_is_no_fault_of_the_stage() ->
         exchange = bench._talk.exchange
         bench._talk.exchange = (  # type: ignore[method-assign]
             lambda order, *more, **also: (
-                refused if isinstance(order, MovePlate) else exchange(order, *more, **also)
+                refused if isinstance(order, SendPlate) else exchange(order, *more, **also)
             )
         )
         with pytest.raises(CommandRefused, match=r"612 ms old; .*; the link delivered it late"):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from benchtool.bench.identify import KNOCK
+from benchtool.bench.identify import PROBE
 from benchtool.bench.stage.grbl import GrblAxis, GrblStage
 from benchtool.core.errors import LinkLost, NoDevice, StageError
 from benchtool.testing.scripted_link import ScriptedLink, Turn
@@ -105,7 +105,7 @@ def test_a_board_that_boots_misses_the_first_reset():
 
 
 def test_nothing_that_answers_is_said_and_the_port_given_back():
-    link = ScriptedLink(*[Turn(b"\x18")] * 5, Turn(KNOCK))
+    link = ScriptedLink(*[Turn(b"\x18")] * 5, Turn(PROBE))
     with pytest.raises(NoDevice, match="did not answer a reset within 5 s"):
         stage_on(link).open()
     link.check_finished()

@@ -10,7 +10,7 @@ import pytest
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.mavlink.bench import MavlinkBench
 from benchtool.bench.mavlink.frames import MavlinkFrames
-from benchtool.bench.mavlink.pilots import ArduPilot, Order
+from benchtool.bench.mavlink.pilots import ArduPilot, MavCommand
 from benchtool.bench.mavlink.settings import MavlinkSettings, MotorMap
 from benchtool.core.errors import (
     CommandRefused,
@@ -477,7 +477,7 @@ def test_another_motor_waits_until_the_outputs_show_the_stop_of_the_first() -> N
 @pytest.mark.parametrize("timeout_s", [-1.0, 0.3, float("nan"), float("inf")])
 def test_no_order_to_turn_can_last(timeout_s: float) -> None:
     with pytest.raises(InputError, match=r"was not made, limits 0 and 0\.25 s"):
-        Order(209, (1.0, 1.0, 1300.0, timeout_s, 1.0, 0.0, 0.0))
+        MavCommand(209, (1.0, 1.0, 1300.0, timeout_s, 1.0, 0.0, 0.0))
 
 
 @pytest.mark.parametrize("pulse_us", [999.0, 1901.0, 2200.0, float("nan")])

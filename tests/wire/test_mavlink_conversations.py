@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from benchtool.bench.identify import KNOCK
+from benchtool.bench.identify import PROBE
 from benchtool.bench.mavlink.frames import MavlinkFrames
-from benchtool.bench.mavlink.learn import Wish, ask_for, interval
-from benchtool.bench.mavlink.link import MavlinkTalk
+from benchtool.bench.mavlink.learn import StreamRequest, interval, request_streams
+from benchtool.bench.mavlink.link import MavlinkLink
 from benchtool.bench.mavlink.messages import dialect
-from benchtool.bench.mavlink.pilots import ArduPilot, Order, Px4
+from benchtool.bench.mavlink.pilots import ArduPilot, MavCommand, Px4
 from benchtool.bench.serial.conversation import Conversation
 from benchtool.bench.serial.frames import frame
 from benchtool.core.errors import InputError, LinkLost, NoDevice, ProtocolError
@@ -37,11 +37,11 @@ def ours() -> object:
     return WORDS.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)
 
 
-def command(order: Order) -> object:
+def command(order: MavCommand) -> object:
     return WORDS.MAVLink_command_long_message(1, 1, order.command, 0, *order.parameters)
 
 
-def ack(order: Order, result: int = ACCEPTED) -> object:
+def ack(order: MavCommand, result: int = ACCEPTED) -> object:
     return WORDS.MAVLink_command_ack_message(order.command, result, 0, 0, 255, 190)
 
 
@@ -49,11 +49,11 @@ def ask(name: str) -> object:
     return WORDS.MAVLink_param_request_read_message(1, 1, name.encode(), -1)
 
 
-def talk_on(link: ScriptedLink) -> MavlinkTalk:
-    return MavlinkTalk(link, "mavlink:scripted", link.clock, MavlinkFrames())
+def talk_on(link: ScriptedLink) -> MavlinkLink:
+    return MavlinkLink(link, "mavlink:scripted", link.clock, MavlinkFrames())
 
 
-def met(*turns: Turn, host: Side, device: Side) -> tuple[MavlinkTalk, ScriptedLink]:
+def met(*turns: Turn, host: Side, device: Side) -> tuple[MavlinkLink, ScriptedLink]:
     """Give a conversation in which system 1 was found already."""
     link = ScriptedLink(Turn(host.says(ours()), device.says(beat())), *turns)
     talk = talk_on(link)
@@ -119,7 +119,11 @@ def test_a_message_that_it_has_not_is_denied_with_its_words() -> None:
 
 def test_denied_and_accepted_but_silent_are_told_apart() -> None:
     host, device = Side(255, 190), Side(1, 1)
-    wanted = (Wish("SERVO_OUTPUT_RAW", 50.0), Wish("RPM", 20.0), Wish("RAW_RPM", 20.0))
+    wanted = (
+        StreamRequest("SERVO_OUTPUT_RAW", 50.0),
+        StreamRequest("RPM", 20.0),
+        StreamRequest("RAW_RPM", 20.0),
+    )
     orders = [interval(wish.name, wish.rate_Hz) for wish in wanted]
     outputs = WORDS.MAVLink_servo_output_raw_message(1000, 0, *[1000] * 8)
     talk, link = met(host=host, device=device)
@@ -136,7 +140,7 @@ def test_denied_and_accepted_but_silent_are_told_apart() -> None:
         counts[message.msgname] = counts.get(message.msgname, 0) + 1
 
     talk.on_message = count
-    became = ask_for(talk, wanted, counts.__getitem__, link.clock, speed=1.0)
+    became = request_streams(talk, wanted, counts.__getitem__, link.clock, speed=1.0)
     assert became == {
         "SERVO_OUTPUT_RAW": "comes",
         "RPM": "accepted, but nothing comes",
@@ -199,7 +203,7 @@ def test_strangers_are_told_apart(heard: bytes, words: str) -> None:
 
 def test_silence_names_power_and_port() -> None:
     beats = _beats_of_ours(4)
-    link = ScriptedLink(Turn(Side(255, 190).says(ours())), *beats, Turn(KNOCK))
+    link = ScriptedLink(Turn(Side(255, 190).says(ours())), *beats, Turn(PROBE))
     with pytest.raises(NoDevice, match="is open, but nothing came for 5 s; check power"):
         talk_on(link).find(None)
 

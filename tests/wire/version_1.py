@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from benchtool.bench.serial.commands import AskHello, Reply, command_from
-from benchtool.bench.serial.frames import Message, frame_fields
+from benchtool.bench.serial.commands import Reply, RequestHello, command_from
+from benchtool.bench.serial.frames import TextMessage, frame_fields
 from benchtool.bench.serial.hello import hello_lines
 from benchtool.core.errors import BenchtoolError
 from benchtool.virtual.firmware import Firmware
@@ -22,7 +22,7 @@ class VersionOne(DeviceLink):
         self._refuses = refuses
         self._last: tuple[int, bytes] | None = None
 
-    def _answer(self, message: Message, now_s: float) -> bytes:
+    def _answer(self, message: TextMessage, now_s: float) -> bytes:
         self.firmware.hear(now_s)
         if message.letter != "C" or len(message.fields) < 2 or not message.fields[0].isdecimal():
             return b""
@@ -44,7 +44,7 @@ class VersionOne(DeviceLink):
         except BenchtoolError as error:
             reply = Reply(False, str(error))
         else:
-            if isinstance(command, AskHello):
+            if isinstance(command, RequestHello):
                 self.greeted_s = now_s
                 _, *others = hello_lines(self.firmware.hello)
                 lines = [("protocol", "1"), *others]

@@ -46,7 +46,7 @@ class Port:
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class PortAnswer:
     """Say what answered on a port when it was asked for a hello."""
 
     kind: Literal["bench", "other", "silent", "busy", "denied"]
@@ -82,24 +82,24 @@ def by_id_names(folder: Path = BY_ID) -> dict[str, str]:
 
 def ask_port(
     transport: Transport, name: str, clock: Callable[[], float] = time.monotonic
-) -> Answer:
+) -> PortAnswer:
     """Open a port and ask who is there; opening resets many boards, and motors stay untouched."""
     talk = Conversation(transport, f"serial:{name}", clock)
     try:
         hello = talk.open()
     except PortBusy as error:
-        return Answer("busy", str(error))
+        return PortAnswer("busy", str(error))
     except PortDenied as error:
-        return Answer("denied", str(error))
+        return PortAnswer("denied", str(error))
     except NoDevice as error:
-        return Answer("silent", str(error))
+        return PortAnswer("silent", str(error))
     except ProtocolError as error:
-        return Answer("other", str(error))
+        return PortAnswer("other", str(error))
     finally:
         talk.close()
     rotors = counted(hello.n_rotors, "rotor")
     virtual = ", virtual" if hello.simulated else ""
-    return Answer("bench", f"{hello.device_id}, {hello.firmware}, {rotors}{virtual}")
+    return PortAnswer("bench", f"{hello.device_id}, {hello.firmware}, {rotors}{virtual}")
 
 
 def _natural(name: str) -> list[str | int]:

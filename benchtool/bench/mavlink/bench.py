@@ -18,24 +18,24 @@ from benchtool.bench.address import Address
 from benchtool.bench.bench import Identity, Listener, Opened, ReadAhead, Readings
 from benchtool.bench.clocks import DeviceClock
 from benchtool.bench.mavlink.drive import Drive, PitchDrive, RunWatch
-from benchtool.bench.mavlink.frames import LinkQuality, MavlinkFrames
+from benchtool.bench.mavlink.frames import MavlinkFrames, MavlinkQuality
 from benchtool.bench.mavlink.health import Health
 from benchtool.bench.mavlink.learn import (
     LATE_S,
     OUTPUT_MESSAGES,
-    Learnt,
-    ask_for,
+    AutopilotInfo,
     check_fit,
     fitted,
     identity_of,
     interval,
-    learn,
+    read_autopilot,
+    request_streams,
     require_outputs,
+    stream_facts,
+    stream_requests,
     switch_off_others,
-    told,
-    wishes,
 )
-from benchtool.bench.mavlink.link import MavlinkTalk
+from benchtool.bench.mavlink.link import MavlinkLink
 from benchtool.bench.mavlink.messages import Message
 from benchtool.bench.mavlink.motor_test import TestDrive
 from benchtool.bench.mavlink.rows import MavlinkRows
@@ -82,7 +82,7 @@ class MavlinkBench(Opened):
         self._settings = settings or MavlinkSettings()
         self._cell = SideCell(cell, self._settings.cell_name, clock) if cell else None
         self._ports = [transport] if cell is None else [transport, cell]
-        self._learnt: Learnt | None = None
+        self._learnt: AutopilotInfo | None = None
         self._channels: tuple[Channel, ...] = ()
         self._rate_Hz = self._settings.rate_Hz
         self._ahead = ReadAhead()
@@ -90,7 +90,11 @@ class MavlinkBench(Opened):
     @property
     def identity(self) -> Identity:
         learnt = self._known()
-        more = {"system": str(self._talk.system), **told(self._became), **self._quality.facts()}
+        more = {
+            "system": str(self._talk.system),
+            **stream_facts(self._became),
+            **self._quality.facts(),
+        }
         return identity_of(
             self.address,
             learnt,
@@ -109,10 +113,10 @@ class MavlinkBench(Opened):
             return
         settings = self._settings
         frames = MavlinkFrames(key=settings.key, now_s=self._since_1970_s())
-        self._talk = talk = MavlinkTalk(self._transport, self.address, self._clock, frames)
+        self._talk = talk = MavlinkLink(self._transport, self.address, self._clock, frames)
         self._opened_s = self._stamped_s = self._clock()
         self._device_clock = DeviceClock()
-        self._quality = LinkQuality()
+        self._quality = MavlinkQuality()
         self._counts: Counter[str] = Counter()
         self._messages: list[str] = [settings.warning] if settings.warning else []
         self._zero_N = 0.0
@@ -123,7 +127,7 @@ class MavlinkBench(Opened):
             if self._cell is not None:
                 self._cell.open()
             beat = talk.find(settings.system)
-            learnt = learn(talk, beat, settings, self._clock)
+            learnt = read_autopilot(talk, beat, settings, self._clock)
             self._rows = MavlinkRows(learnt.wiring, learnt.pulses.idle_us, settings.speeds)
             pitch = settings.mode == "pitch"
             self._health = Health(pitch or learnt.pilot.arms)
@@ -134,8 +138,8 @@ class MavlinkBench(Opened):
             self._baud = 0 if learnt.simulated else self._transport.baud or 0
             asked, news = fitted(settings, n, self._baud)
             self._rate_Hz, self._messages = asked.rate_Hz, [*self._messages, *news]
-            self._became = ask_for(
-                talk, wishes(asked, n), self._counts.__getitem__,
+            self._became = request_streams(
+                talk, stream_requests(asked, n), self._counts.__getitem__,
                 self._clock, learnt.speed,
             )  # fmt: skip
             if self._baud:
@@ -278,12 +282,12 @@ class MavlinkBench(Opened):
         """Return what the autopilot said last."""
         return self._health.refusal or "it does not say why"
 
-    def _known(self) -> Learnt:
+    def _known(self) -> AutopilotInfo:
         if self._learnt is None:
             raise LinkLost(f"{self.address} is not open; open it first")
         return self._learnt
 
-    def _choose_channels(self, learnt: Learnt) -> None:
+    def _choose_channels(self, learnt: AutopilotInfo) -> None:
         """Keep the channels that live; say which messages do not come.
 
         Raises:

@@ -6,13 +6,13 @@ from collections.abc import Callable
 from typing import Protocol
 
 from benchtool.bench.mavlink.health import RESTARTED, SILENT_S, Health, silence_of
-from benchtool.bench.mavlink.learn import Learnt
-from benchtool.bench.mavlink.link import MavlinkTalk
+from benchtool.bench.mavlink.learn import AutopilotInfo
+from benchtool.bench.mavlink.link import MavlinkLink
 from benchtool.bench.mavlink.pilots import (
     ACCEPTED,
     ARM_DISARM,
     FORCE_DISARM,
-    Order,
+    MavCommand,
     result_name,
 )
 from benchtool.bench.mavlink.rows import MavlinkRows
@@ -92,8 +92,8 @@ class PitchDrive:
 
     def __init__(
         self,
-        talk: MavlinkTalk,
-        learnt: Learnt,
+        talk: MavlinkLink,
+        learnt: AutopilotInfo,
         health: Health,
         arm: str,
         clock: Callable[[], float],
@@ -112,7 +112,7 @@ class PitchDrive:
             return
         if not self._health.armed and self._arm == "host":
             self._health.refusal = ""
-            result = self._talk.exchange(Order(ARM_DISARM, (1.0, *[0.0] * 6)))
+            result = self._talk.exchange(MavCommand(ARM_DISARM, (1.0, *[0.0] * 6)))
             if result != ACCEPTED:
                 raise CommandRefused("arm", self._health.refusal or result_name(result))
         until_s = self._clock() + ARM_WAIT_S
@@ -131,7 +131,7 @@ class PitchDrive:
         self._driven, self.highest_us = False, 0.0
         self._health.drive(False, self._clock())
         if not self._ended:
-            self._talk.exchange(Order(ARM_DISARM, (0.0, FORCE_DISARM, *[0.0] * 5)))
+            self._talk.exchange(MavCommand(ARM_DISARM, (0.0, FORCE_DISARM, *[0.0] * 5)))
 
     def let_go(self) -> None:
         # Whoever flies without us is not disarmed by us.
@@ -171,9 +171,9 @@ class RunWatch:
     """
 
     def __init__(
-        self, address: str, talk: MavlinkTalk, health: Health, drive: Drive, rows: MavlinkRows
+        self, address: str, talk: MavlinkLink, health: Health, drive: Drive, rows: MavlinkRows
     ) -> None:
-        self.ask_again: list[Order] = []
+        self.ask_again: list[MavCommand] = []
         self._address = address
         self._talk, self._health, self._drive, self._rows = talk, health, drive, rows
         self._pumped_s = talk.clock()

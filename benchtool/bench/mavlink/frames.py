@@ -191,7 +191,7 @@ def is_signed(message: Message) -> bool:
     return frame[0] == MAVLINK_2 and bool(frame[2] & SIGNED)
 
 
-class LinkQuality:
+class MavlinkQuality:
     """Count messages and measure how unevenly they arrive.
 
     Jitter is the standard deviation of arrival time minus the autopilot's own time, over steps from

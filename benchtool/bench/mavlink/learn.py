@@ -8,14 +8,14 @@ from typing import Literal
 
 from benchtool.bench.bench import Identity
 from benchtool.bench.mavlink.health import HIL
-from benchtool.bench.mavlink.link import MavlinkTalk
+from benchtool.bench.mavlink.link import MavlinkLink
 from benchtool.bench.mavlink.messages import ESC_STATUS, Message, dialect
 from benchtool.bench.mavlink.pilots import (
     PILOTS,
     RESEND_S,
     SEEN_S,
     TIMEOUT_S,
-    Order,
+    MavCommand,
     Pilot,
     PulseRange,
 )
@@ -48,7 +48,7 @@ UNMAPPED = (
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Learnt:
+class AutopilotInfo:
     """Hold what an autopilot says of itself.
 
     Attributes:
@@ -66,9 +66,9 @@ class Learnt:
     speed: float
 
 
-def learn(
-    talk: MavlinkTalk, beat: Message, settings: MavlinkSettings, clock: Callable[[], float]
-) -> Learnt:
+def read_autopilot(
+    talk: MavlinkLink, beat: Message, settings: MavlinkSettings, clock: Callable[[], float]
+) -> AutopilotInfo:
     """Ask an autopilot what it is.
 
     Raises:
@@ -86,7 +86,7 @@ def learn(
     speedup = ("SIM_SPEEDUP",) if simulated else ()
     parameters = talk.parameters((*pilot.asked, *speedup), pilot.required)
     device_id, version = _version(talk, clock)
-    return Learnt(
+    return AutopilotInfo(
         pilot=pilot,
         pulses=pilot.pulses(parameters),
         wiring=_wiring(pilot.n_motors(parameters), settings, talk.system, simulated),
@@ -97,9 +97,11 @@ def learn(
     )
 
 
-def _wiring(told: int | None, settings: MavlinkSettings, system: int, simulated: bool) -> Wiring:
+def _wiring(
+    reported: int | None, settings: MavlinkSettings, system: int, simulated: bool
+) -> Wiring:
     known = settings.motor_map
-    n = settings.rotors or (len(known.motors) if known else told)
+    n = settings.rotors or (len(known.motors) if known else reported)
     if not n:
         raise InputError(
             f"system {system} does not tell how many motors it has; give rotors=N in the address"
@@ -121,7 +123,7 @@ def _wiring(told: int | None, settings: MavlinkSettings, system: int, simulated:
     )
 
 
-def _version(talk: MavlinkTalk, clock: Callable[[], float]) -> tuple[str, str]:
+def _version(talk: MavlinkLink, clock: Callable[[], float]) -> tuple[str, str]:
     """Return the autopilot's own name and its version, as far as it tells them."""
     found: list[Message] = []
     before = talk.on_message
@@ -134,7 +136,7 @@ def _version(talk: MavlinkTalk, clock: Callable[[], float]) -> tuple[str, str]:
     talk.on_message = listen
     try:
         number = float(talk.words.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
-        ask = Order(REQUEST_MESSAGE, (number, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+        ask = MavCommand(REQUEST_MESSAGE, (number, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
         if talk.exchange(ask) == ACCEPTED:
             until_s = clock() + VERSION_S
             while not found and clock() < until_s:
@@ -143,17 +145,16 @@ def _version(talk: MavlinkTalk, clock: Callable[[], float]) -> tuple[str, str]:
         talk.on_message = before
     if not found:
         return f"mavlink-system-{talk.system}", ""
-    told = found[0]
-    long = bytes(told.uid2).rstrip(b"\0").hex()
-    name = long or f"{told.uid:x}"
-    number = told.flight_sw_version
-    version = f"{number >> 24}.{number >> 16 & 255}.{number >> 8 & 255}"
-    return f"mavlink-{name}", version
+    version = found[0]
+    long = bytes(version.uid2).rstrip(b"\0").hex()
+    name = long or f"{version.uid:x}"
+    number = version.flight_sw_version
+    return f"mavlink-{name}", f"{number >> 24}.{number >> 16 & 255}.{number >> 8 & 255}"
 
 
 def identity_of(
     address: str,
-    learnt: Learnt,
+    learnt: AutopilotInfo,
     settings: MavlinkSettings,
     channels: tuple[Channel, ...],
     rate_Hz: float,
@@ -245,11 +246,11 @@ LATE_S = 0.5
 """Acknowledgements that take longer say that a link carries more than it can; a choice, a hundred
 times what ArduPilot needs."""
 
-Became = Literal["comes", "denied", "accepted, but nothing comes", "comes unasked"]
+StreamState = Literal["comes", "denied", "accepted, but nothing comes", "comes unasked"]
 
 
 @dataclass(frozen=True, slots=True)
-class Wish:
+class StreamRequest:
     """Ask for a message at a rate; `stead` names the one in whose stead it is asked for."""
 
     name: str
@@ -257,26 +258,26 @@ class Wish:
     stead: str = ""
 
 
-def wishes(settings: MavlinkSettings, n_rotors: int) -> tuple[Wish, ...]:
+def stream_requests(settings: MavlinkSettings, n_rotors: int) -> tuple[StreamRequest, ...]:
     """Return what is asked for, the first choice of a channel before the second."""
     rate_Hz = settings.rate_Hz
     slow_Hz = min(SLOW_HZ, rate_Hz)
     found = [
-        Wish("SERVO_OUTPUT_RAW", rate_Hz),
-        Wish("ACTUATOR_OUTPUT_STATUS", rate_Hz, stead="SERVO_OUTPUT_RAW"),
-        Wish("BATTERY_STATUS", min(BATTERY_HZ, rate_Hz)),
-        Wish("SYS_STATUS", min(BATTERY_HZ, rate_Hz), stead="BATTERY_STATUS"),
+        StreamRequest("SERVO_OUTPUT_RAW", rate_Hz),
+        StreamRequest("ACTUATOR_OUTPUT_STATUS", rate_Hz, stead="SERVO_OUTPUT_RAW"),
+        StreamRequest("BATTERY_STATUS", min(BATTERY_HZ, rate_Hz)),
+        StreamRequest("SYS_STATUS", min(BATTERY_HZ, rate_Hz), stead="BATTERY_STATUS"),
     ]
     if settings.mode == "pitch":
-        found += [Wish("ATTITUDE", rate_Hz), Wish("ATTITUDE_TARGET", rate_Hz)]
+        found += [StreamRequest("ATTITUDE", rate_Hz), StreamRequest("ATTITUDE_TARGET", rate_Hz)]
     elif settings.cell is None:
-        found.append(Wish(settings.thrust.message, rate_Hz))
+        found.append(StreamRequest(settings.thrust.message, rate_Hz))
     if settings.speeds:
-        found += [Wish(name, slow_Hz) for name in ESC_TELEMETRY[: (n_rotors + 3) // 4]]
-        found += [Wish(name, slow_Hz) for name in ("ESC_STATUS", "RAW_RPM", "RPM")]
+        found += [StreamRequest(name, slow_Hz) for name in ESC_TELEMETRY[: (n_rotors + 3) // 4]]
+        found += [StreamRequest(name, slow_Hz) for name in ("ESC_STATUS", "RAW_RPM", "RPM")]
     if settings.distance:
-        found.append(Wish("DISTANCE_SENSOR", slow_Hz))
-        found.append(Wish("RANGEFINDER", slow_Hz, stead="DISTANCE_SENSOR"))
+        found.append(StreamRequest("DISTANCE_SENSOR", slow_Hz))
+        found.append(StreamRequest("RANGEFINDER", slow_Hz, stead="DISTANCE_SENSOR"))
     return tuple(found)
 
 
@@ -295,11 +296,11 @@ def fitted(
         check_fit(settings, LEAST_HZ, n_rotors, baud)
     if rate_Hz == settings.rate_Hz:
         return settings, []
-    told = (
+    remark = (
         f"outputs come at {rate_Hz:g} Hz instead of {settings.rate_Hz:g}: the link runs at "
         f"{baud:,} baud"
     )
-    return replace(settings, rate_Hz=rate_Hz), [told]
+    return replace(settings, rate_Hz=rate_Hz), [remark]
 
 
 def check_fit(settings: MavlinkSettings, rate_Hz: float, n_rotors: int, baud: int) -> None:
@@ -331,19 +332,19 @@ def _bytes_per_s(settings: MavlinkSettings, rate_Hz: float, n_rotors: int) -> fl
     return acks + float(
         sum(
             wish.rate_Hz * (known[number_of(wish.name)].unpacker.size + FRAME_BYTES + signature)
-            for wish in wishes(replace(settings, rate_Hz=rate_Hz), n_rotors)
+            for wish in stream_requests(replace(settings, rate_Hz=rate_Hz), n_rotors)
             if not wish.stead and wish.name not in ALTERNATES
         )
     )
 
 
-def ask_for(
-    talk: MavlinkTalk,
-    wanted: tuple[Wish, ...],
+def request_streams(
+    talk: MavlinkLink,
+    wanted: tuple[StreamRequest, ...],
     counts: Callable[[str], int],
     clock: Callable[[], float],
     speed: float,
-) -> dict[str, Became]:
+) -> dict[str, StreamState]:
     """Ask for every message and say what became of each.
 
     Args:
@@ -354,7 +355,7 @@ def ask_for(
     Raises:
         LinkLost: the autopilot does not answer.
     """
-    became: dict[str, Became] = {}
+    became: dict[str, StreamState] = {}
     for stage in (False, True):
         asked = [
             wish
@@ -389,7 +390,7 @@ def ask_for(
 
 
 def switch_off_others(
-    talk: MavlinkTalk, counts: Mapping[str, int], became: Mapping[str, Became]
+    talk: MavlinkLink, counts: Mapping[str, int], became: Mapping[str, StreamState]
 ) -> list[str]:
     """End the streams of a serial port that nobody here asked for; return what must be said.
 
@@ -410,24 +411,24 @@ def switch_off_others(
     return [f"switched off, because nobody here asks for it: {' '.join(others)}"] if others else []
 
 
-def require_outputs(became: dict[str, Became], system: int) -> None:
+def require_outputs(became: dict[str, StreamState], system: int) -> None:
     """Refuse an autopilot that does not tell its outputs: nothing could be read back.
 
     Raises:
         ProtocolError: what became of the messages.
     """
     if not any(became.get(name) == "comes" for name in OUTPUT_MESSAGES):
-        told = ", ".join(f"{name} {became[name]}" for name in OUTPUT_MESSAGES if name in became)
+        states = ", ".join(f"{name} {became[name]}" for name in OUTPUT_MESSAGES if name in became)
         raise ProtocolError(
-            f"system {system} does not tell its outputs ({told}), so nobody could see what its "
+            f"system {system} does not tell its outputs ({states}), so nobody could see what its "
             f"motors do; raise the telemetry port's rate or take another port"
         )
 
 
-def interval(name: str, rate_Hz: float) -> Order:
+def interval(name: str, rate_Hz: float) -> MavCommand:
     """Return the order that asks for a message at a rate; 0 ends it."""
     every_us = 1e6 / rate_Hz if rate_Hz > 0.0 else -1.0
-    return Order(SET_INTERVAL, (float(number_of(name)), every_us, 0.0, 0.0, 0.0, 0.0, 0.0))
+    return MavCommand(SET_INTERVAL, (float(number_of(name)), every_us, 0.0, 0.0, 0.0, 0.0, 0.0))
 
 
 def number_of(name: str) -> int:
@@ -437,7 +438,7 @@ def number_of(name: str) -> int:
     return int(getattr(dialect(), f"MAVLINK_MSG_ID_{name}"))
 
 
-def told(became: dict[str, Became]) -> dict[str, str]:
+def stream_facts(became: dict[str, StreamState]) -> dict[str, str]:
     """Return in words, for a run's facts, which messages come, were denied, or never came."""
     groups: dict[str, list[str]] = {}
     for name, what in became.items():

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from benchtool.bench.clocks import Gaps
-from benchtool.bench.identify import knocked, not_mavlink
+from benchtool.bench.identify import not_mavlink, probe_answer
 from benchtool.bench.mavlink.frames import (
     AUTOPILOT_COMPONENT,
     GROUND_SYSTEM,
@@ -17,7 +17,7 @@ from benchtool.bench.mavlink.frames import (
 )
 from benchtool.bench.mavlink.health import SILENT_S
 from benchtool.bench.mavlink.messages import Message, dialect
-from benchtool.bench.mavlink.pilots import AUTOPILOT_INVALID, Order
+from benchtool.bench.mavlink.pilots import AUTOPILOT_INVALID, MavCommand
 from benchtool.bench.transport.transport import Transport
 from benchtool.core.errors import InputError, LinkLost, NoDevice, ProtocolError
 
@@ -50,7 +50,7 @@ an autopilot says a few frames only within the first second. A choice."""
 
 
 @dataclass(frozen=True, slots=True)
-class Gap:
+class LinkGap:
     """Describe a silence of the autopilot.
 
     Attributes:
@@ -62,7 +62,7 @@ class Gap:
     from_start: bool
 
 
-class MavlinkTalk:
+class MavlinkLink:
     """Hold one conversation with an autopilot over a transport.
 
     Attributes:
@@ -99,7 +99,7 @@ class MavlinkTalk:
         self._told: dict[str, float] = {}
         self._heard = b""
         self._number = 0
-        self._gap: Gap | None = None
+        self._gap: LinkGap | None = None
 
     def find(self, wanted: int | None) -> Message:
         """Open the transport, wait for heartbeats, choose a system; return its heartbeat.
@@ -140,7 +140,7 @@ class MavlinkTalk:
         """Send a message."""
         self.transport.write(self.frames.pack(message))
 
-    def order(self, order: Order) -> None:
+    def order(self, order: MavCommand) -> None:
         """Send an order and do not wait: its acknowledgement comes to `take_ack`."""
         self._sent_s.setdefault(order.command, self.clock())
         self.send(
@@ -153,7 +153,7 @@ class MavlinkTalk:
         """Return the result of the last acknowledgement of a command, once, None without one."""
         return self._acks.pop(command, None)
 
-    def exchange(self, order: Order, tries_s: tuple[float, ...] = TRIES_S) -> int:
+    def exchange(self, order: MavCommand, tries_s: tuple[float, ...] = TRIES_S) -> int:
         """Send an order until it is acknowledged; return the result (MAV_RESULT).
 
         Args:
@@ -265,7 +265,7 @@ class MavlinkTalk:
             number = int(message.get_seq())
             if (silent_s := arrived_s - self.heard_s) > SILENT_S:
                 skipped = (number - self._number - 1) % SEQUENCE_MODULUS
-                self._gap = Gap(silent_s, number < FIRST_NUMBERS <= skipped)
+                self._gap = LinkGap(silent_s, number < FIRST_NUMBERS <= skipped)
             self.heard_s, self._number = arrived_s, number
             if name == "COMMAND_ACK":
                 self._take_ack(message, arrived_s)
@@ -277,7 +277,7 @@ class MavlinkTalk:
         """Tell whether the autopilot itself sends it, and no companion or gimbal of its system."""
         return bool(message.get_srcComponent() == self.component)
 
-    def take_gap(self) -> Gap | None:
+    def take_gap(self) -> LinkGap | None:
         """Return the last silence of the autopilot that is over, once."""
         gap, self._gap = self._gap, None
         return gap
@@ -306,7 +306,7 @@ class MavlinkTalk:
                 f"check key= and the key that the autopilot was given"
             )
         if not self._heard:
-            self._heard = knocked(self.transport, self.clock)
+            self._heard = probe_answer(self.transport, self.clock)
         if not self._heard:
             return NoDevice(
                 f"{self._address} is open, but nothing came for {FIND_S:g} s; check power, and "

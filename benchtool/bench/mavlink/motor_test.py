@@ -6,15 +6,15 @@ from collections.abc import Callable, Mapping
 
 from benchtool.bench.mavlink.drive import Outputs
 from benchtool.bench.mavlink.health import SILENT_S, Health
-from benchtool.bench.mavlink.learn import Learnt
-from benchtool.bench.mavlink.link import MavlinkTalk
+from benchtool.bench.mavlink.learn import AutopilotInfo
+from benchtool.bench.mavlink.link import MavlinkLink
 from benchtool.bench.mavlink.pilots import (
     ACCEPTED,
     IN_PROGRESS,
     RESEND_S,
     SEEN_S,
     TIMEOUT_S,
-    Order,
+    MavCommand,
     order_text,
     result_name,
 )
@@ -47,8 +47,8 @@ class TestDrive:
 
     def __init__(
         self,
-        talk: MavlinkTalk,
-        learnt: Learnt,
+        talk: MavlinkLink,
+        learnt: AutopilotInfo,
         health: Health,
         arm: str,
         clock: Callable[[], float],
@@ -56,7 +56,7 @@ class TestDrive:
         self._talk, self._learnt, self._health, self._clock = talk, learnt, health, clock
         self._outputs = OutputWatch(learnt.pilot.name, learnt.pulses.stop_us)
         self._known = list(learnt.wiring.outputs)
-        self._standing: tuple[Order, ...] = ()
+        self._standing: tuple[MavCommand, ...] = ()
         self._turning: dict[int, float] = {}
         self._ended = False
         self.highest_us = 0.0
@@ -176,7 +176,7 @@ class TestDrive:
                 )
             self._talk.pump(LOOK_S)
 
-    def _give(self, orders: tuple[Order, ...]) -> None:
+    def _give(self, orders: tuple[MavCommand, ...]) -> None:
         """Send orders to turn until they are acknowledged, or until the outputs show them.
 
         An acknowledgement may come late; silence and motors that nobody sees may not last.
@@ -222,7 +222,7 @@ class TestDrive:
             self.cease()
             raise HostPaused(paused_s, TIMEOUT_S)
 
-    def _order(self, orders: tuple[Order, ...]) -> None:
+    def _order(self, orders: tuple[MavCommand, ...]) -> None:
         for order in orders:
             result = self._talk.exchange(order)
             if result not in (ACCEPTED, IN_PROGRESS):

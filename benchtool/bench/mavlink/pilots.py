@@ -28,7 +28,7 @@ def result_name(result: int | None) -> str:
     return str(known[result].name).removeprefix("MAV_RESULT_") if result in known else str(result)
 
 
-def order_text(order: Order) -> str:
+def order_text(order: MavCommand) -> str:
     """Return an order as people write it."""
     return f"{_command_name(order.command)} {','.join(f'{value:g}' for value in order.parameters)}"
 
@@ -65,7 +65,7 @@ TIMEOUT_AT = {MOTOR_TEST: 3, ACTUATOR_TEST: 1}
 
 
 @dataclass(frozen=True, slots=True)
-class Order:
+class MavCommand:
     """One COMMAND_LONG: its number and seven parameters.
 
     An order to turn lasts from 0 to `TIMEOUT_S`; no other can be made. ArduPilot takes a negative
@@ -137,7 +137,7 @@ class Pilot(Protocol):
         """
         ...
 
-    def turn(self, pulses_us: Mapping[int, float], pulses: PulseRange) -> tuple[Order, ...]:
+    def turn(self, pulses_us: Mapping[int, float], pulses: PulseRange) -> tuple[MavCommand, ...]:
         """Return the orders that turn motors (by test number) at pulses above stop.
 
         Raises:
@@ -145,7 +145,7 @@ class Pilot(Protocol):
         """
         ...
 
-    def stop(self, motors: tuple[int, ...]) -> tuple[Order, ...]:
+    def stop(self, motors: tuple[int, ...]) -> tuple[MavCommand, ...]:
         """Return the orders that stop motors at once."""
         ...
 
@@ -172,7 +172,7 @@ class ArduPilot:
         idle_us = low_us + told.get("MOT_SPIN_ARM", 0.1) * (high_us - low_us)
         return PulseRange(low_us, low_us, high_us, idle_us)
 
-    def turn(self, pulses_us: Mapping[int, float], pulses: PulseRange) -> tuple[Order, ...]:
+    def turn(self, pulses_us: Mapping[int, float], pulses: PulseRange) -> tuple[MavCommand, ...]:
         if len(pulses_us) > 1:
             listed = ", ".join(map(str, sorted(pulses_us)))
             raise InputError(
@@ -190,13 +190,13 @@ class ArduPilot:
                 )
         # Type 1 is a pulse in us; one motor, the board's usual order.
         return tuple(
-            Order(MOTOR_TEST, (motor, 1.0, pulse_us, TIMEOUT_S, 1.0, 0.0, 0.0))
+            MavCommand(MOTOR_TEST, (motor, 1.0, pulse_us, TIMEOUT_S, 1.0, 0.0, 0.0))
             for motor, pulse_us in pulses_us.items()
         )
 
-    def stop(self, motors: tuple[int, ...]) -> tuple[Order, ...]:
+    def stop(self, motors: tuple[int, ...]) -> tuple[MavCommand, ...]:
         # A time-out of 0 ends the test, whichever motor turns.
-        return (Order(MOTOR_TEST, (motors[0], 1.0, 0.0, 0.0, 1.0, 0.0, 0.0)),)
+        return (MavCommand(MOTOR_TEST, (motors[0], 1.0, 0.0, 0.0, 1.0, 0.0, 0.0)),)
 
 
 class Px4:
@@ -216,7 +216,7 @@ class Px4:
         stop_us = told.get("PWM_MAIN_DIS1", 1000.0)
         return PulseRange(stop_us, low_us, high_us, low_us)
 
-    def turn(self, pulses_us: Mapping[int, float], pulses: PulseRange) -> tuple[Order, ...]:
+    def turn(self, pulses_us: Mapping[int, float], pulses: PulseRange) -> tuple[MavCommand, ...]:
         span_us = pulses.high_us - pulses.low_us
         orders = []
         for motor, pulse_us in pulses_us.items():
@@ -225,12 +225,12 @@ class Px4:
             orders.append(self._test(motor, value, TIMEOUT_S))
         return tuple(orders)
 
-    def stop(self, motors: tuple[int, ...]) -> tuple[Order, ...]:
+    def stop(self, motors: tuple[int, ...]) -> tuple[MavCommand, ...]:
         return tuple(self._test(motor, nan, 0.0) for motor in motors)
 
-    def _test(self, motor: int, value: float, timeout_s: float) -> Order:
+    def _test(self, motor: int, value: float, timeout_s: float) -> MavCommand:
         # The fifth parameter is the output function: 1 to 12 are motors.
-        return Order(ACTUATOR_TEST, (value, timeout_s, 0.0, 0.0, float(motor), 0.0, 0.0))
+        return MavCommand(ACTUATOR_TEST, (value, timeout_s, 0.0, 0.0, float(motor), 0.0, 0.0))
 
 
 PILOTS: dict[int, Pilot] = {3: ArduPilot(), 12: Px4()}

@@ -295,7 +295,7 @@ reads 0 for ever. A choice, above the time in which small rotors start."""
 
 
 @dataclass(slots=True)
-class _Rotor:
+class _SpeedState:
     chosen: str = ""
     zero_since_us: dict[str, int] = field(default_factory=dict)
     lively: set[str] = field(default_factory=set)
@@ -306,7 +306,7 @@ class SpeedSources:
     """Take speeds from whichever message lives, and withhold those of a dead one."""
 
     def __init__(self, n_rotors: int) -> None:
-        self._rotors = [_Rotor() for _ in range(n_rotors)]
+        self._rotors = [_SpeedState() for _ in range(n_rotors)]
         self._news: list[str] = []
 
     def take(self, source: str, rotor: int, rpm: float, driven: bool, time_us: int) -> bool:

@@ -119,7 +119,7 @@ def channels_of(n_rotors: int) -> tuple[Channel, ...]:
 
 MotorNumber = Annotated[int, Ge(1), Le(12)]
 
-Place = Annotated[int, Ge(0), Le(16)]
+OutputNumber = Annotated[int, Ge(0), Le(16)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -137,8 +137,8 @@ class MotorMap(FiniteTable):
     rig: str
     autopilot: str
     motors: Annotated[tuple[MotorNumber, ...], Len(1, 12)]
-    outputs: tuple[Place, ...]
-    escs: tuple[Place, ...]
+    outputs: tuple[OutputNumber, ...]
+    escs: tuple[OutputNumber, ...]
 
     def to_toml(self) -> str:
         """Return it as the text of its file."""

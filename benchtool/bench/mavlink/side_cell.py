@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from benchtool.bench.clocks import DeviceClock
 from benchtool.bench.identify import kind_of
-from benchtool.bench.mavlink.link import MavlinkTalk
+from benchtool.bench.mavlink.link import MavlinkLink
 from benchtool.bench.transport.transport import Transport
 from benchtool.core.errors import NoDevice, ProtocolError, StageError
 
@@ -173,7 +173,7 @@ class PlateListener(Protocol):
 
 
 def move_virtual_plate(
-    bench: PlateListener, talk: MavlinkTalk, place: tuple[float, float, float]
+    bench: PlateListener, talk: MavlinkLink, place: tuple[float, float, float]
 ) -> None:
     """Tell the virtual world where the plate shall stand, and wait until it does.
 

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from benchtool.bench.address import Address
 from benchtool.bench.bench import Identity, Listener, Opened, ReadAhead, Readings
 from benchtool.bench.clocks import DeviceClock
-from benchtool.bench.rcbenchmark.lines import PULSE, Hello, Line, StandClock, words_for
-from benchtool.bench.rcbenchmark.link import RcbSettings, RcbTalk, rcb_settings_of
+from benchtool.bench.rcbenchmark.lines import PULSE, BridgeHello, BridgeLine, StandClock, pulse_text
+from benchtool.bench.rcbenchmark.link import BridgeLink, RcbSettings, rcb_settings_of
 from benchtool.bench.transport.sockets import UdpSocket
 from benchtool.bench.transport.transport import Transport
 from benchtool.core.channel import Channel, unit_told_by
@@ -62,7 +62,7 @@ class RcbBench(Opened):
     ) -> None:
         self.address = address
         self._settings = settings or RcbSettings()
-        self._talk = RcbTalk(transport, address, clock)
+        self._talk = BridgeLink(transport, address, clock)
         self._clock = clock
         self._ahead = ReadAhead()
         self._speed = 1.0
@@ -77,7 +77,7 @@ class RcbBench(Opened):
             return
         self._opened_s = self._read_s = self._clock()
         self._device_clock, self._stand_clock = DeviceClock(), StandClock()
-        self._rows: list[tuple[int, Line]] = []
+        self._rows: list[tuple[int, BridgeLine]] = []
         self._ahead.clear()
         self._messages: list[str] = [self._settings.warning] if self._settings.warning else []
         self._expected: int | None = None
@@ -120,7 +120,7 @@ class RcbBench(Opened):
                 f"drives one ESC"
             )
         try:
-            self._talk.order(words_for(float(pulses[0])))
+            self._talk.order(pulse_text(float(pulses[0])))
         except CommandRefused:
             self._note()
             self._raise_if_stopped()
@@ -207,7 +207,7 @@ class RcbBench(Opened):
                 self._talk.pump(0.05)
         self._talk.take_lines()
 
-    def _learn(self, hello: Hello) -> Identity:
+    def _learn(self, hello: BridgeHello) -> Identity:
         """Listen for a while and return who answers, with the channels that live."""
         seen: dict[str, int] = {}
         until_s = self._clock() + LEARN_S
@@ -299,7 +299,7 @@ class RcbBench(Opened):
 
 
 def _identity(
-    address: str, hello: Hello, names: list[str], rate_Hz: float, settings: RcbSettings
+    address: str, hello: BridgeHello, names: list[str], rate_Hz: float, settings: RcbSettings
 ) -> Identity:
     """Return who answers."""
     virtual = hello.is_virtual

@@ -63,7 +63,7 @@ _FINITE: dict[str, Any] = {"allow_inf_nan": False}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Entry:
+class BridgeEntry:
     """What the script itself says with every line.
 
     Attributes:
@@ -87,7 +87,7 @@ class Entry:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Hello(Entry):
+class BridgeHello(BridgeEntry):
     """The answer to a hello: which stand, which limits the script watches, when it stops."""
 
     __pydantic_config__: ClassVar[dict[str, Any]] = _FINITE
@@ -109,7 +109,7 @@ class Hello(Entry):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Line:
+class BridgeLine:
     """One line of the bridge.
 
     Attributes:
@@ -120,14 +120,14 @@ class Line:
         speed: stand seconds per wall second; 1 on every physical stand.
     """
 
-    entry: Entry
+    entry: BridgeEntry
     values: Mapping[str, float] = field(default_factory=dict)
     time_s: float = nan
     plate_moves: bool = False
     speed: float = 1.0
 
 
-class RcbEar:
+class BridgeDecoder:
     """Put bytes together to lines.
 
     Attributes:
@@ -141,7 +141,7 @@ class RcbEar:
         self.foreign = self.corrupt = 0
         self._rest = b""
 
-    def feed(self, data: bytes) -> list[Line]:
+    def feed(self, data: bytes) -> list[BridgeLine]:
         """Return the lines of the bridge that `data` completes.
 
         Raises:
@@ -154,7 +154,7 @@ class RcbEar:
         self._rest = self._rest[-LONGEST_LINE:]
         return [line for text in lines if (line := self._line(text)) is not None]
 
-    def _line(self, text: bytes) -> Line | None:
+    def _line(self, text: bytes) -> BridgeLine | None:
         if not text.strip():
             return None
         try:
@@ -173,20 +173,20 @@ class RcbEar:
                 f"the bridge script in the GUI has version {entry.get('bridge')}, this program "
                 f"needs {BRIDGE_VERSION}; write it anew with benchtool bench bridge"
             )
-        kind = Hello if entry.get("to") == "hello" else Entry
+        kind = BridgeHello if entry.get("to") == "hello" else BridgeEntry
         try:
             read = build(kind, entry, "the bridge script's line")
         except InputError as error:
             raise ProtocolError(f"{error}; write it anew with benchtool bench bridge") from error
         if read.n is None:
-            return Line(entry=read)
+            return BridgeLine(entry=read)
         values = {
             channel.name: _reading(said, name, channel.unit) for name, channel in CHANNELS.items()
         }
         values[SPEED] = _reading(said, self.speed, "rpm")
         values[PULSE] = read.us
         speed = _reading(said, "simulationSpeed", "1")
-        return Line(
+        return BridgeLine(
             entry=read,
             values=values,
             time_s=_reading(said, "time", "s"),
@@ -217,7 +217,7 @@ def _reading(said: Mapping[str, Any], name: str, unit: str) -> float:
     return from_si(to_si(float(value), ours), unit)
 
 
-def words_for(pulse_us: float) -> bytes:
+def pulse_text(pulse_us: float) -> bytes:
     """Return a pulse as the bridge takes it: ASCII, microseconds."""
     return f"{pulse_us:.7g}".encode("ascii")
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from benchtool.bench.address import Address, Endpoint, is_loopback
 from benchtool.bench.identify import not_the_bridge
 from benchtool.bench.rcbenchmark.bridge_file import GUI_PORT, HOST_PORT, LOOPBACK
-from benchtool.bench.rcbenchmark.lines import Hello, Line, RcbEar, words_for
+from benchtool.bench.rcbenchmark.lines import BridgeDecoder, BridgeHello, BridgeLine, pulse_text
 from benchtool.bench.transport.transport import Transport
 from benchtool.core.errors import CommandRefused, LinkLost, NoDevice, ProtocolError
 
@@ -31,7 +31,7 @@ _SHOWN_BYTES = 200
 WRITE_IT = "write it with benchtool bench bridge and run it in the GUI"
 
 
-class RcbTalk:
+class BridgeLink:
     """Hold one conversation with the bridge script.
 
     Attributes:
@@ -40,31 +40,31 @@ class RcbTalk:
     """
 
     def __init__(self, transport: Transport, address: str, clock: Callable[[], float]) -> None:
-        self.ear = RcbEar()
+        self.ear = BridgeDecoder()
         self.heard_s = 0.0
         self._transport, self._address, self._clock = transport, address, clock
-        self._answers: dict[bytes, Line] = {}
-        self._lines: list[Line] = []
+        self._answers: dict[bytes, BridgeLine] = {}
+        self._lines: list[BridgeLine] = []
         self._heard = b""
         self._begin()
 
-    def open(self) -> Hello:
+    def open(self) -> BridgeHello:
         """Open the transport and ask who is there until the script answers.
 
         Raises:
             PortBusy, PortDenied, NoDevice: the port cannot be had, or it stays silent.
             ProtocolError: what answers is not the bridge script.
         """
-        self.ear = RcbEar()
+        self.ear = BridgeDecoder()
         self._begin()
         self._transport.open()
         deadline_s = self._clock() + HELLO_S
         while self._clock() < deadline_s:
             answer = self._try(b"hello", HELLO_TRY_S)
             hello = answer.entry if answer is not None else None
-            if isinstance(hello, Hello):
+            if isinstance(hello, BridgeHello):
                 self.ear.speed = hello.speed
-                self._low = self._pulse = words_for(hello.low_us)
+                self._low = self._pulse = pulse_text(hello.low_us)
                 self.heard_s = self._clock()
                 return hello
         raise self._silence()
@@ -73,7 +73,7 @@ class RcbTalk:
         """Give the transport back."""
         self._transport.close()
 
-    def order(self, word: bytes, longest_s: float = TRIES * ANSWER_S) -> Line:
+    def order(self, word: bytes, longest_s: float = TRIES * ANSWER_S) -> BridgeLine:
         """Say a word until it is answered; the script may carry it out more than once.
 
         Raises:
@@ -120,7 +120,7 @@ class RcbTalk:
             self._lines.append(line)
         return True
 
-    def take_lines(self) -> list[Line]:
+    def take_lines(self) -> list[BridgeLine]:
         """Return what the script said since the last call, oldest first."""
         lines, self._lines = self._lines, []
         return lines
@@ -132,7 +132,7 @@ class RcbTalk:
         self._low = self._pulse = b""
         self._heard = b""
 
-    def _try(self, word: bytes, wait_s: float) -> Line | None:
+    def _try(self, word: bytes, wait_s: float) -> BridgeLine | None:
         self._answers.pop(word, None)
         self._send(word)
         deadline_s = self._clock() + wait_s

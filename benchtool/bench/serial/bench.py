@@ -18,16 +18,16 @@ from benchtool.bench.address import Address
 from benchtool.bench.bench import Identity, Listener, Opened, ReadAhead, Readings
 from benchtool.bench.serial.commands import (
     LATE,
-    Arm,
-    AskPlate,
+    ArmDevice,
     Clear,
     Command,
-    MovePlate,
+    RequestPlate,
+    SendPlate,
     SetLimit,
     SetPwm,
     SetRate,
-    Stop,
-    Tare,
+    StopDevice,
+    TareDevice,
     fields_of,
     too_old,
 )
@@ -130,7 +130,7 @@ class SerialBench(Opened):
         if self._hello is None:
             return
         try:
-            self._talk.exchange(Stop(), HALT_TRIES)
+            self._talk.exchange(StopDevice(), HALT_TRIES)
             self._talk.exchange(SetRate(0.0), HALT_TRIES)
         except BenchError:
             pass  # The device's watchdog stops the motors where we cannot.
@@ -152,7 +152,7 @@ class SerialBench(Opened):
 
     def stop(self) -> None:
         self._armed = False
-        self._order(Stop())
+        self._order(StopDevice())
 
     def halt(self) -> None:
         """Send zero at once, from any thread (`Halts`)."""
@@ -165,11 +165,11 @@ class SerialBench(Opened):
         self._raise_if_stopped()
         self._arm()
         self._arrived, self._stage_fault = False, None
-        reply = self._talk.exchange(MovePlate(z_m, x_m, tilt_rad), moves=True)
+        reply = self._talk.exchange(SendPlate(z_m, x_m, tilt_rad), moves=True)
         if not reply.ok:
             self._armed = False
             if reply.reason.startswith(LATE):  # No fault of the stage.
-                raise _refused(MovePlate(z_m, x_m, tilt_rad), reply.reason)
+                raise _refused(SendPlate(z_m, x_m, tilt_rad), reply.reason)
             raise StageError(f"the stage refused to move to {z_m:g} m: {reply.reason}")
         started_s = asked_s = self._clock()
         while not self._arrived:
@@ -187,12 +187,12 @@ class SerialBench(Opened):
                 )
             if now_s - asked_s > ASK_PLATE_S and not self._arrived:
                 asked_s = now_s
-                moving = self._talk.exchange(AskPlate()).fields
+                moving = self._talk.exchange(RequestPlate()).fields
                 if moving[:1] == ("0",):
                     self._arrived = True
 
     def tare(self) -> None:
-        self._order(Tare())
+        self._order(TareDevice())
 
     def set_limit(self, name: str, value: float) -> None:
         """Make one device-side limit narrower.
@@ -259,9 +259,9 @@ class SerialBench(Opened):
         hello = self._known()
         if self._armed or hello.version < 2:
             return
-        reply = self._talk.exchange(Arm(), moves=True)
+        reply = self._talk.exchange(ArmDevice(), moves=True)
         if not reply.ok:
-            raise _refused(Arm(), reply.reason)
+            raise _refused(ArmDevice(), reply.reason)
         if reply.fields != (hello.channel_hash,):
             self.stop()
             raise ProtocolError(

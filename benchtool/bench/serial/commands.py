@@ -13,7 +13,7 @@ from benchtool.core.errors import InputError, ProtocolError, UnknownChoice
 
 
 @dataclass(frozen=True, slots=True)
-class Event:
+class DeviceEvent:
     """Report something unasked: `watchdog`, `limit`, `arrived`, `stage`, `boot`, `dropped`."""
 
     kind: str
@@ -45,7 +45,7 @@ PROTOCOL_VERSION = 2
 
 
 @dataclass(frozen=True, slots=True)
-class AskHello:
+class RequestHello:
     """Ask who is there; always executed, stops the stream and starts the numbering anew."""
 
     version: int = PROTOCOL_VERSION
@@ -59,7 +59,7 @@ class SetPwm:
 
 
 @dataclass(frozen=True, slots=True)
-class MovePlate:
+class SendPlate:
     """Send the plate somewhere; acknowledged when accepted, an `arrived` event says when there."""
 
     z_m: float
@@ -68,12 +68,12 @@ class MovePlate:
 
 
 @dataclass(frozen=True, slots=True)
-class AskPlate:
+class RequestPlate:
     """Ask where the plate was last sent and whether it still moves."""
 
 
 @dataclass(frozen=True, slots=True)
-class Tare:
+class TareDevice:
     """Take the present load-cell reading as zero thrust."""
 
 
@@ -93,7 +93,7 @@ class SetLimit:
 
 
 @dataclass(frozen=True, slots=True)
-class Stop:
+class StopDevice:
     """Command zero to every motor and halt the plate at once."""
 
 
@@ -103,14 +103,25 @@ class Clear:
 
 
 @dataclass(frozen=True, slots=True)
-class Arm:
+class ArmDevice:
     """Let the device obey pulses above stop and moves of the plate until the next stop.
 
     Acknowledged with the hash of the channel map.
     """
 
 
-Command = AskHello | SetPwm | MovePlate | AskPlate | Tare | SetRate | SetLimit | Stop | Clear | Arm
+Command = (
+    RequestHello
+    | SetPwm
+    | SendPlate
+    | RequestPlate
+    | TareDevice
+    | SetRate
+    | SetLimit
+    | StopDevice
+    | Clear
+    | ArmDevice
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,16 +162,16 @@ def _parse_limit(fields: Sequence[str]) -> Command:
 
 
 _PARSERS: Mapping[str, Callable[[Sequence[str]], Command]] = {
-    "hello": lambda fields: AskHello(int(_take("hello", fields, 1)[0])),
+    "hello": lambda fields: RequestHello(int(_take("hello", fields, 1)[0])),
     "pwm": lambda fields: SetPwm(tuple(_number(field) for field in fields)),
-    "plate": lambda fields: MovePlate(*_take("plate", fields, 3)),
-    "where": lambda fields: AskPlate(*_take("where", fields, 0)),
-    "tare": lambda fields: Tare(*_take("tare", fields, 0)),
+    "plate": lambda fields: SendPlate(*_take("plate", fields, 3)),
+    "where": lambda fields: RequestPlate(*_take("where", fields, 0)),
+    "tare": lambda fields: TareDevice(*_take("tare", fields, 0)),
     "rate": lambda fields: SetRate(*_take("rate", fields, 1)),
     "limit": _parse_limit,
-    "stop": lambda fields: Stop(*_take("stop", fields, 0)),
+    "stop": lambda fields: StopDevice(*_take("stop", fields, 0)),
     "clear": lambda fields: Clear(*_take("clear", fields, 0)),
-    "arm": lambda fields: Arm(*_take("arm", fields, 0)),
+    "arm": lambda fields: ArmDevice(*_take("arm", fields, 0)),
 }
 
 COMMAND_NAMES: tuple[str, ...] = tuple(_PARSERS)
@@ -177,25 +188,25 @@ def text_of(value: float) -> str:
 def fields_of(command: Command) -> tuple[str, ...]:
     """Return the command's name on the wire followed by its fields."""
     match command:
-        case AskHello(version):
+        case RequestHello(version):
             return ("hello", str(version))
         case SetPwm(pwm_us):
             return ("pwm", *(text_of(value) for value in pwm_us))
-        case MovePlate(z_m, x_m, tilt_rad):
+        case SendPlate(z_m, x_m, tilt_rad):
             return ("plate", text_of(z_m), text_of(x_m), text_of(tilt_rad))
-        case AskPlate():
+        case RequestPlate():
             return ("where",)
-        case Tare():
+        case TareDevice():
             return ("tare",)
         case SetRate(rate_Hz):
             return ("rate", text_of(rate_Hz))
         case SetLimit(name, value):
             return ("limit", name, text_of(value))
-        case Stop():
+        case StopDevice():
             return ("stop",)
         case Clear():
             return ("clear",)
-        case Arm():
+        case ArmDevice():
             return ("arm",)
 
 

@@ -12,14 +12,14 @@ from benchtool.bench.serial.commands import (
     LATE,
     OLDEST_S,
     PROTOCOL_VERSION,
-    Arm,
-    AskHello,
-    AskPlate,
+    ArmDevice,
     Command,
-    Event,
+    DeviceEvent,
     Reply,
+    RequestHello,
+    RequestPlate,
     SetPwm,
-    Stop,
+    StopDevice,
     fields_of,
     too_old,
 )
@@ -27,7 +27,7 @@ from benchtool.bench.serial.frames import (
     HEARTBEAT,
     TIME_MODULUS_US,
     Decoder,
-    Message,
+    TextMessage,
     frame_command,
     frame_version_1,
     signed_step,
@@ -86,7 +86,7 @@ class Conversation:
         self._sent_s = 0.0
         self._device_us = 0  # newest device time that was read, wrapped
         self._device_read_s = -inf
-        self._events: list[Event] = []
+        self._events: list[DeviceEvent] = []
         self._replies: dict[int, Reply] = {}
         self._gaps = Gaps()
         self._hello: Hello | None = None
@@ -139,12 +139,12 @@ class Conversation:
         """
         before_s = self._gaps.longest_s
         self._gaps.begin(self._clock())
-        aged = self._version > 1 and not isinstance(command, AskPlate | Stop)
+        aged = self._version > 1 and not isinstance(command, RequestPlate | StopDevice)
         # After a pause, samples that waited in a buffer are read with old times. Orders to arm and
         # to turn stay that old, so that a stop on the way outdates them.
-        paused = before_s > FRESH_S and not isinstance(command, Arm | SetPwm)
+        paused = before_s > FRESH_S and not isinstance(command, ArmDevice | SetPwm)
         if aged and (paused or self._clock() > self._device_read_s + FRESH_S):
-            self._converse(AskPlate(), tries)  # Its answer brings the device's time.
+            self._converse(RequestPlate(), tries)  # Its answer brings the device's time.
         reply = self._converse(command, tries, moves)
         if too_old(reply.reason) and before_s > OLDEST_S:
             raise HostPaused(before_s, OLDEST_S)
@@ -181,9 +181,9 @@ class Conversation:
         if self._version == 1:
             # Far from the numbers in use: a device of version 1 carries no number out twice.
             far = (self._number + LAST_NUMBER_1 // 2) % LAST_NUMBER_1 + 1
-            self.transport.write(frame_version_1(far, Stop()))
+            self.transport.write(frame_version_1(far, StopDevice()))
         else:
-            self.transport.write(frame_command(0, Stop()))
+            self.transport.write(frame_command(0, StopDevice()))
 
     def pump(self, timeout_s: float) -> bool:
         """Send a heartbeat when one is due and take what arrives within a short wait.
@@ -210,7 +210,7 @@ class Conversation:
             self._take(readings)
         return True
 
-    def take_events(self) -> list[Event]:
+    def take_events(self) -> list[DeviceEvent]:
         """Return the device's news since the last call, oldest first."""
         events, self._events = self._events, []
         return events
@@ -236,7 +236,7 @@ class Conversation:
         while self._clock() < deadline_s:
             self._number += 1
             self._reader.begin()
-            self._send(frame_command(self._number, AskHello(version)))
+            self._send(frame_command(self._number, RequestHello(version)))
             try_s = self._clock() + HELLO_TRY_S
             answered = False
             while not answered and (left_s := try_s - self._clock()) > 0.0:
@@ -275,7 +275,7 @@ class Conversation:
         self.transport.write(data)
         self._sent_s = self._clock()
 
-    def _sort(self, message: Message) -> None:
+    def _sort(self, message: TextMessage) -> None:
         letter, fields = message.letter, message.fields
         if letter == "A" and len(fields) >= 2 and fields[0].isdecimal():
             self._note_time(fields[1])
@@ -289,7 +289,7 @@ class Conversation:
         elif letter == "H":
             self._reader.take(fields)
         elif letter == "E" and fields:
-            event = Event(fields[0], ",".join(fields[1:]))
+            event = DeviceEvent(fields[0], ",".join(fields[1:]))
             if event.kind == "busy":
                 raise PortBusy(f"{self._address} is in use by {event.text}; end that and try again")
             self._events.append(event)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from benchtool.bench.bench import Readings
 from benchtool.bench.clocks import DeviceClock
-from benchtool.bench.serial.commands import AskHello, Command, fields_of
+from benchtool.bench.serial.commands import Command, RequestHello, fields_of
 
 Array = NDArray[np.float64]
 
@@ -56,7 +56,7 @@ HEARTBEAT = frame(b"B")
 def frame_command(number: int, command: Command, time_us: int = 0) -> bytes:
     """Wrap a command with its number and the last device time that the host has read."""
     name, *arguments = fields_of(command)
-    time = () if isinstance(command, AskHello) else (str(time_us % TIME_MODULUS_US),)
+    time = () if isinstance(command, RequestHello) else (str(time_us % TIME_MODULUS_US),)
     return frame_fields("C", (str(number), name, *time, *arguments))
 
 
@@ -66,7 +66,7 @@ def frame_version_1(number: int, command: Command) -> bytes:
 
 
 @dataclass(frozen=True, slots=True)
-class Message:
+class TextMessage:
     """Hold one line that is no sample: its letter and its text fields."""
 
     letter: str
@@ -88,7 +88,7 @@ class Decoder:
         self._rest = b""
         self._overlong = False
         self._synchronised = False
-        self._messages: list[Message] = []
+        self._messages: list[TextMessage] = []
         self.expect(n_channels)
 
     def expect(self, n_channels: int | None) -> None:
@@ -96,7 +96,7 @@ class Decoder:
         self._n_channels = n_channels
         self._order, self._clock = SampleOrder(), DeviceClock()
 
-    def take_messages(self) -> list[Message]:
+    def take_messages(self) -> list[TextMessage]:
         """Return every line since the last call that is no sample, in order."""
         messages, self._messages = self._messages, []
         return messages
@@ -134,7 +134,7 @@ class Decoder:
                     samples.append(payload[2:])
                 elif payload:
                     letter, *fields = payload.decode("ascii", "replace").split(",")
-                    self._messages.append(Message(letter, tuple(fields)))
+                    self._messages.append(TextMessage(letter, tuple(fields)))
         if self._n_channels is None or not samples:
             none = np.empty(0)
             return Readings(none, none, np.empty((0, self._n_channels or 0)), corrupt=corrupt)
@@ -157,7 +157,7 @@ class Decoder:
         )
 
 
-def messages_in(data: bytes) -> list[Message]:
+def messages_in(data: bytes) -> list[TextMessage]:
     """Return the messages in bytes of which nothing is known yet."""
     decoder = Decoder()
     decoder.feed(data)
@@ -203,7 +203,7 @@ def _table(samples: Sequence[bytes], width: int) -> Array | None:
 
 
 @dataclass(slots=True)
-class SampleWriter:
+class SampleFramer:
     """Format samples of `n_channels` values as a device does with printf, and number them."""
 
     n_channels: int

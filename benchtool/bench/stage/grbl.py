@@ -14,7 +14,7 @@ from benchtool.bench.stage.grbl_lines import (
     RESUME,
     UNLOCK,
     GrblSettings,
-    Report,
+    StatusReport,
     move_line,
 )
 from benchtool.bench.stage.grbl_link import ANSWER_S, ASK_S, GrblLink
@@ -123,7 +123,7 @@ class GrblStage:
         self._make_ready(pause)
         what = f"the move to {z_m:g} m"
         start_mm = self._link.position_mm(pause)
-        way = Way(start_mm, targets_mm, {a: self._known().steps_mm(a) for a in targets_mm})
+        way = PlatePath(start_mm, targets_mm, {a: self._known().steps_mm(a) for a in targets_mm})
         stands_mm = self._until_there(way, what, pause)
         return self._distance.to_m(stands_mm[self._distance.letter])
 
@@ -138,7 +138,7 @@ class GrblStage:
         self._link.send(RESUME)
         self._held = False
 
-    def _until_there(self, way: Way, what: str, pause: Pause) -> dict[str, float]:
+    def _until_there(self, way: PlatePath, what: str, pause: Pause) -> dict[str, float]:
         """Send the plate on its way and return where it stands at the end: Idle at the target."""
         line = move_line(way.target_mm, self._feed_mm_min)
         longest_s = SPARE_S + 60.0 * way.length_mm / self._allowed_mm_min()
@@ -222,7 +222,9 @@ class GrblStage:
         return targets
 
 
-def _problem(way: Way, report: Report, place_mm: Mapping[str, float] | None, since_s: float) -> str:
+def _problem(
+    way: PlatePath, report: StatusReport, place_mm: Mapping[str, float] | None, since_s: float
+) -> str:
     """Return what is wrong with a report that no good move makes; empty for a good one.
 
     Args:
@@ -281,7 +283,7 @@ class GrblAxis:
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
+class PlatePath:
     """Hold where a move begins and ends, by axis letter: mm.
 
     Attributes:

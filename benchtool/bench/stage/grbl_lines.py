@@ -119,7 +119,7 @@ class Note:
 
 
 @dataclass(frozen=True, slots=True)
-class Setting:
+class GrblSetting:
     """One numbered setting, such as `$132=1500.000`."""
 
     number: int
@@ -127,7 +127,7 @@ class Setting:
 
 
 @dataclass(frozen=True, slots=True)
-class Report:
+class StatusReport:
     """One status report as it stands: positions in mm, those that it does not carry None."""
 
     state: str
@@ -149,7 +149,7 @@ class Other:
     text: str
 
 
-Word = Ok | Error | Alarm | Banner | Note | Setting | Report | Other
+GrblLine = Ok | Error | Alarm | Banner | Note | GrblSetting | StatusReport | Other
 
 _NUMBERED = re.compile(r"(error|ALARM):(\d{1,9})")
 
@@ -160,7 +160,7 @@ _BANNER = re.compile(r"Grbl(?:HAL)? (\S+) \[", re.IGNORECASE)
 _REPORT = re.compile(r"<([A-Za-z]+)(?::(\d{1,9}))?((?:\|[^|>]*)*)>")
 
 
-def word_of(line: str) -> Word:
+def parse_line(line: str) -> GrblLine:
     """Return what one line means."""
     line = line.strip()
     if line == "ok":
@@ -169,7 +169,7 @@ def word_of(line: str) -> Word:
         number = int(found[2])
         return Error(number) if found[1] == "error" else Alarm(number)
     if found := _SETTING.fullmatch(line):
-        return Setting(int(found[1]), float(found[2]))
+        return GrblSetting(int(found[1]), float(found[2]))
     if found := _REPORT.fullmatch(line):
         return _report(found) or Other(line)
     if found := _BANNER.match(line):
@@ -179,7 +179,7 @@ def word_of(line: str) -> Word:
     return Other(line)
 
 
-def _report(found: re.Match[str]) -> Report | None:
+def _report(found: re.Match[str]) -> StatusReport | None:
     fields: dict[str, str] = {}
     for field in found[3].split("|")[1:]:
         name, _, value = field.partition(":")
@@ -195,28 +195,30 @@ def _report(found: re.Match[str]) -> Report | None:
     if not all(math.isfinite(value) for place in places.values() for value in place):
         return None
     substate = int(found[2]) if found[2] else None
-    return Report(found[1], substate, places.get("MPos"), places.get("WPos"), places.get("WCO"))
+    return StatusReport(
+        found[1], substate, places.get("MPos"), places.get("WPos"), places.get("WCO")
+    )
 
 
-class Ear:
+class GrblDecoder:
     """Put pieces of bytes together to lines, and remember the work offset between reports."""
 
     def __init__(self) -> None:
         self._rest = b""
         self._offset_mm: tuple[float, ...] | None = None
 
-    def feed(self, data: bytes) -> list[Word]:
+    def feed(self, data: bytes) -> list[GrblLine]:
         """Return what the complete lines so far mean; half a line waits for the rest."""
         *lines, self._rest = (self._rest + data).split(b"\n")
-        words = [word_of(line.decode("ascii", "replace")) for line in lines if line.strip()]
+        words = [parse_line(line.decode("ascii", "replace")) for line in lines if line.strip()]
         for word in words:
-            if isinstance(word, Report) and word.offset_mm is not None:
+            if isinstance(word, StatusReport) and word.offset_mm is not None:
                 self._offset_mm = word.offset_mm
             elif isinstance(word, Banner):
                 self._offset_mm = None
         return words
 
-    def machine_mm(self, report: Report) -> tuple[float, ...] | None:
+    def machine_mm(self, report: StatusReport) -> tuple[float, ...] | None:
         """Return the machine position of a report (axes,): mm; None while it cannot be known.
 
         A report carries either machine or work position, and the offset between only sometimes.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
-from benchtool.bench.identify import knocked, not_a_stage
+from benchtool.bench.identify import not_a_stage, probe_answer
 from benchtool.bench.stage.grbl_lines import (
     HOLD,
     RESET,
@@ -12,15 +12,15 @@ from benchtool.bench.stage.grbl_lines import (
     STATUS,
     Alarm,
     Banner,
-    Ear,
     Error,
+    GrblDecoder,
+    GrblLine,
+    GrblSetting,
     GrblSettings,
     Note,
     Ok,
     Other,
-    Report,
-    Setting,
-    Word,
+    StatusReport,
 )
 from benchtool.bench.stage.stage import Pause
 from benchtool.bench.transport.transport import Transport
@@ -65,7 +65,7 @@ class GrblLink:
         self.name = name
         self._transport = transport
         self._clock = clock
-        self._ear = Ear()
+        self._ear = GrblDecoder()
         self._heard = b""
 
     def open(self) -> None:
@@ -97,7 +97,7 @@ class GrblLink:
                 if any(isinstance(word, Banner) for word in self._hear()):
                     self.unanswered = False
                     return
-        self._heard = self._heard or knocked(self._transport, self._clock)
+        self._heard = self._heard or probe_answer(self._transport, self._clock)
         if self._heard:
             raise ProtocolError(f"{self.name} {not_a_stage(self._heard)}")
         raise NoDevice(
@@ -119,16 +119,16 @@ class GrblLink:
                 if not tries_left:
                     raise
                 continue
-            found |= {word.number: word.value for word in words if isinstance(word, Setting)}
+            found |= {word.number: word.value for word in words if isinstance(word, GrblSetting)}
             if not any(isinstance(word, Other) for word in words):
                 break
         return GrblSettings(found)
 
-    def _collect(self, line: bytes, what: str, longest_s: float, pause: Pause) -> list[Word]:
+    def _collect(self, line: bytes, what: str, longest_s: float, pause: Pause) -> list[GrblLine]:
         """Send a line and return all that is said until its `ok`."""
         self._throw_away(what)
         self._send_line(line)
-        said: list[Word] = []
+        said: list[GrblLine] = []
         deadline_s = self._clock() + longest_s
         while self._clock() < deadline_s:
             pause(LISTEN_S)
@@ -140,7 +140,7 @@ class GrblLink:
                 said.append(word)
         raise self.given_up(what, longest_s)
 
-    def watched(self, line: bytes, what: str, pause: Pause) -> Iterator[Report]:
+    def watched(self, line: bytes, what: str, pause: Pause) -> Iterator[StatusReport]:
         """Send a line and give every report from then on, asking all the while; never ends.
 
         The line's `ok` proves nothing that the reports do not: it may be lost, and noise that
@@ -163,7 +163,7 @@ class GrblLink:
                 self._raise_for(word, what)
                 if isinstance(word, Ok):
                     self.unanswered = False
-                if isinstance(word, Report):
+                if isinstance(word, StatusReport):
                     heard_s = self._clock()
                     yield word
 
@@ -175,7 +175,7 @@ class GrblLink:
             for word in self._hear():
                 self._raise_for(word, what)
 
-    def ask(self, pause: Pause) -> Report:
+    def ask(self, pause: Pause) -> StatusReport:
         """Return a status report; asked again every `ASK_S`, as a byte may be lost."""
         what = "a question for its state"
         self._throw_away(what)
@@ -185,7 +185,7 @@ class GrblLink:
             while self._clock() - asked_s < ASK_S:
                 for word in self._hear():
                     self._raise_for(word, what)
-                    if isinstance(word, Report):
+                    if isinstance(word, StatusReport):
                         return word
                 pause(LISTEN_S)
         raise self.given_up(what, ANSWER_S)
@@ -201,7 +201,7 @@ class GrblLink:
             f"position) and start again"
         )
 
-    def place_mm(self, report: Report) -> dict[str, float] | None:
+    def place_mm(self, report: StatusReport) -> dict[str, float] | None:
         """Return the machine position in a report by axis letter, None while it cannot be known."""
         place = self._ear.machine_mm(report)
         return None if place is None else dict(zip("XYZABC", place, strict=False))
@@ -223,7 +223,7 @@ class GrblLink:
         for word in self._hear(0.0):
             self._raise_for(word, what)
 
-    def _hear(self, timeout_s: float = LISTEN_S) -> list[Word]:
+    def _hear(self, timeout_s: float = LISTEN_S) -> list[GrblLine]:
         data = self._transport.read(timeout_s)
         if len(self._heard) < _SHOWN_BYTES:
             self._heard = (self._heard + data)[:_SHOWN_BYTES]
@@ -239,16 +239,16 @@ class GrblLink:
                 self.homed = False
         return words
 
-    def _after_banner(self) -> list[Word]:
+    def _after_banner(self) -> list[GrblLine]:
         """Listen for what follows a banner; without word of a lock there is none."""
         self.locked = False
         until_s = self._clock() + AFTER_BANNER_S
-        words: list[Word] = []
+        words: list[GrblLine] = []
         while self._clock() < until_s:
             words += self._ear.feed(self._transport.read(LISTEN_S))
         return words
 
-    def _raise_for(self, word: Word, what: str) -> None:
+    def _raise_for(self, word: GrblLine, what: str) -> None:
         """Turn a refusal, an alarm or a restart into an error; the stage is woken from alarms."""
         if isinstance(word, Error):
             self.unanswered = False
@@ -257,7 +257,7 @@ class GrblLink:
             # After a limit it answers nothing until it is reset.
             self.wake()
             raise StageError(f"{self.name} stopped during {what}: {word}")
-        if isinstance(word, Report) and word.state == "Alarm":
+        if isinstance(word, StatusReport) and word.state == "Alarm":
             raise StageError(f"{self.name} is locked by an alarm during {what}; home it")
         if isinstance(word, Banner):
             self.homed = False

@@ -8,7 +8,7 @@ from typing import Protocol
 
 from benchtool.bench.bench import Bench
 from benchtool.core.errors import StageError
-from benchtool.core.rig import PlateStage
+from benchtool.core.rig import PlateDrive
 
 Pause = Callable[[float], None]
 """pause(s): wait about so long; whoever moves the plate calls it instead of sleeping, so that the
@@ -18,7 +18,7 @@ RULER_M = 0.002
 """How far what a person measures may be from a reading. A choice, two marks of a ruler."""
 
 
-class Stage(Protocol):
+class PlateStage(Protocol):
     """Move the plate; every method blocks until it is done or has failed."""
 
     @property
@@ -95,7 +95,7 @@ class HandStage:
     def __init__(
         self,
         ask: Callable[[str], str],
-        plate: PlateStage,
+        plate: PlateDrive,
         tolerance_m: float = 0.005,
         tries: int = 3,
     ) -> None:
@@ -167,7 +167,7 @@ class PlateGuard(Protocol):
 class _StageWrapper:
     """Be another stage; a wrapper says how it moves."""
 
-    def __init__(self, stage: Stage) -> None:
+    def __init__(self, stage: PlateStage) -> None:
         self._stage = stage
 
     @property
@@ -195,7 +195,7 @@ class IdleStage(_StageWrapper):
         stage: moves the plate by itself, without the bench knowing.
     """
 
-    def __init__(self, stage: Stage, guard: PlateGuard) -> None:
+    def __init__(self, stage: PlateStage, guard: PlateGuard) -> None:
         super().__init__(stage)
         self._guard = guard
 
@@ -221,7 +221,7 @@ class OneSidedStage(_StageWrapper):
         stage: moves the plate by itself (no operator).
     """
 
-    def __init__(self, stage: Stage, plate: PlateStage) -> None:
+    def __init__(self, stage: PlateStage, plate: PlateDrive) -> None:
         super().__init__(stage)
         self._overshoot_m = OVERSHOOT_BACKLASHES * plate.backlash_m
         self._farthest_m = plate.z_max_m

@@ -14,7 +14,7 @@ from typing import Annotated, Any, ClassVar
 from annotated_types import Ge, Le, Len
 
 from benchtool.core.errors import FileFormatError
-from benchtool.core.rig import Body, PlateStage, Propulsion, RotorPlace, Sensor
+from benchtool.core.rig import Body, PlateDrive, Propulsion, RotorPlace, Sensor
 from benchtool.core.toml_text import build
 from benchtool.data.atomic import read_json
 
@@ -77,7 +77,7 @@ class _Rig(_Facts):
     rotors: tuple[RotorPlace, ...] = ()
     propulsion: Propulsion | None = None
     body: Body | None = None
-    plate: PlateStage | None = None
+    plate: PlateDrive | None = None
     sensors: Mapping[str, Sensor] | None = None
     limits: Mapping[str, float] | None = None
     sources: Mapping[str, str] | None = None

@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 
 from benchtool.bench.serial.commands import (
-    AskHello,
-    AskPlate,
     Clear,
     Command,
-    MovePlate,
     Reply,
+    RequestHello,
+    RequestPlate,
+    SendPlate,
     SetLimit,
     SetPwm,
     SetRate,
-    Stop,
-    Tare,
+    StopDevice,
+    TareDevice,
 )
 from benchtool.virtual.firmware import REMIND_S, Firmware
 from tests.wire.still_plant import StillPlant, still_hello
@@ -57,7 +57,7 @@ def test_watchdog_stops_the_motors_after_250_ms_without_a_line(
 
 
 def test_watchdog_halts_a_moving_plate(device: Firmware, plant: StillPlant) -> None:
-    device.execute(MovePlate(0.4), 0.0)
+    device.execute(SendPlate(0.4), 0.0)
     device.advance(5, 0.05)
     device.advance(1, 0.30)
     assert not plant.plate_moving
@@ -129,8 +129,8 @@ def test_a_family_limit_guards_every_rotor() -> None:
         (SetPwm((1200.0,)), "2 pulses needed; 1 given"),
         (SetPwm((1200.0, 1901.0)), "1000 to 1900 us"),
         (SetPwm((900.0, 1200.0)), "1000 to 1900 us"),
-        (MovePlate(0.04), "outside 0.05 to 0.5 m"),
-        (MovePlate(0.6), "outside 0.05 to 0.5 m"),
+        (SendPlate(0.04), "outside 0.05 to 0.5 m"),
+        (SendPlate(0.6), "outside 0.05 to 0.5 m"),
         (SetRate(9000.0), "outside 0 to 5000 Hz"),
         (SetRate(-1.0), "outside 0 to 5000 Hz"),
         (SetLimit("thrust_N", 31.0), "wider than 30"),
@@ -146,45 +146,45 @@ def test_refusals_say_why(device: Firmware, command: Command, words: str) -> Non
 
 def test_the_plate_moves_only_at_idle(device: Firmware) -> None:
     device.execute(SPIN, 0.0)
-    assert "idle" in device.execute(MovePlate(0.2), 0.0).reason
+    assert "idle" in device.execute(SendPlate(0.2), 0.0).reason
     device.execute(SetPwm((1050.0, 1000.0)), 0.0)
-    assert device.execute(MovePlate(0.2), 0.0).ok
+    assert device.execute(SendPlate(0.2), 0.0).ok
     assert "moving" in device.execute(SPIN, 0.0).reason
 
 
 def test_arrival_is_told_once(device: Firmware) -> None:
-    device.execute(MovePlate(0.102), 0.0)
-    assert device.execute(AskPlate(), 0.0).fields == ("1", "0.102", "0", "0")
+    device.execute(SendPlate(0.102), 0.0)
+    assert device.execute(RequestPlate(), 0.0).fields == ("1", "0.102", "0", "0")
     device.advance(1, 0.01)
     assert kinds(device) == []
     device.advance(5, 0.06)
     assert [(event.kind, event.text) for event in device.take_events()] == [
         ("arrived", "0.102,0,0")
     ]
-    assert device.execute(AskPlate(), 0.0).fields == ("0", "0.102", "0", "0")
+    assert device.execute(RequestPlate(), 0.0).fields == ("0", "0.102", "0", "0")
 
 
 def test_stop_zeroes_motors_and_halts_the_plate_without_a_latch(
     device: Firmware, plant: StillPlant
 ) -> None:
-    device.execute(MovePlate(0.2), 0.0)
-    assert device.execute(Stop(), 0.0) == Reply(True)
+    device.execute(SendPlate(0.2), 0.0)
+    assert device.execute(StopDevice(), 0.0) == Reply(True)
     assert not plant.plate_moving
     assert device.execute(SPIN, 0.0).ok
-    device.execute(Stop(), 0.0)
+    device.execute(StopDevice(), 0.0)
     np.testing.assert_array_equal(plant.pwm_us, [1000, 1000])
 
 
 def test_hello_stops_the_stream(device: Firmware) -> None:
     device.execute(SetRate(50.0), 0.0)
     assert device.rate_Hz == 50.0
-    device.execute(AskHello(), 0.0)
+    device.execute(RequestHello(), 0.0)
     assert device.rate_Hz == 0.0
 
 
 def test_tare_and_device_time(device: Firmware, plant: StillPlant) -> None:
     device.execute(SPIN, 0.0)
-    device.execute(Tare(), 0.0)
+    device.execute(TareDevice(), 0.0)
     rows = device.advance(3, 0.03)
     np.testing.assert_array_equal(rows.device_time_us, [10_000, 20_000, 30_000])
     np.testing.assert_array_equal(rows.values[::2, 2], [0.0, 0.0])

@@ -5,15 +5,15 @@ import pytest
 from benchtool.bench.stage.grbl_lines import (
     Alarm,
     Banner,
-    Ear,
     Error,
+    GrblDecoder,
+    GrblSetting,
     Note,
     Ok,
     Other,
-    Report,
-    Setting,
+    StatusReport,
     move_line,
-    word_of,
+    parse_line,
 )
 
 
@@ -26,23 +26,23 @@ from benchtool.bench.stage.grbl_lines import (
         ("Grbl 1.1h ['$' for help]", Banner("1.1h")),
         ("GrblHAL 1.1f ['$' or '$HELP' for help]", Banner("1.1f")),
         ("[MSG:Caution: Unlocked]", Note("MSG:Caution: Unlocked")),
-        ("$110=500.000", Setting(110, 500.0)),
+        ("$110=500.000", GrblSetting(110, 500.0)),
         (
             "<Idle|MPos:0.000,0.000,0.000|FS:0,0|WCO:0.000,0.000,0.000>",
-            Report("Idle", None, (0.0, 0.0, 0.0), None, (0.0, 0.0, 0.0)),
+            StatusReport("Idle", None, (0.0, 0.0, 0.0), None, (0.0, 0.0, 0.0)),
         ),
-        ("<Hold:1|MPos:1.5,-2,3|FS:0,0>", Report("Hold", 1, (1.5, -2.0, 3.0), None, None)),
-        ("<Run|WPos:1.0,2.0|Bf:15,128>", Report("Run", None, None, (1.0, 2.0), None)),
+        ("<Hold:1|MPos:1.5,-2,3|FS:0,0>", StatusReport("Hold", 1, (1.5, -2.0, 3.0), None, None)),
+        ("<Run|WPos:1.0,2.0|Bf:15,128>", StatusReport("Run", None, None, (1.0, 2.0), None)),
         ("<Idle|MPos:1.0,x|FS:0,0>", Other("<Idle|MPos:1.0,x|FS:0,0>")),
         ("<Idle|MPos:1.0", Other("<Idle|MPos:1.0")),
     ],
 )
 def test_a_line_is_what_it_says(line, word):
-    assert word_of(line + "\r") == word
+    assert parse_line(line + "\r") == word
 
 
 def test_only_the_unlock_message_says_locked():
-    assert word_of("[MSG:'$H'|'$X' to unlock]") == Note("MSG:'$H'|'$X' to unlock")
+    assert parse_line("[MSG:'$H'|'$X' to unlock]") == Note("MSG:'$H'|'$X' to unlock")
     assert Note("MSG:'$H'|'$X' to unlock").locked
     assert not Note("MSG:Caution: Unlocked").locked
 
@@ -56,14 +56,14 @@ def test_every_alarm_and_error_has_words_and_a_number():
 
 
 def test_half_a_line_waits_for_the_rest():
-    ear = Ear()
+    ear = GrblDecoder()
     assert ear.feed(b"\r\nGrbl 1.1h ['$' f") == []
     assert ear.feed(b"or help]\r\no") == [Banner("1.1h")]
     assert ear.feed(b"k\r\n") == [Ok()]
 
 
 def test_the_work_offset_is_remembered_until_a_restart():
-    ear = Ear()
+    ear = GrblDecoder()
     (report,) = ear.feed(b"<Idle|WPos:1.0,2.0,3.0|WCO:10.0,0.0,-5.0>\n")
     assert ear.machine_mm(report) == (11.0, 2.0, -2.0)
     (report,) = ear.feed(b"<Idle|WPos:2.0,2.0,3.0>\n")
@@ -89,11 +89,11 @@ def test_a_move_is_absolute_in_millimetres_and_machine_coordinates():
     ],
 )
 def test_a_number_that_none_can_be_is_no_word_of_a_stage(line):
-    assert word_of(line) == Other(line)
+    assert parse_line(line) == Other(line)
 
 
 def test_an_offset_of_another_number_of_axes_gives_no_position():
-    ear = Ear()
+    ear = GrblDecoder()
     ear.feed(b"<Idle|WPos:1.000,2.000,3.000|WCO:0.000,0.000>\n")
     (report,) = ear.feed(b"<Idle|WPos:1.000,2.000,3.000>\n")
     assert ear.machine_mm(report) is None

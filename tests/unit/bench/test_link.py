@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchtool.bench.serial.commands import AskHello, SetPwm
+from benchtool.bench.serial.commands import RequestHello, SetPwm
 from benchtool.bench.serial.frames import (
     HEARTBEAT,
     MAX_LINE_BYTES,
     Decoder,
-    SampleWriter,
+    SampleFramer,
     crc16,
     frame,
     frame_command,
@@ -33,7 +33,11 @@ def test_lines_as_sent() -> None:
     spin = SetPwm((1200.0, 1200.5))
     assert frame_command(6, spin, (1 << 32) + 70) == frame(b"C,6,pwm,70,1200,1200.5")
     assert frame_version_1(6, spin) == frame(b"C,6,pwm,1200,1200.5")
-    assert frame_command(1, AskHello()) == frame_version_1(1, AskHello()) == frame(b"C,1,hello,2")
+    assert (
+        frame_command(1, RequestHello())
+        == frame_version_1(1, RequestHello())
+        == frame(b"C,1,hello,2")
+    )
 
 
 def test_text_cannot_break_a_line() -> None:
@@ -47,7 +51,7 @@ def test_samples_come_back(rng: np.random.Generator) -> None:
     values[rng.random(values.shape) < 0.3] = np.nan
     values[0], values[:, -1] = np.nan, np.nan
     times_us = 5_000_000_000 + 1000 * np.arange(500)
-    lines = b"".join(SampleWriter(12, sequence=65_400).frames(times_us, values))
+    lines = b"".join(SampleFramer(12, sequence=65_400).frames(times_us, values))
     batch = Decoder(12).feed(lines)
     np.testing.assert_array_equal(batch.values, values)
     np.testing.assert_array_equal(np.diff(batch.device_time_us), 1000)
@@ -58,7 +62,7 @@ def test_device_time_goes_on_over_its_wrap() -> None:
     decoder = Decoder(1)
     times_us = (1 << 32) - 1500 + 1000 * np.arange(4)
     first, second = (
-        decoder.feed(b"".join(SampleWriter(1, start).frames(times_us[part], np.ones((2, 1)))))
+        decoder.feed(b"".join(SampleFramer(1, start).frames(times_us[part], np.ones((2, 1)))))
         for start, part in ((0, slice(0, 2)), (2, slice(2, 4)))
     )
     together = np.concatenate([first.device_time_us, second.device_time_us])
@@ -66,14 +70,14 @@ def test_device_time_goes_on_over_its_wrap() -> None:
 
 
 def test_gaps_are_counted_over_the_wrap_of_the_sequence() -> None:
-    lines = SampleWriter(1, sequence=65_530).frames(np.arange(20), np.ones((20, 1)))
+    lines = SampleFramer(1, sequence=65_530).frames(np.arange(20), np.ones((20, 1)))
     batch = Decoder(1).feed(b"".join(lines[:3] + lines[10:]))
     assert batch.lost == 7
     assert len(batch.values) == 13
 
 
 def test_a_damaged_line_is_counted_and_left_out() -> None:
-    lines = SampleWriter(2).frames(np.arange(5), np.ones((5, 2)))
+    lines = SampleFramer(2).frames(np.arange(5), np.ones((5, 2)))
     lines[2] = lines[2].replace(b",1", b",7", 1)
     batch = Decoder(2).feed(b"".join(lines))
     assert (len(batch.values), batch.corrupt, batch.lost) == (4, 1, 1)
@@ -94,14 +98,14 @@ def test_a_damaged_line_is_counted_and_left_out() -> None:
     ],
 )
 def test_a_sample_that_makes_no_sense_spoils_no_other(payload: bytes) -> None:
-    good = SampleWriter(2).frames(np.arange(2), np.array([[1.0, 2.0], [3.0, 4.0]]))
+    good = SampleFramer(2).frames(np.arange(2), np.array([[1.0, 2.0], [3.0, 4.0]]))
     batch = Decoder(2).feed(good[0] + frame(payload) + good[1])
     np.testing.assert_array_equal(batch.values, [[1.0, 2.0], [3.0, 4.0]])
     assert (batch.corrupt, batch.lost) == (1, 0)
 
 
 def test_lines_with_carriage_return_are_taken() -> None:
-    line = SampleWriter(1).frames(np.arange(1), np.ones((1, 1)))[0]
+    line = SampleFramer(1).frames(np.arange(1), np.ones((1, 1)))[0]
     batch = Decoder(1).feed(line.replace(b"\n", b"\r\n"))
     assert (len(batch.values), batch.corrupt) == (1, 0)
 

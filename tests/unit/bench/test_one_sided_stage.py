@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from benchtool.bench.stage.stage import DeviceStage, OneSidedStage
-from benchtool.core.rig import PlateStage
+from benchtool.core.rig import PlateDrive
 from benchtool.core.rig_file import rig_named
 from benchtool.physics.model_file import load_model
 from benchtool.simulate.imperfections import Imperfections
@@ -35,7 +35,7 @@ class Listed:
     def close(self) -> None: ...
 
 
-def plate(backlash_m: float) -> PlateStage:
+def plate(backlash_m: float) -> PlateDrive:
     return replace(rig_named("pquad").plate, backlash_m=backlash_m)
 
 

@@ -7,7 +7,7 @@ from math import isnan
 
 import pytest
 
-from benchtool.bench.rcbenchmark.lines import RcbEar, StandClock, words_for
+from benchtool.bench.rcbenchmark.lines import BridgeDecoder, StandClock, pulse_text
 from benchtool.core.errors import ProtocolError
 
 ENTRY = {"bridge": 1, "n": 7, "t_ms": 1250.5, "us": 1400, "why": ""}
@@ -27,7 +27,7 @@ def test_working_values_are_read_in_whatever_unit_they_come() -> None:
         time=(12.5, "s"), thrust=(1000.0, "g"), torque=(0.12, "N·m"), voltage=(11.1, "V"),
         current=(4.0, "A"), motorOpticalSpeed=(5000, "RPM"), vibration=(2.0, "g"),
     )  # fmt: skip
-    (told,) = RcbEar().feed(line)
+    (told,) = BridgeDecoder().feed(line)
     assert told.entry.n == 7
     assert told.time_s == 12.5
     assert told.values["thrust_N"] == pytest.approx(9.80665)
@@ -48,29 +48,29 @@ def test_working_values_are_read_in_whatever_unit_they_come() -> None:
     ],
 )
 def test_thrust_comes_in_several_units(given: tuple[float, str], newtons: float) -> None:
-    (told,) = RcbEar().feed(said(thrust=given))
+    (told,) = BridgeDecoder().feed(said(thrust=given))
     assert told.values["thrust_N"] == pytest.approx(newtons, rel=1e-5)
 
 
 def test_a_reading_in_a_unit_of_something_else_is_refused() -> None:
     with pytest.raises(ProtocolError, match="thrust in 'RPM', which is no known unit of it"):
-        RcbEar().feed(said(thrust=(1.0, "RPM")))
+        BridgeDecoder().feed(said(thrust=(1.0, "RPM")))
 
 
 def test_a_sensor_without_a_value_has_none() -> None:
-    (told,) = RcbEar().feed(said(thrust=(None, "g"), voltage=("", "V")))
+    (told,) = BridgeDecoder().feed(said(thrust=(None, "g"), voltage=("", "V")))
     assert isnan(told.values["thrust_N"])
     assert isnan(told.values["voltage_V"])
 
 
 def test_lines_come_in_pieces_and_several_at_once() -> None:
-    ear, line = RcbEar(), said(thrust=(1.0, "g"))
+    ear, line = BridgeDecoder(), said(thrust=(1.0, "g"))
     assert ear.feed(line[:40]) == []
     assert len(ear.feed(line[40:] + line)) == 2
 
 
 def test_the_makers_example_is_told_from_the_bridge() -> None:
-    ear = RcbEar()
+    ear = BridgeDecoder()
     assert ear.feed(b'{"thrust": {"workingValue": 1, "workingUnit": "g"}}') == []
     assert (ear.foreign, ear.corrupt) == (1, 0)
     assert ear.feed(b"Hi from RCbenchmark script!\n") == []
@@ -103,24 +103,24 @@ HELLO = {
 )
 def test_a_line_out_of_its_ranges_is_refused(entry: dict[str, object], says: str) -> None:
     with pytest.raises(ProtocolError, match=says):
-        RcbEar().feed(json.dumps({"benchtool": entry}).encode() + b"\n")
+        BridgeDecoder().feed(json.dumps({"benchtool": entry}).encode() + b"\n")
 
 
 @pytest.mark.parametrize("line", [b"[" * 3000, b"1" * 4400, b'{"benchtool":{"us":NaN}}'])
 def test_a_line_beyond_the_bounds_of_json_is_corrupt(line: bytes) -> None:
-    ear = RcbEar()
+    ear = BridgeDecoder()
     assert ear.feed(line + b"\n") == []
     assert ear.corrupt == 1
 
 
 def test_another_version_of_the_script_is_refused() -> None:
     with pytest.raises(ProtocolError, match="version 9, this program needs 1; write it anew"):
-        RcbEar().feed(b'{"benchtool": {"bridge": 9}}\n')
+        BridgeDecoder().feed(b'{"benchtool": {"bridge": 9}}\n')
 
 
 def test_pulses_go_out_as_ascii() -> None:
-    assert words_for(1500.0) == b"1500"
-    assert words_for(1500.25) == b"1500.25"
+    assert pulse_text(1500.0) == b"1500"
+    assert pulse_text(1500.25) == b"1500.25"
 
 
 def test_device_time_never_runs_backwards() -> None:

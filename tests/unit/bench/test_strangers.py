@@ -17,7 +17,7 @@ from benchtool.bench.identify import (
     not_the_bridge,
 )
 from benchtool.bench.mavlink.frames import MavlinkFrames
-from benchtool.bench.mavlink.link import MavlinkTalk
+from benchtool.bench.mavlink.link import MavlinkLink
 from benchtool.bench.mavlink.messages import dialect
 from benchtool.bench.mavlink.side_cell import SideCell
 from benchtool.bench.serial.frames import frame
@@ -146,6 +146,6 @@ def test_a_quiet_bench_or_stage_is_made_to_speak_before_it_is_called_silent() ->
         (b"?", b"<Idle|MPos:0.000,0.000,0.000|FS:0,0>\r\n", "is a G-code stage, not an autopilot"),
     ):
         link = Asked(question, answer)
-        talk = MavlinkTalk(link, "mavlink:serial:/dev/x", link.clock, MavlinkFrames())
+        talk = MavlinkLink(link, "mavlink:serial:/dev/x", link.clock, MavlinkFrames())
         with pytest.raises(ProtocolError, match=said):
             talk.find(None)

@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 
 from benchtool.bench.serial.commands import (
-    Arm,
-    AskHello,
-    AskPlate,
+    ArmDevice,
     Clear,
     Command,
-    MovePlate,
+    RequestHello,
+    RequestPlate,
+    SendPlate,
     SetPwm,
     SetRate,
-    Stop,
-    Tare,
+    StopDevice,
+    TareDevice,
 )
 from benchtool.bench.serial.frames import HEARTBEAT, crc16, frame, frame_command, messages_in
 from benchtool.bench.serial.hello import hello_from
@@ -52,7 +52,7 @@ def say(device: DeviceLink, number: int, command: Command, time_us: int | None =
 def test_a_repeated_number_is_answered_again_but_not_carried_out(
     device: DeviceLink, plant: StillPlant
 ) -> None:
-    say(device, 3, Arm())
+    say(device, 3, ArmDevice())
     spin = frame_command(4, SPIN)
     first = device.receive(spin, 0.0)
     plant.pwm_us = np.zeros(2)
@@ -63,9 +63,9 @@ def test_a_repeated_number_is_answered_again_but_not_carried_out(
 
 
 def test_hello_starts_the_numbering_anew_and_stops(device: DeviceLink, plant: StillPlant) -> None:
-    say(device, 7, Arm())
+    say(device, 7, ArmDevice())
     assert say(device, 8, SPIN) == "A"
-    answer = fields(device.receive(frame_command(1, AskHello()), 0.0))
+    answer = fields(device.receive(frame_command(1, RequestHello()), 0.0))
     assert plant.pwm_us.max() == 1000.0
     *lines, (letter, number, _, count, whole) = answer
     assert (letter, number, count) == ("A", "1", str(len(lines)))
@@ -84,28 +84,28 @@ def test_a_host_of_version_1_is_refused(device: DeviceLink) -> None:
 def test_only_an_armed_device_turns_or_moves(device: DeviceLink, plant: StillPlant) -> None:
     refused = "0,not armed since the last stop; send arm first"
     assert say(device, 1, SPIN) == f"N,1,{refused}"
-    assert say(device, 2, MovePlate(0.2)) == f"N,2,{refused}"
+    assert say(device, 2, SendPlate(0.2)) == f"N,2,{refused}"
     assert say(device, 3, SetPwm((1000.0, 1000.0))) == "A"
-    assert say(device, 4, Arm()) == f"A,{still_hello().channel_hash}"
+    assert say(device, 4, ArmDevice()) == f"A,{still_hello().channel_hash}"
     assert say(device, 5, SPIN) == "A"
-    for number, stop in ((6, Stop()), (9, Clear())):
+    for number, stop in ((6, StopDevice()), (9, Clear())):
         assert say(device, number, stop) == "A"
         assert plant.pwm_us.max() == 1000.0
         assert say(device, number + 1, SPIN) == f"N,{number + 1},{refused}"
-        say(device, number + 2, Arm())
+        say(device, number + 2, ArmDevice())
 
 
 def test_a_latched_device_is_not_armed(device: DeviceLink, plant: StillPlant) -> None:
     plant.voltage_V = 5.0
     device.tick(1, 0.0)
-    assert "send clear first" in say(device, 1, Arm())
+    assert "send clear first" in say(device, 1, ArmDevice())
     plant.voltage_V = 12.0
     say(device, 2, Clear())
-    assert say(device, 3, Arm()).startswith("A")
+    assert say(device, 3, ArmDevice()).startswith("A")
 
 
 def test_an_order_with_a_lower_number_is_late(device: DeviceLink, plant: StillPlant) -> None:
-    for number, command in ((1, Arm()), (5, SPIN), (6, Stop()), (8, Arm())):
+    for number, command in ((1, ArmDevice()), (5, SPIN), (6, StopDevice()), (8, ArmDevice())):
         assert say(device, number, command).startswith("A")
     assert say(device, 7, SPIN) == "N,7,0,late: number 7 comes after 8"
     assert say(device, 0, SPIN) == "N,0,0,late: number 0 comes after 8"
@@ -116,7 +116,7 @@ def test_an_order_with_a_lower_number_is_late(device: DeviceLink, plant: StillPl
 
 def test_an_order_older_than_half_a_second_is_late(device: DeviceLink, plant: StillPlant) -> None:
     device.tick(400, 0.0)  # 4 s
-    say(device, 1, Arm())
+    say(device, 1, ArmDevice())
     assert say(device, 2, SPIN, 3_490_000) == "N,2,4000000,late: 510 ms old; limit 500 ms"
     assert plant.pwm_us.max() == 1000.0
     assert say(device, 2, SPIN, 3_510_000) == "A"
@@ -126,23 +126,23 @@ def test_an_order_older_than_half_a_second_is_late(device: DeviceLink, plant: St
 
 def test_an_order_of_an_earlier_session_is_late(device: DeviceLink, plant: StillPlant) -> None:
     device.tick(400, 0.0)
-    device.receive(frame_command(1, AskHello()), 4.0)
+    device.receive(frame_command(1, RequestHello()), 4.0)
     device.tick(10, 4.1)
-    assert say(device, 2, Arm()).startswith("A")
+    assert say(device, 2, ArmDevice()).startswith("A")
     assert say(device, 57, SPIN, 3_990_000) == "N,57,4100000,late: given before the last stop"
     assert say(device, 3, SPIN) == "A"
 
 
 def test_age_counts_over_the_wrap_of_device_time(device: DeviceLink) -> None:
     device.firmware._device_us = 2.0**32 + 100_000.0
-    assert say(device, 1, Arm(), (1 << 32) - 100_000).startswith("A")
+    assert say(device, 1, ArmDevice(), (1 << 32) - 100_000).startswith("A")
     assert say(device, 2, SPIN, (1 << 32) - 500_000) == "N,2,100000,late: 600 ms old; limit 500 ms"
 
 
 def test_age_is_wall_time_on_a_fast_virtual_bench(plant: StillPlant) -> None:
     device = DeviceLink(Firmware(plant, still_hello(speed=20.0)))
     device.tick(1000, 0.5)  # 10 s of device time in half a second
-    assert say(device, 1, Arm(), 100_000).startswith("A")
+    assert say(device, 1, ArmDevice(), 100_000).startswith("A")
     device.tick(2, 0.5)
     assert "late: 501 ms old; limit 500 ms" in say(device, 2, SPIN, 0)
 
@@ -155,13 +155,13 @@ def test_an_order_without_a_time_is_refused(device: DeviceLink, time: str) -> No
 
 
 def test_a_stop_is_obeyed_whenever_it_comes(device: DeviceLink, plant: StillPlant) -> None:
-    say(device, 10, Arm())
+    say(device, 10, ArmDevice())
     for number in (3, 0):
-        say(device, device.orders.number + 1, Arm())
+        say(device, device.orders.number + 1, ArmDevice())
         assert say(device, device.orders.number + 1, SPIN) == "A"
-        assert say(device, number, Stop(), 77) == "A"
+        assert say(device, number, StopDevice(), 77) == "A"
         assert plant.pwm_us.max() == 1000.0
-    assert say(device, 1, AskPlate()) == "A,0,,,"
+    assert say(device, 1, RequestPlate()) == "A,0,,,"
 
 
 @pytest.mark.parametrize(
@@ -190,7 +190,7 @@ def test_what_is_no_command_gets_no_answer(device: DeviceLink, payload: bytes) -
 
 
 def test_any_valid_line_feeds_the_watchdog(device: DeviceLink, plant: StillPlant) -> None:
-    say(device, 1, Arm())
+    say(device, 1, ArmDevice())
     device.receive(frame_command(2, SPIN), 0.0)
     for step in range(1, 10):
         device.receive(HEARTBEAT, 0.2 * step)
@@ -212,4 +212,4 @@ def test_samples_only_while_streaming(device: DeviceLink) -> None:
 
 def test_every_command_is_acknowledged_with_device_time(device: DeviceLink) -> None:
     device.tick(5, 0.0)
-    assert fields(device.receive(frame_command(9, Tare()), 0.0)) == [("A", "9", "50000")]
+    assert fields(device.receive(frame_command(9, TareDevice()), 0.0)) == [("A", "9", "50000")]

@@ -7,7 +7,15 @@ import pytest
 
 from benchtool.bench.bench import Bench
 from benchtool.bench.drivers import open_bench
-from benchtool.bench.serial.commands import Clear, MovePlate, SetLimit, SetPwm, SetRate, Stop, Tare
+from benchtool.bench.serial.commands import (
+    Clear,
+    SendPlate,
+    SetLimit,
+    SetPwm,
+    SetRate,
+    StopDevice,
+    TareDevice,
+)
 from benchtool.core.errors import (
     BenchtoolError,
     DeviceStopped,
@@ -67,7 +75,7 @@ def test_two_armings_have_noise_of_their_own_and_the_same_seed_has_the_same() ->
         _, device = started(seed=5)
         device.execute(pulses(hover_us()), 0.0)
         first = device.advance(500, 0.0).values
-        device.execute(Stop(), 0.0)
+        device.execute(StopDevice(), 0.0)
         device.advance(500, 0.0)
         device.execute(pulses(hover_us()), 0.0)
         both.append((first, device.advance(500, 0.0).values))
@@ -160,7 +168,7 @@ def test_silence_stops_the_motors() -> None:
 
 def test_the_plate_is_moved_at_idle_alone_and_acts() -> None:
     plant, device = started(schedule="steps")
-    assert device.execute(MovePlate(0.24), 0.0).ok
+    assert device.execute(SendPlate(0.24), 0.0).ok
     assert plant.plate_moving
     values = device.advance(2500, 0.0).values
     assert not plant.plate_moving
@@ -171,16 +179,16 @@ def test_the_plate_is_moved_at_idle_alone_and_acts() -> None:
     seen = device.advance(400, 0.0).values
     # Ground effect under the front rotor lifts the nose before the integral term catches up.
     assert np.degrees(column(seen, "theta_rad")[100:]).mean() < -0.5
-    assert not device.execute(MovePlate(0.5), 0.0).ok
+    assert not device.execute(SendPlate(0.5), 0.0).ok
 
 
 def test_what_a_pitch_bench_has_not_is_refused() -> None:
     plant, device = started()
-    assert not device.execute(MovePlate(0.3, 0.1), 0.0).ok
+    assert not device.execute(SendPlate(0.3, 0.1), 0.0).ok
     assert not device.execute(SetRate(200.0), 0.0).ok
     assert "125" in device.execute(SetRate(200.0), 0.0).reason
     with pytest.raises(InputError, match="load cell"):
-        device.execute(Tare(), 0.0)
+        device.execute(TareDevice(), 0.0)
     with pytest.raises(UnknownChoice, match="observer"):
         pitch_plant(RIG, controller="lqr")
     assert plant.rate_Hz == 250.0
@@ -288,7 +296,7 @@ def test_every_arming_has_a_new_controller_whose_time_begins_anew() -> None:
             device.advance(n, 0.0)
         times = plant._controller.times  # type: ignore[attr-defined]
         np.testing.assert_allclose(times, np.arange(500) / 250.0, atol=1e-12)
-        device.execute(Stop(), 0.0)
+        device.execute(StopDevice(), 0.0)
         device.advance(20, 0.0)
     assert Own.made == before + 2
 
