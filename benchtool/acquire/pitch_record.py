@@ -183,7 +183,7 @@ def _stop_at_once(recorder: PitchRecorder, error: BaseException) -> BaseExceptio
     interrupted = isinstance(error, KeyboardInterrupt)
     reason = "stopped by Ctrl-C" if interrupted else str(error) or type(error).__name__
     with suppress(Exception):
-        if kept := bench.take_kept():
+        if kept := bench.take_unread():
             recorder.keep(kept, "end")
     with suppress(Exception):
         if not isinstance(error, StandstillNotSeen):

@@ -338,7 +338,7 @@ class _Sweep:
         interrupted = isinstance(error, KeyboardInterrupt)
         reason = "stopped by Ctrl-C" if interrupted else str(error) or type(error).__name__
         with suppress(Exception):
-            if kept := self._bench.take_kept():
+            if kept := self._bench.take_unread():
                 self._recorder.keep(kept, "end")
         with suppress(Exception):
             # How the rotors slow down, and what waited in the link.

@@ -70,7 +70,7 @@ class GuardedBench(DrivenBench):
         self._check: LimitCheck | None = None
         self._pause: HostPause | None = None
         self._plate: PlateCheck | None = None
-        self._kept: list[Readings] = []
+        self._unread: list[Readings] = []
         self._signals = StopSignals(self._note_reason)
 
     def open(self) -> None:
@@ -205,12 +205,12 @@ class GuardedBench(DrivenBench):
 
         Raises:
             LimitExceeded: a reading beyond its limit; zero was commanded before this was raised.
-                The samples that show it are in `take_kept`.
+                The samples that show it are in `take_unread`.
         """
         self._signals.raise_if_asked()
         new = self._read_checked(timeout_s)
-        kept, self._kept = self._kept, []
-        return joined([*kept, new])
+        unread, self._unread = self._unread, []
+        return joined([*unread, new])
 
     def _read_checked(self, timeout_s: float) -> Readings:
         if self._check is None:
@@ -231,7 +231,7 @@ class GuardedBench(DrivenBench):
         breach = self._check.breach(readings.time_s, readings.values)
         if breach is not None:
             self._halt(breach)
-            self._kept.append(readings)
+            self._unread.append(readings)
             raise breach
         if self._plate is not None:
             self._plate.note(readings.values)
@@ -244,7 +244,7 @@ class GuardedBench(DrivenBench):
         """
         self._signals.raise_if_asked()
         readings = self._read_checked(timeout_s)
-        self._kept.append(readings)
+        self._unread.append(readings)
         return readings
 
     def interruptible(self) -> AbstractContextManager[None]:
@@ -254,10 +254,10 @@ class GuardedBench(DrivenBench):
         """
         return self._signals.interruptible()
 
-    def take_kept(self) -> Readings | None:
+    def take_unread(self) -> Readings | None:
         """Return samples that were read but not handed out, such as those that broke a limit."""
-        kept, self._kept = self._kept, []
-        return joined(kept) if kept else None
+        unread, self._unread = self._unread, []
+        return joined(unread) if unread else None
 
     def ramp_down(self, take: Callable[[Readings], None] | None = None) -> None:
         """Bring every motor to zero within a second, reading on.
@@ -323,7 +323,7 @@ class GuardedBench(DrivenBench):
         if not self._turning:
             return
         if readings is not None:
-            self._kept.append(readings)
+            self._unread.append(readings)
         self._halt(paused)
         raise paused from error
 

@@ -23,7 +23,7 @@ PRINTABLE_SHARE = 0.9
 """Share of letters above which bytes count as text; a choice: at a wrong baud rate half are not."""
 
 
-def kind_of(heard: bytes) -> Kind:
+def kind_of(received: bytes) -> Kind:
     """Return what the sender of some bytes is.
 
     `stand` is a script of the RCbenchmark GUI, `frames` looks like MAVLink without one whole frame
@@ -31,33 +31,33 @@ def kind_of(heard: bytes) -> Kind:
     """
     from benchtool.bench.mavlink.frames import MavlinkFrames
 
-    if any(message.letter for message in messages_in(heard + b"\n")):
+    if any(message.letter for message in messages_in(received + b"\n")):
         return "bench"
-    if MavlinkFrames().parse(heard):
+    if MavlinkFrames().parse(received):
         return "mavlink"
-    if b'"workingValue"' in heard or b'{"benchtool"' in heard:
+    if b'"workingValue"' in received or b'{"benchtool"' in received:
         return "stand"
-    if _is_grbl(heard):
+    if _is_grbl(received):
         return "grbl"
-    letters = sum(32 <= byte < 127 or byte in b"\r\n\t" for byte in heard)
-    if letters >= PRINTABLE_SHARE * len(heard):
+    letters = sum(32 <= byte < 127 or byte in b"\r\n\t" for byte in received)
+    if letters >= PRINTABLE_SHARE * len(received):
         return "text"
-    return "frames" if 0xFD in heard or 0xFE in heard else "noise"
+    return "frames" if 0xFD in received or 0xFE in received else "noise"
 
 
 def probe_answer(transport: Transport, clock: Callable[[], float]) -> bytes:
     """Knock on an open transport and return what answers, perhaps nothing."""
     transport.write(PROBE)
-    heard, until_s = b"", clock() + PROBE_S
+    received, until_s = b"", clock() + PROBE_S
     while (left_s := until_s - clock()) > 0.0:
-        heard += transport.read(left_s)
-    return heard
+        received += transport.read(left_s)
+    return received
 
 
-def not_mavlink(heard: bytes) -> str:
+def not_mavlink(received: bytes) -> str:
     """Return the end of a sentence that begins with the address of an expected autopilot."""
-    shown = _shown(heard)
-    match kind_of(heard):
+    shown = _shown(received)
+    match kind_of(received):
         case "bench":
             return "speaks the bench protocol, not MAVLink; use a serial: or tcp: address for it"
         case "grbl":
@@ -81,10 +81,10 @@ def not_mavlink(heard: bytes) -> str:
             )
 
 
-def not_a_bench(heard: bytes, address: str) -> str:
+def not_a_bench(received: bytes, address: str) -> str:
     """Return the end of a sentence that begins with the address of an expected bench."""
-    place, shown = address.partition("?")[0], _shown(heard)
-    match kind_of(heard):
+    place, shown = address.partition("?")[0], _shown(received)
+    match kind_of(received):
         case "bench":
             return (
                 "speaks the bench protocol, but gave no hello that can be read; the line loses "
@@ -111,10 +111,10 @@ def not_a_bench(heard: bytes, address: str) -> str:
             )
 
 
-def not_a_stage(heard: bytes) -> str:
+def not_a_stage(received: bytes) -> str:
     """Return the end of a sentence that begins with the name of an expected G-code stage."""
-    shown = _shown(heard)
-    match kind_of(heard):
+    shown = _shown(received)
+    match kind_of(received):
         case "bench":
             return "speaks the bench protocol: it is the bench, not a G-code stage; swap the ports"
         case "mavlink":
@@ -131,27 +131,27 @@ def not_a_stage(heard: bytes) -> str:
             )
 
 
-def not_the_bridge(heard: bytes) -> str:
+def not_the_bridge(received: bytes) -> str:
     """Return the end of a sentence that begins with the address of an expected bridge script."""
-    match kind_of(heard):
+    match kind_of(received):
         case "mavlink":
             return "speaks MAVLink: it is a flight controller; use a mavlink: address for it"
         case "bench":
             return "speaks the bench protocol, not that of a script in the GUI; check host and port"
         case _:
-            return f"sends {_shown(heard)}, which no bridge script says; check host and port"
+            return f"sends {_shown(received)}, which no bridge script says; check host and port"
 
 
-def _is_grbl(heard: bytes) -> bool:
-    if b"Grbl" in heard:
+def _is_grbl(received: bytes) -> bool:
+    if b"Grbl" in received:
         return True
-    lines = [line for line in heard.decode("latin-1").splitlines() if line.strip()]
+    lines = [line for line in received.decode("latin-1").splitlines() if line.strip()]
     # The first and the last may be cut.
     whole = lines[1:-1] if len(lines) > 2 else lines
     return bool(whole) and not any(isinstance(parse_line(line), Other) for line in whole)
 
 
-def _shown(heard: bytes) -> str:
+def _shown(received: bytes) -> str:
     """Return the first bytes, as many as are of use to somebody who reads them."""
-    start = bytes(heard[:40])
+    start = bytes(received[:40])
     return repr(start if start.isascii() else start[:12])

@@ -157,7 +157,7 @@ class LimitCheck:
         if self._thrust >= 0:
             thrust_N, squares = values[:, self._thrust], np.einsum("ij,ij->i", rpm, rpm)
             error = self._implausible(time_s, squares, thrust_N) or self._stuck(squares, thrust_N)
-        return error or self._disobeyed(values, rpm)
+        return error or self._mismatch(values, rpm)
 
     def _too_near(self, plate_m: Array) -> LimitExceeded | None:
         """Return an error when the plate stands inside the least gap while motors turn."""
@@ -184,7 +184,7 @@ class LimitCheck:
         newest = np.where(fresh, time_s[:, None], -inf).max(axis=0)
         np.maximum(self._fresh_s, newest, out=self._fresh_s)
 
-    def _disobeyed(self, values: Array, rpm: Array) -> LimitExceeded | None:
+    def _mismatch(self, values: Array, rpm: Array) -> LimitExceeded | None:
         """Return an error when a motor's rpm has not followed its pulse by now.
 
         Where a loop on the bench makes the pulses, those it reports count. The host's zero counts
@@ -192,11 +192,11 @@ class LimitCheck:
         that reports no pulses is judged by the host's, which is stricter than not at all.
         """
         if self._loop is None:
-            return self._host.disobeyed(rpm[-1], self._last_s)
+            return self._host.mismatch(rpm[-1], self._last_s)
         pwm_us, self._seen_us = _filled(values[:, self._pwm], self._seen_us)
-        error = self._loop.disobeyed(pwm_us, rpm, self._last_s)
+        error = self._loop.mismatch(pwm_us, rpm, self._last_s)
         if error is None and self._host.at_zero and (self._host.has_driven or not self._armed_else):
-            error = self._host.disobeyed(rpm[-1], self._last_s)
+            error = self._host.mismatch(rpm[-1], self._last_s)
         return error
 
     def _stuck(self, squares: Array, thrust_N: Array) -> LimitExceeded | None:

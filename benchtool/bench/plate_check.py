@@ -162,8 +162,8 @@ def wait_for_idle(bench: GuardedBench, rig: Rig) -> None:
     """
     pulse, pwm_us = rig.propulsion, bench.pwm_us
     # The device's own word, else the rig's.
-    told_us = bench.identity.pwm_idle_us
-    idle_us = pulse.pwm_start_us if told_us is None else told_us
+    reported_us = bench.identity.pwm_idle_us
+    idle_us = pulse.pwm_start_us if reported_us is None else reported_us
     if (pwm_us > idle_us).any():
         motor = int(np.argmax(pwm_us))
         raise StageError(

@@ -60,7 +60,7 @@ class HostPulses:
         self._fastest_rpm = TOO_FAST * rpm + SLACK_RPM
         self.has_driven |= not self.at_zero
 
-    def disobeyed(self, rpm: Array, now_s: float) -> LimitExceeded | None:
+    def mismatch(self, rpm: Array, now_s: float) -> LimitExceeded | None:
         """Return an error when a motor's last rpm (n_rotors,) has not followed its pulse by now."""
         since_s = now_s - self._commanded_s
         if self._pwm_us is None or since_s < TOO_SLOW_S:
@@ -90,13 +90,13 @@ class LoopPulses:
 
     def __init__(self, propulsion: Propulsion, n_rotors: int, start_s: float) -> None:
         self._propulsion = propulsion
-        self._told_rpm: Array = np.full(n_rotors, np.nan)
+        self._reported_rpm: Array = np.full(n_rotors, np.nan)
         self._rpm: Array = np.full(n_rotors, np.nan)
         self._last_s = start_s
         self._not_slow_s: Array = np.full(n_rotors, start_s)
         self._not_fast_s: Array = np.full(n_rotors, start_s)
 
-    def disobeyed(self, pwm_us: Array, rpm: Array, now_s: float) -> LimitExceeded | None:
+    def mismatch(self, pwm_us: Array, rpm: Array, now_s: float) -> LimitExceeded | None:
         """Return an error when a motor has not followed its reported pulses.
 
         Args:
@@ -105,14 +105,14 @@ class LoopPulses:
             now_s: time of the block's last sample.
         """
         gap_s, self._last_s = now_s - self._last_s, now_s
-        told, seen = speeds_of(self._propulsion, pwm_us).mean(axis=0), rpm.mean(axis=0)
+        reported_rpm, seen = speeds_of(self._propulsion, pwm_us).mean(axis=0), rpm.mean(axis=0)
         if gap_s > GAP_S:  # nobody looked: what happened meanwhile is not known
             self._not_slow_s, self._not_fast_s = self._not_slow_s + gap_s, self._not_fast_s + gap_s
         share = 1.0 - exp(-max(gap_s, 0.0) / MEAN_S)
-        self._told_rpm = _moved(self._told_rpm, told, share)
+        self._reported_rpm = _moved(self._reported_rpm, reported_rpm, share)
         self._rpm = _moved(self._rpm, seen, share)
-        slowest = TOO_SLOW * self._told_rpm - SLACK_RPM
-        fastest = TOO_FAST * self._told_rpm + SLACK_RPM
+        slowest = TOO_SLOW * self._reported_rpm - SLACK_RPM
+        fastest = TOO_FAST * self._reported_rpm + SLACK_RPM
         self._not_slow_s = np.where(self._rpm < slowest, self._not_slow_s, now_s)
         self._not_fast_s = np.where(self._rpm > fastest, self._not_fast_s, now_s)
         for limits_rpm, good_s, allowed_s in (

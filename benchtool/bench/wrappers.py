@@ -138,12 +138,12 @@ class StoppableBench(BenchWrapper):
             with the read that brings it.
     """
 
-    def __init__(self, bench: Bench, heard: Listener | None = None) -> None:
+    def __init__(self, bench: Bench, listener: Listener | None = None) -> None:
         super().__init__(bench)
-        self._heard = heard
-        if heard is not None and isinstance(bench, Subscribable):
-            bench.subscribe(heard)
-            self._heard = None
+        self._listener = listener
+        if listener is not None and isinstance(bench, Subscribable):
+            bench.subscribe(listener)
+            self._listener = None
         self._asked: str | None = None
 
     def ask_to_stop(self, reason: str) -> None:
@@ -184,8 +184,8 @@ class StoppableBench(BenchWrapper):
         self._raise_if_asked()
         # Not raised behind the read: no sample is lost to a request.
         readings = self._bench.read(min(timeout_s, STOP_SLICE_S))
-        if self._heard is not None:
-            self._heard(readings)
+        if self._listener is not None:
+            self._listener(readings)
         return readings
 
     def _raise_if_asked(self) -> None:

@@ -58,8 +58,8 @@ class LoopbackLink:
             n = int(self._owed + 1e-9)
             self._owed -= n
             if n:
-                news, samples = self.device.tick(n, self.now_s)
-                self._answer += self._faults.carry(news + b"".join(samples), self._since_s())
+                events, samples = self.device.tick(n, self.now_s)
+                self._answer += self._faults.carry(events + b"".join(samples), self._since_s())
 
     def open(self) -> None:
         self._answer = b""
@@ -78,5 +78,5 @@ class LoopbackLink:
         """Leave the device to its watchdog."""
 
     def _since_s(self) -> float:
-        greeted_s = self.device.greeted_s
-        return 0.0 if greeted_s is None else self.now_s - greeted_s
+        host_since_s = self.device.host_since_s
+        return 0.0 if host_since_s is None else self.now_s - host_since_s

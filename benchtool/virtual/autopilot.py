@@ -61,7 +61,7 @@ class VirtualAutopilot:
     """Speak MAVLink for a virtual bench.
 
     Attributes:
-        greeted_s: wall time of the first message of the present host.
+        host_since_s: wall time of the first message of the present host.
 
     Args:
         firmware: limits, plate and time of the bench behind it.
@@ -81,7 +81,7 @@ class VirtualAutopilot:
     ) -> None:
         hello = firmware.hello
         self.firmware, self.kind, self.speed = firmware, kind, hello.speed
-        self.greeted_s: float | None = None
+        self.host_since_s: float | None = None
         self._words = words = dialect()
         self._system = system
         self._frames = MavlinkFrames(system, AUTOPILOT_COMPONENT, key, now_s)
@@ -96,18 +96,18 @@ class VirtualAutopilot:
         self._every_us: dict[int, float] = {}
         self._due_us: dict[int, float] = {}
         self._beat_s = -BEAT_S
-        self._heard_s = 0.0
+        self._host_s = 0.0
         self._aside = {"plate_x": 0.0, "plate_tilt": 0.0}
         names = [channel.name for channel in hello.channels]
         self._thrust = names.index("thrust_N") if "thrust_N" in names else None
         self._plate_us = 0
         self._texts = 0
-        self._news: list[Message] = []
+        self._pending: list[Message] = []
         self._pulses = np.full(hello.n_rotors, hello.pwm_stop_us)
         self._show()
 
     def receive(self, data: bytes, now_s: float) -> bytes:
-        self.firmware.hear(now_s)
+        self.firmware.note_host(now_s)
         if self._booting(now_s, SILENT_S):
             return b""
         answers = [
@@ -119,20 +119,20 @@ class VirtualAutopilot:
 
     def tick(self, n: int, now_s: float) -> tuple[bytes, list[bytes]]:
         # The time-outs of motor tests take the place of a host's heartbeat.
-        self.firmware.hear(now_s)
+        self.firmware.note_host(now_s)
         self._drive(now_s)
         rows = self.firmware.advance(n, now_s)
-        told = [*self._events(), *self._take_news()]
+        messages = [*self._events(), *self._take_pending()]
         if self._booting(now_s, SILENT_S):
             return b"", []
         if self._booted_s is not None and not self._booting(now_s, READY_S):
             self._booted_s = None
-            told += self._text("ArduPilot Ready", INFO)
+            messages += self._text("ArduPilot Ready", INFO)
             self._show()
         if now_s - self._beat_s >= BEAT_S:
             self._beat_s = now_s
-            told.append(self._heartbeat())
-        frames = [self._frames.pack(message) for message in told]
+            messages.append(self._heartbeat())
+        frames = [self._frames.pack(message) for message in messages]
         stream: list[bytes] = []
         if self._every_us:
             for time_us, row in zip(
@@ -141,7 +141,7 @@ class VirtualAutopilot:
                 stream.extend(self._sample(time_us, row))
         return b"".join(frames), stream
 
-    def tell_dropped(self, count: int) -> bytes:
+    def report_dropped(self, count: int) -> bytes:
         text = self._text(f"{counted(count, 'frame')} dropped; read faster")
         return b"".join(map(self._frames.pack, text))
 
@@ -170,23 +170,23 @@ class VirtualAutopilot:
         return [self._frames.pack(message) for message in made]
 
     def _answer(self, message: Message, now_s: float) -> list[Message]:
-        if self.greeted_s is None:
-            self.greeted_s = now_s
-        self._heard_s = now_s
+        if self.host_since_s is None:
+            self.host_since_s = now_s
+        self._host_s = now_s
         name = message.msgname
         if getattr(message, "target_system", self._system) not in (0, self._system):
             return []
         if name == "COMMAND_LONG":
-            result, told = self._command(message, now_s)
+            result, messages = self._command(message, now_s)
             ack = self._words.MAVLink_command_ack_message(
                 message.command, result, 0, 0, message.get_srcSystem(), message.get_srcComponent()
             )
-            return [ack, *told]
+            return [ack, *messages]
         if name == "PARAM_REQUEST_READ":
             return self._parameter(str(message.param_id))
         if name == "NAMED_VALUE_FLOAT":
             self._place(str(message.name), float(message.value), now_s)
-        return self._take_news()
+        return self._take_pending()
 
     def _command(self, message: Message, now_s: float) -> tuple[int, list[Message]]:
         given = tuple(getattr(message, f"param{number}") for number in range(1, 8))
@@ -268,13 +268,13 @@ class VirtualAutopilot:
     def _drive(self, now_s: float) -> None:
         """Let the motors follow the tests, as long as these last."""
         if self._armed:
-            if now_s - self._heard_s > GROUND_LOST_S:
+            if now_s - self._host_s > GROUND_LOST_S:
                 self._arm(False, now_s)
-                self._news += self._text("GCS Failsafe", CRITICAL)
+                self._pending += self._text("GCS Failsafe", CRITICAL)
             return
         hello = self.firmware.hello
         pulses = self._orders.pulses_us(now_s)
-        self._news += self._take_said()
+        self._pending += self._take_said()
         # What reaches an output is not what the bench behind it can do.
         within = np.clip(pulses, hello.pwm_stop_us, hello.limits.get("pwm_us", np.inf))
         within = np.where(self._orders.safe, hello.pwm_stop_us, within)
@@ -282,7 +282,7 @@ class VirtualAutopilot:
             reply = self.firmware.execute(SetPwm(tuple(within.tolist())), now_s)
             if not reply.ok:
                 self._orders.end()
-                self._news += self._text(f"Motor Test: {reply.reason}", CRITICAL)
+                self._pending += self._text(f"Motor Test: {reply.reason}", CRITICAL)
                 pulses = np.array(self.firmware.pwm_us)
         self._pulses = pulses
         self._show()
@@ -301,23 +301,23 @@ class VirtualAutopilot:
 
     def _take_said(self) -> list[Message]:
         """Return what was said of motors."""
-        said: list[StatusText] = self._orders.said.copy()
-        self._orders.said.clear()
+        said: list[StatusText] = self._orders.texts.copy()
+        self._orders.texts.clear()
         return [message for severity, text in said for message in self._text(text, severity)]
 
     def _events(self) -> list[Message]:
         """Tell in an autopilot's words what the bench behind it reports."""
-        told: list[Message] = []
+        messages: list[Message] = []
         for event in self.firmware.take_events():
             if event.stops_motors:
                 self._orders.end()
                 self._armed = False
                 self._pulses = np.array(self.firmware.pwm_us)
                 self._show()
-                told += self._text(f"Failsafe: {event.text}", CRITICAL)
+                messages += self._text(f"Failsafe: {event.text}", CRITICAL)
             elif event.kind == "arrived":
-                told.append(self._plate(0.0))
-        return told
+                messages.append(self._plate(0.0))
+        return messages
 
     def _place(self, name: str, value: float, now_s: float) -> None:
         """Move the plate of the virtual world."""
@@ -327,13 +327,13 @@ class VirtualAutopilot:
             move = SendPlate(value, self._aside["plate_x"], self._aside["plate_tilt"])
             reply = self.firmware.execute(move, now_s)
             if not reply.ok:
-                self._news += self._text(f"plate: {reply.reason}", WARNING)
-            self._news.append(self._plate(1.0 if reply.ok else -1.0))
+                self._pending += self._text(f"plate: {reply.reason}", WARNING)
+            self._pending.append(self._plate(1.0 if reply.ok else -1.0))
         elif name == "plate_halt":
             self.firmware.execute(StopDevice(), now_s)
 
-    def _take_news(self) -> list[Message]:
-        news, self._news = self._news, []
+    def _take_pending(self) -> list[Message]:
+        news, self._pending = self._pending, []
         return news
 
     def _plate(self, state: float) -> Message:

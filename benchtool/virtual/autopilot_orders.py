@@ -68,7 +68,7 @@ class MotorOrders(Protocol):
     lacks: frozenset[int]
     parameters: dict[str, float]
     safe: bool
-    said: list[StatusText]
+    texts: list[StatusText]
 
     @property
     def running(self) -> bool:
@@ -111,7 +111,7 @@ class ArduPilotOrders:
         self.n_outputs = max(4, hello.n_rotors)
         self.lacks = frozenset({251, 339, 290, ESC_STATUS, 375, ACTUATOR_TEST})
         self.safe = False
-        self.said: list[StatusText] = []
+        self.texts: list[StatusText] = []
         self._stop_us, self._n_rotors = hello.pwm_stop_us, hello.n_rotors
         self._emergency = False
         self._test: _Test | None = None
@@ -140,8 +140,8 @@ class ArduPilotOrders:
             self._emergency = given[1] == 2.0
             return ACCEPTED
         if command == SET_SERVO:
-            said = f"ServoRelayEvent: Channel {int(given[0])} is already in use"
-            self.said.append((INFO, said))
+            texts = f"ServoRelayEvent: Channel {int(given[0])} is already in use"
+            self.texts.append((INFO, texts))
             return FAILED
         # Accepted, and no motor test ends by them.
         return ACCEPTED if command in (CAMERA, TERMINATE, SET_MODE) else UNSUPPORTED
@@ -151,9 +151,9 @@ class ArduPilotOrders:
         if self._test is None:
             why = "Safety switch" if self.safe else "Motor Emergency Stopped"
             if self.safe or self._emergency:
-                self.said.append((CRITICAL, f"Motor Test: {why}"))
+                self.texts.append((CRITICAL, f"Motor Test: {why}"))
                 return FAILED
-            self.said.append((INFO, "starting motor test"))
+            self.texts.append((INFO, "starting motor test"))
         lasts_s = inf if timeout_s < 0.0 else min(timeout_s, LONGEST_S)
         self._test = _Test(int(motor), kind, value, lasts_s, max(int(count), 1), now_s)
         if lasts_s == 0.0 or self._pulse_us(self._test) is None:
@@ -181,7 +181,7 @@ class ArduPilotOrders:
 
     def end(self) -> None:
         if self._test is not None:
-            self.said.append((INFO, "finished motor test"))
+            self.texts.append((INFO, "finished motor test"))
         self._test = None
         self._pulses = np.full(self._n_rotors, self._stop_us)
 
@@ -205,7 +205,7 @@ class Px4Orders:
         self.n_outputs = hello.n_rotors
         self.lacks = frozenset({226, 251, 339, 290, 11030, 11031, 11032})
         self.safe = False
-        self.said: list[StatusText] = []
+        self.texts: list[StatusText] = []
         self._stop_us, self._n_rotors = hello.pwm_stop_us, hello.n_rotors
         self._running: dict[int, tuple[float, float]] = {}
         self.parameters = {

@@ -82,7 +82,7 @@ class VirtualBridge:
     """Speak the bridge script's words for a virtual bench with one rotor.
 
     Attributes:
-        greeted_s: wall time of the last hello, None before the first.
+        host_since_s: wall time of the last hello, None before the first.
 
     Args:
         firmware: limits, watchdog and time of the bench behind it.
@@ -97,7 +97,7 @@ class VirtualBridge:
                 f"pquad_single"
             )
         self.firmware, self.speed = firmware, hello.speed
-        self.greeted_s: float | None = None
+        self.host_since_s: float | None = None
         self._readings = StandReadings(tuple(item.name for item in hello.channels), hello.speed)
         self._count = 0
         self._now_s = 0.0
@@ -121,7 +121,7 @@ class VirtualBridge:
             made.append(self._line({"n": self._count}, result))
         return b"", made
 
-    def tell_dropped(self, count: int) -> bytes:
+    def report_dropped(self, count: int) -> bytes:
         """Return nothing: lost readings show in their numbers."""
         return b""
 
@@ -161,14 +161,14 @@ class VirtualBridge:
                 reply = self.firmware.execute(SetPwm((pulse_us,)), self._now_s)
             else:
                 # A heartbeat at standstill; the plate moves on.
-                self.firmware.hear(self._now_s)
+                self.firmware.note_host(self._now_s)
                 return ""
         return reply.reason
 
     def _hello(self) -> bytes:
         hello, limits = self.firmware.hello, self.firmware.limits
-        self.greeted_s = self._now_s
-        self.firmware.hear(self._now_s)
+        self.host_since_s = self._now_s
+        self.firmware.note_host(self._now_s)
         return self._line(
             {
                 "to": "hello",

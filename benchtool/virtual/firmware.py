@@ -116,7 +116,7 @@ class Firmware:
         self.limits: dict[str, float] = dict(hello.limits)
         self._plant = plant
         self._events: list[DeviceEvent] = []
-        self._heard_s = now_s
+        self._host_s = now_s
         self._reminded_s = now_s
         self._device_us = 0.0
         self._target: tuple[float, float, float] | None = None
@@ -134,9 +134,9 @@ class Firmware:
         """Whether every pulse is at or below idle, so that the plate may move."""
         return bool(np.all(self.pwm_us <= self.hello.pwm_idle_us))
 
-    def hear(self, now_s: float) -> None:
+    def note_host(self, now_s: float) -> None:
         """Note that a valid line (a heartbeat or anything else) came at wall time `now_s`."""
-        self._heard_s = now_s
+        self._host_s = now_s
 
     def take_events(self) -> tuple[DeviceEvent, ...]:
         """Return what happened since the last call, oldest first."""
@@ -145,7 +145,7 @@ class Firmware:
 
     def execute(self, command: Command, now_s: float) -> Reply:
         """Carry out one command that arrived at wall time `now_s`."""
-        self.hear(now_s)
+        self.note_host(now_s)
         match command:
             case RequestHello():
                 self._zero()
@@ -223,7 +223,7 @@ class Firmware:
         self._events.append(event)
 
     def _check_watchdog(self, now_s: float) -> None:
-        silent_s = now_s - self._heard_s
+        silent_s = now_s - self._host_s
         running = bool(np.any(self.pwm_us > self.hello.pwm_stop_us)) or self._moving
         if running and silent_s >= self.hello.watchdog_s:
             text = f"no line for {1000.0 * silent_s:.0f} ms; motors stopped"

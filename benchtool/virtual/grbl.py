@@ -32,11 +32,11 @@ class VirtualGrbl(GrblBoard):
                     raise Refused(9)
                 self._g_code(block_of(text))
             if not self._open_line:
-                self._said.append("ok")
+                self._replies.append("ok")
                 if self._asleep:
-                    self._said.append("[MSG:Sleeping]")
+                    self._replies.append("[MSG:Sleeping]")
         except Refused as refused:
-            self._said.append(f"error:{refused.number}")
+            self._replies.append(f"error:{refused.number}")
 
     def _command(self, text: str) -> None:
         state = self.state
@@ -46,14 +46,14 @@ class VirtualGrbl(GrblBoard):
             self._jog(text)
         elif text == "$X":
             if self._locked and state == "Alarm":
-                self._said.append("[MSG:Caution: Unlocked]")
+                self._replies.append("[MSG:Caution: Unlocked]")
                 self._locked = False
         elif text == "$G":
-            self._said.append(self.code.modes())
+            self._replies.append(self.code.modes())
         elif text == "$C":
             self._check_mode(state)
         elif text == "$":
-            self._said.append(
+            self._replies.append(
                 "[HLP:$$ $# $G $I $N $x=val $Nx=line $J=line $SLP $C $X $H ~ ! ? ctrl-x]"
             )
         elif state not in ("Idle", "Alarm", "Check"):
@@ -62,15 +62,15 @@ class VirtualGrbl(GrblBoard):
             if not self.settings[22]:
                 raise Refused(5)
             self._open_line = True
-            self._homing = homing(self.settings, self.position_mm, self.around, self._now_s)
+            self._homing = homing(self.settings, self.position_mm, self.hardware, self._now_s)
         elif text == "$SLP":
             self._asleep = True
         elif text == "$$":
-            self._said += self.settings.lines()
+            self._replies += self.settings.lines()
         elif text == "$#":
-            self._said += self.code.lines()
+            self._replies += self.code.lines()
         elif text == "$I":
-            self._said += ["[VER:1.1h.20190830:]", "[OPT:V,15,128]"]
+            self._replies += ["[VER:1.1h.20190830:]", "[OPT:V,15,128]"]
         elif text.startswith("$I="):
             pass  # the build's own note
         elif text.startswith("$N"):
@@ -81,19 +81,19 @@ class VirtualGrbl(GrblBoard):
 
     def _check_mode(self, state: str) -> None:
         if state == "Check":
-            self._said.append("[MSG:Disabled]")
+            self._replies.append("[MSG:Disabled]")
             self._start_anew()
             self._boots_s = self._now_s + BOOT_S
             return
         if state != "Idle":
             raise Refused(8)
-        self._said.append("[MSG:Enabled]")
+        self._replies.append("[MSG:Enabled]")
         self._checking = True
 
     def _startup_line(self, text: str) -> None:
         name, equals, line = text.partition("=")
         if not equals:
-            self._said += [f"$N0={self.startup}", "$N1="]
+            self._replies += [f"$N0={self.startup}", "$N1="]
         elif name == "$N0":
             block_of(line)
             self.startup = line
@@ -152,9 +152,9 @@ class CarriedPlate:
         return self._device.speed
 
     @property
-    def greeted_s(self) -> float | None:
+    def host_since_s(self) -> float | None:
         """Wall time at which the present host came, None before any."""
-        return self._device.greeted_s
+        return self._device.host_since_s
 
     def receive(self, data: bytes, now_s: float) -> bytes:
         return self._device.receive(data, now_s)
@@ -164,8 +164,8 @@ class CarriedPlate:
         self._firmware.carry_plate(self._plate.z_max_m + 1e-3 * self._stage.true_mm["Z"])
         return self._device.tick(n, now_s)
 
-    def tell_dropped(self, count: int) -> bytes:
-        return self._device.tell_dropped(count)
+    def report_dropped(self, count: int) -> bytes:
+        return self._device.report_dropped(count)
 
 
 def stage_option(path: str, plate: PlateDrive) -> str:

@@ -61,19 +61,19 @@ class GrblBoard(ABC):
         travel_mm: Mapping[str, float] | None = None,
         at_mm: float = -PULL_OFF_MM,
         settings: Mapping[int, float] | None = None,
-        around: StageHardware | None = None,
+        hardware: StageHardware | None = None,
     ) -> None:
         travels = {130 + AXES.index(axis): mm for axis, mm in (travel_mm or {}).items()}
         self.settings = VirtualSettings(travels | dict(settings or {}))
         self.code = CodeState(self.settings)
         self.position_mm = dict.fromkeys(AXES, 0.0)
         # Where it stands when the power comes on is not known to the board.
-        self.around = around or StageHardware()
-        self.around.lost_mm = dict.fromkeys(AXES, -PULL_OFF_MM) | {"Z": at_mm}
+        self.hardware = hardware or StageHardware()
+        self.hardware.lost_mm = dict.fromkeys(AXES, -PULL_OFF_MM) | {"Z": at_mm}
         self.startup = ""
         self._now_s = 0.0
         self._locked = bool(self.settings[22])
-        self._said: list[str] = []
+        self._replies: list[str] = []
         self._start_anew()
         self._say_banner()
 
@@ -99,13 +99,13 @@ class GrblBoard(ABC):
             self._take(byte)
             self._work()
         self._answer()
-        said, self._said = self._said, []
+        said, self._replies = self._replies, []
         return "".join(f"{line}\r\n" for line in said).encode("ascii")
 
     @property
     def true_mm(self) -> dict[str, float]:
         """Where each axis really stands, with the steps that were lost."""
-        return {axis: mm + self.around.lost_mm[axis] for axis, mm in self.position_mm.items()}
+        return {axis: mm + self.hardware.lost_mm[axis] for axis, mm in self.position_mm.items()}
 
     @property
     def state(self) -> str:
@@ -126,16 +126,16 @@ class GrblBoard(ABC):
 
     def press(self, button: str) -> None:
         """Press a button: H hold, S start, R abort; it stays pressed until `release`."""
-        self.around.pressed.add(button)
+        self.hardware.pressed.add(button)
         self._real_time({"H": 0x21, "S": 0x7E, "R": 0x18}[button])
 
     def release(self) -> None:
         """Let all buttons go."""
-        self.around.pressed.clear()
+        self.hardware.pressed.clear()
 
     def switch(self, axis: str, *, closed: bool) -> None:
         """Let a limit switch change; with hard limits on, either way is an alarm."""
-        (self.around.closed.add if closed else self.around.closed.discard)(axis)
+        (self.hardware.closed.add if closed else self.hardware.closed.discard)(axis)
         if self.settings[21] and self._homing is None and self._alarm is None:
             self._stop_at_once()
             self._raise_alarm(HARD)
@@ -146,7 +146,7 @@ class GrblBoard(ABC):
         Args:
             boot_s: until the banner; a boot loader hears nothing meanwhile.
         """
-        self.around.lost_mm, self.position_mm = self.true_mm, dict.fromkeys(AXES, 0.0)
+        self.hardware.lost_mm, self.position_mm = self.true_mm, dict.fromkeys(AXES, 0.0)
         self._locked = bool(self.settings[22])
         self._start_anew()
         self._boots_s, self._in_boot_loader = self._now_s + boot_s, boot_s > BOOT_S
@@ -207,24 +207,24 @@ class GrblBoard(ABC):
 
     def _raise_alarm(self, number: int) -> None:
         self._locked = True
-        self._said.append(f"ALARM:{number}")
+        self._replies.append(f"ALARM:{number}")
         self._alarm = (number, self._now_s + ALARM_S)
 
     def _boot(self) -> None:
         """Answer the line at work, if there is one, and start anew."""
         if self._open_line:
-            self._said.append("ok")
+            self._replies.append("ok")
         self._start_anew()
         self._boots_s = self._now_s + BOOT_S
 
     def _say_banner(self) -> None:
         self._boots_s, self._in_boot_loader = None, False
-        self._said.append(BANNER)
-        if self.settings[21] and self.around.closed:
+        self._replies.append(BANNER)
+        if self.settings[21] and self.hardware.closed:
             self._locked = True
-            self._said.append("[MSG:Check Limits]")
+            self._replies.append("[MSG:Check Limits]")
         if self._locked:
-            self._said.append(LOCKED)
+            self._replies.append(LOCKED)
 
     def _stop_at_once(self) -> None:
         self._moves.clear()
@@ -293,7 +293,7 @@ class GrblBoard(ABC):
         if self._now_s < until_s or until_s == 0.0:
             return
         if number in NEED_RESET:
-            self._said.append("[MSG:Reset to continue]")
+            self._replies.append("[MSG:Reset to continue]")
             self._alarm = (number, 0.0)
         else:
             self._alarm = None
@@ -306,7 +306,7 @@ class GrblBoard(ABC):
             self._dwell_until_s = self._now_s - self._dwell_until_s
         if self._now_s >= self._dwell_until_s - 1e-9:
             self._dwell_until_s, self._open_line = None, False
-            self._said.append("ok")
+            self._replies.append("ok")
 
     def _end_homing(self, homing: Homing) -> None:
         self._homing = None
@@ -314,23 +314,23 @@ class GrblBoard(ABC):
         if homing.alarm:
             self._raise_alarm(homing.alarm)
             return
-        self.around.lost_mm = dict.fromkeys(AXES, 0.0)
+        self.hardware.lost_mm = dict.fromkeys(AXES, 0.0)
         if self._asked:
-            self._said.append(self._report("Home"))
+            self._replies.append(self._report("Home"))
             self._asked = False
         self._locked = self._open_line = False
         self._say_startup()
-        self._said.append("ok")
+        self._replies.append("ok")
 
     def _say_startup(self) -> None:
         if self.startup:
-            self._said.append(f">{self.startup}:ok")
+            self._replies.append(f">{self.startup}:ok")
 
     def _answer(self) -> None:
         """Answer a question for the state, where one is answered."""
         if self._asked and self._alarm is None and self._boots_s is None and self._homing is None:
             self._asked = False
-            self._said.append(self._report(self.state))
+            self._replies.append(self._report(self.state))
 
     @property
     def _end_mm(self) -> dict[str, float]:
@@ -354,7 +354,7 @@ class GrblBoard(ABC):
             self.code.offset_mm,
             60.0 * self._speed_mm_s,
             (PLANNER_BLOCKS - len(self._moves), BUFFER_BYTES - len(self._received)),
-            self.around.closed | self.around.stuck | self.around.pressed,
+            self.hardware.closed | self.hardware.stuck | self.hardware.pressed,
         )
 
     @abstractmethod

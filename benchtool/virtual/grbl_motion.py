@@ -124,7 +124,10 @@ class Homing:
 
 
 def homing(
-    settings: VirtualSettings, counted_mm: Mapping[str, float], around: StageHardware, now_s: float
+    settings: VirtualSettings,
+    counted_mm: Mapping[str, float],
+    hardware: StageHardware,
+    now_s: float,
 ) -> Homing:
     """Return what homing will bring: Z first, then X and Y together.
 
@@ -136,17 +139,17 @@ def homing(
     seek_mm_s, locate_mm_s, pull_off_mm = settings[25] / 60.0, settings[24] / 60.0, settings[27]
     place_mm, until_s = dict(counted_mm), now_s
     for axes in ("Z", "XY"):
-        if missing := [axis for axis in axes if axis in around.missing]:
+        if missing := [axis for axis in axes if axis in hardware.missing]:
             search_mm = SEARCH * max(settings.of(TRAVEL, axis) for axis in axes)
             place_mm |= dict.fromkeys(missing, search_mm)
             return Homing(now_s, until_s + search_mm / seek_mm_s, NO_SWITCH, place_mm)
         way_mm = max(
-            0.0 if axis in around.closed else -counted_mm[axis] - around.lost_mm[axis]
+            0.0 if axis in hardware.closed else -counted_mm[axis] - hardware.lost_mm[axis]
             for axis in axes
         )
         until_s += way_mm / seek_mm_s + seek_mm_s / settings.of(ACCELERATION, axes[0])
         place_mm |= dict.fromkeys(axes, -pull_off_mm)
-        if around.stuck.intersection(axes):
+        if hardware.stuck.intersection(axes):
             return Homing(now_s, until_s, STUCK, place_mm)
         until_s += pull_off_mm / locate_mm_s + 10.0 * 1e-3 * settings[26]
     return Homing(now_s, until_s, 0, place_mm)

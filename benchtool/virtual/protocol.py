@@ -98,13 +98,13 @@ class DeviceLink:
     """Speak the bench protocol for one device.
 
     Attributes:
-        greeted_s: wall time of the last hello, None before the first.
+        host_since_s: wall time of the last hello, None before the first.
         orders: which orders come late, and whether the device is armed.
     """
 
     def __init__(self, firmware: Firmware) -> None:
         self.firmware = firmware
-        self.greeted_s: float | None = None
+        self.host_since_s: float | None = None
         self.orders = OrderCheck(firmware.hello.speed)
         self._decoder = Decoder()
         self._writer = SampleFramer(len(firmware.hello.channels))
@@ -130,13 +130,13 @@ class DeviceLink:
             return events, []
         return events, self._writer.frames(rows.device_time_us, rows.values)
 
-    def tell_dropped(self, count: int) -> bytes:
+    def report_dropped(self, count: int) -> bytes:
         """Return the event that says how many samples were dropped."""
         text = f"{count} samples dropped by the device since the hello; read faster"
         return event_line(DeviceEvent("dropped", text))
 
     def _answer(self, message: TextMessage, now_s: float) -> bytes:
-        self.firmware.hear(now_s)
+        self.firmware.note_host(now_s)
         fields = message.fields
         if message.letter != "C" or len(fields) < 2 or not fields[0].isdecimal():
             return b""
@@ -191,7 +191,7 @@ class DeviceLink:
         self.firmware.execute(RequestHello(), now_s)
         self.orders.greet(number, self.firmware.device_time_us)
         self._answered = b""
-        self.greeted_s = now_s
+        self.host_since_s = now_s
         payloads = [
             payload_of("H", (str(index), *map(_one_field, line)))
             for index, line in enumerate(hello_lines(self.firmware.hello))

@@ -20,7 +20,7 @@ class ServedDevice(Protocol):
         ...
 
     @property
-    def greeted_s(self) -> float | None:
+    def host_since_s(self) -> float | None:
         """Wall time at which the present host came, None before any."""
         ...
 
@@ -32,7 +32,7 @@ class ServedDevice(Protocol):
         """Run n ticks; return what must get through, and frames that may be dropped."""
         ...
 
-    def tell_dropped(self, count: int) -> bytes:
+    def report_dropped(self, count: int) -> bytes:
         """Return the news that so many frames were dropped since the host came."""
         ...
 
@@ -106,19 +106,19 @@ class BenchServer:
         self._on_hello = on_hello
         self._clock = clock
         self._dropped_before = 0
-        self._tell_from = 1
+        self._report_from = 1
         self._owed = 0.0
         self._last_s = clock()
-        self._greeted_s: float | None = None
+        self._host_since_s: float | None = None
 
-    def run(self, keep_on: Callable[[], bool] = lambda: True, nap_s: float = NAP_S) -> None:
-        """Serve until `keep_on` says no, or until an exception (Ctrl-C) ends it.
+    def run(self, running: Callable[[], bool] = lambda: True, nap_s: float = NAP_S) -> None:
+        """Serve until `running` says no, or until an exception (Ctrl-C) ends it.
 
         Raises:
             BenchtoolError: what runs on the device failed. The motors stand by then, and a host
                 has had the time to read why.
         """
-        while keep_on():
+        while running():
             try:
                 self.step()
             except BenchtoolError:
@@ -142,21 +142,21 @@ class BenchServer:
         self._owed += passed_s * self._device.speed * self._tick_Hz()
         n, self._owed = int(self._owed), self._owed % 1.0
         # Without a tick due the watchdog still looks at the time.
-        news, samples = self._device.tick(n, now_s)
-        self.outbox.add(self._faults.carry(news, since_s))
+        events, samples = self._device.tick(n, now_s)
+        self.outbox.add(self._faults.carry(events, since_s))
         for line in samples:
             self.outbox.add_sample(self._faults.carry(line, since_s))
-        self._tell_dropped()
+        self._report_dropped()
         self.outbox.flush(self._link.write)
 
     def _since_hello_s(self, now_s: float) -> float:
-        return 0.0 if self._greeted_s is None else now_s - self._greeted_s
+        return 0.0 if self._host_since_s is None else now_s - self._host_since_s
 
     def _greet(self) -> None:
         """Start the count of what goes wrong anew with every host that says hello."""
-        if self._device.greeted_s != self._greeted_s:
-            self._greeted_s = self._device.greeted_s
-            self._dropped_before, self._tell_from = self.outbox.dropped, 1
+        if self._device.host_since_s != self._host_since_s:
+            self._host_since_s = self._device.host_since_s
+            self._dropped_before, self._report_from = self.outbox.dropped, 1
             self._on_hello()
 
     def _plug(self, since_s: float) -> None:
@@ -165,12 +165,12 @@ class BenchServer:
             self.outbox.clear()
             self._link.unplug()
         elif change is True:
-            self._greeted_s = None
+            self._host_since_s = None
             self._link.replug()
 
-    def _tell_dropped(self) -> None:
+    def _report_dropped(self) -> None:
         count = self.outbox.dropped - self._dropped_before
         # Told at every doubling, so that the news does not fill a line that is already full.
-        if count >= self._tell_from and self._greeted_s is not None:
-            self.outbox.add(self._device.tell_dropped(count))
-            self._tell_from = 2 * count
+        if count >= self._report_from and self._host_since_s is not None:
+            self.outbox.add(self._device.report_dropped(count))
+            self._report_from = 2 * count

@@ -93,7 +93,7 @@ class SimulatedBench(Opened):
         self._waiting: list[tuple[Array, Rows]] = []
         self._messages: list[str] = []
         self._stopped: DeviceEvent | None = None
-        self._told = False
+        self._reported = False
         self._clamped = False
         self._open = False
 
@@ -168,14 +168,14 @@ class SimulatedBench(Opened):
         """Lift the latch of a device that stopped by itself; its motors stay at zero."""
         self._command("clear", Clear())
         self._note_events()
-        self._stopped, self._told = None, False
+        self._stopped, self._reported = None, False
 
     def read(self, timeout_s: float) -> Readings:
         self._need_open("read")
         # What was read before a stop is handed out first: no sample is lost to its news.
-        if not self._waiting and not self._told:
+        if not self._waiting and not self._reported:
             self._raise_if_stopped()
-        if self._stopped is None or self._told:
+        if self._stopped is None or self._reported:
             self._pass(timeout_s)
         self._note_events()
         self._note_clamp()
@@ -205,7 +205,7 @@ class SimulatedBench(Opened):
             n = min(left, max(1, round(self._max_step_s * self._rate_Hz)))
             time_s = self._next_tick_s + np.arange(n) / self._rate_Hz
             self._now_s = float(time_s[-1])
-            self._firmware.hear(self._now_s)
+            self._firmware.note_host(self._now_s)
             self._waiting.append((time_s, self._firmware.advance(n, self._now_s)))
             self._next_tick_s = self._now_s + 1.0 / self._rate_Hz
         self._now_s = max(until_s, self._now_s)
@@ -233,7 +233,7 @@ class SimulatedBench(Opened):
 
     def _raise_if_stopped(self) -> None:
         if self._stopped is not None:
-            self._told = True
+            self._reported = True
             raise DeviceStopped(
                 f"the device stopped its motors by itself ({self._stopped.kind}: "
                 f"{self._stopped.text}); remove the cause and start again"

@@ -33,14 +33,14 @@ def driver_of_the_page() -> ModuleType:
 class TextStandDevice:
     """Speak the page's lines for a virtual bench with one rotor; its watchdog is the firmware's."""
 
-    greeted_s: float | None = None
+    host_since_s: float | None = None
 
     def __init__(self, firmware: Firmware) -> None:
         self.firmware, self.speed = firmware, firmware.hello.speed
         self._names = [channel.name for channel in firmware.hello.channels]
 
     def receive(self, data: bytes, now_s: float) -> bytes:
-        self.firmware.hear(now_s)
+        self.firmware.note_host(now_s)
         answers = [self._answer(line, now_s) for line in data.decode().splitlines()]
         return "".join(f"{answer}\n" for answer in answers if answer).encode()
 
@@ -56,7 +56,7 @@ class TextStandDevice:
         ]
         return "".join(f"stopped {text}\n" for text in events).encode(), [s.encode() for s in lines]
 
-    def tell_dropped(self, count: int) -> bytes:
+    def report_dropped(self, count: int) -> bytes:
         return b""
 
     def _answer(self, line: str, now_s: float) -> str:

@@ -27,8 +27,8 @@ def test_a_map_is_learnt_and_the_checked_bench_uses_it(
         assert guessed.returncode == 2
         assert "nobody to say which rotor a motor turns; give --motors" in guessed.stderr
         words += ["--motors", "1,4,3,2"]
-        learnt = run(words, environment)
-        assert learnt.returncode == 0, learnt.stderr
+        autopilot = run(words, environment)
+        assert autopilot.returncode == 0, autopilot.stderr
         found = read_motor_map(out)
         assert found.motors == (1, 4, 3, 2)
         assert found.outputs == found.escs == (3, 2, 4, 1)

@@ -37,15 +37,15 @@ class Cell:
     baud = None
 
     def __init__(self, link: LoopbackLink) -> None:
-        self._link, self._told = link, 0
+        self._link, self._reported = link, 0
 
     def open(self) -> None:
-        self._told = 0
+        self._reported = 0
 
     def read(self, timeout_s: float) -> bytes:
         self._link.pass_time(timeout_s) if timeout_s else None
-        told, self._told = self._told, int(self._link.now_s * 50)
-        return b"HX711 reading: %d\n" % (10 * self._link.now_s) if told != self._told else b""
+        told, self._reported = self._reported, int(self._link.now_s * 50)
+        return b"HX711 reading: %d\n" % (10 * self._link.now_s) if told != self._reported else b""
 
     def close(self) -> None:
         """Do nothing."""

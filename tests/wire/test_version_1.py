@@ -63,7 +63,7 @@ def test_a_stop_from_another_thread_is_obeyed() -> None:
 def test_numbers_start_over() -> None:
     bench, _, firmware = wired()
     with bench:
-        bench._talk._number = 65_533
+        bench._conversation._number = 65_533
         for step in range(6):
             bench.set_pwm(np.array([1300.0 + step, 1300.0]))
             assert firmware.pwm_us[0] == 1300.0 + step

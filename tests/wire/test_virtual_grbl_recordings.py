@@ -83,9 +83,9 @@ class Played:
     def __init__(self, recording: Recording) -> None:
         name = recording.name
         settings = CASE_SETTINGS.get(name, {}) | MORE_SETTINGS.get(name, {})
-        around = StageHardware(**{k: set(v) for k, v in ELSEWHERE.get(name, {}).items()})
-        self.stage = VirtualGrbl(None, START_MM.get(name, -30.0), settings, around)
-        around.lost_mm |= {"X": -3.0, "Y": -3.0}
+        hardware = StageHardware(**{k: set(v) for k, v in ELSEWHERE.get(name, {}).items()})
+        self.stage = VirtualGrbl(None, START_MM.get(name, -30.0), settings, hardware)
+        hardware.lost_mm |= {"X": -3.0, "Y": -3.0}
         self.stage.code.offsets["G54"] |= OFFSETS.get(name, {})
         self.stage.startup = "G20G91" if name == "driver_startup_lines" else ""
         self.boot_s = BOOT_S.get(name, 0.03)
@@ -99,7 +99,7 @@ class Played:
             self.now_s = min(self.now_s + 0.005, until_s)
             if self.now_s >= self.release_s:
                 self.stage.release()
-                self.stage.around.closed.clear()
+                self.stage.hardware.closed.clear()
                 self.release_s = float("inf")
             self.text += self.stage.step(b"", self.now_s)
 
@@ -107,7 +107,7 @@ class Played:
         if data == b"$H\n":
             self.homings_until_free -= 1
             if self.homings_until_free == 0:
-                self.stage.around.stuck.clear()
+                self.stage.hardware.stuck.clear()
         self.text += self.stage.step(data, self.now_s)
 
     def happens(self, event: str) -> None:
@@ -117,11 +117,11 @@ class Played:
         elif "switch" in event and "closes" in event:
             self.stage.switch("Z", closed=True)
             if event.endswith("stays so"):
-                self.stage.around.stuck.add("Z")
+                self.stage.hardware.stuck.add("Z")
             elif event == "switch closes":
                 self.release_s = self.now_s + 0.3
         elif "switch" in event and "opens" in event:
-            self.stage.around.stuck.clear()
+            self.stage.hardware.stuck.clear()
             self.stage.switch("Z", closed=False)
         elif found := re.match(r"(hold|start|abort) button", event):
             self.stage.press({"hold": "H", "start": "S", "abort": "R"}[found[1]])

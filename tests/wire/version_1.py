@@ -23,7 +23,7 @@ class VersionOne(DeviceLink):
         self._last: tuple[int, bytes] | None = None
 
     def _answer(self, message: TextMessage, now_s: float) -> bytes:
-        self.firmware.hear(now_s)
+        self.firmware.note_host(now_s)
         if message.letter != "C" or len(message.fields) < 2 or not message.fields[0].isdecimal():
             return b""
         number, name, *values = message.fields
@@ -45,7 +45,7 @@ class VersionOne(DeviceLink):
             reply = Reply(False, str(error))
         else:
             if isinstance(command, RequestHello):
-                self.greeted_s = now_s
+                self.host_since_s = now_s
                 _, *others = hello_lines(self.firmware.hello)
                 lines = [("protocol", "1"), *others]
                 told = b"".join(frame_fields("H", line) for line in lines)

@@ -82,26 +82,26 @@ class MavlinkBench(Opened):
         self._settings = settings or MavlinkSettings()
         self._cell = SideCell(cell, self._settings.cell_name, clock) if cell else None
         self._ports = [transport] if cell is None else [transport, cell]
-        self._learnt: AutopilotInfo | None = None
+        self._autopilot: AutopilotInfo | None = None
         self._channels: tuple[Channel, ...] = ()
         self._rate_Hz = self._settings.rate_Hz
         self._ahead = ReadAhead()
 
     @property
     def identity(self) -> Identity:
-        learnt = self._known()
+        autopilot = self._known()
         more = {
-            "system": str(self._talk.system),
-            **stream_facts(self._became),
+            "system": str(self._link.system),
+            **stream_facts(self._states),
             **self._quality.facts(),
         }
         return identity_of(
             self.address,
-            learnt,
+            autopilot,
             self._settings,
             self._channels,
             self._rate_Hz,
-            self._talk.slowest_s,
+            self._link.slowest_s,
             more,
         )
 
@@ -109,11 +109,11 @@ class MavlinkBench(Opened):
         return self._opened_s + (self._clock() - self._opened_s) * self._speed
 
     def open(self) -> None:
-        if self._learnt is not None:
+        if self._autopilot is not None:
             return
         settings = self._settings
         frames = MavlinkFrames(key=settings.key, now_s=self._since_1970_s())
-        self._talk = talk = MavlinkLink(self._transport, self.address, self._clock, frames)
+        self._link = link = MavlinkLink(self._transport, self.address, self._clock, frames)
         self._opened_s = self._stamped_s = self._clock()
         self._device_clock = DeviceClock()
         self._quality = MavlinkQuality()
@@ -126,68 +126,68 @@ class MavlinkBench(Opened):
         try:
             if self._cell is not None:
                 self._cell.open()
-            beat = talk.find(settings.system)
-            learnt = read_autopilot(talk, beat, settings, self._clock)
-            self._rows = MavlinkRows(learnt.wiring, learnt.pulses.idle_us, settings.speeds)
+            beat = link.find(settings.system)
+            autopilot = read_autopilot(link, beat, settings, self._clock)
+            self._rows = MavlinkRows(autopilot.wiring, autopilot.pulses.idle_us, settings.speeds)
             pitch = settings.mode == "pitch"
-            self._health = Health(pitch or learnt.pilot.arms)
+            self._health = Health(pitch or autopilot.pilot.arms)
             made = PitchDrive if pitch else TestDrive
-            self._drive: Drive = made(talk, learnt, self._health, settings.arm, self._clock)
-            talk.on_message = self._take
-            n = learnt.wiring.n_rotors
-            self._baud = 0 if learnt.simulated else self._transport.baud or 0
+            self._drive: Drive = made(link, autopilot, self._health, settings.arm, self._clock)
+            link.on_message = self._take
+            n = autopilot.wiring.n_rotors
+            self._baud = 0 if autopilot.simulated else self._transport.baud or 0
             asked, news = fitted(settings, n, self._baud)
             self._rate_Hz, self._messages = asked.rate_Hz, [*self._messages, *news]
-            self._became = request_streams(
-                talk, stream_requests(asked, n), self._counts.__getitem__,
-                self._clock, learnt.speed,
+            self._states = request_streams(
+                link, stream_requests(asked, n), self._counts.__getitem__,
+                self._clock, autopilot.speed,
             )  # fmt: skip
             if self._baud:
-                self._messages += switch_off_others(talk, self._counts, self._became)
-            if talk.slowest_s > LATE_S:
+                self._messages += switch_off_others(link, self._counts, self._states)
+            if link.slowest_s > LATE_S:
                 self._messages.append(
-                    f"acknowledgements take up to {talk.slowest_s:.1f} s: the link carries more "
+                    f"acknowledgements take up to {link.slowest_s:.1f} s: the link carries more "
                     f"than it can; ask for less (rate=, rpm=none), or raise its baud rate"
                 )
-            self._choose_channels(learnt)
-            talk.frames.take_counts(talk.system)
-            self._watch = RunWatch(self.address, talk, self._health, self._drive, self._rows)
+            self._choose_channels(autopilot)
+            link.frames.take_counts(link.system)
+            self._watch = RunWatch(self.address, link, self._health, self._drive, self._rows)
             self._watch.ask_again = [
                 interval(name, self._rate_Hz)
                 for name in OUTPUT_MESSAGES
-                if self._became.get(name) == "comes"
+                if self._states.get(name) == "comes"
             ]
-            self._learnt = learnt
+            self._autopilot = autopilot
         except BaseException:
             for port in self._ports:
                 port.close()
             raise
 
     def close(self) -> None:
-        if self._learnt is None:
+        if self._autopilot is None:
             return
         try:
-            self._drive.let_go()
-            for name, became in self._became.items():
-                if became == "comes":
-                    self._talk.order(interval(name, 0.0))
+            self._drive.release()
+            for name, states in self._states.items():
+                if states == "comes":
+                    self._link.order(interval(name, 0.0))
         except BenchError:
             pass  # The time-out of the motor test stops the motors where we cannot.
         finally:
             for port in self._ports:
                 port.close()
-            self._learnt = None
+            self._autopilot = None
 
     def set_pwm(self, pwm_us: Array) -> None:
-        learnt = self._known()
+        autopilot = self._known()
         self._watch.raise_if_stopped()
         pulses = np.asarray(pwm_us, float).ravel()
-        if len(pulses) != learnt.wiring.n_rotors or not np.isfinite(pulses).all():
+        if len(pulses) != autopilot.wiring.n_rotors or not np.isfinite(pulses).all():
             raise InputError(
-                f"pulses {pulses.tolist()} were not sent; {learnt.wiring.n_rotors} finite ones "
+                f"pulses {pulses.tolist()} were not sent; {autopilot.wiring.n_rotors} finite ones "
                 f"are needed, one for each rotor"
             )
-        low_us, high_us = learnt.pulses.stop_us, learnt.pulses.high_us
+        low_us, high_us = autopilot.pulses.stop_us, autopilot.pulses.high_us
         if (pulses < low_us).any() or (pulses > high_us).any():
             raise InputError(
                 f"pulses {pulses.tolist()} were not sent; the autopilot's outputs go from "
@@ -203,19 +203,19 @@ class MavlinkBench(Opened):
         self._ahead.subscribe(listener)
 
     def move_plate(self, z_m: float, x_m: float = 0.0, tilt_rad: float = 0.0) -> None:
-        learnt = self._known()
+        autopilot = self._known()
         self._watch.raise_if_stopped()
-        if not learnt.simulated:
+        if not autopilot.simulated:
             raise StageError(
                 "an autopilot does not move the plate; give --stage hand or --stage grbl:PORT"
             )
-        idle_us = learnt.pulses.idle_us
+        idle_us = autopilot.pulses.idle_us
         if (highest_us := self._drive.highest_us) > idle_us:
             raise StageError(
                 f"the plate was not moved: a motor is commanded {highest_us:g} us, above idle at "
                 f"{idle_us:g} us; command idle first"
             )
-        move_virtual_plate(self, self._talk, (z_m, x_m, tilt_rad))
+        move_virtual_plate(self, self._link, (z_m, x_m, tilt_rad))
 
     def listen(self, timeout_s: float) -> list[float]:
         """Read on, keep the samples for the next `read`, and return what the plate told."""
@@ -246,8 +246,8 @@ class MavlinkBench(Opened):
             )
         check_fit(self._settings, rate_Hz, self._known().wiring.n_rotors, self._baud)
         for name in (*OUTPUT_MESSAGES, "ATTITUDE", "ATTITUDE_TARGET"):
-            if self._became.get(name) == "comes":
-                self._talk.exchange(interval(name, rate_Hz))
+            if self._states.get(name) == "comes":
+                self._link.exchange(interval(name, rate_Hz))
         self._rate_Hz = rate_Hz
 
     def read(self, timeout_s: float) -> Readings:
@@ -283,18 +283,18 @@ class MavlinkBench(Opened):
         return self._health.refusal or "it does not say why"
 
     def _known(self) -> AutopilotInfo:
-        if self._learnt is None:
+        if self._autopilot is None:
             raise LinkLost(f"{self.address} is not open; open it first")
-        return self._learnt
+        return self._autopilot
 
-    def _choose_channels(self, learnt: AutopilotInfo) -> None:
+    def _choose_channels(self, autopilot: AutopilotInfo) -> None:
         """Keep the channels that live; say which messages do not come.
 
         Raises:
             ProtocolError: no outputs are told, so that nothing could be read back.
         """
-        require_outputs(self._became, self._talk.system)
-        n = learnt.wiring.n_rotors
+        require_outputs(self._states, self._link.system)
+        n = autopilot.wiring.n_rotors
         every = channels_of(n)
         self._rows.take_rows()
         alive = np.arange(len(every)) < n
@@ -311,13 +311,13 @@ class MavlinkBench(Opened):
         # What it says of messages that it does not have is told once, below.
         denied = "No ap_message for mavlink id"
         self._health.texts[:] = [t for t in self._health.texts if not t.startswith(denied)]
-        for name, became in self._became.items():
-            if became not in ("comes", "comes unasked"):
-                self._messages.append(f"{name}: {became}")
+        for name, states in self._states.items():
+            if states not in ("comes", "comes unasked"):
+                self._messages.append(f"{name}: {states}")
 
     def _take(self, message: Message, arrived_s: float) -> None:
         """Take one message of the autopilot."""
-        name, own = message.msgname, self._talk.is_own(message)
+        name, own = message.msgname, self._link.is_own(message)
         if own or name in THRUST_MESSAGES:
             self._counts[name] += 1
         if name == "STATUSTEXT":
@@ -346,7 +346,7 @@ class MavlinkBench(Opened):
 
     @property
     def _speed(self) -> float:
-        return self._learnt.speed if self._learnt else 1.0
+        return self._autopilot.speed if self._autopilot else 1.0
 
     def _readings(self) -> Readings:
         """Return the rows that have come, on the host's clock."""
@@ -367,10 +367,10 @@ class MavlinkBench(Opened):
             self._given_us = int(times_us[-1])
         if self._thrust >= 0:
             values[:, self._thrust] -= self._zero_N
-        counted = self._talk.frames.take_counts(self._talk.system)
+        counted = self._link.frames.take_counts(self._link.system)
         self._quality.count(counted)
         self._messages += self._health.texts
-        self._messages += self._rows.speeds.take_news()
+        self._messages += self._rows.speeds.take_messages()
         self._health.texts.clear()
         messages: tuple[str, ...] = ()
         if len(times_us):

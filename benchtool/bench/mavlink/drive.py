@@ -52,11 +52,11 @@ class Drive(Protocol):
         """Stop every motor at once."""
         ...
 
-    def let_go(self) -> None:
+    def release(self) -> None:
         """Stop what was turned by us, before the link is closed."""
         ...
 
-    def cease(self) -> None:
+    def stop_renewing(self) -> None:
         """Send no order to turn again; those that were sent end by themselves."""
         ...
 
@@ -64,7 +64,7 @@ class Drive(Protocol):
         """Send nothing at all any more: the autopilot has started anew."""
         ...
 
-    def keep_on(self, now_s: float) -> str | None:
+    def renew(self, now_s: float) -> str | None:
         """Send what must be sent again; return why it is refused now, or None.
 
         Raises:
@@ -92,14 +92,14 @@ class PitchDrive:
 
     def __init__(
         self,
-        talk: MavlinkLink,
-        learnt: AutopilotInfo,
+        link: MavlinkLink,
+        autopilot: AutopilotInfo,
         health: Health,
         arm: str,
         clock: Callable[[], float],
     ) -> None:
-        self._talk, self._health, self._clock, self._arm = talk, health, clock, arm
-        self._idle_us = learnt.pulses.idle_us
+        self._link, self._health, self._clock, self._arm = link, health, clock, arm
+        self._idle_us = autopilot.pulses.idle_us
         self._driven = self._ended = False
         self.highest_us = 0.0
 
@@ -112,12 +112,12 @@ class PitchDrive:
             return
         if not self._health.armed and self._arm == "host":
             self._health.refusal = ""
-            result = self._talk.exchange(MavCommand(ARM_DISARM, (1.0, *[0.0] * 6)))
+            result = self._link.exchange(MavCommand(ARM_DISARM, (1.0, *[0.0] * 6)))
             if result != ACCEPTED:
                 raise CommandRefused("arm", self._health.refusal or result_name(result))
         until_s = self._clock() + ARM_WAIT_S
         while not self._health.armed and self._clock() < until_s:
-            self._talk.pump(0.02)
+            self._link.pump(0.02)
         if not self._health.armed:
             raise CommandRefused(
                 "record",
@@ -131,20 +131,20 @@ class PitchDrive:
         self._driven, self.highest_us = False, 0.0
         self._health.drive(False, self._clock())
         if not self._ended:
-            self._talk.exchange(MavCommand(ARM_DISARM, (0.0, FORCE_DISARM, *[0.0] * 5)))
+            self._link.exchange(MavCommand(ARM_DISARM, (0.0, FORCE_DISARM, *[0.0] * 5)))
 
-    def let_go(self) -> None:
+    def release(self) -> None:
         # Whoever flies without us is not disarmed by us.
         if self._driven:
             self.stop()
 
-    def cease(self) -> None:
+    def stop_renewing(self) -> None:
         """Do nothing: the autopilot's own loop turns the motors."""
 
     def end(self) -> None:
         self._ended = True
 
-    def keep_on(self, now_s: float) -> str | None:
+    def renew(self, now_s: float) -> str | None:
         return None
 
     def seen(self, outputs_us: Outputs, now_s: float) -> tuple[int, int] | None:
@@ -171,15 +171,15 @@ class RunWatch:
     """
 
     def __init__(
-        self, address: str, talk: MavlinkLink, health: Health, drive: Drive, rows: MavlinkRows
+        self, address: str, link: MavlinkLink, health: Health, drive: Drive, rows: MavlinkRows
     ) -> None:
         self.ask_again: list[MavCommand] = []
         self._address = address
-        self._talk, self._health, self._drive, self._rows = talk, health, drive, rows
-        self._pumped_s = talk.clock()
+        self._link, self._health, self._drive, self._rows = link, health, drive, rows
+        self._pumped_s = link.clock()
         self._stopped: str | None = None
-        self._told = False
-        talk.take_gap()
+        self._reported = False
+        link.take_gap()
 
     def pump(self, timeout_s: float) -> None:
         """Take what arrives, send what must be sent again, and look for what ends a run.
@@ -188,22 +188,22 @@ class RunWatch:
             LinkLost: the autopilot is silent.
             HostPaused: nobody called this for so long that the motors stand; zero was commanded.
         """
-        pause_s = self._talk.clock() - self._pumped_s
+        pause_s = self._link.clock() - self._pumped_s
         if pause_s > PAUSE_S:
             self._health.skip(pause_s)
-            self._talk.heard_s += pause_s
-        self._talk.pump(timeout_s)
-        self._pumped_s = now_s = self._talk.clock()
-        silent_s = now_s - self._talk.heard_s
+            self._link.received_s += pause_s
+        self._link.pump(timeout_s)
+        self._pumped_s = now_s = self._link.clock()
+        silent_s = now_s - self._link.received_s
         if silent_s > SILENT_S:
-            self._drive.cease()
+            self._drive.stop_renewing()
         silence = silence_of(self._address, silent_s, self._health.silence_s(now_s))
         if silence is not None:
             raise silence
         said = self._health.take_fault()
         fault = self._came_back() or said
         try:
-            fault = fault or self._drive.keep_on(now_s)
+            fault = fault or self._drive.renew(now_s)
         except HostPaused:
             self._stop()
             raise
@@ -214,7 +214,7 @@ class RunWatch:
             if fault == RESTARTED:
                 self._drive.end()
                 for order in self.ask_again:
-                    self._talk.order(order)
+                    self._link.order(order)
             self._stop()
 
     def raise_if_stopped(self, again: bool = True) -> None:
@@ -226,9 +226,9 @@ class RunWatch:
         Raises:
             DeviceStopped: what ended the run.
         """
-        if self._stopped is None or (self._told and not again):
+        if self._stopped is None or (self._reported and not again):
             return
-        self._told = True
+        self._reported = True
         raise DeviceStopped(
             f"the run was ended: {self._stopped}; zero was commanded; remove the cause and start "
             f"again"
@@ -236,7 +236,7 @@ class RunWatch:
 
     def _came_back(self) -> str | None:
         """Return how the autopilot came back where it was silent while motors turned."""
-        gap = self._talk.take_gap()
+        gap = self._link.take_gap()
         if self._rows.time.rebooted or (gap and gap.from_start and self._health.driven):
             self._rows.time.rebooted = False
             return RESTARTED

@@ -123,7 +123,7 @@ class MavlinkFrames:
     ) -> None:
         words = dialect()
         self.corrupt = self.unsigned = 0
-        self.heard = False
+        self.received = False
         self._sources: dict[tuple[int, int], _Source] = {}
         self._owed: dict[int, int] = {}
         self._bad = words.MAVLink_bad_data
@@ -156,7 +156,7 @@ class MavlinkFrames:
             state = self._sources.setdefault(source, _Source())
             if state.take(message.get_seq(), bytes(message.get_msgbuf())):
                 good.append(message)
-        self.heard = self.heard or bool(good)
+        self.received = self.received or bool(good)
         return good
 
     def take_counts(self, system: int) -> LinkCounts:
@@ -181,7 +181,7 @@ class MavlinkFrames:
         """Count a frame that is none; text and boot messages before the first one do not count."""
         if "signature" in str(message.reason):
             self.unsigned += 1
-        if self.heard or "signature" in str(message.reason):
+        if self.received or "signature" in str(message.reason):
             self.corrupt += 1
 
 

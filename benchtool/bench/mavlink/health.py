@@ -163,12 +163,12 @@ class Health:
             self._driven_since_s += pause_s
 
 
-def silence_of(address: str, silent_s: float, quiet_s: float) -> LinkLost | None:
+def silence_of(address: str, silent_s: float, beatless_s: float) -> LinkLost | None:
     """Return the error that a silence is, None for one that is short enough.
 
     Args:
         silent_s: for so long nothing came from the autopilot.
-        quiet_s: for so long no heartbeat came.
+        beatless_s: for so long no heartbeat came.
     """
     if silent_s > STALE_S:
         return LinkLost(
@@ -176,9 +176,9 @@ def silence_of(address: str, silent_s: float, quiet_s: float) -> LinkLost | None
             f"was sent after {SILENT_S:g} s of it, and motor tests end by themselves; check cable "
             f"and power, then start again"
         )
-    if quiet_s > HEARTBEAT_LOST_S:
+    if beatless_s > HEARTBEAT_LOST_S:
         return LinkLost(
-            f"{address} sends, but no heartbeat came for {quiet_s:.1f} s, limit "
+            f"{address} sends, but no heartbeat came for {beatless_s:.1f} s, limit "
             f"{HEARTBEAT_LOST_S:g} s; check the flight controller, then start again"
         )
     return None

@@ -67,7 +67,7 @@ class AutopilotInfo:
 
 
 def read_autopilot(
-    talk: MavlinkLink, beat: Message, settings: MavlinkSettings, clock: Callable[[], float]
+    link: MavlinkLink, beat: Message, settings: MavlinkSettings, clock: Callable[[], float]
 ) -> AutopilotInfo:
     """Ask an autopilot what it is.
 
@@ -79,17 +79,17 @@ def read_autopilot(
     if pilot is None:
         known = " and ".join(pilot.name for pilot in PILOTS.values())
         raise ProtocolError(
-            f"system {talk.system} is an autopilot of kind {beat.autopilot} (MAV_AUTOPILOT), but "
+            f"system {link.system} is an autopilot of kind {beat.autopilot} (MAV_AUTOPILOT), but "
             f"benchtool can turn motors of {known} only; use one of these"
         )
     simulated = bool(beat.base_mode & HIL)
     speedup = ("SIM_SPEEDUP",) if simulated else ()
-    parameters = talk.parameters((*pilot.asked, *speedup), pilot.required)
-    device_id, version = _version(talk, clock)
+    parameters = link.parameters((*pilot.asked, *speedup), pilot.required)
+    device_id, version = _version(link, clock)
     return AutopilotInfo(
         pilot=pilot,
         pulses=pilot.pulses(parameters),
-        wiring=_wiring(pilot.n_motors(parameters), settings, talk.system, simulated),
+        wiring=_wiring(pilot.n_motors(parameters), settings, link.system, simulated),
         device_id=device_id,
         firmware=f"{pilot.name} {version}".strip(),
         simulated=simulated,
@@ -123,28 +123,28 @@ def _wiring(
     )
 
 
-def _version(talk: MavlinkLink, clock: Callable[[], float]) -> tuple[str, str]:
+def _version(link: MavlinkLink, clock: Callable[[], float]) -> tuple[str, str]:
     """Return the autopilot's own name and its version, as far as it tells them."""
     found: list[Message] = []
-    before = talk.on_message
+    before = link.on_message
 
     def listen(message: Message, arrived_s: float) -> None:
         if message.msgname == "AUTOPILOT_VERSION":
             found.append(message)
         before(message, arrived_s)
 
-    talk.on_message = listen
+    link.on_message = listen
     try:
-        number = float(talk.words.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
+        number = float(link.words.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
         ask = MavCommand(REQUEST_MESSAGE, (number, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
-        if talk.exchange(ask) == ACCEPTED:
+        if link.exchange(ask) == ACCEPTED:
             until_s = clock() + VERSION_S
             while not found and clock() < until_s:
-                talk.pump(0.02)
+                link.pump(0.02)
     finally:
-        talk.on_message = before
+        link.on_message = before
     if not found:
-        return f"mavlink-system-{talk.system}", ""
+        return f"mavlink-system-{link.system}", ""
     version = found[0]
     long = bytes(version.uid2).rstrip(b"\0").hex()
     name = long or f"{version.uid:x}"
@@ -154,7 +154,7 @@ def _version(talk: MavlinkLink, clock: Callable[[], float]) -> tuple[str, str]:
 
 def identity_of(
     address: str,
-    learnt: AutopilotInfo,
+    autopilot: AutopilotInfo,
     settings: MavlinkSettings,
     channels: tuple[Channel, ...],
     rate_Hz: float,
@@ -166,43 +166,43 @@ def identity_of(
     Args:
         slowest_s: longest time that an acknowledgement took (wall time).
     """
-    pulses = learnt.pulses
+    pulses = autopilot.pulses
     facts = {
-        "autopilot": learnt.pilot.name,
+        "autopilot": autopilot.pilot.name,
         "pwm_stop_us": f"{pulses.stop_us:g}",
         "pwm_idle_us": f"{pulses.idle_us:g}",
-        "motors": " ".join(map(str, learnt.wiring.motors)),
-        "outputs": " ".join(str(output or "?") for output in learnt.wiring.outputs),
+        "motors": " ".join(map(str, autopilot.wiring.motors)),
+        "outputs": " ".join(str(output or "?") for output in autopilot.wiring.outputs),
         **more,
     }
-    if learnt.speed != 1.0:
-        facts["speed"] = f"{learnt.speed:g}"
+    if autopilot.speed != 1.0:
+        facts["speed"] = f"{autopilot.speed:g}"
     if settings.mode == "pitch":
         facts |= {"mode": "pitch", "armed_by": settings.arm}
-    outputs = learnt.wiring.outputs
+    outputs = autopilot.wiring.outputs
     unmapped = settings.mode == "pitch" and len(outputs) > 1 and 0 in outputs
     warnings = [settings.warning, UNMAPPED if unmapped else ""]
     if warning := "; ".join(filter(None, warnings)):
         facts["warning"] = warning
     return Identity(
         address=address,
-        device_id=learnt.device_id,
-        firmware=learnt.firmware,
+        device_id=autopilot.device_id,
+        firmware=autopilot.firmware,
         protocol="MAVLink 2",
         channels=channels,
         rate_Hz=rate_Hz,
-        n_rotors=learnt.wiring.n_rotors,
-        simulated=learnt.simulated,
-        moves_plate=learnt.simulated,
-        limits={"pwm_us": pulses.high_us, **({} if learnt.pilot.together else ALONE)},
+        n_rotors=autopilot.wiring.n_rotors,
+        simulated=autopilot.simulated,
+        moves_plate=autopilot.simulated,
+        limits={"pwm_us": pulses.high_us, **({} if autopilot.pilot.together else ALONE)},
         watchdog_s=TIMEOUT_S,
         has_loop=settings.mode == "pitch",
         armed_by_operator=settings.mode == "pitch" and settings.arm == "operator",
         pwm_stop_us=pulses.stop_us,
         pwm_idle_us=pulses.idle_us,
         outputs_measured=True,
-        longest_delay_s=learnt.speed * max(slowest_s, SEEN_S),
-        speed=learnt.speed,
+        longest_delay_s=autopilot.speed * max(slowest_s, SEEN_S),
+        speed=autopilot.speed,
         facts=facts,
     )
 
@@ -331,15 +331,16 @@ def _bytes_per_s(settings: MavlinkSettings, rate_Hz: float, n_rotors: int) -> fl
     acks = float(known[COMMAND_ACK].unpacker.size + FRAME_BYTES + signature) / RESEND_S
     return acks + float(
         sum(
-            wish.rate_Hz * (known[number_of(wish.name)].unpacker.size + FRAME_BYTES + signature)
-            for wish in stream_requests(replace(settings, rate_Hz=rate_Hz), n_rotors)
-            if not wish.stead and wish.name not in ALTERNATES
+            request.rate_Hz
+            * (known[number_of(request.name)].unpacker.size + FRAME_BYTES + signature)
+            for request in stream_requests(replace(settings, rate_Hz=rate_Hz), n_rotors)
+            if not request.stead and request.name not in ALTERNATES
         )
     )
 
 
 def request_streams(
-    talk: MavlinkLink,
+    link: MavlinkLink,
     wanted: tuple[StreamRequest, ...],
     counts: Callable[[str], int],
     clock: Callable[[], float],
@@ -355,42 +356,42 @@ def request_streams(
     Raises:
         LinkLost: the autopilot does not answer.
     """
-    became: dict[str, StreamState] = {}
+    states: dict[str, StreamState] = {}
     for stage in (False, True):
         asked = [
-            wish
-            for wish in wanted
-            if bool(wish.stead) is stage and (not stage or became.get(wish.stead) != "comes")
+            request
+            for request in wanted
+            if bool(request.stead) is stage and (not stage or states.get(request.stead) != "comes")
         ]
         taken = []
-        for wish in asked:
-            result = talk.exchange(interval(wish.name, wish.rate_Hz))
+        for request in asked:
+            result = link.exchange(interval(request.name, request.rate_Hz))
             if result == ACCEPTED:
-                taken.append(wish)
+                taken.append(request)
             else:
-                became[wish.name] = "denied"
-        before = {wish.name: counts(wish.name) for wish in asked}
+                states[request.name] = "denied"
+        before = {request.name: counts(request.name) for request in asked}
         until_s = clock() + max(LISTEN_S / speed, LEAST_LISTEN_S)
-        watched = {wish.name for wish in asked}
+        watched = {request.name for request in asked}
         waiting = set(watched)
         while waiting and clock() < until_s:
-            talk.pump(0.02)
+            link.pump(0.02)
             watched = {name for name in watched if counts(name) == before[name]}
             waiting = {
                 name for name in waiting if counts(name) - before[name] < NEEDED.get(name, 1)
             }
-        for wish in taken:
-            came = wish.name not in watched
-            became[wish.name] = "comes" if came else "accepted, but nothing comes"
-        for wish in asked:
+        for request in taken:
+            came = request.name not in watched
+            states[request.name] = "comes" if came else "accepted, but nothing comes"
+        for request in asked:
             # Named values come from scripts and companions, which nobody can ask.
-            if wish.name in THRUST_MESSAGES and wish.name not in watched:
-                became[wish.name] = "comes" if wish in taken else "comes unasked"
-    return became
+            if request.name in THRUST_MESSAGES and request.name not in watched:
+                states[request.name] = "comes" if request in taken else "comes unasked"
+    return states
 
 
 def switch_off_others(
-    talk: MavlinkLink, counts: Mapping[str, int], became: Mapping[str, StreamState]
+    link: MavlinkLink, counts: Mapping[str, int], states: Mapping[str, StreamState]
 ) -> list[str]:
     """End the streams of a serial port that nobody here asked for; return what must be said.
 
@@ -404,23 +405,23 @@ def switch_off_others(
     others = [
         name
         for name, count in sorted(counts.items())
-        if count > 1 and name not in UNBIDDEN and became.get(name) != "comes"
+        if count > 1 and name not in UNBIDDEN and states.get(name) != "comes"
     ]
     for name in others:
-        talk.exchange(interval(name, 0.0))
+        link.exchange(interval(name, 0.0))
     return [f"switched off, because nobody here asks for it: {' '.join(others)}"] if others else []
 
 
-def require_outputs(became: dict[str, StreamState], system: int) -> None:
+def require_outputs(states: dict[str, StreamState], system: int) -> None:
     """Refuse an autopilot that does not tell its outputs: nothing could be read back.
 
     Raises:
         ProtocolError: what became of the messages.
     """
-    if not any(became.get(name) == "comes" for name in OUTPUT_MESSAGES):
-        states = ", ".join(f"{name} {became[name]}" for name in OUTPUT_MESSAGES if name in became)
+    if not any(states.get(name) == "comes" for name in OUTPUT_MESSAGES):
+        listed = ", ".join(f"{name} {states[name]}" for name in OUTPUT_MESSAGES if name in states)
         raise ProtocolError(
-            f"system {system} does not tell its outputs ({states}), so nobody could see what its "
+            f"system {system} does not tell its outputs ({listed}), so nobody could see what its "
             f"motors do; raise the telemetry port's rate or take another port"
         )
 
@@ -438,9 +439,9 @@ def number_of(name: str) -> int:
     return int(getattr(dialect(), f"MAVLINK_MSG_ID_{name}"))
 
 
-def stream_facts(became: dict[str, StreamState]) -> dict[str, str]:
+def stream_facts(states: dict[str, StreamState]) -> dict[str, str]:
     """Return in words, for a run's facts, which messages come, were denied, or never came."""
     groups: dict[str, list[str]] = {}
-    for name, what in became.items():
+    for name, what in states.items():
         groups.setdefault(what, []).append(name)
     return {f"messages {what}": " ".join(names) for what, names in groups.items()}

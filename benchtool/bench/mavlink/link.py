@@ -69,7 +69,7 @@ class MavlinkLink:
         system: number of the autopilot, known once it is found.
         component: number of the autopilot within its system.
         on_message: is given every message of that system with the wall time of its arrival.
-        heard_s: wall time of the autopilot's own last message.
+        received_s: wall time of the autopilot's own last message.
         slowest_s: longest time that an acknowledgement took.
         gaps: how long `pump` was not called, or did not return.
     """
@@ -85,7 +85,7 @@ class MavlinkLink:
         self.frames = frames
         self.system = 0
         self.component = AUTOPILOT_COMPONENT
-        self.heard_s = clock()
+        self.received_s = clock()
         self.slowest_s = 0.0
         self.gaps = Gaps()
         self.on_message: Callable[[Message, float], None] = _ignore
@@ -96,8 +96,8 @@ class MavlinkLink:
         self._beats: dict[int, Message] = {}
         self._acks: dict[int, int] = {}
         self._sent_s: dict[int, float] = {}
-        self._told: dict[str, float] = {}
-        self._heard = b""
+        self._reported: dict[str, float] = {}
+        self._received = b""
         self._number = 0
         self._gap: LinkGap | None = None
 
@@ -112,7 +112,7 @@ class MavlinkLink:
             ProtocolError: what answers speaks something else, or with another key.
             InputError: several autopilots answer, or not the one that is wanted.
         """
-        self._heard = b""
+        self._received = b""
         self.transport.open()
         deadline_s = self.clock() + FIND_S
         while self.clock() < deadline_s and wanted not in self._beats:
@@ -199,23 +199,23 @@ class MavlinkLink:
         Raises:
             ProtocolError: a required one did not come.
         """
-        self._told = {}
+        self._reported = {}
         self._ask(names, PARAMETER_S)
         self._ask(required, REQUIRED_S)
-        if not self._told:
+        if not self._reported:
             self._check_signed()
-        if missing := [name for name in required if name not in self._told]:
+        if missing := [name for name in required if name not in self._reported]:
             raise ProtocolError(
                 f"{self._address} did not tell {', '.join(missing)} in {sum(REQUIRED_S):g} s, so "
                 f"that pulses could not be kept within its range; check the link and the parameter"
             )
-        return {name: self._told[name] for name in names if name in self._told}
+        return {name: self._reported[name] for name in names if name in self._reported}
 
     def _ask(self, names: tuple[str, ...], tries_s: tuple[float, ...]) -> None:
         """Ask for parameters until they are known, or for the last time."""
         for wait_s in tries_s:
             for name in names:
-                if name not in self._told:
+                if name not in self._reported:
                     self.send(
                         self.words.MAVLink_param_request_read_message(
                             self.system, self.component, name.encode(), -1
@@ -223,7 +223,7 @@ class MavlinkLink:
                     )
             deadline_s = self.clock() + wait_s
             while (left_s := deadline_s - self.clock()) > 0.0:
-                if all(name in self._told for name in names):
+                if all(name in self._reported for name in names):
                     return
                 self.pump(left_s)
 
@@ -243,8 +243,8 @@ class MavlinkLink:
         self.gaps.note(self.clock())
         if not data:
             return False
-        if len(self._heard) < _SHOWN_BYTES:
-            self._heard = (self._heard + data)[:_SHOWN_BYTES]
+        if len(self._received) < _SHOWN_BYTES:
+            self._received = (self._received + data)[:_SHOWN_BYTES]
         arrived_s = self.clock()
         for message in self.frames.parse(data):
             source = message.get_srcSystem()
@@ -263,14 +263,14 @@ class MavlinkLink:
         name = message.msgname
         if self.is_own(message):
             number = int(message.get_seq())
-            if (silent_s := arrived_s - self.heard_s) > SILENT_S:
+            if (silent_s := arrived_s - self.received_s) > SILENT_S:
                 skipped = (number - self._number - 1) % SEQUENCE_MODULUS
                 self._gap = LinkGap(silent_s, number < FIRST_NUMBERS <= skipped)
-            self.heard_s, self._number = arrived_s, number
+            self.received_s, self._number = arrived_s, number
             if name == "COMMAND_ACK":
                 self._take_ack(message, arrived_s)
             elif name == "PARAM_VALUE":
-                self._told[str(message.param_id)] = _value(message)
+                self._reported[str(message.param_id)] = _value(message)
         self.on_message(message, arrived_s)
 
     def is_own(self, message: Message) -> bool:
@@ -295,7 +295,7 @@ class MavlinkLink:
 
     def _silence(self) -> NoDevice | ProtocolError:
         """Say what is there instead of an autopilot."""
-        if self.frames.heard:
+        if self.frames.received:
             return ProtocolError(
                 f"{self._address} carries MAVLink, but no autopilot's heartbeat came within "
                 f"{FIND_S:g} s; check that the flight controller runs and is not behind a router"
@@ -305,15 +305,15 @@ class MavlinkLink:
                 f"{self._address} carries MAVLink, but none of it bears a signature of this key; "
                 f"check key= and the key that the autopilot was given"
             )
-        if not self._heard:
-            self._heard = probe_answer(self.transport, self.clock)
-        if not self._heard:
+        if not self._received:
+            self._received = probe_answer(self.transport, self.clock)
+        if not self._received:
             return NoDevice(
                 f"{self._address} is open, but nothing came for {FIND_S:g} s; check power, and "
                 f"that the autopilot sends MAVLink to this port (`benchtool doctor` tries each "
                 f"cause)"
             )
-        return ProtocolError(f"{self._address} {not_mavlink(self._heard)}")
+        return ProtocolError(f"{self._address} {not_mavlink(self._received)}")
 
 
 def _ignore(message: Message, arrived_s: float) -> None:

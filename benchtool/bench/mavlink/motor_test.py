@@ -47,15 +47,15 @@ class TestDrive:
 
     def __init__(
         self,
-        talk: MavlinkLink,
-        learnt: AutopilotInfo,
+        link: MavlinkLink,
+        autopilot: AutopilotInfo,
         health: Health,
         arm: str,
         clock: Callable[[], float],
     ) -> None:
-        self._talk, self._learnt, self._health, self._clock = talk, learnt, health, clock
-        self._outputs = OutputWatch(learnt.pilot.name, learnt.pulses.stop_us)
-        self._known = list(learnt.wiring.outputs)
+        self._link, self._autopilot, self._health, self._clock = link, autopilot, health, clock
+        self._outputs = OutputWatch(autopilot.pilot.name, autopilot.pulses.stop_us)
+        self._known = list(autopilot.wiring.outputs)
         self._standing: tuple[MavCommand, ...] = ()
         self._turning: dict[int, float] = {}
         self._ended = False
@@ -63,20 +63,20 @@ class TestDrive:
         self._sent_s = self._acked_s = 0.0
 
     def command(self, pulses_us: tuple[float, ...]) -> None:
-        learnt, wiring = self._learnt, self._learnt.wiring
+        autopilot, wiring = self._autopilot, self._autopilot.wiring
         if self._ended:
             raise RunStopped("no motor was turned: the autopilot restarted; open it anew")
-        range_us = learnt.pulses
+        range_us = autopilot.pulses
         turn = {
             motor: pulse_us
             for motor, pulse_us in zip(wiring.motors, pulses_us, strict=True)
             if pulse_us > range_us.stop_us and pulse_us >= range_us.low_us
         }
-        orders = learnt.pilot.turn(turn, range_us)
-        self._talk.gaps.begin(self._clock())
+        orders = autopilot.pilot.turn(turn, range_us)
+        self._link.gaps.begin(self._clock())
         self._standing, self.highest_us = (), max(turn.values(), default=0.0)
         stopping = tuple(sorted(set(self._turning) - set(turn)))
-        if not turn or (stopping and not learnt.pilot.together):
+        if not turn or (stopping and not autopilot.pilot.together):
             stopping = wiring.motors
         if stopping:
             # A heartbeat that shows disarmed from here on is what was ordered.
@@ -95,46 +95,46 @@ class TestDrive:
         self._health.drive(bool(turn), self._sent_s)
 
     def stop(self) -> None:
-        self.cease()
+        self.stop_renewing()
         self._turning, self.highest_us = {}, 0.0
         now_s = self._clock()
         self._health.drive(False, now_s)
         self._outputs.command({}, now_s)
         if self._ended:
             return
-        orders = self._learnt.pilot.stop(self._learnt.wiring.motors)
+        orders = self._autopilot.pilot.stop(self._autopilot.wiring.motors)
         for order in orders[1:]:
-            self._talk.order(order)
+            self._link.order(order)
         for order in orders:
-            self._talk.exchange(order, STOP_TRIES_S)
+            self._link.exchange(order, STOP_TRIES_S)
 
-    def let_go(self) -> None:
+    def release(self) -> None:
         self.stop()
 
-    def cease(self) -> None:
+    def stop_renewing(self) -> None:
         self._standing = ()
 
     def end(self) -> None:
-        self.cease()
+        self.stop_renewing()
         self._ended = True
 
-    def keep_on(self, now_s: float) -> str | None:
+    def renew(self, now_s: float) -> str | None:
         for command in {order.command for order in self._standing}:
-            result = self._talk.take_ack(command)
+            result = self._link.take_ack(command)
             if result in (ACCEPTED, IN_PROGRESS):
                 self._acked_s = now_s
             elif result is not None:
-                self.cease()
+                self.stop_renewing()
                 return f"the autopilot refused to go on: {self._reason(result)}"
         since_s = now_s - self._sent_s
         if self._standing and since_s > TIMEOUT_S:
             # The motors stand by now: an order that is sent again would start them anew.
-            self.cease()
+            self.stop_renewing()
             raise HostPaused(since_s, TIMEOUT_S)
         if self._standing and since_s >= RESEND_S:
             self._sent_s = now_s
             for order in self._standing:
-                self._talk.order(order)
+                self._link.order(order)
         return None
 
     def seen(self, outputs_us: Outputs, now_s: float) -> tuple[int, int] | None:
@@ -148,12 +148,12 @@ class TestDrive:
 
     def fault(self, outputs_us: Outputs, now_s: float) -> str | None:
         lost_s = now_s - self._acked_s if self._turning else 0.0
-        return self._outputs.fault(outputs_us, now_s, lost_s, self._talk.slowest_s)
+        return self._outputs.fault(outputs_us, now_s, lost_s, self._link.slowest_s)
 
     def _expect(self, turn: Mapping[int, float], now_s: float) -> None:
         """Note what the outputs should show from now on."""
-        stop_us = self._learnt.pulses.stop_us
-        motors = zip(self._learnt.wiring.motors, self._known, strict=True)
+        stop_us = self._autopilot.pulses.stop_us
+        motors = zip(self._autopilot.wiring.motors, self._known, strict=True)
         self._outputs.command(
             {
                 rotor: (output, turn.get(motor, stop_us))
@@ -165,16 +165,16 @@ class TestDrive:
 
     def _stop(self, motors: tuple[int, ...]) -> None:
         """Stop motors and wait until the outputs show it: an acknowledgement proves nothing."""
-        self._order(self._learnt.pilot.stop(motors))
+        self._order(self._autopilot.pilot.stop(motors))
         until_s = self._clock() + STOPPED_S
         while not self._outputs.shown:
             if self._clock() > until_s:
                 raise DeviceStopped(
-                    f"{self._learnt.pilot.name} acknowledged the stop of its motors, but its "
+                    f"{self._autopilot.pilot.name} acknowledged the stop of its motors, but its "
                     f"outputs do not show it after {STOPPED_S:g} s; no motor was turned; cut the "
                     f"power and look at what else commands them"
                 )
-            self._talk.pump(LOOK_S)
+            self._link.pump(LOOK_S)
 
     def _give(self, orders: tuple[MavCommand, ...]) -> None:
         """Send orders to turn until they are acknowledged, or until the outputs show them.
@@ -184,30 +184,30 @@ class TestDrive:
         begun_s = self._clock()
         waiting, sent_s = {order.command for order in orders}, -1e9
         for command in waiting:
-            self._talk.take_ack(command)
+            self._link.take_ack(command)
         while waiting:
             self._raise_if_paused()
             now_s = self._clock()
-            silent_s = now_s - max(self._talk.heard_s, begun_s)
+            silent_s = now_s - max(self._link.received_s, begun_s)
             if silent_s > SILENT_S or now_s - begun_s > UNTOLD_S:
                 raise LinkLost(
-                    f"{self._learnt.pilot.name} did not acknowledge an order to turn in "
+                    f"{self._autopilot.pilot.name} did not acknowledge an order to turn in "
                     f"{now_s - begun_s:.1f} s, and its outputs do not show it; motor tests end by "
                     f"themselves; check the link, then start again"
                 )
             if now_s - sent_s >= RESEND_S:
                 sent_s = now_s
                 for order in orders:
-                    self._talk.order(order)
-            self._talk.pump(LOOK_S)
+                    self._link.order(order)
+            self._link.pump(LOOK_S)
             for command in sorted(waiting):
-                result = self._talk.take_ack(command)
+                result = self._link.take_ack(command)
                 if result in (ACCEPTED, IN_PROGRESS):
                     self._acked_s = self._clock()
                     waiting.discard(command)
                 elif result is not None:
                     raise CommandRefused(order_text(orders[0]), self._reason(result))
-            if self._outputs.shown and self._outputs.told_since(begun_s):
+            if self._outputs.shown and self._outputs.reported_since(begun_s):
                 self._acked_s = self._clock()
                 break
         self._raise_if_paused()
@@ -218,13 +218,13 @@ class TestDrive:
         Raises:
             HostPaused: how long it was.
         """
-        if (paused_s := self._talk.gaps.longest_s) > TIMEOUT_S:
-            self.cease()
+        if (paused_s := self._link.gaps.longest_s) > TIMEOUT_S:
+            self.stop_renewing()
             raise HostPaused(paused_s, TIMEOUT_S)
 
     def _order(self, orders: tuple[MavCommand, ...]) -> None:
         for order in orders:
-            result = self._talk.exchange(order)
+            result = self._link.exchange(order)
             if result not in (ACCEPTED, IN_PROGRESS):
                 raise CommandRefused(order_text(order), self._reason(result))
 
@@ -232,7 +232,7 @@ class TestDrive:
         """Return why an order was refused, in the autopilot's own words where it has some."""
         until_s = self._clock() + REASON_S
         while not self._health.refusal and self._clock() < until_s:
-            self._talk.pump(LOOK_S)
+            self._link.pump(LOOK_S)
         return self._health.refusal or result_name(result)
 
 
@@ -268,7 +268,7 @@ class OutputWatch:
         self._heard_s: float | None = None
         self.shown = False
 
-    def told_since(self, time_s: float) -> bool:
+    def reported_since(self, time_s: float) -> bool:
         """Tell whether outputs were told after a wall time."""
         return self._heard_s is not None and self._heard_s > time_s
 

@@ -60,7 +60,7 @@ class MavlinkRows:
         self.speeds_rpm: dict[int, float] = {}
         self._counts: dict[int, int] = {}
         self._best_distance = ""
-        self._told: set[int] = set()
+        self._reported: set[int] = set()
         self._companions: dict[int, CompanionTime] = {}
         self._row: list[float] = []
         self._row_us = -1
@@ -104,8 +104,8 @@ class MavlinkRows:
         free = [esc for esc in sorted(self.speeds_rpm) if esc not in self._escs_of]
         for rotor, esc in zip(silent, free, strict=False):
             self._escs_of[rotor] = esc
-        heard = {n + i for i in unknown if self._escs_of[i] in self.speeds_rpm}
-        return np.array(sorted(self._told | heard), np.intp)
+        received = {n + i for i in unknown if self._escs_of[i] in self.speeds_rpm}
+        return np.array(sorted(self._reported | received), np.intp)
 
     def take(self, message: Message, arrived_us: int | None = None) -> None:
         """Note what a message says; those that say nothing about the bench are passed over.
@@ -151,14 +151,14 @@ class MavlinkRows:
         if self._row and time_us // 1000 <= self._row_us // 1000:
             if self._row[column] != self._row[column]:
                 self._row[column] = value
-                self._told.add(column)
+                self._reported.add(column)
                 return
             # Told twice within a millisecond, or late: next to the row that it belongs to.
             time_us = self._row_us + 1
         self._row = self._blank.copy()
         self._row_us = max(time_us, self._row_us + 1)
         self._row[column] = value
-        self._told.add(column)
+        self._reported.add(column)
         self._rows.append(self._row)
         self._times_us.append(self._row_us)
 
@@ -307,7 +307,7 @@ class SpeedSources:
 
     def __init__(self, n_rotors: int) -> None:
         self._rotors = [_SpeedState() for _ in range(n_rotors)]
-        self._news: list[str] = []
+        self._messages: list[str] = []
 
     def take(self, source: str, rotor: int, rpm: float, driven: bool, time_us: int) -> bool:
         """Note a reading; tell whether it is the speed of that rotor (from 0).
@@ -334,13 +334,13 @@ class SpeedSources:
         ):
             state.chosen = source
         if state.chosen in state.dead and source in state.lively - state.dead:
-            self._news.append(f"rpm{rotor + 1} is taken from {source} now")
+            self._messages.append(f"rpm{rotor + 1} is taken from {source} now")
             state.chosen = source
         return source == state.chosen and source not in state.dead
 
-    def take_news(self) -> list[str]:
+    def take_messages(self) -> list[str]:
         """Return what was found out since the last call, in words."""
-        news, self._news = self._news, []
+        news, self._messages = self._messages, []
         return news
 
     def _bury(self, rotor: int, source: str) -> None:
@@ -349,7 +349,7 @@ class SpeedSources:
             return
         state.dead.add(source)
         if source == state.chosen:
-            self._news.append(
+            self._messages.append(
                 f"rpm{rotor + 1} of {source} reads 0 while its motor is driven: a dead channel, "
                 f"not a speed; switch the ESC's telemetry on or leave it out with rpm=none"
             )

@@ -65,7 +65,7 @@ class SideCell:
         self._lines = CellLines()
         self._waiting: list[tuple[float, float]] = []
         self._last_us = 0
-        self._heard = b""
+        self._received = b""
 
     def open(self) -> None:
         """Open the port and wait for the first reading; whoever owns the port closes it.
@@ -76,7 +76,7 @@ class SideCell:
         self._lines, self._waiting, self._last_us = CellLines(), [], 0
         self._transport.open()
         until_s = self._clock() + FIRST_S
-        self._heard = b""
+        self._received = b""
         while not self._waiting:
             if self._clock() >= until_s:
                 raise self._silence()
@@ -86,26 +86,26 @@ class SideCell:
         """Take what has arrived."""
         data = self._transport.read(timeout_s)
         arrived_s = self._clock()
-        if not self._waiting and len(self._heard) < LONGEST_LINE:
-            self._heard += data
+        if not self._waiting and len(self._received) < LONGEST_LINE:
+            self._received += data
         self._waiting += [(arrived_s, value) for value in self._lines.feed(data)]
 
     def _silence(self) -> NoDevice | ProtocolError:
         """Say what is there instead of a load cell that sends numbers."""
-        if not self._heard:
+        if not self._received:
             return NoDevice(
                 f"the load cell on {self._name} sent nothing for {FIRST_S:g} s; check its power, "
                 f"its program and the port's name"
             )
-        if kind_of(self._heard) in ("noise", "frames"):
+        if kind_of(self._received) in ("noise", "frames"):
             return ProtocolError(
                 f"the load cell on {self._name} sends bytes that are no text "
-                f"({bytes(self._heard[:40])!r}); the baud rate is wrong: write it behind the "
+                f"({bytes(self._received[:40])!r}); the baud rate is wrong: write it behind the "
                 f"port's name, as cell=/dev/ttyUSB1:57600"
             )
         return ProtocolError(
             f"what hangs on {self._name} sends text without a number "
-            f"({bytes(self._heard[:40])!r}); it is no load cell, or another program runs on it"
+            f"({bytes(self._received[:40])!r}); it is no load cell, or another program runs on it"
         )
 
     def rows(
@@ -173,7 +173,7 @@ class PlateListener(Protocol):
 
 
 def move_virtual_plate(
-    bench: PlateListener, talk: MavlinkLink, place: tuple[float, float, float]
+    bench: PlateListener, link: MavlinkLink, place: tuple[float, float, float]
 ) -> None:
     """Tell the virtual world where the plate shall stand, and wait until it does.
 
@@ -183,21 +183,21 @@ def move_virtual_plate(
     Raises:
         StageError: refused, or not there in time.
     """
-    made = talk.words.MAVLink_named_value_float_message
+    made = link.words.MAVLink_named_value_float_message
     begun_s, sent_s, moving = bench.now_s(), -1e9, False
     while bench.now_s() - begun_s < ARRIVE_S:
         if not moving and bench.now_s() - sent_s >= AGAIN_S:
             sent_s = bench.now_s()
             z_m, x_m, tilt_rad = place
             for name, value in (("plate_x", x_m), ("plate_tilt", tilt_rad), ("plate_z", z_m)):
-                talk.send(made(0, name.encode(), value))
+                link.send(made(0, name.encode(), value))
         for state in bench.listen(0.05):
             if state == REFUSED:
                 raise StageError(f"the plate stays where it is: {bench.last_text()}")
             moving = moving or state == ON_ITS_WAY
             if moving and state == THERE:
                 return
-    talk.send(made(0, b"plate_halt", 1.0))
+    link.send(made(0, b"plate_halt", 1.0))
     raise StageError(
         f"the plate did not reach {place[0]:g} m within {ARRIVE_S:g} s and was halted; look at the "
         f"virtual bench"

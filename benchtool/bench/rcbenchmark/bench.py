@@ -62,7 +62,7 @@ class RcbBench(Opened):
     ) -> None:
         self.address = address
         self._settings = settings or RcbSettings()
-        self._talk = BridgeLink(transport, address, clock)
+        self._link = BridgeLink(transport, address, clock)
         self._clock = clock
         self._ahead = ReadAhead()
         self._speed = 1.0
@@ -83,30 +83,30 @@ class RcbBench(Opened):
         self._expected: int | None = None
         self._lost = 0
         self._moving = False
-        self._stopped, self._told = "", False
-        talk = self._talk
+        self._stopped, self._reported = "", False
+        link = self._link
         try:
-            hello = talk.open()
-            talk.order(b"stop")
-            talk.order(b"average 1")
+            hello = link.open()
+            link.order(b"stop")
+            link.order(b"average 1")
             self._clear()
             self._rows.clear()
             self._identity = self._learn(hello)
             self._expected, self._lost = None, 0
-            self._talk.ear.corrupt = 0
+            self._link.ear.corrupt = 0
         except BaseException:
-            talk.close()
+            link.close()
             raise
 
     def close(self) -> None:
         if self._identity is None:
             return
         try:
-            self._talk.order(b"stop")
+            self._link.order(b"stop")
         except BenchError:
             pass  # The script brings the motor down where we cannot.
         finally:
-            self._talk.close()
+            self._link.close()
             self._identity = None
 
     def set_pwm(self, pwm_us: Array) -> None:
@@ -120,7 +120,7 @@ class RcbBench(Opened):
                 f"drives one ESC"
             )
         try:
-            self._talk.order(pulse_text(float(pulses[0])))
+            self._link.order(pulse_text(float(pulses[0])))
         except CommandRefused:
             self._note()
             self._raise_if_stopped()
@@ -128,7 +128,7 @@ class RcbBench(Opened):
 
     def stop(self) -> None:
         _ = self.identity  # raises while the bench is closed
-        self._talk.order(b"stop")
+        self._link.order(b"stop")
 
     def subscribe(self, listener: Listener) -> None:
         self._ahead.subscribe(listener)
@@ -141,7 +141,7 @@ class RcbBench(Opened):
         self._note()
         self._raise_if_stopped()
         try:
-            self._talk.order(f"virtual plate {z_m:.9g} {x_m:.9g} {tilt_rad:.9g}".encode())
+            self._link.order(f"virtual plate {z_m:.9g} {x_m:.9g} {tilt_rad:.9g}".encode())
         except CommandRefused as error:
             raise StageError(f"the plate stays where it is: {error.reason}") from error
         begun_s, self._moving = self.now_s(), True
@@ -157,7 +157,7 @@ class RcbBench(Opened):
     def tare(self) -> None:
         """Let the GUI zero its load cells, which takes seconds."""
         _ = self.identity  # raises while the bench is closed
-        self._talk.order(b"tare", TARE_S)
+        self._link.order(b"tare", TARE_S)
         # What was measured before is not tared, whatever it is read for.
         self._note()
         self._rows.clear()
@@ -171,7 +171,7 @@ class RcbBench(Opened):
                 f"times a second, and means of several leave {LEAST_HZ:g} Hz at least"
             )
         count = max(1, round(self._base_Hz / rate_Hz))
-        self._talk.order(b"average %d" % count)
+        self._link.order(b"average %d" % count)
         self._identity = replace(known, rate_Hz=self._base_Hz / count)
         self._read_s = self._clock()
 
@@ -186,12 +186,12 @@ class RcbBench(Opened):
             if self._rows:
                 return self._readings()
             # What was read before a stop is handed out first: no sample is lost to its news.
-            if not self._told:
+            if not self._reported:
                 self._raise_if_stopped()
             left_s = deadline_s - self._clock()
             if left_s <= 0.0:
                 return self._readings()
-            self._talk.pump(left_s)
+            self._link.pump(left_s)
             self._check_silence()
 
     def _clear(self) -> None:
@@ -199,20 +199,20 @@ class RcbBench(Opened):
         until_s = self._clock() + 2.0
         while True:
             try:
-                self._talk.order(b"clear")
+                self._link.order(b"clear")
                 break
             except CommandRefused:
                 if self._clock() > until_s:
                     raise
-                self._talk.pump(0.05)
-        self._talk.take_lines()
+                self._link.pump(0.05)
+        self._link.take_lines()
 
     def _learn(self, hello: BridgeHello) -> Identity:
         """Listen for a while and return who answers, with the channels that live."""
         seen: dict[str, int] = {}
         until_s = self._clock() + LEARN_S
         while (left_s := until_s - self._clock()) > 0.0 or not self._rows:
-            self._talk.pump(max(left_s, 0.02))
+            self._link.pump(max(left_s, 0.02))
             self._note()
             self._check_silence()
         for _, line in self._rows:
@@ -232,7 +232,7 @@ class RcbBench(Opened):
 
     def _note(self) -> None:
         """Sort what has come: readings, losses, why the script stopped the motor."""
-        for line in self._talk.take_lines():
+        for line in self._link.take_lines():
             if line.entry.why and not self._stopped:
                 self._stopped = line.entry.why
                 self._messages.append(line.entry.why)
@@ -251,7 +251,7 @@ class RcbBench(Opened):
 
     def _raise_if_stopped(self) -> None:
         if self._stopped:
-            self._told = True
+            self._reported = True
             raise DeviceStopped(
                 f"the bridge script stopped the motor by itself ({self._stopped}); remove the "
                 f"cause and start again"
@@ -262,7 +262,7 @@ class RcbBench(Opened):
         rate_Hz = self._identity.rate_Hz if self._identity else LEAST_HZ
         if silent_s <= max(STALE_S, 3.0 / rate_Hz):
             return
-        alive_s = self._clock() - self._talk.heard_s
+        alive_s = self._clock() - self._link.received_s
         what = (
             "the bridge script answers, but brings no readings; look at the stand's USB cable and "
             "at the GUI"
@@ -287,7 +287,7 @@ class RcbBench(Opened):
             self._device_clock.learn(int(times_us[-1]), self.now_s())
         messages, self._messages = tuple(self._messages), []
         lost, self._lost = self._lost, 0
-        corrupt, self._talk.ear.corrupt = self._talk.ear.corrupt, 0
+        corrupt, self._link.ear.corrupt = self._link.ear.corrupt, 0
         return Readings(
             time_s=self._device_clock.host_time_s(times_us),
             device_time_us=times_us.astype(float),

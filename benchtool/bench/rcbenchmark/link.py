@@ -36,16 +36,16 @@ class BridgeLink:
 
     Attributes:
         ear: puts lines together.
-        heard_s: wall time of the last line.
+        received_s: wall time of the last line.
     """
 
     def __init__(self, transport: Transport, address: str, clock: Callable[[], float]) -> None:
         self.ear = BridgeDecoder()
-        self.heard_s = 0.0
+        self.received_s = 0.0
         self._transport, self._address, self._clock = transport, address, clock
         self._answers: dict[bytes, BridgeLine] = {}
         self._lines: list[BridgeLine] = []
-        self._heard = b""
+        self._received = b""
         self._begin()
 
     def open(self) -> BridgeHello:
@@ -65,7 +65,7 @@ class BridgeLink:
             if isinstance(hello, BridgeHello):
                 self.ear.speed = hello.speed
                 self._low = self._pulse = pulse_text(hello.low_us)
-                self.heard_s = self._clock()
+                self.received_s = self._clock()
                 return hello
         raise self._silence()
 
@@ -111,10 +111,10 @@ class BridgeLink:
         data = self._transport.read(min(timeout_s, LONGEST_WAIT_S))
         if not data:
             return False
-        if len(self._heard) < _SHOWN_BYTES:
-            self._heard = (self._heard + data)[:_SHOWN_BYTES]
+        if len(self._received) < _SHOWN_BYTES:
+            self._received = (self._received + data)[:_SHOWN_BYTES]
         for line in self.ear.feed(data):
-            self.heard_s = self._clock()
+            self.received_s = self._clock()
             if line.entry.to:
                 self._answers[line.entry.to.encode("latin-1", "replace")] = line
             self._lines.append(line)
@@ -130,7 +130,7 @@ class BridgeLink:
         self._lines.clear()
         self._sent_s = -HEARTBEAT_S
         self._low = self._pulse = b""
-        self._heard = b""
+        self._received = b""
 
     def _try(self, word: bytes, wait_s: float) -> BridgeLine | None:
         self._answers.pop(word, None)
@@ -153,13 +153,13 @@ class BridgeLink:
                 f"{self._address} sends readings, but not through benchtool's bridge script: the "
                 f"script that runs there stops no motor when its host dies; {WRITE_IT}"
             )
-        if not self._heard:
+        if not self._received:
             return NoDevice(
                 f"nothing came from {self._address} for {HELLO_S:g} s; start the bridge script in "
                 f"the GUI ({WRITE_IT}), and check that the ports at its head are those of this "
                 f"address"
             )
-        return ProtocolError(f"{self._address} {not_the_bridge(self._heard)}")
+        return ProtocolError(f"{self._address} {not_the_bridge(self._received)}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

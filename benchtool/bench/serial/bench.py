@@ -81,7 +81,7 @@ class SerialBench(Opened):
         device_id: str | None = None,
     ) -> None:
         self.address = address
-        self._talk = Conversation(transport, address, clock, self._take_in)
+        self._conversation = Conversation(transport, address, clock, self._take_in)
         self._clock = clock
         self._arrive_s = arrive_s
         self._device_id = device_id
@@ -91,7 +91,7 @@ class SerialBench(Opened):
         self._messages: list[str] = []
         self._silent_since_s: float | None = None
         self._stopped: str | None = None
-        self._told = False
+        self._reported = False
         self._armed = False
         self._arrived = False
         self._stage_fault: str | None = None
@@ -101,14 +101,14 @@ class SerialBench(Opened):
         return self._known().identity(self.address, self._rate_Hz)
 
     def now_s(self) -> float:
-        return self._talk.now_s()
+        return self._conversation.now_s()
 
     def open(self) -> None:
         if self._hello is not None:
             return
         self._ahead.clear()
         try:
-            self._hello = self._talk.open()
+            self._hello = self._conversation.open()
             if self._device_id not in (None, self._hello.device_id):
                 raise NoDevice(
                     f"{self.address} answers as device {self._hello.device_id!r}, but "
@@ -122,7 +122,7 @@ class SerialBench(Opened):
                 fits_Hz = min(fits_Hz, most_Hz / self._hello.speed)
             self._start_stream(fits_Hz)
         except BaseException:
-            self._talk.close()
+            self._conversation.close()
             self._hello = None
             raise
 
@@ -130,12 +130,12 @@ class SerialBench(Opened):
         if self._hello is None:
             return
         try:
-            self._talk.exchange(StopDevice(), HALT_TRIES)
-            self._talk.exchange(SetRate(0.0), HALT_TRIES)
+            self._conversation.exchange(StopDevice(), HALT_TRIES)
+            self._conversation.exchange(SetRate(0.0), HALT_TRIES)
         except BenchError:
             pass  # The device's watchdog stops the motors where we cannot.
         finally:
-            self._talk.close()
+            self._conversation.close()
             self._hello = None
 
     def set_pwm(self, pwm_us: Array) -> None:
@@ -156,7 +156,7 @@ class SerialBench(Opened):
 
     def halt(self) -> None:
         """Send zero at once, from any thread (`Halts`)."""
-        self._talk.halt()
+        self._conversation.halt()
 
     def subscribe(self, listener: Listener) -> None:
         self._ahead.subscribe(listener)
@@ -165,7 +165,7 @@ class SerialBench(Opened):
         self._raise_if_stopped()
         self._arm()
         self._arrived, self._stage_fault = False, None
-        reply = self._talk.exchange(SendPlate(z_m, x_m, tilt_rad), moves=True)
+        reply = self._conversation.exchange(SendPlate(z_m, x_m, tilt_rad), moves=True)
         if not reply.ok:
             self._armed = False
             if reply.reason.startswith(LATE):  # No fault of the stage.
@@ -173,7 +173,7 @@ class SerialBench(Opened):
             raise StageError(f"the stage refused to move to {z_m:g} m: {reply.reason}")
         started_s = asked_s = self._clock()
         while not self._arrived:
-            self._talk.pump(0.05)
+            self._conversation.pump(0.05)
             self._note()
             self._raise_if_stopped()
             if self._stage_fault is not None:
@@ -187,7 +187,7 @@ class SerialBench(Opened):
                 )
             if now_s - asked_s > ASK_PLATE_S and not self._arrived:
                 asked_s = now_s
-                moving = self._talk.exchange(RequestPlate()).fields
+                moving = self._conversation.exchange(RequestPlate()).fields
                 if moving[:1] == ("0",):
                     self._arrived = True
 
@@ -207,7 +207,7 @@ class SerialBench(Opened):
         self._armed = False
         self._order(Clear())
         self._note()
-        self._stopped, self._told = None, False
+        self._stopped, self._reported = None, False
 
     def set_rate(self, rate_Hz: float) -> None:
         hello = self._known()
@@ -221,7 +221,7 @@ class SerialBench(Opened):
             self._note()
             # Before the samples, which later reads return: some of them may already show motors
             # that stand under the pulse that the host commanded last.
-            if not self._told:
+            if not self._reported:
                 self._raise_if_stopped()
             if (kept := self._ahead.take()) is not None:
                 self._silent_since_s = None
@@ -229,7 +229,7 @@ class SerialBench(Opened):
             left_s = deadline_s - self._clock()
             if left_s <= 0.0:
                 return self._ahead.read(self._no_samples)
-            if not self._talk.pump(left_s):
+            if not self._conversation.pump(left_s):
                 self._check_silence()
 
     def _known(self) -> Hello:
@@ -240,12 +240,12 @@ class SerialBench(Opened):
     def _baud(self) -> int:
         """Return the rate of the slower end's line, 0 where there is no such limit."""
         told = self._known().baud
-        opened = self._talk.transport.baud
+        opened = self._conversation.transport.baud
         return min(told, opened) if told and opened else told
 
     def _order(self, command: Command, moves: bool = False) -> None:
         self._known()
-        reply = self._talk.exchange(command, moves=moves)
+        reply = self._conversation.exchange(command, moves=moves)
         if not reply.ok:
             raise _refused(command, reply.reason)
 
@@ -259,7 +259,7 @@ class SerialBench(Opened):
         hello = self._known()
         if self._armed or hello.version < 2:
             return
-        reply = self._talk.exchange(ArmDevice(), moves=True)
+        reply = self._conversation.exchange(ArmDevice(), moves=True)
         if not reply.ok:
             raise _refused(ArmDevice(), reply.reason)
         if reply.fields != (hello.channel_hash,):
@@ -289,7 +289,7 @@ class SerialBench(Opened):
 
     def _note(self) -> None:
         """Take the device's news: what stopped it, where the plate is, what it says."""
-        for event in self._talk.take_events():
+        for event in self._conversation.take_events():
             self._messages.append(f"{event.kind}: {event.text}")
             if event.stops_motors:
                 self._stopped = f"{event.kind}: {event.text}"
@@ -300,7 +300,7 @@ class SerialBench(Opened):
 
     def _raise_if_stopped(self) -> None:
         if self._stopped is not None:
-            self._told = True
+            self._reported = True
             raise DeviceStopped(
                 f"the device stopped its motors by itself ({self._stopped}); remove the cause and "
                 f"start again"

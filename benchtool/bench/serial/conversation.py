@@ -91,7 +91,7 @@ class Conversation:
         self._gaps = Gaps()
         self._hello: Hello | None = None
         self._opened_s = 0.0
-        self._heard = b""
+        self._received = b""
 
     def open(self) -> Hello:
         """Open the transport and ask who is there until somebody answers.
@@ -103,7 +103,7 @@ class Conversation:
         self._decoder = Decoder()
         self._reader = HelloReader()
         self._number, self._device_read_s = 0, -inf
-        self._heard = b""
+        self._received = b""
         self._hello, self._opened_s = None, self._clock()
         self.transport.open()
         self._gaps.begin(self._clock())
@@ -199,8 +199,8 @@ class Conversation:
         self._gaps.note(self._clock())
         if not data:
             return False
-        if len(self._heard) < _SHOWN_BYTES:
-            self._heard = (self._heard + data)[:_SHOWN_BYTES]
+        if len(self._received) < _SHOWN_BYTES:
+            self._received = (self._received + data)[:_SHOWN_BYTES]
         readings = self._decoder.feed(data, self.now_s())
         for message in self._decoder.take_messages():
             self._sort(message)
@@ -256,12 +256,12 @@ class Conversation:
                         if not answered:
                             self._device_read_s = -inf  # The next try stops the device once more.
                         return hello
-        if not self._heard:
+        if not self._received:
             raise NoDevice(
                 f"{self._address} is open, but nothing answered for {HELLO_S:g} s; check power, "
                 f"firmware and baud rate (`benchtool doctor` tries each cause)"
             )
-        raise ProtocolError(f"{self._address} {not_a_bench(self._heard, self._address)}")
+        raise ProtocolError(f"{self._address} {not_a_bench(self._received, self._address)}")
 
     def _note_time(self, text: str) -> None:
         """Note a device time that was read, unless it is older than what is known."""

@@ -65,8 +65,8 @@ class GrblLink:
         self.name = name
         self._transport = transport
         self._clock = clock
-        self._ear = GrblDecoder()
-        self._heard = b""
+        self._decoder = GrblDecoder()
+        self._received = b""
 
     def open(self) -> None:
         """Open the port; nothing is said yet."""
@@ -88,18 +88,18 @@ class GrblLink:
             NoDevice: it says nothing.
             ProtocolError: it says something else.
         """
-        self._heard = b""
+        self._received = b""
         deadline_s = self._clock() + WAKE_S
         while self._clock() < deadline_s:
             self._transport.write(RESET)
             try_s = min(self._clock() + WAKE_TRY_S, deadline_s)
             while self._clock() < try_s:
-                if any(isinstance(word, Banner) for word in self._hear()):
+                if any(isinstance(word, Banner) for word in self._receive()):
                     self.unanswered = False
                     return
-        self._heard = self._heard or probe_answer(self._transport, self._clock)
-        if self._heard:
-            raise ProtocolError(f"{self.name} {not_a_stage(self._heard)}")
+        self._received = self._received or probe_answer(self._transport, self._clock)
+        if self._received:
+            raise ProtocolError(f"{self.name} {not_a_stage(self._received)}")
         raise NoDevice(
             f"{self.name} did not answer a reset within {WAKE_S:g} s; check its power, port and "
             f"baud rate (GRBL: 115200)"
@@ -132,7 +132,7 @@ class GrblLink:
         deadline_s = self._clock() + longest_s
         while self._clock() < deadline_s:
             pause(LISTEN_S)
-            for word in self._hear():
+            for word in self._receive():
                 self._raise_for(word, what)
                 if isinstance(word, Ok):
                     self.unanswered = False
@@ -150,21 +150,21 @@ class GrblLink:
             StageError: refused, alarmed, started anew, or silent for `ANSWER_S`.
         """
         self._send_line(line)
-        heard_s = asked_s = self._clock()
+        report_s = asked_s = self._clock()
         while True:
-            if self._clock() - heard_s > ANSWER_S:
+            if self._clock() - report_s > ANSWER_S:
                 self._transport.write(HOLD)  # it may hear what it cannot answer
                 raise self.given_up(what, ANSWER_S)
             if self._clock() - asked_s >= ASK_S:
                 asked_s = self._clock()
                 self._transport.write(STATUS)
             pause(LISTEN_S)
-            for word in self._hear():
+            for word in self._receive():
                 self._raise_for(word, what)
                 if isinstance(word, Ok):
                     self.unanswered = False
                 if isinstance(word, StatusReport):
-                    heard_s = self._clock()
+                    report_s = self._clock()
                     yield word
 
     def listen(self, seconds: float, what: str, pause: Pause) -> None:
@@ -172,7 +172,7 @@ class GrblLink:
         until_s = self._clock() + seconds
         while self._clock() < until_s:
             pause(LISTEN_S)
-            for word in self._hear():
+            for word in self._receive():
                 self._raise_for(word, what)
 
     def ask(self, pause: Pause) -> StatusReport:
@@ -183,7 +183,7 @@ class GrblLink:
         while (asked_s := self._clock()) < deadline_s:
             self._transport.write(STATUS)
             while self._clock() - asked_s < ASK_S:
-                for word in self._hear():
+                for word in self._receive():
                     self._raise_for(word, what)
                     if isinstance(word, StatusReport):
                         return word
@@ -203,7 +203,7 @@ class GrblLink:
 
     def place_mm(self, report: StatusReport) -> dict[str, float] | None:
         """Return the machine position in a report by axis letter, None while it cannot be known."""
-        place = self._ear.machine_mm(report)
+        place = self._decoder.machine_mm(report)
         return None if place is None else dict(zip("XYZABC", place, strict=False))
 
     def given_up(self, what: str, silent_s: float) -> StageError:
@@ -220,14 +220,14 @@ class GrblLink:
 
     def _throw_away(self, what: str) -> None:
         """Take what is left of earlier answers, so that it is not taken for that of the next."""
-        for word in self._hear(0.0):
+        for word in self._receive(0.0):
             self._raise_for(word, what)
 
-    def _hear(self, timeout_s: float = LISTEN_S) -> list[GrblLine]:
+    def _receive(self, timeout_s: float = LISTEN_S) -> list[GrblLine]:
         data = self._transport.read(timeout_s)
-        if len(self._heard) < _SHOWN_BYTES:
-            self._heard = (self._heard + data)[:_SHOWN_BYTES]
-        words = self._ear.feed(data)
+        if len(self._received) < _SHOWN_BYTES:
+            self._received = (self._received + data)[:_SHOWN_BYTES]
+        words = self._decoder.feed(data)
         for word in words:
             if isinstance(word, Banner):
                 words += self._after_banner()
@@ -245,7 +245,7 @@ class GrblLink:
         until_s = self._clock() + AFTER_BANNER_S
         words: list[GrblLine] = []
         while self._clock() < until_s:
-            words += self._ear.feed(self._transport.read(LISTEN_S))
+            words += self._decoder.feed(self._transport.read(LISTEN_S))
         return words
 
     def _raise_for(self, word: GrblLine, what: str) -> None:

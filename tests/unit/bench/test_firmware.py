@@ -46,7 +46,7 @@ def test_watchdog_stops_the_motors_after_250_ms_without_a_line(
     device: Firmware, plant: StillPlant
 ) -> None:
     assert device.execute(SPIN, 0.0).ok
-    device.hear(0.125)
+    device.note_host(0.125)
     device.advance(1, 0.374)
     assert plant.pwm_us.max() == 1200
     device.advance(1, 0.375)

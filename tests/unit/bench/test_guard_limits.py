@@ -37,7 +37,7 @@ def test_one_sample_beyond_a_limit_stops_before_it_is_raised(fake, name, value, 
     assert caught.value.channel == name
     assert caught.value.value == value
     check_zeroed_once_then_closed(fake)
-    kept = guard.take_kept()
+    kept = guard.take_unread()
     assert kept is not None
     assert len(kept) == 100
 

@@ -54,7 +54,7 @@ def test_late_readings_are_kept_and_blame_no_motor(fake):
         fake.spoil = lambda time_s, row: row | {"rpm1": 0.0}
         fake.read = late
         guard.read(0.1)
-    assert len(guard.take_kept()) == 10
+    assert len(guard.take_unread()) == 10
 
 
 def test_a_short_delay_and_motors_at_zero_are_no_pause(fake):

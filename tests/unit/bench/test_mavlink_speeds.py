@@ -14,14 +14,14 @@ def test_a_speed_that_changes_is_taken() -> None:
     sources = SpeedSources(1)
     assert all(run(sources, "ESC_TELEMETRY", 0.0, 0, driven=False))
     assert all(run(sources, "ESC_TELEMETRY", 3000.0, 2_000_000))
-    assert sources.take_news() == []
+    assert sources.take_messages() == []
 
 
 def test_a_constant_zero_while_driven_is_a_dead_channel() -> None:
     sources = SpeedSources(1)
     taken = run(sources, "ESC_TELEMETRY", 0.0, 0)
     assert taken == [True] * 20 + [False] * 20
-    (told,) = sources.take_news()
+    (told,) = sources.take_messages()
     assert told.startswith(
         "rpm1 of ESC_TELEMETRY reads 0 while its motor is driven: a dead channel"
     )
@@ -34,7 +34,7 @@ def test_another_message_that_lives_takes_its_place() -> None:
         sources.take("ESC_TELEMETRY", 0, 0.0, True, STEP_US * step)
         taken.append(sources.take("RPM", 0, 3000.0 + step, True, STEP_US * step))
     assert taken == [False] * 20 + [True] * 20
-    assert sources.take_news()[-1] == "rpm1 is taken from RPM now"
+    assert sources.take_messages()[-1] == "rpm1 is taken from RPM now"
 
 
 def test_the_more_trusted_message_is_chosen_while_nothing_turns() -> None:

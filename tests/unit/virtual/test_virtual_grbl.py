@@ -84,7 +84,7 @@ def test_no_question_is_answered_while_it_homes() -> None:
 
 @pytest.mark.parametrize(("what", "alarm"), [("missing", b"ALARM:9"), ("stuck", b"ALARM:8")])
 def test_a_homing_that_fails_says_ok_and_starts_anew_by_itself(what: str, alarm: bytes) -> None:
-    stage = VirtualGrbl({"Z": 300.0}, around=StageHardware(**{what: {"Z"}}))
+    stage = VirtualGrbl({"Z": 300.0}, hardware=StageHardware(**{what: {"Z"}}))
     stage.step(b"$H\n", 0.0)
     said = b"".join(stage.step(b"", 0.01 * number) for number in range(1100))
     assert said == alarm + b"\r\nok\r\n" + BANNER + LOCK
@@ -153,7 +153,7 @@ def test_lost_steps_are_seen_by_nobody_until_it_homes() -> None:
     stage = homed()
     stage.step(b"G53 G1 Z-101 F6000\n", 5.0)
     stage.step(b"", 5.5)
-    stage.around.lost_mm["Z"] = 40.0
+    stage.hardware.lost_mm["Z"] = 40.0
     assert b"MPos:-1.000,-1.000,-101.000" in stage.step(b"?", 7.0)
     assert stage.true_mm["Z"] == pytest.approx(-61.0)
     stage.step(b"$H\n", 7.0)
