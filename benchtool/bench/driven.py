@@ -1,4 +1,4 @@
-"""What the motors of a bench were told, zero at once, and whether their rotors then stood."""
+"""What the motors of a bench were commanded, zero at once, and whether their rotors then stood."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ a choice."""
 
 
 class DrivenBench:
-    """Remember what the motors were told and stop them for good.
+    """Record what the motors were commanded and stop them for good.
 
     Attributes:
         reason: why zero was commanded, the first of all reasons.
@@ -191,8 +191,8 @@ def _words(error: BaseException) -> str:
 
 
 SPIN_DOWN_S = 4.0
-"""Rotors that are told to stop must be seen to stand by then. A choice: small rotors need about 1 s
-without a brake, the virtual ones 0.1 to 0.4 s."""
+"""Rotors that are commanded to stop must be seen to stand by then. A choice: small rotors need
+about 1 s without a brake, the virtual ones 0.1 to 0.4 s."""
 
 REPEAT_S = 1.0
 """Zero is commanded again so often while a rotor is not seen to stand; a choice."""

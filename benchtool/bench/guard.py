@@ -3,8 +3,8 @@
 A `GuardedBench` is itself a bench. Entered as a context manager it ends in one of two ways: the
 body came to its end, and the motors ramp down within a second; or anything else (an error, a
 limit, Ctrl-C, SIGTERM, a closed terminal, a lost link), and zero is commanded at once, the plate
-halted, the reason kept. Either way the bench is then read until its rotors were seen to stand, and
-the link closed. Signals are deferred from entering to leaving: the next command or read raises
+halted, the reason recorded. Either way the bench is then read until its rotors were seen to stand,
+and the link closed. Signals are deferred from entering to leaving: the next command or read raises
 them, so that they interrupt neither a stop nor the way of a sample to the disk.
 """
 
@@ -311,7 +311,7 @@ class GuardedBench(DrivenBench):
     def _end_if_paused(
         self, error: BenchtoolError | None = None, readings: Readings | None = None
     ) -> None:
-        """Command zero where the host did not run while motors turned; what came late is kept.
+        """Command zero where the host did not run while motors turned; late readings are held.
 
         Raises:
             HostPaused: instead of whatever the pause made the device say.

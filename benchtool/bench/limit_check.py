@@ -105,7 +105,7 @@ class LimitCheck:
         self._fresh_s: Array = np.full(len(watched), now_s)
 
     def commanded(self, pwm_us: Array, now_s: float) -> None:
-        """Note what every motor is told (n_rotors,): us, to compare its rpm with."""
+        """Note what every motor is commanded (n_rotors,): us, to compare its rpm with."""
         self._turning = bool((pwm_us > self._stop_us).any())
         self._host.commanded(pwm_us, now_s)
 

@@ -1,4 +1,4 @@
-"""Whether motors turn as they are told: by the host, or by a control loop on the bench. Pure."""
+"""Whether motors turn as they are commanded, by the host or by a control loop on the bench."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class HostPulses:
         return self._pwm_us is None or bool((self._pwm_us <= stop_us).all())
 
     def commanded(self, pwm_us: Array, now_s: float) -> None:
-        """Note what every motor is told (n_rotors,): us."""
+        """Note what every motor is commanded (n_rotors,): us."""
         if self._pwm_us is not None and np.array_equal(pwm_us, self._pwm_us):
             return
         rpm = speeds_of(self._propulsion, pwm_us)
@@ -65,7 +65,7 @@ class HostPulses:
         since_s = now_s - self._commanded_s
         if self._pwm_us is None or since_s < TOO_SLOW_S:
             return None
-        # A motor that was never heard of compares as neither too slow nor too fast.
+        # A motor without a reading compares as neither too slow nor too fast.
         bad = rpm < self._slowest_rpm
         limits_rpm = self._slowest_rpm
         if since_s > TOO_FAST_S and not bad.any():
@@ -136,7 +136,7 @@ def speeds_of(propulsion: Propulsion, pwm_us: Array) -> Array:
 
 
 def _moved(mean: Array, new: Array, share: float) -> Array:
-    """Return the running means moved towards new values; those never heard of begin there."""
+    """Return the running means moved towards new values; those without a reading begin there."""
     moved = np.where(np.isnan(mean), new, mean + share * (new - mean))
     return np.where(np.isnan(moved), mean, moved)
 

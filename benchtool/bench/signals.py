@@ -33,7 +33,7 @@ class StopSignals:
     Outside of the main thread Python allows no handlers; there only exceptions end a run.
 
     Args:
-        note: is told the reason at once, in case somebody catches the error.
+        note: gets the reason at once, in case somebody catches the error.
     """
 
     def __init__(self, note: Callable[[str], None]) -> None:

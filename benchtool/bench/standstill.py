@@ -36,8 +36,8 @@ ANSWER_S = 0.5
 """A motor driven for so long must show on its speed channel, or the channel shows no standstill."""
 
 MOMENT_S = 0.15
-"""A motor driven for longer than this turns, be it after it was told to stop: where its channel has
-never shown that, it shows no standstill. A choice: ESCs take 0.1 to 0.3 s to start a motor."""
+"""A motor driven for longer than this turns, be it after it was commanded to stop: where its
+channel has never shown that, it shows no standstill. A choice: ESCs take 0.1 to 0.3 s to start a motor."""
 
 OUTPUT_SLACK_us = 3.0
 """Rounding of a stop pulse on its way to an output and back; a choice."""
@@ -73,7 +73,7 @@ class StandstillWatch:
     """Follow commands and readings and judge which rotors stand. Pure.
 
     Attributes:
-        zero_s: when a motor was told to stop last, on the bench's clock.
+        zero_s: when a motor was commanded to stop last, on the bench's clock.
 
     Args:
         identity: channels of the bench, and what its pulses mean.
@@ -102,7 +102,7 @@ class StandstillWatch:
         self._reported = self._pulse_places
 
     def commanded(self, pulses_us: Array, now_s: float) -> None:
-        """Note what every motor is told (n_rotors,): us, before it is sent."""
+        """Note what every motor is commanded (n_rotors,): us, before it is sent."""
         stop_us = self._propulsion.pwm_stop_us
         for rotor, before_us, pulse_us in zip(self._rows, self._pulses_us, pulses_us, strict=True):
             if pulse_us > stop_us:

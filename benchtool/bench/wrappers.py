@@ -134,7 +134,7 @@ class StoppableBench(BenchWrapper):
     taken back, or refused by a device that the stop had reached before.
 
     Args:
-        heard: is given every sample once: as it comes from a bench that can be overheard, else
+        listener: is given every sample once: as it comes from a bench that publishes them, else
             with the read that brings it.
     """
 
@@ -147,7 +147,7 @@ class StoppableBench(BenchWrapper):
         self._asked: str | None = None
 
     def ask_to_stop(self, reason: str) -> None:
-        """Stop from any thread; the owner hears the reason."""
+        """Stop from any thread; the owner gets the reason."""
         self._asked = reason
         if isinstance(self._bench, Halts):
             with suppress(BenchtoolError, OSError):

@@ -4,7 +4,7 @@ Quiet until it is asked; acknowledges what it does not do; turns motors for as l
 time-out says, disarmed or not; forgets at a restart what it was asked for. Wall time is handed in;
 time-outs run on it, readings on the device's own time. The heartbeat shows "hardware in the loop":
 no motor turns. Three named values are the virtual world's own: `plate_z`, `plate_x`, `plate_tilt`
-sent to it move the plate, `plate_mov` tells how that goes.
+sent to it move the plate, `plate_mov` reports how that goes.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ FASTEST_HZ = 400.0
 """Rate of the main loop, which bounds that of streams (SCHED_LOOP_RATE)."""
 
 PLATE_US = 50_000
-"""The virtual world tells its plate's distance twenty times a second; a choice."""
+"""The virtual world reports its plate's distance twenty times a second; a choice."""
 
 TEXT = 50
 """Letters in one STATUSTEXT."""
@@ -306,7 +306,7 @@ class VirtualAutopilot:
         return [message for severity, text in said for message in self._text(text, severity)]
 
     def _events(self) -> list[Message]:
-        """Tell in an autopilot's words what the bench behind it reports."""
+        """Return in an autopilot's words what the bench behind it reports."""
         messages: list[Message] = []
         for event in self.firmware.take_events():
             if event.stops_motors:
@@ -333,8 +333,8 @@ class VirtualAutopilot:
             self.firmware.execute(StopDevice(), now_s)
 
     def _take_pending(self) -> list[Message]:
-        news, self._pending = self._pending, []
-        return news
+        pending, self._pending = self._pending, []
+        return pending
 
     def _plate(self, state: float) -> Message:
         """Return how the plate's move goes: 1 on its way, 0 there, -1 refused."""

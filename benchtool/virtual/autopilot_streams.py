@@ -13,7 +13,7 @@ NO_PULSE = 0
 
 
 class Streams:
-    """Hold what a bench last told, and make messages of it.
+    """Hold what a bench last reported, and make messages of it.
 
     Attributes:
         outputs_us: pulse of every output, 0 where there is none.

@@ -230,7 +230,7 @@ def pitch_server(
 
 
 def standard_truth(rig: Rig) -> str:
-    """Return the name of the model that a virtual bench of this rig obeys unless told otherwise."""
+    """Return the name of the model that a virtual bench of this rig obeys by default."""
     return "single" if rig.n_discs == 1 else "quad_body_lift"
 
 

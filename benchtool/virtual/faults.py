@@ -160,8 +160,8 @@ class LinkFaults:
         for fault in self._faults:
             match fault:
                 case Drop(p) if data:
-                    kept = self._rng.random(len(data)) >= p
-                    data = np.frombuffer(data, np.uint8)[kept].tobytes()
+                    passes = self._rng.random(len(data)) >= p
+                    data = np.frombuffer(data, np.uint8)[passes].tobytes()
                 case Corrupt(p) if data:
                     hit = self._rng.random(len(data)) < p
                     bits = 1 << self._rng.integers(0, 8, len(data))

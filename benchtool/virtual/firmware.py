@@ -195,7 +195,7 @@ class Firmware:
         try:
             values = self._plant.advance(n)
         except BenchtoolError as error:
-            # The plant's own program failed: nothing may turn, and the host is told why.
+            # The plant's own program failed: nothing may turn, and the host learns why.
             self._latch(
                 DeviceEvent("limit", f"{str(error)[:LONGEST_REASON]}; motors stopped"), now_s
             )

@@ -144,7 +144,7 @@ class GrblBoard(ABC):
         """Start anew, as after a loss of power: the position is 0 and means nothing.
 
         Args:
-            boot_s: until the banner; a boot loader hears nothing meanwhile.
+            boot_s: until the banner; a boot loader takes nothing meanwhile.
         """
         self.hardware.lost_mm, self.position_mm = self.true_mm, dict.fromkeys(AXES, 0.0)
         self._locked = bool(self.settings[22])

@@ -117,7 +117,7 @@ class PtyLink:
 
 
 class TcpLink:
-    """Listen on a TCP port for one client at a time; a second one is told who holds the bench."""
+    """Listen on a TCP port for one client at a time; a second one learns who holds the bench."""
 
     def __init__(self, host: str, port: int) -> None:
         self._host = host
@@ -133,7 +133,7 @@ class TcpLink:
 
     def read(self) -> bytes:
         # The old client first, up to its end: one that comes back at once must not find it here.
-        heard = b""
+        received = b""
         while self._client is not None:
             try:
                 data = self._client.recv(65536)
@@ -143,9 +143,9 @@ class TcpLink:
                 data = b""
             if not data:
                 self._drop_client()
-            heard += data
+            received += data
         self._accept()
-        return heard
+        return received
 
     def write(self, data: bytes) -> int:
         if self._client is None:

@@ -51,7 +51,7 @@ class PitchPlant:
 
     Args:
         job: bench and built-in controller.
-        schedule: what the controller is told from the moment of arming on.
+        schedule: what the controller follows from the moment of arming on.
         seed: of the noise; the n-th arming (from 0) has the noise of run n, as `simulate_pitch`.
         rate_Hz: stream rate, the control rate over a whole number; the control rate when None.
         own: class of the user's own controller, made anew for every arming; that of the job, None.

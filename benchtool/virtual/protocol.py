@@ -186,8 +186,8 @@ class DeviceLink:
     def _greet(self, number: int, version: int, now_s: float) -> bytes:
         """Answer a hello with its lines, their count, and the CRC over them."""
         if version < PROTOCOL_VERSION:
-            told = f"this device speaks protocol version {PROTOCOL_VERSION}; update benchtool"
-            return self._refuse(number, told)
+            reason = f"this device speaks protocol version {PROTOCOL_VERSION}; update benchtool"
+            return self._refuse(number, reason)
         self.firmware.execute(RequestHello(), now_s)
         self.orders.greet(number, self.firmware.device_time_us)
         self._answered = b""

@@ -33,7 +33,7 @@ class ServedDevice(Protocol):
         ...
 
     def report_dropped(self, count: int) -> bytes:
-        """Return the news that so many frames were dropped since the host came."""
+        """Return the event that so many frames were dropped since the host came."""
         ...
 
 
@@ -170,7 +170,7 @@ class BenchServer:
 
     def _report_dropped(self) -> None:
         count = self.outbox.dropped - self._dropped_before
-        # Told at every doubling, so that the news does not fill a line that is already full.
+        # Reported at every doubling, so that the events do not fill a line that is already full.
         if count >= self._report_from and self._host_since_s is not None:
             self.outbox.add(self._device.report_dropped(count))
             self._report_from = 2 * count

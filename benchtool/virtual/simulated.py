@@ -172,7 +172,7 @@ class SimulatedBench(Opened):
 
     def read(self, timeout_s: float) -> Readings:
         self._need_open("read")
-        # What was read before a stop is handed out first: no sample is lost to its news.
+        # What was read before a stop is handed out first: no sample is lost to the report of it.
         if not self._waiting and not self._reported:
             self._raise_if_stopped()
         if self._stopped is None or self._reported:

@@ -186,7 +186,7 @@ def test_several_autopilots_are_listed_and_one_is_chosen() -> None:
 
 
 @pytest.mark.parametrize(
-    ("heard", "words"),
+    ("received", "words"),
     [
         (frame(b"E,boot,ready"), "speaks the bench protocol, not MAVLink; use a serial:"),
         (b"\r\nGrbl 1.1h ['$' for help]\r\n", "is a G-code stage"),

@@ -23,7 +23,7 @@ _TTY = Path("/sys/class/tty")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HostEnvironment:
-    """Hold what was found; None wherever this platform does not tell.
+    """Hold what was found; None wherever this platform does not say.
 
     Attributes:
         system: "Linux", "Darwin" or "Windows".

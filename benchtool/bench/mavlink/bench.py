@@ -61,7 +61,7 @@ TARE_S = 1.0
 
 
 class MavlinkBench(Opened):
-    """Drive motors through an autopilot and read what it tells.
+    """Drive motors through an autopilot and read what it reports.
 
     Args:
         since_1970_s: wall clock for signatures.
@@ -136,10 +136,10 @@ class MavlinkBench(Opened):
             link.on_message = self._take
             n = autopilot.wiring.n_rotors
             self._baud = 0 if autopilot.simulated else self._transport.baud or 0
-            asked, news = fitted(settings, n, self._baud)
-            self._rate_Hz, self._messages = asked.rate_Hz, [*self._messages, *news]
+            fitting, remarks = fitted(settings, n, self._baud)
+            self._rate_Hz, self._messages = fitting.rate_Hz, [*self._messages, *remarks]
             self._states = request_streams(
-                link, stream_requests(asked, n), self._counts.__getitem__,
+                link, stream_requests(fitting, n), self._counts.__getitem__,
                 self._clock, autopilot.speed,
             )  # fmt: skip
             if self._baud:
@@ -218,7 +218,7 @@ class MavlinkBench(Opened):
         move_virtual_plate(self, self._link, (z_m, x_m, tilt_rad))
 
     def listen(self, timeout_s: float) -> list[float]:
-        """Read on, keep the samples for the next `read`, and return what the plate told."""
+        """Read on, hold the samples for the next `read`, and return what the plate reported."""
         self._ahead.hold(self._read_fresh(timeout_s))
         state, self._plate_state = self._plate_state, []
         return state
@@ -261,7 +261,7 @@ class MavlinkBench(Opened):
             readings = self._readings()
             if len(readings):
                 return readings
-            # What was read before a stop is handed out first: no sample is lost to its news.
+            # What was read before a stop is handed out first: no sample is lost to it.
             self._watch.raise_if_stopped(again=False)
             left_s = deadline_s - self._clock()
             if left_s <= 0.0:
@@ -275,7 +275,7 @@ class MavlinkBench(Opened):
         return self._rows.outputs_us
 
     def speeds_rpm(self) -> dict[int, float]:
-        """Return the speed that each ESC last told, by its place from 1."""
+        """Return the speed that each ESC last reported, by its place from 1."""
         return dict(self._rows.speeds_rpm)
 
     def last_text(self) -> str:
@@ -291,7 +291,7 @@ class MavlinkBench(Opened):
         """Keep the channels that live; say which messages do not come.
 
         Raises:
-            ProtocolError: no outputs are told, so that nothing could be read back.
+            ProtocolError: no outputs are reported, so that nothing could be read back.
         """
         require_outputs(self._states, self._link.system)
         n = autopilot.wiring.n_rotors
@@ -308,7 +308,7 @@ class MavlinkBench(Opened):
         self._channels = tuple(every[index] for index in self._columns.tolist())
         names = [channel.name for channel in self._channels]
         self._thrust = names.index("thrust_N") if "thrust_N" in names else -1
-        # What it says of messages that it does not have is told once, below.
+        # What it says of messages that it does not have is reported once, below.
         denied = "No ap_message for mavlink id"
         self._health.texts[:] = [t for t in self._health.texts if not t.startswith(denied)]
         for name, states in self._states.items():

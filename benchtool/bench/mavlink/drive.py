@@ -73,11 +73,11 @@ class Drive(Protocol):
         ...
 
     def seen(self, outputs_us: Outputs, now_s: float) -> tuple[int, int] | None:
-        """Note what the outputs tell; return a rotor and its output, newly found out."""
+        """Note what the outputs report; return a rotor and its output, newly found out."""
         ...
 
     def shown(self) -> bool:
-        """Tell whether the outputs, as last told, show what is commanded."""
+        """Return whether the outputs, as last reported, show what is commanded."""
         ...
 
     def fault(self, outputs_us: Outputs, now_s: float) -> str | None:
@@ -163,7 +163,7 @@ PAUSE_S = 0.15
 
 
 class RunWatch:
-    """Read on, send what must be sent again, and stop the motors before anybody is told why.
+    """Read on, send what must be sent again, and stop the motors before anybody learns why.
 
     Attributes:
         ask_again: orders to an autopilot that has started anew: its outputs are asked for, because

@@ -62,7 +62,7 @@ class _Source:
     unnumbered: bool = False
 
     def take(self, number: int, frame: bytes) -> bool:
-        """Note a frame; tell whether it is a new one.
+        """Note a frame; return whether it is a new one.
 
         A component that numbers all its frames alike, as some scripts do, has none that could be
         missed or be there twice.
@@ -186,7 +186,7 @@ class MavlinkFrames:
 
 
 def is_signed(message: Message) -> bool:
-    """Tell whether a message came in a frame with a signature, whether or not it was checked."""
+    """Return whether a message came in a frame with a signature, whether or not it was checked."""
     frame = bytes(message.get_msgbuf())
     return frame[0] == MAVLINK_2 and bool(frame[2] & SIGNED)
 
@@ -251,7 +251,7 @@ LEAP_US = 600_000_000
 link that was silent for so long has ended its run before. A choice."""
 
 EPOCH_US = 1 << 50
-"""Stamps above (35 years) count since 1970, not since boot; MAVLink allows both, told by size."""
+"""Stamps above (35 years) count since 1970, not since boot; MAVLink allows both."""
 
 
 class BootTime:
@@ -303,7 +303,7 @@ class CompanionTime:
     """Lay the stamps of another component on the autopilot's time.
 
     It has a clock of its own. What it stamps arrives no sooner than it was sent, so that the
-    smallest delay lately seen tells how far the two clocks are apart.
+    smallest delay lately seen shows how far the two clocks are apart.
     """
 
     def __init__(self) -> None:

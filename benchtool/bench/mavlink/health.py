@@ -32,7 +32,7 @@ ARMING_S = 1.5
 """So long after the first order the heartbeat may still show disarmed: it comes once a second."""
 
 WARNING = 4
-"""MAV_SEVERITY: what is told as a notice, as information or for debugging ends nothing."""
+"""MAV_SEVERITY: what comes as a notice, as information or for debugging ends nothing."""
 
 RESTARTED = "the autopilot restarted"
 

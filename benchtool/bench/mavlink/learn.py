@@ -124,7 +124,7 @@ def _wiring(
 
 
 def _version(link: MavlinkLink, clock: Callable[[], float]) -> tuple[str, str]:
-    """Return the autopilot's own name and its version, as far as it tells them."""
+    """Return the autopilot's own name and its version, as far as it reports them."""
     found: list[Message] = []
     before = link.on_message
 
@@ -136,8 +136,8 @@ def _version(link: MavlinkLink, clock: Callable[[], float]) -> tuple[str, str]:
     link.on_message = listen
     try:
         number = float(link.words.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
-        ask = MavCommand(REQUEST_MESSAGE, (number, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
-        if link.exchange(ask) == ACCEPTED:
+        request = MavCommand(REQUEST_MESSAGE, (number, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+        if link.exchange(request) == ACCEPTED:
             until_s = clock() + VERSION_S
             while not found and clock() < until_s:
                 link.pump(0.02)
@@ -224,7 +224,7 @@ LEAST_LISTEN_S = 0.4
 can hold a process up for that long."""
 
 NEEDED = dict.fromkeys(ESC_TELEMETRY, 6)
-"""So many of a message must come to know what lives in it: ESCs that tell something have counts
+"""So many of a message must come to know what lives in it: ESCs that report something have counts
 that move, at 10 Hz and more, and their message comes at 20 Hz."""
 
 FRAME_BYTES, SIGNATURE_BYTES = 12, 13
@@ -319,7 +319,7 @@ def check_fit(settings: MavlinkSettings, rate_Hz: float, n_rotors: int, baud: in
 
 
 def fits(settings: MavlinkSettings, rate_Hz: float, n_rotors: int, baud: int) -> bool:
-    """Tell whether everything that is asked for fits a serial line."""
+    """Return whether everything that is asked for fits a serial line."""
     return not baud or BITS_PER_BYTE * _bytes_per_s(settings, rate_Hz, n_rotors) <= baud
 
 

@@ -1,4 +1,4 @@
-"""The host's end of a MAVLink link: who is there, orders until acknowledged, heartbeats, news."""
+"""The host's end of a MAVLink link: who is there, acknowledged orders, heartbeats, messages."""
 
 from __future__ import annotations
 
@@ -274,7 +274,7 @@ class MavlinkLink:
         self.on_message(message, arrived_s)
 
     def is_own(self, message: Message) -> bool:
-        """Tell whether the autopilot itself sends it, and no companion or gimbal of its system."""
+        """Return whether the autopilot itself sends it, no companion or gimbal of its system."""
         return bool(message.get_srcComponent() == self.component)
 
     def take_gap(self) -> LinkGap | None:

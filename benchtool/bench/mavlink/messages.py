@@ -24,7 +24,7 @@ def dialect() -> Any:
 
 
 ESC_STATUS = 291
-"""Number of the message in which PX4 tells the speeds of four ESCs; pymavlink 2.4.50 lacks it."""
+"""Number of the message in which PX4 reports the speeds of four ESCs; pymavlink 2.4.50 lacks it."""
 
 
 def _esc_status(parent: Any) -> Any:

@@ -243,17 +243,17 @@ GAP_S = 0.15
 """Outputs come at 10 Hz at least; a longer pause is one of the link or of the reader."""
 
 UNTOLD_S = 1.0
-"""Motors do not turn for longer without their outputs being told; a choice."""
+"""Motors do not turn for longer without their outputs being reported; a choice."""
 
 UNTOLD_AT_REST_S = 3.0
 """The same at rest: an autopilot that has started anew has forgotten what it was asked for."""
 
 
 class OutputWatch:
-    """Compare what outputs tell with what they were told.
+    """Compare what outputs report with what was commanded.
 
     Attributes:
-        shown: whether every output, as last told, shows what was commanded.
+        shown: whether every output, as last reported, shows what was commanded.
 
     Args:
         stop_us: pulse of a motor that stands; outputs without any pulse stand as well.
@@ -269,7 +269,7 @@ class OutputWatch:
         self.shown = False
 
     def reported_since(self, time_s: float) -> bool:
-        """Tell whether outputs were told after a wall time."""
+        """Return whether outputs were reported after a wall time."""
         return self._heard_s is not None and self._heard_s > time_s
 
     def command(self, wanted: Mapping[int, tuple[int, float]], now_s: float) -> None:
@@ -288,7 +288,7 @@ class OutputWatch:
         self.shown = False
 
     def seen(self, outputs_us: tuple[int, ...], now_s: float) -> tuple[int, int] | None:
-        """Note what outputs tell; a pulse commanded a moment ago is as good as the present one.
+        """Note what outputs report; a pulse commanded a moment ago is as good as the present one.
 
         Returns:
             a rotor whose output was not known, and the only output that follows it (from 1).
@@ -319,7 +319,7 @@ class OutputWatch:
         """Return what is wrong in a sentence, None while nothing is.
 
         Args:
-            outputs_us: pulse of every output, as last told.
+            outputs_us: pulse of every output, as last reported.
             lost_s: since the last acknowledgement of an order that is sent again and again.
             slowest_s: longest time that an acknowledgement took.
         """

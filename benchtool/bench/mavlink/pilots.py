@@ -1,4 +1,4 @@
-"""How each autopilot is told to turn motors, and what it allows. Pure: commands as numbers.
+"""How each autopilot is commanded to turn motors, and what it allows. Pure: commands as numbers.
 
 A pilot is chosen by the heartbeat. Every command dies by itself after `TIMEOUT_S`, so that motors
 stand still soon after the host has died; it is sent again every `RESEND_S`.
@@ -120,7 +120,7 @@ class Pilot(Protocol):
         """Whether its heartbeat shows armed while a motor test runs."""
         ...
 
-    def n_motors(self, told: Mapping[str, float]) -> int | None:
+    def n_motors(self, parameters: Mapping[str, float]) -> int | None:
         """Return how many motors its parameters say that it has, None when they do not."""
         ...
 
@@ -129,8 +129,8 @@ class Pilot(Protocol):
         """Parameters without which pulses cannot be kept within the autopilot's own range."""
         ...
 
-    def pulses(self, told: Mapping[str, float]) -> PulseRange:
-        """Return the pulses that its parameters tell.
+    def pulses(self, parameters: Mapping[str, float]) -> PulseRange:
+        """Return the pulses that its parameters give.
 
         Raises:
             ProtocolError: the autopilot's range makes no sense.
@@ -159,17 +159,17 @@ class ArduPilot:
     arms = True
     together = False
 
-    def n_motors(self, told: Mapping[str, float]) -> int | None:
-        return MOTORS_OF_FRAME.get(round(told.get("FRAME_CLASS", 0.0)))
+    def n_motors(self, parameters: Mapping[str, float]) -> int | None:
+        return MOTORS_OF_FRAME.get(round(parameters.get("FRAME_CLASS", 0.0)))
 
-    def pulses(self, told: Mapping[str, float]) -> PulseRange:
-        low_us, high_us = told["MOT_PWM_MIN"], told["MOT_PWM_MAX"]
+    def pulses(self, parameters: Mapping[str, float]) -> PulseRange:
+        low_us, high_us = parameters["MOT_PWM_MIN"], parameters["MOT_PWM_MAX"]
         if not LEAST_US <= low_us < high_us <= LONGEST_US:
             raise ProtocolError(
                 f"MOT_PWM_MIN is {low_us:g} us and MOT_PWM_MAX {high_us:g} us, but benchtool needs "
                 f"{LEAST_US:g} to {LONGEST_US:g} us, the less first; set them on the autopilot"
             )
-        idle_us = low_us + told.get("MOT_SPIN_ARM", 0.1) * (high_us - low_us)
+        idle_us = low_us + parameters.get("MOT_SPIN_ARM", 0.1) * (high_us - low_us)
         return PulseRange(low_us, low_us, high_us, idle_us)
 
     def turn(self, pulses_us: Mapping[int, float], pulses: PulseRange) -> tuple[MavCommand, ...]:
@@ -208,12 +208,15 @@ class Px4:
     arms = False
     together = True
 
-    def n_motors(self, told: Mapping[str, float]) -> int | None:
-        return round(told.get("CA_ROTOR_COUNT", 0.0)) or None
+    def n_motors(self, parameters: Mapping[str, float]) -> int | None:
+        return round(parameters.get("CA_ROTOR_COUNT", 0.0)) or None
 
-    def pulses(self, told: Mapping[str, float]) -> PulseRange:
-        low_us, high_us = told.get("PWM_MAIN_MIN1", 1100.0), told.get("PWM_MAIN_MAX1", 1900.0)
-        stop_us = told.get("PWM_MAIN_DIS1", 1000.0)
+    def pulses(self, parameters: Mapping[str, float]) -> PulseRange:
+        low_us, high_us = (
+            parameters.get("PWM_MAIN_MIN1", 1100.0),
+            parameters.get("PWM_MAIN_MAX1", 1900.0),
+        )
+        stop_us = parameters.get("PWM_MAIN_DIS1", 1000.0)
         return PulseRange(stop_us, low_us, high_us, low_us)
 
     def turn(self, pulses_us: Mapping[int, float], pulses: PulseRange) -> tuple[MavCommand, ...]:

@@ -25,7 +25,7 @@ UNKNOWN_U16 = 65535
 OUTPUTS = 16
 
 DISTANCES = ("virtual world", "DISTANCE_SENSOR", "RANGEFINDER")
-"""What tells the plate's distance, the best first."""
+"""What reports the plate's distance, the best first."""
 
 _RAW = attrgetter(*(f"servo{number + 1}_raw" for number in range(OUTPUTS)))
 
@@ -35,8 +35,8 @@ class MavlinkRows:
 
     Attributes:
         time: the autopilot's clock.
-        outputs_us: (16,) pulse of every output as last told, 0 where there is none.
-        speeds_rpm: speed that each ESC (by its place, from 1) last told.
+        outputs_us: (16,) pulse of every output as last reported, 0 where there is none.
+        speeds_rpm: speed that each ESC (by its place, from 1) last reported.
         speeds: which speed message lives.
 
     Args:
@@ -96,7 +96,7 @@ class MavlinkRows:
     def live_columns(self) -> NDArray[np.intp]:
         """Return the columns that have had a value so far.
 
-        Rotors whose output is not known yet get ESCs that tell something: at rest all read 0.
+        Rotors whose output is not known yet get ESCs that report something: at rest all read 0.
         """
         n = self._wiring.n_rotors
         unknown = [rotor for rotor, output in enumerate(self._wiring.outputs) if not output]
@@ -153,7 +153,7 @@ class MavlinkRows:
                 self._row[column] = value
                 self._reported.add(column)
                 return
-            # Told twice within a millisecond, or late: next to the row that it belongs to.
+            # Reported twice within a millisecond, or late: next to the row that it belongs to.
             time_us = self._row_us + 1
         self._row = self._blank.copy()
         self._row_us = max(time_us, self._row_us + 1)
@@ -248,7 +248,7 @@ class MavlinkRows:
             self._plate(message.distance, self.time.last_us, "RANGEFINDER")
 
     def _plate(self, z_m: float, time_us: int, source: str) -> None:
-        """Write the plate's distance from the best source that has told one."""
+        """Write the plate's distance from the best source that has reported one."""
         self._best_distance = min(source, self._best_distance or source, key=DISTANCES.index)
         if source == self._best_distance:
             self._put(time_us, self._at["plate_z_m"], z_m)
@@ -310,7 +310,7 @@ class SpeedSources:
         self._messages: list[str] = []
 
     def take(self, source: str, rotor: int, rpm: float, driven: bool, time_us: int) -> bool:
-        """Note a reading; tell whether it is the speed of that rotor (from 0).
+        """Note a reading; return whether it is the speed of that rotor (from 0).
 
         Args:
             source: one of `SPEED_SOURCES`.
@@ -340,8 +340,8 @@ class SpeedSources:
 
     def take_messages(self) -> list[str]:
         """Return what was found out since the last call, in words."""
-        news, self._messages = self._messages, []
-        return news
+        messages, self._messages = self._messages, []
+        return messages
 
     def _bury(self, rotor: int, source: str) -> None:
         state = self._rotors[rotor]

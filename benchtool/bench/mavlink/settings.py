@@ -65,7 +65,7 @@ class ThrustSource:
 
 
 THRUST = ThrustSource()
-"""A single value called `thrust`: what a script or a companion sends unless told otherwise."""
+"""A single value called `thrust`: what a script or a companion sends by default."""
 
 NO_THRUST = ThrustSource(name="")
 """A name that no message has, for a load cell that hangs elsewhere."""
@@ -100,7 +100,7 @@ class Wiring:
 
 
 def channels_of(n_rotors: int) -> tuple[Channel, ...]:
-    """Return everything that an autopilot can tell about so many rotors, in order."""
+    """Return everything that an autopilot can report about so many rotors, in order."""
     numbers = range(1, n_rotors + 1)
     return (
         *(Channel(f"pwm{i}_us", "pwm_us", f"output that drives rotor {i}") for i in numbers),
@@ -188,8 +188,8 @@ LEAST_HZ, MOST_HZ = 10.0, 1000.0
 """Rates at which outputs are asked for: too rarely, and nobody sees soon what they do."""
 
 RATE_HZ, PITCH_HZ = 50.0, 250.0
-"""Unless told otherwise. A loop on board moves its outputs some hundred times a second; what is not
-told of them turns the beam and looks like a disturbance."""
+"""By default. A loop on board moves its outputs some hundred times a second; what is not reported
+of them turns the beam and looks like a disturbance."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -148,7 +148,7 @@ def in_order(
 
 
 AGAIN_S = 0.5
-"""A place that was not taken note of is told again after so long (wall time)."""
+"""A place that was not acknowledged is sent again after so long (wall time)."""
 
 ARRIVE_S = 120.0
 
@@ -175,7 +175,7 @@ class PlateListener(Protocol):
 def move_virtual_plate(
     bench: PlateListener, link: MavlinkLink, place: tuple[float, float, float]
 ) -> None:
-    """Tell the virtual world where the plate shall stand, and wait until it does.
+    """Send the virtual world where the plate shall stand, and wait until it does.
 
     Args:
         place: distance m, lateral position m, tilt rad.

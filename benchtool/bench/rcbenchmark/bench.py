@@ -185,7 +185,7 @@ class RcbBench(Opened):
             self._note()
             if self._rows:
                 return self._readings()
-            # What was read before a stop is handed out first: no sample is lost to its news.
+            # What was read before a stop is handed out first: no sample is lost to it.
             if not self._reported:
                 self._raise_if_stopped()
             left_s = deadline_s - self._clock()

@@ -205,13 +205,13 @@ def _reading(said: Mapping[str, Any], name: str, unit: str) -> float:
     value = entry.get("workingValue") if isinstance(entry, dict) else None
     if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
         return nan
-    spelled = str(entry.get("workingUnit", "")) if isinstance(entry, dict) else ""
-    if name == "vibration" and spelled.lower() == "g":
+    unit_text = str(entry.get("workingUnit", "")) if isinstance(entry, dict) else ""
+    if name == "vibration" and unit_text.lower() == "g":
         return value * STANDARD_GRAVITY_M_S2
-    ours = UNITS.get(spelled.lower())
+    ours = UNITS.get(unit_text.lower())
     if ours is None or unit_named(ours).dimension != unit_named(unit).dimension:
         raise ProtocolError(
-            f"the stand tells {name} in {spelled!r}, which is no known unit of it; known: "
+            f"the stand tells {name} in {unit_text!r}, which is no known unit of it; known: "
             f"{', '.join(sorted(UNITS))}"
         )
     return from_si(to_si(float(value), ours), unit)

@@ -63,7 +63,7 @@ HALT_TRIES = 3
 class SerialBench(Opened):
     """Drive a device that speaks the bench protocol.
 
-    Time of this bench is wall time, multiplied by the speed that a virtual device tells in its
+    Time of this bench is wall time, multiplied by the speed that a virtual device gives in its
     hello; every `timeout_s` is in that time. Link time-outs and the watchdog are wall time.
 
     Args:
@@ -223,9 +223,9 @@ class SerialBench(Opened):
             # that stand under the pulse that the host commanded last.
             if not self._reported:
                 self._raise_if_stopped()
-            if (kept := self._ahead.take()) is not None:
+            if (waiting := self._ahead.take()) is not None:
                 self._silent_since_s = None
-                return kept
+                return waiting
             left_s = deadline_s - self._clock()
             if left_s <= 0.0:
                 return self._ahead.read(self._no_samples)
@@ -239,9 +239,9 @@ class SerialBench(Opened):
 
     def _baud(self) -> int:
         """Return the rate of the slower end's line, 0 where there is no such limit."""
-        told = self._known().baud
+        device_baud = self._known().baud
         opened = self._conversation.transport.baud
-        return min(told, opened) if told and opened else told
+        return min(device_baud, opened) if device_baud and opened else device_baud
 
     def _order(self, command: Command, moves: bool = False) -> None:
         self._known()
@@ -288,7 +288,7 @@ class SerialBench(Opened):
             )
 
     def _note(self) -> None:
-        """Take the device's news: what stopped it, where the plate is, what it says."""
+        """Take the device's events: what stopped it, where the plate is, what it says."""
         for event in self._conversation.take_events():
             self._messages.append(f"{event.kind}: {event.text}")
             if event.stops_motors:

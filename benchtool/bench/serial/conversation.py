@@ -1,4 +1,4 @@
-"""The host's end of the wire: hello, numbered commands until acknowledged, heartbeats, news."""
+"""The host's end of the wire: hello, numbered commands until acknowledged, heartbeats, messages."""
 
 from __future__ import annotations
 
@@ -211,7 +211,7 @@ class Conversation:
         return True
 
     def take_events(self) -> list[DeviceEvent]:
-        """Return the device's news since the last call, oldest first."""
+        """Return the device's events since the last call, oldest first."""
         events, self._events = self._events, []
         return events
 

@@ -241,7 +241,7 @@ def signed_step(new: int, old: int, modulus: int) -> int:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sorted:
-    """Hold which samples of a block are kept, in their order.
+    """Hold which samples of a block are used, in their order.
 
     Attributes:
         rows: (m,) indices into the block.
@@ -259,7 +259,7 @@ class Sorted:
 class SampleOrder:
     """Put blocks of samples in order by their numbers and device times.
 
-    Within a block samples are sorted. A gap longer than half of the numbers' range is told from a
+    Within a block samples are sorted. A gap longer than half of the numbers' range differs from a
     shorter one by the device time that has passed, once two neighbours have shown the period.
     """
 
@@ -292,7 +292,7 @@ class SampleOrder:
 
     def _search(self, stamps: list[list[int]]) -> Sorted:
         """Take a block sample by sample."""
-        kept: dict[int, tuple[int, int]] = {}  # row and time by place
+        used: dict[int, tuple[int, int]] = {}  # row and time by place
         handed_on = None if self._newest is None else self._place
         repeated = 0
         for row, (number, time_us) in enumerate(stamps):
@@ -311,17 +311,17 @@ class SampleOrder:
                         step, step_us = 1, max(1, round(self._period_us))
             self._doubted = None
             place, unwrapped_us = self._place + step, self._time_us + step_us
-            if place in kept or (handed_on is not None and place <= handed_on):
+            if place in used or (handed_on is not None and place <= handed_on):
                 repeated += 1
                 continue
-            kept[place] = row, unwrapped_us
+            used[place] = row, unwrapped_us
             if step > 0:
                 if step == 1:
                     self._period_us = float(step_us)
                 self._newest, self._place, self._time_us = (number, time_us), place, unwrapped_us
-        order = sorted(kept)
+        order = sorted(used)
         before = handed_on if handed_on is not None else order[0] - 1 if order else self._place
-        rows = np.array([kept[place] for place in order], np.int64).reshape(-1, 2)
+        rows = np.array([used[place] for place in order], np.int64).reshape(-1, 2)
         lost = self._place - before - len(order)
         return Sorted(rows[:, 0], rows[:, 1], lost, repeated)
 

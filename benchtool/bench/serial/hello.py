@@ -179,25 +179,25 @@ def hello_from(lines: Iterable[Sequence[str]]) -> Hello:
             single[key] = fields
     _check(single, channels)
     # What may be left out.
-    told: dict[str, Sequence[str]] = {"watchdog": ["250"], "plate": ["0"], "simulated": ["0"]}
-    told |= {"frame": ["128"], "baud": [str(UNLIMITED_BAUD)], "speed": ["1"]}
-    told |= {"loop": ["0"]} | single
-    stop_us = _number("stop pulse", told["pwm"][0], 0.0, 20e3)
+    given: dict[str, Sequence[str]] = {"watchdog": ["250"], "plate": ["0"], "simulated": ["0"]}
+    given |= {"frame": ["128"], "baud": [str(UNLIMITED_BAUD)], "speed": ["1"]}
+    given |= {"loop": ["0"]} | single
+    stop_us = _number("stop pulse", given["pwm"][0], 0.0, 20e3)
     return Hello(
-        version=int(told["protocol"][0]),
-        device_id=_text("device", told["device"][0]),
-        firmware=_text("firmware", told["firmware"][0]),
-        n_rotors=_whole("rotors", told["rotors"][0], 1, 64),
+        version=int(given["protocol"][0]),
+        device_id=_text("device", given["device"][0]),
+        firmware=_text("firmware", given["firmware"][0]),
+        n_rotors=_whole("rotors", given["rotors"][0], 1, 64),
         pwm_stop_us=stop_us,
-        pwm_idle_us=_number("idle pulse", told["pwm"][1], stop_us, 20e3),
-        rate_Hz=_number("rate", told["rate"][0], 0.01, 1e6),
-        watchdog_s=_number("watchdog", told["watchdog"][0], 100.0, 10e3) / 1000.0,
-        moves_plate=_whole("plate", told["plate"][0], 0, 1) == 1,
-        simulated=_whole("simulated", told["simulated"][0], 0, 1) == 1,
-        frame_bytes=_whole("frame", told["frame"][0], 8, MAX_LINE_BYTES),
-        baud=_whole("baud", told["baud"][0], 0, 100_000_000),
-        speed=_number("speed", told["speed"][0], 0.001, LARGEST_SPEED),
-        has_loop=_whole("loop", told["loop"][0], 0, 1) == 1,
+        pwm_idle_us=_number("idle pulse", given["pwm"][1], stop_us, 20e3),
+        rate_Hz=_number("rate", given["rate"][0], 0.01, 1e6),
+        watchdog_s=_number("watchdog", given["watchdog"][0], 100.0, 10e3) / 1000.0,
+        moves_plate=_whole("plate", given["plate"][0], 0, 1) == 1,
+        simulated=_whole("simulated", given["simulated"][0], 0, 1) == 1,
+        frame_bytes=_whole("frame", given["frame"][0], 8, MAX_LINE_BYTES),
+        baud=_whole("baud", given["baud"][0], 0, 100_000_000),
+        speed=_number("speed", given["speed"][0], 0.001, LARGEST_SPEED),
+        has_loop=_whole("loop", given["loop"][0], 0, 1) == 1,
         channels=tuple(channels),
         channel_rates_Hz=tuple(rates_Hz),
         limits=limits,

@@ -186,7 +186,7 @@ class GrblStage:
         """Ask for the state until a hold stands; `~` is ignored until then, a reset loses steps."""
         longest_s = STILL_S + self._stopping_s()
         deadline_s = self._clock() + longest_s
-        while (report := self._link.ask(pause)).words in ("Run", "Hold:1"):
+        while (report := self._link.request_report(pause)).words in ("Run", "Hold:1"):
             if self._clock() > deadline_s:
                 raise StageError(
                     f"{self._link.name} still says {report.words} {longest_s:.0f} s after the "

@@ -153,7 +153,7 @@ class GrblLink:
         report_s = asked_s = self._clock()
         while True:
             if self._clock() - report_s > ANSWER_S:
-                self._transport.write(HOLD)  # it may hear what it cannot answer
+                self._transport.write(HOLD)  # it may receive what it cannot answer
                 raise self.given_up(what, ANSWER_S)
             if self._clock() - asked_s >= ASK_S:
                 asked_s = self._clock()
@@ -175,7 +175,7 @@ class GrblLink:
             for word in self._receive():
                 self._raise_for(word, what)
 
-    def ask(self, pause: Pause) -> StatusReport:
+    def request_report(self, pause: Pause) -> StatusReport:
         """Return a status report; asked again every `ASK_S`, as a byte may be lost."""
         what = "a question for its state"
         self._throw_away(what)
@@ -193,7 +193,7 @@ class GrblLink:
     def position_mm(self, pause: Pause) -> dict[str, float]:
         """Return the machine position by axis letter; asks until it can be known."""
         for _ in range(MOST_REPORTS):
-            place = self.place_mm(self.ask(pause))
+            place = self.place_mm(self.request_report(pause))
             if place is not None:
                 return place
         raise StageError(

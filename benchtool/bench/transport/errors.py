@@ -1,4 +1,4 @@
-"""Foreign exceptions of ports and sockets, told apart once and turned into ours."""
+"""Foreign exceptions of ports and sockets, distinguished once and turned into ours."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ class Holder:
 def holders(port: str) -> tuple[Holder, ...]:
     """Return the processes that have `port` open; empty where the system does not say.
 
-    Linux tells it in /proc for one's own processes. A process that also holds a pseudo-terminal's
+    Linux has it in /proc for one's own processes. A process that also holds a pseudo-terminal's
     master is the terminal itself, not a user of it, and counts only when nobody else is found.
     """
     target = os.path.realpath(port)

@@ -106,7 +106,7 @@ class UdpSocket:
 
     Args:
         listen: True binds and answers whoever has sent; False sends to `host` first, and only
-            datagrams from that very address and port are heard.
+            datagrams from that very address and port are received.
         own_port: port of ours that `host` sends to, 0 for any.
     """
 
