@@ -46,7 +46,7 @@ def kind_of(received: bytes) -> Kind:
 
 
 def probe_answer(transport: Transport, clock: Callable[[], float]) -> bytes:
-    """Knock on an open transport and return what answers, perhaps nothing."""
+    """Send the probe on an open transport and return what answers, perhaps nothing."""
     transport.write(PROBE)
     received, until_s = b"", clock() + PROBE_S
     while (left_s := until_s - clock()) > 0.0:
@@ -54,92 +54,60 @@ def probe_answer(transport: Transport, clock: Callable[[], float]) -> bytes:
     return received
 
 
-def not_mavlink(received: bytes) -> str:
-    """Return the end of a sentence that begins with the address of an expected autopilot."""
-    shown = _shown(received)
-    match kind_of(received):
-        case "bench":
-            return "speaks the bench protocol, not MAVLink; use a serial: or tcp: address for it"
-        case "grbl":
-            return "is a G-code stage, not an autopilot; give it as --stage grbl:PORT"
-        case "stand":
-            return "is a script of the RCbenchmark GUI, not an autopilot; use rcbudp: for it"
-        case "text":
-            return (
-                f"sends text ({shown}), not MAVLink; it is another device, or the autopilot's "
-                f"console port: choose its telemetry port"
-            )
-        case "noise":
-            return (
-                f"sends bytes that are not MAVLink ({shown}); the baud rate is wrong: try 57600 or "
-                f"115200"
-            )
-        case _:
-            return (
-                f"sends bytes of which none makes a whole MAVLink frame ({shown}); the baud rate "
-                f"is wrong, or another program reads from the same port"
-            )
+Expected = Literal["mavlink", "bench", "stage", "bridge"]
+
+SENTENCES: dict[Expected, dict[Kind | Literal["else"], str]] = {
+    "mavlink": {
+        "bench": "speaks the bench protocol, not MAVLink; use a serial: or tcp: address for it",
+        "grbl": "is a G-code stage, not an autopilot; give it as --stage grbl:PORT",
+        "stand": "is a script of the RCbenchmark GUI, not an autopilot; use rcbudp: for it",
+        "text": "sends text ({shown}), not MAVLink; it is another device, or the autopilot's "
+        "console port: choose its telemetry port",
+        "noise": "sends bytes that are not MAVLink ({shown}); the baud rate is wrong: try 57600 or "
+        "115200",
+        "else": "sends bytes of which none makes a whole MAVLink frame ({shown}); the baud rate "
+        "is wrong, or another program reads from the same port",
+    },
+    "bench": {
+        "bench": "speaks the bench protocol, but gave no hello that can be read; the line loses "
+        "bytes, or its firmware is not whole: look at the cable, then at the firmware",
+        "mavlink": "speaks MAVLink: it is a flight controller; use mavlink:{place} for it",
+        "grbl": "is no bench: it is a G-code stage; give it as --stage grbl:{port}",
+        "stand": "is a script of the RCbenchmark GUI, not a bench; use rcbudp: for it",
+        "text": "sends text ({shown}), which is not the bench protocol; it is another device, or "
+        "a board with another program: `benchtool firmware` writes one for an Arduino",
+        "else": "sends bytes that are no text ({shown}), and benches speak text; the baud rate is "
+        "wrong: write the device's own as ?baud= (benchtool's firmware has 500000)",
+    },
+    "stage": {
+        "bench": "speaks the bench protocol: it is the bench, not a G-code stage; swap the ports",
+        "mavlink": "speaks MAVLink: it is a flight controller, not a G-code stage; swap the ports",
+        "noise": "sends bytes that are no text ({shown}); the baud rate is wrong: GRBL has 115200 "
+        "unless ?baud= says otherwise",
+        "frames": "sends bytes that are no text ({shown}); the baud rate is wrong: GRBL has 115200 "
+        "unless ?baud= says otherwise",
+        "else": "did not say its name after a reset, but sends text ({shown}); it is another "
+        "device, or no GRBL 1.1",
+    },
+    "bridge": {
+        "mavlink": "speaks MAVLink: it is a flight controller; use a mavlink: address for it",
+        "bench": "speaks the bench protocol, not that of a script in the GUI; check host and port",
+        "else": "sends {shown}, which no bridge script says; check host and port",
+    },
+}
+"""What a sentence that begins with an address ends in, by what was expected and what answers."""
 
 
-def not_a_bench(received: bytes, address: str) -> str:
-    """Return the end of a sentence that begins with the address of an expected bench."""
-    place, shown = address.partition("?")[0], _shown(received)
-    match kind_of(received):
-        case "bench":
-            return (
-                "speaks the bench protocol, but gave no hello that can be read; the line loses "
-                "bytes, or its firmware is not whole: look at the cable, then at the firmware"
-            )
-        case "mavlink":
-            return f"speaks MAVLink: it is a flight controller; use mavlink:{place} for it"
-        case "grbl":
-            return (
-                f"is no bench: it is a G-code stage; give it as --stage grbl:"
-                f"{place.partition(':')[2]}"
-            )
-        case "stand":
-            return "is a script of the RCbenchmark GUI, not a bench; use rcbudp: for it"
-        case "text":
-            return (
-                f"sends text ({shown}), which is not the bench protocol; it is another device, or "
-                f"a board with another program: `benchtool firmware` writes one for an Arduino"
-            )
-        case _:
-            return (
-                f"sends bytes that are no text ({shown}), and benches speak text; the baud rate is "
-                f"wrong: write the device's own as ?baud= (benchtool's firmware has 500000)"
-            )
-
-
-def not_a_stage(received: bytes) -> str:
-    """Return the end of a sentence that begins with the name of an expected G-code stage."""
-    shown = _shown(received)
-    match kind_of(received):
-        case "bench":
-            return "speaks the bench protocol: it is the bench, not a G-code stage; swap the ports"
-        case "mavlink":
-            return "speaks MAVLink: it is a flight controller, not a G-code stage; swap the ports"
-        case "noise" | "frames":
-            return (
-                f"sends bytes that are no text ({shown}); the baud rate is wrong: GRBL has 115200 "
-                f"unless ?baud= says otherwise"
-            )
-        case _:
-            return (
-                f"did not say its name after a reset, but sends text ({shown}); it is another "
-                f"device, or no GRBL 1.1"
-            )
-
-
-def not_the_bridge(received: bytes) -> str:
-    """Return the end of a sentence that begins with the address of an expected bridge script."""
-    match kind_of(received):
-        case "mavlink":
-            return "speaks MAVLink: it is a flight controller; use a mavlink: address for it"
-        case "bench":
-            return "speaks the bench protocol, not that of a script in the GUI; check host and port"
-        case _:
-            return f"sends {_shown(received)}, which no bridge script says; check host and port"
+def mismatch(expected: Expected, received: bytes, address: str = "") -> str:
+    """Return the end of a sentence that begins with the address of what was expected."""
+    known = SENTENCES[expected]
+    start = bytes(received[:40])
+    place = address.partition("?")[0]
+    return known.get(kind_of(received), known["else"]).format(
+        shown=repr(start if start.isascii() else start[:12]),
+        place=place,
+        port=place.partition(":")[2],
+    )
 
 
 def _is_grbl(received: bytes) -> bool:
@@ -149,9 +117,3 @@ def _is_grbl(received: bytes) -> bool:
     # The first and the last may be cut.
     whole = lines[1:-1] if len(lines) > 2 else lines
     return bool(whole) and not any(isinstance(parse_line(line), Other) for line in whole)
-
-
-def _shown(received: bytes) -> str:
-    """Return the first bytes, as many as are of use to somebody who reads them."""
-    start = bytes(received[:40])
-    return repr(start if start.isascii() else start[:12])

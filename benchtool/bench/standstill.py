@@ -36,8 +36,8 @@ ANSWER_S = 0.5
 """A motor driven for so long must show on its speed channel, or the channel shows no standstill."""
 
 MOMENT_S = 0.15
-"""A motor driven for longer than this turns, be it after it was commanded to stop: where its
-channel has never shown that, it shows no standstill. A choice: ESCs take 0.1 to 0.3 s to start a motor."""
+"""A motor driven for longer than this turns, even after a stop command: where its channel has
+never shown that, it shows no standstill. A choice: ESCs take 0.1 to 0.3 s to start a motor."""
 
 OUTPUT_SLACK_us = 3.0
 """Rounding of a stop pulse on its way to an output and back; a choice."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -25,7 +26,7 @@ from benchtool.simulate.pitch.own import PitchController
 from benchtool.simulate.pitch.run import PitchJob
 from benchtool.simulate.plate_bench import PlateBench
 from benchtool.virtual.faults import Fault, FaultyPlant, LinkFaults
-from benchtool.virtual.firmware import Firmware
+from benchtool.virtual.firmware import Firmware, Plant
 from benchtool.virtual.links import ServerLink
 from benchtool.virtual.pitch_plant import PitchPlant
 from benchtool.virtual.protocol import DeviceLink
@@ -200,35 +201,6 @@ def pitch_hello(plant: PitchPlant, seed: int) -> Hello:
     )
 
 
-def pitch_server(
-    physics: PitchPlant,
-    link: ServerLink,
-    *,
-    seed: int = 0,
-    speed: float = 1.0,
-    faults: Iterable[Fault] = (),
-    speak: Callable[[Firmware], ServedDevice] = DeviceLink,
-) -> BenchServer:
-    """Return a server whose device is a virtual pitch bench; `speak` is its protocol.
-
-    Raises:
-        InputError: a speed that makes no sense, or a fault of an unknown channel.
-    """
-    if not 0.0 < speed <= LARGEST_SPEED:
-        raise InputError(f"speed {speed:g} is outside 0 to {LARGEST_SPEED:g}; 1 is real time")
-    faults = tuple(faults)
-    plant = FaultyPlant(physics, faults)
-    hello = replace(pitch_hello(physics, seed), speed=speed)
-    link_rng = np.random.default_rng(np.random.SeedSequence(seed).spawn(1)[0])
-    return BenchServer(
-        speak(Firmware(plant, hello)),
-        link,
-        lambda: plant.rate_Hz,
-        LinkFaults(faults, link_rng),
-        plant.begin,
-    )
-
-
 def standard_truth(rig: Rig) -> str:
     """Return the name of the model that a virtual bench of this rig obeys by default."""
     return "single" if rig.n_discs == 1 else "quad_body_lift"
@@ -240,14 +212,36 @@ def virtual_server(
     link: ServerLink,
     *,
     seed: int = 0,
-    speed: float = 1.0,
     rate_Hz: float = 200.0,
     imperfections: Imperfections | None = None,
+    **more: Any,
+) -> BenchServer:
+    """Return a server whose device is the virtual bench of a rig; see `device_server`."""
+    plant = virtual_plant(rig, truth, seed, imperfections, rate_Hz)
+    # Sequence, time and checksum, then about nine characters for each value.
+    hello = replace(hello_of(plant, truth, seed), frame_bytes=26 + 9 * len(plant.channels))
+    return device_server(plant, hello, link, seed=seed, **more)
+
+
+def pitch_server(
+    physics: PitchPlant, link: ServerLink, *, seed: int = 0, **more: Any
+) -> BenchServer:
+    """Return a server whose device is a virtual pitch bench; see `device_server`."""
+    return device_server(physics, pitch_hello(physics, seed), link, seed=seed, **more)
+
+
+def device_server(
+    physics: Plant,
+    hello: Hello,
+    link: ServerLink,
+    *,
+    seed: int = 0,
+    speed: float = 1.0,
     faults: Iterable[Fault] = (),
     speak: Callable[[Firmware], ServedDevice] = DeviceLink,
     clock: Callable[[], float] = time.monotonic,
 ) -> BenchServer:
-    """Return a server whose device is the virtual bench of a rig; `speak` is its protocol.
+    """Return a server of a device; `speak` is its protocol.
 
     Raises:
         InputError: a speed or a rate that makes no sense, or a fault of an unknown channel.
@@ -255,18 +249,11 @@ def virtual_server(
     if not 0.0 < speed <= LARGEST_SPEED:
         raise InputError(f"speed {speed:g} is outside 0 to {LARGEST_SPEED:g}; 1 is real time")
     faults = tuple(faults)
-    physics = virtual_plant(rig, truth, seed, imperfections, rate_Hz)
     plant = FaultyPlant(physics, faults)
-    hello = replace(
-        hello_of(physics, truth, seed),
-        speed=speed,
-        # Sequence, time and checksum, then about nine characters for each value.
-        frame_bytes=26 + 9 * len(physics.channels),
-    )
     # A stream of random numbers of its own, apart from that of the physics.
     link_rng = np.random.default_rng(np.random.SeedSequence(seed).spawn(1)[0])
     return BenchServer(
-        speak(Firmware(plant, hello, clock())),
+        speak(Firmware(plant, replace(hello, speed=speed), clock())),
         link,
         lambda: plant.rate_Hz,
         LinkFaults(faults, link_rng),

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from benchtool.bench.clocks import Gaps
-from benchtool.bench.identify import not_mavlink, probe_answer
+from benchtool.bench.identify import mismatch, probe_answer
 from benchtool.bench.mavlink.frames import (
     AUTOPILOT_COMPONENT,
     GROUND_SYSTEM,
@@ -313,7 +313,7 @@ class MavlinkLink:
                 f"that the autopilot sends MAVLink to this port (`benchtool doctor` tries each "
                 f"cause)"
             )
-        return ProtocolError(f"{self._address} {not_mavlink(self._received)}")
+        return ProtocolError(f"{self._address} {mismatch('mavlink', self._received)}")
 
 
 def _ignore(message: Message, arrived_s: float) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from benchtool.bench.address import Address, Endpoint, is_loopback
-from benchtool.bench.identify import not_the_bridge
+from benchtool.bench.identify import mismatch
 from benchtool.bench.rcbenchmark.bridge_file import GUI_PORT, HOST_PORT, LOOPBACK
 from benchtool.bench.rcbenchmark.lines import BridgeDecoder, BridgeHello, BridgeLine, pulse_text
 from benchtool.bench.transport.transport import Transport
@@ -159,7 +159,7 @@ class BridgeLink:
                 f"the GUI ({WRITE_IT}), and check that the ports at its head are those of this "
                 f"address"
             )
-        return ProtocolError(f"{self._address} {not_the_bridge(self._received)}")
+        return ProtocolError(f"{self._address} {mismatch('bridge', self._received)}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

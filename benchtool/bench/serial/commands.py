@@ -5,9 +5,10 @@ Pure: text fields in, values out. `docs/reference/bench-protocol.md` documents e
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
 from math import isfinite
+from typing import Any
 
 from benchtool.core.errors import InputError, ProtocolError, UnknownChoice
 
@@ -26,12 +27,10 @@ class DeviceEvent:
 
 
 OLDEST_S = 0.5
-
 """Orders are refused from this age on: a host waits 5 x 100 ms for an answer and then commands a
 stop, so that an older order has been given up."""
 
 LATE = "late: "
-
 """How the reason of such a refusal begins."""
 
 
@@ -149,33 +148,26 @@ def _number(text: str) -> float:
     return value
 
 
-def _take(name: str, fields: Sequence[str], count: int) -> tuple[float, ...]:
-    if len(fields) != count:
-        raise ProtocolError(f"command {name} takes {count} fields, got {len(fields)}")
-    return tuple(_number(field) for field in fields)
-
-
-def _parse_limit(fields: Sequence[str]) -> Command:
-    if len(fields) != 2:
-        raise ProtocolError(f"command limit takes 2 fields, got {len(fields)}")
-    return SetLimit(fields[0], _number(fields[1]))
-
-
-_PARSERS: Mapping[str, Callable[[Sequence[str]], Command]] = {
-    "hello": lambda fields: RequestHello(int(_take("hello", fields, 1)[0])),
-    "pwm": lambda fields: SetPwm(tuple(_number(field) for field in fields)),
-    "plate": lambda fields: SendPlate(*_take("plate", fields, 3)),
-    "where": lambda fields: RequestPlate(*_take("where", fields, 0)),
-    "tare": lambda fields: TareDevice(*_take("tare", fields, 0)),
-    "rate": lambda fields: SetRate(*_take("rate", fields, 1)),
-    "limit": _parse_limit,
-    "stop": lambda fields: StopDevice(*_take("stop", fields, 0)),
-    "clear": lambda fields: Clear(*_take("clear", fields, 0)),
-    "arm": lambda fields: ArmDevice(*_take("arm", fields, 0)),
+COMMANDS: dict[str, type[Command]] = {
+    "hello": RequestHello,
+    "pwm": SetPwm,
+    "plate": SendPlate,
+    "where": RequestPlate,
+    "tare": TareDevice,
+    "rate": SetRate,
+    "limit": SetLimit,
+    "stop": StopDevice,
+    "clear": Clear,
+    "arm": ArmDevice,
 }
+"""Every command by its name on the wire; its fields follow in the order of the class."""
 
-COMMAND_NAMES: tuple[str, ...] = tuple(_PARSERS)
-"""Every command by its name on the wire."""
+_NAMES = {kind: name for name, kind in COMMANDS.items()}
+_READERS: dict[str, Callable[[str], float | str]] = {
+    "str": str,
+    "int": lambda text: int(_number(text)),
+    "float": _number,
+}
 
 
 def text_of(value: float) -> str:
@@ -187,37 +179,30 @@ def text_of(value: float) -> str:
 
 def fields_of(command: Command) -> tuple[str, ...]:
     """Return the command's name on the wire followed by its fields."""
-    match command:
-        case RequestHello(version):
-            return ("hello", str(version))
-        case SetPwm(pwm_us):
-            return ("pwm", *(text_of(value) for value in pwm_us))
-        case SendPlate(z_m, x_m, tilt_rad):
-            return ("plate", text_of(z_m), text_of(x_m), text_of(tilt_rad))
-        case RequestPlate():
-            return ("where",)
-        case TareDevice():
-            return ("tare",)
-        case SetRate(rate_Hz):
-            return ("rate", text_of(rate_Hz))
-        case SetLimit(name, value):
-            return ("limit", name, text_of(value))
-        case StopDevice():
-            return ("stop",)
-        case Clear():
-            return ("clear",)
-        case ArmDevice():
-            return ("arm",)
+    values = [getattr(command, field.name) for field in fields(command)]
+    if isinstance(command, SetPwm):
+        values = list(command.pwm_us)
+    texts = (value if isinstance(value, str) else text_of(value) for value in values)
+    return (_NAMES[type(command)], *texts)
 
 
-def command_from(fields: Sequence[str]) -> Command:
+def command_from(words: Sequence[str]) -> Command:
     """Read a command from its name and fields.
 
     Raises:
         UnknownChoice: no command of that name; the message lists the known ones.
         ProtocolError: the fields do not fit the command.
     """
-    name = fields[0] if fields else ""
-    if name not in _PARSERS:
-        raise UnknownChoice("command", name, COMMAND_NAMES)
-    return _PARSERS[name](fields[1:])
+    name = words[0] if words else ""
+    if name not in COMMANDS:
+        raise UnknownChoice("command", name, COMMANDS)
+    kind, given = COMMANDS[name], words[1:]
+    if kind is SetPwm:
+        return SetPwm(tuple(_number(text) for text in given))
+    needed = fields(kind)
+    if len(given) != len(needed):
+        raise ProtocolError(f"command {name} takes {len(needed)} fields, got {len(given)}")
+    read: list[Any] = [
+        _READERS[str(field.type)](text) for field, text in zip(needed, given, strict=True)
+    ]
+    return kind(*read)

@@ -7,7 +7,7 @@ from math import inf
 
 from benchtool.bench.bench import Readings
 from benchtool.bench.clocks import Gaps
-from benchtool.bench.identify import not_a_bench
+from benchtool.bench.identify import mismatch
 from benchtool.bench.serial.commands import (
     LATE,
     OLDEST_S,
@@ -261,7 +261,7 @@ class Conversation:
                 f"{self._address} is open, but nothing answered for {HELLO_S:g} s; check power, "
                 f"firmware and baud rate (`benchtool doctor` tries each cause)"
             )
-        raise ProtocolError(f"{self._address} {not_a_bench(self._received, self._address)}")
+        raise ProtocolError(f"{self._address} {mismatch('bench', self._received, self._address)}")
 
     def _note_time(self, text: str) -> None:
         """Note a device time that was read, unless it is older than what is known."""

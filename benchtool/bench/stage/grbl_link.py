@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
-from benchtool.bench.identify import not_a_stage, probe_answer
+from benchtool.bench.identify import mismatch, probe_answer
 from benchtool.bench.stage.grbl_lines import (
     HOLD,
     RESET,
@@ -99,7 +99,7 @@ class GrblLink:
                     return
         self._received = self._received or probe_answer(self._transport, self._clock)
         if self._received:
-            raise ProtocolError(f"{self.name} {not_a_stage(self._received)}")
+            raise ProtocolError(f"{self.name} {mismatch('stage', self._received)}")
         raise NoDevice(
             f"{self.name} did not answer a reset within {WAKE_S:g} s; check its power, port and "
             f"baud rate (GRBL: 115200)"

@@ -3,19 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 
 import numpy as np
 import pytest
 
-from benchtool.bench.identify import (
-    Kind,
-    kind_of,
-    not_a_bench,
-    not_a_stage,
-    not_mavlink,
-    not_the_bridge,
-)
+from benchtool.bench.identify import Expected, Kind, kind_of, mismatch
 from benchtool.bench.mavlink.frames import MavlinkFrames
 from benchtool.bench.mavlink.link import MavlinkLink
 from benchtool.bench.mavlink.messages import dialect
@@ -43,23 +35,20 @@ def test_what_speaks_is_known(kind: Kind) -> None:
     assert kind_of(HEARD[kind]) == kind
 
 
-def on_serial(heard: bytes) -> str:
-    return not_a_bench(heard, "serial:/dev/x?baud=9600")
-
-
 @pytest.mark.parametrize(
-    ("listener", "own", "sentences"),
+    ("expected", "own", "sentences"),
     [
-        (on_serial, None, 6),  # both kinds of garbage are a wrong baud rate
-        (not_mavlink, "mavlink", 6),
-        (not_a_stage, "grbl", 4),  # and a script of the GUI is text as any other
-        (not_the_bridge, "stand", 3),  # a socket has no baud rate
+        ("bench", None, 6),  # both kinds of garbage are a wrong baud rate
+        ("mavlink", "mavlink", 6),
+        ("stage", "grbl", 4),  # and a script of the GUI is text as any other
+        ("bridge", "stand", 3),  # a socket has no baud rate
     ],
 )
-def test_each_listener_tells_them_apart_in_one_sentence(
-    listener: Callable[[bytes], str], own: Kind | None, sentences: int
+def test_each_is_named_in_one_sentence(
+    expected: Expected, own: Kind | None, sentences: int
 ) -> None:
-    said = [listener(heard) for kind, heard in HEARD.items() if kind != own]
+    address = "serial:/dev/x?baud=9600"
+    said = [mismatch(expected, sent, address) for kind, sent in HEARD.items() if kind != own]
     assert not any("\n" in text for text in said)
     assert len({re.sub(r"b['\"].*['\"]", "", text) for text in said}) == sentences
 
@@ -77,7 +66,7 @@ def test_each_listener_tells_them_apart_in_one_sentence(
     ],
 )
 def test_a_bench_that_is_none_is_named(kind: Kind, said: str) -> None:
-    assert said in not_a_bench(HEARD[kind], "serial:/dev/x?baud=9600")
+    assert said in mismatch("bench", HEARD[kind], "serial:/dev/x?baud=9600")
 
 
 class Talker(ScriptedLink):

@@ -6,7 +6,6 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from tests.contracts.benches import RIG, TRUTH, bridged, looped
 
 from benchtool.bench.bench import Bench, Readings, Subscribable
 from benchtool.bench.mavlink.bench import MavlinkBench
@@ -16,6 +15,7 @@ from benchtool.testing.loopback_link import LoopbackLink
 from benchtool.virtual.autopilot import VirtualAutopilot
 from benchtool.virtual.devices import hello_of, virtual_plant
 from benchtool.virtual.firmware import Firmware
+from tests.contracts.benches import RIG, TRUTH, bridged, looped
 
 LONGEST_S = 0.15
 """Longest silence that a watcher may see."""
