@@ -56,9 +56,9 @@ def talk_on(link: ScriptedLink) -> MavlinkLink:
 def met(*turns: Turn, host: Side, device: Side) -> tuple[MavlinkLink, ScriptedLink]:
     """Give a conversation in which system 1 was found already."""
     link = ScriptedLink(Turn(host.says(ours()), device.says(beat())), *turns)
-    link = talk_on(link)
-    link.find(1)
-    return link, link
+    station = talk_on(link)
+    station.find(1)
+    return station, link
 
 
 def test_a_quiet_autopilot_is_found_by_its_heartbeat_and_asked() -> None:
@@ -66,9 +66,9 @@ def test_a_quiet_autopilot_is_found_by_its_heartbeat_and_asked() -> None:
     asked = interval("SERVO_OUTPUT_RAW", 50.0)
     opening = Turn(host.says(ours()), device.says(beat()))
     link = ScriptedLink(opening, Turn(host.says(command(asked)), device.says(ack(asked))))
-    link = talk_on(link)
-    assert link.find(1).autopilot == 3
-    assert link.exchange(asked) == ACCEPTED
+    station = talk_on(link)
+    assert station.find(1).autopilot == 3
+    assert station.exchange(asked) == ACCEPTED
     assert asked.parameters[:2] == (36.0, 20000.0)
     link.check_finished()
 
@@ -79,12 +79,12 @@ def test_an_acknowledgement_that_got_lost_is_asked_for_again() -> None:
     turn_it = ArduPilot().turn({2: 1150.0}, pulses)[0]
     assert turn_it.parameters == (2.0, 1.0, 1150.0, 0.25, 1.0, 0.0, 0.0)
     said = WORDS.MAVLink_statustext_message(6, b"something else", 0, 0)
-    link, link = met(host=host, device=device)
+    station, link = met(host=host, device=device)
     link._turns += [
         Turn(host.says(command(turn_it)), device.says(said)),
         Turn(host.says(command(turn_it)), device.says(ack(turn_it))),
     ]
-    assert link.exchange(turn_it) == ACCEPTED
+    assert station.exchange(turn_it) == ACCEPTED
     link.check_finished()
 
 
@@ -92,11 +92,11 @@ def test_no_acknowledgement_at_all_is_a_lost_link() -> None:
     host, device = Side(255, 190), Side(1, 1)
     stop = ArduPilot().stop((1, 2))[0]
     assert stop.parameters[3] == 0.0
-    link, link = met(host=host, device=device)
+    station, link = met(host=host, device=device)
     link._turns += [Turn(host.says(command(stop))) for _ in range(4)]
     said = r"did not acknowledge command 209, sent 4 times in 0\.4 s"
     with pytest.raises(LinkLost, match=said):
-        link.exchange(stop, (0.1,) * 4)
+        station.exchange(stop, (0.1,) * 4)
     link.check_finished()
 
 
@@ -108,11 +108,11 @@ def test_a_message_that_it_has_not_is_denied_with_its_words() -> None:
     link = ScriptedLink(
         Turn(host.says(ours()), answer[0]), Turn(host.says(command(asked)), answer[1])
     )
-    link = talk_on(link)
-    link.find(1)
+    station = talk_on(link)
+    station.find(1)
     received: list[str] = []
-    link.on_message = lambda message, _: received.append(message.msgname)
-    assert link.exchange(asked) == DENIED
+    station.on_message = lambda message, _: received.append(message.msgname)
+    assert station.exchange(asked) == DENIED
     assert received == ["COMMAND_ACK", "STATUSTEXT"]
     link.check_finished()
 
@@ -126,7 +126,7 @@ def test_denied_and_accepted_but_silent_are_told_apart() -> None:
     )
     orders = [interval(request.name, request.rate_Hz) for request in wanted]
     outputs = WORDS.MAVLink_servo_output_raw_message(1000, 0, *[1000] * 8)
-    link, link = met(host=host, device=device)
+    station, link = met(host=host, device=device)
     link._turns += [
         Turn(host.says(command(orders[0])), device.says(ack(orders[0]))),
         Turn(host.says(command(orders[1])), device.says(ack(orders[1]), outputs)),
@@ -139,8 +139,8 @@ def test_denied_and_accepted_but_silent_are_told_apart() -> None:
     def count(message: object, _: float) -> None:
         counts[message.msgname] = counts.get(message.msgname, 0) + 1
 
-    link.on_message = count
-    states = request_streams(link, wanted, counts.__getitem__, link.clock, speed=1.0)
+    station.on_message = count
+    states = request_streams(station, wanted, counts.__getitem__, link.clock, speed=1.0)
     assert states == {
         "SERVO_OUTPUT_RAW": "comes",
         "RPM": "accepted, but nothing comes",
@@ -152,13 +152,13 @@ def test_denied_and_accepted_but_silent_are_told_apart() -> None:
 def test_an_unknown_parameter_gets_no_answer_and_is_left_out() -> None:
     host, device = Side(255, 190), Side(1, 1)
     told = WORDS.MAVLink_param_value_message(b"MOT_PWM_MIN", 1000.0, 9, 900, 65535)
-    link, link = met(host=host, device=device)
+    station, link = met(host=host, device=device)
     link._turns += [
         Turn(host.says(ask("MOT_PWM_MIN")), device.says(told)),
         Turn(host.says(ask("NO_SUCH"))),
         Turn(host.says(ask("NO_SUCH"))),
     ]
-    assert link.parameters(("MOT_PWM_MIN", "NO_SUCH")) == {"MOT_PWM_MIN": 1000.0}
+    assert station.parameters(("MOT_PWM_MIN", "NO_SUCH")) == {"MOT_PWM_MIN": 1000.0}
     link.check_finished()
 
 
@@ -166,9 +166,9 @@ def test_a_whole_number_of_px4_comes_bit_by_bit() -> None:
     host, device = Side(255, 190), Side(1, 1)
     # 4 as the bits of a float.
     told = WORDS.MAVLink_param_value_message(b"CA_ROTOR_COUNT", 5.605193857299268e-45, 6, 9, 1)
-    link, link = met(host=host, device=device)
+    station, link = met(host=host, device=device)
     link._turns.append(Turn(host.says(ask("CA_ROTOR_COUNT")), device.says(told)))
-    assert link.parameters(("CA_ROTOR_COUNT",)) == {"CA_ROTOR_COUNT": 4.0}
+    assert station.parameters(("CA_ROTOR_COUNT",)) == {"CA_ROTOR_COUNT": 4.0}
     assert Px4().n_motors({"CA_ROTOR_COUNT": 4.0}) == 4
 
 
@@ -242,7 +242,7 @@ def test_what_is_meant_for_another_ground_station_is_passed_over() -> None:
     host, device = Side(255, 190), Side(1, 1)
     stop = ArduPilot().stop((1,))[0]
     other = WORDS.MAVLink_command_ack_message(209, 4, 0, 0, 250, 190)
-    link, link = met(host=host, device=device)
+    station, link = met(host=host, device=device)
     link._turns.append(Turn(host.says(command(stop)), device.says(other, ack(stop))))
-    assert link.exchange(stop) == ACCEPTED
+    assert station.exchange(stop) == ACCEPTED
     link.check_finished()
