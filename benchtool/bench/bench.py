@@ -208,11 +208,7 @@ def joined(parts: Sequence[Readings]) -> Readings:
 
 
 class Opened(ABC):
-    """Make a context manager of a driver that has `open` and `close`.
-
-    Attributes:
-        address: as the user gave it, for messages.
-    """
+    """Make a context manager of a driver that has `open` and `close`."""
 
     address = ""
     _identity: Identity | None = None

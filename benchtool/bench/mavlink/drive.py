@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import Protocol
 
 from benchtool.bench.mavlink.health import RESTARTED, SILENT_S, Health, silence_of
 from benchtool.bench.mavlink.learn import AutopilotInfo
@@ -24,69 +24,13 @@ ARM_WAIT_S = 3.0
 Outputs = tuple[int, ...]
 
 
-class Drive(Protocol):
+class Drive(ABC):
     """Turn motors, keep them turning while somebody reads, and stop them.
 
     Attributes:
         renews: whether motors turn by orders that lapse and are sent again.
+        highest_us: longest pulse that is commanded at present.
     """
-
-    renews: bool
-
-    @property
-    def highest_us(self) -> float:
-        """Longest pulse that is commanded at present."""
-        ...
-
-    def command(self, pulses_us: tuple[float, ...]) -> None:
-        """Command the pulse of every rotor: us.
-
-        Raises:
-            CommandRefused: the autopilot said no.
-            InputError: it cannot turn these together.
-            LinkLost: no acknowledgement came.
-        """
-        ...
-
-    def stop(self) -> None:
-        """Stop every motor at once."""
-        ...
-
-    def release(self) -> None:
-        """Stop what was turned by us, before the link is closed."""
-        ...
-
-    def stop_renewing(self) -> None:
-        """Send no order to turn again; those that were sent end by themselves."""
-        ...
-
-    def end(self) -> None:
-        """Send nothing at all any more: the autopilot has started anew."""
-        ...
-
-    def renew(self, now_s: float) -> str | None:
-        """Send what must be sent again; return why it is refused now, or None.
-
-        Raises:
-            HostPaused: the last order is so old that its motors stand.
-        """
-        ...
-
-    def seen(self, outputs_us: Outputs, now_s: float) -> tuple[int, int] | None:
-        """Note what the outputs report; return a rotor and its output, newly found out."""
-        ...
-
-    def shown(self) -> bool:
-        """Return whether the outputs, as last reported, show what is commanded."""
-        ...
-
-    def fault(self, outputs_us: Outputs, now_s: float) -> str | None:
-        """Return why the outputs do not show what was commanded, or None."""
-        ...
-
-
-class PitchDrive:
-    """Leave the motors to the autopilot's own loop: arm it or wait for that, and disarm it."""
 
     renews = False
 
@@ -98,13 +42,65 @@ class PitchDrive:
         arm: str,
         clock: Callable[[], float],
     ) -> None:
-        self._link, self._health, self._clock, self._arm = link, health, clock, arm
-        self._idle_us = autopilot.pulses.idle_us
-        self._driven = self._ended = False
+        self._link, self._autopilot, self._health = link, autopilot, health
+        self._arm, self._clock = arm, clock
+        self._ended = False
         self.highest_us = 0.0
 
+    @abstractmethod
     def command(self, pulses_us: tuple[float, ...]) -> None:
-        if sum(pulses_us) / len(pulses_us) <= self._idle_us:
+        """Command the pulse of every rotor: us.
+
+        Raises:
+            CommandRefused: the autopilot said no.
+            InputError: it cannot turn these together.
+            LinkLost: no acknowledgement came.
+        """
+
+    @abstractmethod
+    def stop(self) -> None:
+        """Stop every motor at once."""
+
+    @abstractmethod
+    def release(self) -> None:
+        """Stop what was turned by us, before the link is closed."""
+
+    def stop_renewing(self) -> None:  # noqa: B027 -- a loop on board has nothing to renew
+        """Send no order to turn again; those that were sent end by themselves."""
+
+    def end(self) -> None:
+        """Send nothing at all any more: the autopilot has started anew."""
+        self.stop_renewing()
+        self._ended = True
+
+    def renew(self, now_s: float) -> str | None:
+        """Send what must be sent again; return why it is refused now, or None.
+
+        Raises:
+            HostPaused: the last order is so old that its motors stand.
+        """
+        return None
+
+    def seen(self, outputs_us: Outputs, now_s: float) -> tuple[int, int] | None:
+        """Note what the outputs report; return a rotor and its output, newly found out."""
+        return None
+
+    def shown(self) -> bool:
+        """Return whether the outputs, as last reported, show what is commanded."""
+        return True
+
+    def fault(self, outputs_us: Outputs, now_s: float) -> str | None:
+        """Return why the outputs do not show what was commanded, or None."""
+        return None
+
+
+class PitchDrive(Drive):
+    """Leave the motors to the autopilot's own loop: arm it or wait for that, and disarm it."""
+
+    _driven = False
+
+    def command(self, pulses_us: tuple[float, ...]) -> None:
+        if sum(pulses_us) / len(pulses_us) <= self._autopilot.pulses.idle_us:
             if self._driven:
                 self.stop()
             return
@@ -137,25 +133,6 @@ class PitchDrive:
         # Whoever flies without us is not disarmed by us.
         if self._driven:
             self.stop()
-
-    def stop_renewing(self) -> None:
-        """Do nothing: the autopilot's own loop turns the motors."""
-
-    def end(self) -> None:
-        self._ended = True
-
-    def renew(self, now_s: float) -> str | None:
-        return None
-
-    def seen(self, outputs_us: Outputs, now_s: float) -> tuple[int, int] | None:
-        # The autopilot commands the outputs itself.
-        return None
-
-    def shown(self) -> bool:
-        return True
-
-    def fault(self, outputs_us: Outputs, now_s: float) -> str | None:
-        return None
 
 
 PAUSE_S = 0.15

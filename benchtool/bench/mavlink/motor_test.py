@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from benchtool.bench.mavlink.drive import Outputs
+from benchtool.bench.mavlink.drive import Drive, Outputs
 from benchtool.bench.mavlink.health import SILENT_S, Health
 from benchtool.bench.mavlink.learn import AutopilotInfo
 from benchtool.bench.mavlink.link import MavlinkLink
@@ -36,7 +36,7 @@ REASON_S = 0.1
 LOOK_S = 0.02
 
 
-class TestDrive:
+class TestDrive(Drive):
     """Turn motors by the autopilot's motor test, whose orders end by themselves.
 
     Stopped first is what turns and shall not: on ArduPilot an order for another motor leaves the
@@ -53,13 +53,11 @@ class TestDrive:
         arm: str,
         clock: Callable[[], float],
     ) -> None:
-        self._link, self._autopilot, self._health, self._clock = link, autopilot, health, clock
+        super().__init__(link, autopilot, health, arm, clock)
         self._outputs = OutputWatch(autopilot.pilot.name, autopilot.pulses.stop_us)
         self._known = list(autopilot.wiring.outputs)
         self._standing: tuple[MavCommand, ...] = ()
         self._turning: dict[int, float] = {}
-        self._ended = False
-        self.highest_us = 0.0
         self._sent_s = self._acked_s = 0.0
 
     def command(self, pulses_us: tuple[float, ...]) -> None:
@@ -113,10 +111,6 @@ class TestDrive:
 
     def stop_renewing(self) -> None:
         self._standing = ()
-
-    def end(self) -> None:
-        self.stop_renewing()
-        self._ended = True
 
     def renew(self, now_s: float) -> str | None:
         for command in {order.command for order in self._standing}:

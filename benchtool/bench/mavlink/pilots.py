@@ -6,10 +6,10 @@ stand still soon after the host has died; it is sent again every `RESEND_S`.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import nan
-from typing import Protocol
 
 from benchtool.bench.mavlink.messages import dialect
 from benchtool.core.errors import (
@@ -97,60 +97,49 @@ class PulseRange:
     idle_us: float
 
 
-class Pilot(Protocol):
-    """Be one kind of autopilot."""
+class Pilot(ABC):
+    """Be one kind of autopilot.
 
-    @property
-    def name(self) -> str:
-        """As people call it."""
-        ...
+    Attributes:
+        name: as people call it.
+        asked: parameters worth reading when the link opens.
+        required: those without which pulses cannot be bounded to the autopilot's own range.
+        together: whether several motors can turn in tests at the same time.
+        arms: whether its heartbeat shows armed while a motor test runs.
+    """
 
-    @property
-    def asked(self) -> tuple[str, ...]:
-        """Parameters worth reading when the link opens."""
-        ...
+    name: str
+    asked: tuple[str, ...]
+    required: tuple[str, ...] = ()
+    together: bool
+    arms: bool
 
-    @property
-    def together(self) -> bool:
-        """Whether several motors can turn in tests at the same time."""
-        ...
-
-    @property
-    def arms(self) -> bool:
-        """Whether its heartbeat shows armed while a motor test runs."""
-        ...
-
+    @abstractmethod
     def n_motors(self, parameters: Mapping[str, float]) -> int | None:
         """Return how many motors its parameters say that it has, None when they do not."""
-        ...
 
-    @property
-    def required(self) -> tuple[str, ...]:
-        """Parameters without which pulses cannot be kept within the autopilot's own range."""
-        ...
-
+    @abstractmethod
     def pulses(self, parameters: Mapping[str, float]) -> PulseRange:
         """Return the pulses that its parameters give.
 
         Raises:
             ProtocolError: the autopilot's range makes no sense.
         """
-        ...
 
+    @abstractmethod
     def turn(self, pulses_us: Mapping[int, float], pulses: PulseRange) -> tuple[MavCommand, ...]:
         """Return the orders that turn motors (by test number) at pulses above stop.
 
         Raises:
             InputError: it cannot turn these together, or a pulse lies outside of the range.
         """
-        ...
 
+    @abstractmethod
     def stop(self, motors: tuple[int, ...]) -> tuple[MavCommand, ...]:
         """Return the orders that stop motors at once."""
-        ...
 
 
-class ArduPilot:
+class ArduPilot(Pilot):
     """Turn motors by DO_MOTOR_TEST, one at a time."""
 
     name = "ArduPilot"
@@ -199,11 +188,10 @@ class ArduPilot:
         return (MavCommand(MOTOR_TEST, (motors[0], 1.0, 0.0, 0.0, 1.0, 0.0, 0.0)),)
 
 
-class Px4:
+class Px4(Pilot):
     """Turn motors by ACTUATOR_TEST, any number together."""
 
     name = "PX4"
-    required: tuple[str, ...] = ()
     asked = ("CA_ROTOR_COUNT", "PWM_MAIN_MIN1", "PWM_MAIN_MAX1", "PWM_MAIN_DIS1")
     arms = False
     together = True

@@ -33,12 +33,9 @@ UNPROTECTED = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Hello:
-    """Say who the device is and what it streams.
+    """Say who the device is and what it streams; see `Identity` for what both have.
 
     Attributes:
-        device_id: the device's own unchanging name (serial number).
-        firmware: name and version in the device's words.
-        n_rotors: how many motors can be commanded.
         channels: (c,) what a sample carries, in order.
         channel_rates_Hz: (c,) how often each channel has a new value.
         rate_Hz: stream rate that the device proposes.
@@ -46,13 +43,10 @@ class Hello:
         pwm_stop_us: pulse at which the motors stand still.
         pwm_idle_us: longest pulse at which the plate may move.
         watchdog_s: the motors stop after so long without a valid line, wall time.
-        moves_plate: whether the device moves the plate itself.
-        simulated: True when no physical motor turns.
         frame_bytes: longest sample frame, for the arithmetic of rate against baud.
         baud: what the device's serial port runs at, 0 where the link has no baud rate.
         speed: device seconds per wall second; 1 on every physical device.
         has_loop: a control loop on the device makes the pulses once it is armed.
-        facts: anything else worth keeping with a run.
     """
 
     device_id: str
