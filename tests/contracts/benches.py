@@ -8,8 +8,6 @@ from contextlib import contextmanager
 from dataclasses import replace
 from typing import NamedTuple
 
-from tests.contracts.text_stand_device import TextStandDevice, driver_of_the_page
-
 from benchtool.bench.bench import Bench
 from benchtool.bench.drivers import open_bench
 from benchtool.bench.guard import GuardedBench
@@ -34,6 +32,7 @@ from benchtool.virtual.firmware import Firmware
 from benchtool.virtual.links import ServerLink
 from benchtool.virtual.protocol import DeviceLink
 from benchtool.virtual.server import ServedDevice
+from tests.contracts.text_stand_device import TextStandDevice, driver_of_the_page
 
 RIG = rig_named("pquad_single")
 TRUTH = load_model("single", RIG).model

@@ -10,7 +10,6 @@ from contextlib import contextmanager
 
 import numpy as np
 import pytest
-from tests.contracts.benches import MAKERS, PITCH_MAKERS, STOP_US, served, simulated
 
 from benchtool.bench.bench import Bench
 from benchtool.bench.drivers import open_bench
@@ -18,6 +17,7 @@ from benchtool.core.errors import BenchError, BenchtoolError, InputError, LinkLo
 from benchtool.core.units import unit_named
 from benchtool.simulate.imperfections import Imperfections
 from benchtool.virtual.links import PtyLink, TcpLink
+from tests.contracts.benches import MAKERS, PITCH_MAKERS, STOP_US, served, simulated
 
 
 @pytest.fixture(params=[*MAKERS, "tcp", "pty"])

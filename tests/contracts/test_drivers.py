@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.contracts.benches import CASES, STOP_US, Case, stand_case
 
 import benchtool.bench
 import benchtool.virtual
@@ -18,6 +17,7 @@ from benchtool.bench.bench import Bench, Opened
 from benchtool.bench.drivers import DRIVERS, ends_of, load, open_bench, parse_address
 from benchtool.bench.wrappers import BenchWrapper
 from benchtool.core.errors import BenchError, BenchtoolError, DeviceStopped, UnknownChoice
+from tests.contracts.benches import CASES, STOP_US, Case, stand_case
 
 DOCS = Path(__file__).parents[2] / "docs" / "how-to" / "connect.md"
 DRIVEN = {name: case for name, case in CASES.items() if name != "replay"} | {"stand": stand_case}

@@ -209,7 +209,7 @@ class RunSupervisor:
             reading = pool.submit(prepare_run, run)
             while not reading.done():
                 bench.listen(READ_S)
-            bench.take_kept()
+            bench.take_unread()
             start = reading.result()
         if isinstance(start, str):
             raise InputError(start)

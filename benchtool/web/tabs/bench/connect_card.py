@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from nicegui import run, ui
 
-from benchtool.bench.drivers import SCHEMES
+from benchtool.bench.drivers import DRIVERS
 from benchtool.core.errors import BenchtoolError
 from benchtool.core.rig_file import rig_named, rig_names
 from benchtool.web.bench_process.commands import Connect, Disconnect, SetClockSpeed
@@ -108,9 +108,9 @@ class ConnectCard:
                 self._offer(f"sim:{rig}?rate=1000", "simulated at 1 kHz")
                 if any(rotor.x_m for rotor in rig_named(rig).rotors):
                     self._offer(f"sim:{rig}?{PITCH}", "simulated on a pitch hinge")
-            for name, scheme in SCHEMES.items():
+            for name, driver in DRIVERS.items():
                 if name not in ("sim", "serial"):
-                    self._offer(scheme.example, "an example to change")
+                    self._offer(driver.example, "an example to change")
 
     def _offer(self, address: str, what: str) -> None:
         item = ui.menu_item(on_click=lambda: self._address.set_value(address))
