@@ -27,7 +27,7 @@ from benchtool.core.errors import (
 from benchtool.virtual.firmware import Firmware
 from benchtool.virtual.links import PtyLink, ServerLink, TcpLink, link_named
 from benchtool.virtual.protocol import DeviceLink
-from benchtool.virtual.server import BenchServer
+from benchtool.virtual.server import BenchServer, ServerOutbox
 from tests.system.served import DeviceTime, posix, turning
 from tests.wire.still_plant import StillPlant, still_hello
 
