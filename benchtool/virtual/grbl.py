@@ -53,9 +53,7 @@ class VirtualGrbl(GrblBoard):
         elif text == "$C":
             self._check_mode(state)
         elif text == "$":
-            self._replies.append(
-                "[HLP:$$ $# $G $I $N $x=val $Nx=line $J=line $SLP $C $X $H ~ ! ? ctrl-x]"
-            )
+            self._replies.append(HELP)
         elif state not in ("Idle", "Alarm", "Check"):
             raise Refused(8)
         elif text == "$H":

@@ -32,8 +32,6 @@ GROUPS: dict[str, frozenset[str]] = {
 
 _FIRST_OF = {code: group for group, codes in GROUPS.items() for code in codes}
 
-_FRACTIONS = ("G10", "G28.1", "G92.1", "G43.1")
-
 
 class Refused(Exception):
     """Carry the number of an error."""
@@ -339,7 +337,6 @@ WCO_REST, WCO_BUSY, OV_REST, OV_BUSY = 10, 30, 10, 20
 """The work offset comes in every so-manyth report, the overrides in the one after (recorded)."""
 
 BUSY = ("Home", "Run", "Hold", "Jog")
-
 PINS = "XYZRHS"
 
 
@@ -376,11 +373,7 @@ class Reports:
         free: tuple[int, int],
         pins: Set[str],
     ) -> str:
-        """Return a report.
-
-        Args:
-            pins: switches and buttons that are closed.
-        """
+        """Return a report; `pins` are the switches and buttons that are closed."""
         settings, mask = self._settings, int(self._settings[10])
         place_mm = {axis: settings.on_a_step(axis, mm) for axis, mm in place_mm.items()}
         if not mask & 1:

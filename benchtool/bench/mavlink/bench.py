@@ -21,19 +21,9 @@ from benchtool.bench.mavlink.drive import Drive, PitchDrive, RunWatch
 from benchtool.bench.mavlink.frames import MavlinkFrames, MavlinkQuality
 from benchtool.bench.mavlink.health import Health
 from benchtool.bench.mavlink.learn import (
-    LATE_S,
-    OUTPUT_MESSAGES,
     AutopilotInfo,
-    check_fit,
-    fitted,
     identity_of,
-    interval,
     read_autopilot,
-    request_streams,
-    require_outputs,
-    stream_facts,
-    stream_requests,
-    switch_off_others,
 )
 from benchtool.bench.mavlink.link import MavlinkLink
 from benchtool.bench.mavlink.messages import Message
@@ -50,6 +40,18 @@ from benchtool.bench.mavlink.settings import (
     transport_of,
 )
 from benchtool.bench.mavlink.side_cell import SideCell, in_order, move_virtual_plate
+from benchtool.bench.mavlink.streams import (
+    LATE_S,
+    OUTPUT_MESSAGES,
+    check_fit,
+    fitted,
+    interval,
+    request_streams,
+    require_outputs,
+    stream_facts,
+    stream_requests,
+    switch_off_others,
+)
 from benchtool.bench.transport.transport import Transport
 from benchtool.core.channel import Channel
 from benchtool.core.errors import BenchError, InputError, LinkLost, StageError
