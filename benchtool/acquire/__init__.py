@@ -1,1 +1,1 @@
-"""Acquisition: plan, order, tare, settle, sweep, calibrate."""
+"""Plan, arm, sweep, record, tare and calibrate."""

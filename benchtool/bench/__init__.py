@@ -1,1 +1,1 @@
-"""Hardware and its equals: one Protocol, several drivers, a guard around any of them."""
+"""Drivers of real benches behind one Protocol, and the guard around any of them."""

@@ -1,1 +1,1 @@
-"""The nouns that every other package speaks in: no I/O, no clock, no randomness."""
+"""What every other package uses: units, channels, recordings, errors, inputs."""

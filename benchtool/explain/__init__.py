@@ -1,1 +1,1 @@
-"""Find where simulation and measurement disagree, name the missing effect, show the gap shrink."""
+"""Find where simulation and measurement disagree and name the missing effect."""

@@ -1,1 +1,1 @@
-"""The virtual counterpart of hardware, pure: no port, no clock, no randomness of its own."""
+"""Simulations: control laws, pitch bench, flight, campaigns; no port, no clock."""

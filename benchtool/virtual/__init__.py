@@ -1,1 +1,1 @@
-"""Devices that answer like real ones."""
+"""Devices that answer like real ones: bench, autopilot, stage, stand."""

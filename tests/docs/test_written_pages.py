@@ -1,4 +1,4 @@
-"""Reference pages that scripts write are what the code says."""
+"""Pages that scripts write are what the code says."""
 
 from __future__ import annotations
 
@@ -7,13 +7,15 @@ from pathlib import Path
 
 import pytest
 
-REFERENCE = Path(__file__).parents[2] / "docs" / "reference"
+DOCS = Path(__file__).parents[2] / "docs"
+PAGES = ["reference/effects", "reference/exit-codes", "explanation/architecture"]
 
 
-@pytest.mark.parametrize("name", ["effects", "exit_codes"])
+@pytest.mark.parametrize("name", PAGES)
 def test_a_written_page_is_up_to_date(name: str) -> None:
-    script = REFERENCE / f"write_{name}.py"
-    written = (REFERENCE / f"{name.replace('_', '-')}.md").read_text("utf-8")
+    folder, _, page = name.partition("/")
+    script = DOCS / folder / f"write_{page.replace('-', '_')}.py"
+    written = (DOCS / f"{name}.md").read_text("utf-8")
     assert written == runpy.run_path(str(script))["page"](), (
-        f"run: python docs/reference/{script.name}"
+        f"run: python docs/{folder}/{script.name}"
     )
