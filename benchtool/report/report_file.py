@@ -13,14 +13,14 @@ from benchtool.data.run.pitch import is_pitch_run
 from benchtool.data.run.read import is_run
 from benchtool.data.run.recording_file import beside as facts_beside
 from benchtool.explain.pitch.replayed import Beside
-from benchtool.fit.model_band import believed
-from benchtool.fit.swept import read_sweep_run
+from benchtool.fit.nominal import nominal_model
 from benchtool.report import html
 from benchtool.report.files import write_whole
 from benchtool.report.page import Report
 from benchtool.report.replay.page import recording_page
 from benchtool.report.sweep.compared import compared_page
 from benchtool.report.sweep.page import sweep_page
+from benchtool.report.sweep.run import read_sweep_run
 
 Kind = Literal["sweep", "pitch", "recording", "fit", "explanation"]
 
@@ -142,7 +142,7 @@ def _made(paths: Sequence[Path], kind: Kind, beside: Beside, commands: Sequence[
         return recording_page(paths[0], beside, commands)
     beside.refuse_controller("a sweep has no controller")
     first = read_sweep_run(paths[0])
-    model = believed(beside.model, first.rig, beside.permit) if beside.model else None
+    model = nominal_model(beside.model, first.rig, beside.permit) if beside.model else None
     runs = [replace(first, model=model), *(read_sweep_run(path, model) for path in paths[1:])]
     return compared_page(runs, commands) if len(runs) > 1 else sweep_page(runs[0], commands)
 

@@ -20,13 +20,13 @@ from benchtool.explain.pitch.replay_track import pitch_track
 from benchtool.explain.pitch.replayed import Beside, Replay
 from benchtool.fit.recipe import read_recipe
 from benchtool.fit.run_recipe import FitOutput, run_recipe
-from benchtool.fit.swept import SweepRun, read_sweep_run
 from benchtool.physics.wake_picture import Hover
 from benchtool.report.fit.demo import Story
 from benchtool.report.flight.campaign import CampaignMap, CampaignPanel
 from benchtool.report.flight.pitch_study import PitchStudy, pitch_study
 from benchtool.report.replay.figures import ReplayedLog
 from benchtool.report.replay.recorded import Recorded
+from benchtool.report.sweep.run import SweepRun, read_sweep_run
 from benchtool.simulate.campaign_pitch import PitchCampaign
 from benchtool.simulate.design import Design
 from benchtool.simulate.flight.cases import flight_case

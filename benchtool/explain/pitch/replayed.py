@@ -16,7 +16,7 @@ from benchtool.core.rig import Rig
 from benchtool.core.schedule import PARKED_M, SampledSchedule
 from benchtool.explain.pitch.replay_judged import miss_told
 from benchtool.explain.pitch.replay_track import PitchTrack
-from benchtool.fit.model_band import model_file
+from benchtool.fit.nominal import model_file
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import load_model
 from benchtool.simulate.controllers.pitch import PitchControl, pitch_controller

@@ -8,13 +8,13 @@ from math import hypot, isfinite
 import numpy as np
 
 from benchtool import __version__
-from benchtool.fit.swept import SweepRun
 from benchtool.report.figure import Page
 from benchtool.report.numbers import value_with_sd
 from benchtool.report.page import Block, Commands, Heading, Paragraph, Report, Section, Table
 from benchtool.report.run_facts import MISSING, air_facts, calibration_facts, state_facts
 from benchtool.report.sweep.figures import plain
 from benchtool.report.sweep.page import SWEEP, run_sentence
+from benchtool.report.sweep.run import SweepRun
 
 CLEAR = 3.0
 """A difference of more than so many of its standard deviations is called one."""

@@ -11,8 +11,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from benchtool.fit.model_band import Believed
-from benchtool.fit.swept import SweepRun
+from benchtool.fit.nominal import NominalModel
 from benchtool.report.figure import figure
 from benchtool.report.palette import CYCLE, GREY, Role
 from benchtool.report.panels import points
@@ -28,6 +27,7 @@ from benchtool.report.ratio import (
     formula_curves,
     values_at,
 )
+from benchtool.report.sweep.run import SweepRun
 
 Array = NDArray[np.float64]
 
@@ -185,7 +185,7 @@ def distance(figure: Figure, run: SweepRun) -> None:
 
 
 def _model_line(
-    axes: Axes, run: SweepRun, model: Believed, rows: NDArray[np.intp], color: str
+    axes: Axes, run: SweepRun, model: NominalModel, rows: NDArray[np.intp], color: str
 ) -> bool:
     """Draw the model's thrust at one level's mean speeds; return whether it has a band."""
     numbers = range(1, run.rig.n_rotors + 1)

@@ -8,7 +8,6 @@ import numpy as np
 
 from benchtool import __version__
 from benchtool.core.counted import counted
-from benchtool.fit.swept import SweepRun
 from benchtool.report.figure import Page, drawn
 from benchtool.report.numbers import value_with_sd
 from benchtool.report.page import (
@@ -30,6 +29,7 @@ from benchtool.report.run_facts import (
     version_facts,
 )
 from benchtool.report.sweep.figures import BASES
+from benchtool.report.sweep.run import SweepRun
 from benchtool.report.sweep.samples import anchor_changes
 from benchtool.report.sweep.tables import events_block, limits_table, settings_table, tares_table
 

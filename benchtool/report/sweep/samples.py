@@ -16,7 +16,6 @@ from benchtool.core.parsed_text import parse_toml
 from benchtool.core.recording import Recording
 from benchtool.core.units import from_si
 from benchtool.data.columns import code_of
-from benchtool.fit.swept import SweepRun
 from benchtool.report.figure import figure
 from benchtool.report.palette import BLACK, BLUE, GREEN, GREY, ORANGE, PALE, PURPLE, VERMILION
 from benchtool.report.panels import (
@@ -30,6 +29,7 @@ from benchtool.report.panels import (
     rows_of,
     spread,
 )
+from benchtool.report.sweep.run import SweepRun
 
 Array = NDArray[np.float64]
 

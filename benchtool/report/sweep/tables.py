@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from benchtool.core.counted import counted
 from benchtool.core.recording import Recording
 from benchtool.data.columns import speed_columns
-from benchtool.fit.swept import SweepRun
 from benchtool.report.numbers import value_with_sd
 from benchtool.report.page import Block, Paragraph, Table
 from benchtool.report.sweep.figures import BASES, ERRORS
+from benchtool.report.sweep.run import SweepRun
 
 Array = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ from benchtool.bench.drivers import open_bench
 from benchtool.commands.app import main
 from benchtool.core.errors import InputError
 from benchtool.explain.request import read_request
-from benchtool.fit.model_band import believed
+from benchtool.fit.nominal import nominal_model
 from benchtool.fit.recipe import Recipe
 from benchtool.fit.run_recipe import run_recipe
 from benchtool.physics.model_file import load_model
@@ -60,7 +60,7 @@ WAYS = {
     "a compared model": lambda: run_recipe(
         Recipe(name="f", data=("t.csv",), model="single", compare=("m.toml",))
     ),
-    "a belief": lambda: believed("m.toml", load_model("single").model.rig),
+    "a belief": lambda: nominal_model("m.toml", load_model("single").model.rig),
     "a setup": lambda: pitch_setup(model="m.toml"),
 }
 

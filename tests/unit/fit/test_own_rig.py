@@ -26,7 +26,7 @@ from benchtool.data.run.run import Run
 from benchtool.data.run.run_rig import run_rig
 from benchtool.explain.answer import answer_request
 from benchtool.explain.request import read_request
-from benchtool.fit.model_band import believed
+from benchtool.fit.nominal import nominal_model
 from benchtool.fit.recipe import Recipe
 from benchtool.fit.run_recipe import run_recipe
 from benchtool.physics.model import Model
@@ -109,9 +109,9 @@ def test_a_fit_holds_the_truth_of_an_own_vehicle(runs: tuple[str, str], tmp_path
     assert again.rig.rotors == five_inch().rotors
     assert again.rig.propulsion == five_inch().propulsion
     assert again.parameters["body_lift.K_b"].value == output.results[0]["body_lift.K_b"].value
-    assert believed(str(written), five_inch()).draws
+    assert nominal_model(str(written), five_inch()).draws
     with pytest.raises(InputError, match="another rig than the run's"):
-        believed(str(written), rig_named("pquad"))
+        nominal_model(str(written), rig_named("pquad"))
 
 
 def test_an_explanation_names_nothing_on_an_own_vehicle(runs: tuple[str, str]) -> None:

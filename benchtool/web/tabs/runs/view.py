@@ -81,8 +81,8 @@ def view_part(root: Path, name: str, part: str) -> PageSection:
 
 def view_comparison(root: Path, names: Sequence[str]) -> PageSection:
     """Return several sweeps in one plot, with the settings that they share."""
-    from benchtool.fit.swept import read_sweep_run
     from benchtool.report.sweep.compared import compared_page
+    from benchtool.report.sweep.run import read_sweep_run
     from benchtool.web.drawing import fragments
 
     paths = [RunsFolder(root).path_of(name) for name in names]
@@ -107,8 +107,8 @@ def _made(path: Path, kind: str, stamp: int) -> Report:
     """Return the report of a run; its figures are drawn when they are asked for."""
     del stamp  # another one after every change on the disk
     if kind == "sweep":
-        from benchtool.fit.swept import read_sweep_run
         from benchtool.report.sweep.page import sweep_page
+        from benchtool.report.sweep.run import read_sweep_run
 
         return sweep_page(read_sweep_run(path))
     from benchtool.explain.pitch.replayed import Beside

@@ -66,7 +66,7 @@ def model_curves(model: str, rig: Rig, z_over_R: tuple[float, float]) -> tuple[R
     Raises:
         BenchtoolError: the model cannot be read, or is of another rig.
     """
-    from benchtool.fit.model_band import believed
+    from benchtool.fit.nominal import nominal_model
     from benchtool.report.ratio import bands_over, factor_over, formula_curves
 
     low, high = z_over_R
@@ -77,7 +77,7 @@ def model_curves(model: str, rig: Rig, z_over_R: tuple[float, float]) -> tuple[R
         for curve in formula_curves(rig, speeds, x)
     ]
     if model:
-        belief = believed(model, rig)
+        belief = nominal_model(model, rig)
         middle = np.broadcast_to(np.asarray(factor_over(belief.model, speeds, x), float), x.shape)
         bands = bands_over(belief.model, speeds, x, belief.draws)
         wide = bands[-1] if bands else None

@@ -21,7 +21,7 @@ from benchtool.data.run.read import read_points, read_samples, sample_names
 from benchtool.data.run.run import Run
 from benchtool.data.run.run_rig import run_rig
 from benchtool.data.run.settings import aggregate
-from benchtool.fit.model_band import Believed
+from benchtool.fit.nominal import NominalModel
 
 Array = NDArray[np.float64]
 
@@ -80,7 +80,7 @@ class SweepRun:
     events: tuple[Event, ...]
     sha256: str
     files: Mapping[str, str]
-    model: Believed | None = None
+    model: NominalModel | None = None
 
     @property
     def name(self) -> str:
@@ -123,7 +123,7 @@ class SweepRun:
         return np.asarray(pulses.max(axis=0), float)
 
 
-def read_sweep_run(path: Path, model: Believed | None = None) -> SweepRun:
+def read_sweep_run(path: Path, model: NominalModel | None = None) -> SweepRun:
     """Return a sweep's run folder.
 
     Args:

@@ -24,8 +24,8 @@ DRAWS = 400
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Believed:
-    """Hold a model as somebody believes it.
+class NominalModel:
+    """Hold a model at its nominal values, with how uncertain they are.
 
     Attributes:
         model: at its values.
@@ -46,7 +46,7 @@ def model_file(name: str) -> str:
     return str(path / "model.toml") if path.is_dir() else name
 
 
-def believed(name: str, rig: Rig, permit: CodePermit = refuse_code) -> Believed:
+def nominal_model(name: str, rig: Rig, permit: CodePermit = refuse_code) -> NominalModel:
     """Return a model on a rig, with draws of its uncertain numbers.
 
     They come from the covariance in the result.json beside it (`benchtool fit --out`), else from
@@ -66,10 +66,10 @@ def believed(name: str, rig: Rig, permit: CodePermit = refuse_code) -> Believed:
             drawn = rng.normal(item.value, item.prior.sd, (DRAWS, 1))
             draws[key] = np.clip(drawn, item.lower, item.upper)
     words = f"priors stated by {model.name}: {', '.join(draws)}" if draws else ""
-    return Believed(model=model, draws=draws, spread=words)
+    return NominalModel(model=model, draws=draws, spread=words)
 
 
-def _fitted(path: Path, rig: Rig, permit: CodePermit) -> Believed:
+def _fitted(path: Path, rig: Rig, permit: CodePermit) -> NominalModel:
     loaded = load_model(str(path), permit=permit)
     if different := differences(loaded.model.rig, rig):
         raise InputError(
@@ -82,7 +82,7 @@ def _fitted(path: Path, rig: Rig, permit: CodePermit) -> Believed:
     covariance = np.array(result["covariance"], float)
     fitted_to = tuple(str(item) for item in tables["recipe"]["data"])
     if not np.isfinite(covariance).all():
-        return Believed(model=loaded.model, fitted_to=fitted_to)
+        return NominalModel(model=loaded.model, fitted_to=fitted_to)
     values = np.array([result["estimates"][key]["value"] for key in names], float)
     rng = np.random.default_rng(0)
     drawn = rng.multivariate_normal(values, covariance, DRAWS, method="svd", check_valid="ignore")
@@ -92,4 +92,4 @@ def _fitted(path: Path, rig: Rig, permit: CodePermit) -> Believed:
         if key in loaded.model.parameters and not key.startswith("noise.")
     }
     words = f"covariance of the fit in {path.parent.resolve().name}"
-    return Believed(model=loaded.model, draws=draws, spread=words, fitted_to=fitted_to)
+    return NominalModel(model=loaded.model, draws=draws, spread=words, fitted_to=fitted_to)
