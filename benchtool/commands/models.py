@@ -35,7 +35,7 @@ def _described(name: str) -> Iterator[str]:
     model = model_file.load_model(name, permit=announce_code).model
     yield f"{model.name}: {model.description}"
     yield f"rig {model.rig.name}, wake rule {model.wake_rule}, b is the {model.body_distance}"
-    effects = ", ".join(effect.name for effect in model.effects) or "none beyond eq. (2)"
+    effects = ", ".join(effect.name for effect in model.effects) or "none"
     yield f"effects: {effects}"
     for full_name, item in model.parameters.items():
         state = "free " if item.free else "fixed"

@@ -337,6 +337,24 @@ class Model:
         factors: tuple[Quantity, ...] = discs.factors(flow, self.numbers(values))
         return factors
 
+    def factors_at(self, height_m: Array) -> Array:
+        """Return T_IGE/T_OGE of each disc (n, ...) at its own height (n, ...): m, all covered."""
+        ones = np.ones_like(height_m)
+        places = self.rig.disc_positions_m
+        values = self.parameters.values_array()
+        bare = NO_FLOW._replace(
+            radius_m=values[self._index["R_m"]],
+            position_x_m=places[:, 0],
+            position_y_m=places[:, 1],
+            height_m=height_m,
+            coverage=ones,
+            active=ones,
+            speed_rad_s=ones,
+        )
+        p = self.numbers(values)
+        flow = self._discs.with_images(bare, self.rig.disc_distances_m, self.body_arms_m, p)
+        return np.array(self.disc_factors(flow, values))
+
     def thrust_N(self, conditions: Conditions, values: Any = None) -> Any:
         """Return what the load cell shows on a settled bench (..., m): N.
 

@@ -57,11 +57,3 @@ def pwm_from_speed(
 def speed_from_thrust(thrust_wanted_N: Quantity, k_N_s2: Quantity) -> Quantity:
     """Return the speed that gives a thrust out of ground effect, 0 for none or less: rad/s."""
     return np.sqrt(np.maximum(thrust_wanted_N, 0.0) / k_N_s2)
-
-
-@expression
-def hover_speed_rad_s(
-    mass_kg: Quantity, n_rotors: Quantity, k_N_s2: Quantity, gravity_m_s2: Quantity
-) -> Quantity:
-    """Return the speed at which n equal rotors carry a mass out of ground effect: rad/s."""
-    return np.sqrt(mass_kg * gravity_m_s2 / (n_rotors * k_N_s2))

@@ -9,7 +9,7 @@ centre and gives none. Both readings are here.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
 import numpy as np
@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.rig import Rig
-from benchtool.physics.body_lift import BodyDistance
-from benchtool.physics.multirotor import multirotor_factors
-from benchtool.physics.plate import tilted_vehicle_height
+from benchtool.physics.expression import Quantity, expression
+from benchtool.physics.model import Model
 from benchtool.simulate.flight.rigid_body import GRAVITY_M_S2
 
 Array = NDArray[np.float64]
@@ -45,6 +44,24 @@ class AttitudeMoment:
 
     reading: BodyReading
     moment_Nm: Array
+
+
+@expression
+def tilted_vehicle_height(
+    z_m: Quantity, x_m: Quantity, y_m: Quantity, pitch_rad: Quantity, roll_rad: Quantity
+) -> Quantity:
+    """Return the height of a rotor at (x, y) of a tilted vehicle over level ground: m.
+
+    Args:
+        z_m: height of the body's centre: m.
+        x_m: rotor place, forward: m.
+        y_m: rotor place, left: m.
+        pitch_rad: pitch, positive nose down.
+        roll_rad: roll after pitch, positive left side up.
+
+    With pitch alone this is z - x sin(pitch). Source: paper, section 2.4 (each rotor's own height).
+    """
+    return z_m - x_m * np.sin(pitch_rad) + y_m * np.cos(pitch_rad) * np.sin(roll_rad)
 
 
 def hover_authority_Nm(rig: Rig) -> float:
@@ -82,16 +99,14 @@ def restoring_moment(
             f"a rotor comes to z/R = {np.nanmin(heights) / radius:.3g}, below 0.5 where the "
             f"formulae end; give a greater height or less tilt"
         )
-    distance: BodyDistance = "diagonal" if reading == "per_rotor_diagonal" else "half_diagonal"
-    factors = multirotor_factors(
-        radius,
-        heights,
-        np.ones_like(heights),
-        places,
-        0.0 if reading == "rotors_only" else K_b,
-        1.0,
-        distance,
+    model = replace(
+        Model.single(rig).with_effect("neighbour_images"),
+        wake_rule="full",
+        body_distance="diagonal" if reading == "per_rotor_diagonal" else "half_diagonal",
     )
+    if reading != "rotors_only":
+        model = model.with_effect("body_lift", K_b=K_b)
+    factors = model.factors_at(heights)
     rotors_on = np.bincount(rig.disc_of_rotor, minlength=rig.n_discs)
     share = rotors_on * rig.body.mass_kg * GRAVITY_M_S2 / rig.n_rotors
     moment = np.einsum("d,dht->ht", places[:, 0] * share, factors - 1.0) / np.cos(tilt)

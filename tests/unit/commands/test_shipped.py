@@ -32,7 +32,7 @@ def test_each_that_ships_has_a_line(
     ("command", "name", "line"),
     [
         ("rigs", "pquad", "numbers are assumed (marked ?)"),
-        ("models", "quad_body_lift", "effects: neighbour_images, body_lift"),
+        ("models", "quad_body_lift", "effects: rotor_images, neighbour_images, body_lift"),
     ],
 )
 def test_one_of_them_is_shown_in_words_or_as_its_file(

@@ -21,17 +21,13 @@ from benchtool.physics.images import (
     quad_factor,
     self_image,
     single_rotor_factor,
-    thrust_factor,
-)
-from benchtool.physics.mixer import plus_layout
-from benchtool.physics.multirotor import (
-    axis_distances_m,
-    denominator_sums,
-    multirotor_factors,
     three_rotor_average_factor,
     three_rotor_corner_factor,
     three_rotor_end_factor,
+    thrust_factor,
 )
+from tests.unit.physics.general_sum import axis_distances_m, denominator_sums, multirotor_factors
+from tests.unit.physics.layouts import plus_layout
 
 ROOT2 = np.sqrt(2.0)
 radii = st.floats(0.02, 1.0)

@@ -5,18 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchtool.core.errors import InputError, UnknownChoice
-from benchtool.physics.mixer import (
-    WRENCH,
-    RotorLayout,
-    allocate,
-    cross_layout,
-    mixer_matrix,
-    pitch_moment_Nm,
-    plus_layout,
-    roll_moment_Nm,
-    rotor_layout,
-)
+from benchtool.core.errors import InputError
+from benchtool.physics.mixer import WRENCH, mixer_matrix, pitch_moment_Nm
+from tests.unit.physics.layouts import RotorLayout, cross_layout, plus_layout
 
 K, C, ARM = 1.2e-5, 1.8e-7, 0.225
 
@@ -97,7 +88,6 @@ def test_moments_are_arm_times_force(rng: np.random.Generator) -> None:
     torque[2] += -(spin * C * squares).sum()
     got = mixer_matrix(x, y, spin, K, C) @ squares
     np.testing.assert_allclose(got, [forces[:, 2].sum(), *torque], rtol=1e-12)
-    assert roll_moment_Nm(K * squares, y) == pytest.approx(torque[0], rel=1e-12)
     assert pitch_moment_Nm(K * squares, x) == pytest.approx(torque[1], rel=1e-12)
 
 
@@ -107,36 +97,6 @@ def test_more_thrust_in_front_is_a_backward_moment() -> None:
     assert pitch_moment_Nm(np.full((4, 5), 3.0), layout.x_m) == pytest.approx(np.zeros(5))
 
 
-@pytest.mark.parametrize("name", ["plus", "cross"])
-def test_allocation_is_the_inverse(name: str, rng: np.random.Generator) -> None:
-    matrix = matrix_of(rotor_layout(name, ARM))
-    squares = rng.uniform(1e5, 1e6, (4, 9))
-    np.testing.assert_allclose(allocate(matrix, matrix @ squares), squares, rtol=1e-10)
-
-
-def test_allocation_to_eight_rotors_gives_the_wrench_with_least_squares(
-    rng: np.random.Generator,
-) -> None:
-    angle = 0.25 * np.pi * np.arange(8)
-    matrix = mixer_matrix(0.6 * np.cos(angle), 0.6 * np.sin(angle), np.tile([1.0, -1.0], 4), K, C)
-    wrench = np.array([100.0, 0.4, -0.7, 0.05])
-    squares = allocate(matrix, wrench)
-    np.testing.assert_allclose(matrix @ squares, wrench, rtol=1e-10)
-    nullspace = np.linalg.svd(matrix)[2][4:]
-    np.testing.assert_allclose(nullspace @ squares, 0.0, atol=1e-10 * np.linalg.norm(squares))
-
-
-def test_allocation_to_one_rotor_gives_the_thrust_it_can() -> None:
-    matrix = mixer_matrix([0.0], [0.0], [1.0], K, 0.0)
-    squares = allocate(matrix, np.array([3.0, 0.0, 0.0, 0.0]))
-    np.testing.assert_allclose(squares, [3.0 / K], rtol=1e-12)
-
-
 def test_a_mixer_needs_every_rotor() -> None:
     with pytest.raises(InputError, match="got 2, 1 and 2 values"):
         mixer_matrix([0.1, 0.2], [0.1], [1, -1], K, C)
-
-
-def test_an_unknown_layout_lists_the_known_ones() -> None:
-    with pytest.raises(UnknownChoice, match=r"unknown rotor layout 'x'.*cross, plus"):
-        rotor_layout("x", ARM)

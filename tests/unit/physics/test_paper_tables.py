@@ -7,18 +7,20 @@ import pytest
 
 from benchtool.physics.body_lift import quad_body_lift_factor
 from benchtool.physics.coverage import strip_coverage
-from benchtool.physics.images import partial_factor, quad_factor, single_rotor_factor
-from benchtool.physics.mixer import pitch_moment_Nm, plus_layout
-from benchtool.physics.multirotor import (
-    multirotor_factors,
+from benchtool.physics.images import (
+    partial_factor,
+    quad_factor,
+    single_rotor_factor,
     three_rotor_average_factor,
     three_rotor_corner_factor,
     three_rotor_end_factor,
 )
-from benchtool.physics.plate import tilted_vehicle_height
-from benchtool.physics.validity import pole_z_over_R
+from benchtool.physics.mixer import pitch_moment_Nm
 from benchtool.physics.wake_rules import WAKE_RULES
+from benchtool.simulate.pitch.attitude import tilted_vehicle_height
 from tests.unit.physics import paper_tables as tables
+from tests.unit.physics.general_sum import multirotor_factors, pole_z_over_R
+from tests.unit.physics.layouts import plus_layout
 from tests.unit.physics.paper_tables import as_printed, rows
 
 ROOT2 = np.sqrt(2.0)

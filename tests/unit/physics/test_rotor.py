@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from benchtool.physics.rotor import (
     drag_torque_Nm,
     ground_effect_thrust_N,
-    hover_speed_rad_s,
     pwm_from_speed,
     speed_from_pwm,
     speed_from_thrust,
@@ -44,8 +43,3 @@ def test_pulse_width_is_the_inverse(pwm: float, voltage: float) -> None:
 
 def test_no_thrust_wanted_is_no_speed() -> None:
     np.testing.assert_array_equal(speed_from_thrust(np.array([-1.0, 0.0]), 1e-5), [0.0, 0.0])
-
-
-def test_rotors_at_hover_carry_the_weight() -> None:
-    speed = hover_speed_rad_s(1.4, 4, 1e-5, 9.81)
-    assert 4.0 * thrust_N(speed, 1e-5) == pytest.approx(1.4 * 9.81, rel=1e-14)

@@ -11,7 +11,6 @@ import pytest
 
 from benchtool.core.errors import InputError
 from benchtool.physics.coverage import rectangle_coverage
-from benchtool.physics.multirotor import multirotor_factors
 from benchtool.simulate.environment import Block, Environment, Tables
 from benchtool.simulate.flight.flight import static_moment_Nm
 from benchtool.simulate.flight.ground import (
@@ -27,6 +26,7 @@ from benchtool.simulate.flight.ground import (
 )
 from benchtool.simulate.flight.height_grid import HeightGrid
 from benchtool.simulate.flight.rigid_body import at_rest, from_euler
+from tests.unit.physics.general_sum import multirotor_factors
 from tests.unit.simulate.flying import PQUAD
 
 OBSTACLE = Environment(blocks=(Block(x_m=(3.0, 5.0)),))

@@ -1,4 +1,4 @@
-"""Any number of rotors over a plate at once: the general sum with the body term (eq. 2 to 4).
+"""The general sum of eqs. (2) to (4) written down once more, to check the package against.
 
 The factor of rotor i is 1 / (1 - D_i) with D_i = R^2 [1/(16 z_i^2) + sum over j != i of
 a_j z_i / (2 (d_ij^2 + 4 z_i^2)^(3/2)) + K_b w sum_j z_i / (2 (c_j^2 + 4 z_i^2)^(3/2))], a_j the
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.physics.body_lift import BodyDistance, body_images, body_term, centre_distances_m
-from benchtool.physics.expression import Quantity, expression
+from benchtool.physics.expression import Quantity
 from benchtool.physics.images import neighbour_images, self_image, thrust_factor
 
 Array = NDArray[np.float64]
@@ -72,33 +72,33 @@ def multirotor_factors(
     return thrust_factor(sums)
 
 
-@expression
-def three_rotor_corner_factor(radius_m: Quantity, z_m: Quantity, spacing_m: Quantity) -> Quantity:
-    """Return the factor of the middle of three rotors on a square's corners: two neighbours at d.
+def pole_z_over_R(
+    radius_m: float,
+    positions_m: NDArray[np.float64],
+    K_b: float = 0.0,
+    body_distance: BodyDistance = "half_diagonal",
+) -> float:
+    """Return the largest z/R at which some rotor's denominator vanishes, all discs covered.
 
-    Three rotors of a quadrotor, the fourth switched off; the paper does not say whether its curve
-    is one rotor's or the average (section 2.3), so both are here.
+    No image contributes more than (R/4z)^2, so the zero lies between z/R = 1/4 (eq. 2) and
+    sqrt(n (1 + K_b)) / 4. That interval is searched from above and bisected to rounding.
     """
-    adjacent = spacing_m * spacing_m + 4.0 * z_m * z_m
-    ratio = radius_m / (4.0 * z_m)
-    near = radius_m * radius_m * z_m / np.sqrt(adjacent * adjacent * adjacent)
-    return 1.0 / (1.0 - ratio * ratio - near)
+    n = len(positions_m)
 
+    def excess(ratio: NDArray[np.float64] | float) -> NDArray[np.float64]:
+        heights = np.broadcast_to(np.asarray(ratio, float) * radius_m, (n, *np.shape(ratio)))
+        sums = denominator_sums(radius_m, heights, np.ones(n), positions_m, K_b, 1.0, body_distance)
+        worst: NDArray[np.float64] = np.max(sums, axis=0) - 1.0
+        return worst
 
-@expression
-def three_rotor_end_factor(radius_m: Quantity, z_m: Quantity, spacing_m: Quantity) -> Quantity:
-    """Return the factor of either end of three: one neighbour at d, one across the diagonal."""
-    adjacent = spacing_m * spacing_m + 4.0 * z_m * z_m
-    opposite = 2.0 * spacing_m * spacing_m + 4.0 * z_m * z_m
-    ratio = radius_m / (4.0 * z_m)
-    near = 0.5 * radius_m * radius_m * z_m / np.sqrt(adjacent * adjacent * adjacent)
-    far = 0.5 * radius_m * radius_m * z_m / np.sqrt(opposite * opposite * opposite)
-    return 1.0 / (1.0 - ratio * ratio - near - far)
-
-
-@expression
-def three_rotor_average_factor(radius_m: Quantity, z_m: Quantity, spacing_m: Quantity) -> Quantity:
-    """Return the thrust of all three together over its value far from the plate."""
-    corner = three_rotor_corner_factor(radius_m, z_m, spacing_m)
-    end = three_rotor_end_factor(radius_m, z_m, spacing_m)
-    return (corner + 2.0 * end) / 3.0
+    grid = np.linspace(0.25, 0.25 * np.sqrt(n * (1.0 + K_b)), 2001)
+    above = np.flatnonzero(excess(grid) >= 0.0)
+    last = int(above[-1]) if above.size else 0
+    low, high = float(grid[last]), float(grid[min(last + 1, grid.size - 1)])
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        if excess(middle) >= 0.0:
+            low = middle
+        else:
+            high = middle
+    return 0.5 * (low + high)
