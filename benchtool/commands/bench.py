@@ -216,7 +216,7 @@ def _plate(
     _: PitchNames,
     speak: Speak,
 ) -> tuple[BenchServer, str]:
-    from benchtool.commands.terminal.announce_code import announce_code
+    from benchtool.commands.terminal.announce_code import announce_code, print_notes
     from benchtool.core.toml_text import build
     from benchtool.physics.model_file import load_model
     from benchtool.simulate.imperfections import Imperfections
@@ -224,6 +224,7 @@ def _plate(
 
     name = truth or standard_truth(rig)
     loaded = load_model(name, rig, announce_code)
+    print_notes(loaded.notes)
     server = virtual_server(
         rig,
         loaded.model,

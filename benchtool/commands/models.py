@@ -32,11 +32,13 @@ def _described(name: str) -> Iterator[str]:
     from benchtool.commands.terminal.announce_code import announce_code
     from benchtool.physics import model_file
 
-    model = model_file.load_model(name, permit=announce_code).model
+    loaded = model_file.load_model(name, permit=announce_code)
+    model = loaded.model
     yield f"{model.name}: {model.description}"
     yield f"rig {model.rig.name}, wake rule {model.wake_rule}, b is the {model.body_distance}"
     effects = ", ".join(effect.name for effect in model.effects) or "none"
     yield f"effects: {effects}"
+    yield from (f"note: {note}" for note in loaded.notes)
     for full_name, item in model.parameters.items():
         state = "free " if item.free else "fixed"
         bounds = f"[{item.lower:g}, {item.upper:g}]"

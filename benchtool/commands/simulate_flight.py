@@ -146,7 +146,7 @@ def _vehicle(rig: str, model: str, lag_s: float, layout: str) -> FlightVehicle:
     """Return what flies."""
     from dataclasses import replace
 
-    from benchtool.commands.terminal.announce_code import announce_code
+    from benchtool.commands.terminal.announce_code import announce_code, print_notes
     from benchtool.core.errors import UnknownChoice
     from benchtool.core.rig_file import rig_named
     from benchtool.physics.model_file import load_model
@@ -156,5 +156,7 @@ def _vehicle(rig: str, model: str, lag_s: float, layout: str) -> FlightVehicle:
         raise UnknownChoice("layout", layout, ("plus", "cross"))
     vehicle = FlightVehicle(rig=rig_named(rig))
     if model:
-        vehicle = FlightVehicle.of_model(load_model(model, rig_named(rig), announce_code).model)
+        loaded = load_model(model, rig_named(rig), announce_code)
+        print_notes(loaded.notes)
+        vehicle = FlightVehicle.of_model(loaded.model)
     return replace(vehicle, lag_s=lag_s, turned_deg=45.0 if layout == "cross" else 0.0)

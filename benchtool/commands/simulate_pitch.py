@@ -37,7 +37,7 @@ def command(
     """
     from dataclasses import replace
 
-    from benchtool.commands.terminal.announce_code import announce_code
+    from benchtool.commands.terminal.announce_code import announce_code, print_notes
     from benchtool.commands.terminal.name_values import name_values
     from benchtool.core.errors import InputError
     from benchtool.report.flight.pitch_study import pitch_study, report_lines, write_study
@@ -64,6 +64,7 @@ def command(
             schedule=schedule,
             permit=announce_code,
         )
+        print_notes(setup.notes)
         setup = changed(setup, given)
         if not duration_s:
             return setup

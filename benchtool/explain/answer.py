@@ -65,9 +65,9 @@ class Answer:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What was repaired in the recordings, and what they lack."""
+        """What was repaired in the recordings, what they lack, how the model's file was read."""
         found = [line for source in (*self.learn, *self.check) for line in source.remarks]
-        return tuple(dict.fromkeys((*found, *self.verdict.remarks)))
+        return tuple(dict.fromkeys((*found, *self.verdict.remarks, *self.loaded.notes)))
 
     @property
     def caution(self) -> str:

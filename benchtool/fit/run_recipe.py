@@ -97,7 +97,7 @@ def run_recipe(
     data = read_fit_data(recipe, loaded)
     loaded = replace(loaded, model=_with_noise(loaded.model, recipe, data.errors))
     problem = _problem(loaded.model, recipe, data)
-    assumed = _assumed_rig(recipe, loaded.model.rig)
+    assumed = (*_assumed_rig(recipe, loaded.model.rig), *loaded.notes)
     results = tuple(
         _named(
             loaded.model,

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from benchtool.core.rig import Rig
 from benchtool.physics.body_lift import quad_body_lift_factor
-from benchtool.physics.images import quad_factor, single_rotor_factor
-from benchtool.physics.multirotor import three_rotor_average_factor
+from benchtool.physics.images import quad_factor, single_rotor_factor, three_rotor_average_factor
 from benchtool.physics.wake_picture import Hover, source_velocity, vortex_velocity
 from benchtool.report.figure import Page, figure
 from benchtool.report.palette import BLACK, BLUE, CYCLE, GREY, VERMILION

@@ -55,6 +55,7 @@ class PitchSetup:
         controls: built-in controllers.
         schedule: what they are told.
         believed: the model that mixer and feedforward take for true; the bench's when None.
+        notes: how the model's file was read.
         rate_Hz: control rate.
     """
 
@@ -62,6 +63,7 @@ class PitchSetup:
     controls: tuple[PitchControl, ...]
     schedule: Schedule
     believed: Model | None = None
+    notes: tuple[str, ...] = ()
 
     @property
     def rate_Hz(self) -> float:
@@ -89,8 +91,10 @@ def pitch_setup(
     `permit` is called with the file of a model's own effects before it is run.
     """
     own = f"pitch_{rig}"
+    notes: tuple[str, ...] = ()
     if model is not None:
-        physics = load_model(model, permit=permit).model
+        loaded = load_model(model, permit=permit)
+        physics, notes = loaded.model, loaded.notes
     elif own in model_names():
         physics = load_model(own).model
     else:
@@ -100,6 +104,7 @@ def pitch_setup(
         bench=PitchBench.of(physics),
         controls=tuple(pitch_controller(name, set_, feedforward) for name in controllers),
         schedule=schedule_named(schedule),
+        notes=notes,
     )
 
 

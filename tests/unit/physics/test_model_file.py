@@ -10,6 +10,7 @@ import pytest
 from benchtool.core.errors import FileFormatError, InputError, UnknownChoice
 from benchtool.core.parameter import Prior
 from benchtool.physics.conditions import Conditions
+from benchtool.physics.model import baseline_parameters
 from benchtool.physics.model_file import load_model, model_from_toml, model_names, model_to_toml
 
 HEAD = "[model]\nname = 'x'\nrig = 'pquad'\n"
@@ -95,3 +96,27 @@ def test_how_long_a_plate_slides_survives_the_file() -> None:
 def test_what_is_wrong_is_said(text: str, error: type[InputError], words: str) -> None:
     with pytest.raises(error, match=words):
         model_from_toml(text, "x.toml")
+
+
+OLD = '[model]\nname = "old"\nrig = "pquad"\n[effects.body_lift]\nK_b = 1.5\n'
+
+
+def test_a_file_from_when_eq_2_was_no_effect_is_read_with_it_and_a_note() -> None:
+    old = model_from_toml(OLD, "old.toml")
+    assert [effect.name for effect in old.model.effects] == ["rotor_images", "body_lift"]
+    assert old.model.parameters["rotor_images.own_strength"].value == 1.0
+    (note,) = old.notes
+    assert "old.toml has no table [effects.rotor_images]" in note
+    assert model_from_toml(model_to_toml(old), "new.toml").notes == ()
+    assert all(load_model(name).notes == () for name in model_names())
+
+
+def test_eq_2_can_be_taken_out_and_stays_out() -> None:
+    loaded = model_from_toml(OLD, "old.toml")
+    without = replace(loaded, model=loaded.model.without("rotor_images"))
+    again = model_from_toml(model_to_toml(without), "new.toml").model
+    near = Conditions.of(again.rig, speed_rad_s=np.full(4, 500.0), plate_z_m=np.array([0.12]))
+    np.testing.assert_array_equal(again.factor(near), without.model.factor(near))
+    assert 1.0 < again.factor(near)[0] < loaded.model.factor(near)[0]
+    alone = replace(again, effects=(), parameters=baseline_parameters(again.rig))
+    assert alone.factor(near)[0] == 1.0
