@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import inf
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -28,7 +30,7 @@ class DeviceClock:
     def __init__(self) -> None:
         self._offset_s: float | None = None
         self._window_start_s = 0.0
-        self._present_s = self._previous_s = np.inf
+        self._present_s = self._previous_s = inf
         self._last_device_s = 0.0
 
     def learn(self, device_time_us: int, arrived_s: float) -> None:
@@ -44,7 +46,7 @@ class DeviceClock:
             self._offset_s = target_s
         else:
             step_s = MAX_SLEW * max(device_s - self._last_device_s, 0.0)
-            self._offset_s += float(np.clip(target_s - self._offset_s, -step_s, step_s))
+            self._offset_s += min(max(target_s - self._offset_s, -step_s), step_s)
         self._last_device_s = device_s
 
     def host_time_s(self, device_time_us: NDArray[np.int64]) -> Array:

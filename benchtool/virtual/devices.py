@@ -28,7 +28,7 @@ from benchtool.simulate.plate_bench import PlateBench
 from benchtool.virtual.faults import Fault, FaultyPlant, LinkFaults
 from benchtool.virtual.firmware import Firmware, Plant
 from benchtool.virtual.links import ServerLink
-from benchtool.virtual.pitch_plant import PitchPlant
+from benchtool.virtual.pitch_plant import PitchBenchPlant
 from benchtool.virtual.protocol import DeviceLink
 from benchtool.virtual.server import BenchServer, ServedDevice
 
@@ -139,7 +139,7 @@ def pitch_plant(
     hidden: str = "",
     change: Callable[[PitchJob], PitchJob] = lambda job: job,
     permit: CodePermit = refuse_code,
-) -> PitchPlant:
+) -> PitchBenchPlant:
     """Return the simulated pitch bench of these names.
 
     Args:
@@ -162,10 +162,10 @@ def pitch_plant(
         model = with_hidden(model, hidden)
     control = pitch_controller("pid" if own else controller, gains_named(gains))
     job = change(PitchJob(PitchBench.of(model), replace(control, name=controller)))
-    return PitchPlant(job, schedule_named(schedule), seed, rate_Hz, own)
+    return PitchBenchPlant(job, schedule_named(schedule), seed, rate_Hz, own)
 
 
-def pitch_hello(plant: PitchPlant, seed: int) -> Hello:
+def pitch_hello(plant: PitchBenchPlant, seed: int) -> Hello:
     """Return what the virtual pitch bench of that plant says of itself."""
     rig, job = plant.rig, plant.job
     gains = job.control.gains
@@ -224,7 +224,7 @@ def virtual_server(
 
 
 def pitch_server(
-    physics: PitchPlant, link: ServerLink, *, seed: int = 0, **more: Any
+    physics: PitchBenchPlant, link: ServerLink, *, seed: int = 0, **more: Any
 ) -> BenchServer:
     """Return a server whose device is a virtual pitch bench; see `device_server`."""
     return device_server(physics, pitch_hello(physics, seed), link, seed=seed, **more)

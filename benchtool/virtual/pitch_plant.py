@@ -46,7 +46,7 @@ _NOMINAL_VISIT = ("nominal_plate_z_m", "nominal_share")
 """Where the plate is, and where a map has it, in the schedule."""
 
 
-class PitchPlant:
+class PitchBenchPlant:
     """Be a pitch bench with its controller, advanced tick by tick.
 
     Args:

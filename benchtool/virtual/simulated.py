@@ -43,10 +43,10 @@ from benchtool.virtual.devices import (
     virtual_plant,
 )
 from benchtool.virtual.firmware import Firmware, Rows
-from benchtool.virtual.pitch_plant import PitchPlant
+from benchtool.virtual.pitch_plant import PitchBenchPlant
 
 if TYPE_CHECKING:
-    from benchtool.virtual.pitch_plant import PitchPlant
+    from benchtool.virtual.pitch_plant import PitchBenchPlant
 
 Array = NDArray[np.float64]
 
@@ -79,7 +79,7 @@ class SimulatedBench(Opened):
         self._power_up(address, plant, hello_of(plant, truth, seed), max_step_s)
 
     def _power_up(
-        self, address: str, plant: PlateBench | PitchPlant, hello: Hello, max_step_s: float
+        self, address: str, plant: PlateBench | PitchBenchPlant, hello: Hello, max_step_s: float
     ) -> None:
         """Switch the device on."""
         self._address = address
@@ -251,7 +251,7 @@ LOOK_S = 0.02
 class SimulatedPitch(SimulatedBench):
     """Answer as a pitch bench does, without waiting."""
 
-    def __init__(self, address: str, plant: PitchPlant, seed: int = 0) -> None:
+    def __init__(self, address: str, plant: PitchBenchPlant, seed: int = 0) -> None:
         self._power_up(address, plant, pitch_hello(plant, seed), LOOK_S)
 
 

@@ -29,7 +29,7 @@ from benchtool.simulate.controllers.controller import PitchCommand, PitchMeasure
 from benchtool.simulate.pitch.simulate import simulate_pitch
 from benchtool.virtual.devices import pitch_hello, pitch_plant
 from benchtool.virtual.firmware import Firmware
-from benchtool.virtual.pitch_plant import PitchPlant
+from benchtool.virtual.pitch_plant import PitchBenchPlant
 
 RIG = rig_named("pquad")
 NAMES = [channel.name for channel in pitch_plant(RIG).channels]
@@ -41,7 +41,7 @@ def hover_us() -> float:
     return float(pulse.pwm_start_us + speed / pulse.speed_per_us_rad_s)
 
 
-def started(seed: int = 3, **named: str) -> tuple[PitchPlant, Firmware]:
+def started(seed: int = 3, **named: str) -> tuple[PitchBenchPlant, Firmware]:
     plant = pitch_plant(RIG, seed=seed, **named)
     return plant, Firmware(plant, pitch_hello(plant, seed))
 
@@ -268,7 +268,7 @@ class FailsLater(Own):
         return super().step(measurement, reference, dt_s)
 
 
-def with_own(own: type[Own]) -> tuple[PitchPlant, Firmware]:
+def with_own(own: type[Own]) -> tuple[PitchBenchPlant, Firmware]:
     plant = pitch_plant(RIG, seed=3, controller="mine:Own", own=own)
     return plant, Firmware(plant, pitch_hello(plant, 3))
 
