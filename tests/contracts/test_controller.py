@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -17,6 +19,8 @@ from benchtool.simulate.pitch.pack import torque_limit_Nm
 from benchtool.simulate.pitch.run import PitchJob
 from benchtool.simulate.pitch.simulate import simulate_controller, simulate_pitch
 from tests.unit.simulate.pitching import STEADY_PLATE, SWAY, noisy_bench, sampled
+
+PAGE = Path(__file__).parents[2] / "docs/how-to/write-a-controller.md"
 
 EACH = pytest.mark.parametrize("name", PITCH_CONTROLLERS)
 SETS = pytest.mark.parametrize("gains", gain_names())
@@ -75,3 +79,9 @@ def test_it_holds_the_reference_out_of_ground_effect(name: str, gains: str) -> N
     job = PitchJob(noisy_bench(), pitch_controller(name, gains_named(gains)))
     run = simulate_pitch(job, schedule, seed=2)
     assert np.degrees(np.max(np.abs(run.column("true_theta_rad")))) < 0.3
+
+
+@EACH
+def test_it_has_a_row_on_the_page_of_controllers(name: str) -> None:
+    title = PITCH_CONTROLLERS[name]
+    assert f"| `{name}` | {title} |" in PAGE.read_text(encoding="utf-8")

@@ -231,6 +231,7 @@ class Places(NamedTuple):
     law: Slot
     effects: Slot
     nominal_effects: Slot
+    nothing: Slot
 
 
 class Layout:
@@ -256,6 +257,7 @@ class Layout:
             "law": law,
             "effects": numbers,
             "nominal_effects": numbers,
+            "nothing": 0.0,
         }
         first, slots = 0, {}
         for name, like in self.records.items():

@@ -77,6 +77,8 @@ FOLLOWED = (
 
 
 def _row_numbers(layout: r.Layout, fields: Sequence[str]) -> NDArray[np.int64]:
+    if not hasattr(layout.places.law_state.like, "estimate_Nm"):
+        fields = ["nothing" if field == "law_state.estimate_Nm" else field for field in fields]
     found = [row for field in fields for row in range(layout.n_rows)[layout.rows(field)]]
     return np.array(found, np.int64)
 
