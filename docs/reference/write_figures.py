@@ -27,10 +27,9 @@ def page() -> str:
 
 
 def shown(entry: FigureEntry) -> str:
-    """Return the first line of what the figure's function says of itself, else its title."""
-    if entry.draw.__doc__:
-        return entry.draw.__doc__.strip().splitlines()[0]
-    return str(entry.title)
+    """Return the first line of what the figure's function says of itself, else its caption."""
+    said = entry.draw.__doc__ or entry.caption
+    return said.strip().splitlines()[0] if isinstance(said, str) else entry.name
 
 
 if __name__ == "__main__":

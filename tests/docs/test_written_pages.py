@@ -8,7 +8,12 @@ from pathlib import Path
 import pytest
 
 DOCS = Path(__file__).parents[2] / "docs"
-PAGES = ["reference/effects", "reference/exit-codes", "explanation/architecture"]
+PAGES = [
+    "reference/effects",
+    "reference/exit-codes",
+    "reference/figures",
+    "explanation/architecture",
+]
 
 
 @pytest.mark.parametrize("name", PAGES)
