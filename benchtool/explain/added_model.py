@@ -38,7 +38,7 @@ def added_model(answer: Answer, rig: str = "", effects_file: str = "") -> str:
     named = added_effects(answer)
     words = ", ".join(effect.name for effect in named)
     model = replace(
-        mended(answer),
+        updated_model(answer),
         name="_".join((loaded.model.name, *(effect.name for effect in named))),
         description=f"{loaded.model.description} With {words}, found by benchtool explain.".strip(),
         provenance=_provenance(answer, named),
@@ -54,7 +54,7 @@ def added_model(answer: Answer, rig: str = "", effects_file: str = "") -> str:
     return model_to_toml(new, rig or loaded.rig_name or None)
 
 
-def mended(answer: Answer) -> Model:
+def updated_model(answer: Answer) -> Model:
     """Return the model with the effects that are added, each number where the recordings put it."""
     model = _calibrated(answer, answer.loaded.model)
     for effect in added_effects(answer):

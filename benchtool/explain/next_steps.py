@@ -81,8 +81,8 @@ def next_steps(answer: Answer, folder: str = "") -> tuple[Step, ...]:
         return _experiment(answer, str(Path(folder) / name), new, folder)
     if not answer.has_model:
         return ()
-    asked = _explain(answer, new, out=f"{folder}-again", own=not own_names(answer))
-    again = Step("ask again: is anything still missing?", asked)
+    command = _explain(answer, new, out=f"{folder}-again", own=not own_names(answer))
+    again = Step("ask again: is anything still missing?", command)
     if answer.verdict.bench == "pitch":
         words = ["simulate", "pitch", "--model", new, "--out", f"{folder}-simulated"]
         return (again, Step("simulate with the new model", _typed(words)))

@@ -25,7 +25,7 @@ from benchtool.explain.pitch.clock import (
     even_rows,
     on_its_way,
 )
-from benchtool.explain.pitch.sanity_checks import refuse_doubtful, standing_still
+from benchtool.explain.pitch.sanity_checks import refuse_inconsistent, standing_still
 from benchtool.physics.rotor_count import refuse_other_rotors
 from benchtool.simulate.pitch import track as t
 from benchtool.simulate.pitch.follow import LoggedPitch
@@ -164,7 +164,7 @@ def pitch_log(
         mode=mode,
         turned=not pulsed,
     )
-    refuse_doubtful(logged, rig, name)
+    refuse_inconsistent(logged, rig, name)
     remarks += filter(None, [standing_still(logged, rig)])
     reference = optional("theta_ref_rad")
     return PitchLog(

@@ -99,7 +99,7 @@ def pitch_track(recording: Recording, motors: Sequence[int] = ()) -> PitchTrack:
             when empty.
 
     Raises:
-        InputError: nothing tells time or attitude, or a motor number is not there.
+        InputError: there is no time or attitude, or a motor number is not there.
     """
     for name in ("time_s", "theta_rad"):
         if name not in recording or not np.isfinite(recording.si(name)).any():
@@ -235,12 +235,12 @@ def _surface(
     plate = np.where(parked, PARKED_M, plate)
     count = max(len(numbers), 1)
     over = np.zeros((count, n))
-    told = False
+    known = False
     for place, number in enumerate(numbers or [1]):
         if f"coverage{number}" in recording:
             over[place] = np.nan_to_num(read.held(f"coverage{number}"))
-            told = True
-    if not told and "plate_z_m" in recording:
+            known = True
+    if not known and "plate_z_m" in recording:
         over[0] = (~parked).astype(float)
         return plate, over, [UNDER_FIRST]
     return plate, over, []

@@ -171,7 +171,7 @@ def replayed(
 
 
 def _plate(track: PitchTrack, beside: Beside) -> tuple[Array, str]:
-    """Return the plate distance for the simulation (n,), or why nothing tells it."""
+    """Return the plate distance for the simulation (n,), or why it is unknown."""
     over = track.any_over > 0.0
     if not over.any():
         return np.full(len(track), PARKED_M), ""
@@ -267,7 +267,9 @@ def _by_controller(
     run = simulate_pitch(PitchJob(bench, control), schedule)
     discs = bench.model.rig.disc_of_rotor
     gains = control.gains.name if control.gains is not None else "no"
-    told = "the logged reference" if reference is not None else "a level reference (none is logged)"
+    given = (
+        "the logged reference" if reference is not None else "a level reference (none is logged)"
+    )
     return Replay(
         model=bench.model.name,
         rig=bench.model.rig.name,
@@ -276,7 +278,7 @@ def _by_controller(
         pwm_us=run.pwm_us[discs],
         disturbance_Nm=run.column("estimate_Nm"),
         words=(
-            f"closed loop: controller {control.name} with gains {gains}, told {told} and the same "
+            f"closed loop: controller {control.name} with gains {gains}, told {given} and the same "
             f"surface windows, with noise of its own"
         ),
         by="controller",

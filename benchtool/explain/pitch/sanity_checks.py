@@ -1,4 +1,4 @@
-"""Doubts about a pitch recording that no effect explains: units, signs, rotors in another order.
+"""Sanity checks of a pitch recording: units, signs, rotors in another order, as no effect has.
 
 A wrong unit or a turned sign makes every effect look small beside it. It is refused, with what to
 mend, before anything is named.
@@ -44,7 +44,7 @@ STILL = 5.0
 """A beam that moves less than so many standard deviations of its sensor's noise stands still."""
 
 
-def refuse_doubtful(logged: LoggedPitch, rig: Rig, name: str) -> None:
+def refuse_inconsistent(logged: LoggedPitch, rig: Rig, name: str) -> None:
     """Refuse a log whose columns contradict each other.
 
     Raises:

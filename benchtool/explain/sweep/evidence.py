@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,31 +20,18 @@ from benchtool.physics.model import Model
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class SweepNoise:
-    """Hold the covariance of a sweep's thrusts as its root L (m, m), and the inverse of that.
+def noise_root(se_N: Array, stay: NDArray[np.intp], by_place_N: Array) -> Array:
+    """Return the root L (m, m) of the covariance of a sweep's thrusts: N.
 
-    Attributes:
-        root: L, with L L^T the covariance: N.
-        whitener: L^-1.
+    Args:
+        se_N: (m,) standard error of every thrust.
+        stay: (m,) number of its stay.
+        by_place_N: (m,) change of thrust by one standard deviation of the place.
     """
-
-    root: Array
-    whitener: Array
-
-    @classmethod
-    def of(cls, se_N: Array, stay: NDArray[np.intp], by_place_N: Array) -> SweepNoise:
-        """Build the noise.
-
-        Args:
-            se_N: (m,) standard error of every thrust.
-            stay: (m,) number of its stay.
-            by_place_N: (m,) change of thrust by one standard deviation of the place.
-        """
-        shared = stay[:, None] == stay[None, :]
-        covariance = np.where(shared, np.outer(by_place_N, by_place_N), 0.0) + np.diag(se_N**2)
-        root = np.linalg.cholesky(covariance)
-        return cls(root=root, whitener=np.linalg.inv(root))
+    shared = stay[:, None] == stay[None, :]
+    covariance = np.where(shared, np.outer(by_place_N, by_place_N), 0.0) + np.diag(se_N**2)
+    root: Array = np.linalg.cholesky(covariance)
+    return root
 
 
 DROP = "supply.drop"
@@ -94,7 +80,8 @@ class SweepEvidence:
         self._acting = self.model.freed(
             *(k.name for k in self.parameters if k.name in self._places)
         )
-        self.noise = tuple(self._noise(log) for log in self.logs)
+        self.noise_roots = tuple(self._noise_root(log) for log in self.logs)
+        self._whiteners = tuple(np.linalg.inv(root) for root in self.noise_roots)
 
     # --- parameters ----------------------------------------------------------------------------
 
@@ -151,14 +138,14 @@ class SweepEvidence:
         model, extra = self._given
         return SweepEvidence(model, [log], extra)
 
-    def _noise(self, log: SweepLog) -> SweepNoise:
+    def _noise_root(self, log: SweepLog) -> Array:
         """Return what the sweep's thrusts may be off by, places shared within a stay."""
         here = np.zeros((1, len(self.parameters)))
         moved = log.conditions.moved_by(log.place_sd_m)
         by_place = self.thrusts(moved, here)[:, 0] - self.thrusts(log.conditions, here)[:, 0]
         items = self.model.parameters
         se = np.hypot(items["noise.scale"].value * log.se_N, items["noise.sd_N"].value)
-        return SweepNoise.of(se, log.stay, np.where(log.tare, 0.0, by_place))
+        return noise_root(se, log.stay, np.where(log.tare, 0.0, by_place))
 
     # --- evidence -------------------------------------------------------------------------
 
@@ -166,9 +153,9 @@ class SweepEvidence:
         """Return whitened residuals (n_rows, n_sets) for sets (n_sets, n_parameters)."""
         sets = np.atleast_2d(scaled)
         rows = []
-        for log, noise in zip(self.logs, self.noise, strict=True):
+        for log, whitener in zip(self.logs, self._whiteners, strict=True):
             shown = self.thrusts(log.conditions, sets)
-            rows.append(noise.whitener @ (log.thrust_N[:, None] - shown))
+            rows.append(whitener @ (log.thrust_N[:, None] - shown))
             power = log.power
             if power is not None:
                 missed = power.speed_rad_s[:, None] - self.speeds(log, sets)

@@ -61,9 +61,9 @@ def floor(
         off = np.linalg.cholesky(spread) @ rng.standard_normal((n, draws))
     sets = np.vstack([at, at + STEP * np.eye(n)])
     thrust, speed = [], []
-    for log, noise in zip(check.logs, check.noise, strict=True):
+    for log, root in zip(check.logs, check.noise_roots, strict=True):
         missed = _moved(check.thrusts(log.conditions, sets), off)
-        missed += noise.root @ rng.standard_normal((len(log), draws))
+        missed += root @ rng.standard_normal((len(log), draws))
         thrust.append(_by_stay(missed, log.stay))
         power = log.power
         if power is not None:

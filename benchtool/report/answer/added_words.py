@@ -7,7 +7,7 @@ from math import isclose
 from pathlib import Path
 
 from benchtool.core.parameter import Parameter
-from benchtool.explain.added_model import MODEL, NOTHING, added_effects, mended
+from benchtool.explain.added_model import MODEL, NOTHING, added_effects, updated_model
 from benchtool.explain.answer import Answer
 from benchtool.explain.engine.verdict import in_sentence
 from benchtool.report.numbers import unit_for_people
@@ -51,7 +51,7 @@ def changes(answer: Answer) -> tuple[Change, ...]:
         before = old[name].value if name in old else None
         return Change(name, before, item.value, item.unit, name.partition(".")[0] in named)
 
-    new = mended(answer)
+    new = updated_model(answer)
     fresh = answer.loaded.model
     for effect in new.effects:
         if all(present.name != effect.name for present in fresh.effects):

@@ -11,7 +11,7 @@ import pytest
 from benchtool.data.columns import KINDS
 from benchtool.data.run.read import read_points
 from benchtool.explain.engine.parameters import parameters_at
-from benchtool.explain.sweep.evidence import SweepEvidence, SweepNoise
+from benchtool.explain.sweep.evidence import SweepEvidence, noise_root
 from benchtool.explain.sweep.log import sweep_log
 from benchtool.explain.sweep.next_experiment import as_read, speed_at
 from benchtool.physics.model_file import load_model
@@ -38,7 +38,7 @@ def drawn(evidence: SweepEvidence, at: np.ndarray, seed: int) -> SweepEvidence:
     at_pulses = speed_at(swept.power.pulse_us, evidence.model.rig)
     power = swept.power.planned(swept.power.time_s, swept.power.pulse_us, at_pulses)
     log = as_read(replace(swept, power=power), evidence, at)
-    noise = evidence.noise[0].root @ rng.standard_normal(len(log))
+    noise = evidence.noise_roots[0] @ rng.standard_normal(len(log))
     assert log.power is not None
     power = replace(
         log.power,
@@ -105,8 +105,7 @@ def test_labels_cover_every_row_once(evidence: SweepEvidence) -> None:
 
 def test_a_place_that_a_stay_shares_is_counted_once() -> None:
     stay = np.array([0, 0, 0, 1])
-    noise = SweepNoise.of(np.full(4, 0.1), stay, np.array([1.0, 2.0, 3.0, 1.0]))
-    covariance = noise.root @ noise.root.T
+    root = noise_root(np.full(4, 0.1), stay, np.array([1.0, 2.0, 3.0, 1.0]))
+    covariance = root @ root.T
     assert covariance[0, 2] == pytest.approx(3.0)
     assert covariance[0, 3] == 0.0
-    assert noise.whitener @ covariance @ noise.whitener.T == pytest.approx(np.eye(4))
