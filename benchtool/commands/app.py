@@ -1,9 +1,7 @@
 """The command line's entry: the table of commands and the one boundary where errors end.
 
-A command is a module of its name in this package with a function ``command`` (and a ``Parser``
-where words are taken in a way of its own), or, where it has subcommands, a ``typer.Typer`` named
-``app``. Only the module of the command that was asked for is imported; the others
-appear in the help by their line in `COMMANDS`.
+Only the module of the command that was asked for is imported; the others appear in the help by
+their line in `COMMANDS`. A module has a ``Parser`` where its words are taken in a way of their own.
 """
 
 from __future__ import annotations
@@ -11,7 +9,7 @@ from __future__ import annotations
 import errno
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from importlib import import_module
 from typing import Annotated, Any
 
@@ -23,30 +21,79 @@ from benchtool.commands.terminal.exhausted_output import exhaustion_behind, flus
 from benchtool.core.errors import BenchtoolError, InputError, UnknownChoice
 from benchtool.core.user_file import shown_name
 
-COMMANDS: dict[str, str] = {
-    "demo": "Sweep two virtual benches, fit, and write a report",
-    "sweep": "Sweep plate distance and throttle into a run folder",
-    "record": "Record a pitch experiment from a bench into a run folder",
-    "runs": "Close runs whose program ended before it could",
-    "calibrate": "Calibrate a load cell with known masses",
-    "recalibrate": "Apply a calibration to a run, its raw data untouched",
-    "import": "Import flight logs and other makers' files, every repair told",
-    "fit": "Fit a ground-effect model to run folders or any CSV",
-    "explain": "Name the effect that a model lacks, and show the gap shrink",
-    "report": "Write a report page of a run, fit or recording",
-    "simulate": "Simulate benches and flights near surfaces in closed loop",
-    "web": "Serve a page to watch, sweep, fit and explain in a browser",
-    "bench": "Serve a virtual bench; check a bench before motors spin",
-    "firmware": "Write the firmware that makes an Arduino a rotor bench",
-    "ports": "List serial ports and, with --probe, what answers on them",
-    "doctor": "Explain what keeps a serial port from working",
-    "flow": "Picture the flow below a quadrotor",
-    "rigs": "List rigs, or show one with the source of every number",
-    "models": "List models, or show one with its effects and parameters",
-    "effects": "List physical effects, or show one with law and parameters",
+COMMANDS: dict[str, tuple[str, str]] = {
+    "demo": ("demo:command", "Sweep two virtual benches, fit, and write a report"),
+    "sweep": ("sweep:command", "Sweep plate distance and throttle into a run folder"),
+    "record": ("record:command", "Record a pitch experiment from a bench into a run folder"),
+    "runs": ("", "Close runs whose program ended before it could"),
+    "runs close": (
+        "runs:command",
+        "Mend what a killed program left of runs and write their tables; safe to repeat",
+    ),
+    "calibrate": ("calibrate:command", "Calibrate a load cell with known masses"),
+    "recalibrate": ("recalibrate:command", "Apply a calibration to a run, its raw data untouched"),
+    "import": (
+        "import_file:command",
+        "Import flight logs and other makers' files, every repair told",
+    ),
+    "fit": ("fit:command", "Fit a ground-effect model to run folders or any CSV"),
+    "explain": (
+        "explain:command",
+        "Name the effect that a model lacks, and show the gap shrink",
+    ),
+    "report": ("report:command", "Write a report page of a run, fit or recording"),
+    "simulate": ("", "Simulate benches and flights near surfaces in closed loop"),
+    "simulate pitch": (
+        "simulate_pitch:command",
+        "Simulate the pitch bench under each controller",
+    ),
+    "simulate flight": (
+        "simulate_flight:command",
+        "Simulate flights over an obstacle under each controller",
+    ),
+    "simulate paper": (
+        "simulate_paper:command",
+        "Hold simulations against what the paper claims of control",
+    ),
+    "web": ("web:command", "Serve a page to watch, sweep, fit and explain in a browser"),
+    "bench": ("", "Serve a virtual bench; check a bench before motors spin"),
+    "bench check": (
+        "check:command",
+        "Check standstill, ESC arming, channel map, thrust sign and rpm at low throttle",
+    ),
+    "bench map": (
+        "map_motors:command",
+        "Turn each motor of a flight controller alone, slowly, and write down what it drives",
+    ),
+    "bench bridge": (
+        "bridge:command",
+        "Write the script that makes the RCbenchmark GUI a bench with a watchdog",
+    ),
+    "bench serve": (
+        "bench:command",
+        "Run a virtual bench on a pseudo-terminal, TCP port or MAVLink until Ctrl-C",
+    ),
+    "firmware": ("firmware:command", "Write the firmware that makes an Arduino a rotor bench"),
+    "ports": ("ports:command", "List serial ports and, with --probe, what answers on them"),
+    "doctor": ("doctor:command", "Explain what keeps a serial port from working"),
+    "flow": ("", "Picture the flow below a quadrotor"),
+    "flow table": (
+        "flow:table_command",
+        "Print the upward velocity between the rotors, in induced velocities",
+    ),
+    "flow picture": (
+        "flow:picture_command",
+        "Draw sources with images beside vortex rings with images (Fig. 5)",
+    ),
+    "rigs": ("shipped:rigs_command", "List rigs, or show one with the source of every number"),
+    "models": (
+        "shipped:models_command",
+        "List models, or show one with its effects and parameters",
+    ),
+    "effects": ("effects:command", "List physical effects, or show one with law and parameters"),
 }
-"""Name of each command, in the order of the help, and its one line there. The line is also the
-first line of the command's docstring."""
+"""Each command, in the order of the help: "module:function" in this package ("" for a group of
+subcommands) and its line there, which is also the first line of the command's docstring."""
 
 REMOVED: dict[str, str] = {
     "figures": "benchtool report --layout paper takes the same options",
@@ -58,9 +105,6 @@ REMOVED: dict[str, str] = {
 }
 """Commands, subcommands and options (``command --option``) of earlier versions, and what does their
 work now."""
-
-_KEYWORDS = {"import": "import_file"}
-"""Commands whose name Python keeps for itself, and the module that holds them."""
 
 _OF_A_NAME = {errno.ENAMETOOLONG, errno.ENOTDIR, errno.EISDIR, errno.EEXIST, errno.ELOOP}
 """What the system says of a path that cannot be one; where it was typed does not matter."""
@@ -144,14 +188,24 @@ def build(words: Sequence[str]) -> typer.Typer:
         pretty_exceptions_enable=False,
     )
     app.callback()(_options)
-    asked = next((word for word in words if not word.startswith("-")), None)
-    if asked is not None and asked not in COMMANDS:
-        raise UnknownChoice("command", asked, COMMANDS)
-    for name, line in COMMANDS.items():
-        if name == asked:
-            _attach(app, name)
+    named = [word for word in words if not word.startswith("-")]
+    if named and named[0] not in COMMANDS:
+        raise UnknownChoice("command", named[0], [name for name in COMMANDS if " " not in name])
+    groups: dict[str, typer.Typer] = {"": app}
+    for name, (where, line) in COMMANDS.items():
+        group, _, last = name.rpartition(" ")
+        if not where:
+            groups[name] = typer.Typer(cls=_Group, rich_markup_mode=None, add_completion=False)
+            groups[name].callback()(_unloaded)
+            app.add_typer(
+                groups[name], name=name, cls=_Group, help=f"{line}." if name in named else line
+            )
+        elif name.split() == named[: 1 + bool(group)]:
+            module = import_module(module_of(name))
+            called = getattr(module, where.partition(":")[2])
+            groups[group].command(last, cls=getattr(module, "Parser", None))(called)
         else:
-            app.command(name, help=line)(_unloaded)
+            groups[group].command(last, help=f"{line}." if group else line)(_unloaded)
     return app
 
 
@@ -165,6 +219,12 @@ class _Group(TyperGroup):
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         return super().parse_args(ctx, args or ["--help"])
 
+    def list_commands(self, ctx: Any) -> list[str]:
+        known = list(COMMANDS)  # typer lists groups behind commands
+        return sorted(
+            super().list_commands(ctx), key=lambda name: known.index(name) if name in known else -1
+        )
+
     def get_help_option(self, ctx: Any) -> Any:
         option = super().get_help_option(ctx)
         if option is not None:
@@ -174,17 +234,7 @@ class _Group(TyperGroup):
 
 def module_of(name: str) -> str:
     """Return the module that holds a command."""
-    return f"benchtool.commands.{_KEYWORDS.get(name, name)}"
-
-
-def _attach(app: typer.Typer, name: str) -> None:
-    module = import_module(module_of(name))
-    group: typer.Typer | None = getattr(module, "app", None)
-    if group is not None:
-        app.add_typer(group, name=name, cls=_Group, help=COMMANDS[name])
-        return
-    command: Callable[..., Any] = module.command
-    app.command(name, cls=getattr(module, "Parser", None))(command)
+    return f"benchtool.commands.{COMMANDS[name][0].partition(':')[0]}"
 
 
 def _show_version(wanted: bool) -> None:

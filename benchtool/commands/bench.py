@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
-import typer
+from annotated_types import Ge, Gt, Le
 
-from benchtool.commands.bridge import bridge
-from benchtool.commands.check import check
-from benchtool.commands.map_motors import map_motors
+from benchtool.commands.declared import declared
+from benchtool.core.inputs import Input, Inputs
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -21,92 +22,75 @@ if TYPE_CHECKING:
     from benchtool.virtual.server import BenchServer, ServedDevice
 
     Speak = Callable[[Firmware], ServedDevice]
-    PitchNames = tuple[str, str, str, list[str]]
-
-app = typer.Typer(help="Serve a virtual bench; check a bench before motors spin.")
 
 
-@app.callback()
-def group() -> None:
-    """Serve a virtual bench; check a bench before motors spin."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ServeInputs(Inputs):
+    """What `benchtool bench serve` takes."""
 
-
-app.command()(check)
-app.command("map")(map_motors)
-app.command()(bridge)
-
-
-@app.command()
-def serve(
-    rig: Annotated[str, typer.Option(help="Rig by name, or a rig file.")] = "pquad",
+    rig: Annotated[str, Input("Rig by name, or a rig file.")] = "pquad"
     truth: Annotated[
-        str | None, typer.Option(help="Model whose thrust the load cell shows; by name or file.")
-    ] = None,
+        str | None, Input("Model whose thrust the load cell shows; by name or file.")
+    ] = None
     link: Annotated[
-        str,
-        typer.Option(help="pty, tcp:PORT, tcp:HOST:PORT, mavlink (:pty, :tcp:PORT, ...), rcbudp."),
-    ] = "pty",
-    symlink: Annotated[
-        Path | None, typer.Option(help="A path that always leads to the pseudo-terminal.")
-    ] = None,
+        str, Input("pty, tcp:PORT, tcp:HOST:PORT, mavlink (:pty, :tcp:PORT, ...), rcbudp.")
+    ] = "pty"
+    symlink: Annotated[Path | None, Input("A path that always leads to the pseudo-terminal.")] = (
+        None
+    )
     grbl: Annotated[
         Path | None,
-        typer.Option(help="Serve a G-code stage at this path as well; it alone moves the plate."),
-    ] = None,
-    speed: Annotated[float, typer.Option(help="Device seconds per wall second.")] = 1.0,
+        Input("Serve a G-code stage at this path as well; it alone moves the plate."),
+    ] = None
+    speed: Annotated[float, Gt(0.0), Le(1000.0), Input("Device seconds per wall second.")] = 1.0
     rate: Annotated[
-        float | None, typer.Option(help="Samples per device second, Hz; 200, or the controller's.")
-    ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of noise and faults.")] = 0,
+        Annotated[float, Ge(1.0), Le(1000.0)] | None,
+        Input("Samples per device second.", "Hz", empty="200, or the controller's"),
+    ] = None
+    seed: Annotated[int, Ge(0), Input("Seed of noise and faults.")] = 0
     fault: Annotated[
-        list[str] | None, typer.Option(help="A fault, as silence:at_s=12,for_s=1; repeatable.")
-    ] = None,
+        tuple[str, ...], Input("A fault, as silence:at_s=12,for_s=1; repeatable.")
+    ] = ()
     mode: Annotated[
-        str, typer.Option(help="plate (load cell), or pitch (hinge with a controller).")
-    ] = "plate",
-    schedule: Annotated[str, typer.Option(help="Pitch: schedule, or its file.")] = "plate",
-    controller: Annotated[
-        str, typer.Option(help="Pitch: controller; your own as module:Class.")
-    ] = "pid",
-    gains: Annotated[str, typer.Option(help="Pitch: gain set, or its file.")] = "s3",
+        Literal["plate", "pitch"], Input("A load cell, or a hinge with a controller.")
+    ] = "plate"
+    schedule: Annotated[str, Input("Pitch: schedule, or its file.")] = "plate"
+    controller: Annotated[str, Input("Pitch: controller; your own as module:Class.")] = "pid"
+    gains: Annotated[str, Input("Pitch: gain set, or its file.")] = "s3"
     settings: Annotated[
-        list[str] | None,
-        typer.Option("--set", help="Pitch: NAME=VALUE, as K_b=1.8 or gains.attitude.k_q_per_s=8."),
-    ] = None,
-    autopilot: Annotated[
-        str, typer.Option(help="MAVLink: what it behaves like, ardupilot or px4.")
-    ] = "ardupilot",
-    system: Annotated[int, typer.Option(min=1, max=250, help="MAVLink: its number.")] = 1,
-    key: Annotated[
-        Path | None, typer.Option(help="MAVLink: file with the key that signs every frame.")
-    ] = None,
-) -> None:
+        Mapping[str, float],
+        Input("Pitch: NAME=VALUE, as K_b=1.8 or gains.attitude.k_q_per_s=8.", option="set"),
+    ] = field(default_factory=dict)
+    autopilot: Annotated[Literal["ardupilot", "px4"], Input("MAVLink: what it behaves like.")] = (
+        "ardupilot"
+    )
+    system: Annotated[int, Ge(1), Le(250), Input("MAVLink: its number.")] = 1
+    key: Annotated[Path | None, Input("MAVLink: file with the key that signs every frame.")] = None
+
+
+def serve(inputs: ServeInputs) -> None:
     """Run a virtual bench on a pseudo-terminal, TCP port or MAVLink until Ctrl-C."""
     import signal
     import sys
 
-    from benchtool.core.errors import InputError, UnknownChoice
+    from benchtool.core.errors import InputError
     from benchtool.core.rig_file import rig_named
     from benchtool.virtual.faults import fault_from
     from benchtool.virtual.grbl import stage_option
-    from benchtool.virtual.simulated import MODES
 
-    if mode not in MODES:
-        raise UnknownChoice("mode", mode, MODES)
-    faults = [fault_from(text) for text in fault or ()]
-    stands = rig_named(rig)
-    device = _pitch if mode == "pitch" else _plate
-    named = (schedule, controller, gains, settings or [])
-    if settings and mode != "pitch":
+    faults = [fault_from(text) for text in inputs.fault]
+    stands = rig_named(inputs.rig)
+    device = _pitch if inputs.mode == "pitch" else _plate
+    if inputs.settings and inputs.mode != "pitch":
         raise InputError("--set changes a pitch bench; add --mode pitch, or give --truth a file")
-    kind = link.partition(":")[0]
+    kind = inputs.link.partition(":")[0]
     if kind == "mavlink":
-        speak, where, address = _mavlink(link, symlink, stands, mode, (autopilot, system, key))
+        speak, where, address = _mavlink(inputs, stands)
     elif kind == "rcbudp":
-        speak, where, address = _bridged(link, symlink, mode)
+        speak, where, address = _bridged(inputs)
     else:
-        speak, where, address = _own_protocol(link, symlink)
-    stage = None if grbl is None else _carried(grbl, mode)
+        speak, where, address = _own_protocol(inputs)
+    stage = None if inputs.grbl is None else _carried(inputs.grbl, inputs.mode)
     if stage is not None:
         speak = _carrying(speak, stage, stands)
     # A service manager's end, and Ctrl-Break of a Windows console, close the link like Ctrl-C.
@@ -114,11 +98,12 @@ def serve(
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.default_int_handler)
     try:
-        server, told = device(stands, truth, where, seed, speed, rate, faults, named, speak)
+        server, text = device(inputs, stands, where, faults, speak)
         print(address(), flush=True)
         if stage is not None:
-            print(stage_option(str(grbl), stands.plate), flush=True)
-        print(f"virtual {told}, speed {speed:g}; no motor turns; Ctrl-C ends it", file=sys.stderr)
+            print(stage_option(str(inputs.grbl), stands.plate), flush=True)
+        ends = "no motor turns; Ctrl-C ends it"
+        print(f"virtual {text}, speed {inputs.speed:g}; {ends}", file=sys.stderr)
         server.run()
     except KeyboardInterrupt:
         pass
@@ -145,76 +130,60 @@ def _carrying(speak: Speak, link: ServerLink, rig: Rig) -> Speak:
     return lambda firmware: CarriedPlate(speak(firmware), firmware, link, rig.plate)
 
 
-def _own_protocol(link: str, symlink: Path | None) -> tuple[Speak, ServerLink, Callable[[], str]]:
+def _own_protocol(inputs: ServeInputs) -> tuple[Speak, ServerLink, Callable[[], str]]:
     """Return protocol, link and address of a device that speaks the bench protocol."""
     from benchtool.virtual.links import link_named
     from benchtool.virtual.protocol import DeviceLink
 
-    where = link_named(link, symlink)
+    where = link_named(inputs.link, inputs.symlink)
     return DeviceLink, where, lambda: where.address
 
 
-def _bridged(
-    link: str, symlink: Path | None, mode: str
-) -> tuple[Speak, ServerLink, Callable[[], str]]:
+def _bridged(inputs: ServeInputs) -> tuple[Speak, ServerLink, Callable[[], str]]:
     """Return protocol, link and address of a virtual stand behind the RCbenchmark GUI."""
     from benchtool.bench.rcbenchmark.bridge_file import GUI_PORT, LOOPBACK
     from benchtool.core.errors import InputError
     from benchtool.virtual.bridge import VirtualBridge
     from benchtool.virtual.links import UdpLink, one_line
 
-    port = link.partition(":")[2] or str(GUI_PORT)
-    if symlink is not None or mode != "plate" or not port.isdecimal():
+    port = inputs.link.partition(":")[2] or str(GUI_PORT)
+    if inputs.symlink is not None or inputs.mode != "plate" or not port.isdecimal():
         raise InputError(
-            f"link {link!r} is rcbudp or rcbudp:PORT, with a load cell and without --symlink; "
-            f"leave --symlink and --mode out"
+            f"link {inputs.link!r} is rcbudp or rcbudp:PORT, with a load cell and without "
+            f"--symlink; leave --symlink and --mode out"
         )
     where = UdpLink(LOOPBACK, int(port), listen=True, fitting=one_line)
     # This stand answers whoever speaks, so that a host may listen on any port.
     return VirtualBridge, where, lambda: f"rcbudp:{where.place}?listen=0"
 
 
-def _mavlink(
-    link: str, symlink: Path | None, rig: Rig, mode: str, named: tuple[str, int, Path | None]
-) -> tuple[Speak, ServerLink, Callable[[], str]]:
+def _mavlink(inputs: ServeInputs, rig: Rig) -> tuple[Speak, ServerLink, Callable[[], str]]:
     """Return protocol, link and address of a device that behaves like an autopilot."""
     from functools import partial
     from time import time
 
     from benchtool.acquire.pitch_experiment import hover_pulse_us
     from benchtool.bench.mavlink.settings import read_key
-    from benchtool.core.errors import UnknownChoice
     from benchtool.virtual.autopilot import VirtualAutopilot
-    from benchtool.virtual.autopilot_orders import AUTOPILOTS
     from benchtool.virtual.links import autopilot_link, host_address
 
-    kind, system, key = named
-    if kind not in AUTOPILOTS:
-        raise UnknownChoice("autopilot", kind, AUTOPILOTS)
+    pitches, key = inputs.mode == "pitch", inputs.key
     speak = partial(
         VirtualAutopilot,
-        kind=kind,
-        system=system,
+        kind=inputs.autopilot,
+        system=inputs.system,
         key=read_key(key) if key else None,
         now_s=time(),
-        hover_us=hover_pulse_us(rig) if mode == "pitch" else None,
+        hover_us=hover_pulse_us(rig) if pitches else None,
     )
-    where = autopilot_link(link.partition(":")[2], symlink)
-    options = "&mode=pitch&arm=host" if mode == "pitch" else ""
+    where = autopilot_link(inputs.link.partition(":")[2], inputs.symlink)
+    options = "&mode=pitch&arm=host" if pitches else ""
     options += f"&key={key}" if key else ""
     return speak, where, lambda: host_address(where, rig.n_rotors, options)
 
 
 def _plate(
-    rig: Rig,
-    truth: str | None,
-    link: ServerLink,
-    seed: int,
-    speed: float,
-    rate_Hz: float | None,
-    faults: list[Fault],
-    _: PitchNames,
-    speak: Speak,
+    inputs: ServeInputs, rig: Rig, link: ServerLink, faults: list[Fault], speak: Speak
 ) -> tuple[BenchServer, str]:
     from benchtool.commands.terminal.announce_code import announce_code, print_notes
     from benchtool.core.toml_text import build
@@ -222,16 +191,16 @@ def _plate(
     from benchtool.simulate.imperfections import Imperfections
     from benchtool.virtual.devices import standard_truth, virtual_server
 
-    name = truth or standard_truth(rig)
+    name = inputs.truth or standard_truth(rig)
     loaded = load_model(name, rig, announce_code)
     print_notes(loaded.notes)
     server = virtual_server(
         rig,
         loaded.model,
         link,
-        seed=seed,
-        speed=speed,
-        rate_Hz=200.0 if rate_Hz is None else rate_Hz,
+        seed=inputs.seed,
+        speed=inputs.speed,
+        rate_Hz=200.0 if inputs.rate is None else inputs.rate,
         imperfections=build(Imperfections, dict(loaded.imperfections), f"{name}: [imperfections]"),
         faults=faults,
         speak=speak,
@@ -240,43 +209,38 @@ def _plate(
 
 
 def _pitch(
-    rig: Rig,
-    truth: str | None,
-    link: ServerLink,
-    seed: int,
-    speed: float,
-    rate_Hz: float | None,
-    faults: list[Fault],
-    named: PitchNames,
-    speak: Speak,
+    inputs: ServeInputs, rig: Rig, link: ServerLink, faults: list[Fault], speak: Speak
 ) -> tuple[BenchServer, str]:
     from benchtool.commands.terminal.announce_code import announce_code
-    from benchtool.commands.terminal.name_values import name_values
     from benchtool.simulate.controllers.pitch import PITCH_CONTROLLERS
     from benchtool.simulate.own_controllers import controller_class
     from benchtool.simulate.pitch.setup import changed_job
     from benchtool.virtual.devices import pitch_plant, pitch_server
 
-    schedule, controller, gains, settings = named
-    values = name_values(settings, "--set")
+    controller = inputs.controller
     plant = pitch_plant(
         rig,
-        truth,
-        schedule,
+        inputs.truth,
+        inputs.schedule,
         controller,
-        gains,
-        seed,
-        rate_Hz,
+        inputs.gains,
+        inputs.seed,
+        inputs.rate,
         own=(
             None
             if controller in PITCH_CONTROLLERS
             else controller_class(controller, permit=announce_code)
         ),
-        change=lambda job: changed_job(job, values),
+        change=lambda job: changed_job(job, inputs.settings),
         permit=announce_code,
     )
-    server = pitch_server(plant, link, seed=seed, speed=speed, faults=faults, speak=speak)
+    server = pitch_server(
+        plant, link, seed=inputs.seed, speed=inputs.speed, faults=faults, speak=speak
+    )
     return server, (
         f"pitch bench of {rig.name}, truth {plant.job.bench.model.name}, {controller} with gains "
-        f"{gains}, schedule {plant.schedule.name} of {plant.schedule.duration_s:g} s"
+        f"{inputs.gains}, schedule {plant.schedule.name} of {plant.schedule.duration_s:g} s"
     )
+
+
+command = declared(ServeInputs, serve)

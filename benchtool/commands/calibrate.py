@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
-import typer
+from annotated_types import Ge, Gt, Le
+
+from benchtool.commands.declared import declared
+from benchtool.core.inputs import Input, Inputs
 
 if TYPE_CHECKING:
     import numpy as np
@@ -22,29 +26,36 @@ LONGEST_S = 600.0
 """Longest average of one mass; a choice, above which drift outweighs noise."""
 
 
-def command(
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CalibrateInputs(Inputs):
+    """What `benchtool calibrate` takes."""
+
     address: Annotated[
-        str, typer.Argument(help="The bench; left out with --from and --device-id.")
-    ] = "",
+        str, Input("The bench; left out with --from and --device-id.", argument="ADDRESS")
+    ] = ""
     masses: Annotated[
-        str,
-        typer.Option(help="Masses in kg as they will hang, up and down: 0,0.2,0.5,0."),
-    ] = "",
+        tuple[Annotated[float, Ge(0.0), Le(1e4)], ...],
+        Input("Masses as they will hang, up and down: 0,0.2,0.5,0.", "kg"),
+    ] = ()
     source: Annotated[
-        Path | None, typer.Option("--from", help="CSV with columns mass_kg and thrust_raw.")
-    ] = None,
-    device_id: Annotated[str, typer.Option(help="Device of the CSV's counts.")] = "",
-    rig: Annotated[str | None, typer.Option(help="Rig by name, or a rig file.")] = None,
+        Path | None, Input("CSV with columns mass_kg and thrust_raw.", option="from")
+    ] = None
+    device_id: Annotated[str, Input("Device of the CSV's counts.")] = ""
+    rig: Annotated[str | None, Input("Rig by name, or a rig file.")] = None
     lever_ratio: Annotated[
-        float, typer.Option(help="Force on the cell over force at the rotor.")
-    ] = 1.0,
-    gravity: Annotated[float, typer.Option(help="Local gravity, m/s2.")] = 9.80665,
-    seconds: Annotated[float, typer.Option(help="Counts are averaged for so long.")] = 3.0,
+        float, Ge(0.01), Le(100.0), Input("Force on the cell over force at the rotor.")
+    ] = 1.0
+    gravity: Annotated[float, Ge(9.76), Le(9.84), Input("Local gravity.", "m/s2")] = 9.80665
+    seconds: Annotated[
+        float, Gt(0.0), Le(LONGEST_S), Input("Counts are averaged for so long.", "s")
+    ] = 3.0
     out: Annotated[
         Path | None,
-        typer.Option(help="Write the calibration to this new file, too, and its figure beside it."),
-    ] = None,
-) -> None:
+        Input("Write the calibration to this new file, too, and its figure beside it."),
+    ] = None
+
+
+def calibrate(inputs: CalibrateInputs) -> None:
     """Calibrate a load cell with known masses.
 
     The calibration is kept and used by every run that follows on that device.
@@ -57,7 +68,8 @@ def command(
     from benchtool.data.run.state import remember
     from benchtool.report.files import refuse_existing
 
-    if (source is None) == (not masses):
+    source, out, device_id = inputs.source, inputs.out, inputs.device_id
+    if (source is None) == (not inputs.masses):
         raise InputError("give either --masses, to hang them now, or --from CSV with counts")
     if out is not None:
         refuse_existing([out, *(out.with_suffix(f".{kind}") for kind in FIGURES)])
@@ -69,24 +81,27 @@ def command(
                 "it, and so does a run's metadata.json)"
             )
     else:
-        if not address:
+        if not inputs.address:
             raise InputError("which bench? name its address before --masses")
-        kilograms, counts, device_id = _from_bench(address, masses, rig, seconds)
+        kilograms, counts, device_id = _from_bench(inputs)
     calibration = fit_calibration(
         kilograms,
         counts,
         date=datetime.now().astimezone().strftime("%Y-%m-%dT%H%M%S"),
         device_id=device_id,
-        lever_ratio=lever_ratio,
-        gravity_m_s2=gravity,
+        lever_ratio=inputs.lever_ratio,
+        gravity_m_s2=inputs.gravity,
     )
     _show(calibration)
     facts = calibration_to_dict(calibration)
     kept = remember("calibration", device_id, facts)
     if out is not None:
         replace_json(out, facts)
-        _draw(facts, out, simulated=address.startswith("sim:"))
+        _draw(facts, out, simulated=inputs.address.startswith("sim:"))
     print(f"kept in {out or kept}; every run on {device_id} uses it from now on")
+
+
+command = declared(CalibrateInputs, calibrate)
 
 
 def _draw(facts: Mapping[str, Any], out: Path, *, simulated: bool) -> None:
@@ -105,9 +120,7 @@ def _from_csv(source: Path) -> tuple[Array, Array]:
     return table.column("mass_kg"), table.column("thrust_raw")
 
 
-def _from_bench(
-    address: str, masses: str, rig: str | None, seconds: float
-) -> tuple[Array, Array, str]:
+def _from_bench(inputs: CalibrateInputs) -> tuple[Array, Array, str]:
     import numpy as np
 
     from benchtool.acquire.calibrate_bench import mean_counts, require_raw_counts
@@ -116,16 +129,11 @@ def _from_bench(
     from benchtool.commands.terminal.announce_code import announce_code
     from benchtool.commands.terminal.sweep_operator import LOOK_S, answer_to
     from benchtool.core.errors import InputError
-    from benchtool.core.input_text import read_numbers
     from benchtool.core.units import STANDARD_GRAVITY_M_S2
 
-    kilograms = np.array(read_numbers(masses, "--masses", float, None))
-    if not np.isfinite(kilograms).all():
-        raise InputError(f"--masses is {masses!r}, but every number must be finite; correct it")
-    if not 0.0 < seconds <= LONGEST_S:
-        raise InputError(f"--seconds is {seconds:g}; give more than 0 and at most {LONGEST_S:g}")
+    address, kilograms = inputs.address, np.array(inputs.masses)
     counts = []
-    rating_N = rig_for(address, rig).limits.load_cell_rating_N
+    rating_N = rig_for(address, inputs.rig).limits.load_cell_rating_N
     heaviest_N = float(kilograms.max()) * STANDARD_GRAVITY_M_S2
     if heaviest_N > rating_N:
         raise InputError(
@@ -139,7 +147,7 @@ def _from_bench(
         for kilogram in kilograms:
             question = f"hang {kilogram:g} kg, wait until it is still, then press Enter: "
             answer_to(question, None if is_virtual else lambda: bench.read(LOOK_S))
-            found = mean_counts(bench, seconds)
+            found = mean_counts(bench, inputs.seconds)
             print(f"  {found.mean:.1f} counts, +- {found.se:.1f}")
             counts.append(found.mean)
         device_id = bench.identity.device_id

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Annotated
 
-import typer
+from benchtool.commands.declared import declared
+from benchtool.core.inputs import Input, Inputs
 
 
-def check(
-    address: Annotated[str, typer.Argument(help="The bench: serial:PORT, tcp:HOST:PORT.")],
-    rig: Annotated[str | None, typer.Option(help="Rig by name, or a rig file.")] = None,
-    yes: Annotated[
-        bool, typer.Option("--yes", help="No typed confirmation; simulated benches only.")
-    ] = False,
-) -> None:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CheckInputs(Inputs):
+    """What `benchtool bench check` takes."""
+
+    address: Annotated[str, Input("The bench: serial:PORT, tcp:HOST:PORT.", argument="ADDRESS")]
+    rig: Annotated[str | None, Input("Rig by name, or a rig file.")] = None
+    yes: Annotated[bool, Input("No typed confirmation; simulated benches only.")] = False
+
+
+def check(inputs: CheckInputs) -> None:
     """Check standstill, ESC arming, channel map, thrust sign and rpm at low throttle."""
     from datetime import datetime
 
@@ -26,16 +31,16 @@ def check(
     from benchtool.commands.terminal.sweep_operator import confirm_arming, say_of_bench, say_of_end
     from benchtool.core.errors import BenchError, InputError
 
-    stands = rig_for(address, rig)
+    stands = rig_for(inputs.address, inputs.rig)
     findings = []
-    with GuardedBench(open_bench(address, announce_code), stands) as bench:
+    with GuardedBench(open_bench(inputs.address, announce_code), stands) as bench:
         identity = bench.identity
         say_of_bench(identity, stands)
         text = (
             f"rotors 1 to {stands.n_rotors} of rig {stands.name} will turn one after another at "
             f"{low_throttle_us(stands):g} us"
         )
-        if not yes:
+        if not inputs.yes:
             confirm_arming(text, CONFIRMATION, bench)
         elif not identity.simulated:
             raise InputError(
@@ -55,3 +60,6 @@ def check(
     today = datetime.now().astimezone().date()
     remember_check(identity, stands, [finding.text for finding in findings], today)
     print(f"all {len(findings)} checks passed on {identity.device_id}; noted for today")
+
+
+command = declared(CheckInputs, check)

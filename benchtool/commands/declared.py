@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping
-from dataclasses import MISSING
+from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
 import typer
@@ -18,34 +18,36 @@ T = TypeVar("T", bound=Inputs)
 def declared(
     cls: type[T],
     run: Callable[[T], None],
-    base: Callable[[Mapping[str, Any]], T | None] = lambda given: None,
+    base: Callable[[dict[str, Any]], T] | None = None,
 ) -> Callable[..., None]:
     """Return the function that typer makes a command of.
 
     Args:
         cls: what the command takes.
         run: does it; its docstring is the command's help.
-        base: gives what values that were not given are taken from, in place of the defaults;
-            told what was given, by name.
+        base: gives what values that were not given are taken from, in place of the defaults.
+            It takes what was given, by name, and may change that.
     """
     known = {item.key.replace(".", "_"): item for item in items(cls)}
 
     def command(**typed: Any) -> None:
         given = {known[key].name: value for key, value in typed.items() if value not in (None, [])}
-        run(make(cls, given, source="option", base=base(given)))
+        run(make(cls, given, source="option", base=base and base(given)))
 
-    parameters = [_parameter(name, item) for name, item in known.items()]
+    parameters = [
+        _parameter(name, item, item.required and base is None) for name, item in known.items()
+    ]
     command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     command.__annotations__ = {each.name: each.annotation for each in parameters}
     command.__doc__ = run.__doc__
+    command.inputs = cls  # type: ignore[attr-defined]
     return command
 
 
-def _parameter(name: str, item: Item) -> inspect.Parameter:
+def _parameter(name: str, item: Item, required: bool) -> inspect.Parameter:
     """Return the parameter of one input; None stands for what was not given."""
-    required = item.default is MISSING
-    kind: Any = str if item.many or item.kind in (Mapping, str) else item.kind
-    if item.kind in (Mapping, str) and (item.many or item.kind is Mapping):
+    kind: Any = str if item.many else item.kind
+    if item.kind is Mapping or (item.many and item.kind in (str, Path)):
         kind = list[str]
     options: dict[str, Any] = {"help": _help(item), "show_default": False}
     if item.about.argument:
@@ -53,7 +55,8 @@ def _parameter(name: str, item: Item) -> inspect.Parameter:
     elif item.kind is bool and item.default is True:
         said = typer.Option(f"{item.option}/{item.option.replace('--', '--no-', 1)}", **options)
     else:
-        said = typer.Option(item.option, hidden=item.about.hidden, **options)
+        names = filter(None, (item.option, item.about.also))
+        said = typer.Option(*names, hidden=item.about.hidden, **options)
     return inspect.Parameter(
         name,
         inspect.Parameter.KEYWORD_ONLY,
@@ -66,7 +69,7 @@ def _help(item: Item) -> str:
     """Return the help of an input: sentence, range with unit or choices, and default."""
     about = item.about
     notes = [f"{item.range} {about.unit}".strip(), ", ".join(item.choices)]
-    usual = "" if item.default is MISSING or item.kind is bool else text_of(item.default)
+    usual = "" if item.required or item.kind is bool else text_of(item.default)
     if about.empty or usual:
         notes.append(f"default: {about.empty or usual}")
     noted = "; ".join(filter(None, notes))

@@ -6,10 +6,14 @@ import os
 import subprocess
 import sys
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from annotated_types import Ge, Le
+
+from benchtool.commands.declared import declared
+from benchtool.core.inputs import Input, Inputs
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -17,23 +21,28 @@ if TYPE_CHECKING:
 STEPS = 4
 
 
-def command(
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DemoInputs(Inputs):
+    """What `benchtool demo` takes."""
+
     out: Annotated[
-        Path | None,
-        typer.Option(help="New folder; benchtool-demo, then benchtool-demo-2, when left out."),
-    ] = None,
+        Path | None, Input("New folder.", empty="benchtool-demo, then benchtool-demo-2")
+    ] = None
     speed: Annotated[
         float,
-        typer.Option(
-            help="How much faster than life the virtual benches run.", min=1.0, max=1000.0
-        ),
-    ] = 20.0,
-    seed: Annotated[int, typer.Option(help="Seed of the virtual benches' noise.", min=0)] = 1,
-) -> None:
+        Ge(1.0),
+        Le(1000.0),
+        Input("How much faster than life the virtual benches run."),
+    ] = 20.0
+    seed: Annotated[int, Ge(0), Input("Seed of the virtual benches' noise.")] = 1
+
+
+def demo(inputs: DemoInputs) -> None:
     """Sweep two virtual benches, fit, and write a report."""
     from benchtool.report.fit.page import refuse_full
 
-    out = out or free_folder(Path("benchtool-demo"))
+    speed, seed = inputs.speed, inputs.seed
+    out = inputs.out or free_folder(Path("benchtool-demo"))
     refuse_full(out)
     out.mkdir(parents=True, exist_ok=True)
     print(f"two virtual benches, {speed:g} times faster than life; no motor turns anywhere")
@@ -46,6 +55,9 @@ def command(
         _swept(name, rig, runs[name], speed, seed, commands)
     _say(3, "fit: one rotor by eq. (2); four rotors by eq. (3) and by eq. (4)")
     _fit_and_report(out, runs, commands)
+
+
+command = declared(DemoInputs, demo)
 
 
 def free_folder(first: Path) -> Path:

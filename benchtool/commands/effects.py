@@ -2,23 +2,29 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Annotated
 
-import typer
+from benchtool.commands.declared import declared
+from benchtool.core.inputs import Input, Inputs
 
 
-def command(
-    name: Annotated[str, typer.Argument(help="An effect; all are listed without.")] = "",
-    rig: Annotated[
-        str, typer.Option("--rig", help="Whose tolerances to show: shipped rig or TOML file.")
-    ] = "beam",
-) -> None:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EffectsInputs(Inputs):
+    """What `benchtool effects` takes."""
+
+    name: Annotated[str, Input("An effect; all are listed without.", argument="NAME")] = ""
+    rig: Annotated[str, Input("Whose tolerances to show: shipped rig or TOML file.")] = "beam"
+
+
+def effects(inputs: EffectsInputs) -> None:
     """List physical effects, or show one with law and parameters."""
     from benchtool.core.rig_file import rig_named
     from benchtool.physics.catalogue import EFFECTS, effect_named
     from benchtool.physics.effects.effect import BENCH_KINDS
     from benchtool.physics.tolerances import default_tolerances
 
+    name, rig = inputs.name, inputs.rig
     if not name:
         for effect in EFFECTS.values():
             print(f"{effect.name:<18} {effect.subsystem:<14} {effect.title}: {effect.law}")
@@ -41,3 +47,6 @@ def command(
         ]
         tolerance = f"; tolerance on {rig}: {', '.join(matters)}" if matters else ""
         print(f"  {item.name} [{item.unit}]: {item.description}; {neutral}{tolerance}")
+
+
+command = declared(EffectsInputs, effects)

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
-import typer
+from annotated_types import Ge, Le
 from typer.core import TyperCommand
+
+from benchtool.commands.declared import declared
+from benchtool.core.inputs import Input, Inputs
 
 CHECK = "--check"
 
@@ -37,39 +41,36 @@ def spread(words: list[str]) -> list[str]:
     return out
 
 
-def command(
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExplainInputs(Inputs):
+    """What `benchtool explain` takes."""
+
     recordings: Annotated[
-        list[str] | None,
-        typer.Argument(help="To learn from: CSV, Parquet of benchtool import, run folders."),
-    ] = None,
+        tuple[str, ...],
+        Input(
+            "To learn from: CSV, Parquet of benchtool import, run folders.", argument="RECORDING"
+        ),
+    ] = ()
     model: Annotated[
-        str, typer.Option(help="Shipped model (benchtool models) or the path of a model file.")
-    ] = "",
+        str, Input("Shipped model (benchtool models) or the path of a model file.")
+    ] = ""
     check: Annotated[
-        list[str] | None,
-        typer.Option(help="To check on: same bench, not learned from; one or more."),
-    ] = None,
+        tuple[str, ...], Input("To check on: same bench, not learned from; one or more.")
+    ] = ()
     out: Annotated[
-        Path | None, typer.Option(help="Folder for page, figures, new model or next experiment.")
-    ] = None,
-    json_file: Annotated[
-        Path | None, typer.Option("--json", help="File for the answer as JSON.")
-    ] = None,
-    effects: Annotated[
-        str | None, typer.Option(help="Python file or module with effects of your own.")
-    ] = None,
-    seed: Annotated[int, typer.Option(help="Seed of everything random.", min=0)] = 0,
-    draws: Annotated[
-        int, typer.Option(help="Draws of the noise behind the floor.", min=20, max=100_000)
-    ] = 128,
+        Path | None, Input("Folder for page, figures, new model or next experiment.")
+    ] = None
+    json: Annotated[Path | None, Input("File for the answer as JSON.")] = None
+    effects: Annotated[str | None, Input("Python file or module with effects of your own.")] = None
+    seed: Annotated[int, Ge(0), Input("Seed of everything random.")] = 0
+    draws: Annotated[int, Ge(20), Le(100_000), Input("Draws of the noise behind the floor.")] = 128
     bootstrap: Annotated[
-        int,
-        typer.Option(help="Simulated records behind p-values; asymptotic ones without.", min=0),
-    ] = 0,
-    overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Replace an earlier answer's files.")
-    ] = False,
-) -> None:
+        int, Ge(0), Input("Simulated records behind p-values; asymptotic ones without.")
+    ] = 0
+    overwrite: Annotated[bool, Input("Replace an earlier answer's files.")] = False
+
+
+def explain(inputs: ExplainInputs) -> None:
     """Name the effect that a model lacks, and show the gap shrink
 
     The first line printed is the verdict: an effect, several, a class that this data cannot tell
@@ -95,16 +96,17 @@ def command(
     from benchtool.report.answer.folder import refuse_taken, write_folder, write_json
 
     began = time.monotonic()
-    question = read_request(recordings or [], check or [], model, effects, announce_code)
-    if not overwrite:
+    learned, checked, out, json_file = inputs.recordings, inputs.check, inputs.out, inputs.json
+    question = read_request(learned, checked, inputs.model, inputs.effects, announce_code)
+    if not inputs.overwrite:
         refuse_taken(out, json_file)
-    with working(", ".join([*(recordings or []), *(check or [])])) as tell:
+    with working(", ".join([*learned, *checked])) as tell:
         answer = answer_request(
             question,
             commands=[shlex.join(["benchtool", *sys.argv[1:]])],
-            seed=seed,
-            draws=draws,
-            bootstrap=bootstrap,
+            seed=inputs.seed,
+            draws=inputs.draws,
+            bootstrap=inputs.bootstrap,
             progress=tell,
         )
     answer = replace(answer, seconds=time.monotonic() - began)
@@ -116,3 +118,6 @@ def command(
     with for_a_reader():
         print_answer(answer)
         print_next(answer, out, json_file)
+
+
+command = declared(ExplainInputs, explain)

@@ -2,24 +2,27 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from benchtool.commands.declared import declared
+from benchtool.core.inputs import Input, Inputs
 
 
-def command(
-    out: Annotated[
-        Path, typer.Option(help="Folder to make; the Arduino sketch is named after it.")
-    ],
-    board: Annotated[str, typer.Option(help="What it shall run on: uno, nano.")] = "uno",
-    rig: Annotated[
-        str, typer.Option(help="Rig or rig file whose motors, pulses and limits it takes.")
-    ] = "pquad_single",
-    device_id: Annotated[
-        str, typer.Option(help="The device's own name; a new one when left out.")
-    ] = "",
-) -> None:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FirmwareInputs(Inputs):
+    """What `benchtool firmware` takes."""
+
+    out: Annotated[Path, Input("Folder to make; the Arduino sketch is named after it.")]
+    board: Annotated[str, Input("What it shall run on: uno, nano.")] = "uno"
+    rig: Annotated[str, Input("Rig or rig file whose motors, pulses and limits it takes.")] = (
+        "pquad_single"
+    )
+    device_id: Annotated[str, Input("The device's own name.", empty="a new one")] = ""
+
+
+def firmware(inputs: FirmwareInputs) -> None:
     """Write the firmware that makes an Arduino a rotor bench."""
     from secrets import token_hex
 
@@ -28,10 +31,11 @@ def command(
     from benchtool.core.errors import InputError, WouldOverwrite
     from benchtool.core.rig_file import rig_named
 
-    known = board_named(board)
-    name = device_id or f"{board}-{token_hex(3)}"
+    out = inputs.out
+    known = board_named(inputs.board)
+    name = inputs.device_id or f"{inputs.board}-{token_hex(3)}"
     folder = out.resolve()
-    files = sketch_files(known, rig_named(rig), name, folder.name)
+    files = sketch_files(known, rig_named(inputs.rig), name, folder.name)
     if out.exists() or out.is_symlink():
         raise WouldOverwrite(str(out))
     try:
@@ -47,3 +51,6 @@ def command(
     print(f"  make -C {out} upload PORT=/dev/ttyACM0   (needs avr-gcc, avr-libc, avrdude)")
     print(f"  open {out / folder.name}.ino in the Arduino IDE and press Upload")
     print("and, with the propeller off: benchtool ports --probe --baud 500000")
+
+
+command = declared(FirmwareInputs, firmware)

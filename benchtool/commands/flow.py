@@ -2,44 +2,57 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from annotated_types import Ge, Le
 
-app = typer.Typer(no_args_is_help=True, rich_markup_mode=None, add_completion=False)
-
-Spacing = Annotated[float, typer.Option("--spacing-R", help="Rotor spacing in radii.", min=2.0)]
-Height = Annotated[float, typer.Option("--z-over-r", help="Height in rotor radii.", min=0.5)]
+from benchtool.commands.declared import declared
+from benchtool.core.inputs import Input, Inputs
 
 
-@app.callback()
-def _group() -> None:
-    """Picture the flow below a quadrotor."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlowInputs(Inputs):
+    """What both commands of `benchtool flow` take."""
+
+    spacing_R: Annotated[
+        float, Ge(2.0), Le(1000.0), Input("Rotor spacing in radii.", option="spacing-R")
+    ] = 2.65
+    z_over_R: Annotated[
+        float, Ge(0.5), Le(1000.0), Input("Height in rotor radii.", option="z-over-r")
+    ] = 2.0
 
 
-@app.command("table")
-def table(spacing_r: Spacing = 2.65, z_over_r: Height = 2.0) -> None:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PictureInputs(Inputs):
+    """What `benchtool flow picture` takes."""
+
+    flow: FlowInputs = FlowInputs()
+    out: Annotated[Path, Input("Folder for the figure.")] = Path("figures")
+
+
+def table(inputs: FlowInputs) -> None:
     """Print the upward velocity between the rotors, in induced velocities."""
     from benchtool.physics.wake_picture import Hover
     from benchtool.report.paper.curves import centre_line_lines
 
-    for line in centre_line_lines(Hover.quad(spacing_r, z_over_r)):
+    for line in centre_line_lines(Hover.quad(inputs.spacing_R, inputs.z_over_R)):
         print(line)
     print("sources: the model behind eq. (2) to (4); rings: a prescribed wake, not CFD")
 
 
-@app.command("picture")
-def picture(
-    spacing_r: Spacing = 2.65,
-    z_over_r: Height = 2.0,
-    out: Annotated[Path, typer.Option(help="Folder for the figure.")] = Path("figures"),
-) -> None:
+def picture(inputs: PictureInputs) -> None:
     """Draw sources with images beside vortex rings with images (Fig. 5)."""
     from benchtool.physics.wake_picture import Hover
     from benchtool.report.figure import drawn
     from benchtool.report.files import save_figure
 
-    block = drawn("paper.flow", Hover.quad(spacing_r, z_over_r))["fig05-flow"]
-    for path in save_figure(block.figure, out / "fig05-flow"):
+    hover = Hover.quad(inputs.flow.spacing_R, inputs.flow.z_over_R)
+    block = drawn("paper.flow", hover)["fig05-flow"]
+    for path in save_figure(block.figure, inputs.out / "fig05-flow"):
         print(f"written: {path}")
+
+
+table_command = declared(FlowInputs, table)
+picture_command = declared(PictureInputs, picture)

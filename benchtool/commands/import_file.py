@@ -2,51 +2,49 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from annotated_types import Ge, Gt, Le
+
+from benchtool.commands.declared import declared
+from benchtool.core.inputs import Input, Inputs
 
 if TYPE_CHECKING:
     from benchtool.data.repairs.imported import Imported, Options
 
 
-def command(
-    files: Annotated[list[Path], typer.Argument(help="Files to import; each becomes one.")],
-    columns: Annotated[
-        Path | None, typer.Option(help="Column map (TOML) of any CSV, with units.")
-    ] = None,
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ImportInputs(Inputs):
+    """What `benchtool import` takes."""
+
+    files: Annotated[tuple[Path, ...], Input("Files to import; each becomes one.", argument="FILE")]
+    columns: Annotated[Path | None, Input("Column map (TOML) of any CSV, with units.")] = None
     over: Annotated[
-        list[str] | None,
-        typer.Option(help="START:END:ROTOR, s: that rotor is over a surface; 'all' for each."),
-    ] = None,
+        tuple[str, ...],
+        Input("START:END:ROTOR, s: that rotor is over a surface; 'all' for each."),
+    ] = ()
     near_m: Annotated[
-        float | None,
-        typer.Option("--near-m", help="A distance sensor below it says: over a surface.", min=0.0),
-    ] = None,
-    flip: Annotated[
-        list[str] | None, typer.Option(help="Channel whose sign is turned (thrust_N).")
-    ] = None,
-    tare: Annotated[
-        list[str] | None, typer.Option(help="Channel whose reading at rest is taken off.")
-    ] = None,
-    scale: Annotated[
-        list[str] | None, typer.Option(help="CHANNEL=FACTOR, as rpm1=1/6 for a pole count.")
-    ] = None,
+        Annotated[float, Ge(0.0), Le(1e5)] | None,
+        Input("A distance sensor below it says: over a surface.", "m"),
+    ] = None
+    flip: Annotated[tuple[str, ...], Input("Channel whose sign is turned (thrust_N).")] = ()
+    tare: Annotated[tuple[str, ...], Input("Channel whose reading at rest is taken off.")] = ()
+    scale: Annotated[tuple[str, ...], Input("CHANNEL=FACTOR, as rpm1=1/6 for a pole count.")] = ()
     air_density: Annotated[
-        float | None, typer.Option("--air-density", help="kg/m3, for files of coefficients.")
-    ] = None,
-    out: Annotated[
-        Path | None, typer.Option(help="Folder; or for one file, its name in .csv or .parquet.")
-    ] = None,
-    parquet: Annotated[bool, typer.Option("--parquet", help="Write Parquet, not CSV.")] = False,
-    overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Replace recordings of the same name.")
-    ] = False,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Show findings, write nothing.")] = (
-        False
-    ),
-) -> None:
+        Annotated[float, Gt(0.0), Le(100.0)] | None,
+        Input("Air density, for files of coefficients.", "kg/m3"),
+    ] = None
+    out: Annotated[Path | None, Input("Folder; or for one file, its name in .csv or .parquet.")] = (
+        None
+    )
+    parquet: Annotated[bool, Input("Write Parquet, not CSV.")] = False
+    overwrite: Annotated[bool, Input("Replace recordings of the same name.")] = False
+    dry_run: Annotated[bool, Input("Show findings, write nothing.")] = False
+
+
+def import_(inputs: ImportInputs) -> None:
     """Import flight logs and other makers' files, every repair told"""
     from benchtool.commands.terminal.show_import import print_import
     from benchtool.core.errors import WouldOverwrite
@@ -56,28 +54,29 @@ def command(
     from benchtool.data.run.recording_file import beside
 
     options = Options(
-        columns=columns,
-        flip=tuple(flip or ()),
-        tare=tuple(tare or ()),
-        scale=tuple(scale or ()),
-        air_density_kg_m3=air_density,
-        over=tuple(window_told(text) for text in over or ()),
-        near_m=near_m,
+        columns=inputs.columns,
+        flip=inputs.flip,
+        tare=inputs.tare,
+        scale=inputs.scale,
+        air_density_kg_m3=inputs.air_density,
+        over=tuple(window_told(text) for text in inputs.over),
+        near_m=inputs.near_m,
     )
-    targets = _targets(files, out, parquet)
-    if not overwrite and not dry_run:
+    files = inputs.files
+    targets = _targets(files, inputs.out, inputs.parquet)
+    if not inputs.overwrite and not inputs.dry_run:
         # Before the work, so that a long import does not end in a refusal.
         for target in targets:
             for path in (target, beside(target)):
                 if path.exists():
                     raise WouldOverwrite(str(path), "--overwrite")
     for read, target in zip(import_files(files, options), targets, strict=True):
-        if not dry_run:
-            _write(read, target, options, overwrite)
-        print_import(read, None if dry_run else target)
+        if not inputs.dry_run:
+            _write(read, target, options, inputs.overwrite)
+        print_import(read, None if inputs.dry_run else target)
 
 
-def _targets(files: list[Path], out: Path | None, parquet: bool) -> list[Path]:
+def _targets(files: tuple[Path, ...], out: Path | None, parquet: bool) -> list[Path]:
     """Return where each file's recording is written."""
     from benchtool.core.errors import InputError
 
@@ -114,3 +113,6 @@ def _write(read: Imported, target: Path, options: Options, overwrite: bool) -> N
         "versions": {"benchtool": __version__},
     }
     write_recording(target, read.recording, facts, overwrite=overwrite)
+
+
+command = declared(ImportInputs, import_)

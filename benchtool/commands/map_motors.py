@@ -2,33 +2,39 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from annotated_types import Ge
+
+from benchtool.commands.declared import declared
+from benchtool.core.input_text import text_of
+from benchtool.core.inputs import Input, Inputs
 
 if TYPE_CHECKING:
     from benchtool.bench.bench import Bench
     from benchtool.core.rig import Rig
 
 
-def map_motors(
-    address: Annotated[str, typer.Argument(help="The flight controller: mavlink:...")],
-    rig: Annotated[str | None, typer.Option(help="Rig by name, or a rig file.")] = None,
-    out: Annotated[
-        Path | None, typer.Option(help="File to write; RIG.motors.toml when left out.")
-    ] = None,
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MapInputs(Inputs):
+    """What `benchtool bench map` takes."""
+
+    address: Annotated[str, Input("The flight controller: mavlink:...", argument="ADDRESS")]
+    rig: Annotated[str | None, Input("Rig by name, or a rig file.")] = None
+    out: Annotated[Path | None, Input("File to write.", empty="RIG.motors.toml")] = None
     motors: Annotated[
-        str | None,
-        typer.Option(
-            help="Test number of each rotor, in the rig's order: 1,4,3,2; asked for each motor "
-            "that has turned when left out."
+        tuple[Annotated[int, Ge(1)], ...] | None,
+        Input(
+            "Test number of each rotor, in the rig's order: 1,4,3,2.",
+            empty="asked for each motor that has turned",
         ),
-    ] = None,
-    yes: Annotated[
-        bool, typer.Option("--yes", help="No typed confirmation; simulated benches only.")
-    ] = False,
-) -> None:
+    ] = None
+    yes: Annotated[bool, Input("No typed confirmation; simulated benches only.")] = False
+
+
+def map_motors(inputs: MapInputs) -> None:
     """Turn each motor of a flight controller alone, slowly, and write down what it drives."""
     from benchtool.acquire.arming import CONFIRMATION
     from benchtool.acquire.bench_check import low_throttle_us
@@ -40,15 +46,16 @@ def map_motors(
     from benchtool.commands.terminal.sweep_operator import confirm_arming, say_of_bench, say_of_end
     from benchtool.core.errors import InputError, WouldOverwrite
 
-    stands = rig_for(address, rig)
-    numbers = _numbers(motors, stands, yes)
+    address = inputs.address
+    stands = rig_for(address, inputs.rig)
+    numbers = _numbers(inputs.motors, stands, inputs.yes)
     parsed = parse_address(address)
     if parsed.scheme != "mavlink" or "map" in parsed.options:
         raise InputError(
             "a map is learnt from a mavlink: address without map=; name one, for example "
             "mavlink:udpin:127.0.0.1:14550"
         )
-    target = out or Path(f"{stands.name}.motors.toml")
+    target = inputs.out or Path(f"{stands.name}.motors.toml")
     if target.exists():
         raise WouldOverwrite(str(target))
     with GuardedBench(open_bench(address, announce_code), stands) as bench:
@@ -57,7 +64,7 @@ def map_motors(
             f"motors 1 to {stands.n_rotors} will turn one after another at "
             f"{low_throttle_us(stands):g} us; see which rotor each one is"
         )
-        if not yes:
+        if not inputs.yes:
             confirm_arming(text, CONFIRMATION, bench)
         elif not bench.identity.simulated:
             raise InputError("--yes is for simulated benches only; leave it out and type ARM")
@@ -96,7 +103,7 @@ class _Asked:
         return self._left.pop()
 
 
-def _numbers(text: str | None, rig: Rig, unattended: bool) -> tuple[int, ...]:
+def _numbers(given: tuple[int, ...] | None, rig: Rig, unattended: bool) -> tuple[int, ...]:
     """Return the motor of every rotor; none where the operator must be asked.
 
     The order is never guessed: ArduPilot counts motors clockwise from the front, rigs
@@ -105,7 +112,7 @@ def _numbers(text: str | None, rig: Rig, unattended: bool) -> tuple[int, ...]:
     from benchtool.core.errors import InputError
 
     n_rotors = rig.n_rotors
-    if text is None:
+    if given is None:
         if n_rotors == 1:
             return (1,)
         if unattended:
@@ -116,10 +123,12 @@ def _numbers(text: str | None, rig: Rig, unattended: bool) -> tuple[int, ...]:
                 f"front), or leave --yes out"
             )
         return ()
-    given = [int(part) if part.strip().isdecimal() else 0 for part in text.split(",")]
     if sorted(given) != list(range(1, n_rotors + 1)):
         raise InputError(
-            f"--motors is {text!r}, but every number from 1 to {n_rotors} must stand in it once, "
-            f"in the order of the rig's rotors"
+            f"--motors is {text_of(given)}, but every number from 1 to {n_rotors} must stand in it "
+            f"once, in the order of the rig's rotors"
         )
-    return tuple(given)
+    return given
+
+
+command = declared(MapInputs, map_motors)

@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Annotated
 
-import typer
+from annotated_types import Ge, Le
+
+from benchtool.commands.declared import declared
+from benchtool.core.inputs import Input, Inputs
 
 
-def command(
-    probe: Annotated[
-        bool, typer.Option("--probe", help="Open every port and ask who is there; resets boards.")
-    ] = False,
-    baud: Annotated[int, typer.Option(help="Bits per second for --probe.")] = 2_000_000,
-) -> None:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PortsInputs(Inputs):
+    """What `benchtool ports` takes."""
+
+    probe: Annotated[bool, Input("Open every port and ask who is there; resets boards.")] = False
+    baud: Annotated[int, Ge(1), Le(100_000_000), Input("Bits per second for --probe.")] = 2_000_000
+
+
+def ports(inputs: PortsInputs) -> None:
     """List serial ports and, with --probe, what answers on them."""
     from benchtool.bench.doctor.ports import ask_port, serial_ports
     from benchtool.bench.transport.serial_port import SerialPort
@@ -26,8 +33,11 @@ def command(
         print(f"serial:{port.name}  {', '.join(words)}")
         if port.by_id:
             print(f"    lasting name: serial:{port.by_id}")
-        if probe:
-            answer = ask_port(SerialPort(port.name, baud), port.name)
+        if inputs.probe:
+            answer = ask_port(SerialPort(port.name, inputs.baud), port.name)
             print(f"    {answer.kind}: {answer.text}")
-    if found and not probe:
+    if found and not inputs.probe:
         print("--probe asks each who is there; opening a port resets many boards")
+
+
+command = declared(PortsInputs, ports)

@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from benchtool.commands.declared import declared
+from benchtool.core.inputs import Input, Inputs
 
 
-def command(
-    run: Annotated[Path, typer.Argument(help="The run folder.")],
-    calibration: Annotated[
-        Path | None, typer.Option(help="Calibration file; the device's latest when left out.")
-    ] = None,
-    other_device: Annotated[
-        bool, typer.Option("--other-device", help="Take one of another device; noted in the run.")
-    ] = False,
-) -> None:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecalibrateInputs(Inputs):
+    """What `benchtool recalibrate` takes."""
+
+    run: Annotated[Path, Input("The run folder.", argument="RUN")]
+    calibration: Annotated[Path | None, Input("Calibration file.", empty="the device's latest")] = (
+        None
+    )
+    other_device: Annotated[bool, Input("Take one of another device; noted in the run.")] = False
+
+
+def run(inputs: RecalibrateInputs) -> None:
     """Apply a calibration to a run, its raw data untouched."""
     from benchtool.acquire.calibration import calibration_from
     from benchtool.acquire.calibration_file import read_calibration
@@ -25,9 +30,9 @@ def command(
     from benchtool.data.run.run import Run
     from benchtool.data.run.state import recall
 
-    opened = Run.open(run)
-    if calibration is not None:
-        chosen = read_calibration(calibration)
+    opened = Run.open(inputs.run)
+    if inputs.calibration is not None:
+        chosen = read_calibration(inputs.calibration)
     else:
         device_id = str(opened.metadata.get("device_id", ""))
         latest = recall("calibration", device_id)
@@ -36,5 +41,8 @@ def command(
                 f"no calibration of device {device_id!r} is known here; give --calibration FILE"
             )
         chosen = calibration_from(latest, f"the latest calibration of {device_id}")
-    folder = recalibrate(opened, chosen, other_device=other_device)
+    folder = recalibrate(opened, chosen, other_device=inputs.other_device)
     print(f"points through calibration {chosen.id}: {folder}")
+
+
+command = declared(RecalibrateInputs, run)

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from annotated_types import Gt, Le
+
+from benchtool.commands.declared import declared
+from benchtool.core.inputs import Input, Inputs
 
 if TYPE_CHECKING:
     from benchtool.acquire.pitch_experiment import PitchExperiment
@@ -15,31 +19,40 @@ if TYPE_CHECKING:
     from benchtool.data.run.run import Run
 
 
-def command(
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecordInputs(Inputs):
+    """What `benchtool record` takes."""
+
     address: Annotated[
-        str, typer.Argument(help="The bench: sim:pquad?mode=pitch, serial:PORT, tcp:HOST:PORT.")
-    ],
-    rig: Annotated[str | None, typer.Option(help="Rig by name, or a rig file.")] = None,
-    seconds: Annotated[float, typer.Option(help="How long, on the bench's clock.")] = 40.0,
+        str,
+        Input("The bench: sim:pquad?mode=pitch, serial:PORT, tcp:HOST:PORT.", argument="ADDRESS"),
+    ]
+    rig: Annotated[str | None, Input("Rig by name, or a rig file.")] = None
+    seconds: Annotated[
+        float, Gt(0.0), Le(3600.0), Input("How long, on the bench's clock.", "s")
+    ] = 40.0
     collective: Annotated[
-        float | None, typer.Option(help="Pulse that arms the device, us; hover when left out.")
-    ] = None,
+        Annotated[float, Gt(0.0), Le(1e4)] | None,
+        Input("Pulse that arms the device.", "us", empty="hover"),
+    ] = None
     plate_z_m: Annotated[
-        float | None, typer.Option("--plate-z-m", help="Send the plate there before, m.")
-    ] = None,
-    limit_deg: Annotated[float, typer.Option(help="Stop beyond this pitch angle.")] = 45.0,
+        Annotated[float, Gt(0.0), Le(1000.0)] | None, Input("Send the plate there before.", "m")
+    ] = None
+    limit_deg: Annotated[
+        float, Gt(0.0), Le(90.0), Input("Stop beyond this pitch angle.", "deg")
+    ] = 45.0
     schedule: Annotated[
-        str, typer.Option(help="What the device runs, for the record; its own word without.")
-    ] = "",
-    name: Annotated[str, typer.Option(help="Name of the run.")] = "pitch",
-    runs: Annotated[Path, typer.Option(help="Where run folders are made.")] = Path("runs"),
-    out: Annotated[Path | None, typer.Option(help="Exactly this run folder; must be new.")] = None,
-    operator: Annotated[str, typer.Option(help="Who measures; the user when left out.")] = "",
-    yes: Annotated[
-        bool, typer.Option("--yes", help="No typed arming: simulated or checked today.")
-    ] = False,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Show what would spin only.")] = False,
-) -> None:
+        str, Input("What the device runs, for the record.", empty="its own word")
+    ] = ""
+    name: Annotated[str, Input("Name of the run.")] = "pitch"
+    runs: Annotated[Path, Input("Where run folders are made.")] = Path("runs")
+    out: Annotated[Path | None, Input("Exactly this run folder; must be new.")] = None
+    operator: Annotated[str, Input("Who measures; the user when left out.")] = ""
+    yes: Annotated[bool, Input("No typed arming: simulated or checked today.")] = False
+    dry_run: Annotated[bool, Input("Show what would spin only.")] = False
+
+
+def record(inputs: RecordInputs) -> None:
     """Record a pitch experiment from a bench into a run folder."""
     from math import radians
 
@@ -55,33 +68,32 @@ def command(
     from benchtool.commands.terminal.announce_code import announce_code
     from benchtool.data.run.run import refuse_taken
 
-    stands = rig_for(address, rig)
+    address, pulse_us = inputs.address, inputs.collective
+    stands = rig_for(address, inputs.rig)
     experiment = PitchExperiment(
-        seconds=seconds,
-        collective_us=hover_pulse_us(stands) if collective is None else collective,
-        plate_z_m=plate_z_m,
-        pitch_limit_rad=radians(limit_deg),
-        schedule=schedule,
+        seconds=inputs.seconds,
+        collective_us=hover_pulse_us(stands) if pulse_us is None else pulse_us,
+        plate_z_m=inputs.plate_z_m,
+        pitch_limit_rad=radians(inputs.limit_deg),
+        schedule=inputs.schedule,
     )
     expected = check_experiment(experiment, stands)
-    if out is not None:
-        refuse_taken(out)
-    if dry_run:
+    if inputs.out is not None:
+        refuse_taken(inputs.out)
+    if inputs.dry_run:
         open_bench(address, announce_code)  # refuses what it names wrongly; opens nothing yet
         print(arming_text(experiment, stands, expected))
         print("dry run: nothing was opened, nothing spins")
         return
-    run, summary, simulated = _record(address, stands, experiment, (runs, name, out), operator, yes)
+    run, summary, simulated = _record(inputs, stands, experiment)
     print(f"{summary_line(summary)}{' (simulated)' if simulated else ''}; in {run.path}")
 
 
+command = declared(RecordInputs, record)
+
+
 def _record(
-    address: str,
-    rig: Rig,
-    experiment: PitchExperiment,
-    folder: tuple[Path, str, Path | None],
-    operator: str,
-    yes: bool,
+    inputs: RecordInputs, rig: Rig, experiment: PitchExperiment
 ) -> tuple[Run, PitchSummary, bool]:
     """Open the bench, arm, record, and close the run whatever happened."""
     from benchtool.acquire.new_run import new_pitch_run
@@ -99,12 +111,13 @@ def _record(
     run: Run | None = None
     with ClosingSignals() as closing:
         try:
-            with GuardedBench(open_bench(address, announce_code), rig) as bench:
+            with GuardedBench(open_bench(inputs.address, announce_code), rig) as bench:
                 identity = bench.identity
                 say_of_bench(identity, rig)
                 require_pitch(identity)
-                _arm(bench, rig, experiment, yes)
-                run = new_pitch_run(folder, experiment, rig, identity, operator=operator)
+                _arm(bench, rig, experiment, inputs.yes)
+                folder = (inputs.runs, inputs.name, inputs.out)
+                run = new_pitch_run(folder, experiment, rig, identity, operator=inputs.operator)
                 print(f"run {run.path}", flush=True)
                 closing.begin()
                 summary = record_pitch(bench, rig, experiment, run)

@@ -3,73 +3,80 @@
 from __future__ import annotations
 
 import shlex
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
-import typer
+from annotated_types import Ge, Gt, Le
+
+from benchtool.commands.declared import declared
+from benchtool.core.errors import InputError
+from benchtool.core.input_text import text_of
+from benchtool.core.inputs import Input, Inputs, changed, values_of
 
 
-def command(
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PaperLayoutInputs(Inputs):
+    """The recipe folders of `benchtool report --layout paper`."""
+
+    single: Annotated[Path | None, Input("Paper: recipe folder of one rotor.")] = None
+    second: Annotated[Path | None, Input("Paper: recipe folder of one rotor of another rig.")] = (
+        None
+    )
+    three: Annotated[Path | None, Input("Paper: recipe folder of 3 rotors.")] = None
+    quad: Annotated[Path | None, Input("Paper: recipe folder of the quadrotor.")] = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReportInputs(Inputs):
+    """What `benchtool report` takes."""
+
     paths: Annotated[
-        list[Path] | None,
-        typer.Argument(
-            metavar="PATH...",
-            help="A run, fit or explain folder, or a recording; several sweeps are compared.",
+        tuple[Path, ...],
+        Input(
+            "A run, fit or explain folder, or a recording; several sweeps are compared.",
+            argument="PATH",
         ),
-    ] = None,
+    ] = ()
     out: Annotated[
         Path | None,
-        typer.Option(
-            help="The HTML file; report.html in the folder, or beside the recording. With --layout "
+        Input(
+            "The HTML file; report.html in the folder, or beside the recording. With --layout "
             "paper, the folder of the figures."
         ),
-    ] = None,
+    ] = None
     layout: Annotated[
-        str, typer.Option(help="page, or paper: the paper's figures 3, 4, 6, 8 from recipes.")
-    ] = "page",
-    single: Annotated[Path | None, typer.Option(help="Paper: recipe folder of one rotor.")] = None,
-    second: Annotated[
-        Path | None, typer.Option(help="Paper: recipe folder of one rotor of another rig.")
-    ] = None,
-    three: Annotated[Path | None, typer.Option(help="Paper: recipe folder of 3 rotors.")] = None,
-    quad: Annotated[
-        Path | None, typer.Option(help="Paper: recipe folder of the quadrotor.")
-    ] = None,
-    model: Annotated[
-        str, typer.Option(help="Model to draw beside the data: name, file or fit folder.")
-    ] = "",
+        Literal["page", "paper"],
+        Input("A page, or the paper's figures 3, 4, 6, 8 from recipes."),
+    ] = "page"
+    recipes: PaperLayoutInputs = PaperLayoutInputs()
+    model: Annotated[str, Input("Model to draw beside the data: name, file or fit folder.")] = ""
     controller: Annotated[
-        str, typer.Option(help="Controller that flew a log: pid, observer, feedforward, ...")
-    ] = "",
-    gains: Annotated[str, typer.Option(help="Its gain set: s3, s1a, stiff or a file.")] = "",
+        str, Input("Controller that flew a log: pid, observer, feedforward, ...")
+    ] = ""
+    gains: Annotated[str, Input("Its gain set: s3, s1a, stiff or a file.")] = ""
     plate_z_m: Annotated[
-        float | None,
-        typer.Option("--plate-z-m", help="Height over the surface where the log does not tell."),
-    ] = None,
+        Annotated[float, Gt(0.0), Le(1000.0)] | None,
+        Input("Height over the surface where the log does not tell.", "m"),
+    ] = None
     motors: Annotated[
-        str,
-        typer.Option(help="The log's motor number of each rotor of the rig, as 1,3,2,4."),
-    ] = "",
-    overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Replace files of these names.")
-    ] = False,
-    # The older name of --overwrite.
-    force: Annotated[bool, typer.Option("--force", hidden=True)] = False,
-) -> None:
+        tuple[Annotated[int, Ge(1)], ...],
+        Input("The log's motor number of each rotor of the rig, as 1,3,2,4."),
+    ] = ()
+    overwrite: Annotated[bool, Input("Replace files of these names.", also="--force")] = False
+
+
+def report(inputs: ReportInputs) -> None:
     """Write a report page of a run, fit or recording"""
     import sys
 
     from benchtool.commands.terminal.announce_code import announce_code
-    from benchtool.core.errors import InputError, UnknownChoice
     from benchtool.explain.pitch.replayed import Beside
     from benchtool.report.report_file import TAKES, write_report
 
-    given, replace = list(paths or []), overwrite or force
-    recipes = {"single": single, "second": second, "three": three, "quad": quad}
-    named = [f"--{name}" for name, folder in recipes.items() if folder is not None]
-    if layout not in ("page", "paper"):
-        raise UnknownChoice("layout", layout, ("page", "paper"))
-    if layout == "paper":
+    given, out, replace = list(inputs.paths), inputs.out, inputs.overwrite
+    recipes = values_of(inputs.recipes)
+    if inputs.layout == "paper":
         if given:
             raise InputError(
                 f"--layout paper takes recipe folders by --single, --second, --three and --quad, "
@@ -77,16 +84,18 @@ def command(
             )
         _draw_paper(recipes, out or Path("figures"), replace)
         return
-    if named:
-        raise InputError(f"{named[0]} needs --layout paper")
+    if named := changed(inputs.recipes):
+        raise InputError(f"--{next(iter(named))} needs --layout paper")
     if not given:
         raise InputError(f"nothing to report: name {TAKES}")
+    if len(set(inputs.motors)) < len(inputs.motors):
+        raise InputError(f"--motors is {text_of(inputs.motors)}; name each motor once, as 1,3,2,4")
     beside = Beside(
-        model=model,
-        controller=controller,
-        gains=gains,
-        plate_z_m=plate_z_m,
-        motors=_motors(motors),
+        model=inputs.model,
+        controller=inputs.controller,
+        gains=inputs.gains,
+        plate_z_m=inputs.plate_z_m,
+        motors=inputs.motors,
         permit=announce_code,
     )
     if out is not None and out.suffix.lower() not in (".html", ".htm"):
@@ -113,16 +122,4 @@ def _draw_paper(recipes: dict[str, Path | None], out: Path, replace: bool) -> No
         print(f"written: {paths[0]} and {paths[1].suffix.removeprefix('.')}")
 
 
-def _motors(text: str) -> tuple[int, ...]:
-    from benchtool.core.errors import InputError
-
-    try:
-        numbers = tuple(int(word) for word in text.split(",") if word.strip())
-    except ValueError:
-        numbers = ()
-    if text and (not numbers or min(numbers) < 1 or len(set(numbers)) < len(numbers)):
-        raise InputError(
-            f"--motors {text!r}: write the log's motor number of each rotor of the rig, for "
-            f"example 1,3,2,4"
-        )
-    return numbers
+command = declared(ReportInputs, report)

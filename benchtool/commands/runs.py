@@ -2,31 +2,33 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
-app = typer.Typer(help="Close runs whose program ended before it could.")
-
-
-@app.callback()
-def group() -> None:
-    """Close runs whose program ended before it could."""
+from benchtool.commands.declared import declared
+from benchtool.core.inputs import Input, Inputs
 
 
-@app.command()
-def close(
-    runs: Annotated[list[Path], typer.Argument(metavar="RUN...", help="Run folders.")],
-) -> None:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CloseInputs(Inputs):
+    """What `benchtool runs close` takes."""
+
+    runs: Annotated[tuple[Path, ...], Input("Run folders.", argument="RUN")]
+
+
+def close(inputs: CloseInputs) -> None:
     """Mend what a killed program left of runs and write their tables; safe to repeat."""
     from benchtool.acquire.resume import close_run
     from benchtool.data.run.run import Run
 
-    for path in runs:
+    for path in inputs.runs:
         run = Run.open(path)
         written = close_run(run)
         facts = run.metadata
         reason = f" ({facts['reason']})" if facts.get("reason") else ""
         done = "closed" if written else "it was closed already"
         print(f"{path}: {done}; {facts.get('state', '')}{reason}")
+
+
+command = declared(CloseInputs, close)

@@ -1,21 +1,42 @@
-"""What ships as files, on the terminal: a list, one of them in words, or the file itself."""
+"""`benchtool rigs` and `benchtool models`: what ships, one of them in words, or its file."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
 from typing import Annotated
 
-import typer
-
-AsToml = Annotated[
-    bool, typer.Option("--toml", help="Print the file itself, to start one of your own.")
-]
+from benchtool.commands.declared import declared
+from benchtool.core.inputs import Input, Inputs
 
 
-def show_shipped(
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ShippedInputs(Inputs):
+    """What `benchtool rigs` and `benchtool models` take."""
+
+    name: Annotated[
+        str, Input("A shipped one or the path of a file; all are listed without.", argument="NAME")
+    ] = ""
+    toml: Annotated[bool, Input("Print the file itself, to start one of your own.")] = False
+
+
+def models(inputs: ShippedInputs) -> None:
+    """List models, or show one with its effects and parameters."""
+    _show("model", inputs, listed=_listed_models, described=_described_model)
+
+
+def rigs(inputs: ShippedInputs) -> None:
+    """List rigs, or show one with the source of every number."""
+    _show("rig", inputs, listed=_listed_rigs, described=_described_rig)
+
+
+models_command = declared(ShippedInputs, models)
+rigs_command = declared(ShippedInputs, rigs)
+
+
+def _show(
     kind: str,
-    name: str,
-    toml: bool,
+    inputs: ShippedInputs,
     *,
     listed: Callable[[], Iterable[str]],
     described: Callable[[str], Iterable[str]],
@@ -24,17 +45,72 @@ def show_shipped(
 
     Args:
         kind: what it is, in the singular; its files lie in the folder of the plural.
-        name: of a shipped file, or the path of the user's own; "" for the list.
-        toml: print the file.
+        inputs: name of a shipped file or of the user's own, and whether to print the file.
         listed: gives a line for each that ships.
         described: gives the lines of one; it refuses what is no such file.
     """
     from benchtool.core.packaged import read_named
 
-    lines = described(name) if name else listed()
-    if name and toml:
+    lines = described(inputs.name) if inputs.name else listed()
+    if inputs.name and inputs.toml:
         list(lines)  # a file that cannot be used is refused, not printed
-        print(read_named(kind, f"{kind}s", name)[0], end="")
+        print(read_named(kind, f"{kind}s", inputs.name)[0], end="")
         return
     for line in lines:
         print(line)
+
+
+def _listed_models() -> Iterator[str]:
+    from benchtool.physics.model_file import load_model, model_names
+
+    for name in model_names():
+        yield f"{name:<16} {load_model(name).model.description}"
+
+
+def _described_model(name: str) -> Iterator[str]:
+    from benchtool.commands.terminal.announce_code import announce_code
+    from benchtool.physics.model_file import load_model
+
+    loaded = load_model(name, permit=announce_code)
+    model = loaded.model
+    yield f"{model.name}: {model.description}"
+    yield f"rig {model.rig.name}, wake rule {model.wake_rule}, b is the {model.body_distance}"
+    effects = ", ".join(effect.name for effect in model.effects) or "none"
+    yield f"effects: {effects}"
+    yield from (f"note: {note}" for note in loaded.notes)
+    for full_name, item in model.parameters.items():
+        state = "free " if item.free else "fixed"
+        bounds = f"[{item.lower:g}, {item.upper:g}]"
+        value = f"{item.value:>12g} {item.unit:<14}"
+        yield f"  {full_name:<26} {value} {state} {bounds:<18} {item.source}"
+
+
+def _listed_rigs() -> Iterator[str]:
+    from benchtool.core.rig_file import rig_named, rig_names
+
+    for name in rig_names():
+        yield f"{name:<14} {rig_named(name).title}"
+
+
+def _described_rig(name: str) -> Iterator[str]:
+    from benchtool.core.rig_file import rig_named
+
+    rig = rig_named(name)
+    yield f"{rig.name}: {rig.title}"
+    yield f"{len(rig.assumed)} of {len(rig.sources)} numbers are assumed (marked ?)"
+    for key, source in rig.sources.items():
+        mark = "?" if key in rig.assumed else " "
+        yield f"{mark} {key:<40} {_value(rig, key):>12}  {source}"
+
+
+def _value(rig: object, key: str) -> str:
+    """Return the number that a dotted key like `rotors[0].x_m` leads to."""
+    found: object = rig
+    for part in key.replace("[", ".[").split("."):
+        if part.startswith("["):
+            found = found[int(part[1:-1])]  # type: ignore[index]
+        elif isinstance(found, dict):
+            found = found[part]
+        else:
+            found = getattr(found, part)
+    return f"{found:g}" if isinstance(found, int | float) else str(found)

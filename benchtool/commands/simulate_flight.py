@@ -2,161 +2,164 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal, get_args
 
-import typer
+from annotated_types import Ge, Gt, Le, Len
 
-from benchtool.commands import simulate_options as options
+from benchtool.commands.declared import declared
+from benchtool.commands.simulate_options import StudyInputs, refuse_twice, say_if_slow, show_study
+from benchtool.core.errors import UnknownChoice
+from benchtool.core.input_text import words_of
+from benchtool.core.inputs import Input, Inputs
 
 if TYPE_CHECKING:
+    from benchtool.simulate.flight.setup import FlightSetup
     from benchtool.simulate.flight.vehicle import FlightVehicle
 
 
-def command(
-    case: Annotated[
-        str,
-        typer.Option(help="over, edge, oblique, corner, gust, ramp or plate."),
-    ] = "over",
-    rig: Annotated[str, typer.Option(help="Rig that flies.")] = "pquad",
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlightInputs(Inputs):
+    """What `benchtool simulate flight` takes."""
+
+    case: Annotated[str, Input("over, edge, oblique, corner, gust, ramp or plate.")] = "over"
+    rig: Annotated[str, Input("Rig that flies.")] = "pquad"
     model: Annotated[
-        str,
-        typer.Option(help="Model whose ground effect acts, or its file; eq. (4) when left out."),
-    ] = "",
-    gains: options.Gains = None,
+        str, Input("Model whose ground effect acts, or its file.", empty="eq. (4)")
+    ] = ""
     controllers: Annotated[
-        str,
-        typer.Option(
-            "--controllers",
-            "--controller",
-            help="Some of pid, observer, feedforward, both; your own as module:Class; oge (PID "
-            "over nothing) in a campaign.",
+        tuple[str, ...],
+        Len(1),
+        Input(
+            "Some of pid, observer, feedforward, both; your own as module:Class; oge (PID over "
+            "nothing) in a campaign.",
+            commas=True,
+            also="--controller",
+            empty="pid,observer,feedforward; oge,pid in a campaign",
         ),
-    ] = "",
-    z_over_r: Annotated[
-        float, typer.Option("--z-over-r", help="Height over the obstacle in rotor radii.")
-    ] = 2.0,
-    speed_m_s: Annotated[
+    ] = ()
+    z_over_R: Annotated[
         float,
-        typer.Option(
-            "--speed-m-s", help="Speed limit; the case's own when left out.", show_default=False
-        ),
-    ] = 0.0,
-    ramp: Annotated[
-        bool, typer.Option("--ramp", help="Lead the reference along in place of a speed limit.")
-    ] = False,
+        Gt(0.0),
+        Le(1000.0),
+        Input("Height over the obstacle in rotor radii.", option="z-over-r"),
+    ] = 2.0
+    speed_m_s: Annotated[
+        Annotated[float, Ge(0.001), Le(50.0)] | None,
+        Input("Speed limit.", "m/s", empty="the case's own"),
+    ] = None
+    ramp: Annotated[bool, Input("Lead the reference along in place of a speed limit.")] = False
     gyro_noise_rad_s: Annotated[
-        float | None,
-        typer.Option(
-            "--gyro-noise-rad-s",
-            help="Standard deviation; left out: none, or the paper's 0.015 under several seeds.",
+        Annotated[float, Ge(0.0), Le(10.0)] | None,
+        Input(
+            "Standard deviation.", "rad/s", empty="none, or the paper's 0.015 under several seeds"
         ),
-    ] = None,
+    ] = None
     map_offset_m: Annotated[
-        str, typer.Option("--map-offset-m", help="X,Y,Z of the feedforward's map; -0.05,0,0.")
-    ] = "0,0,0",
-    map_file: Annotated[
-        Path | None, typer.Option("--map", help="Fly over this map (TOML or CSV) instead.")
-    ] = None,
-    goal_m: Annotated[str, typer.Option("--goal-m", help="X,Y to fly to instead.")] = "",
-    lag_s: Annotated[float, typer.Option("--lag-s", help="Time constant of the motors.")] = 0.0,
-    layout: Annotated[str, typer.Option(help="plus, or cross: turned by 45 degrees.")] = "plus",
-    duration_s: options.Duration = 0.0,
-    seed: options.Seed = 1,
-    settings: options.Settings = None,
-    vary: options.Varied = None,
-    seeds: options.Seeds = 1,
-    samples: options.Samples = 0,
-    measure: options.MeasureName = "",
-    out: options.Out = None,
-) -> None:
+        tuple[float, float, float], Input("X,Y,Z of the feedforward's map; -0.05,0,0.", "m")
+    ] = (0.0, 0.0, 0.0)
+    map: Annotated[Path | None, Input("Fly over this map (TOML or CSV) instead.")] = None
+    goal_m: Annotated[tuple[float, float] | None, Input("X,Y to fly to instead.", "m")] = None
+    lag_s: Annotated[float, Ge(0.0), Le(10.0), Input("Time constant of the motors.", "s")] = 0.0
+    layout: Annotated[Literal["plus", "cross"], Input("plus, or cross: turned by 45 degrees.")] = (
+        "plus"
+    )
+    study: StudyInputs = field(default_factory=StudyInputs)
+
+
+def flight(inputs: FlightInputs) -> None:
     """Simulate flights over an obstacle under each controller.
 
     Numbers, recordings, a figure; or a campaign of many flights.
     """
-    from typing import get_args
-
     from benchtool.commands.terminal.announce_code import announce_code
-    from benchtool.commands.terminal.name_values import name_values
-    from benchtool.core.errors import UnknownChoice
     from benchtool.report.flight.report import fly_each, report_lines, write_flights
     from benchtool.simulate.campaign_flight import OGE, FlightCampaign
-    from benchtool.simulate.flight.cases import GYRO_NOISE_RAD_S
     from benchtool.simulate.flight.flight import FlightControl
-    from benchtool.simulate.flight.map import read_map
-    from benchtool.simulate.flight.setup import FlightSetup, changed, full_name
-    from benchtool.simulate.gain_file import gains_named
+    from benchtool.simulate.flight.setup import full_name
     from benchtool.simulate.own_controllers import controller_class
 
-    options.say_if_slow()
+    say_if_slow()
+    study, several = inputs.study, inputs.study.campaign
     known = get_args(FlightControl)
-    names = options.controller_names(
-        controllers or ("oge,pid" if vary else "pid,observer,feedforward"), known
-    )
+    usual = ("oge", "pid") if several.vary else ("pid", "observer", "feedforward")
+    names = inputs.controllers or usual
+    refuse_twice("--controllers", names)
+    refuse_twice("--gains", study.gains)
     for name in names:
-        if name not in known and not (vary and name == OGE) and (vary or ":" not in name):
-            raise UnknownChoice("controller of a flight", name, [*known, OGE] if vary else known)
-    sets = options.gain_sets(gains)
-    if gyro_noise_rad_s is None:
-        gyro_noise_rad_s = GYRO_NOISE_RAD_S if seeds > 1 else 0.0
-    offset_x_m, offset_y_m, offset_z_m = options.numbers_between_commas(
-        "--map-offset-m", map_offset_m, 3
-    )
-    goal = options.numbers_between_commas("--goal-m", goal_m, 2) if goal_m else None
-    setup = FlightSetup(
-        case=case,
-        vehicle=_vehicle(rig, model, lag_s, layout),
-        gains=gains_named(sets[0]),
-        z_over_R=z_over_r,
-        speed_m_s=speed_m_s or None,
-        duration_s=duration_s or None,
-        goal_m=(goal[0], goal[1]) if goal else None,
-        below=None if map_file is None else read_map(map_file),
-        ramp=ramp,
-        gyro_noise_rad_s=gyro_noise_rad_s,
-        map_offset_m=(offset_x_m, offset_y_m, offset_z_m),
-    )
-    given = name_values(settings or [], "--set")
-    if vary:
-        from dataclasses import replace
-
+        beyond = name == OGE if several.vary else ":" in name
+        if name not in known and not beyond:
+            raise UnknownChoice(
+                "controller of a flight", name, [*known, OGE] if several.vary else known
+            )
+    if several.vary:
         from benchtool.commands.terminal.campaign_display import run_with_progress
         from benchtool.simulate.design import Design
 
-        setups = {
-            name: changed(replace(setup, gains=gains_named(name)), given) for name in sets
-        }  # fmt: skip
-        design = Design.read(vary, samples=samples, seeds=seeds, seed=seed, full_name=full_name)
-        campaign = FlightCampaign(setups=setups, controllers=tuple(names))
-        run_with_progress(campaign, design, settings or [], measure, out)
+        setups = {gains: _setup(inputs, gains) for gains in study.gains}
+        design = Design.read(
+            several.vary,
+            samples=several.samples,
+            seeds=several.seeds,
+            seed=study.seed,
+            full_name=full_name,
+        )
+        campaign = FlightCampaign(setups=setups, controllers=names)
+        settings = words_of(study.settings, commas=False)
+        run_with_progress(campaign, design, settings, several.measure, study.out)
         return
-    options.refuse_without_vary(seeds=seeds > 1, samples=samples, measure=measure)
-    options.one_gain_set(sets)
-    setup = changed(setup, given)
-    flown = setup.flown("pid", seed)
+    study.refuse_campaign()
+    flown = _setup(inputs, study.gain_set()).flown("pid", study.seed)
     own = [
         (name, controller_class(name, known, announce_code)) for name in names if name not in known
     ]
     built_in = [each for name in names for each in known if each == name]
     flights = fly_each(flown, built_in, own)
-    options.show_study(report_lines(flights), lambda folder: write_flights(folder, flights), out)
+    show_study(report_lines(flights), lambda folder: write_flights(folder, flights), study.out)
 
 
-def _vehicle(rig: str, model: str, lag_s: float, layout: str) -> FlightVehicle:
+def _setup(inputs: FlightInputs, gains: str) -> FlightSetup:
+    """Return what flies with one gain set."""
+    from benchtool.simulate.flight.cases import GYRO_NOISE_RAD_S
+    from benchtool.simulate.flight.map import read_map
+    from benchtool.simulate.flight.setup import FlightSetup, changed
+    from benchtool.simulate.gain_file import gains_named
+
+    noise_rad_s = inputs.gyro_noise_rad_s
+    if noise_rad_s is None:
+        noise_rad_s = GYRO_NOISE_RAD_S if inputs.study.campaign.seeds > 1 else 0.0
+    setup = FlightSetup(
+        case=inputs.case,
+        vehicle=_vehicle(inputs),
+        gains=gains_named(gains),
+        z_over_R=inputs.z_over_R,
+        speed_m_s=inputs.speed_m_s,
+        duration_s=inputs.study.duration_s,
+        goal_m=inputs.goal_m,
+        below=None if inputs.map is None else read_map(inputs.map),
+        ramp=inputs.ramp,
+        gyro_noise_rad_s=noise_rad_s,
+        map_offset_m=inputs.map_offset_m,
+    )
+    return changed(setup, inputs.study.settings)
+
+
+def _vehicle(inputs: FlightInputs) -> FlightVehicle:
     """Return what flies."""
-    from dataclasses import replace
-
     from benchtool.commands.terminal.announce_code import announce_code, print_notes
-    from benchtool.core.errors import UnknownChoice
     from benchtool.core.rig_file import rig_named
     from benchtool.physics.model_file import load_model
     from benchtool.simulate.flight.vehicle import FlightVehicle
 
-    if layout not in ("plus", "cross"):
-        raise UnknownChoice("layout", layout, ("plus", "cross"))
-    vehicle = FlightVehicle(rig=rig_named(rig))
-    if model:
-        loaded = load_model(model, rig_named(rig), announce_code)
+    rig = rig_named(inputs.rig)
+    vehicle = FlightVehicle(rig=rig)
+    if inputs.model:
+        loaded = load_model(inputs.model, rig, announce_code)
         print_notes(loaded.notes)
         vehicle = FlightVehicle.of_model(loaded.model)
-    return replace(vehicle, lag_s=lag_s, turned_deg=45.0 if layout == "cross" else 0.0)
+    turned_deg = 45.0 if inputs.layout == "cross" else 0.0
+    return replace(vehicle, lag_s=inputs.lag_s, turned_deg=turned_deg)
+
+
+command = declared(FlightInputs, flight)

@@ -1,110 +1,95 @@
-"""Options that every closed-loop simulation takes, what is read from them, and its words."""
+"""What every closed-loop simulation takes, and what its commands say."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable, Sequence
-from math import isfinite
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
-import typer
+from annotated_types import Ge, Gt, Le, Len
 
 from benchtool.core.errors import InputError
+from benchtool.core.inputs import Input, Inputs, changed, items
 
-Gains = Annotated[
-    list[str] | None,
-    typer.Option(
-        help="Gain set (s3, s1a, stiff), or its file; s3 when left out; several in a campaign."
-    ),
-]
-Duration = Annotated[
-    float,
-    typer.Option(
-        "--duration-s", help="Length in seconds; its own when left out.", show_default=False
-    ),
-]
-Seed = Annotated[int, typer.Option(help="Seed of the noise.", min=0)]
-Settings = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set", help="NAME=VALUE, as gains.attitude=1.2 (a factor) or gains.attitude.k_q_per_s=8."
-    ),
-]
-Varied = Annotated[
-    list[str] | None,
-    typer.Option("--vary", help="NAME=FROM:TO:COUNT: a campaign over a grid; --out is needed."),
-]
-Seeds = Annotated[int, typer.Option(help="Seeds per point of a campaign.", min=1)]
-Samples = Annotated[int, typer.Option(help="Random points in place of the grid.", min=0)]
-MeasureName = Annotated[
-    str,
-    typer.Option("--measure", help="What the map of a campaign shows; the main one when left out."),
-]
-Out = Annotated[
-    Path | None,
-    typer.Option(help="Folder for recordings or table, and figure.", file_okay=False),
-]
+LONGEST_S = 3600.0
+"""Longest simulation; a choice."""
 
 
-def say_if_slow() -> None:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CampaignInputs(Inputs):
+    """What makes many runs of one."""
+
+    vary: Annotated[
+        tuple[str, ...],
+        Input("NAME=FROM:TO:COUNT: a campaign over a grid; --out is needed."),
+    ] = ()
+    seeds: Annotated[int, Ge(1), Input("Seeds per point of a campaign.")] = 1
+    samples: Annotated[int, Ge(0), Input("Random points in place of the grid.")] = 0
+    measure: Annotated[
+        str, Input("What the map of a campaign shows; the main one when left out.")
+    ] = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StudyInputs(Inputs):
+    """What every closed-loop simulation takes."""
+
+    gains: Annotated[
+        tuple[str, ...],
+        Len(1),
+        Input("Gain set (s3, s1a, stiff), or its file; several in a campaign.", commas=True),
+    ] = ("s3",)
+    duration_s: Annotated[
+        Annotated[float, Gt(0.0), Le(LONGEST_S)] | None,
+        Input("Length.", "s", empty="its own"),
+    ] = None
+    seed: Annotated[int, Ge(0), Input("Seed of the noise.")] = 1
+    settings: Annotated[
+        Mapping[str, float],
+        Input(
+            "NAME=VALUE, as gains.attitude=1.2 (a factor) or gains.attitude.k_q_per_s=8.",
+            option="set",
+        ),
+    ] = field(default_factory=dict)
+    campaign: CampaignInputs = CampaignInputs()
+    out: Annotated[Path | None, Input("Folder for recordings or table, and figure.")] = None
+
+    def gain_set(self) -> str:
+        """Return the only gain set of a single simulation."""
+        if len(self.gains) > 1:
+            raise InputError(
+                f"{len(self.gains)} gain sets ({', '.join(self.gains)}) are for a campaign; add "
+                f"--vary, or name one"
+            )
+        return self.gains[0]
+
+    def refuse_campaign(self) -> None:
+        """Refuse what a campaign takes where nothing is varied."""
+        if given := changed(self.campaign):
+            option = next(item.option for item in items(CampaignInputs) if item.name in given)
+            raise InputError(
+                f"{option} is for a campaign; add --vary NAME=FROM:TO:COUNT or leave it out"
+            )
+
+
+def say_if_slow(instead: str = "takes minutes", fast: str = "a second") -> None:
     """Say that simulations are slow here, where they are."""
     from benchtool.physics.expression import can_compile
 
     if not can_compile():
         print(
-            "numba is not installed, so this runs as plain Python and takes minutes; "
-            "pip install benchtool[fast] makes it a second",
+            f"numba is not installed, so this runs as plain Python and {instead}; "
+            f"pip install benchtool[fast] makes it {fast}",
             file=sys.stderr,
         )
 
 
-def controller_names(text: str, known: Iterable[str]) -> list[str]:
-    """Return the controllers of a list with commas: built-in ones, and the user's own."""
-    names = [name.strip() for name in text.split(",") if name.strip()]
-    if not names:
-        raise InputError(f"no controller was named; name some of: {', '.join(known)}")
+def refuse_twice(option: str, names: Sequence[str]) -> None:
+    """Refuse a list in which a name stands twice."""
     if len(set(names)) < len(names):
-        raise InputError(f"a controller is named twice: {', '.join(names)}; name each once")
-    return names
-
-
-def gain_sets(words: Sequence[str] | None) -> list[str]:
-    """Return the gain sets that were asked for; s3 without."""
-    names = [name.strip() for word in words or ["s3"] for name in word.split(",") if name.strip()]
-    if not names or len(set(names)) < len(names):
-        raise InputError(f"--gains is {', '.join(words or [])!r}; name each gain set once")
-    return names
-
-
-def one_gain_set(names: Sequence[str]) -> str:
-    """Return the only gain set of a single simulation."""
-    if len(names) > 1:
-        raise InputError(
-            f"{len(names)} gain sets ({', '.join(names)}) are for a campaign; add --vary, or name "
-            f"one"
-        )
-    return names[0]
-
-
-def numbers_between_commas(option: str, text: str, count: int) -> tuple[float, ...]:
-    """Return so many numbers with commas between."""
-    try:
-        numbers = tuple(float(word) for word in text.split(","))
-    except ValueError:
-        numbers = ()
-    if len(numbers) != count or not all(map(isfinite, numbers)):
-        raise InputError(f"{option} is {text!r}; give {count} numbers with commas between")
-    return numbers
-
-
-def refuse_without_vary(**given: Any) -> None:
-    """Refuse options of a campaign where nothing is varied."""
-    for option, present in given.items():
-        if present:
-            raise InputError(
-                f"--{option} is for a campaign; add --vary NAME=FROM:TO:COUNT or leave it out"
-            )
+        raise InputError(f"{option} is {', '.join(names)}; name each once")
 
 
 def show_study(

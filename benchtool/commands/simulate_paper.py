@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
-import sys
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from benchtool.commands.declared import declared
+from benchtool.commands.simulate_options import say_if_slow
+from benchtool.core.inputs import Input, Inputs
 
 
-def command(
-    out: Annotated[Path | None, typer.Option(help="Folder for all figures and claims.csv.")] = None,
-    sensitivity: Annotated[
-        bool,
-        typer.Option("--sensitivity/--no-sensitivity", help="Also change S3, one thing at a time."),
-    ] = True,
-) -> None:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PaperInputs(Inputs):
+    """What `benchtool simulate paper` takes."""
+
+    out: Annotated[Path | None, Input("Folder for all figures and claims.csv.")] = None
+    sensitivity: Annotated[bool, Input("Also change S3, one thing at a time.")] = True
+
+
+def paper(inputs: PaperInputs) -> None:
     """Hold simulations against what the paper claims of control.
 
     Simulates its sections 2.4, 3 and 4, and prints what comes out of each claim.
@@ -24,21 +28,16 @@ def command(
     from benchtool.commands.paper.claims import Flights, claim_csv, claim_lines
     from benchtool.commands.paper.flight import flight_claims
     from benchtool.commands.paper.sensitivity import sensitivity_claims
-    from benchtool.physics.expression import can_compile
 
-    if not can_compile():
-        print(
-            "numba is not installed, so this runs as plain Python and takes an hour; "
-            "pip install benchtool[fast] makes it a minute",
-            file=sys.stderr,
-        )
+    out = inputs.out
+    say_if_slow("takes an hour", "a minute")
     if out is not None:
         from benchtool.report.files import refuse_existing
 
         refuse_existing([out / "claims.csv"])
     flights = Flights()
     claims = [*flight_claims(flights), *bench_claims()]
-    if sensitivity:
+    if inputs.sensitivity:
         claims += sensitivity_claims(flights)
     print("SIMULATED: claims of Int. J. Aerospace Eng. 2017, 1823056; gains are not the paper's,")
     print("which prints none: s3 is the set with which its results come out, stiff the contrast")
@@ -54,3 +53,6 @@ def command(
     print(f"written: {out / 'claims.csv'}")
     for name, block in paper_figures(flights):
         print(f"written: {save_figure(block.figure, out / name)[0]} and png", flush=True)
+
+
+command = declared(PaperInputs, paper)

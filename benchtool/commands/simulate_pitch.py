@@ -2,87 +2,96 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Annotated
 
-import typer
+from annotated_types import Len
 
-from benchtool.commands import simulate_options as options
+from benchtool.commands.declared import declared
+from benchtool.commands.simulate_options import StudyInputs, refuse_twice, say_if_slow, show_study
+from benchtool.core.errors import InputError
+from benchtool.core.input_text import words_of
+from benchtool.core.inputs import Input, Inputs
+
+if TYPE_CHECKING:
+    from benchtool.simulate.pitch.setup import PitchSetup
 
 
-def command(
-    rig: Annotated[str, typer.Option(help="Rig on the hinge.")] = "pquad",
-    model: Annotated[
-        str, typer.Option(help="Model or its file; the rig's pitch model when left out.")
-    ] = "",
-    gains: options.Gains = None,
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PitchInputs(Inputs):
+    """What `benchtool simulate pitch` takes."""
+
+    rig: Annotated[str, Input("Rig on the hinge.")] = "pquad"
+    model: Annotated[str, Input("Model or its file.", empty="the rig's pitch model")] = ""
     controllers: Annotated[
-        str,
-        typer.Option(
-            "--controllers", "--controller", help="With commas; your own as module:Class."
-        ),
-    ] = "pid,feedforward,observer",
-    schedule: Annotated[str, typer.Option(help="Schedule, or its file.")] = "plate",
-    duration_s: options.Duration = 0.0,
-    seed: options.Seed = 1,
-    settings: options.Settings = None,
-    vary: options.Varied = None,
-    seeds: options.Seeds = 1,
-    samples: options.Samples = 0,
-    measure: options.MeasureName = "",
-    out: options.Out = None,
-) -> None:
+        tuple[str, ...],
+        Len(1),
+        Input("With commas; your own as module:Class.", commas=True, also="--controller"),
+    ] = ("pid", "feedforward", "observer")
+    schedule: Annotated[str, Input("Schedule, or its file.")] = "plate"
+    study: StudyInputs = field(default_factory=StudyInputs)
+
+
+def pitch(inputs: PitchInputs) -> None:
     """Simulate the pitch bench under each controller.
 
     Numbers, recordings, a figure; or a campaign of many runs.
     """
-    from dataclasses import replace
-
-    from benchtool.commands.terminal.announce_code import announce_code, print_notes
-    from benchtool.commands.terminal.name_values import name_values
-    from benchtool.core.errors import InputError
+    from benchtool.commands.terminal.announce_code import announce_code
     from benchtool.report.flight.pitch_study import pitch_study, report_lines, write_study
     from benchtool.simulate.controllers.pitch import PITCH_CONTROLLERS
     from benchtool.simulate.own_controllers import controller_class
-    from benchtool.simulate.pitch.setup import PitchSetup, changed, pitch_setup
 
-    options.say_if_slow()
-    names = options.controller_names(controllers, PITCH_CONTROLLERS)
+    say_if_slow()
+    names, study = inputs.controllers, inputs.study
+    refuse_twice("--controllers", names)
+    refuse_twice("--gains", study.gains)
     own = [
         (name, controller_class(name, permit=announce_code))
         for name in names
         if name not in PITCH_CONTROLLERS
     ]
-    built_in = [name for name in names if name in PITCH_CONTROLLERS]
-    given = name_values(settings or [], "--set")
-
-    def setup_with(gain_set: str) -> PitchSetup:
-        setup = pitch_setup(
-            rig=rig,
-            model=model or None,
-            gains=gain_set,
-            controllers=built_in or ["pid"],
-            schedule=schedule,
-            permit=announce_code,
-        )
-        print_notes(setup.notes)
-        setup = changed(setup, given)
-        if not duration_s:
-            return setup
-        return replace(setup, schedule=setup.schedule.lasting(duration_s))
-
-    sets = options.gain_sets(gains)
-    if vary:
+    if study.campaign.vary:
         from benchtool.commands.terminal.campaign_display import run_with_progress
         from benchtool.simulate.campaign_pitch import PitchCampaign
         from benchtool.simulate.design import Design
 
         if own:
             raise InputError("a campaign runs built-in controllers; leave your own out")
-        campaign = PitchCampaign(setups={name: setup_with(name) for name in sets})
-        design = Design.read(vary, samples=samples, seeds=seeds, seed=seed)
-        run_with_progress(campaign, design, settings or [], measure, out)
+        several = study.campaign
+        campaign = PitchCampaign(setups={gains: _setup(inputs, gains) for gains in study.gains})
+        design = Design.read(
+            several.vary, samples=several.samples, seeds=several.seeds, seed=study.seed
+        )
+        settings = words_of(study.settings, commas=False)
+        run_with_progress(campaign, design, settings, several.measure, study.out)
         return
-    options.refuse_without_vary(seeds=seeds > 1, samples=samples, measure=measure)
-    setup = setup_with(options.one_gain_set(sets))
-    study = pitch_study(setup, seed, own, only_own=not built_in)
-    options.show_study(report_lines(study), lambda folder: write_study(study, folder), out)
+    study.refuse_campaign()
+    setup = _setup(inputs, study.gain_set())
+    result = pitch_study(setup, study.seed, own, only_own=len(own) == len(names))
+    show_study(report_lines(result), lambda folder: write_study(result, folder), study.out)
+
+
+def _setup(inputs: PitchInputs, gains: str) -> PitchSetup:
+    """Return what runs with one gain set."""
+    from benchtool.commands.terminal.announce_code import announce_code, print_notes
+    from benchtool.simulate.controllers.pitch import PITCH_CONTROLLERS, Feedforward
+    from benchtool.simulate.pitch.setup import changed, pitch_setup
+
+    setup = pitch_setup(
+        rig=inputs.rig,
+        model=inputs.model or None,
+        gains=gains,
+        controllers=[name for name in inputs.controllers if name in PITCH_CONTROLLERS] or ["pid"],
+        schedule=inputs.schedule,
+        feedforward=Feedforward(strength=0.9),
+        permit=announce_code,
+    )
+    print_notes(setup.notes)
+    setup = changed(setup, inputs.study.settings)
+    if inputs.study.duration_s is None:
+        return setup
+    return replace(setup, schedule=setup.schedule.lasting(inputs.study.duration_s))
+
+
+command = declared(PitchInputs, pitch)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -24,7 +23,7 @@ if TYPE_CHECKING:
     from benchtool.data.run.run import Run
 
 
-def _base(given: Mapping[str, Any]) -> SweepInputs | None:
+def _base(given: dict[str, Any]) -> SweepInputs:
     """Return the plan that options go over: that of a file, or none."""
     from benchtool.acquire.plan import read_plan
 
@@ -34,7 +33,7 @@ def _base(given: Mapping[str, Any]) -> SweepInputs | None:
             raise InputError(
                 f"{clash[0]} and --resume are both given; a resumed run keeps the plan that it has"
             )
-    return SweepInputs(plan=read_plan(given["plan"])) if "plan" in given else None
+    return SweepInputs(plan=read_plan(given["plan"]) if "plan" in given else Plan())
 
 
 def sweep(inputs: SweepInputs) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from math import isfinite
 from typing import Any
 
 from benchtool.core.errors import InputError
@@ -47,12 +48,14 @@ def read_numbers(
     try:
         found = [kind(part) for part in text.split(",") if part.strip()]
     except ValueError:
+        found = []
+    if count not in (None, len(found)):
+        raise InputError(f"{called} is {text!r}; give {count} numbers with commas between")
+    if not found and text.replace(",", "").strip():
         example = "1,2,3" if kind is int else "0.5,1,2 (decimals take a point)"
         raise InputError(
             f"{called} is {text!r}, but {wanted} between commas are needed, like {example}"
-        ) from None
-    if count not in (None, len(found)):
-        raise InputError(f"{called} is {text!r}; give {count} numbers with commas between")
+        )
     if not found:
         raise InputError(f"{called} names no number; write it like 0.5,1,2")
     return found
@@ -67,13 +70,15 @@ def read_pairs(value: str | Sequence[str], called: str) -> dict[str, float]:
             found[name.strip()] = float(number)
         except ValueError:
             name = ""
-        if not name.strip():
+        if not name.strip() or not isfinite(found[name.strip()]):
             raise InputError(f"{called} got {word!r}; write NAME=NUMBER, as K_b=1.8")
     return found
 
 
 def text_of(value: Any) -> str:
-    """Return a value as it would be typed; "" for None."""
+    """Return a value as it would be typed; "" for none."""
+    if isinstance(value, Mapping):
+        return ", ".join(words_of(value, commas=False))
     if isinstance(value, list | tuple):
         return ",".join(map(text_of, value))
     if isinstance(value, float):

@@ -59,6 +59,7 @@ class Input:
         label: in a form; the help and the unit when left out.
         empty: what runs where nothing is given, if the default does not say it.
         argument: what usage calls it where the command line takes it without an option.
+        also: a second spelling of the option.
         commas: whether several texts may stand in one word, with commas between.
         instead_of: field beside it that it replaces.
         hidden: whether help and forms leave it out.
@@ -71,6 +72,7 @@ class Input:
     label: str = ""
     empty: str = ""
     argument: str = ""
+    also: str = ""
     commas: bool = False
     instead_of: str = ""
     hidden: bool = False
@@ -89,7 +91,8 @@ class Inputs(FiniteTable):
         own: Any = type(self)
         for item in _fields_of(own):
             # Defaults are not checked here: that would import pydantic before anything is asked.
-            if (value := getattr(self, item.key)) is not item.default:
+            value = getattr(self, item.key)
+            if value is not item.default and value != {}:
                 object.__setattr__(self, item.key, item.read(value, item.key))
 
 
@@ -127,6 +130,11 @@ class Item:
     def name(self) -> str:
         """Name as option (with hyphens) and as keyword."""
         return (self.about.option or self.key.rpartition(".")[2]).replace("-", "_")
+
+    @property
+    def required(self) -> bool:
+        """Whether it must be given."""
+        return self.default is MISSING
 
     @property
     def option(self) -> str:
@@ -175,6 +183,8 @@ class Item:
         value, unit = refused.value, f" {self.about.unit}" if self.about.unit else ""
         if self.choices and isinstance(value, str):
             return UnknownChoice(called, value, self.choices)
+        if refused.kind == "too_short":
+            return InputError(f"{called} names nothing; give one or more")
         if refused.kind not in _OF_RANGE:
             return InputError(f"{called} is {value!r:.80}: {refused.reason}; correct it")
         allowed = f"{self.range}{unit}" if self.range else "a finite number"

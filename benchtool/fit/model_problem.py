@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Literal, get_args
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,17 +11,14 @@ from numpy.typing import NDArray
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.parameter import Parameters
 from benchtool.fit.problem import IntArray, Problem
+from benchtool.fit.recipe import Basis
+from benchtool.physics import VALIDITY_Z_OVER_R
 from benchtool.physics.conditions import FAR_AWAY_M, Conditions
 from benchtool.physics.model import Model
 from benchtool.physics.prepared import Prepared
 from benchtool.physics.tolerances import with_tolerances
-from benchtool.physics.validity import VALIDITY_Z_OVER_R
 
 Array = NDArray[np.float64]
-Basis = Literal["joint", "equal_rpm2", "equal_pwm", "equal_power"]
-"""What is fitted: thrust in newtons against everything ("joint"), or the ratio T_IGE/T_OGE with
-rotor speed, pulse width or electrical power held equal."""
-
 BASES: tuple[Basis, ...] = get_args(Basis)
 
 SAME_DISTANCE_M = 1e-3

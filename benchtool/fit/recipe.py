@@ -11,61 +11,107 @@ from typing import Annotated, Literal
 from annotated_types import Ge, Len
 
 from benchtool.core.errors import FileFormatError
+from benchtool.core.inputs import Input, Inputs
 from benchtool.core.toml_text import FiniteTable, read_strict
 from benchtool.core.user_file import read_text
-from benchtool.fit.model_problem import Basis as Basis
-from benchtool.physics.validity import VALIDITY_Z_OVER_R
+from benchtool.physics import VALIDITY_Z_OVER_R
+
+Basis = Literal["joint", "equal_rpm2", "equal_pwm", "equal_power"]
+"""What is fitted: thrust in newtons against everything ("joint"), or the ratio T_IGE/T_OGE with
+rotor speed, pulse width or electrical power held equal."""
 
 Method = Literal["least_squares", "emcee"]
 Noise = Literal["auto", "stated", "scale", "add"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Recipe(FiniteTable):
+class Recipe(Inputs):
     """State one fit.
 
     Attributes:
         name: of the fit.
-        data: run folders or CSV files; in a recipe file relative to that file.
-        model: a shipped model or the path of a model file.
+        data: in a recipe file relative to that file.
         description: what question it answers.
-        rig: of tables, by name or path; a run folder carries its own.
-        columns: a mapping file whose `[columns]` overrides the model's.
-        where: rows to keep, as COLUMN=VALUE.
-        basis: see `Basis`.
-        methods: estimators to run, in this order.
-        free: parameters to free beyond those that the model frees.
-        fix: parameters to hold, with their values.
-        hold: parameters to hold at the model's own values.
         noise: "stated" takes the standard errors as they are, "scale" fits one factor on them,
             "add" fits scatter in quadrature; "auto" scales what a run measured within visits and
             takes what a table states.
         loss: "linear", or "soft_l1" and "huber" that count distant points less.
         min_z_over_R: points nearer are left out and counted.
-        compare: models to hold against this one on held-out points.
-        walkers, max_steps: of the emcee ensembles.
-        seed: of everything random.
     """
 
     name: str
-    data: Annotated[tuple[str, ...], Len(1)]
-    model: str
+    data: Annotated[
+        tuple[str, ...],
+        Len(1),
+        Input("Run folders or CSV files; none with --recipe.", argument="DATA"),
+    ]
+    model: Annotated[
+        str, Input("Shipped model (benchtool models) or the path of a model file.", label="Model")
+    ]
     description: str = ""
-    rig: str | None = None
-    columns: str | None = None
-    where: tuple[str, ...] = ()
-    basis: Basis = "joint"
-    methods: Annotated[tuple[Method, ...], Len(1)] = ("least_squares",)
-    free: tuple[str, ...] = ()
-    fix: Mapping[str, float] = field(default_factory=dict)
-    hold: tuple[str, ...] = ()
-    noise: Noise = "auto"
-    loss: Literal["linear", "soft_l1", "huber"] = "linear"
-    min_z_over_R: Annotated[float, Ge(0.0)] = VALIDITY_Z_OVER_R
-    compare: tuple[str, ...] = ()
-    walkers: Annotated[int, Ge(8)] = 32
-    max_steps: Annotated[int, Ge(100)] = 20_000
-    seed: int = 1
+    rig: Annotated[
+        str | None, Input("Rig of a CSV: shipped name or path; a run folder carries its own.")
+    ] = None
+    columns: Annotated[
+        str | None, Input("Mapping file: our channel = their column, unit, sign.")
+    ] = None
+    where: Annotated[
+        tuple[str, ...],
+        Input(
+            "Keep only rows with COLUMN=VALUE; repeatable.",
+            label="Only rows with COLUMN=VALUE (several: split by ;)",
+        ),
+    ] = ()
+    basis: Annotated[
+        Basis, Input("Thrust itself (joint), or T_IGE/T_OGE at equal ...", label="What is fitted")
+    ] = "joint"
+    methods: Annotated[
+        tuple[Method, ...], Len(1), Input("Estimator to run; repeatable.", option="method")
+    ] = ("least_squares",)
+    free: Annotated[tuple[str, ...], Input("Free one more parameter; repeatable.")] = ()
+    fix: Annotated[
+        Mapping[str, float], Input("Hold NAME=VALUE, or NAME at its value; repeatable.")
+    ] = field(default_factory=dict)
+    hold: Annotated[tuple[str, ...], Input("Hold NAME at the model's value; repeatable.")] = ()
+    noise: Annotated[
+        Noise,
+        Input("Errors as stated, scaled by one factor, with scatter added.", label="Errors"),
+    ] = "auto"
+    loss: Annotated[
+        Literal["linear", "soft_l1", "huber"],
+        Input("Of residuals; soft_l1 and huber count distant points less.", label="Loss"),
+    ] = "linear"
+    min_z_over_R: Annotated[
+        float,
+        Ge(0.0),
+        Input("Leave out points nearer than this z/R.", option="min-z-over-r", label="Nearest z/R"),
+    ] = VALIDITY_Z_OVER_R
+    compare: Annotated[
+        tuple[str, ...],
+        Input("Hold this model against it, too; repeatable.", label="Hold against models"),
+    ] = ()
+    walkers: Annotated[
+        int, Ge(8), Input("Walkers of each emcee ensemble.", label="Walkers of emcee")
+    ] = 32
+    max_steps: Annotated[
+        int, Ge(100), Input("Most emcee steps of each walker.", label="Most steps of emcee")
+    ] = 20_000
+    seed: Annotated[int, Ge(0), Input("Seed of everything random.", label="Seed")] = 1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FitInputs(Inputs):
+    """What `benchtool fit` takes."""
+
+    folder: Annotated[
+        Path | None, Input("Run the recipe.toml of this folder (as in fits/).", option="recipe")
+    ] = None
+    recipe: Recipe
+    profile: Annotated[
+        bool,
+        Input("Profile-likelihood intervals as well.", label="profile-likelihood intervals"),
+    ] = False
+    out: Annotated[Path | None, Input("Folder for result.json, figures and report.html.")] = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

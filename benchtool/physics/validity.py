@@ -6,9 +6,6 @@ import numpy as np
 
 from benchtool.physics.expression import Quantity, expression
 
-VALIDITY_Z_OVER_R = 0.5
-"""Least z/R at which the formulae are trusted: twice the pole of eq. (2); a convention of ours."""
-
 
 @expression
 def clamped_height(z_m: Quantity, radius_m: Quantity) -> Quantity:

@@ -14,9 +14,9 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from benchtool.core.rig import Rig
+from benchtool.physics import VALIDITY_Z_OVER_R
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.model import Model
-from benchtool.physics.validity import VALIDITY_Z_OVER_R
 from benchtool.report.palette import GREY, LOOKS, Role
 from benchtool.report.panels import DASHED, points
 from benchtool.report.style import ratio_label

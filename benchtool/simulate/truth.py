@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.rig import Rig
+from benchtool.physics import VALIDITY_Z_OVER_R
 from benchtool.physics.conditions import Conditions, plate_coverage
 from benchtool.physics.disc_thrust import owned
 from benchtool.physics.effects.effect import NO_FLOW
 from benchtool.physics.fold import chained
 from benchtool.physics.model import Model
-from benchtool.physics.validity import VALIDITY_Z_OVER_R
 from benchtool.simulate.play import Play
 from benchtool.simulate.powertrain import SpeedChange
 

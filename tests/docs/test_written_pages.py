@@ -9,6 +9,7 @@ import pytest
 
 DOCS = Path(__file__).parents[2] / "docs"
 PAGES = [
+    "reference/commands",
     "reference/effects",
     "reference/exit-codes",
     "reference/figures",

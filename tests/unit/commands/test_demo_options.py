@@ -26,4 +26,4 @@ def test_the_greatest_speed_is_that_of_the_virtual_bench(
     with pytest.raises(SystemExit) as left:
         main(["demo", "--speed", f"{LARGEST_SPEED + 1.0:g}"])
     assert left.value.code == 2
-    assert f"less than or equal to {LARGEST_SPEED:g} " in capsys.readouterr().err
+    assert f"allowed is 1 to {LARGEST_SPEED:,g};" in capsys.readouterr().err

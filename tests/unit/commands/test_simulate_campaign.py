@@ -69,11 +69,17 @@ def test_the_command_writes_a_tidy_table_and_a_map(
         (("--vary", "K_b=1:2:3", "--vary", "K_b=1:2:3", "--out", "x"), "one number twice"),
         (("--vary", "Kb=1:2:3", "--out", "x"), "unknown number to set or vary"),
         (("--vary", "K_b=1:2:3", "--measure", "rms", "--out", "x"), "did you mean 'rms_deg'"),
-        (("--vary", "K_b=1:2:3", "--seeds", "0", "--out", "x"), "given: '0'"),
+        (
+            ("--vary", "K_b=1:2:3", "--seeds", "0", "--out", "x"),
+            "--seeds is 0, allowed is 1 or more",
+        ),
         (("--vary", "K_b=2:1:3", "--out", "x"), "is no range"),
         (("--seeds", "3"), "--seeds is for a campaign; add --vary"),
         (("--gains", "s3", "--gains", "stiff"), "2 gain sets (s3, stiff) are for a campaign"),
-        (("--gains", "s3,s3", "--vary", "K_b=1:2:3", "--out", "x"), "name each gain set once"),
+        (
+            ("--gains", "s3,s3", "--vary", "K_b=1:2:3", "--out", "x"),
+            "--gains is s3, s3; name each once",
+        ),
         (("--vary", "gains.control_rate_Hz=250:500:2", "--out", "x"), "cannot vary control_rate"),
     ],
 )

@@ -85,8 +85,14 @@ def test_a_point_of_a_campaign_can_be_flown_alone(capsys: pytest.CaptureFixture[
         (["--vary", "gains.atitude=1:2:3", "--out", "x"], "did you mean 'attitude'? known: alti"),
         (["--vary", "speed=1:0.2:3", "--out", "x"], "is no range; give FROM below TO"),
         (["--vary", "speed=nan:1:3", "--out", "x"], "write NAME=FROM:TO:COUNT"),
-        (["--vary", "speed=0.2:1:3", "--seeds", "0", "--out", "x"], "given: '0'"),
-        (["--vary", "speed=0.2:1:3", "--samples", "-1", "--out", "x"], "given: '-1'"),
+        (
+            ["--vary", "speed=0.2:1:3", "--seeds", "0", "--out", "x"],
+            "--seeds is 0, allowed is 1 or more",
+        ),
+        (
+            ["--vary", "speed=0.2:1:3", "--samples", "-1", "--out", "x"],
+            "--samples is -1, allowed is 0 or more",
+        ),
         (["--vary", "speed=0:1:3", "--out", "x"], "goal speed_m_s is 0"),
         (["--vary", "speed=0.01:1:3", "--out", "x"], "hardly any could arrive"),
         (["--vary", "speed=0.2:1:3"], "add --out FOLDER"),
@@ -96,7 +102,7 @@ def test_a_point_of_a_campaign_can_be_flown_alone(capsys: pytest.CaptureFixture[
             ["--vary", "K_b=1:2:3", "--controllers", "ogi", "--out", "x"],
             "feedforward, observer, oge",
         ),
-        (["--vary", "K_b=1:2:3", "--controllers", "pid,pid", "--out", "x"], "named twice"),
+        (["--vary", "K_b=1:2:3", "--controllers", "pid,pid", "--out", "x"], "name each once"),
         (["--vary", "K_b=1:2:3", "--gains", "s4", "--out", "x"], "known: s1a, s3, stiff"),
         (
             ["--vary", "K_b=1:2:3", "--seeds", "3", "--gyro-noise-rad-s", "0", "--out", "x"],
@@ -107,7 +113,7 @@ def test_a_point_of_a_campaign_can_be_flown_alone(capsys: pytest.CaptureFixture[
         (["--gains", "s3", "--gains", "stiff"], "2 gain sets (s3, stiff) are for a campaign"),
         (["--controllers", "oge"], "unknown controller of a flight 'oge'"),
         (["--set", "K_b=nan"], "write NAME=NUMBER"),
-        (["--vary", "K_b=1:2:3", "--out", "taken"], "dir 'taken' is a file"),
+        (["--vary", "K_b=1:2:3", "--out", "taken"], "taken exists already"),
     ],
 )
 def test_bad_input_is_one_sentence_and_leaves_nothing(

@@ -86,7 +86,7 @@ def test_a_controller_of_ones_own_is_named_on_the_command_line(
     ("words", "message"),
     [
         (("--controllers", "pdi"), "unknown controller"),
-        (("--controllers", ","), "no controller was named"),
+        (("--controllers", ","), "--controllers names nothing"),
         (("--controllers", "no_such_module_here:Law"), "No module named"),
         (("--controllers", "math:Law"), "has no class Law with a method step"),
         (("--gains", "s4"), "unknown gain set"),
@@ -100,7 +100,7 @@ def test_a_controller_of_ones_own_is_named_on_the_command_line(
         (("--set", "bench.inertia_kgm2=0"), "inertia_kgm2 is 0"),
         (("--set", "bench.mass=1"), "known: inertia_kgm2"),
         (("--set", "gains.attitude.kq=1"), "known: k_i_q_per_s2"),
-        (("--duration-s", "-1"), "duration_s is -1"),
+        (("--duration-s", "-1"), "--duration-s is -1 s, allowed is above 0"),
         (("--controllers", "PID"), "did you mean 'pid'"),
         (("--controllers", "obs"), "did you mean 'observer'"),
         (("--gains", "S3"), "did you mean 's3'"),
@@ -248,7 +248,7 @@ def test_a_folder_that_cannot_be_made_is_told(
 def test_a_run_too_long_for_memory_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     code, _, err = simulate(capsys, "--duration-s", "1e9")
     assert code == 2
-    assert "give at most 3600 s" in err
+    assert "at most 3,600 s" in err
 
 
 def test_an_unknown_number_names_the_gains_too(capsys: pytest.CaptureFixture[str]) -> None:

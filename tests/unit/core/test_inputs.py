@@ -95,7 +95,7 @@ def test_a_range_holds_and_is_named_as_the_source_names_it(
         ({"repeats": 0}, "--repeats is 0, allowed is 1 or more; correct it"),
         ({"order": "givn"}, "unknown --order 'givn'; did you mean 'given'? known: given, random"),
         ({"set": ["K_b"]}, "--set got 'K_b'; write NAME=NUMBER, as K_b=1.8"),
-        ({"set": ["K_b=nan"]}, "--set is nan, allowed is a finite number; correct it"),
+        ({"set": ["K_b=nan"]}, "--set got 'K_b=nan'; write NAME=NUMBER, as K_b=1.8"),
         ({"pwm": "5", "ratio": "1"}, "--pwm and --ratio are both given; give one of them"),
         ({"ramp": 1}, "unknown input 'ramp'; did you mean 'ramp_s'?"),
         ({"device": None}, "DEVICE is missing; give it"),

@@ -11,8 +11,8 @@ from benchtool.commands import fit
 from benchtool.commands.app import main
 from benchtool.commands.terminal.announce_code import announce_code
 from benchtool.core.errors import InputError
-from benchtool.fit.fit_options import recipe_of_options, words_of_recipe
-from benchtool.fit.recipe import Recipe
+from benchtool.core.inputs import changed, make, words
+from benchtool.fit.recipe import FitInputs, Recipe
 
 PLAIN = Recipe(name="one", data=("runs/one",), model="quad_bench")
 FULL = Recipe(
@@ -40,17 +40,30 @@ FULL = Recipe(
 def test_the_words_ask_for_the_same_recipe(recipe: Recipe, monkeypatch: pytest.MonkeyPatch) -> None:
     asked = []
     monkeypatch.setattr(fit, "_run", lambda *given: asked.append(given))
+    more = {"out": "fits/new", "profile": recipe.seed == 7}
     with pytest.raises(SystemExit):
-        main(words_of_recipe(recipe, out="fits/new", profile=recipe.seed == 7))
+        main(["fit", *words(FitInputs, changed(recipe) | more)])
     assert asked == [(recipe, Path("fits/new"), recipe.seed == 7, announce_code)]
 
 
 def test_what_is_usual_is_left_out() -> None:
-    assert words_of_recipe(PLAIN) == ["fit", "runs/one", "--model", "quad_bench"]
+    assert words(FitInputs, changed(PLAIN)) == ["runs/one", "--model", "quad_bench"]
 
 
 def test_a_value_that_no_option_takes_is_refused_in_its_words() -> None:
-    with pytest.raises(InputError, match=r"^--min-z-over-r is -1"):
-        recipe_of_options({"name": "x", "data": ["a"], "model": "m", "min_z_over_R": -1.0})
-    with pytest.raises(InputError, match=r"^--method is \[\]"):
-        recipe_of_options({"name": "x", "data": ["a"], "model": "m", "methods": []})
+    with pytest.raises(InputError, match=r"^--min-z-over-r is -1, allowed is 0 or more"):
+        make(Recipe, {"min_z_over_r": -1.0}, source="option", base=PLAIN)
+    with pytest.raises(InputError, match=r"^--method names nothing"):
+        make(Recipe, {"method": []}, source="option", base=PLAIN)
+
+
+def test_options_go_over_a_recipe_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "recipe.toml").write_text(
+        "[recipe]\nname = 'a'\ndata = ['r']\nmodel = 'quad'\nseed = 4\nwalkers = 40\n", "utf-8"
+    )
+    asked: list[Recipe] = []
+    monkeypatch.setattr(fit, "_run", lambda recipe, *rest: asked.append(recipe))
+    with pytest.raises(SystemExit):
+        main(["fit", "--recipe", str(tmp_path), "--seed", "5", "--fix", "K_b=2", "--fix", "R_m"])
+    (recipe,) = asked
+    assert (recipe.seed, recipe.walkers, recipe.fix, recipe.hold) == (5, 40, {"K_b": 2.0}, ("R_m",))

@@ -80,12 +80,12 @@ class MethodCard:
         """Return what is asked, by the recipe's keys."""
         chosen = {"least_squares": self._squares.value, "emcee": self._emcee.value}
         return {
-            "methods": [method for method, wanted in chosen.items() if wanted],
+            "method": [method for method, wanted in chosen.items() if wanted],
             "basis": self._basis.value,
             "noise": self._noise.value,
             "loss": self._loss.value,
             "compare": list(self._compare.value or []),
-            "min_z_over_R": self._nearest.value,
+            "min_z_over_r": self._nearest.value,
             "walkers": _whole(self._walkers.value),
             "max_steps": _whole(self._steps.value),
             "seed": _whole(self._seed.value),

@@ -8,14 +8,14 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from benchtool.core.errors import InputError
+from benchtool.core.inputs import changed, make, words
 from benchtool.core.rig import Rig
 from benchtool.data.csv_text import read_csv_text
 from benchtool.data.run.entry import Entry
 from benchtool.data.run.run_rig import rig_of_data
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.data.run.upload import columns_file
-from benchtool.fit.fit_options import recipe_of_options, words_of_recipe
-from benchtool.fit.recipe import Recipe
+from benchtool.fit.recipe import FitInputs, Recipe
 from benchtool.web.tabs.fit.model_choice import (
     ParameterChoice,
     adjustables,
@@ -75,16 +75,14 @@ def recipe_for(request: FitRequest, folder: RunsFolder, entries: Mapping[str, En
                     f"{name} has no column thrust_N; say which column is which, and use these "
                     f"columns"
                 )
-    return recipe_of_options(
-        {
-            "name": request.name,
-            "data": [str(path) for path in paths],
-            "model": model,
-            "columns": str(stored[0]) if stored else None,
-            **choice_options(adjustables(model, data_rig(request.data, folder)), request.choices),
-            **request.options,
-        }
+    base = Recipe(
+        name=request.name,
+        data=tuple(str(path) for path in paths),
+        model=model,
+        columns=str(stored[0]) if stored else None,
     )
+    choices = choice_options(adjustables(model, data_rig(request.data, folder)), request.choices)
+    return make(Recipe, {**choices, **request.options}, source="label", base=base)
 
 
 def data_rig(data: Sequence[str], folder: RunsFolder) -> Rig | None:
@@ -98,9 +96,9 @@ def data_rig(data: Sequence[str], folder: RunsFolder) -> Rig | None:
 
 def words_for(recipe: Recipe, request: FitRequest, folder: RunsFolder) -> list[str]:
     """Return the words behind `benchtool` that do the same."""
-    return words_of_recipe(
-        recipe, out=str(folder.root / request.name) if request.name else "", profile=request.profile
-    )
+    out = str(folder.root / request.name) if request.name else ""
+    given = changed(recipe) | {"profile": request.profile, "out": out}
+    return ["fit", *words(FitInputs, given)]
 
 
 def suggested_name(folder: RunsFolder, data: Sequence[str]) -> str:

@@ -9,7 +9,7 @@ from nicegui import ui
 
 from benchtool.core.errors import BenchtoolError
 from benchtool.data.run.runs_folder import RunsFolder
-from benchtool.fit.fit_options import recipe_of_options
+from benchtool.fit.recipe import Recipe
 from benchtool.web.context import PageContext
 from benchtool.web.jobs import FolderJob
 from benchtool.web.notifications import shows_errors
@@ -168,4 +168,4 @@ def build(context: PageContext) -> None:
 
 def _load() -> None:
     adjustables(USUAL_MODEL)
-    recipe_of_options({"name": "any", "data": ["any"], "model": USUAL_MODEL})
+    Recipe(name="any", data=("any",), model=USUAL_MODEL)

@@ -7,10 +7,11 @@ from pathlib import Path
 import pytest
 
 from benchtool.core.errors import BenchtoolError, InputError
+from benchtool.core.inputs import make
 from benchtool.data.run.entry import Entry
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.fit.fit_data import recipe_model
-from benchtool.fit.fit_options import recipe_of_options
+from benchtool.fit.recipe import Recipe
 from benchtool.physics.model_file import load_model, model_to_toml
 from benchtool.web.tabs.fit.model_choice import (
     ParameterChoice,
@@ -87,7 +88,7 @@ def test_the_form_frees_holds_and_fixes() -> None:
     }
     options = choice_options(tuple(numbers.values()), wishes)
     assert options == {"free": [fixed], "hold": ["R_m"], "fix": {"body_lift.K_b": 2.5}}
-    recipe = recipe_of_options({"name": "x", "data": ["a"], "model": "quad_bench", **options})
+    recipe = make(Recipe, options, base=Recipe(name="x", data=("a",), model="quad_bench"))
     parameters = recipe_model(recipe).model.parameters
     assert parameters[fixed].free
     assert not parameters["R_m"].free

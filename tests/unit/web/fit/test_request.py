@@ -50,7 +50,7 @@ def test_the_form_gives_a_recipe_and_its_words(
     folder: RunsFolder, entries: dict[str, Entry]
 ) -> None:
     wish = {"R_m": ParameterChoice(False, 0.13)}
-    asked = order(choices=wish, options={"methods": ["least_squares", "emcee"]}, profile=True)
+    asked = order(choices=wish, options={"method": ["least_squares", "emcee"]}, profile=True)
     recipe = recipe_for(asked, folder, entries)
     assert recipe.data == (str(folder.root / "one"),)
     words = words_for(recipe, asked, folder)
@@ -86,7 +86,7 @@ def test_what_the_form_lacks_is_told(folder: RunsFolder, entries: dict[str, Entr
         ({"data": []}, "nothing to fit: choose a run or a table"),
         ({"data": ["../runs/one"]}, "leads out of the runs folder"),
         ({"model": "../model.toml"}, "leads out of the runs folder"),
-        ({"options": {"methods": []}}, "--method is"),
+        ({"options": {"method": []}}, "names nothing; give one or more"),
         ({"options": {"walkers": 2}}, "--walkers is 2"),
         ({"data": ["lab.csv"]}, "lab.csv has no column thrust_N; say which column is which"),
     ):
@@ -139,7 +139,7 @@ def test_the_work_writes_what_the_command_would(
 def test_data_that_do_not_allow_the_fit_leave_nothing_behind(
     folder: RunsFolder, entries: dict[str, Entry]
 ) -> None:
-    recipe = recipe_for(order(options={"min_z_over_R": 99.0}), folder, entries)
+    recipe = recipe_for(order(options={"min_z_over_r": 99.0}), folder, entries)
     with pytest.raises(BenchtoolError, match="can be fitted"):
         fit_into(lambda *_: None, recipe, folder.new_path("fit-one"), (), False)
     assert sorted(item.name for item in folder.root.iterdir()) == ["lab.csv", "one"]

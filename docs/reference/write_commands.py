@@ -1,0 +1,48 @@
+"""Write `commands.md` from the inputs of every command: python docs/reference/write_commands.py."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from pathlib import Path
+
+from benchtool.commands.app import COMMANDS, REMOVED, module_of
+from benchtool.core.input_text import text_of
+from benchtool.core.inputs import Item, items
+
+HEAD = """# Commands
+
+Written by `python docs/reference/write_commands.py` from the commands' inputs (tested). A value
+outside its range is refused wherever it comes from: an option, the page, a plan or recipe file, or
+a call from Python.
+"""
+
+
+def row(item: Item) -> str:
+    """Return the table's row of one input."""
+    also = f", `{item.about.also}`" if item.about.also else ""
+    taken = ", ".join(item.choices) or f"{item.range} {item.about.unit}".strip()
+    usual = item.about.empty or (
+        "" if item.required or item.kind is bool else text_of(item.default)
+    )
+    cells = (f"`{item.option}`{also}", item.about.help, taken, usual)
+    return "| " + " | ".join(cell.replace("|", r"\|") for cell in cells) + " |\n"
+
+
+def page() -> str:
+    """Return the text of `commands.md`."""
+    parts = [HEAD]
+    for name, (where, line) in COMMANDS.items():
+        if not where:
+            continue
+        called = getattr(import_module(module_of(name)), where.partition(":")[2])
+        parts.append(f"\n## {name}\n\n{line}.\n")
+        if rows := "".join(map(row, items(called.inputs))):
+            parts.append(
+                f"\n| option | meaning | takes | when left out |\n|---|---|---|---|\n{rows}"
+            )
+    removed = "".join(f"- `benchtool {name}`: {text}\n" for name, text in REMOVED.items())
+    return "".join(parts) + f"\n## Removed\n\n{removed}"
+
+
+if __name__ == "__main__":
+    (Path(__file__).parent / "commands.md").write_text(page(), "utf-8")
