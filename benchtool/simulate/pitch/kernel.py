@@ -53,32 +53,9 @@ class LoopArrays(NamedTuple):
     geometry: Any
 
 
-def packed_arrays(arrays: LoopArrays) -> tuple[Any, Any, list[Any]]:
-    """Return one block that holds copies of the arrays, where each stands, and views into it.
-
-    For a loop that is called at every control tick: each array that is handed over costs some
-    50 ns a call, and a named tuple of arrays microseconds.
-
-    Returns:
-        block (total,); places (n_arrays, 5): begin, end, lengths of three axes; views like
-        `arrays`, which have elements of 8 bytes and one to three axes.
-    """
-    ends = np.cumsum([array.size for array in arrays])
-    block = np.empty(int(ends[-1]))
-    places = np.ones((len(arrays), 5), np.int64)
-    views = []
-    for k, array in enumerate(arrays):
-        begin, end = int(ends[k]) - array.size, int(ends[k])
-        view = block[begin:end].view(array.dtype).reshape(array.shape)
-        view[...] = array
-        places[k, :2], places[k, 2 : 2 + array.ndim] = (begin, end), array.shape
-        views.append(view)
-    return block, places, views
-
-
 @loop_part
 def unpacked_arrays(block: Any, places: Any) -> LoopArrays:
-    """Return the arrays that `packed_arrays` put into a block, as views."""
+    """Return the arrays that `gathered` put into a block, as views."""
     return LoopArrays(
         w=line(block, places, 0),
         states=line(block, places, 1).view(np.int64),

@@ -15,10 +15,11 @@ from benchtool.physics.expression import numbers_of
 from benchtool.physics.model import Model
 from benchtool.simulate.controllers.controller import PitchPlant
 from benchtool.simulate.controllers.pitch import Feedforward, PitchControl
+from benchtool.simulate.gathered import gathered
 from benchtool.simulate.noise import lane_states
 from benchtool.simulate.pitch import records as r
 from benchtool.simulate.pitch.bench import SENSOR_NAMES, PitchBench, PitchSensor
-from benchtool.simulate.pitch.kernel import LoopArrays, packed_arrays
+from benchtool.simulate.pitch.kernel import LoopArrays
 from benchtool.simulate.pitch.loops import pitch_loops
 from benchtool.simulate.pitch.pack import geometry_of, loop_effects, pack
 from benchtool.simulate.sensor import due
@@ -223,7 +224,7 @@ class PitchLoop:
         The loop's arrays become views into one block: take them from the loop afterwards.
         """
         arrays = self._arrays()._replace(fresh=self.fresh.astype(float))
-        block, where, views = packed_arrays(arrays)
+        block, where, views = gathered(list(arrays))
         for name in ("w", "states", "sent", "past", "log"):
             setattr(self, name, getattr(LoopArrays(*views), name))
         self.table = LoopArrays(*views).schedule
