@@ -75,7 +75,8 @@ class WorkerProcess:
         """End the process, whatever it does; safe to call twice."""
         if self._pool is not None and self._lifeline is not None:
             self._lifeline.close()
-            self._pool.shutdown(wait=False, cancel_futures=True)
+            # The process is ending already; waiting frees what the pool holds of the system.
+            self._pool.shutdown(wait=True, cancel_futures=True)
             self._pool = self._lifeline = None
 
     def _start(self) -> ProcessPoolExecutor:

@@ -72,7 +72,7 @@ def recipe_for(request: FitRequest, folder: RunsFolder, entries: Mapping[str, En
             header = read_csv_text(folder.file_of(name)).header
             if "thrust_N" not in header:
                 raise InputError(
-                    f"{name} has no column thrust_N; say which column is which, and use these "
+                    f"{name} has no column thrust_N; choose its columns above and press Use these "
                     f"columns"
                 )
     base = Recipe(

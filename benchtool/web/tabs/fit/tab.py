@@ -53,7 +53,7 @@ class FitTab:
                 ui.label("Data").classes("card-title")
                 self._data = DataCard(context, listing, self._changed)
             with ui.card().classes("w-full"):
-                ui.label("How").classes("card-title")
+                ui.label("Method").classes("card-title")
                 models = model_choices(self._folder, self._data.entries.values())
                 self._how = MethodCard(models, self._changed)
         with ui.card().classes("w-full"):

@@ -105,7 +105,7 @@ class SimulateTab:
             self._seed.on_value_change(self._change)
             self._seed.props("dense").classes("w-full").mark("seed")
         self._sliders = Sliders(lambda: self._change(whole=False))
-        ui.button("Put back", on_click=self._sliders.reset).props("flat dense no-caps")
+        ui.button("Reset", on_click=self._sliders.reset).props("flat dense no-caps")
 
     def _select(self, label: str, options: Iterable[str], value: str) -> ui.select:
         choices = dict(options) if isinstance(options, Mapping) else list(options)

@@ -19,6 +19,12 @@ LARGEST_BYTES = 100_000
 """A plan file that is longer is none."""
 
 
+FIRST = (
+    "z_over_r", "pwm", "repeats", "rotors", "tilt", "lateral", "sample_s", "anchor_every", "seed",
+    "order", "name",
+)  # fmt: skip
+"""Inputs of a plan that are always shown; the others can be opened."""
+
 FIELDS = tuple(item.name for item in items(Plan))
 AIR = tuple(item.name for item in items(AirInputs))
 
@@ -36,10 +42,12 @@ class PlanForm:
         self._form = InputForm(SweepInputs, changed)
         ui.label("A field that is left empty shows what runs instead.").classes("soft")
         with ui.element("div").classes("field-grid"):
-            self._form.add(*FIELDS)
-        more = ui.expansion("Air, operator, calibration, stage").classes("w-full").props("dense")
+            self._form.add(*FIRST)
+        more = ui.expansion("Air, operator, calibration, stage, more of the plan")
+        more.classes("w-full").props("dense")
         with more, ui.element("div").classes("field-grid"):
             self._form.add("operator", *AIR, "calibration", "stage")
+            self._form.add(*(name for name in FIELDS if name not in FIRST))
         with ui.row().classes("items-center"):
             upload = ui.upload(
                 label="Plan file (TOML)",

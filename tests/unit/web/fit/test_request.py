@@ -88,7 +88,7 @@ def test_what_the_form_lacks_is_told(folder: RunsFolder, entries: dict[str, Entr
         ({"model": "../model.toml"}, "leads out of the runs folder"),
         ({"options": {"method": []}}, "names nothing; give one or more"),
         ({"options": {"walkers": 2}}, "--walkers is 2"),
-        ({"data": ["lab.csv"]}, "lab.csv has no column thrust_N; say which column is which"),
+        ({"data": ["lab.csv"]}, "lab.csv has no column thrust_N; choose its columns above"),
     ):
         with pytest.raises(InputError, match=said):
             recipe_for(order(**changes), folder, entries)
