@@ -97,7 +97,7 @@ def flight(inputs: FlightInputs) -> None:
         from benchtool.commands.terminal.campaign_display import run_with_progress
         from benchtool.simulate.design import Design
 
-        setups = {gains: _setup(inputs, gains) for gains in study.gains}
+        setups = {gains: setup_of(inputs, gains) for gains in study.gains}
         design = Design.read(
             several.vary,
             samples=several.samples,
@@ -110,7 +110,7 @@ def flight(inputs: FlightInputs) -> None:
         run_with_progress(campaign, design, settings, several.measure, study.out)
         return
     study.refuse_campaign()
-    flown = _setup(inputs, study.gain_set()).flown("pid", study.seed)
+    flown = setup_of(inputs, study.gain_set()).flown("pid", study.seed)
     own = [
         (name, controller_class(name, known, announce_code)) for name in names if name not in known
     ]
@@ -119,7 +119,7 @@ def flight(inputs: FlightInputs) -> None:
     show_study(report_lines(flights), lambda folder: write_flights(folder, flights), study.out)
 
 
-def _setup(inputs: FlightInputs, gains: str) -> FlightSetup:
+def setup_of(inputs: FlightInputs, gains: str) -> FlightSetup:
     """Return what flies with one gain set."""
     from benchtool.simulate.flight.cases import GYRO_NOISE_RAD_S
     from benchtool.simulate.flight.map import read_map

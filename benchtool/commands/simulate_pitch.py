@@ -59,7 +59,7 @@ def pitch(inputs: PitchInputs) -> None:
         if own:
             raise InputError("a campaign runs built-in controllers; leave your own out")
         several = study.campaign
-        campaign = PitchCampaign(setups={gains: _setup(inputs, gains) for gains in study.gains})
+        campaign = PitchCampaign(setups={gains: setup_of(inputs, gains) for gains in study.gains})
         design = Design.read(
             several.vary, samples=several.samples, seeds=several.seeds, seed=study.seed
         )
@@ -67,12 +67,12 @@ def pitch(inputs: PitchInputs) -> None:
         run_with_progress(campaign, design, settings, several.measure, study.out)
         return
     study.refuse_campaign()
-    setup = _setup(inputs, study.gain_set())
+    setup = setup_of(inputs, study.gain_set())
     result = pitch_study(setup, study.seed, own, only_own=len(own) == len(names))
     show_study(report_lines(result), lambda folder: write_study(result, folder), study.out)
 
 
-def _setup(inputs: PitchInputs, gains: str) -> PitchSetup:
+def setup_of(inputs: PitchInputs, gains: str) -> PitchSetup:
     """Return what runs with one gain set."""
     from benchtool.commands.terminal.announce_code import announce_code, print_notes
     from benchtool.simulate.controllers.pitch import PITCH_CONTROLLERS, Feedforward

@@ -8,19 +8,20 @@ from urllib.parse import urlencode
 
 from nicegui import ui
 
+from benchtool.commands.simulate_pitch import PitchInputs
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.physics.model_file import model_names
 from benchtool.web.context import PageContext
 from benchtool.web.notifications import shows_errors
-from benchtool.web.tabs.simulate.inputs import PitchAsk
-from benchtool.web.tabs.simulate.work import Simulation, write_into, zipped
+from benchtool.web.tabs.simulate.work import Simulation, command_words, write_into, zipped
 from benchtool.web.widgets import CommandRow
 
 
-def _bench_of(ask: PitchAsk) -> tuple[str, dict[str, float]]:
+def _bench_of(inputs: PitchInputs) -> tuple[str, dict[str, float]]:
     """Return what makes a bench another one: neither its controllers nor the plate."""
     others = ("gains.", "plate.")
-    return ask.rig, {name: to for name, to in ask.numbers.items() if not name.startswith(others)}
+    settings = inputs.study.settings.items()
+    return inputs.rig, {name: to for name, to in settings if not name.startswith(others)}
 
 
 class SaveCard:
@@ -28,15 +29,15 @@ class SaveCard:
 
     Args:
         context: of the page.
-        ask: returns what is simulated now.
+        inputs: returns what is simulated now.
     """
 
-    def __init__(self, context: PageContext, ask: Callable[[], Simulation]) -> None:
-        self._context, self._ask = context, ask
+    def __init__(self, context: PageContext, inputs: Callable[[], Simulation]) -> None:
+        self._context, self._inputs = context, inputs
         self._folder = RunsFolder(context.runs)
         self._worker = context.worker("simulations")
         self._named = ""
-        self._recordings: list[tuple[str, PitchAsk]] = []
+        self._recordings: list[tuple[str, PitchInputs]] = []
         with ui.card().classes("w-full gap-2"):
             ui.label("Save").classes("card-title").props("role=heading aria-level=2")
             with ui.row().classes("items-end w-full gap-3"):
@@ -59,8 +60,12 @@ class SaveCard:
         self._show()
 
     def _suggest(self) -> None:
-        ask = self._ask()
-        what = f"pitch-{ask.schedule}" if isinstance(ask, PitchAsk) else f"flight-{ask.case}"
+        inputs = self._inputs()
+        what = (
+            f"pitch-{inputs.schedule}"
+            if isinstance(inputs, PitchInputs)
+            else f"flight-{inputs.case}"
+        )
         today = f"{datetime.now().astimezone():%Y-%m-%d}"
         self._named = self._folder.free_path(today, what).name
         self._name.set_value(self._named)
@@ -68,20 +73,20 @@ class SaveCard:
     def _show(self) -> None:
         name = (self._name.value or "").strip()
         out = ["--out", str(self._folder.root / name)] if name else []
-        self._command.show([*self._ask().words, *out])
+        self._command.show([*command_words(self._inputs()), *out])
 
     @shows_errors
     async def _write(self) -> None:
         self._context.claim_control()
-        ask, out = self._ask(), self._folder.new_path((self._name.value or "").strip())
+        inputs, out = self._inputs(), self._folder.new_path((self._name.value or "").strip())
         self._keep.props("loading")
         try:
-            files = await self._worker.run(write_into, ask, out)
+            files = await self._worker.run(write_into, inputs, out)
         finally:
             self._keep.props(remove="loading")
         self._suggest()
-        if isinstance(ask, PitchAsk):
-            self._recordings.append((f"{out.name}/{files[0]}", ask))
+        if isinstance(inputs, PitchInputs):
+            self._recordings.append((f"{out.name}/{files[0]}", inputs))
         self._report(out.name)
 
     def _report(self, name: str) -> None:
@@ -101,8 +106,8 @@ class SaveCard:
 
     def _pair(self) -> tuple[str, str] | None:
         """Return the two newest recordings of one bench, the older one to learn from."""
-        *earlier, (newest, ask) = self._recordings or [("", PitchAsk())]
-        same = [name for name, each in earlier if _bench_of(each) == _bench_of(ask)]
+        *earlier, (newest, inputs) = self._recordings or [("", PitchInputs())]
+        same = [name for name, each in earlier if _bench_of(each) == _bench_of(inputs)]
         return (same[-1], newest) if same else None
 
     def _go(self) -> None:
@@ -117,7 +122,7 @@ class SaveCard:
     async def _download(self) -> None:
         self._save.disable()
         try:
-            packed = await self._worker.run(zipped, self._ask())
+            packed = await self._worker.run(zipped, self._inputs())
         finally:
             self._save.enable()
         ui.download.content(packed, "simulation.zip", "application/zip")

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 
 from nicegui import ui
 
-from benchtool.web.tabs.simulate.inputs import Slider
+from benchtool.web.tabs.simulate.ranges import Slider
 
 
 class Sliders:

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from html import escape
 from itertools import count
-from typing import get_args
+from typing import Any, get_args
 
 from nicegui import background_tasks, json, ui
 from nicegui.element import Element
 from nicegui.elements.echart import EChart as EChart
 
-from benchtool.core.errors import BenchtoolError
+from benchtool.commands.simulate_flight import FlightInputs
+from benchtool.commands.simulate_pitch import PitchInputs
+from benchtool.core.errors import BenchtoolError, InputError
+from benchtool.core.inputs import make
 from benchtool.core.rig_file import rig_named, rig_names
 from benchtool.core.schedule_file import schedule_names
 from benchtool.report.palette import BLUE, VERMILION
@@ -22,9 +26,7 @@ from benchtool.simulate.flight.cases import FLIGHTS
 from benchtool.simulate.flight.flight import FlightControl
 from benchtool.simulate.gain_file import gain_names
 from benchtool.web.context import PageContext
-from benchtool.web.tabs.simulate.inputs import (
-    FlightAsk,
-    PitchAsk,
+from benchtool.web.tabs.simulate.ranges import (
     flight_sliders,
     hidden_slider,
     hideable,
@@ -57,6 +59,9 @@ class SideViews(Element, component=STATIC / "side_views.js"):
 
 PITCH, FLIGHT = "pitch bench", "flight"
 
+FLIGHT_CONTROLLERS = ("pid", "observer", "feedforward")
+"""Chosen at first for a flight, as the command has them."""
+
 STILL_S = 0.25
 """So long after the last change the whole is worked out: with what lies away from any surface, and
 the table. A choice."""
@@ -73,15 +78,15 @@ class SimulateTab:
         self._drawing, self._whole = False, False
         with ui.element("div").classes("simulate"):
             with ui.card().classes("w-full gap-2"):
-                self._ask_for()
+                self._show_inputs()
             with ui.column().classes("w-full gap-3 min-w-0"):
                 self._show_all(context)
         self._offer()
         self._change()
 
-    # --- what is asked --------------------------------------------------------------------------
+    # --- inputs ---------------------------------------------------------------------------------
 
-    def _ask_for(self) -> None:
+    def _show_inputs(self) -> None:
         self._kind = ui.toggle([PITCH, FLIGHT], value=PITCH, on_change=self._other).props(
             'no-caps spread aria-label="What is simulated"'
         )
@@ -96,7 +101,7 @@ class SimulateTab:
             self._gains = self._select("Gains", gain_names(), "s3")
             self._controllers = ui.select(
                 list(PITCH_CONTROLLERS), multiple=True, label="Controllers", on_change=self._other,
-                value=list(PitchAsk().controllers),
+                value=list(PitchInputs().controllers),
             )  # fmt: skip
             self._controllers.props("dense use-chips").classes("w-full").mark("controllers")
             self._hidden = self._select("Hidden effect", {"": "none", **hideable()}, "")
@@ -124,7 +129,7 @@ class SimulateTab:
         self._case.set_visibility(flying)
         known = list(get_args(FlightControl)) if flying else list(PITCH_CONTROLLERS)
         if list(self._controllers.options) != known:
-            first = FlightAsk().controllers if flying else PitchAsk().controllers
+            first = FLIGHT_CONTROLLERS if flying else PitchInputs().controllers
             self._rig.set_options(_flying_rigs() if flying else _pitch_rigs(), value="pquad")
             self._controllers.set_options(known, value=list(first))
         if flying:
@@ -134,30 +139,33 @@ class SimulateTab:
             sliders = pitch_sliders(rig, str(self._schedule.value))
             self._sliders.offer((hidden_slider(rig, hidden), *sliders) if hidden else sliders)
 
-    def ask(self) -> Simulation:
-        """Return what the page asks for now."""
-        moved = self._sliders.moved
-        rig, gains = str(self._rig.value), str(self._gains.value)
-        chosen, seed = self._controllers.value, int(self._seed.value or 0)
-        if self._kind.value == PITCH:
-            controllers = tuple(name for name in PITCH_CONTROLLERS if name in chosen)
-            schedule = str(self._schedule.value)
-            return PitchAsk(
-                rig=rig, gains=gains, schedule=schedule, controllers=controllers, seed=seed,
-                duration_s=self._length.value, numbers=moved,
-            )  # fmt: skip
+    def inputs(self) -> Simulation:
+        """Return what the page simulates now.
+
+        Raises:
+            InputError: no controller is chosen, or a number cannot be.
+        """
+        chosen, settings = self._controllers.value, self._sliders.moved
+        if not chosen:
+            raise InputError("no controller is chosen; choose one or more")
+        flying = self._kind.value == FLIGHT
+        known = get_args(FlightControl) if flying else PITCH_CONTROLLERS
+        given: dict[str, Any] = {
+            "rig": self._rig.value,
+            "controllers": tuple(name for name in known if name in chosen),
+            "gains": (self._gains.value,),
+            "seed": int(self._seed.value or 0),
+        }
+        if not flying:
+            given |= {"schedule": self._schedule.value, "duration_s": self._length.value}
+            return make(PitchInputs, {**given, "set": settings}, source="label")
         case = str(self._case.value)
-        shipped = FLIGHTS[case]
-        return FlightAsk(
-            case=case,
-            rig=rig,
-            gains=gains,
-            controllers=tuple(name for name in get_args(FlightControl) if name in chosen),
-            z_over_R=moved.pop("z_over_R", shipped.z_over_R),
-            speed_m_s=moved.pop("speed_m_s", shipped.speed_m_s),
-            seed=seed,
-            numbers=moved,
-        )
+        given |= {
+            "case": case,
+            "z_over_r": settings.pop("z_over_R", FLIGHTS[case].z_over_R),
+            "speed_m_s": settings.pop("speed_m_s", FLIGHTS[case].speed_m_s),
+        }
+        return make(FlightInputs, {**given, "set": settings}, source="label")
 
     # --- what is shown --------------------------------------------------------------------------
 
@@ -177,11 +185,12 @@ class SimulateTab:
             ui.label("Numbers").classes("card-title")
             self._table = ui.html(sanitize=False).classes("w-full").mark("numbers")
             self._warnings = ui.label().classes("warn whitespace-pre-line")
-        self._saving = SaveCard(context, self.ask)
+        self._saving = SaveCard(context, self.inputs)
 
     def _change(self, whole: bool = True) -> None:
         """Note that something is other than it was, and see to it that it is drawn."""
-        self._saving.refresh()
+        with suppress(InputError):  # shown where it is drawn
+            self._saving.refresh()
         self._whole = self._whole or whole
         self._changes.set()
         if not self._drawing:
@@ -204,7 +213,7 @@ class SimulateTab:
 
     async def _draw_once(self, quick: bool) -> None:
         try:
-            shown = await self._worker.run(simulated, self.ask(), quick)
+            shown = await self._worker.run(simulated, self.inputs(), quick)
         except BenchtoolError as error:
             self._wrong.set_text(str(error))
             self._wrong.set_visibility(True)

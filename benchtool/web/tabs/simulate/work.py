@@ -6,18 +6,23 @@ import shutil
 from io import BytesIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, get_args
 from zipfile import ZIP_DEFLATED, ZipFile
 
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.commands.simulate_flight import FlightInputs
+from benchtool.commands.simulate_flight import setup_of as flight_setup_of
+from benchtool.commands.simulate_pitch import PitchInputs
+from benchtool.commands.simulate_pitch import setup_of as pitch_setup_of
+from benchtool.core.inputs import changed, words
 from benchtool.data.run.recording_file import beside
 from benchtool.report.palette import BLUE, GREEN, GREY, VERMILION
 from benchtool.report.preview import ChartLine, ControllerRun, DrawnMotion, Role, SimulationPreview
 from benchtool.report.side_view import side_view_svg
+from benchtool.simulate.flight.flight import FlightControl
 from benchtool.web.jobs import complete_folder, partial_folder
-from benchtool.web.tabs.simulate.inputs import FlightAsk, PitchAsk
 
 Array = NDArray[np.float64]
 Shown = dict[str, Any]
@@ -105,26 +110,55 @@ def _range(runs: list[tuple[ChartLine, ...]]) -> tuple[float, float, float]:
     return round(float(first) * step, decimals), round(float(last) * step, decimals), step
 
 
-Simulation = PitchAsk | FlightAsk
+Simulation = PitchInputs | FlightInputs
 
 
-def simulated(ask: Simulation, quick: bool) -> Shown:
+def command_words(inputs: Simulation) -> list[str]:
+    """Return the words behind `benchtool` that simulate the same."""
+    kind = "pitch" if isinstance(inputs, PitchInputs) else "flight"
+    return ["simulate", kind, *words(type(inputs), changed(inputs))]
+
+
+def simulated(inputs: Simulation, quick: bool) -> Shown:
     """Return what the browser is sent of a simulation."""
-    return shown(ask.preview(quick))
+    from benchtool.report.flight_preview import flight_preview
+    from benchtool.report.pitch_preview import pitch_preview
+
+    seed, gains = inputs.study.seed, inputs.study.gain_set()
+    if isinstance(inputs, PitchInputs):
+        return shown(pitch_preview(pitch_setup_of(inputs, gains), seed, quick=quick))
+    setup = flight_setup_of(inputs, gains)
+    return shown(flight_preview(setup, _controls(inputs), seed, quick=quick))
 
 
-def zipped(ask: Simulation) -> bytes:
+def write(inputs: Simulation, folder: Path) -> list[Path]:
+    """Simulate, and write what the command writes with --out."""
+    from benchtool.report.flight.pitch_study import pitch_study, write_study
+    from benchtool.report.flight.report import fly_each, write_flights
+
+    seed, gains = inputs.study.seed, inputs.study.gain_set()
+    if isinstance(inputs, PitchInputs):
+        return write_study(pitch_study(pitch_setup_of(inputs, gains), seed), folder)
+    flown = flight_setup_of(inputs, gains).flown("pid", seed)
+    return write_flights(folder, fly_each(flown, _controls(inputs)))
+
+
+def _controls(inputs: FlightInputs) -> list[FlightControl]:
+    return [known for known in get_args(FlightControl) if known in inputs.controllers]
+
+
+def zipped(inputs: Simulation) -> bytes:
     """Return what the command writes with --out, as one zip file."""
     packed = BytesIO()
     with TemporaryDirectory() as place, ZipFile(packed, "w", ZIP_DEFLATED) as archive:
         folder = Path(place) / "simulation"
-        ask.write(folder)
+        write(inputs, folder)
         for path in sorted(folder.iterdir()):
             archive.write(path, path.name)
     return packed.getvalue()
 
 
-def write_into(ask: Simulation, out: Path) -> list[str]:
+def write_into(inputs: Simulation, out: Path) -> list[str]:
     """Write what the command writes with --out, in one step; return its recordings' file names.
 
     Raises:
@@ -132,6 +166,6 @@ def write_into(ask: Simulation, out: Path) -> list[str]:
     """
     part = partial_folder(out)
     shutil.rmtree(part, ignore_errors=True)
-    written = ask.write(part)
+    written = write(inputs, part)
     complete_folder(out, out)
     return [path.name for path in written if beside(out / path.name).is_file()]

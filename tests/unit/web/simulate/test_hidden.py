@@ -7,15 +7,23 @@ from pathlib import Path
 import pytest
 
 from benchtool.commands.app import main
+from benchtool.commands.simulate_pitch import PitchInputs, setup_of
 from benchtool.core.errors import WouldOverwrite
+from benchtool.core.inputs import make
 from benchtool.data.run.entry import entry_of
 from benchtool.data.run.recording_file import read_recording
 from benchtool.data.run.runs_folder import RunsFolder
-from benchtool.web.tabs.simulate.inputs import PitchAsk, hidden_slider, hideable
-from benchtool.web.tabs.simulate.work import write_into
+from benchtool.web.tabs.simulate.ranges import hidden_slider, hideable
+from benchtool.web.tabs.simulate.work import command_words, write_into
 
-HIDES = PitchAsk(
-    controllers=("pid",), schedule="steps", seed=4, numbers={"coulomb_friction.torque_Nm": 0.0145}
+HIDES = make(
+    PitchInputs,
+    {
+        "controllers": ("pid",),
+        "schedule": "steps",
+        "seed": 4,
+        "set": {"coulomb_friction.torque_Nm": 0.0145},
+    },
 )
 
 
@@ -28,14 +36,14 @@ def test_every_effect_can_be_hidden_as_far_as_its_slider_goes(rig: str, effect: 
     assert 10 <= (slider.high - slider.low) / slider.step <= 200
     for value in (slider.low, slider.first, slider.high):
         assert slider.low <= value <= slider.high
-        ask = PitchAsk(rig=rig, numbers={slider.name: value})
-        assert ask.setup().bench.model.parameters[slider.name].value == value
+        inputs = make(PitchInputs, {"rig": rig, "set": {slider.name: value}})
+        assert setup_of(inputs, "s3").bench.model.parameters[slider.name].value == value
 
 
 def test_what_is_kept_is_what_the_command_writes(tmp_path: Path) -> None:
     assert write_into(HIDES, tmp_path / "kept") == ["pid.csv"]
     with pytest.raises(SystemExit) as left:
-        main([*HIDES.words, "--out", str(tmp_path / "told")])
+        main([*command_words(HIDES), "--out", str(tmp_path / "told")])
     assert left.value.code == 0
     ours, told = (tmp_path / name for name in ("kept", "told"))
     assert [path.name for path in sorted(ours.iterdir())] == [
