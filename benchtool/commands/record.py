@@ -29,22 +29,29 @@ class RecordInputs(Inputs):
     ]
     rig: Annotated[str | None, Input("Rig by name, or a rig file.")] = None
     seconds: Annotated[
-        float, Gt(0.0), Le(3600.0), Input("How long, on the bench's clock.", "s")
+        float,
+        Gt(0.0),
+        Le(3600.0),
+        Input("How long, on the bench's clock.", "s", label="Length, s"),
     ] = 40.0
     collective: Annotated[
         Annotated[float, Gt(0.0), Le(1e4)] | None,
-        Input("Pulse that arms the device.", "us", empty="hover"),
+        Input("Pulse that arms the device.", "us", empty="hover", label="Collective, us"),
     ] = None
     plate_z_m: Annotated[
-        Annotated[float, Gt(0.0), Le(1000.0)] | None, Input("Send the plate there before.", "m")
+        Annotated[float, Gt(0.0), Le(1000.0)] | None,
+        Input("Send the plate there before.", "m", label="Plate distance, m", empty="stays"),
     ] = None
     limit_deg: Annotated[
-        float, Gt(0.0), Le(90.0), Input("Stop beyond this pitch angle.", "deg")
+        float,
+        Gt(0.0),
+        Le(90.0),
+        Input("Stop beyond this pitch angle.", "deg", label="Stop beyond, deg"),
     ] = 45.0
     schedule: Annotated[
         str, Input("What the device runs, for the record.", empty="its own word")
     ] = ""
-    name: Annotated[str, Input("Name of the run.")] = "pitch"
+    name: Annotated[str, Input("Name of the run.", label="Name of the run")] = "pitch"
     runs: Annotated[Path, Input("Where run folders are made.")] = Path("runs")
     out: Annotated[Path | None, Input("Exactly this run folder; must be new.")] = None
     operator: Annotated[str, Input("Who measures; the user when left out.")] = ""
@@ -54,29 +61,16 @@ class RecordInputs(Inputs):
 
 def record(inputs: RecordInputs) -> None:
     """Record a pitch experiment from a bench into a run folder."""
-    from math import radians
-
     from benchtool.acquire.inputs import rig_for
-    from benchtool.acquire.pitch_experiment import (
-        PitchExperiment,
-        arming_text,
-        check_experiment,
-        hover_pulse_us,
-    )
+    from benchtool.acquire.pitch_experiment import arming_text, check_experiment
     from benchtool.acquire.pitch_record import summary_line
     from benchtool.bench.drivers import open_bench
     from benchtool.commands.terminal.announce_code import announce_code
     from benchtool.data.run.run import refuse_taken
 
-    address, pulse_us = inputs.address, inputs.collective
+    address = inputs.address
     stands = rig_for(address, inputs.rig)
-    experiment = PitchExperiment(
-        seconds=inputs.seconds,
-        collective_us=hover_pulse_us(stands) if pulse_us is None else pulse_us,
-        plate_z_m=inputs.plate_z_m,
-        pitch_limit_rad=radians(inputs.limit_deg),
-        schedule=inputs.schedule,
-    )
+    experiment = experiment_of(inputs, stands)
     expected = check_experiment(experiment, stands)
     if inputs.out is not None:
         refuse_taken(inputs.out)
@@ -87,6 +81,22 @@ def record(inputs: RecordInputs) -> None:
         return
     run, summary, simulated = _record(inputs, stands, experiment)
     print(f"{summary_line(summary)}{' (simulated)' if simulated else ''}; in {run.path}")
+
+
+def experiment_of(inputs: RecordInputs, rig: Rig) -> PitchExperiment:
+    """Return what is recorded on a rig."""
+    from math import radians
+
+    from benchtool.acquire.pitch_experiment import PitchExperiment, hover_pulse_us
+
+    pulse_us = inputs.collective
+    return PitchExperiment(
+        seconds=inputs.seconds,
+        collective_us=hover_pulse_us(rig) if pulse_us is None else pulse_us,
+        plate_z_m=inputs.plate_z_m,
+        pitch_limit_rad=radians(inputs.limit_deg),
+        schedule=inputs.schedule,
+    )
 
 
 command = declared(RecordInputs, record)

@@ -66,7 +66,9 @@ class Recipe(Inputs):
         Basis, Input("Thrust itself (joint), or T_IGE/T_OGE at equal ...", label="What is fitted")
     ] = "joint"
     methods: Annotated[
-        tuple[Method, ...], Len(1), Input("Estimator to run; repeatable.", option="method")
+        tuple[Method, ...],
+        Len(1),
+        Input("Estimator to run; repeatable.", option="method", label="Estimators"),
     ] = ("least_squares",)
     free: Annotated[tuple[str, ...], Input("Free one more parameter; repeatable.")] = ()
     fix: Annotated[

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
+from benchtool.commands.explain import ExplainInputs
 from benchtool.core.errors import BenchtoolError, InputError
+from benchtool.core.inputs import changed, words
 from benchtool.core.parsed_text import parse_toml
 from benchtool.core.user_file import MOST_TEXT_BYTES, read_text
 from benchtool.data.run.entry import Entry
@@ -16,29 +19,15 @@ from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.web.tabs.fit.model_choice import model_choices, model_path
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Question:
-    """Hold what is asked.
-
-    Attributes:
-        learn, check: paths of recordings.
-        model: shipped name or path.
-    """
-
-    learn: tuple[str, ...]
-    check: tuple[str, ...]
-    model: str
-
-    def words(self, out: Path) -> list[str]:
-        """Return the words behind `benchtool` that ask the same and write the same folder."""
-        words = ["explain", *self.learn, "--model", self.model, "--check", *self.check]
-        return [*words, "--out", str(out)]
+def command_words(inputs: ExplainInputs, out: Path) -> list[str]:
+    """Return the words behind `benchtool` that explain the same and write the same folder."""
+    return ["explain", *words(ExplainInputs, changed(replace(inputs, out=out)))]
 
 
-def question_of(
+def inputs_of(
     sources: RecordingSources, learn: Sequence[str], check: Sequence[str], model: str
-) -> Question:
-    """Return the question of some choices.
+) -> ExplainInputs:
+    """Return the inputs of the command for some choices.
 
     Raises:
         InputError: something is missing, a choice leads elsewhere, or one recording is in both.
@@ -61,8 +50,8 @@ def question_of(
         )
     if not model:
         raise InputError("no model is chosen; choose the one that should explain the recordings")
-    return Question(
-        learn=tuple(str(sources.path_of(name)) for name in learn),
+    return ExplainInputs(
+        recordings=tuple(str(sources.path_of(name)) for name in learn),
         check=tuple(str(sources.path_of(name)) for name in check),
         model=sources.model_of(model),
     )
@@ -94,8 +83,7 @@ def examples_folder() -> Path | None:
     return folder.relative_to(here) if folder.is_relative_to(here) else folder
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Choices:
+class Choices(NamedTuple):
     """Hold recordings and models by their choice, with words for people."""
 
     recordings: dict[str, str]

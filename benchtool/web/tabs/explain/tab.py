@@ -13,7 +13,12 @@ from benchtool.web.context import PageContext
 from benchtool.web.notifications import notify, shows_errors
 from benchtool.web.progress import JobProgress
 from benchtool.web.tabs.explain.answer import AnswerView
-from benchtool.web.tabs.explain.sources import RecordingSources, question_of, suggested_folder
+from benchtool.web.tabs.explain.sources import (
+    RecordingSources,
+    command_words,
+    inputs_of,
+    suggested_folder,
+)
 from benchtool.web.tabs.explain.work import EXPLANATIONS, ExplainJob, clear, start
 from benchtool.web.widgets import STYLE, CommandRow, TableUpload
 
@@ -103,7 +108,7 @@ class ExplainTab:
     def _changed(self) -> None:
         """Show the command that the form stands for, or what it lacks."""
         try:
-            question = question_of(self._sources, *self._chosen())
+            inputs = inputs_of(self._sources, *self._chosen())
         except BenchtoolError as error:
             self._hint.set_text(str(error))
             self._explain.disable()
@@ -112,7 +117,7 @@ class ExplainTab:
         self._command_place.set_visibility(True)
         self._hint.set_text("")
         self._explain.set_enabled(not self._stages.watching)
-        self._command.show(question.words(self._folder()))
+        self._command.show(command_words(inputs, self._folder()))
 
     def _chosen(self) -> tuple[list[str], list[str], str]:
         return list(self._learn.value or []), list(self._check.value or []), self._model.value or ""
@@ -124,9 +129,9 @@ class ExplainTab:
     @shows_errors
     def _start(self) -> None:
         self._context.claim_control()
-        question, out = question_of(self._sources, *self._chosen()), self._folder()
+        inputs, out = inputs_of(self._sources, *self._chosen()), self._folder()
         self._answer.clear()
-        self._stages.watch(start(self._context.runs, question, out, question.words(out)))
+        self._stages.watch(start(self._context.runs, inputs, out, command_words(inputs, out)))
         self._changed()
 
     @shows_errors

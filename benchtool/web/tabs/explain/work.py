@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from benchtool.commands.explain import ExplainInputs
 from benchtool.core.errors import InputError
 from benchtool.web.jobs import (
     FolderJob,
@@ -23,7 +24,6 @@ from benchtool.web.jobs import (
     partial_folder,
 )
 from benchtool.web.sections import HtmlFragment, PageSection
-from benchtool.web.tabs.explain.sources import Question
 
 if TYPE_CHECKING:
     from benchtool.report.page import Block
@@ -81,7 +81,7 @@ class ExplainJob(FolderJob[ExplanationResult]):
 EXPLANATIONS: LatestJob[ExplainJob] = LatestJob()
 
 
-def start(root: Path, question: Question, out: Path, words: Sequence[str]) -> ExplainJob:
+def start(root: Path, inputs: ExplainInputs, out: Path, words: Sequence[str]) -> ExplainJob:
     """Start an explanation; what the one before had set aside is deleted.
 
     Raises:
@@ -91,7 +91,7 @@ def start(root: Path, question: Question, out: Path, words: Sequence[str]) -> Ex
     if before is not None:
         before.cancel()
     out.parent.mkdir(parents=True, exist_ok=True)
-    job = Job(explain, question, out, tuple(words))
+    job = Job(explain, inputs, out, tuple(words))
     EXPLANATIONS.by_root[root] = ExplainJob(out=out, words=tuple(words), job=job)
     return EXPLANATIONS.by_root[root]
 
@@ -104,13 +104,13 @@ def clear(root: Path) -> None:
 
 
 def explain(
-    report: ReportProgress, question: Question, out: Path, words: Sequence[str]
+    report: ReportProgress, inputs: ExplainInputs, out: Path, words: Sequence[str]
 ) -> ExplanationResult:
     """Answer a question, and set its folder aside.
 
     Args:
         report: receives the stages.
-        question: recordings and model.
+        inputs: recordings and model.
         out: the folder that the answer gets where it is accepted.
         words: behind `benchtool`, for the report.
 
@@ -135,7 +135,7 @@ def explain(
             report(what, DRAWN_FROM * share)
 
     report("reading the recordings", 0.0)
-    asked_for = read_request(question.learn, question.check, question.model)
+    asked_for = read_request(inputs.recordings, inputs.check, inputs.model)
     command = shlex.join(["benchtool", *words])
     answer = answer_request(asked_for, commands=[command], progress=progress)
     answer = replace(answer, seconds=time.monotonic() - began)

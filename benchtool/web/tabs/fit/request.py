@@ -34,16 +34,19 @@ class FitRequest:
         model: as `choice.model_choices` calls it.
         choices: by parameter, where the form differs from the model.
         name: of the folder that is made.
-        profile: intervals from the profile likelihood as well.
-        options: the recipe's other keys.
+        options: other inputs of the command, by name.
     """
 
     data: list[str] = field(default_factory=list)
     model: str = "quad_bench"
     choices: dict[str, ParameterChoice] = field(default_factory=dict)
     name: str = ""
-    profile: bool = False
     options: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def profile(self) -> bool:
+        """Whether intervals are wanted from the profile likelihood as well."""
+        return bool(self.options.get("profile"))
 
 
 def recipe_for(request: FitRequest, folder: RunsFolder, entries: Mapping[str, Entry]) -> Recipe:
@@ -82,7 +85,8 @@ def recipe_for(request: FitRequest, folder: RunsFolder, entries: Mapping[str, En
         columns=str(stored[0]) if stored else None,
     )
     choices = choice_options(adjustables(model, data_rig(request.data, folder)), request.choices)
-    return make(Recipe, {**choices, **request.options}, source="label", base=base)
+    options = {name: each for name, each in request.options.items() if name != "profile"}
+    return make(Recipe, {**choices, **options}, source="label", base=base)
 
 
 def data_rig(data: Sequence[str], folder: RunsFolder) -> Rig | None:

@@ -55,7 +55,7 @@ class FitTab:
             with ui.card().classes("w-full"):
                 ui.label("Method").classes("card-title")
                 models = model_choices(self._folder, self._data.entries.values())
-                self._how = MethodCard(models, self._changed)
+                self._method = MethodCard(models, self._changed)
         with ui.card().classes("w-full"):
             with ui.row().classes("items-center w-full gap-4"):
                 ui.label("Model").classes("card-title")
@@ -98,8 +98,7 @@ class FitTab:
             model=self._model.value,
             choices=self._parameters.choices,
             name=(self._name.value or "").strip(),
-            profile=self._how.profile,
-            options=self._how.options(),
+            options=self._method.options(),
         )
 
     def _changed(self) -> None:

@@ -13,8 +13,9 @@ from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.web.tabs.explain.sources import (
     EXAMPLE,
     RecordingSources,
+    command_words,
     examples_folder,
-    question_of,
+    inputs_of,
     suggested_folder,
 )
 
@@ -81,12 +82,12 @@ def test_what_is_gone_is_told(sources: RecordingSources) -> None:
 
 
 def test_the_command_names_everything(sources: RecordingSources) -> None:
-    question = question_of(
+    inputs = inputs_of(
         sources, ["mine/learn.parquet"], [f"{EXAMPLE}pitch_friction/check.parquet"], "pitch_pquad"
     )
     out = suggested_folder(sources, ["mine/learn.parquet"], "2024-05-06")
     assert out == sources.runs.root / "2024-05-06-explain-learn"
-    assert question.words(out) == [
+    assert command_words(inputs, out) == [
         "explain", str(sources.runs.root / "mine/learn.parquet"), "--model", "pitch_pquad",
         "--check", str(EXAMPLES / "pitch_friction/check.parquet"), "--out", str(out),
     ]  # fmt: skip
@@ -105,7 +106,7 @@ def test_what_is_missing_is_said(
     sources: RecordingSources, learn: list[str], check: list[str], model: str, said: str
 ) -> None:
     with pytest.raises(InputError, match=said):
-        question_of(sources, learn, check, model)
+        inputs_of(sources, learn, check, model)
 
 
 def test_the_examples_are_those_of_this_checkout() -> None:

@@ -9,12 +9,13 @@ from pathlib import Path
 import pytest
 
 from benchtool.commands.app import main
+from benchtool.commands.explain import ExplainInputs
 from benchtool.core.errors import InputError
 from benchtool.data.run.recording_file import write_recording
 from benchtool.report.flight.pitch_study import pitch_study
 from benchtool.simulate.pitch.setup import changed, pitch_setup
 from benchtool.web.jobs import partial_folder
-from benchtool.web.tabs.explain.sources import Question
+from benchtool.web.tabs.explain.sources import command_words
 from benchtool.web.tabs.explain.work import EXPLANATIONS, clear, start
 
 EXAMPLES = Path(__file__).parents[4] / "datasets"
@@ -33,20 +34,20 @@ def recorded(path: Path, duration_s: float, seed: int) -> str:
 
 
 @pytest.fixture(scope="module")
-def question(tmp_path_factory: pytest.TempPathFactory) -> Question:
+def inputs(tmp_path_factory: pytest.TempPathFactory) -> ExplainInputs:
     folder = tmp_path_factory.mktemp("recordings")
     learn = recorded(folder / "learn.csv", 10.0, seed=21)
     check = recorded(folder / "check.csv", 8.0, seed=22)
-    return Question(learn=(learn,), check=(check,), model=MODEL)
+    return ExplainInputs(recordings=(learn,), check=(check,), model=MODEL)
 
 
 @pytest.mark.slow
-def test_an_effect_is_named_and_kept_in_a_new_model(tmp_path: Path, question: Question) -> None:
+def test_an_effect_is_named_and_kept_in_a_new_model(tmp_path: Path, inputs: ExplainInputs) -> None:
     out = tmp_path / "runs" / "answer"
-    words = question.words(out)
-    job = start(out.parent, question, out, words)
+    words = command_words(inputs, out)
+    job = start(out.parent, inputs, out, words)
     with pytest.raises(InputError, match="still runs"):
-        start(out.parent, question, out, words)
+        start(out.parent, inputs, out, words)
     state = job.job.wait(LONG_S)
     assert state.status == "done", state.error
     assert state.stages[0] == "reading the recordings"
@@ -75,7 +76,7 @@ def test_an_effect_is_named_and_kept_in_a_new_model(tmp_path: Path, question: Qu
     )
     by_command = tmp_path / "command"
     with pytest.raises(SystemExit):
-        main(question.words(by_command))
+        main(command_words(inputs, by_command))
     assert (out / "model.toml").read_text() == (by_command / "model.toml").read_text()
     with pytest.raises(InputError, match="kept already"):
         job.accept(out)
@@ -85,8 +86,8 @@ def test_an_effect_is_named_and_kept_in_a_new_model(tmp_path: Path, question: Qu
 def test_what_nobody_keeps_goes_and_what_is_there_stays(tmp_path: Path) -> None:
     out = tmp_path / "runs" / "answer"
     gone = (str(tmp_path / "gone.csv"),)
-    bad = Question(learn=gone, check=(str(tmp_path / "check.csv"),), model="pitch_pquad")
-    job = start(out.parent, bad, out, bad.words(out))
+    bad = ExplainInputs(recordings=gone, check=(str(tmp_path / "check.csv"),), model="pitch_pquad")
+    job = start(out.parent, bad, out, command_words(bad, out))
     state = job.job.wait(LONG_S)
     assert state.status == "failed"
     assert "there is no such run or file" in state.error

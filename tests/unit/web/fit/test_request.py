@@ -50,7 +50,7 @@ def test_the_form_gives_a_recipe_and_its_words(
     folder: RunsFolder, entries: dict[str, Entry]
 ) -> None:
     wish = {"R_m": ParameterChoice(False, 0.13)}
-    asked = order(choices=wish, options={"method": ["least_squares", "emcee"]}, profile=True)
+    asked = order(choices=wish, options={"method": ["least_squares", "emcee"], "profile": True})
     recipe = recipe_for(asked, folder, entries)
     assert recipe.data == (str(folder.root / "one"),)
     words = words_for(recipe, asked, folder)
@@ -86,8 +86,8 @@ def test_what_the_form_lacks_is_told(folder: RunsFolder, entries: dict[str, Entr
         ({"data": []}, "nothing to fit: choose a run or a table"),
         ({"data": ["../runs/one"]}, "leads out of the runs folder"),
         ({"model": "../model.toml"}, "leads out of the runs folder"),
-        ({"options": {"method": []}}, "names nothing; give one or more"),
-        ({"options": {"walkers": 2}}, "--walkers is 2"),
+        ({"options": {"method": []}}, "Estimators"),
+        ({"options": {"walkers": 2}}, "Walkers of emcee is 2"),
         ({"data": ["lab.csv"]}, "lab.csv has no column thrust_N; choose its columns above"),
     ):
         with pytest.raises(InputError, match=said):
