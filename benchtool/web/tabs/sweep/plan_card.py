@@ -38,13 +38,11 @@ class PlanPreview:
         facts: name to text.
         arming: what the operator must know before confirming.
         order: rows by the names of COLUMNS.
-        visits: how many there are.
     """
 
     facts: Mapping[str, str]
     arming: str
     order: Sequence[dict[str, str]]
-    visits: int
 
 
 def preview_of(plan: Plan, rig: Rig, device_limits: Mapping[str, float] | None) -> PlanPreview:
@@ -81,7 +79,7 @@ def preview_of(plan: Plan, rig: Rig, device_limits: Mapping[str, float] | None) 
         distance = "parked" if place.parked else f"{place.z_m / radius_m:.2f}"
         row = (str(visit.point), visit.kind, distance, level, str(visit.repeat))
         rows.append(dict(zip(COLUMNS, row, strict=True)))
-    return PlanPreview(facts, arming_text(resolved, rig, expected), rows, len(visits))
+    return PlanPreview(facts, arming_text(resolved, rig, expected), rows)
 
 
 class PlanCard:
