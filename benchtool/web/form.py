@@ -53,7 +53,7 @@ class InputForm(Generic[T]):
             usual = {"": text_of(item.default)}
             rest = {each: each for each in item.choices if each != item.default}
             return ui.select(usual | rest, value="", label=item.label, on_change=self._changed)
-        empty = item.about.empty or text_of(item.default) or "from the rig"
+        empty = item.about.empty or text_of(item.default) or "–"
         made = ui.input(item.label, placeholder=f"empty: {empty}", on_change=self._changed)
         return made.props("debounce=300")
 

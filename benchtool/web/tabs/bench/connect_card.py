@@ -111,6 +111,8 @@ class ConnectCard:
             for name, driver in DRIVERS.items():
                 if name not in ("sim", "serial"):
                     self._offer(driver.example, "an example to change")
+        # Filled late, its update may carry that it is closed still.
+        self._menu.open()
 
     def _offer(self, address: str, what: str) -> None:
         item = ui.menu_item(on_click=lambda: self._address.set_value(address))
