@@ -1,4 +1,4 @@
-"""What is known of an effect stands in its own file: no room of the engine names one."""
+"""What is known of an effect stands in its own file: no other file names one."""
 
 from __future__ import annotations
 
@@ -6,19 +6,42 @@ import ast
 import re
 from pathlib import Path
 
-import pytest
-
 import benchtool
 from benchtool.physics.catalogue import EFFECTS
 
 PACKAGE = Path(benchtool.__file__).parent
-FREE_OF_NAMES = ("fit", "explain")
+CASES = (
+    "report/paper/",
+    "report/fit/demo.py",
+    "simulate/pitch/attitude.py",
+    "acquire/check_plan.py",
+)
+"""Cases and recipes: they are about named effects."""
+
+OTHER_THINGS = ("bench/mavlink/side_cell.py", "virtual/autopilot.py", "report/palette.py")
+"""A channel of an autopilot and roles of curves happen to have an effect's name."""
+
+REMAINING = {
+    "physics/model.py": "the name of eq. (2), which every model starts with",
+    "report/fit/figures.py": "the figure of area factors",
+    "report/fit/page.py": "the parameters shown first",
+    "report/ratio.py": "the curve of eq. (3)",
+    "report/sweep/figures.py": "the role of a curve",
+    "simulate/flight/vehicle.py": "a flight follows three effects only",
+    "web/tabs/simulate/ranges.py": "the field of K_b",
+}
+"""Files that still name one, and why; this list only gets shorter."""
+
 NAME = re.compile(rf"({'|'.join(EFFECTS)})(\.\w+)?")
 
 
 def files() -> list[Path]:
-    places = [PACKAGE / name for name in FREE_OF_NAMES]
-    return [file for place in places for file in ([place] if place.suffix else place.rglob("*.py"))]
+    own = ("physics/effects/", *CASES, *OTHER_THINGS)
+    return [file for file in sorted(PACKAGE.rglob("*.py")) if not place(file).startswith(own)]
+
+
+def place(file: Path) -> str:
+    return file.relative_to(PACKAGE).as_posix()
 
 
 def named(file: Path) -> list[str]:
@@ -33,6 +56,7 @@ def named(file: Path) -> list[str]:
     ]
 
 
-@pytest.mark.parametrize("file", files(), ids=lambda file: str(file.relative_to(PACKAGE)))
-def test_no_effect_is_named(file: Path) -> None:
-    assert named(file) == []
+def test_no_effect_is_named_but_where_the_list_says() -> None:
+    found = {place(file): names for file in files() if (names := named(file))}
+    assert {file: names for file, names in found.items() if file not in REMAINING} == {}
+    assert set(REMAINING) == set(found)
