@@ -14,7 +14,7 @@ from benchtool.data.formats.dataflash_text import read_text_log
 from benchtool.data.formats.flight_log import Counts, flight_import
 from benchtool.data.formats.motor_channels import ardupilot_motors, logged_motors
 from benchtool.data.formats.streams import Stream
-from benchtool.data.repairs.imported import Finding, Imported
+from benchtool.data.repairs.imported import Finding, Imported, Options
 
 Array = NDArray[np.float64]
 
@@ -63,14 +63,19 @@ class Records(Protocol):
         """Return one field of all records of a kind as text."""
 
 
-def read_ardupilot(data: bytes, where: str, provenance: Mapping[str, str]) -> Imported:
-    """Return a DataFlash log, binary or text, as a pitch recording."""
-    if data.startswith(b"\xa3\x95"):
-        log: Records = read_dataflash(data, WANTED)
-        name = "ArduPilot DataFlash"
-    else:
-        log = read_text_log(data, WANTED)
-        name = "ArduPilot DataFlash text"
+def read_binary(
+    data: bytes, where: str, provenance: Mapping[str, str], options: Options
+) -> Imported:
+    """Return a DataFlash log (.bin) as a pitch recording."""
+    return _read(read_dataflash(data, WANTED), "ArduPilot DataFlash", where, provenance)
+
+
+def read_text(data: bytes, where: str, provenance: Mapping[str, str], options: Options) -> Imported:
+    """Return a DataFlash log in its text form (.log) as a pitch recording."""
+    return _read(read_text_log(data, WANTED), "ArduPilot DataFlash text", where, provenance)
+
+
+def _read(log: Records, name: str, where: str, provenance: Mapping[str, str]) -> Imported:
     findings = list(log.findings)
     motors = _motors(log)
     streams = [

@@ -1,4 +1,7 @@
-"""Tell which format a file has, and import it."""
+"""The formats that can be imported, each recognized by its content, and the import itself.
+
+A new format is a module with a reader, and a line in `FORMATS`.
+"""
 
 from __future__ import annotations
 
@@ -7,25 +10,115 @@ import os
 import re
 import shlex
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
+from typing import Literal, Protocol
 
 from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.table_bounds import MOST_LOG_BYTES
 from benchtool.core.user_file import open_file, read_file
-from benchtool.data.formats.crazyflie import is_crazyflie, read_crazyflie
 from benchtool.data.formats.mavlink_walk import is_tlog
 from benchtool.data.formats.over_surface import mark_windows
-from benchtool.data.formats.rcbenchmark import is_rcbenchmark, read_rcbenchmark
-from benchtool.data.formats.uiuc import is_uiuc, read_uiuc
+from benchtool.data.formats.uiuc import is_uiuc
 from benchtool.data.repairs.at_rest import as_told, inspect_log, inspect_stand
 from benchtool.data.repairs.column_map import read_by_map
 from benchtool.data.repairs.imported import Imported, Options
+from benchtool.data.repairs.mapped import has_columns
 from benchtool.data.repairs.named_columns import read_named
 from benchtool.data.repairs.pole_count import compare_speeds
 from benchtool.data.repairs.spikes import mend_spikes
 from benchtool.data.repairs.time_order import mend_time
 
+HEAD_BYTES = 1 << 16
+"""A file's beginning tells its format: a header and some rows."""
+
+LISTED = 8
+"""So many files are named; a sentence holds no more. A choice."""
+
 _TEXT_LOG = re.compile(rb"(?:[^\n]{0,200}\n){0,8}FMT, ?\d+, ?\d+, ?\w+,")
+
+
+Kind = Literal["log", "table"]
+
+
+class Reader(Protocol):
+    """What reads a format."""
+
+    def __call__(
+        self, data: bytes, where: str, provenance: Mapping[str, str], options: Options
+    ) -> Imported:
+        """Return what a file's bytes hold.
+
+        Args:
+            data: the whole file.
+            where: its path as given, for people.
+            provenance: facts for the recording.
+            options: what the user says about the file.
+
+        Raises:
+            FileFormatError: nothing readable in it.
+        """
+
+
+@dataclass(frozen=True, slots=True)
+class Format:
+    """Register a format.
+
+    Attributes:
+        name: for people; what is imported says it, and docs/reference/import.md has a row for it.
+        kind: "log" of a flight, or "table" of a stand, whose rows are put in order and searched
+            for what stands get wrong.
+        recognizes: tells by a file's first bytes whether it has the format.
+        reader: "module:function", a `Reader`; imported only for files that have the format,
+            because pyulog and pymavlink take their time.
+    """
+
+    name: str
+    kind: Kind
+    recognizes: Callable[[bytes], bool]
+    reader: str
+
+    def load(self) -> Reader:
+        """Return the reader."""
+        module, _, function = self.reader.partition(":")
+        found: Reader = getattr(import_module(module), function)
+        return found
+
+
+_HERE = "benchtool.data.formats"
+
+FORMATS: tuple[Format, ...] = (
+    Format(
+        "ArduPilot DataFlash", "log", lambda head: head.startswith(b"\xa3\x95"),
+        f"{_HERE}.ardupilot:read_binary",
+    ),
+    Format(
+        "ArduPilot DataFlash text", "log", lambda head: _TEXT_LOG.match(head[:4096]) is not None,
+        f"{_HERE}.ardupilot:read_text",
+    ),
+    Format(
+        "PX4 ULog", "log", lambda head: head.startswith(b"ULog\x01\x12\x35"),
+        f"{_HERE}.px4:read_px4",
+    ),
+    Format("MAVLink tlog", "log", is_tlog, f"{_HERE}.mavlink_log:read_mavlink"),
+    Format(
+        "RCbenchmark", "table", has_columns("Time", "Thrust", any_of=("ESC", "ESC signal")),
+        f"{_HERE}.rcbenchmark:read_rcbenchmark",
+    ),
+    Format(
+        "Crazyflie system_id", "table", has_columns("weight", "pwm", "rpm1", "rpm4"),
+        f"{_HERE}.crazyflie:read_crazyflie",
+    ),
+    Format("UIUC static", "table", is_uiuc, f"{_HERE}.uiuc:read_uiuc"),
+)  # fmt: skip
+"""Every format with a header of its own. A table that none of them recognizes is read by a column
+map, or by the names of its columns."""
+
+
+def format_of(head: bytes) -> Format | None:
+    """Return the format of a file that begins like this; None where no format is recognized."""
+    return next((item for item in FORMATS if item.recognizes(head[:HEAD_BYTES])), None)
 
 
 def import_file(path: str | Path, options: Options | None = None) -> Imported:
@@ -57,68 +150,34 @@ def import_bytes(data: bytes, where: str, options: Options) -> Imported:
         "sha256": hashlib.sha256(data).hexdigest(),
         "simulated": "not stated",
     }
-    reader = _log_reader(data)
-    if reader is not None and options.columns is None:
-        read = inspect_log(as_told(reader(data, where, provenance), options))
+    kind, reader = _reader_of(data, options)
+    read = reader(data, where, provenance, options)
+    if kind == "log":
+        read = inspect_log(as_told(read, options))
     else:
-        mended = mend_spikes(mend_time(_read_table(data, where, options, provenance)))
         # Doubts come last: what the user repaired is none any more.
-        read = inspect_stand(as_told(mended, options))
+        read = inspect_stand(as_told(mend_spikes(mend_time(read)), options))
     return mark_windows(read, options.over, options.near_m)
 
 
-Reader = Callable[[bytes, str, Mapping[str, str]], Imported]
-
-
-def _log_reader(data: bytes) -> Reader | None:
-    """Return what reads a flight log that begins like this; None for tables.
-
-    The logs' readers are imported only for logs: pyulog and pymavlink take their time.
-    """
-    if data.startswith(b"\xa3\x95") or _TEXT_LOG.match(data[:4096]):
-        from benchtool.data.formats.ardupilot import read_ardupilot
-
-        return read_ardupilot
-    if data.startswith(b"ULog\x01\x12\x35"):
-        from benchtool.data.formats.px4 import read_px4
-
-        return read_px4
-    if is_tlog(data):
-        from benchtool.data.formats.mavlink_log import read_mavlink
-
-        return read_mavlink
-    return None
+def _reader_of(head: bytes, options: Options) -> tuple[Kind, Reader]:
+    """Return what reads a file that begins like this: a user's map goes before every format."""
+    if options.columns is not None:
+        return "table", read_by_map
+    found = format_of(head)
+    return ("table", read_named) if found is None else (found.kind, found.load())
 
 
 def _can_import(head: bytes, where: str, options: Options) -> bool:
     """Tell whether a file that begins like this is a log or a table with columns that are known."""
-    if _log_reader(head) is not None:
+    kind, reader = _reader_of(head, options)
+    if kind == "log":
         return True
     try:
-        _read_table(head, where, options, {})
+        reader(head, where, {}, options)
     except InputError:
         return False
     return True
-
-
-def _read_table(data: bytes, where: str, options: Options, facts: dict[str, str]) -> Imported:
-    if options.columns is not None:
-        return read_by_map(data, where, options.columns, facts)
-    first = data[: 1 << 16].lstrip().split(b"\n", 1)[0].decode("utf-8", "replace")
-    if is_rcbenchmark(first):
-        return read_rcbenchmark(data, where, facts)
-    if is_crazyflie(first):
-        return read_crazyflie(data, where, facts)
-    if is_uiuc(first):
-        return read_uiuc(data, where, facts, options.air_density_kg_m3)
-    return read_named(data, where, facts)
-
-
-HEAD_BYTES = 1 << 16
-"""A file's beginning tells its format: a header and some rows."""
-
-LISTED = 8
-"""So many files are named; a sentence holds no more. A choice."""
 
 
 def told_of_folder(folder: Path, can_import: Callable[[bytes, str], bool]) -> str:

@@ -18,7 +18,7 @@ from benchtool.data.formats.flight_log import Counts, angles_of, flight_import
 from benchtool.data.formats.mavlink_walk import Frame, walk_tlog
 from benchtool.data.formats.motor_channels import ardupilot_motors, logged_motors
 from benchtool.data.formats.streams import Stream
-from benchtool.data.repairs.imported import Finding, Imported
+from benchtool.data.repairs.imported import Finding, Imported, Options
 
 Array = NDArray[np.float64]
 
@@ -70,7 +70,9 @@ class Messages:
         return np.array([row[at] for row in self.rows], float)
 
 
-def read_mavlink(data: bytes, where: str, provenance: Mapping[str, str]) -> Imported:
+def read_mavlink(
+    data: bytes, where: str, provenance: Mapping[str, str], options: Options
+) -> Imported:
     """Return a telemetry log as a pitch recording, on the autopilot's clock."""
     shapes, checksum = _shapes()
     walk = walk_tlog(data, {item.number: item.crc_extra for item in shapes.values()}, checksum)

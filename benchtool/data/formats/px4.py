@@ -17,7 +17,7 @@ from benchtool.data.formats.flight_log import Counts, angles_of, flight_import
 from benchtool.data.formats.motor_channels import logged_motors, px4_motors
 from benchtool.data.formats.streams import Stream
 from benchtool.data.formats.ulog_walk import walk_ulog
-from benchtool.data.repairs.imported import Finding, Imported
+from benchtool.data.repairs.imported import Finding, Imported, Options
 
 Array = NDArray[np.float64]
 Topic = Mapping[str, Any]
@@ -54,7 +54,7 @@ _FAULTS = (
 """What pyulog lets through on broken files, beside its own exceptions."""
 
 
-def read_px4(data: bytes, where: str, provenance: Mapping[str, str]) -> Imported:
+def read_px4(data: bytes, where: str, provenance: Mapping[str, str], options: Options) -> Imported:
     """Return a PX4 log as a pitch recording."""
     from pyulog import ULog
     from pyulog.exceptions import ULogException

@@ -12,12 +12,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.channel import unit_told_by
-from benchtool.core.errors import InputError
 from benchtool.data.formats.text_table import lay_out
-from benchtool.data.repairs.foreign_units import Conversion, Head, conversion, head_of
-from benchtool.data.repairs.imported import Finding, Imported
-from benchtool.data.repairs.mapped import Mapped, read_mapped
+from benchtool.data.repairs.foreign_units import head_of
+from benchtool.data.repairs.imported import Finding, Imported, Options
+from benchtool.data.repairs.mapped import MappedColumn, map_header, read_columns
 
 Array = NDArray[np.float64]
 
@@ -47,76 +45,35 @@ CHANNELS: dict[str, str] = {
 """Columns of the stands by name, as in their exports of 2017 to 2023."""
 
 DERIVED = ("Motor Efficiency", "Propeller Mech. Efficiency", "Overall Efficiency")
-"""Left out: quotients of other columns."""
 
 
-def is_rcbenchmark(first_line: str) -> bool:
-    """Tell whether a header is one of these stands'."""
-    delimiter = max(",;\t", key=first_line.count)
-    names = {head_of(cell).name for cell in first_line.lstrip("\ufeff").split(delimiter)}
-    return {"Time", "Thrust"} <= names and bool(names & {"ESC", "ESC signal"})
-
-
-def series_of(names: set[str]) -> str:
-    """Return which stand writes these columns."""
-    if "AccX" in names:
-        return "Series 1580/1585"
-    return "Series 1780" if "Torque" in names else "Series 1520"
-
-
-def read_rcbenchmark(data: bytes, where: str, provenance: Mapping[str, str]) -> Imported:
+def read_rcbenchmark(
+    data: bytes, where: str, provenance: Mapping[str, str], options: Options
+) -> Imported:
     """Return a stand's log."""
     table = lay_out(data, where)
-    heads = [head_of(cell) for cell in table.header]
-    findings: list[Finding] = []
-    columns: list[Mapped] = []
-    others: list[str] = []
-    quotients: list[str] = []
-    for position, head in enumerate(heads):
-        name = CHANNELS.get(head.name)
-        if name is None and head.name.endswith("Temp") and head.unit:
-            name = "temperature_degC"
-        if name is None or name in {column.name for column in columns}:
-            if head.name in DERIVED:
-                quotients.append(head.name)
-            elif head.name:
-                others.append(head.name)
-            continue
-        columns.append(_mapped(table.header[position], head, position, name, findings))
-    if others:
-        words = f"columns of a script, or unknown: {', '.join(others)}"
-        findings.append(Finding("left out", "columns", words, count=len(others)))
-    if quotients:
-        words = f"quotients of thrust, power and torque, which are kept: {', '.join(quotients)}"
-        findings.append(Finding("left out", "efficiencies", words, count=len(quotients)))
-    series = series_of({head.name for head in heads})
-    facts = {**provenance, "device": f"RCbenchmark {series}"}
-    return read_mapped(table, columns, f"RCbenchmark {series}", facts, findings, _one_speed)
-
-
-def _mapped(cell: str, head: Head, position: int, name: str, findings: list[Finding]) -> Mapped:
-    unit = unit_told_by(name)
-    if name.startswith("servo"):
-        scale = Conversion(1.0)
+    columns, findings = map_header(table, _channel_of, derived=DERIVED, refuse=False)
+    names = {head_of(cell).name for cell in table.header}
+    if "AccX" in names:
+        series = "Series 1580/1585"
     else:
-        try:
-            scale = conversion(head.unit if head.unit is not None else unit, unit)
-        except InputError as error:
-            findings.append(Finding("doubt", "unit", f"{error}; read as {unit}", name))
-            scale = Conversion(1.0)
-    if head.unit is None and unit != "1":
-        findings.append(Finding("doubt", "unit", f"{cell!r} names none; read as {unit}", name))
-    return Mapped(name=name, position=position, conversion=scale, source=cell)
+        series = "Series 1780" if "Torque" in names else "Series 1520"
+    facts = {**provenance, "device": f"RCbenchmark {series}"}
+    return read_columns(table, columns, f"RCbenchmark {series}", facts, findings, _one_speed)
+
+
+def _channel_of(name: str) -> str | None:
+    return "temperature_degC" if name.endswith("Temp") else CHANNELS.get(name)
 
 
 def _one_speed(
-    columns: Sequence[Mapped], read: Mapping[str, Array], findings: list[Finding]
-) -> list[Mapped]:
-    """Take the optical probe for the speed where only that one lives; tell dead ones."""
+    columns: Sequence[MappedColumn], read: Mapping[str, Array], findings: list[Finding]
+) -> list[MappedColumn]:
+    """Take the optical probe for the speed where only that one lives; report dead ones."""
     lives = {
         name: bool(np.any(read[name] > 0.0)) for name in ("rpm1", "rpm1_optical") if name in read
     }
-    kept: list[Mapped] = []
+    kept: list[MappedColumn] = []
     for column in columns:
         if lives.get(column.name, True):
             optical_only = column.name == "rpm1_optical" and not lives.get("rpm1")

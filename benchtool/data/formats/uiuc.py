@@ -14,8 +14,8 @@ from benchtool.core.channel import Channel
 from benchtool.core.errors import FileFormatError
 from benchtool.core.units import to_si
 from benchtool.data.formats.text_table import lay_out
-from benchtool.data.repairs.imported import Finding, Imported
-from benchtool.data.repairs.mapped import Mapped, read_mapped
+from benchtool.data.repairs.imported import Finding, Imported, Options
+from benchtool.data.repairs.mapped import map_header, read_columns
 
 STANDARD_DENSITY_KG_M3 = 1.225
 """Air at sea level, ISO 2533. The database gives coefficients and not the day's air: a guess."""
@@ -23,14 +23,12 @@ STANDARD_DENSITY_KG_M3 = 1.225
 _SIZE = re.compile(r"_(?P<diameter>\d+(?:\.\d+)?)x(?P<pitch>\d+(?:\.\d+)?)")
 
 
-def is_uiuc(first_line: str) -> bool:
+def is_uiuc(head: bytes) -> bool:
     """Tell whether a header is that of a static run of the database."""
-    return first_line.split()[:3] == ["RPM", "CT", "CP"]
+    return head.split(maxsplit=3)[:3] == [b"RPM", b"CT", b"CP"]
 
 
-def read_uiuc(
-    data: bytes, where: str, provenance: Mapping[str, str], air_density_kg_m3: float | None = None
-) -> Imported:
+def read_uiuc(data: bytes, where: str, provenance: Mapping[str, str], options: Options) -> Imported:
     """Return a static run: T = CT rho n^2 D^4, Q = CP rho n^2 D^5 / (2 pi), n in turns a second.
 
     The diameter stands in the file's name, in inches. Coefficients as in Brandt and Selig,
@@ -46,13 +44,10 @@ def read_uiuc(
     table = lay_out(
         re.sub(rb"[ \t]+", b",", re.sub(rb"(?m)^[ \t]+|[ \t]+(?=\r?$)", b"", data)), where
     )
-    names = {"RPM": "rpm1", "CT": "ct", "CP": "cp"}
-    columns = [
-        Mapped(name=names[head], position=position, source=head)
-        for position, head in enumerate(table.header)
-        if head in names
-    ]
-    density = STANDARD_DENSITY_KG_M3 if air_density_kg_m3 is None else air_density_kg_m3
+    columns, others = map_header(table, {"RPM": "rpm1", "CT": "ct", "CP": "cp"}.get)
+    density = STANDARD_DENSITY_KG_M3
+    if options.air_density_kg_m3 is not None:
+        density = options.air_density_kg_m3
     findings = [
         Finding("lacks", "time", "a table of steady speeds: rows have an order and no time"),
         Finding(
@@ -60,10 +55,10 @@ def read_uiuc(
             f"{size['diameter']} in by {size['pitch']} in pitch, from the file's name",
         ),
     ]  # fmt: skip
-    if air_density_kg_m3 is None:
+    if options.air_density_kg_m3 is None:
         words = f"none in the file; thrust and torque for {density:g} kg/m3 (--air-density)"
         findings.append(Finding("doubt", "air density", words, "thrust_N"))
-    read = read_mapped(table, columns, "UIUC static", provenance, findings)
+    read = read_columns(table, columns, "UIUC static", provenance, [*findings, *others])
     recording = read.recording
     for need in ("rpm1", "ct"):
         if need not in recording:

@@ -15,12 +15,16 @@ from benchtool.core.units import UNITS
 from benchtool.core.user_file import read_text
 from benchtool.data.formats.text_table import TextTable, lay_out
 from benchtool.data.repairs.foreign_units import Conversion, conversion
-from benchtool.data.repairs.imported import Finding, Imported
-from benchtool.data.repairs.mapped import Mapped, read_mapped
+from benchtool.data.repairs.imported import Finding, Imported, Options
+from benchtool.data.repairs.mapped import MappedColumn, read_columns
 
 
-def read_by_map(data: bytes, where: str, map_path: Path, provenance: Mapping[str, str]) -> Imported:
-    """Return the columns of a CSV file that a map names."""
+def read_by_map(
+    data: bytes, where: str, provenance: Mapping[str, str], options: Options
+) -> Imported:
+    """Return the columns of a CSV file that the user's map names."""
+    map_path = options.columns
+    assert map_path is not None
     table = lay_out(data, where)
     columns = [_mapped(table, name, entry, map_path) for name, entry in _entries(map_path).items()]
     used = {column.position for column in columns}
@@ -29,7 +33,7 @@ def read_by_map(data: bytes, where: str, map_path: Path, provenance: Mapping[str
     if rest:
         words = f"the map does not name {', '.join(rest)}"
         findings.append(Finding("left out", "columns", words, count=len(rest)))
-    return read_mapped(
+    return read_columns(
         table, columns, "column map", {**provenance, "columns": str(map_path)}, findings
     )
 
@@ -44,7 +48,7 @@ def _entries(path: Path) -> Mapping[str, Any]:
     return entries
 
 
-def _mapped(table: TextTable, name: str, entry: Any, path: Path) -> Mapped:
+def _mapped(table: TextTable, name: str, entry: Any, path: Path) -> MappedColumn:
     where = f"[columns] {name} of {path}"
     try:
         require_known_channel(name)
@@ -70,11 +74,11 @@ def _mapped(table: TextTable, name: str, entry: Any, path: Path) -> Mapped:
         assert source.constant is not None
         value = scale.factor * source.constant + scale.offset
         words = f"constant {source.constant:g} {theirs}"
-        return Mapped(name=name, position=None, constant=value, source=words)
+        return MappedColumn(name=name, position=None, constant=value, source=words)
     position = _position(table, source.column.strip())
     factor = source.sign * source.factor
     by = "" if factor == 1.0 else f" times {factor:g}"
-    return Mapped(
+    return MappedColumn(
         name=name, position=position, conversion=scale, source=f"{source.column} [{theirs}]{by}"
     )
 

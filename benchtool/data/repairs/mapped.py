@@ -1,8 +1,8 @@
-"""Turn a laid-out table into a recording, column by column."""
+"""Turn a laid-out table into a recording: which columns are which channels, and their numbers."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from benchtool.core.channel import Channel, unit_told_by
 from benchtool.core.counted import counted
-from benchtool.core.errors import FileFormatError
+from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.recording import Recording
 from benchtool.data.formats.text_table import TextTable
-from benchtool.data.repairs.foreign_units import Conversion
+from benchtool.data.repairs.foreign_units import Conversion, conversion, head_of
 from benchtool.data.repairs.imported import Finding, Imported, Tally
 from benchtool.data.repairs.numbers import numbers_of
 
@@ -24,7 +24,7 @@ AS_IT_IS = Conversion(1.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Mapped:
+class MappedColumn:
     """Say where one channel comes from: a column of the table, or a constant.
 
     Attributes:
@@ -42,13 +42,88 @@ class Mapped:
     source: str = ""
 
 
-Choose = Callable[[Sequence[Mapped], Mapping[str, Array], list[Finding]], Sequence[Mapped]]
+def has_columns(*names: str, any_of: Collection[str] = ()) -> Callable[[bytes], bool]:
+    """Return what recognizes a file by the columns of its first line, units in brackets aside.
+
+    Args:
+        names: columns that must all be there.
+        any_of: columns of which one must be there; empty asks for none.
+    """
+
+    def recognizes(head: bytes) -> bool:
+        first = head.lstrip().split(b"\n", 1)[0].decode("utf-8", "replace").lstrip("\ufeff")
+        delimiter = max(",;\t", key=first.count)
+        found = {head_of(cell).name for cell in first.split(delimiter)}
+        return found.issuperset(names) and (not any_of or not found.isdisjoint(any_of))
+
+    return recognizes
+
+
+def map_header(
+    table: TextTable,
+    channel_of: Callable[[str], str | None],
+    *,
+    units: Mapping[str, str] | None = None,
+    derived: Collection[str] = (),
+    refuse: bool = True,
+    hint: str = "",
+) -> tuple[list[MappedColumn], list[Finding]]:
+    """Return the columns of a table that are known, and findings about units and the others.
+
+    Args:
+        table: laid out.
+        channel_of: our channel by the column's name without its unit; None where it is unknown.
+        units: the unit by channel that a column without one has; our own where it is not here.
+        derived: names of columns that are computed from the others, and are left out as such.
+        refuse: a unit that measures something else is an error; otherwise it is doubted.
+        hint: what to do about unknown columns, for people.
+    """
+    columns: list[MappedColumn] = []
+    findings: list[Finding] = []
+    unitless: dict[str, str] = {}
+    others: list[str] = []
+    computed: list[str] = []
+    for position, cell in enumerate(table.header):
+        head = head_of(cell)
+        name = channel_of(head.name)
+        if name is None or any(column.name == name for column in columns):
+            if head.name:
+                (computed if head.name in derived else others).append(cell)
+            continue
+        ours = unit_told_by(name)
+        theirs = head.unit if head.unit is not None else (units or {}).get(name, ours)
+        try:
+            scale = conversion(theirs, ours)
+        except InputError as error:
+            if refuse:
+                raise FileFormatError(f"{table.where}, column {cell!r}", str(error)) from error
+            findings.append(Finding("doubt", "unit", f"{error}; read as {ours}", name))
+            scale = AS_IT_IS
+        if head.unit is None and head.name != name and ours not in ("1", "count", "rpm"):
+            unitless[name] = f"{cell} as {theirs}"
+        columns.append(MappedColumn(name=name, position=position, conversion=scale, source=cell))
+    if unitless:
+        many, words = len(unitless), f"the header names none; read {', '.join(unitless.values())}"
+        what, channel = ("units", "") if many > 1 else ("unit", *unitless)
+        findings.append(Finding("doubt", what, words, channel, many))
+    if others:
+        words = f"unknown: {', '.join(others)}{hint}"
+        findings.append(Finding("left out", "columns", words, count=len(others)))
+    if computed:
+        words = f"quotients of other columns, which are read: {', '.join(computed)}"
+        findings.append(Finding("left out", "efficiencies", words, count=len(computed)))
+    return columns, findings
+
+
+Choose = Callable[
+    [Sequence[MappedColumn], Mapping[str, Array], list[Finding]], Sequence[MappedColumn]
+]
 """Given the columns, their numbers by channel, and findings to add to: the columns that stay."""
 
 
-def read_mapped(
+def read_columns(
     table: TextTable,
-    columns: Sequence[Mapped],
+    columns: Sequence[MappedColumn],
     format_name: str,
     provenance: Mapping[str, str],
     findings: Sequence[Finding] = (),
@@ -56,7 +131,7 @@ def read_mapped(
 ) -> Imported:
     """Return the mapped columns of a table as an import.
 
-    Columns whose cells are all blank are told and left out.
+    Columns whose cells are all blank are reported and left out.
 
     Args:
         table: laid out.
@@ -74,7 +149,7 @@ def read_mapped(
         columns = choose(
             columns, dict(zip((c.name for c in real), numbers.columns, strict=True)), found
         )
-    kept: list[tuple[Mapped, int | None]] = []
+    kept: list[tuple[MappedColumn, int | None]] = []
     empty: list[str] = []
     rows = len(numbers.lines)
     at = {column.position: index for index, column in enumerate(real)}
@@ -119,7 +194,7 @@ def read_mapped(
 
 
 def _recording(
-    numbers: Array, kept: Sequence[tuple[Mapped, int | None]], provenance: Mapping[str, str]
+    numbers: Array, kept: Sequence[tuple[MappedColumn, int | None]], provenance: Mapping[str, str]
 ) -> Recording:
     """Return the columns converted, in the memory that they were read into where that is enough.
 

@@ -5,12 +5,11 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 
-from benchtool.core.channel import require_known_channel, unit_told_by
-from benchtool.core.errors import FileFormatError, InputError, UnknownChoice
+from benchtool.core.channel import require_known_channel
+from benchtool.core.errors import FileFormatError, UnknownChoice
 from benchtool.data.formats.text_table import lay_out
-from benchtool.data.repairs.foreign_units import conversion, head_of
-from benchtool.data.repairs.imported import Finding, Imported
-from benchtool.data.repairs.mapped import Mapped, read_mapped
+from benchtool.data.repairs.imported import Imported, Options
+from benchtool.data.repairs.mapped import map_header, read_columns
 
 NAMES: dict[str, str] = {
     "t": "time_s",
@@ -45,40 +44,20 @@ def channel_meant(name: str) -> str | None:
     return name
 
 
-def read_named(data: bytes, where: str, provenance: Mapping[str, str]) -> Imported:
+def read_named(
+    data: bytes, where: str, provenance: Mapping[str, str], options: Options
+) -> Imported:
     """Return the columns of a CSV whose names and units are understood.
 
     A column that names no unit is taken in ours, and a doubt says so.
     """
     table = lay_out(data, where)
-    columns: list[Mapped] = []
-    findings: list[Finding] = []
-    others: list[str] = []
-    unitless: list[str] = []
-    for position, cell in enumerate(table.header):
-        head = head_of(cell)
-        name = channel_meant(head.name)
-        if name is None or name in {column.name for column in columns}:
-            others += [cell] if cell else []
-            continue
-        unit = unit_told_by(name)
-        try:
-            scale = conversion(unit if head.unit is None else head.unit, unit)
-        except InputError as error:
-            raise FileFormatError(f"{where}, column {cell!r}", str(error)) from error
-        if head.unit is None and head.name != name and unit != "rpm":
-            unitless.append(f"{cell} as {unit}")
-        columns.append(Mapped(name=name, position=position, conversion=scale, source=cell))
+    hint = "; --columns MAP.toml says what they are"
+    columns, findings = map_header(table, channel_meant, hint=hint)
     if not columns:
+        unknown = ", ".join(list(filter(None, table.header))[:12])
         raise FileFormatError(
             where,
-            f"none of its columns is known ({', '.join(others[:12])}); say which is which with "
-            f"--columns MAP.toml",
+            f"none of its columns is known ({unknown}); say which is which with --columns MAP.toml",
         )
-    if unitless:
-        words = f"the header names none; read {', '.join(unitless)}"
-        findings.append(Finding("doubt", "units", words, count=len(unitless)))
-    if others:
-        words = f"unknown: {', '.join(others)}; --columns MAP.toml says what they are"
-        findings.append(Finding("left out", "columns", words, count=len(others)))
-    return read_mapped(table, columns, "named columns", provenance, findings)
+    return read_columns(table, columns, "named columns", provenance, findings)
