@@ -42,7 +42,7 @@ _TEXT_LOG = re.compile(rb"(?:[^\n]{0,200}\n){0,8}FMT, ?\d+, ?\d+, ?\w+,")
 Kind = Literal["log", "table"]
 
 
-class Reader(Protocol):
+class FormatReader(Protocol):
     """What reads a format."""
 
     def __call__(
@@ -70,7 +70,7 @@ class Format:
         kind: "log" of a flight, or "table" of a stand, whose rows are put in order and searched
             for what stands get wrong.
         recognizes: tells by a file's first bytes whether it has the format.
-        reader: "module:function", a `Reader`; imported only for files that have the format,
+        reader: "module:function", a `FormatReader`; imported only for files that have the format,
             because pyulog and pymavlink take their time.
     """
 
@@ -79,10 +79,10 @@ class Format:
     recognizes: Callable[[bytes], bool]
     reader: str
 
-    def load(self) -> Reader:
+    def load(self) -> FormatReader:
         """Return the reader."""
         module, _, function = self.reader.partition(":")
-        found: Reader = getattr(import_module(module), function)
+        found: FormatReader = getattr(import_module(module), function)
         return found
 
 
@@ -160,7 +160,7 @@ def import_bytes(data: bytes, where: str, options: Options) -> Imported:
     return mark_windows(read, options.over, options.near_m)
 
 
-def _reader_of(head: bytes, options: Options) -> tuple[Kind, Reader]:
+def _reader_of(head: bytes, options: Options) -> tuple[Kind, FormatReader]:
     """Return what reads a file that begins like this: a user's map goes before every format."""
     if options.columns is not None:
         return "table", read_by_map
