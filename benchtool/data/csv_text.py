@@ -13,6 +13,11 @@ from benchtool.core.errors import FileFormatError
 from benchtool.core.table_bounds import MOST_TABLE_BYTES, check_cells, check_columns
 from benchtool.core.user_file import read_file
 
+BYTE_ORDER_MARK = b"\xef\xbb\xbf"
+
+Repairs = list[tuple[str, str]]
+"""What was mended in a text: the matter, the same for every file, and a sentence."""
+
 _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+(?:[eE][+-]?\d+)?")
 
 
@@ -60,16 +65,13 @@ def no_rows(where: str, header: Sequence[str]) -> FileFormatError:
 
 def parse_csv(data: bytes, where: str, *, own: bool = False) -> CsvTable:
     """Return the cells of CSV bytes; see `read_csv_text`."""
-    repairs: list[str] = []
-    text = _decode(data, where, repairs)
-    if "\r" in text:
-        text = text.replace("\r\n", "\n").replace("\r", "\n")
-        repairs.append("line ends CRLF or CR read as LF")
+    mended: Repairs = []
+    data = plain_text(data, where, mended)
+    text = decode(data.removeprefix(BYTE_ORDER_MARK), "the text", mended)
     cut = bool(text) and not text.endswith("\n")
     first = text.split("\n", 1)[0]
-    delimiter = max(",;\t", key=first.count)
-    if delimiter != ",":
-        repairs.append(f"cells are separated by {delimiter!r}, not ','")
+    delimiter = delimiter_of(first, mended)
+    repairs = [words for _, words in mended]
     check_columns(first.count(delimiter) + 1, where)
     check_cells(text.count(delimiter) + text.count("\n"), where)
     reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter)
@@ -103,20 +105,46 @@ def parse_csv(data: bytes, where: str, *, own: bool = False) -> CsvTable:
     return CsvTable(where, tuple(header), rows, [line for _, line in numbered], tuple(repairs))
 
 
-def _decode(data: bytes, where: str, repairs: list[str]) -> str:
-    if not data.strip():
+def plain_text(data: bytes, where: str, repairs: Repairs) -> bytes:
+    """Return the bytes of a text with line ends LF, in the encoding that it has beside UTF-16.
+
+    A byte order mark stays where it is: a long file is not copied for three bytes.
+
+    Raises:
+        FileFormatError: nothing in it, or no text.
+    """
+    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        data = data.decode("utf-16", "replace").encode()
+        repairs.append(("UTF-16", "the text is UTF-16, as Excel saves it; read as UTF-8"))
+    if data.startswith(BYTE_ORDER_MARK):
+        repairs.append(("byte order mark", "a byte order mark at the start was left out"))
+    begin = data[: 1 << 16].removeprefix(BYTE_ORDER_MARK)
+    if not begin.strip() and not data.removeprefix(BYTE_ORDER_MARK).strip():
         raise FileFormatError(where, "the file is empty; name a file with a header line and rows")
     if b"\0" in data[:4096]:
-        raise FileFormatError(where, "this is not a text file; name a CSV file")
+        raise FileFormatError(where, "this is not a text file; name a CSV file or a flight log")
+    if b"\r" in data:
+        data = data.replace(b"\r\n", b"\n")
+        data = data.replace(b"\r", b" " if b"\n" in data else b"\n")
+        repairs.append(("line ends", "line ends CRLF or CR are read as LF"))
+    return data
+
+
+def decode(text: bytes, what: str, repairs: Repairs) -> str:
+    """Return UTF-8 as text, or what spreadsheets write in its place; `what` names it."""
     try:
-        text = data.decode("utf-8")
+        return text.decode("utf-8")
     except UnicodeDecodeError:
-        text = data.decode("cp1252", "replace")
-        repairs.append("not UTF-8, read as Windows-1252")
-    if text.startswith("\ufeff"):
-        text = text[1:]
-        repairs.append("byte order mark left out")
-    return text
+        repairs.append(("encoding", f"{what} is not UTF-8; read as Windows-1252"))
+        return text.decode("cp1252", "replace")
+
+
+def delimiter_of(first: str, repairs: Repairs) -> str:
+    """Return what separates the cells of a first line."""
+    delimiter = max(",;\t", key=first.count)
+    if delimiter != ",":
+        repairs.append(("other delimiter", f"cells are separated by {delimiter!r}, not ','"))
+    return delimiter
 
 
 def _fit(row: list[str], width: int) -> list[str]:

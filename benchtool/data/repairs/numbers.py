@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.counted import counted
-from benchtool.data.formats.text_table import TextTable
-from benchtool.data.repairs.even_rows import evened
+from benchtool.data.formats.text_table import TextTable, evened
 from benchtool.data.repairs.imported import Finding, line_ranges
 
 Array = NDArray[np.float64]

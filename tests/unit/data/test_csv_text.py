@@ -19,8 +19,8 @@ def test_spreadsheet_file_is_mended_with_words() -> None:
     assert table.header == ("a", "b")
     assert table.rows == [["1.5", "2"], ["", "3.25"]]
     assert list(table.repairs) == [
-        "byte order mark left out",
-        "line ends CRLF or CR read as LF",
+        "a byte order mark at the start was left out",
+        "line ends CRLF or CR are read as LF",
         "cells are separated by ';', not ','",
         "2 decimal commas read as points",
     ]
@@ -48,7 +48,7 @@ def test_a_cut_line_of_a_foreign_file_is_left_out() -> None:
 def test_windows_text_is_read_with_words() -> None:
     table = parse_csv("Time (s),ESC signal (µs)\n1,2\n".encode("cp1252"), "x.csv")
     assert table.header[1] == "ESC signal (µs)"
-    assert table.repairs == ("not UTF-8, read as Windows-1252",)
+    assert table.repairs == ("the text is not UTF-8; read as Windows-1252",)
 
 
 @pytest.mark.parametrize(
