@@ -11,9 +11,16 @@ from numpy.typing import NDArray
 from benchtool.core.counted import counted
 from benchtool.data.formats.dataflash import read_dataflash
 from benchtool.data.formats.dataflash_text import read_text_log
-from benchtool.data.formats.flight_log import Counts, flight_import
+from benchtool.data.formats.flight_log import (
+    Counts,
+    Scales,
+    Stream,
+    blank_bad,
+    flight_import,
+    looking_down,
+    stream_of,
+)
 from benchtool.data.formats.motor_channels import ardupilot_motors, logged_motors
-from benchtool.data.formats.streams import Stream
 from benchtool.data.repairs.imported import Finding, Imported, Options
 
 Array = NDArray[np.float64]
@@ -28,12 +35,6 @@ WANTED = frozenset(
 
 GOOD_RANGE = 4
 """RangeFinder::Status::Good of ArduPilot's AP_RangeFinder.h."""
-
-LOOKS_DOWN = 25
-"""ROTATION_PITCH_270, as MAVLink's MAV_SENSOR_ORIENTATION counts."""
-
-Scales = dict[str, tuple[str, float]]
-"""Channel name, and the field that it is read from with what multiplies it there."""
 
 _DEG = np.pi / 180.0
 
@@ -98,13 +99,11 @@ def _stream(
     if not (log.has(name, "TimeUS") or log.has(name, "TimeMS")):
         return []
     chosen = slice(None) if rows is None else rows
-    columns, fields = {}, {}
-    for channel, (field, scale) in scales.items():
-        if log.has(name, field):
-            values = log.numbers(name, field)[chosen]
-            columns[channel] = values if scale == 1.0 else values * scale
-            fields[channel] = field
-    return [Stream(name, log.times_us(name)[chosen], columns, fields)] if columns else []
+
+    def numbers(field: str) -> Array | None:
+        return log.numbers(name, field)[chosen] if log.has(name, field) else None
+
+    return stream_of(name, log.times_us(name)[chosen], scales, numbers)
 
 
 def _first(log: Records, name: str) -> NDArray[np.bool_] | None:
@@ -219,11 +218,9 @@ def _tachometers(log: Records, findings: list[Finding]) -> list[Stream]:
     for number in sorted(set(sensors.astype(int).tolist())):
         rows, name = sensors == number, f"rpm{number + 1}"
         (stream,) = _stream(log, "RPM", {name: ("RPM", 1.0)}, rows)
-        ill = log.numbers("RPM", "H")[rows] == 0.0 if log.has("RPM", "H") else np.zeros(0, bool)
-        if many := int(np.count_nonzero(ill)):
-            stream.columns[name][ill] = np.nan
-            words = f"{counted(many, 'reading')} that the sensor calls unhealthy, blank now"
-            findings.append(Finding("repaired", "rpm", words, name, many))
+        if log.has("RPM", "H"):
+            ill = log.numbers("RPM", "H")[rows] == 0.0
+            blank_bad(stream, name, ill, "the sensor calls unhealthy", findings)
         streams.append(stream)
     words = "RPM sensors carry their own numbers, from 1; the log does not say which rotor they see"
     findings.append(Finding("read as", "rpm", words))
@@ -240,14 +237,11 @@ def _distance(log: Records, findings: list[Finding]) -> list[Stream]:
     field, orient = ("Dist", "Orient") if log.has("RFND", "Dist") else ("Dist1", "Orient1")
     if not log.has("RFND", field):
         return []
-    rows = np.ones(log.count("RFND"), bool)
+    rows: NDArray[np.bool_] | None = np.ones(log.count("RFND"), bool)
     if log.has("RFND", orient):
-        down = log.numbers("RFND", orient) == LOOKS_DOWN
-        if not down.any():
-            words = f"{counted(rows.size, 'reading')} of sensors that do not look down"
-            findings.append(Finding("left out", "distance", words, "distance_m", rows.size))
-            return []
-        rows = down
+        rows = looking_down(log.numbers("RFND", orient), findings)
+    if rows is None:
+        return []
     for instance in ("Instance", "I"):
         if log.has("RFND", instance):
             numbers = log.numbers("RFND", instance)
@@ -255,13 +249,7 @@ def _distance(log: Records, findings: list[Finding]) -> list[Stream]:
     streams = _stream(log, "RFND", {"distance_m": (field, 1.0)}, rows)
     if streams and log.has("RFND", "Stat"):
         bad = log.numbers("RFND", "Stat")[rows] != GOOD_RANGE
-        streams[0].columns["distance_m"][bad] = np.nan
-        many = int(np.count_nonzero(bad))
-        if many:
-            words = (
-                f"{counted(many, 'reading')} that the sensor itself calls out of range, blank now"
-            )
-            findings.append(Finding("repaired", "distance", words, "distance_m", many))
+        blank_bad(streams[0], "distance_m", bad, "the sensor itself calls out of range", findings)
     return streams
 
 

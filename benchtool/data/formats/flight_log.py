@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.core.channel import Channel, unit_told_by
 from benchtool.core.counted import counted
 from benchtool.core.errors import FileFormatError
-from benchtool.data.formats.streams import Stream, merged
+from benchtool.core.recording import Recording
 from benchtool.data.repairs.imported import Finding, Imported, Tally
 
 Array = NDArray[np.float64]
+
+Scales = Mapping[str, tuple[str, float]]
+"""Channel name, and the field that it is read from with what multiplies it there."""
+
+LOOKS_DOWN = 25
+"""MAV_SENSOR_ROTATION_PITCH_270, which the logs of ArduPilot and PX4 count alike."""
 
 LONG_GAP_S = 1.0
 """Attitude comes at 4 Hz and more in every log; a longer silence is a gap."""
@@ -167,3 +174,116 @@ def angles_of(w: Array, x: Array, y: Array, z: Array) -> tuple[Array, Array, Arr
     pitch = np.arcsin(np.clip(2.0 * (w * y - z * x), -1.0, 1.0))
     yaw = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
     return tuple(np.where(none, np.nan, angle) for angle in (roll, pitch, yaw))  # type: ignore[return-value]
+
+
+def reference_stream(
+    source: str, time_us: Times, quaternion: Sequence[Array], field: str
+) -> Stream:
+    """Return the wanted attitude of quaternions from body to earth, w first."""
+    roll, pitch, yaw = angles_of(*quaternion)
+    columns = {"theta_ref_rad": -pitch, "roll_ref_rad": roll, "yaw_ref_rad": yaw}
+    return Stream(source, time_us, columns, dict.fromkeys(columns, field))
+
+
+def stream_of(
+    source: str, time_us: Times, scales: Scales, numbers: Callable[[str], Array | None]
+) -> list[Stream]:
+    """Return one kind of message as a stream of those fields that it has; none without any.
+
+    Args:
+        source: the message's name, for people.
+        time_us: (m,) on the log's clock.
+        scales: what each channel is read from.
+        numbers: gives a field (m,), a fresh array; None where the message has no such field.
+    """
+    columns, fields = {}, {}
+    for channel, (field, scale) in scales.items():
+        values = numbers(field)
+        if values is not None:
+            columns[channel] = values if scale == 1.0 else values * scale
+            fields[channel] = field
+    return [Stream(source, time_us, columns, fields)] if columns else []
+
+
+def looking_down(orientation: Array, findings: list[Finding]) -> NDArray[np.bool_] | None:
+    """Return which readings (m,) are of a sensor that looks down; None, and a finding, for none."""
+    down = orientation == LOOKS_DOWN
+    if down.any():
+        return np.asarray(down)
+    words = f"{counted(down.size, 'reading')} of sensors that do not look down"
+    findings.append(Finding("left out", "distance", words, "distance_m", down.size))
+    return None
+
+
+def blank_bad(
+    stream: Stream, channel: str, bad: NDArray[np.bool_], words: str, findings: list[Finding]
+) -> None:
+    """Blank readings that the sensor itself reports as bad (m,); `words` says how it calls them."""
+    stream.columns[channel][bad] = np.nan
+    if many := int(np.count_nonzero(bad)):
+        what = "distance" if channel == "distance_m" else "rpm"
+        words = f"{counted(many, 'reading')} that {words}, blank now"
+        findings.append(Finding("repaired", what, words, channel, many))
+
+
+Times = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stream:
+    """Hold the messages of one kind.
+
+    Attributes:
+        source: the message's name in the log, for people.
+        time_us: (m,) on the log's clock.
+        columns: channel name and (m,) values in its unit.
+        fields: channel name and the message's field, for people.
+    """
+
+    source: str
+    time_us: Times
+    columns: dict[str, Array]
+    fields: dict[str, str]
+
+
+def merged(streams: Sequence[Stream]) -> tuple[Recording, int]:
+    """Return the streams as one recording, by time, and how many messages stood out of order.
+
+    time_s counts from the first message; device_time_us is the log's own clock. A channel is nan
+    in the rows of other messages. Messages of one kind with the same time get a row each.
+    """
+    times = np.concatenate([stream.time_us for stream in streams])
+    places = np.concatenate([_place_among_equals(stream.time_us) for stream in streams])
+    order = np.lexsort((places, times))
+    ordered, place = times[order], places[order]
+    fresh = np.concatenate([[True], (np.diff(ordered) != 0) | (np.diff(place) != 0)])
+    row = np.empty(times.size, np.intp)
+    row[order] = np.cumsum(fresh) - 1
+    at_us = ordered[fresh]
+    names = [name for stream in streams for name in stream.columns]
+    values = np.full((at_us.size, 2 + len(names)), np.nan)
+    values[:, 0] = 1e-6 * (at_us - at_us[0])
+    values[:, 1] = at_us
+    begin, column = 0, 2
+    for stream in streams:
+        rows = row[begin : begin + stream.time_us.size]
+        begin += stream.time_us.size
+        for channel_values in stream.columns.values():
+            values[rows, column] = channel_values
+            column += 1
+    channels = tuple(
+        Channel(name, unit_told_by(name)) for name in ("time_s", "device_time_us", *names)
+    )
+    disordered = sum(int(np.count_nonzero(np.diff(stream.time_us) < 0)) for stream in streams)
+    return Recording(channels, values), disordered
+
+
+def _place_among_equals(time_us: Times) -> NDArray[np.intp]:
+    """Return how many earlier messages of the same time there are, for each message (m,)."""
+    order = np.argsort(time_us, kind="stable")
+    ordered = time_us[order]
+    at = np.arange(ordered.size)
+    starts = np.concatenate([[True], np.diff(ordered) != 0]) if ordered.size else at.astype(bool)
+    place = np.empty(ordered.size, np.intp)
+    place[order] = at - np.maximum.accumulate(np.where(starts, at, 0))
+    return place

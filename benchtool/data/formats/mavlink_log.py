@@ -14,10 +14,17 @@ from numpy.typing import NDArray
 from benchtool.core.counted import counted
 from benchtool.core.errors import FileFormatError
 from benchtool.data.formats.autopilot_clock import AutopilotClock
-from benchtool.data.formats.flight_log import Counts, angles_of, flight_import
+from benchtool.data.formats.flight_log import (
+    Counts,
+    Scales,
+    Stream,
+    flight_import,
+    looking_down,
+    reference_stream,
+    stream_of,
+)
 from benchtool.data.formats.mavlink_walk import Frame, walk_tlog
 from benchtool.data.formats.motor_channels import ardupilot_motors, logged_motors
-from benchtool.data.formats.streams import Stream
 from benchtool.data.repairs.imported import Finding, Imported, Options
 
 Array = NDArray[np.float64]
@@ -29,9 +36,6 @@ WANTED = (
     *("DISTANCE_SENSOR", "RANGEFINDER", "SYS_STATUS", "PARAM_VALUE", "HEARTBEAT"),
 )
 """Messages that are read, beside ESC_STATUS; the others are counted only."""
-
-LOOKS_DOWN = 25
-"""MAV_SENSOR_ROTATION_PITCH_270."""
 
 _DEG = np.pi / 180.0
 
@@ -63,6 +67,11 @@ class Messages:
     time_us: NDArray[np.int64]
     rows: list[tuple[Any, ...]]
     fields: Mapping[str, int]
+
+    def where(self, chosen: NDArray[np.bool_]) -> Messages:
+        """Return the chosen messages (m,)."""
+        rows = [row for row, wanted in zip(self.rows, chosen.tolist(), strict=True) if wanted]
+        return Messages(self.time_us[chosen], rows, self.fields)
 
     def numbers(self, field: str, index: int = 0) -> Array:
         """Return one field (m,), or one element of an array field."""
@@ -143,17 +152,10 @@ def _messages(frames: list[Frame], shape: Shape, system: tuple[int, int]) -> Mes
     return Messages(np.array([item.time_us for item in own], np.int64), rows, shape.fields)
 
 
-def _stream(
-    source: str, messages: Messages, scales: dict[str, tuple[str, float]], *, index: int = 0
-) -> list[Stream]:
+def _stream(source: str, messages: Messages, scales: Scales, *, index: int = 0) -> list[Stream]:
     if not messages.rows:
         return []
-    columns = {
-        channel: messages.numbers(field, index) * scale
-        for channel, (field, scale) in scales.items()
-    }
-    fields = {channel: field for channel, (field, _) in scales.items()}
-    return [Stream(source, messages.time_us, columns, fields)]
+    return stream_of(source, messages.time_us, scales, lambda field: messages.numbers(field, index))
 
 
 def _on_one_clock(log: Mapping[str, Messages], findings: list[Finding]) -> dict[str, Messages]:
@@ -203,16 +205,10 @@ def _wanted(log: Mapping[str, Messages]) -> list[Stream]:
     target = log["ATTITUDE_TARGET"]
     if target.rows:
         parts = [target.numbers("q", i) for i in range(4)]
-        roll, pitch, yaw = angles_of(*parts)
-        rate = -target.numbers("body_pitch_rate")
-        columns = {
-            "theta_ref_rad": -pitch,
-            "roll_ref_rad": roll,
-            "yaw_ref_rad": yaw,
-            "gyro_ref_rad_s": rate,
-        }
-        fields = dict.fromkeys(columns, "q") | {"gyro_ref_rad_s": "body_pitch_rate"}
-        return [Stream("ATTITUDE_TARGET", target.time_us, columns, fields)]
+        stream = reference_stream("ATTITUDE_TARGET", target.time_us, parts, "q")
+        stream.columns["gyro_ref_rad_s"] = -target.numbers("body_pitch_rate")
+        stream.fields["gyro_ref_rad_s"] = "body_pitch_rate"
+        return [stream]
     scales = {"theta_ref_rad": ("nav_pitch", -_DEG), "roll_ref_rad": ("nav_roll", _DEG)}
     return _stream("NAV_CONTROLLER_OUTPUT", log["NAV_CONTROLLER_OUTPUT"], scales)
 
@@ -227,12 +223,7 @@ def _motors(messages: Messages) -> dict[int, int]:
 def _outputs(messages: Messages, motors: dict[int, int], findings: list[Finding]) -> list[Stream]:
     if not messages.rows:
         return []
-    main = [row[messages.fields["port"]] == 0 for row in messages.rows]
-    own = Messages(
-        messages.time_us[np.array(main)],
-        [row for row, wanted in zip(messages.rows, main, strict=True) if wanted],
-        messages.fields,
-    )
+    own = messages.where(messages.numbers("port") == 0.0)
     if not own.rows:
         return []
     channels = [n for n in range(1, 17) if np.any(own.numbers(f"servo{n}_raw") > 0.0)]
@@ -254,12 +245,7 @@ def _speeds(log: Mapping[str, Messages]) -> list[Stream]:
     status = log["ESC_STATUS"]
     bases = status.numbers("index").astype(int) if status.rows else np.zeros(0, int)
     for base in sorted({base for base in bases.tolist() if 0 <= base < 32}):
-        rows = bases == base
-        own = Messages(
-            status.time_us[rows],
-            [row for row, wanted in zip(status.rows, rows.tolist(), strict=True) if wanted],
-            status.fields,
-        )
+        own = status.where(bases == base)
         for index in range(4):
             if np.any(own.numbers("rpm", index) != 0.0):
                 scales = {f"rpm{base + index + 1}": ("rpm", 1.0)}
@@ -302,14 +288,8 @@ def _distance(log: Mapping[str, Messages], findings: list[Finding]) -> list[Stre
     messages = log["DISTANCE_SENSOR"]
     if not messages.rows:
         return _stream("RANGEFINDER", log["RANGEFINDER"], {"distance_m": ("distance", 1.0)})
-    down = messages.numbers("orientation") == LOOKS_DOWN
-    if not down.any():
-        words = f"{counted(down.size, 'reading')} of sensors that do not look down"
-        findings.append(Finding("left out", "distance", words, "distance_m", down.size))
+    down = looking_down(messages.numbers("orientation"), findings)
+    if down is None:
         return []
-    own = Messages(
-        messages.time_us[down],
-        [row for row, wanted in zip(messages.rows, down.tolist(), strict=True) if wanted],
-        messages.fields,
-    )
-    return _stream("DISTANCE_SENSOR", own, {"distance_m": ("current_distance", 0.01)})
+    scales = {"distance_m": ("current_distance", 0.01)}
+    return _stream("DISTANCE_SENSOR", messages.where(down), scales)

@@ -13,9 +13,18 @@ from numpy.typing import NDArray
 
 from benchtool.core.counted import counted
 from benchtool.core.errors import FileFormatError
-from benchtool.data.formats.flight_log import Counts, angles_of, flight_import
+from benchtool.data.formats.flight_log import (
+    LOOKS_DOWN,
+    Counts,
+    Scales,
+    Stream,
+    angles_of,
+    blank_bad,
+    flight_import,
+    reference_stream,
+    stream_of,
+)
 from benchtool.data.formats.motor_channels import logged_motors, px4_motors
-from benchtool.data.formats.streams import Stream
 from benchtool.data.formats.ulog_walk import walk_ulog
 from benchtool.data.repairs.imported import Finding, Imported, Options
 
@@ -119,28 +128,26 @@ def _numbers(topic: Topic, field: str) -> Array:
     return np.asarray(topic[field]).astype(float)
 
 
-def _stream(source: str, topic: Topic, columns: dict[str, Array], fields: dict[str, str]) -> Stream:
+def _times(topic: Topic) -> NDArray[np.int64]:
     times: NDArray[np.int64] = np.asarray(topic["timestamp"]).astype(np.int64)
-    return Stream(source, times, columns, fields)
+    return times
 
 
 def _plain(
     topics: Mapping[tuple[str, int], Topic],
     name: str,
-    scales: dict[str, tuple[str, float]],
+    scales: Scales,
     instance: int = 0,
 ) -> list[Stream]:
     """Return fields of a topic as a stream, where the topic and any of the fields are there."""
     topic = topics.get((name, instance))
     if topic is None or "timestamp" not in topic:
         return []
-    there = {channel: item for channel, item in scales.items() if item[0] in topic}
-    columns = {
-        channel: _numbers(topic, field) if scale == 1.0 else _numbers(topic, field) * scale
-        for channel, (field, scale) in there.items()
-    }
-    fields = {channel: field for channel, (field, _) in there.items()}
-    return [_stream(name, topic, columns, fields)] if columns else []
+
+    def numbers(field: str) -> Array | None:
+        return _numbers(topic, field) if field in topic else None
+
+    return stream_of(name, _times(topic), scales, numbers)
 
 
 def _quaternion(topic: Topic, field: str) -> list[Array] | None:
@@ -155,7 +162,7 @@ def _attitude(topics: Mapping[tuple[str, int], Topic]) -> list[Stream]:
         return []
     roll, pitch, yaw = angles_of(*parts)
     columns = {"theta_rad": -pitch, "roll_rad": roll, "yaw_rad": yaw}
-    return [_stream("vehicle_attitude", topic, columns, dict.fromkeys(columns, "q"))]
+    return [Stream("vehicle_attitude", _times(topic), columns, dict.fromkeys(columns, "q"))]
 
 
 def _wanted_attitude(topics: Mapping[tuple[str, int], Topic]) -> list[Stream]:
@@ -164,10 +171,9 @@ def _wanted_attitude(topics: Mapping[tuple[str, int], Topic]) -> list[Stream]:
     topic = topics.get((name, 0), {})
     parts = _quaternion(topic, "q_d")
     if parts is not None and "timestamp" in topic:
-        roll, pitch, yaw = angles_of(*parts)
-        if np.isfinite(pitch).any():
-            columns = {"theta_ref_rad": -pitch, "roll_ref_rad": roll, "yaw_ref_rad": yaw}
-            return [_stream(name, topic, columns, dict.fromkeys(columns, "q_d"))]
+        stream = reference_stream(name, _times(topic), parts, "q_d")
+        if np.isfinite(stream.columns["theta_ref_rad"]).any():
+            return [stream]
     scales = {
         "theta_ref_rad": ("pitch_body", -1.0),
         "roll_ref_rad": ("roll_body", 1.0),
@@ -251,25 +257,16 @@ def _distance(topics: Mapping[tuple[str, int], Topic], findings: list[Finding]) 
     for instance in instances:
         topic = topics["distance_sensor", instance]
         looking = topic.get("orientation")
-        if looking is not None and not np.all(np.asarray(looking) == _LOOKS_DOWN):
+        if looking is not None and not np.all(np.asarray(looking) == LOOKS_DOWN):
             continue
         streams = _plain(
             topics, "distance_sensor", {"distance_m": ("current_distance", 1.0)}, instance
         )
         if streams and "signal_quality" in topic:
             bad = np.asarray(topic["signal_quality"]) == 0
-            streams[0].columns["distance_m"][bad] = np.nan
-            many = int(np.count_nonzero(bad))
-            if many:
-                words = (
-                    f"{counted(many, 'reading')} that the sensor itself calls invalid, blank now"
-                )
-                findings.append(Finding("repaired", "distance", words, "distance_m", many))
+            blank_bad(streams[0], "distance_m", bad, "the sensor itself calls invalid", findings)
         return streams
     if instances:
         words = "no distance sensor that looks down"
         findings.append(Finding("left out", "distance", words, "distance_m", len(instances)))
     return []
-
-
-_LOOKS_DOWN = 25  # distance_sensor.msg, ROTATION_DOWNWARD_FACING
