@@ -49,7 +49,7 @@ def import_(inputs: ImportInputs) -> None:
     from benchtool.commands.terminal.show_import import print_import
     from benchtool.core.errors import WouldOverwrite
     from benchtool.data.formats.formats import import_files
-    from benchtool.data.formats.over_surface import window_told
+    from benchtool.data.formats.over_surface import parse_window
     from benchtool.data.repairs.imported import Options
     from benchtool.data.run.recording_file import beside
 
@@ -59,7 +59,7 @@ def import_(inputs: ImportInputs) -> None:
         tare=inputs.tare,
         scale=inputs.scale,
         air_density_kg_m3=inputs.air_density,
-        over=tuple(window_told(text) for text in inputs.over),
+        over=tuple(parse_window(text) for text in inputs.over),
         near_m=inputs.near_m,
     )
     files = inputs.files

@@ -16,8 +16,7 @@ from benchtool.data.columns import VALID_KINDS
 from benchtool.data.csv_text import read_csv_text
 from benchtool.data.run.digest import data_hash
 from benchtool.data.run.entry import kind_of
-from benchtool.data.run.pitch import read_pitch
-from benchtool.data.run.read import is_run, read_points, sample_names
+from benchtool.data.run.read import is_run, read_pitch, read_points, sample_names
 from benchtool.data.run.recording_file import beside, read_recording
 from benchtool.data.table import read_table
 from benchtool.physics.effects.effect import BenchKind

@@ -9,8 +9,7 @@ from typing import Literal
 
 from benchtool.core.errors import FileFormatError, InputError, WouldOverwrite
 from benchtool.data.run.entry import ANSWER_FILE, FIT_FILE
-from benchtool.data.run.pitch import is_pitch_run
-from benchtool.data.run.read import is_run
+from benchtool.data.run.read import is_pitch_run, is_run
 from benchtool.data.run.recording_file import beside as facts_beside
 from benchtool.explain.pitch.replayed import Beside
 from benchtool.fit.nominal import nominal_model

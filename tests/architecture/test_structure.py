@@ -19,7 +19,7 @@ LARGER = {"benchtool/acquire", "benchtool/virtual"}
 
 AMBIGUOUS = {
     "Answer", "Block", "Body", "Change", "Entry", "Event", "Expected", "Finding", "Hello",
-    "Layout", "LinkQuality", "Mapped", "Motion", "PitchPlant", "Place", "Plan", "Readings",
+    "LinkQuality", "Motion", "PitchPlant", "Place", "Plan", "Readings",
     "Report", "Run", "SampleWriter", "Sensor", "Setting", "Slot", "Surroundings", "_Rotor",
 }  # fmt: skip
 """Class names that still mean two things; this list only shrinks."""

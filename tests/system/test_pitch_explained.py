@@ -12,7 +12,7 @@ from benchtool.bench.guard import GuardedBench
 from benchtool.bench.mavlink.bench import MavlinkBench
 from benchtool.bench.mavlink.settings import MavlinkSettings, MotorMap
 from benchtool.core.rig_file import rig_named
-from benchtool.data.run.pitch import read_pitch
+from benchtool.data.run.read import read_pitch
 from benchtool.data.run.run import Run
 from benchtool.explain.engine.explain import explain
 from benchtool.explain.pitch.log import PitchLog, pitch_log

@@ -17,8 +17,7 @@ from benchtool.bench.bench import Bench
 from benchtool.bench.drivers import open_bench
 from benchtool.core.errors import DeviceStopped
 from benchtool.data.run.events import read_events
-from benchtool.data.run.pitch import read_pitch
-from benchtool.data.run.read import read_samples
+from benchtool.data.run.read import read_pitch, read_samples
 from benchtool.data.run.run import Run
 from tests.system.served import COMMAND, posix, start
 from tests.system.served import serving as serving_bench

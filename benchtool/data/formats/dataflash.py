@@ -48,7 +48,7 @@ _TYPES: dict[str, tuple[str, float]] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Layout:
+class RecordLayout:
     """Hold what an FMT record says about a type: name, length with header, letters, columns."""
 
     name: str
@@ -78,7 +78,7 @@ class DataFlashLog:
         findings: bytes that are no record, and where the log ends.
     """
 
-    layouts: dict[str, Layout]
+    layouts: dict[str, RecordLayout]
     bodies: dict[str, NDArray[np.void]]
     total: int
     broken: int
@@ -130,7 +130,7 @@ def read_dataflash(data: bytes, wanted: frozenset[str]) -> DataFlashLog:
         starts = starts[:-1]
     kinds = text[starts + 2]
     bodies: dict[str, NDArray[np.void]] = {}
-    by_name: dict[str, Layout] = {}
+    by_name: dict[str, RecordLayout] = {}
     for kind, layout in layouts.items():
         if layout.name not in wanted:
             continue
@@ -148,20 +148,20 @@ def read_dataflash(data: bytes, wanted: frozenset[str]) -> DataFlashLog:
     return DataFlashLog(by_name, bodies, total, broken, tuple(findings))
 
 
-def _layouts(data: bytes, starts: Positions) -> dict[int, Layout]:
-    found = {FMT_TYPE: Layout("FMT", FMT_LENGTH, "BBnNZ", ())}
+def _layouts(data: bytes, starts: Positions) -> dict[int, RecordLayout]:
+    found = {FMT_TYPE: RecordLayout("FMT", FMT_LENGTH, "BBnNZ", ())}
     for at in starts.tolist():
         if at + FMT_LENGTH > len(data):
             continue
         kind, length, name, letters, columns = struct.unpack_from("<BB4s16s64s", data, at + 3)
         texts = [item.split(b"\0")[0].decode("latin-1") for item in (name, letters, columns)]
         if length >= 3 and kind != FMT_TYPE:
-            found[kind] = Layout(texts[0], length, texts[1], tuple(texts[2].split(",")))
+            found[kind] = RecordLayout(texts[0], length, texts[1], tuple(texts[2].split(",")))
     return found
 
 
 def _chain(
-    text: NDArray[np.uint8], heads: Positions, layouts: dict[int, Layout]
+    text: NDArray[np.uint8], heads: Positions, layouts: dict[int, RecordLayout]
 ) -> tuple[Positions, Positions]:
     """Return where records begin and end: each begins at or after the end of the one before.
 

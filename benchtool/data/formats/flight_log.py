@@ -87,7 +87,7 @@ def flight_import(
         if not any(re.fullmatch(pattern, name) for name in recording.names):
             found.append(Finding("lacks", what, words))
     found += _gaps(streams)
-    kept = sum(stream.time_us.size for stream in streams)
+    retained = sum(stream.time_us.size for stream in streams)
     sources = {
         name: f"{stream.source}.{stream.fields[name]}"
         for stream in streams
@@ -100,9 +100,9 @@ def flight_import(
         tally=Tally(
             unit="message",
             total=counts.total + counts.broken,
-            kept=kept,
+            kept=retained,
             refused=counts.broken,
-            not_needed=counts.total - kept,
+            not_needed=counts.total - retained,
         ),
         sources=sources,
     )
@@ -114,7 +114,7 @@ def _sane(streams: Sequence[Stream], found: list[Finding]) -> tuple[list[Stream]
     if not streams:
         return [], 0
     middle_us = float(np.median(np.concatenate([stream.time_us for stream in streams])))
-    kept, strange, infinite = [], 0, 0
+    retained, strange, infinite = [], 0, 0
     for stream in streams:
         good = np.abs(stream.time_us.astype(float) - middle_us) < LONGEST_LOG_US
         good &= (stream.time_us >= 0) & (stream.time_us < 1 << 53)
@@ -125,16 +125,16 @@ def _sane(streams: Sequence[Stream], found: list[Finding]) -> tuple[list[Stream]
             infinite += int(np.count_nonzero(endless))
             values[endless] = np.nan
         if good.any():
-            kept.append(replace(stream, time_us=stream.time_us[good], columns=columns))
-    kept = [_without_blank(stream, found) for stream in kept]
-    kept = [stream for stream in kept if stream.columns]
+            retained.append(replace(stream, time_us=stream.time_us[good], columns=columns))
+    retained = [_without_blank(stream, found) for stream in retained]
+    retained = [stream for stream in retained if stream.columns]
     if strange:
         words = f"{counted(strange, 'message')} stamped days away from the others"
         found.append(Finding("refused", "stray time", words, "time_s", strange))
     if infinite:
         words = f"{counted(infinite, 'value')} that read infinity are blank now"
         found.append(Finding("repaired", "infinite numbers", words, count=infinite))
-    return kept, strange
+    return retained, strange
 
 
 def _without_blank(stream: Stream, found: list[Finding]) -> Stream:

@@ -21,11 +21,10 @@ from benchtool.core.user_file import open_file, read_file
 from benchtool.data.formats.mavlink_walk import is_tlog
 from benchtool.data.formats.over_surface import mark_windows
 from benchtool.data.formats.uiuc import is_uiuc
-from benchtool.data.repairs.at_rest import as_told, inspect_log, inspect_stand
-from benchtool.data.repairs.column_map import read_by_map
+from benchtool.data.repairs.at_rest import apply_options, inspect_log, inspect_stand
+from benchtool.data.repairs.column_map import read_by_map, read_named
 from benchtool.data.repairs.imported import Imported, Options
 from benchtool.data.repairs.mapped import has_columns
-from benchtool.data.repairs.named_columns import read_named
 from benchtool.data.repairs.pole_count import compare_speeds
 from benchtool.data.repairs.spikes import mend_spikes
 from benchtool.data.repairs.time_order import mend_time
@@ -129,7 +128,7 @@ def import_file(path: str | Path, options: Options | None = None) -> Imported:
     """
     where, options = Path(path), options or Options()
     if os.path.isdir(where):
-        words = told_of_folder(where, lambda head, name: _can_import(head, name, options))
+        words = explain_folder(where, lambda head, name: _can_import(head, name, options))
         raise FileFormatError(str(path), words)
     return import_bytes(read_file(where, MOST_LOG_BYTES), str(path), options)
 
@@ -153,10 +152,10 @@ def import_bytes(data: bytes, where: str, options: Options) -> Imported:
     kind, reader = _reader_of(data, options)
     read = reader(data, where, provenance, options)
     if kind == "log":
-        read = inspect_log(as_told(read, options))
+        read = inspect_log(apply_options(read, options))
     else:
         # Doubts come last: what the user repaired is none any more.
-        read = inspect_stand(as_told(mend_spikes(mend_time(read)), options))
+        read = inspect_stand(apply_options(mend_spikes(mend_time(read)), options))
     return mark_windows(read, options.over, options.near_m)
 
 
@@ -180,7 +179,7 @@ def _can_import(head: bytes, where: str, options: Options) -> bool:
     return True
 
 
-def told_of_folder(folder: Path, can_import: Callable[[bytes, str], bool]) -> str:
+def explain_folder(folder: Path, can_import: Callable[[bytes, str], bool]) -> str:
     """Return what to do with a folder in words, with the command where files can be imported.
 
     Args:

@@ -24,7 +24,7 @@ LONGEST_GAP_S = 1.0
 guess; range finders report at 10 Hz and more."""
 
 
-def window_told(text: str) -> Window:
+def parse_window(text: str) -> Window:
     """Read `12.5:18:1`, a window that the user gives; rotor `all` or 0 means each."""
     parts = text.split(":")
     wrong = ""

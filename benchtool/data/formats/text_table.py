@@ -1,4 +1,4 @@
-"""Lay out the rows of foreign CSV bytes: every line kept, mended with words, or refused.
+"""Lay out the rows of foreign CSV bytes: every line retained, mended with words, or refused.
 
 Nothing is turned into numbers here; the bytes stay bytes, so that a million rows take as long as
 finding their commas does.
@@ -183,12 +183,12 @@ def evened(table: TextTable) -> TextTable:
     width = len(table.header) if table.is_even else _width(used, len(names))
     irregular = np.flatnonzero(~blank & (counts + 1 != width))
     if not irregular.size and not blank.any():
-        kept, whole = np.ones(ends.size, bool), body
+        retained, whole = np.ones(ends.size, bool), body
     else:
-        kept, whole = _mended(
+        retained, whole = _mended(
             body, starts, ends, blank, irregular, width, delimiter, lines, cut_at_end, findings
         )
-    if cut_at_end and kept[-1]:
+    if cut_at_end and retained[-1]:
         findings.append(
             Finding(
                 "doubt", "no last line end",
@@ -200,13 +200,13 @@ def evened(table: TextTable) -> TextTable:
             findings, "empty rows", f"{counted(blank_rows, 'row')} of empty cells left out",
             count=blank_rows,
         )  # fmt: skip
-    _tell_widths(used, names, width, findings)
+    _report_widths(used, names, width, findings)
     header = (*names[:width], *[""] * (width - len(names)))
     return replace(
         table,
         header=header,
         body=whole,
-        lines=lines[kept],
+        lines=lines[retained],
         rows_in_file=int(used.size),
         findings=tuple(findings),
         is_even=False,
@@ -224,7 +224,7 @@ def _width(used: Positions, named: int) -> int:
     return max(usual, int(within.max()) if within.size else 1)
 
 
-def _tell_widths(used: Positions, names: list[str], width: int, findings: list[Finding]) -> None:
+def _report_widths(used: Positions, names: list[str], width: int, findings: list[Finding]) -> None:
     if width > len(names) + 1:
         findings.append(
             Finding(
@@ -256,23 +256,23 @@ def _mended(
 ) -> tuple[NDArray[np.bool_], bytes]:
     """Return which lines stay and the bytes of those that do."""
     mark = delimiter.encode()
-    kept = ~blank
+    retained = ~blank
     short, long, blanks = [], [], []
     instead: dict[int, bytes] = {}
     last = len(ends) - 1
     for i in irregular.tolist():
         cells = body[starts[i] : ends[i]].split(mark)
         if not b"".join(cells).strip():
-            kept[i] = False
+            retained[i] = False
             blanks.append(i)
         elif len(cells) < width:
             if cut_at_end and i == last:
-                kept[i] = False
+                retained[i] = False
                 continue
             short.append(i)
             instead[i] = mark.join(cells + [b""] * (width - len(cells))) + b"\n"
         elif any(cell.strip() for cell in cells[width:]):
-            kept[i] = False
+            retained[i] = False
             long.append(i)
         else:
             instead[i] = mark.join(cells[:width]) + b"\n"
@@ -297,21 +297,21 @@ def _mended(
                 count=len(blanks), lines=line_ranges(lines[blanks]),
             )
         )  # fmt: skip
-    if cut_at_end and not kept[last] and not blank[last] and last not in (*long, *blanks):
+    if cut_at_end and not retained[last] and not blank[last] and last not in (*long, *blanks):
         words = "the last line ends in the middle of the row"
         findings.append(Finding("refused", _CUT, words, count=1, lines=str(lines[last])))
-    return kept, _joined(body, starts, ends, kept, instead)
+    return retained, _joined(body, starts, ends, retained, instead)
 
 
 def _joined(
     body: bytes,
     starts: Positions,
     ends: Positions,
-    kept: NDArray[np.bool_],
+    retained: NDArray[np.bool_],
     instead: dict[int, bytes],
 ) -> bytes:
-    """Return the kept lines, whole stretches of untouched ones at once."""
-    touched = ~kept
+    """Return the retained lines, whole stretches of untouched ones at once."""
+    touched = ~retained
     touched[list(instead)] = True
     breaks = np.flatnonzero(touched)
     pieces, at = [], 0

@@ -120,7 +120,7 @@ def dead_channels(recording: Recording) -> list[Finding]:
     return found
 
 
-def as_told(read: Imported, options: Options) -> Imported:
+def apply_options(read: Imported, options: Options) -> Imported:
     """Return the import with what the user says about its channels done to them."""
     for name in options.flip:
         read = flipped(read, name)
@@ -133,7 +133,7 @@ def as_told(read: Imported, options: Options) -> Imported:
 
 def flipped(read: Imported, name: str) -> Imported:
     """Return the import with one channel's sign turned."""
-    words = "sign turned, as told by --flip"
+    words = "sign turned by --flip"
     turned = read.with_values(name, -read.recording.column(name))
     return turned.with_findings([Finding("repaired", "wrong sign", words, name)])
 
@@ -146,7 +146,7 @@ def tared(read: Imported, name: str) -> Imported:
             f"--tare {name}: no row is at rest and too few speeds to extrapolate; map the channel "
             f"with a column map"
         )
-    words = f"{zero.value:.6g} taken off, what it reads {zero.where}, as told by --tare"
+    words = f"{zero.value:.6g} taken off, what it reads {zero.where} by --tare"
     values = read.recording.column(name) - zero.value
     return read.with_values(name, values).with_findings(
         [Finding("repaired", "untared", words, name)]
@@ -163,7 +163,7 @@ def scaled(read: Imported, told: str) -> Imported:
     if not sign or not np.isfinite(factor) or factor == 0.0:
         raise InputError(f"--scale {told!r}: write it as CHANNEL=FACTOR, for example rpm1=1/6")
     name = name.strip()
-    words = f"multiplied by {text.strip()}, as told by --scale"
+    words = f"multiplied by {text.strip()} by --scale"
     values = factor * read.recording.column(name)
     return read.with_values(name, values).with_findings([Finding("repaired", "scale", words, name)])
 

@@ -149,7 +149,7 @@ def read_columns(
         columns = choose(
             columns, dict(zip((c.name for c in real), numbers.columns, strict=True)), found
         )
-    kept: list[tuple[MappedColumn, int | None]] = []
+    retained: list[tuple[MappedColumn, int | None]] = []
     empty: list[str] = []
     rows = len(numbers.lines)
     at = {column.position: index for index, column in enumerate(real)}
@@ -169,17 +169,17 @@ def read_columns(
                     column.name, blank,
                 )
             )  # fmt: skip
-        kept.append((column, index))
+        retained.append((column, index))
     if empty:
         words = f"{', '.join(empty)}: blank in every row"
         found.append(Finding("lacks", "blank columns", words, count=len(empty)))
-    if not rows or not kept:
+    if not rows or not retained:
         heads = ", ".join(name for name in table.header if name)
         raise FileFormatError(
             table.where, f"no row holds numbers in the columns that are read ({heads})"
         )
     return Imported(
-        recording=_recording(numbers.columns, kept, {**provenance, "rows": str(rows)}),
+        recording=_recording(numbers.columns, retained, {**provenance, "rows": str(rows)}),
         format=format_name,
         findings=tuple(found),
         tally=Tally(
@@ -188,22 +188,24 @@ def read_columns(
             kept=rows,
             refused=sum(item.count for item in found if item.kind == "refused"),
         ),
-        sources={column.name: column.source for column, _ in kept},
+        sources={column.name: column.source for column, _ in retained},
         lines=numbers.lines,
     )
 
 
 def _recording(
-    numbers: Array, kept: Sequence[tuple[MappedColumn, int | None]], provenance: Mapping[str, str]
+    numbers: Array,
+    retained: Sequence[tuple[MappedColumn, int | None]],
+    provenance: Mapping[str, str],
 ) -> Recording:
     """Return the columns converted, in the memory that they were read into where that is enough.
 
     A million rows are long, and to be given memory for a second table takes as long as reading.
     """
-    indices = [index for _, index in kept if index is not None]
-    in_place = len(indices) == len(kept) and indices == sorted(set(indices))
-    table = numbers if in_place else np.empty((len(kept), numbers.shape[1]))
-    for row, (column, index) in enumerate(kept):
+    indices = [index for _, index in retained if index is not None]
+    in_place = len(indices) == len(retained) and indices == sorted(set(indices))
+    table = numbers if in_place else np.empty((len(retained), numbers.shape[1]))
+    for row, (column, index) in enumerate(retained):
         if index is None:
             table[row] = column.constant
             continue
@@ -212,5 +214,5 @@ def _recording(
             np.multiply(numbers[index], scale.factor, out=table[row])
         if scale.offset:
             table[row] += scale.offset
-    channels = tuple(Channel(column.name, unit_told_by(column.name)) for column, _ in kept)
-    return Recording(channels, table[: len(kept)].T, provenance)
+    channels = tuple(Channel(column.name, unit_told_by(column.name)) for column, _ in retained)
+    return Recording(channels, table[: len(retained)].T, provenance)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -11,8 +12,10 @@ from typing import Any
 
 import numpy as np
 
+from benchtool.core.channel import Channel
 from benchtool.core.errors import BenchtoolError, FileFormatError
 from benchtool.core.recording import Recording
+from benchtool.core.user_file import open_file
 from benchtool.data.columns import channel_called, check_numbers, code_of
 from benchtool.data.csv_text import read_csv_text
 from benchtool.data.parquet import parquet_names, read_parquet
@@ -40,12 +43,12 @@ def read_points(
     if "kind" not in recording:
         return recording
     wanted = [code_of("kind", kind) for kind in kinds]
-    kept = recording.select(np.isin(recording.column("kind"), wanted))
-    if not len(kept):
+    chosen = recording.select(np.isin(recording.column("kind"), wanted))
+    if not len(chosen):
         raise FileFormatError(
             str(path), f"no point of kind {', '.join(kinds)} stands in it; let the sweep measure"
         )
-    return kept
+    return chosen
 
 
 def read_settings(path: str | Path) -> Recording:
@@ -152,3 +155,51 @@ def _mismatch(parquet: Path, csv: Path, stated: dict[str, Any]) -> str:
     if csv.is_file() and stated.get("csv_sha256") != file_hash(csv, follow=False):
         return "samples.csv has changed since it was written"
     return ""
+
+
+NEEDED = ("theta_ref_rad", "theta_rad", "gyro_rad_s")
+"""Channels without which a run is no pitch experiment."""
+
+LONGEST_HEADER = 1 << 16
+"""Bytes of the first line that are looked at; a choice."""
+
+_OTHERS = re.compile(r"pwm\d+_us|rpm\d+|plate_z_m|torque_Nm|disturbance_Nm|voltage_V|thrust_N")
+
+
+def read_pitch(path: str | Path) -> Recording:
+    """Return the experiment of a run that `benchtool record` made, as pitch recordings are.
+
+    Only what was recorded at full collective, not the ramps. time_s is the device's own time since
+    then, evenly spaced; a channel without a new value is nan.
+
+    Args:
+        path: a run folder or a samples.csv.
+    """
+    present = sample_names(path)
+    for name in NEEDED:
+        if name not in present:
+            raise FileFormatError(
+                str(path), f"there is no {name} in it; name a run of benchtool record"
+            )
+    wanted = [name for name in present if _OTHERS.fullmatch(name)]
+    samples = read_samples(path, ["device_time_us", "phase", *NEEDED, *wanted])
+    chosen = samples.select(samples.column("phase") == code_of("phase", "sample"))
+    if not len(chosen):
+        raise FileFormatError(
+            str(path), "it ended before the collective was reached; record it again"
+        )
+    device_us = chosen.column("device_time_us")
+    names = [*NEEDED, *wanted]
+    pairs = [(Channel("time_s", "s"), 1e-6 * (device_us - device_us[0]))]
+    pairs += [(chosen.channels[chosen.index(name)], chosen.column(name)) for name in names]
+    return Recording.from_columns(pairs, chosen.provenance, chosen.simulated)
+
+
+def is_pitch_run(path: str | Path) -> bool:
+    """Tell whether a run folder holds a pitch experiment, by the channels of its samples."""
+    file = Path(path) / "samples.csv"
+    if not os.path.lexists(file):
+        return False
+    with open_file(file, follow=False) as lines:
+        first = lines.readline(LONGEST_HEADER)
+    return b"theta_rad" in first.strip().split(b",")

@@ -11,7 +11,7 @@ from benchtool import __version__
 from benchtool.core.recording import Recording
 from benchtool.data.run.digest import data_hash, file_hash
 from benchtool.data.run.facts import read_recording_facts
-from benchtool.data.run.pitch import read_pitch
+from benchtool.data.run.read import read_pitch
 from benchtool.data.run.recording_file import FORMAT, read_recording
 from benchtool.data.run.recording_file import beside as facts_beside
 from benchtool.data.run.run import Run

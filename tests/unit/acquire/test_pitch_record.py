@@ -26,8 +26,7 @@ from benchtool.core.errors import FileFormatError, InputError, LimitExceeded, Pl
 from benchtool.core.rig_file import rig_named
 from benchtool.core.schedule_file import schedule_named
 from benchtool.data.run.events import read_events
-from benchtool.data.run.pitch import read_pitch
-from benchtool.data.run.read import read_samples
+from benchtool.data.run.read import read_pitch, read_samples
 from benchtool.data.run.run import Run
 from benchtool.data.run.run_writer import RunWriter
 

@@ -6,9 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from benchtool.data.run import run_list
-from benchtool.data.run.entry import Entry, entry_of
-from benchtool.data.run.run_list import list_entries, search
+from benchtool.data.run import entry as run_list
+from benchtool.data.run.entry import Entry, entry_of, list_entries, search
 from benchtool.data.run.runs_folder import RunsFolder
 from tests.unit.data.run_of import small_run
 

@@ -148,20 +148,20 @@ def test_two_files_that_disagree_by_a_pole_count(tmp_path: Path) -> None:
 
 
 def test_windows_are_marked_by_the_user() -> None:
-    from benchtool.data.formats.over_surface import window_told
+    from benchtool.data.formats.over_surface import parse_window
 
     text = "time_s,pwm1_us,pwm2_us\n" + "".join(f"{i},1500,1500\n" for i in range(10))
-    read = imported(text, over=(window_told("2:4:1"), window_told("6:7:all")))
+    read = imported(text, over=(parse_window("2:4:1"), parse_window("6:7:all")))
     assert np.flatnonzero(read.recording.column("coverage1")).tolist() == [2, 3, 4, 6, 7]
     assert np.flatnonzero(read.recording.column("coverage2")).tolist() == [6, 7]
     for wrong in ("1:2", "a:b:c", "5:4:1", "-1:2:1", "1:inf:1", "1:2:-3"):
         with pytest.raises(InputError, match="START:END:ROTOR"):
-            window_told(wrong)
+            parse_window(wrong)
     with pytest.raises(InputError, match=r"END \(2 s\) is not after START \(4 s\)"):
-        window_told("4:2:1")
+        parse_window("4:2:1")
     with pytest.raises(InputError, match="START is -1 s, but a recording begins at 0 s"):
-        window_told("-1:2:1")
+        parse_window("-1:2:1")
     with pytest.raises(InputError, match="has rotors 1, 2"):
-        imported(text, over=(window_told("1:2:3"),))
+        imported(text, over=(parse_window("1:2:3"),))
     with pytest.raises(InputError, match="recording ends at 9 s"):
-        imported(text, over=(window_told("20:30:1"),))
+        imported(text, over=(parse_window("20:30:1"),))

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import asyncio
 
-from benchtool.data.run.entry import Entry
-from benchtool.data.run.run_list import Seen, list_entries
+from benchtool.data.run.entry import Entry, Seen, list_entries
 from benchtool.data.run.runs_folder import RunsFolder
 
 

@@ -8,8 +8,7 @@ from urllib.parse import urlencode
 
 from nicegui import ui
 
-from benchtool.data.run.entry import ENTRY_KINDS, Entry
-from benchtool.data.run.run_list import search
+from benchtool.data.run.entry import ENTRY_KINDS, Entry, search
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.web.context import PageContext
 from benchtool.web.notifications import shows_errors

@@ -15,8 +15,7 @@ import pytest
 from benchtool.acquire.inputs import SweepInputs
 from benchtool.acquire.pitch_experiment import PitchExperiment
 from benchtool.acquire.plan import plan_from_toml
-from benchtool.data.run.pitch import read_pitch
-from benchtool.data.run.read import read_points
+from benchtool.data.run.read import read_pitch, read_points
 from benchtool.data.run.run import Run
 from benchtool.web.bench_process.commands import (
     Command,

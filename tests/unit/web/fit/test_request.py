@@ -9,8 +9,7 @@ from pathlib import Path
 import pytest
 
 from benchtool.core.errors import BenchtoolError, InputError, WouldOverwrite
-from benchtool.data.run.entry import Entry
-from benchtool.data.run.run_list import list_entries
+from benchtool.data.run.entry import Entry, list_entries
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.data.run.upload import columns_file
 from benchtool.fit.fit_data import recipe_model
