@@ -9,7 +9,9 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable
 from typing import Protocol
 
-from benchtool.fit.identifiability import CANNOT_TELL
+from benchtool.fit.identifiability import CANNOT_TELL, evidence_against
+
+__all__ = ["CANNOT_TELL", "class_confirmed", "evidence_against"]
 
 
 class Telling(Protocol):

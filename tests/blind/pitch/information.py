@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from benchtool.fit.identifiability import evidence_against
+from tests.blind.fisher import evidence_against
 from tests.blind.pitch.gap import CHANNELS, WINDOW_S, shown
 from tests.blind.pitch.library import NAMED
 from tests.blind.pitch.loop import Part

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.fit.identifiability import evidence_against
+from tests.blind.fisher import evidence_against
 from tests.blind.sweep.bench import Bench
 from tests.blind.sweep.library import NAMED
 from tests.blind.sweep.readings import cell_N, driven, thrust_N

@@ -24,6 +24,8 @@ def model_text(layout: Layout, hidden: Collection[str]) -> str:
         f'k = {{ value = {layout.k_N_s2}, free = true, source = "rig" }}',
         f'R_m = {{ value = {layout.radius_m}, free = true, source = "rig" }}',
     ]
+    # Eq. (2) is what every owner knows; the library hides what comes on top of it.
+    lines += ["", "[effects.rotor_images]", 'own_strength = { value = 1.0, source = "eq. (2)" }']
     for name, effect in NAMED.items():
         if layout.name not in effect.layouts:
             continue

@@ -6,8 +6,6 @@ import csv
 import io
 
 import pytest
-from benchtool.commands.paper.figures import paper_figures
-from matplotlib.figure import Figure
 
 from benchtool.commands.paper import sensitivity as paper_claims_sensitivity
 from benchtool.commands.paper.bench import bench_claims
@@ -24,6 +22,8 @@ from benchtool.commands.paper.claims import (
 )
 from benchtool.commands.paper.flight import flight_claims
 from benchtool.commands.paper.sensitivity import CHANGES, sensitivity_claims
+from benchtool.report.page import FigureBlock
+from benchtool.report.paper.page import paper_figures
 from benchtool.report.style import SIMULATED_GID
 
 
@@ -95,14 +95,14 @@ def test_the_table_as_text_and_as_csv() -> None:
 
 @pytest.mark.slow
 def test_every_figure_is_there_and_says_when_it_is_simulated(flights: Flights) -> None:
-    drawn: dict[str, Figure] = dict(paper_figures(flights))
+    drawn: dict[str, FigureBlock] = dict(paper_figures(flights))
     numbers = {name[3:5] for name in drawn if name.startswith("fig")}
     wanted = "03 04 05 06 07 08 09 10 11 12 13 14 15 16 17 18 19 20 21 22 23 24 26 27 28 29 30"
     assert numbers == set(wanted.split())
     assert {name for name in drawn if name.startswith("extra")} == {
         "extra-oblique", "extra-corner", "extra-gust", "extra-ramp",
     }  # fmt: skip
-    for name, figure in drawn.items():
-        stamped = any(text.get_gid() == SIMULATED_GID for text in figure.texts)
+    for name, block in drawn.items():
+        stamped = any(text.get_gid() == SIMULATED_GID for text in block.figure.texts)
         from_formulae = name[3:5] in {"03", "04", "06", "07", "08", "10", "11", "16", "19", "29"}
         assert stamped is not from_formulae, name

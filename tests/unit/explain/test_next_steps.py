@@ -115,7 +115,7 @@ def known_options(name: str, first: str) -> set[str]:
     """Return the options of a command, or of the first word's where it has several."""
     from typer.main import get_command
 
-    found = get_command(build([name])).commands[name]  # type: ignore[attr-defined]
+    found = get_command(build([name, first])).commands[name]  # type: ignore[attr-defined]
     inner = getattr(found, "commands", {}).get(first, found)
     return {option for item in inner.params for option in item.opts}
 

@@ -62,7 +62,7 @@ def test_a_row_with_an_empty_cell_is_left_out_and_counted(lab: Path, column: int
 def test_distances_in_the_wrong_unit_are_noticed(lab: Path) -> None:
     Path("m.toml").write_text(MODEL.replace('unit = "mm"', 'unit = "m"'), "utf-8")
     output = run_recipe(Recipe(name="lab", data=("lab.csv",), model="m.toml"))
-    assert "check the unit of plate_z_m" in output.results[0].warnings[0]
+    assert any("check the unit of plate_z_m" in item for item in output.results[0].warnings)
 
 
 @pytest.mark.parametrize(
@@ -72,13 +72,16 @@ def test_distances_in_the_wrong_unit_are_noticed(lab: Path) -> None:
         (("lab.csv",), "which model?"),
         (("lab.csv", "--model", "lab.tom"), "there is no such file|unknown model"),
         (("lab.csv", "--model", "lab.toml", "--seed", "-1"), "--seed"),
-        (("lab.csv", "--model", "lab.toml", "--method", "bogus"), '--method is "bogus"'),
+        (
+            ("lab.csv", "--model", "lab.toml", "--method", "bogus"),
+            "unknown --method 'bogus'",
+        ),
         (("lab.csv", "--model", "lab.toml", "--walkers", "1"), "--walkers is 1"),
         (("lab.csv", "--model", "lab.toml", "--max-steps", "5"), "--max-steps is 5"),
-        (("lab.csv", "--model", "lab.toml", "--basis", "x"), '--basis is "x"'),
+        (("lab.csv", "--model", "lab.toml", "--basis", "x"), "unknown --basis 'x'"),
         (("lab.csv", "--model", "lab.toml", "--basis", "equal_pwm"), "kind 'reference'"),
         (("lab.csv", "--model", "lab.toml", "--free", "K_b"), "unknown parameter 'K_b'"),
-        (("lab.csv", "--model", "lab.toml", "--fix", "k=x"), "'x' is no number"),
+        (("lab.csv", "--model", "lab.toml", "--fix", "k=x"), "--fix got 'k=x'; write NAME=NUMBER"),
         (("lab.csv", "lab.csv", "--model", "lab.toml"), "the same data as lab.csv"),
         ((str(QUAD.parent), "--model", "quad"), "neither a file nor a run folder"),
         (("lab.csv", "--model", "lab.toml", "--min-z-over-r", "99"), "none of 7 points"),

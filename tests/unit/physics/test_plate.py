@@ -7,10 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchtool.physics.validity import (
-    VALIDITY_Z_OVER_R,
-    clamped_height,
-)
+from benchtool.physics import VALIDITY_Z_OVER_R
+from benchtool.physics.validity import clamped_height
 from benchtool.simulate.pitch.attitude import tilted_vehicle_height
 from tests.unit.physics.general_sum import pole_z_over_R
 

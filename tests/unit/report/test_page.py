@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from benchtool.report.sweep.ground_effect import Curve, RatioPoints, ratio_figure
+from matplotlib.figure import Figure
 
 from benchtool.core.errors import InputError, WouldOverwrite
 from benchtool.core.fit_result import Estimate, FitResult, Outcome
@@ -26,6 +26,7 @@ from benchtool.report.page import (
     Table,
     Warnings,
 )
+from benchtool.report.ratio import Curve, RatioPoints, draw_ratio
 
 VOID = {"meta", "br", "hr", "img", "link", "input"}
 
@@ -62,9 +63,8 @@ class Outline(HTMLParser):
 def figure_block(caption: str) -> FigureBlock:
     z = np.array([0.5, 1.0, 2.0])
     points = RatioPoints(z, 1.0 + 0.1 / z, np.full(3, 0.01), "rotor")
-    figure = ratio_figure(
-        [points], [Curve(z, 1.0 + 0.1 / z, "PFI")], title="R", simulated=True, basis="equal_rpm2"
-    )
+    figure = Figure()
+    draw_ratio(figure, [points], [Curve(z, 1.0 + 0.1 / z, "PFI")], "equal_rpm2")
     return FigureBlock(figure, caption)
 
 
