@@ -46,10 +46,15 @@ CARRIERS = (
 """File, class and meaning of the types that carry data from byte to figure, in that order."""
 
 REGISTRIES = (
-    ("an effect", "one file in `benchtool/physics/effects/`", "effects"),
-    ("a figure", "`@figure` in `benchtool/report/`", "figures"),
+    ("an effect", "one file in `benchtool/physics/effects/`", "write-an-effect"),
+    ("a driver", "`register` in `benchtool/bench/drivers.py`", "write-a-driver"),
+    ("an importer", "`FORMATS` in `benchtool/data/formats/formats.py`", "write-an-importer"),
+    ("a control law", "`LAWS` in `benchtool/simulate/controllers/pitch.py`", "write-a-controller"),
+    ("a figure", "`@figure` in `benchtool/report/`, and its page", "write-a-figure"),
+    ("a command", "`COMMANDS` in `benchtool/commands/app.py`", "write-an-option"),
+    ("an option", "a field of the command's inputs", "write-an-option"),
 )
-"""What can be added, where it registers, and the reference page that lists the members."""
+"""What can be added, where it registers, and the page that shows how."""
 
 
 def layers() -> list[list[str]]:
@@ -77,7 +82,7 @@ def page() -> str:
         for number, (file, name, meaning) in enumerate(CARRIERS, 1)
     )
     members = "\n".join(
-        f"| {what} | {where} | [{listed}](../reference/{listed}.md) |"
+        f"| {what} | {where} | [{listed}](../how-to/{listed}.md) |"
         for what, where, listed in REGISTRIES
     )
     return (
@@ -85,7 +90,7 @@ def page() -> str:
         f"| `testing` | Links for the tests of a driver; may see everything. |\n"
         f"| `library` | Rigs, models, gains, plans, the Arduino sketch: no Python. |\n\n"
         f"## The data's way\n\nData passes from byte to figure through few types:\n\n{data}\n\n"
-        f"## What can be added\n\n| what | registers in | listed in |\n|---|---|---|\n{members}\n"
+        f"## What can be added\n\n| what | registers in | how |\n|---|---|---|\n{members}\n"
     )
 
 
