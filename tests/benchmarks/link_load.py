@@ -24,6 +24,7 @@ from benchtool.bench.serial.bench import SerialBench
 from benchtool.bench.serial.commands import RequestHello, SetRate
 from benchtool.bench.serial.frames import crc16, frame_command
 from benchtool.bench.serial.hello import Hello
+from benchtool.bench.transport.serial_port import SerialPort
 from benchtool.core.channel import Channel
 from benchtool.virtual.firmware import Firmware
 from benchtool.virtual.links import PtyLink
@@ -151,7 +152,7 @@ def _beside(words: list[str]) -> Iterator[str]:
 def read_with_ours(port: str, seconds: float, file: IO[str]) -> tuple[int, int, int]:
     """Read as a sweep does."""
     rows = lost = corrupt = 0
-    with SerialBench.on_port(f"serial:{port}", port, 2_000_000) as bench:
+    with SerialBench(SerialPort(port, 2_000_000), f"serial:{port}") as bench:
         end_s = time.monotonic() + seconds
         while time.monotonic() < end_s:
             readings = bench.read(0.1)

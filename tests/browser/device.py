@@ -84,6 +84,13 @@ class Device:
         last = [highest for _, _, highest in self.orders[-1:]]
         return last[0] if last else 0.0
 
+    def wait_for_us(self, wanted: float, timeout_s: float = 5.0) -> None:
+        """Wait until the ramp has reached a pulse."""
+        deadline = time.monotonic() + timeout_s
+        while self.turning_us() != wanted:
+            assert time.monotonic() < deadline, f"{wanted} was not reached: {self.orders[-5:]}"
+            time.sleep(0.01)
+
     def stopped_after(self, since: float, timeout_s: float = 5.0) -> float:
         """Return when the first stop after a time of day came, in seconds after it."""
         deadline = time.monotonic() + timeout_s

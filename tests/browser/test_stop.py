@@ -143,8 +143,7 @@ def test_the_slider_sets_the_pulse_and_stop_works_while_it_is_dragged(
     assert 1050.0 < wanted < 1450.0
     for way in ("mouse", "touch", "Escape"):
         with hands.turning():
-            page.wait_for_timeout(800)
-            assert device.turning_us() == wanted
+            device.wait_for_us(wanted)
             hands.stops(way)
 
 

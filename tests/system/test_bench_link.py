@@ -16,6 +16,8 @@ import pytest
 from numpy.typing import NDArray
 
 from benchtool.bench.serial.bench import SerialBench
+from benchtool.bench.transport.serial_port import SerialPort
+from benchtool.bench.transport.sockets import TcpSocket
 from benchtool.core.errors import (
     BenchError,
     DeviceStopped,
@@ -98,9 +100,9 @@ def on_tcp() -> Iterator[Served]:
 def bench_at(address: str) -> SerialBench:
     scheme, _, place = address.partition(":")
     if scheme == "serial":
-        return SerialBench.on_port(address, place, 2_000_000)
+        return SerialBench(SerialPort(place, 2_000_000), address)
     host, _, port = place.partition(":")
-    return SerialBench.on_tcp(address, host, int(port))
+    return SerialBench(TcpSocket(host, int(port)), address)
 
 
 def read_on(bench: SerialBench, told: list[str]) -> None:
@@ -301,7 +303,7 @@ def test_a_stage_that_refuses_on_demand(tmp_path: Path) -> None:
         (("--fault", "stuck:channel=rpm77"), "unknown channel of fault stuck 'rpm77'"),
         (("--link", "carrier-pigeon"), "known: pty, tcp:PORT"),
         (("--link", "tcp:99999"), "outside 0 to 65535"),
-        (("--speed", "0"), "speed 0"),
+        (("--speed", "0"), "--speed is 0"),
     ],
 )
 def test_serve_refuses_in_one_sentence(words: tuple[str, ...], said: str) -> None:
