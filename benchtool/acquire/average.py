@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from math import nan, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from benchtool.core.array import Array
 
 
 @dataclass(frozen=True, slots=True)

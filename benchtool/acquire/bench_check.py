@@ -7,14 +7,12 @@ from dataclasses import dataclass
 from math import nan, pi
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchtool.acquire.motors import STANDSTILL_RPM
 from benchtool.bench.bench import Bench
+from benchtool.core.array import Array
 from benchtool.core.errors import BenchError
 from benchtool.core.rig import Rig
-
-Array = NDArray[np.float64]
 
 ARMING_S = 2.0
 """Hold of the stop pulse that hobby ESCs take as arming: 1 to 2 s by their manuals."""

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchtool.acquire.average import Average, average
 from benchtool.bench.bench import Bench
+from benchtool.core.array import Array
 from benchtool.core.errors import CalibrationError
-
-Array = NDArray[np.float64]
 
 STEP_S = 0.1
 

@@ -8,13 +8,11 @@ from math import isfinite, sqrt
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.errors import CalibrationError
 from benchtool.core.toml_text import FiniteTable, build
 from benchtool.core.units import STANDARD_GRAVITY_M_S2
-
-Array = NDArray[np.float64]
 
 WORST_STRAIGHTNESS = 0.02
 """Share of full scale that a residual may reach; beyond it a line does not describe the cell. A

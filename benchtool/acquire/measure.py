@@ -7,16 +7,14 @@ from dataclasses import dataclass
 from math import nan
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchtool.acquire.average import Average, average
 from benchtool.acquire.calibration import Calibration
 from benchtool.acquire.order import Visit
 from benchtool.acquire.tare import Tared
+from benchtool.core.array import Array
 from benchtool.core.recording import Recording
 from benchtool.data.run.points import Point
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

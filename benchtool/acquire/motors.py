@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchtool.acquire.record import Recorder
+from benchtool.core.array import Array
 from benchtool.core.errors import BenchError, CommandRefused
 from benchtool.core.rig import Rig
-
-Array = NDArray[np.float64]
 
 RAMP_STEP_S = 0.05
 """Time between two pulses of a ramp; a choice, well inside the device's watchdog of 0.25 s."""

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from math import degrees
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchtool.acquire.motors import RAMP_DOWN_S, Motors
 from benchtool.acquire.pitch_experiment import RATE_LIMIT_RAD_S, PitchExperiment, require_pitch
@@ -20,8 +19,6 @@ from benchtool.core.counted import counted
 from benchtool.core.errors import LimitExceeded, StandstillNotSeen
 from benchtool.core.rig import Rig
 from benchtool.data.run.run import Run
-
-Array = NDArray[np.float64]
 
 TAIL_S = 0.5
 """After an early stop the run records so long how pulses and speeds fall; a choice."""

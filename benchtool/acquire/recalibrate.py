@@ -7,7 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchtool.acquire.average import average
 from benchtool.acquire.calibration import Calibration, calibration_to_dict, require_device
@@ -20,8 +19,6 @@ from benchtool.data.run.points import write_table
 from benchtool.data.run.read import read_points, read_samples
 from benchtool.data.run.run import Run
 from benchtool.data.run.settings import aggregate
-
-Array = NDArray[np.float64]
 
 
 def recalibrate(run: Run, calibration: Calibration, *, other_device: bool = False) -> Path:

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchtool.acquire.progress import Progress
 from benchtool.bench.bench import Readings
@@ -18,8 +17,6 @@ from benchtool.core.recording import Recording
 from benchtool.data.run.events import Event
 from benchtool.data.run.run import Run
 from benchtool.data.run.run_writer import RunWriter
-
-Array = NDArray[np.float64]
 
 STEP_S = 0.1
 """Longest wait for samples in one read; limits and signals are seen at least as often."""

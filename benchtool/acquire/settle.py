@@ -6,11 +6,9 @@ from dataclasses import dataclass
 from math import inf, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchtool.acquire.average import statistical_inefficiency
-
-Array = NDArray[np.float64]
+from benchtool.core.array import Array
 
 FEWEST_SAMPLES = 8
 """A line through fewer samples says nothing about settling; a choice."""

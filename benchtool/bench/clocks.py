@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.bench.bench import Identity
+from benchtool.core.array import Array
 from benchtool.core.errors import HostPaused
-
-Array = NDArray[np.float64]
 
 WINDOW_S = 10.0
 """How long a smallest delay counts; a guess: quartz clocks drift 50 ppm apart, 0.5 ms in it."""

@@ -6,14 +6,12 @@ from collections.abc import Callable
 from contextlib import suppress
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchtool.bench.bench import Bench, Identity, Readings
 from benchtool.bench.standstill import Standstill, StandstillWatch
+from benchtool.core.array import Array
 from benchtool.core.errors import StandstillNotSeen
 from benchtool.core.rig import Rig
-
-Array = NDArray[np.float64]
 
 LATER_S = 0.1
 """Where an order may come late, rotors are watched for so much longer than the longest delay seen;

@@ -16,7 +16,6 @@ from types import TracebackType
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchtool.bench.bench import Bench, Readings, joined
 from benchtool.bench.clocks import HostPause
@@ -24,6 +23,7 @@ from benchtool.bench.driven import DrivenBench
 from benchtool.bench.limit_check import LimitCheck
 from benchtool.bench.plate_check import PlateCheck, check_travel, wait_for_idle, wait_for_plate
 from benchtool.bench.signals import StopSignals
+from benchtool.core.array import Array
 from benchtool.core.counted import counted
 from benchtool.core.errors import (
     BenchError,
@@ -35,8 +35,6 @@ from benchtool.core.errors import (
     RunStopped,
 )
 from benchtool.core.rig import Limits, Rig
-
-Array = NDArray[np.float64]
 
 RAMP_S = 0.9
 """A normal end takes this long from any throttle to zero."""

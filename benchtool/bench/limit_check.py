@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 
 from benchtool.bench.plate_check import CHANNEL, plate_tolerance_m
 from benchtool.bench.rpm_tracking import GAP_S, HostPulses, LoopPulses
+from benchtool.core.array import Array
 from benchtool.core.channel import Channel
 from benchtool.core.errors import LimitExceeded
 from benchtool.core.rig import Limits, Rig
-
-Array = NDArray[np.float64]
 
 PLAUSIBLE_LOW, PLAUSIBLE_HIGH = 0.2, 3.5
 """Band of thrust over k sum w^2. Ground effect in its range of validity stays below 2.5 (paper,

@@ -125,8 +125,6 @@ class PlateCheck:
         )
 
 
-Array = NDArray[np.float64]
-
 PLATE_S = 5.0
 """A position reading may lag behind the plate for so long after a move. A choice: range finders are
 averaged over about a second, and the seconds of a virtual bench may pass 20 times faster than those

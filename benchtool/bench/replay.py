@@ -13,17 +13,15 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchtool.bench.address import Address
 from benchtool.bench.bench import Identity, Opened, Readings
+from benchtool.core.array import Array
 from benchtool.core.channel import Channel, unit_told_by
 from benchtool.core.counted import counted
 from benchtool.core.errors import CommandRefused, FileFormatError, LinkLost
 from benchtool.core.parsed_text import parse_json
 from benchtool.core.user_file import MOST_DATA_BYTES, MOST_FACTS_BYTES, read_text
-
-Array = NDArray[np.float64]
 
 _NOT_STREAMED = ("time_s", "device_time_us", "point", "phase")
 

@@ -5,12 +5,10 @@ from __future__ import annotations
 from math import exp, pi
 
 import numpy as np
-from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.errors import LimitExceeded
 from benchtool.core.rig import Propulsion
-
-Array = NDArray[np.float64]
 
 TOO_SLOW, TOO_SLOW_S = 0.25, 2.0
 """A motor slower than this share of what its pulse gives, so long after the command, is dead, or

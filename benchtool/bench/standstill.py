@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 
 from benchtool.bench.bench import Identity
 from benchtool.bench.rpm_tracking import speeds_of
+from benchtool.core.array import Array
 from benchtool.core.rig import Rig
-
-Array = NDArray[np.float64]
 
 SAFE_TIP_SPEED_m_s = 1.0
 """A rotor whose tips are slower counts as standing: walking pace, at which even 0.1 kg of blade,

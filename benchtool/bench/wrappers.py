@@ -8,13 +8,9 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Protocol, runtime_checkable
 
-import numpy as np
-from numpy.typing import NDArray
-
 from benchtool.bench.bench import Bench, Identity, Listener, Opened, Readings, Subscribable
+from benchtool.core.array import Array
 from benchtool.core.errors import BenchtoolError, CommandRefused, RunStopped, StageError
-
-Array = NDArray[np.float64]
 
 PACE_S = 0.02
 """Wall time of one read at most; a choice, a frame of a live chart has two of them."""

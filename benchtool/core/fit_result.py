@@ -7,11 +7,9 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.parameter import full_name
-
-Array = NDArray[np.float64]
 
 Status = Literal["converged", "stopped_early", "not_converged"]
 

@@ -8,12 +8,10 @@ from math import inf, isfinite
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.units import unit_named
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

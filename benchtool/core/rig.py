@@ -11,9 +11,9 @@ import numpy as np
 from annotated_types import Ge, Gt, Le, Len
 from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.toml_text import FiniteTable
 
-Array = NDArray[np.float64]
 Positive = Annotated[float, Gt(0.0)]
 NotNegative = Annotated[float, Ge(0.0)]
 

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.channel import Channel
 from benchtool.core.column_source import ColumnSource
 from benchtool.core.errors import FileFormatError, InputError, MissingColumn, UnknownChoice
@@ -21,8 +21,6 @@ from benchtool.core.units import UNITS, from_si, same_dimension, to_si
 from benchtool.data.columns import WORDS, channel_called, code_of
 from benchtool.data.csv_text import CsvTable, no_rows, read_csv_text
 from benchtool.data.run.digest import file_hash
-
-Array = NDArray[np.float64]
 
 _BLANK = frozenset({"", "nan", "NaN", "NAN", "NA", "N/A", "null"})
 

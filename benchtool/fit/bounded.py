@@ -10,10 +10,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
-Array = NDArray[np.float64]
+from benchtool.core.array import Array
+
 Residuals = Callable[[Array], Array]
 """residuals(sets (n_sets, n)) -> (n_rows, n_sets)"""
 

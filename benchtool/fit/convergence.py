@@ -6,9 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from emcee.autocorr import integrated_time
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from benchtool.core.array import Array
 
 TAU_LENGTHS = 50
 """A chain must be this many autocorrelation times long (emcee's own advice)."""

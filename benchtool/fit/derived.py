@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchtool.core.errors import EstimationError
 from benchtool.core.fit_result import Estimate, FitResult
@@ -15,8 +14,6 @@ from benchtool.core.parameter import Parameter
 from benchtool.fit.interval import around, from_draws, half_widths
 from benchtool.fit.jacobian import central_differences, complex_step, way_for
 from benchtool.physics.effects.effect import Derived
-
-Array = NDArray[np.float64]
 
 
 def with_derived(result: FitResult, quantities: Sequence[Derived]) -> FitResult:

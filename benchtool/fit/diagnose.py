@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.counted import counted
 from benchtool.core.errors import BenchtoolError, EstimationError, ModelRejected, NotConverged
 from benchtool.core.fit_result import FitResult
@@ -24,7 +24,6 @@ from benchtool.fit.residual_structure import (
 )
 from benchtool.physics.catalogue import EFFECTS
 
-Array = NDArray[np.float64]
 Verdict = Literal["consistent", "scatter", "rejected", "errors_too_large", "no_verdict"]
 
 SCATTER = 4.0

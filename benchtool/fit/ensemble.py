@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 from emcee import EnsembleSampler
-from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.errors import EstimationError, InputError
 from benchtool.core.fit_result import Estimate, FitResult, Outcome
 from benchtool.fit.convergence import RHAT_LIMIT, TAU_LENGTHS, Convergence, convergence_of
@@ -18,7 +18,6 @@ from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.problem import Problem
 from benchtool.fit.sampling import IslandStretch, log_probability, start_walkers
 
-Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
 """progress(steps done, steps expected): called now and then."""
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.column_source import ColumnSource
 from benchtool.core.counted import counted
 from benchtool.core.errors import InputError
@@ -27,9 +28,6 @@ from benchtool.fit.recipe import Recipe
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.model_file import LoadedModel, load_model, read_columns
 from benchtool.physics.rotor_count import refuse_other_rotors
-
-Array = NDArray[np.float64]
-
 
 FAR_Z_OVER_R = 9.0
 """Beyond it eq. (4) leaves less than one per cent; the tables of the literature end at 5 to 6."""

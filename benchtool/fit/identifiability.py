@@ -9,14 +9,12 @@ from numpy.typing import NDArray
 from scipy.linalg import cholesky
 from scipy.optimize import lsq_linear
 
+from benchtool.core.array import Array
 from benchtool.core.fit_result import FitResult
 from benchtool.fit.jacobian import PART, spread_of, way_for
 from benchtool.fit.problem import Problem
 from benchtool.fit.solve import row_jacobian
 from benchtool.physics.catalogue import EFFECTS
-
-Array = NDArray[np.float64]
-
 
 INFLATION = 5.0
 """Parameters are confused when the others make a standard deviation this many times larger than

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import chdtri, ndtri, stdtrit
 
+from benchtool.core.array import Array
 from benchtool.core.fit_result import Estimate
 from benchtool.core.parameter import Parameter
-
-Array = NDArray[np.float64]
 
 PROBABILITIES = (0.6827, 0.95)
 """The 68 % interval is one standard deviation of a normal distribution."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.errors import EstimationError, UnknownChoice
 from benchtool.core.fit_result import Estimate, FitResult, Outcome
 from benchtool.fit.interval import around, half_widths
@@ -14,8 +14,6 @@ from benchtool.fit.jacobian import Spread, spread_of
 from benchtool.fit.noise import Noise, fit_noise
 from benchtool.fit.problem import Problem
 from benchtool.fit.solve import LOSSES, Loss, Solution, solve
-
-Array = NDArray[np.float64]
 
 SAME_COST = 1e-6
 """Two starts found the same minimum when their costs differ by less than this part."""

@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.parameter import Parameters
 from benchtool.fit.problem import IntArray, Problem
@@ -18,7 +18,6 @@ from benchtool.physics.model import Model
 from benchtool.physics.prepared import Prepared
 from benchtool.physics.tolerances import with_tolerances
 
-Array = NDArray[np.float64]
 BASES: tuple[Basis, ...] = get_args(Basis)
 
 SAME_DISTANCE_M = 1e-3

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.errors import InputError
 from benchtool.core.own_code import CodePermit, refuse_code
 from benchtool.core.rig import Rig
@@ -16,8 +16,6 @@ from benchtool.data.run.run_rig import differences
 from benchtool.fit.result_file import read_result
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import load_model
-
-Array = NDArray[np.float64]
 
 DRAWS = 400
 """Parameter draws behind a band."""

@@ -18,11 +18,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.errors import InputError
 from benchtool.core.parameter import Parameter, Parameters
 from benchtool.fit.prior import JointPrior, PriorRows, prior_rows
 
-Array = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
 Predict = Callable[[Any], Any]

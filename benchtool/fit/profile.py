@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from benchtool.core.errors import EstimationError
@@ -20,8 +19,6 @@ from benchtool.fit.interval import half_widths
 from benchtool.fit.jacobian import Way
 from benchtool.fit.problem import Problem
 from benchtool.fit.solve import solve
-
-Array = NDArray[np.float64]
 
 FAR = 64.0
 """An end farther than this many standard deviations counts as not there."""

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc, ndtr, stdtr
 
-Array = NDArray[np.float64]
+from benchtool.core.array import Array
 
 UNLIKELY = 1e-3
 """A chance below this is reported."""

@@ -8,14 +8,12 @@ from typing import Any
 import numpy as np
 from emcee.moves import Move
 from emcee.state import State
-from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.errors import EstimationError
 from benchtool.core.fit_result import FitResult
 from benchtool.core.parameter import Parameter
 from benchtool.fit.problem import NOISE_SCALE, Problem
-
-Array = NDArray[np.float64]
 
 LogProbability = Callable[[Array], Array]
 

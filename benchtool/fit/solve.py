@@ -7,14 +7,13 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from benchtool.core.array import Array
 from benchtool.core.errors import EstimationError
 from benchtool.fit.jacobian import RANK_LIMIT, Way, central_differences, complex_step, way_for
 from benchtool.fit.problem import Problem
 
-Array = NDArray[np.float64]
 Loss = Literal["linear", "soft_l1", "huber"]
 LOSSES: tuple[Loss, ...] = ("linear", "soft_l1", "huber")
 

@@ -7,13 +7,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.errors import InputError
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
 from benchtool.physics.coverage import plate_coverages
 from benchtool.physics.rotor import speed_from_pwm
-
-Array = NDArray[np.float64]
 
 FAR_AWAY_M = 1e6
 """Plate distance that stands for no plate at all; its images vanish to rounding."""

@@ -11,12 +11,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.errors import InputError
 from benchtool.physics.expression import Quantity, expression
-
-Array = NDArray[np.float64]
 
 WRENCH = ("thrust_N", "roll_Nm", "pitch_Nm", "yaw_Nm")
 """The mixer's rows in order: T, tau_phi, tau_theta, tau_psi of eq. (9)."""

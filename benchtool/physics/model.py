@@ -13,8 +13,8 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.parameter import Parameter, Parameters, Prior, full_name
 from benchtool.core.rig import Rig
@@ -25,9 +25,6 @@ from benchtool.physics.disc_thrust import DiscThrust, disc_thrust, owned
 from benchtool.physics.effects.effect import NO_FLOW, Effect, Flow, Quantity
 from benchtool.physics.fold import Hook, chained
 from benchtool.physics.wake_rules import WAKE_RULES
-
-Array = NDArray[np.float64]
-
 
 OWN_IMAGES = "rotor_images"
 """Eq. (2), the effect that every model starts with and every old model file means."""

@@ -12,8 +12,8 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.disc_thrust import owned
 from benchtool.physics.effects.effect import Flow, Quantity
@@ -21,7 +21,6 @@ from benchtool.physics.fold import chained
 from benchtool.physics.images import image_velocity
 from benchtool.physics.model import Model
 
-Array = NDArray[np.float64]
 Images = list[tuple[float, Quantity]]
 """(distance, summed source) of images that blow together."""
 

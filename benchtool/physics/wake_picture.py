@@ -15,9 +15,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from benchtool.core.array import Array
 
 SHEET_OVER_INDUCED = 2.0
 """Strength of a slipstream's vortex sheet over v_h: the jump from still air to the far wake."""

@@ -13,8 +13,8 @@ from functools import partial
 from math import cos, inf, sin
 
 import numpy as np
-from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.report.flight.report import fly_each, table_lines
 from benchtool.report.panels import spans
 from benchtool.report.preview import (
@@ -34,8 +34,6 @@ from benchtool.simulate.flight.setup import FlightSetup
 from benchtool.simulate.flight.study import Flown, fly_and_measure, name_of, verdict
 from benchtool.simulate.flight.warnings import warnings_of
 from benchtool.simulate.in_order import results_in_order
-
-Array = NDArray[np.float64]
 
 MARGIN_M = 2.5
 """How much of the surroundings is drawn beyond both ends of the way."""

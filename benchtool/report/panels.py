@@ -13,10 +13,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.units import from_si
 from benchtool.report.palette import BLACK, CYCLE, GREY, PALE
-
-Array = NDArray[np.float64]
 
 OVER = "#bfe3c8"
 """Background while a rotor is over a surface, as in the paper's figures 26 to 28."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 import time
 
 import numpy as np
-from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.physics.conditions import Conditions
 from benchtool.report.flight.pitch_study import (
     PitchStudy,
@@ -27,8 +27,6 @@ from benchtool.report.preview import (
 from benchtool.report.side_view import Scene, Surface
 from benchtool.simulate.pitch.result import PitchRun
 from benchtool.simulate.pitch.setup import PitchSetup
-
-Array = NDArray[np.float64]
 
 PITCH_LABEL = "pitch [deg], nose down +"
 

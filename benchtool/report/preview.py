@@ -5,12 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
+from benchtool.core.array import Array
 from benchtool.report.side_view import Scene
-
-Array = NDArray[np.float64]
 
 Role = Literal["shown", "away", "wanted", "goal"]
 """What a curve is: the run, the same out of ground effect, what was asked for, where it should

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.rig import Rig
 from benchtool.physics import VALIDITY_Z_OVER_R
 from benchtool.physics.conditions import Conditions
@@ -20,8 +21,6 @@ from benchtool.physics.model import Model
 from benchtool.report.palette import GREY, LOOKS, Role
 from benchtool.report.panels import DASHED, points
 from benchtool.report.style import ratio_label
-
-Array = NDArray[np.float64]
 
 _DASHES: dict[str, Any] = {"fit": "-", "formula": DASHED, "other": (0, (1.2, 1.6))}
 _BAND_ALPHA = {68: 0.30, 95: 0.13}

@@ -8,12 +8,10 @@ from itertools import product
 from math import isfinite, prod
 
 import numpy as np
-from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.counted import counted
 from benchtool.core.errors import InputError
-
-Array = NDArray[np.float64]
 
 MOST_RUNS = 10_000_000
 """About an hour of pitch runs; a slip of the keys asks for more. A choice."""

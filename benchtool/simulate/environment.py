@@ -15,12 +15,10 @@ from math import inf, isfinite
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.errors import InputError
 from benchtool.simulate.flight.height_grid import DiscGrid, HeightGrid
-
-Array = NDArray[np.float64]
 
 ALWAYS = (-1e9, -1e9, 1e9, 1e9)
 """Times of a block that never moves: begins to come, is there, begins to go, is gone: s."""

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.simulate.imperfections import Imperfections
 from benchtool.simulate.sensor import due
-
-Array = NDArray[np.float64]
 
 COUNT_TOP = 2**23
 """Counts of a 24-bit two's complement converter end here (HX711 data sheet, Avia Semiconductor)."""

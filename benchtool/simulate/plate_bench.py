@@ -7,8 +7,8 @@ seed gives the same readings, so a run can be repeated and a long settling costs
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.channel import Channel
 from benchtool.core.errors import InputError
 from benchtool.core.rig import Rig
@@ -21,8 +21,6 @@ from benchtool.simulate.plate_motion import TILT_FEED_RAD_S, Axis
 from benchtool.simulate.powertrain import Powertrain, Run
 from benchtool.simulate.sensor import Reader
 from benchtool.simulate.truth import Place, TrueThrust, motor_lag_s, speed_change
-
-Array = NDArray[np.float64]
 
 SLOW_HZ = 10.0
 """Rate of ESC temperature readings; an assumption, telemetry of hobby ESCs is about as fast."""

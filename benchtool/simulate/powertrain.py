@@ -6,12 +6,10 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.rig import Propulsion
 from benchtool.simulate.battery import Battery
-
-Array = NDArray[np.float64]
 
 HOLD_S = 0.05
 """The voltage that sets the commanded speeds is held this long: shorter than any pack changes,

@@ -6,8 +6,8 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.rig import Rig
 from benchtool.physics import VALIDITY_Z_OVER_R
 from benchtool.physics.conditions import Conditions, plate_coverage
@@ -17,8 +17,6 @@ from benchtool.physics.fold import chained
 from benchtool.physics.model import Model
 from benchtool.simulate.play import Play
 from benchtool.simulate.powertrain import SpeedChange
-
-Array = NDArray[np.float64]
 
 WELL_CLEAR = 4.0
 """Plate distance over R beyond which no tilt or offset of a rig brings a disc near the limit."""

@@ -7,7 +7,6 @@ from math import inf, isfinite
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchtool.bench.mavlink.messages import ESC_STATUS
 from benchtool.bench.mavlink.pilots import (
@@ -18,8 +17,7 @@ from benchtool.bench.mavlink.pilots import (
     MOTORS_OF_FRAME,
 )
 from benchtool.bench.serial.hello import Hello
-
-Array = NDArray[np.float64]
+from benchtool.core.array import Array
 
 AUTOPILOTS = {"ardupilot": 3, "px4": 12}
 """MAV_AUTOPILOT of what can be imitated, by name."""

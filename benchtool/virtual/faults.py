@@ -13,6 +13,7 @@ from math import inf
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.channel import Channel
 from benchtool.core.errors import InputError, StageError, UnknownChoice
 from benchtool.virtual.firmware import Plant
@@ -195,9 +196,6 @@ class LinkFaults:
 
 def _now(fault: Delay | Silence | Unplug | Stuck | OverThrust, since_s: float) -> bool:
     return fault.at_s <= since_s < fault.at_s + fault.for_s
-
-
-Array = NDArray[np.float64]
 
 
 class FaultyPlant:

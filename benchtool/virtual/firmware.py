@@ -30,10 +30,9 @@ from benchtool.bench.serial.commands import (
     text_of,
 )
 from benchtool.bench.serial.hello import Hello
+from benchtool.core.array import Array
 from benchtool.core.channel import Channel
 from benchtool.core.errors import BenchtoolError
-
-Array = NDArray[np.float64]
 
 MAX_RATE_HZ = 5000.0
 """Fastest stream that a device accepts; a guess at what a small microcontroller can print."""

@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.channel import Channel
 from benchtool.core.errors import InputError, StageError
 from benchtool.core.schedule import PARKED_M, Schedule
@@ -20,8 +21,6 @@ from benchtool.simulate.own_controller import made
 from benchtool.simulate.pitch import records as r
 from benchtool.simulate.pitch.own import PitchController, own_ticks
 from benchtool.simulate.pitch.run import PitchJob, PitchLoop
-
-Array = NDArray[np.float64]
 
 HOLD_S = 2.0
 """Behind its end a schedule holds; its last values stand in a block of this length. A choice."""

@@ -10,7 +10,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchtool.bench.address import Address
 from benchtool.bench.bench import Identity, Opened, Readings
@@ -27,6 +26,7 @@ from benchtool.bench.serial.commands import (
     TareDevice,
 )
 from benchtool.bench.serial.hello import Hello
+from benchtool.core.array import Array
 from benchtool.core.errors import CommandRefused, DeviceStopped, InputError, LinkLost, StageError
 from benchtool.core.rig import Rig
 from benchtool.core.rig_file import rig_named
@@ -48,7 +48,6 @@ from benchtool.virtual.pitch_plant import PitchBenchPlant
 if TYPE_CHECKING:
     from benchtool.virtual.pitch_plant import PitchBenchPlant
 
-Array = NDArray[np.float64]
 
 MOVE_STEP_S = 0.1
 """While the plate moves, time passes in steps of this length, to stop soon after it has arrived."""

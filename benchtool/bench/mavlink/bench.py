@@ -12,7 +12,6 @@ from collections import Counter
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchtool.bench.address import Address
 from benchtool.bench.bench import Identity, Listener, Opened, ReadAhead, Readings
@@ -53,10 +52,9 @@ from benchtool.bench.mavlink.streams import (
     switch_off_others,
 )
 from benchtool.bench.transport.transport import Transport
+from benchtool.core.array import Array
 from benchtool.core.channel import Channel
 from benchtool.core.errors import BenchError, InputError, LinkLost, StageError
-
-Array = NDArray[np.float64]
 
 TARE_S = 1.0
 """A tare takes the mean of the load cell over so long (bench time); a choice: 80 readings."""

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from benchtool.bench.mavlink.frames import BootTime, CompanionTime
 from benchtool.bench.mavlink.messages import Message
 from benchtool.bench.mavlink.settings import DOWN, Wiring, channels_of
-
-Array = NDArray[np.float64]
+from benchtool.core.array import Array
 
 UNKNOWN_U16 = 65535
 """What batteries say of a voltage that nobody measures."""

@@ -13,9 +13,8 @@ from benchtool.bench.clocks import DeviceClock
 from benchtool.bench.identify import kind_of
 from benchtool.bench.mavlink.link import MavlinkLink
 from benchtool.bench.transport.transport import Transport
+from benchtool.core.array import Array
 from benchtool.core.errors import NoDevice, ProtocolError, StageError
-
-Array = NDArray[np.float64]
 
 FIRST_S = 5.0
 """A board that resets when its port opens has booted by then; as for the hello of a bench."""

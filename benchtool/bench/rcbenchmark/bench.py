@@ -12,7 +12,6 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchtool.bench.address import Address
 from benchtool.bench.bench import Identity, Listener, Opened, ReadAhead, Readings
@@ -21,6 +20,7 @@ from benchtool.bench.rcbenchmark.lines import PULSE, BridgeHello, BridgeLine, St
 from benchtool.bench.rcbenchmark.link import BridgeLink, RcbSettings, rcb_settings_of
 from benchtool.bench.transport.sockets import UdpSocket
 from benchtool.bench.transport.transport import Transport
+from benchtool.core.array import Array
 from benchtool.core.channel import Channel, unit_told_by
 from benchtool.core.errors import (
     BenchError,
@@ -30,8 +30,6 @@ from benchtool.core.errors import (
     LinkLost,
     StageError,
 )
-
-Array = NDArray[np.float64]
 
 LEARN_S = 0.6
 """Readings are listened to for so long on opening (wall time): which channels live, how often."""

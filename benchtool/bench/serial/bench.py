@@ -12,7 +12,6 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchtool.bench.address import Address
 from benchtool.bench.bench import Identity, Listener, Opened, ReadAhead, Readings
@@ -35,6 +34,7 @@ from benchtool.bench.serial.conversation import Conversation
 from benchtool.bench.serial.hello import Hello
 from benchtool.bench.transport.sockets import TcpSocket
 from benchtool.bench.transport.transport import Transport
+from benchtool.core.array import Array
 from benchtool.core.errors import (
     BenchError,
     CommandRefused,
@@ -45,8 +45,6 @@ from benchtool.core.errors import (
     ProtocolError,
     StageError,
 )
-
-Array = NDArray[np.float64]
 
 DEFAULT_BAUD = 2_000_000
 """Rate of an address that names none: what the protocol's description recommends."""

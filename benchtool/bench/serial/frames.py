@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from benchtool.bench.bench import Readings
 from benchtool.bench.clocks import DeviceClock
 from benchtool.bench.serial.commands import Command, RequestHello, fields_of
-
-Array = NDArray[np.float64]
+from benchtool.core.array import Array
 
 CRC_START = 0xFFFF
 """Start value of CRC-16/CCITT-FALSE (polynomial 0x1021, no reflection, no final xor)."""

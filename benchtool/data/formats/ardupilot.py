@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.counted import counted
 from benchtool.data.formats.dataflash import read_dataflash
 from benchtool.data.formats.dataflash_text import read_text_log
@@ -22,8 +23,6 @@ from benchtool.data.formats.flight_log import (
 )
 from benchtool.data.formats.motor_channels import ardupilot_motors, logged_motors
 from benchtool.data.repairs.imported import Finding, Imported, Options
-
-Array = NDArray[np.float64]
 
 WANTED = frozenset(
     {

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.counted import counted
 from benchtool.data.repairs.imported import Finding
 
-Array = NDArray[np.float64]
 Positions = NDArray[np.intp]
 
 HEAD = b"\xa3\x95"

@@ -9,13 +9,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.channel import Channel, unit_told_by
 from benchtool.core.counted import counted
 from benchtool.core.errors import FileFormatError
 from benchtool.core.recording import Recording
 from benchtool.data.repairs.imported import Finding, Imported, Tally
-
-Array = NDArray[np.float64]
 
 Scales = Mapping[str, tuple[str, float]]
 """Channel name, and the field that it is read from with what multiplies it there."""

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.counted import counted
 from benchtool.core.errors import FileFormatError
 from benchtool.data.formats.autopilot_clock import AutopilotClock
@@ -26,8 +27,6 @@ from benchtool.data.formats.flight_log import (
 from benchtool.data.formats.mavlink_walk import Frame, walk_tlog
 from benchtool.data.formats.motor_channels import ardupilot_motors, logged_motors
 from benchtool.data.repairs.imported import Finding, Imported, Options
-
-Array = NDArray[np.float64]
 
 _ESC_GROUPS = ("1_TO_4", "5_TO_8", "9_TO_12")
 WANTED = (

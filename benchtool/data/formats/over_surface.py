@@ -8,14 +8,12 @@ from dataclasses import replace
 from math import isfinite
 
 import numpy as np
-from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.channel import Channel
 from benchtool.core.counted import counted
 from benchtool.core.errors import InputError
 from benchtool.data.repairs.imported import Finding, Imported, Window
-
-Array = NDArray[np.float64]
 
 _ROTOR = re.compile(r"(?:pwm|rpm|motor)(\d+)(?:_us|_share)?")
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.counted import counted
 from benchtool.core.errors import FileFormatError
 from benchtool.data.formats.flight_log import (
@@ -28,7 +29,6 @@ from benchtool.data.formats.motor_channels import logged_motors, px4_motors
 from benchtool.data.formats.ulog_walk import walk_ulog
 from benchtool.data.repairs.imported import Finding, Imported, Options
 
-Array = NDArray[np.float64]
 Topic = Mapping[str, Any]
 
 WANTED = (

@@ -10,14 +10,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.data.formats.text_table import lay_out
 from benchtool.data.repairs.foreign_units import head_of
 from benchtool.data.repairs.imported import Finding, Imported, Options
 from benchtool.data.repairs.mapped import MappedColumn, map_header, read_columns
-
-Array = NDArray[np.float64]
 
 ELECTRICAL, OPTICAL = "Motor Electrical Speed", "Motor Optical Speed"
 

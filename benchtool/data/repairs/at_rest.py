@@ -7,14 +7,12 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 import numpy as np
-from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.errors import InputError
 from benchtool.core.recording import Recording
 from benchtool.data.repairs.imported import Finding, Imported, Options
 from benchtool.data.repairs.pole_count import speed_doubts
-
-Array = NDArray[np.float64]
 
 UNTARED_SHARE = 0.015
 """Thrust at rest beyond this share of its range is doubted: a guess. Tared cells were seen to stay

@@ -6,8 +6,8 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.channel import Channel, unit_told_by
 from benchtool.core.counted import counted
 from benchtool.core.errors import FileFormatError, InputError
@@ -16,9 +16,6 @@ from benchtool.data.formats.text_table import TextTable
 from benchtool.data.repairs.foreign_units import Conversion, conversion, head_of
 from benchtool.data.repairs.imported import Finding, Imported, Tally
 from benchtool.data.repairs.numbers import numbers_of
-
-Array = NDArray[np.float64]
-
 
 AS_IT_IS = Conversion(1.0)
 

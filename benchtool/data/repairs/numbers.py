@@ -11,11 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.counted import counted
 from benchtool.data.formats.text_table import TextTable, evened
 from benchtool.data.repairs.imported import Finding, line_ranges
-
-Array = NDArray[np.float64]
 
 _BLOCK_BYTES = 1 << 20
 """What stays in a processor's cache: four times as much takes twice as long, on any thread."""

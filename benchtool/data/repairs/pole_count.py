@@ -9,12 +9,10 @@ from itertools import combinations
 from math import pi
 
 import numpy as np
-from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.recording import Recording
 from benchtool.data.repairs.imported import Finding
-
-Array = NDArray[np.float64]
 
 MOST_POLE_PAIRS = 14
 """Motors with more than 28 magnets are rare."""

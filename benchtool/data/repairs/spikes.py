@@ -8,10 +8,9 @@ from math import nan
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.counted import counted
 from benchtool.data.repairs.imported import Finding, Imported
-
-Array = NDArray[np.float64]
 
 _CHECKED = re.compile(r"rpm\d*(_optical)?|thrust_N|torque_Nm|current_A|voltage_V|theta_rad")
 _SPEED = re.compile(r"rpm\d*(_optical)?")

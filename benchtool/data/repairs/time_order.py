@@ -7,10 +7,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.counted import counted
 from benchtool.data.repairs.imported import Finding, Imported
-
-Array = NDArray[np.float64]
 
 FAR_STEPS = 10.0
 """A step back of more than this many usual steps is a new start, a smaller one a disorder: a guess

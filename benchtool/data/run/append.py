@@ -8,9 +8,7 @@ import stat
 import sys
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
+from benchtool.core.array import Array
 from benchtool.core.channel import Channel
 from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.user_file import open_file
@@ -154,9 +152,6 @@ def _read_exactly(handle: int, count: int) -> bytes:
         parts.append(part)
         count -= len(part)
     return b"".join(parts)
-
-
-Array = NDArray[np.float64]
 
 
 class SampleWriter:

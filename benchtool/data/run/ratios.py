@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.recording import Recording
 from benchtool.data.columns import code_of, speed_columns
-
-Array = NDArray[np.float64]
 
 RATIO_BASES: tuple[str, ...] = ("equal_rpm2", "equal_pwm", "equal_power")
 """What is held equal between a visit and its references."""

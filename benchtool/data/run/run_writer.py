@@ -8,9 +8,7 @@ from pathlib import Path
 from tempfile import gettempdir
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from benchtool.core.array import Array
 from benchtool.core.channel import Channel
 from benchtool.core.errors import BenchtoolError, ResourceExhausted, RunStopped
 from benchtool.core.exhausted import exhausted, exhaustion
@@ -21,8 +19,6 @@ from benchtool.data.run.interrupted import take_marked
 from benchtool.data.run.points import Point
 from benchtool.data.run.run import Run, free_path
 from benchtool.data.run.state import state_folder
-
-Array = NDArray[np.float64]
 
 
 class RunWriter:

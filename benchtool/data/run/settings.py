@@ -5,14 +5,12 @@ from __future__ import annotations
 from math import nan
 
 import numpy as np
-from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.errors import InputError
 from benchtool.core.recording import Recording
 from benchtool.data.columns import channel_called, code_of, speed_columns
 from benchtool.data.run.ratios import ratios
-
-Array = NDArray[np.float64]
 
 _MEANS: tuple[str, ...] = (
     "plate_z_m",

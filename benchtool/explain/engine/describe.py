@@ -7,13 +7,12 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.explain.engine.explanation import Disagreement
 from benchtool.explain.engine.hypotheses import Hypotheses, Hypothesis
 from benchtool.explain.engine.subject import EARLY, LATE, RowGroups, Subject
 from benchtool.explain.engine.verdict import FoundParameter, WhereShown
 from benchtool.physics.effects.effect import Effect, Subsystem
-
-Array = NDArray[np.float64]
 
 SIGMA_95 = 1.959964
 """Half of a 95 % interval in standard deviations."""

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.explain.engine.describe import (
     disagreements,
     effect_of,
@@ -21,8 +21,6 @@ from benchtool.explain.engine.subject import Subject
 from benchtool.explain.engine.verdict import Kind, NamedEffect, Nearest, NotJudged, Rivals, Verdict
 from benchtool.explain.engine.weigh import Fit, Weighed, weighed
 from benchtool.fit.identifiability import CANNOT_TELL
-
-Array = NDArray[np.float64]
 
 HOPELESS = 2.0
 """Variance left, over what the bench allows, from which a hypothesis is refused with certainty."""

@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.explain.engine.hypotheses import Hypotheses, Hypothesis
 from benchtool.explain.engine.subject import ChannelErrors, Subject
 from benchtool.explain.engine.verdict import ChannelGap
-
-Array = NDArray[np.float64]
 
 UPPER = 0.95
 """Quantile of the floor's draws that counts as the upper end of noise."""

@@ -13,15 +13,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from benchtool.core.array import Array
 from benchtool.explain.engine.subject import Evidence
 from benchtool.fit.bounded import BoundedSearch, Linearised, Minimum, Region
 from benchtool.fit.identifiability import evidence_against
-
-Array = NDArray[np.float64]
-
 
 SMALL = 1.0 / 3.0
 """Standard deviation of an effect that is there within its tolerance, in tolerances: what is said

@@ -8,14 +8,12 @@ from math import inf
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.parameter import Parameters
 from benchtool.physics.effects.effect import BenchKind
 from benchtool.physics.model import Model
 from benchtool.physics.tolerances import tolerances
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

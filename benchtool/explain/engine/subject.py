@@ -9,14 +9,12 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.explain.engine.explanation import Overlay
 from benchtool.explain.engine.parameters import ScaledParameter
 from benchtool.explain.engine.verdict import NextExperiment
 from benchtool.physics.effects.effect import BenchKind, Effect, Subsystem
 from benchtool.physics.model import Model
-
-Array = NDArray[np.float64]
-
 
 LATE, EARLY = "late in the run", "early in the run"
 """Regimes of the clock: they say less of a cause than where the plate was, or how fast it went."""

@@ -15,13 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
+from benchtool.core.array import Array
 from benchtool.core.counted import counted
 from benchtool.core.errors import InputError
 from benchtool.core.recording import Recording
 from benchtool.simulate.pitch import track as t
 from benchtool.simulate.pitch.replay import PARKED_FROM_M
-
-Array = NDArray[np.float64]
 
 Mask = NDArray[np.bool_]
 

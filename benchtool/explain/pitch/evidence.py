@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.parameter import Parameters
 from benchtool.explain.engine.parameters import ScaledParameter, effect_parameters, parameters_at
 from benchtool.explain.engine.priors import RADIUS_KNOWN, all_shape_names, with_every_effect
@@ -18,9 +19,6 @@ from benchtool.physics.effects.effect import Effect
 from benchtool.physics.model import Model
 from benchtool.simulate.pitch.bench import STEPS_PER_LAG, PitchBench, rig_sensors
 from benchtool.simulate.pitch.follow import Followed, LoggedPitch, follow
-
-Array = NDArray[np.float64]
-
 
 PLANT_HZ = 500.0
 """Least plant steps per second; a motor lag of 20 ms then takes ten of them."""

@@ -10,12 +10,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import expm, solve_discrete_are
 
+from benchtool.core.array import Array
 from benchtool.simulate.pitch.bench import PitchBench, PitchSensor
-
-Array = NDArray[np.float64]
 
 QUIET_WAKE = 1e-3
 """Standard deviation of the wake's torque over m g L where a model states none; a guess."""

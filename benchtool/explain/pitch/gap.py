@@ -14,12 +14,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.explain.pitch.filter import PitchFilter, reading_sd
 from benchtool.simulate.pitch import track as t
 from benchtool.simulate.pitch.bench import PitchBench, PitchSensor, rig_sensors
 from benchtool.simulate.pitch.follow import Followed, LoggedPitch, follow, follow_windows
-
-Array = NDArray[np.float64]
 
 CHANNELS = ("theta_rad", "gyro_rad_s", "rpm")
 """What a gap is reported for."""

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 from scipy.signal import savgol_filter
 
+from benchtool.core.array import Array
 from benchtool.core.errors import InputError
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
@@ -30,8 +31,6 @@ from benchtool.physics.rotor_count import refuse_other_rotors
 from benchtool.simulate.pitch import track as t
 from benchtool.simulate.pitch.follow import LoggedPitch
 from benchtool.simulate.pitch.replay import PARKED_FROM_M
-
-Array = NDArray[np.float64]
 
 PLATE_SMOOTHING_S = 0.2
 """Width of the median over plate readings: a plate moves slowly and its sensor is noisy, and near

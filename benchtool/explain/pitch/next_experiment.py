@@ -10,9 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-import numpy as np
-from numpy.typing import NDArray
-
+from benchtool.core.array import Array
 from benchtool.core.schedule import PlateVisit, Schedule, Signal
 from benchtool.explain.engine.hypotheses import ratio_of
 from benchtool.explain.engine.parameters import parameters_at
@@ -24,8 +22,6 @@ from benchtool.simulate.gain_file import gains_named
 from benchtool.simulate.pitch.bench import PitchBench
 from benchtool.simulate.pitch.run import PitchJob
 from benchtool.simulate.pitch.simulate import simulate_pitch
-
-Array = NDArray[np.float64]
 
 RATE_HZ = 250.0
 LENGTH_S = 30.0

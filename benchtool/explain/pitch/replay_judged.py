@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.explain.pitch.replay_track import PitchTrack
-
-Array = NDArray[np.float64]
 
 LEAST_RAD = 0.035
 """Two degrees: noise, and what a window begins with, part a right run from its log by less. A

@@ -7,15 +7,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.counted import counted
 from benchtool.core.errors import InputError
 from benchtool.core.recording import Recording
 from benchtool.core.schedule import PARKED_M
 from benchtool.simulate.pitch.replay import PARKED_FROM_M
-
-Array = NDArray[np.float64]
 
 LONGEST_GAP_S = 1.0
 """A silence of the attitude for longer is left blank, and nothing is simulated across it. As for

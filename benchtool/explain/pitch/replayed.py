@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
+from benchtool.core.array import Array
 from benchtool.core.counted import counted
 from benchtool.core.errors import InputError
 from benchtool.core.own_code import CodePermit, refuse_code
@@ -25,8 +25,6 @@ from benchtool.simulate.pitch.bench import PitchBench
 from benchtool.simulate.pitch.follow import LoggedPitch, follow_windows
 from benchtool.simulate.pitch.run import PitchJob
 from benchtool.simulate.pitch.simulate import simulate_pitch
-
-Array = NDArray[np.float64]
 
 WINDOW_S = 1.0
 """How long the plant runs free under logged pulses before it starts anew from the readings. Over a

@@ -7,15 +7,13 @@ mend, before anything is named.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
+from benchtool.core.array import Array
 from benchtool.core.errors import InputError
 from benchtool.core.rig import Rig
 from benchtool.physics.mixer import pitch_moment_Nm
 from benchtool.simulate.pitch.follow import LoggedPitch
-
-Array = NDArray[np.float64]
 
 STEEPEST_RAD = 1.6
 """No beam on a hinge turns farther; an angle in degrees does at once."""

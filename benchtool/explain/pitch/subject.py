@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.explain.engine.explanation import Overlay
 from benchtool.explain.engine.subject import ChannelErrors
 from benchtool.explain.engine.verdict import NextExperiment
@@ -25,8 +25,6 @@ from benchtool.explain.pitch.log import PitchLog
 from benchtool.explain.pitch.next_experiment import next_pitch_experiment
 from benchtool.physics.effects.effect import BenchKind, Effect
 from benchtool.physics.model import Model
-
-Array = NDArray[np.float64]
 
 WINDOWS_S = (0.25, 0.5, 1.0)
 """Lengths that a prediction may have, the shortest first. The plant is predictable over a window

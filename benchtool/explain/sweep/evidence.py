@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.parameter import Parameter
 from benchtool.explain.engine.parameters import ScaledParameter, effect_parameters
 from benchtool.explain.engine.priors import all_shape_names, known_prior, with_every_effect
@@ -16,8 +17,6 @@ from benchtool.physics.catalogue import candidates
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.effects.effect import Effect
 from benchtool.physics.model import Model
-
-Array = NDArray[np.float64]
 
 
 def noise_root(se_N: Array, stay: NDArray[np.intp], by_place_N: Array) -> Array:

@@ -13,11 +13,10 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.explain.engine.subject import ChannelErrors
 from benchtool.explain.sweep.evidence import SweepEvidence
 from benchtool.explain.sweep.log import SweepLog
-
-Array = NDArray[np.float64]
 
 RPM = 30.0 / np.pi
 STEP = 0.05

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.counted import counted
 from benchtool.core.errors import InputError
 from benchtool.core.recording import Recording
@@ -18,8 +19,6 @@ from benchtool.explain.sweep.power import Power, power_of
 from benchtool.physics.conditions import FAR_AWAY_M, SAME_PLACE, Conditions
 from benchtool.physics.model import Model
 from benchtool.physics.rotor_count import refuse_other_rotors
-
-Array = NDArray[np.float64]
 
 Mask = NDArray[np.bool_]
 

@@ -13,8 +13,8 @@ from itertools import product
 
 import numpy as np
 import tomli_w
-from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.rig import Rig
 from benchtool.explain.engine.hypotheses import ratio_of
 from benchtool.explain.engine.verdict import NextExperiment
@@ -22,9 +22,6 @@ from benchtool.explain.sweep.evidence import SweepEvidence
 from benchtool.explain.sweep.log import SweepLog, stays_of
 from benchtool.physics.conditions import FAR_AWAY_M, Conditions, load_directions
 from benchtool.physics.rotor import speed_from_pwm
-
-Array = NDArray[np.float64]
-
 
 VISIT_S, MOVE_S, TARE_S = 5.0, 3.0, 6.0
 """Usual spans of a sweep: a level settled and sampled, the plate moved, a tare; guesses."""

@@ -11,10 +11,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig, Sensor
 
-Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 FIRST_VISITS = 2

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.recording import Recording
 from benchtool.explain.engine.explanation import Overlay
 from benchtool.explain.engine.subject import ChannelErrors
@@ -19,9 +20,6 @@ from benchtool.explain.sweep.next_experiment import next_sweep_experiment
 from benchtool.explain.sweep.power import Power
 from benchtool.physics.effects.effect import BenchKind, Effect
 from benchtool.physics.model import Model
-
-Array = NDArray[np.float64]
-
 
 CLOSED_ENOUGH = 0.8
 """An effect whose law is a little off leaves more than noise of a great gap; one that is not the

@@ -7,7 +7,6 @@ from collections.abc import Mapping
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from benchtool.explain.answer import Answer, channel_words
 from benchtool.explain.engine.explanation import Disagreement
@@ -16,8 +15,6 @@ from benchtool.report.figure import figure
 from benchtool.report.numbers import unit_for_people, value_with_sd
 from benchtool.report.palette import BLACK, BLUE, GREY, ORANGE, PALE
 from benchtool.report.panels import named_rows, rows_of
-
-Array = NDArray[np.float64]
 
 BEFORE, AFTER = ORANGE, BLUE
 """Colours of a model before and after something was added."""

@@ -8,16 +8,14 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.explain.answer import Answer, channel_words
 from benchtool.explain.engine.explanation import Overlay
 from benchtool.report.answer.figures import AFTER, BEFORE
 from benchtool.report.figure import figure
 from benchtool.report.palette import BLACK, PALE
 from benchtool.report.panels import legend_below, rows_of, spread
-
-Array = NDArray[np.float64]
 
 AXES = {"time_s": "time [s]", "z_over_R": "$z/R$ [–]"}
 """Labels of what an overlay is drawn against."""

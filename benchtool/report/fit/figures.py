@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.units import from_si
 from benchtool.data.columns import code_of
 from benchtool.fit.fit_data import FAR_Z_OVER_R
@@ -29,8 +30,6 @@ from benchtool.report.ratio import (
     factor_over,
     formula_curves,
 )
-
-Array = NDArray[np.float64]
 
 LINE_POINTS = 120
 

@@ -10,8 +10,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import ScalarFormatter
-from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.fit_result import FitResult
 from benchtool.fit.convergence import convergence_of
 from benchtool.fit.run_recipe import FitOutput
@@ -19,8 +19,6 @@ from benchtool.report.figure import figure
 from benchtool.report.numbers import unit_for_people, value_with_sd
 from benchtool.report.palette import BLUE, CYCLE, VERMILION
 from benchtool.report.panels import rows_of
-
-Array = NDArray[np.float64]
 
 SIGMAS_2D = (1.0, 2.0)
 """Contours at one and two standard deviations of a plane normal: 39 % and 86 % of the draws."""

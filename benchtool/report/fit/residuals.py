@@ -10,13 +10,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.fit.run_recipe import FitOutput
 from benchtool.physics.conditions import FAR_AWAY_M
 from benchtool.report.figure import figure
 from benchtool.report.palette import BLUE, GREY, ORANGE, VERMILION
 from benchtool.report.panels import points, spread
-
-Array = NDArray[np.float64]
 
 
 def standardised(fit: FitOutput) -> Array:

@@ -12,6 +12,7 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.errors import InputError
 from benchtool.data.run.campaign import campaign_batches
 from benchtool.report.figure import Page, figure
@@ -20,8 +21,6 @@ from benchtool.report.panels import ticks_at
 from benchtool.report.style import WIDTH_IN
 from benchtool.simulate.campaign import Campaign
 from benchtool.simulate.design import Design, Vary
-
-Array = NDArray[np.float64]
 
 MOST_ROWS, MOST_COLUMNS = 6, 5
 """Panels that a figure takes; with more, the mean over the third number is drawn."""

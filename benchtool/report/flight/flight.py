@@ -9,14 +9,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.report.figure import Page, figure
 from benchtool.report.palette import BLUE, GREEN, GREY, VERMILION
 from benchtool.report.panels import DASHED, DOTTED, OVER, spans
 from benchtool.simulate.flight.study import Flown, name_of, obstacle_extent, verdict
-
-Array = NDArray[np.float64]
 
 
 def flights_width(columns: int) -> float:

@@ -8,15 +8,13 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.report.figure import Page, figure
 from benchtool.report.flight.pitch_study import PitchStudy
 from benchtool.report.palette import BLUE, GREY, VERMILION
 from benchtool.report.panels import legend_below, rows_of, shade, spans
 from benchtool.simulate.pitch.result import PitchRun
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -11,8 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.colors import TwoSlopeNorm
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
-from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.rig import Rig
 from benchtool.physics.body_lift import quad_body_lift_factor
 from benchtool.physics.images import quad_factor, single_rotor_factor, three_rotor_average_factor
@@ -25,8 +25,6 @@ from benchtool.report.paper.flights import Flies
 from benchtool.report.ratio import Curve, draw_ratio
 from benchtool.simulate.flight.rigid_body import GRAVITY_M_S2
 from benchtool.simulate.pitch.attitude import READINGS, hover_authority_Nm, restoring_moment
-
-Array = NDArray[np.float64]
 
 K_B = 2.0
 """Body lift coefficient of the paper's figure 6."""

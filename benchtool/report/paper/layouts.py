@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.errors import InputError
 from benchtool.fit.recipe import read_recipe
 from benchtool.fit.run_recipe import FitOutput, run_recipe
@@ -20,7 +20,6 @@ from benchtool.report.page import FigureBlock
 from benchtool.report.palette import Role
 from benchtool.report.ratio import Curve, RatioPoints, draw_ratio, factor_over
 
-Array = NDArray[np.float64]
 Fits = Mapping[str, FitOutput]
 
 PAPER_K_B = 2.0

@@ -14,8 +14,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.schedule import PARKED_M
 from benchtool.explain.pitch.replay_track import PitchTrack
 from benchtool.explain.pitch.replayed import Beside, Replay
@@ -23,8 +23,6 @@ from benchtool.report.figure import figure
 from benchtool.report.palette import BLACK, BLUE, GREY, VERMILION
 from benchtool.report.panels import OVER, broken_line, rotor_color, rotor_legend, rows_of, shade
 from benchtool.report.replay.recorded import Recorded
-
-Array = NDArray[np.float64]
 
 CLOSER_S = 5.0
 """How much before and after a green stretch a closer look shows."""

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchtool import __version__
+from benchtool.core.array import Array
 from benchtool.data.run.run_rig import rig_of_data
 from benchtool.explain.pitch.replay_judged import on_log_clock
 from benchtool.explain.pitch.replay_track import PitchTrack, pitch_track
@@ -19,8 +19,6 @@ from benchtool.report.page import Block, Commands, Report, Section, Table, Warni
 from benchtool.report.replay.figures import ReplayedLog
 from benchtool.report.replay.recorded import Recorded, read_recorded, sections_behind
 from benchtool.report.replay.stand import STAND, stand_summary
-
-Array = NDArray[np.float64]
 
 
 def recording_page(path: Path, beside: Beside, commands: Sequence[str] = ()) -> Report:

@@ -11,6 +11,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.fit.nominal import NominalModel
 from benchtool.report.figure import figure
 from benchtool.report.palette import CYCLE, GREY, Role
@@ -28,8 +29,6 @@ from benchtool.report.ratio import (
     values_at,
 )
 from benchtool.report.sweep.run import SweepRun
-
-Array = NDArray[np.float64]
 
 BASES = {"equal_rpm2": "equal rpm²", "equal_pwm": "equal pwm"}
 

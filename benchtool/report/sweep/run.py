@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
@@ -22,8 +23,6 @@ from benchtool.data.run.run import Run
 from benchtool.data.run.run_rig import run_rig
 from benchtool.data.run.settings import aggregate
 from benchtool.fit.nominal import NominalModel
-
-Array = NDArray[np.float64]
 
 FILES = (
     "plan.toml",

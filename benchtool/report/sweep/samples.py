@@ -11,6 +11,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.errors import FileFormatError
 from benchtool.core.parsed_text import parse_toml
 from benchtool.core.recording import Recording
@@ -30,8 +31,6 @@ from benchtool.report.panels import (
     spread,
 )
 from benchtool.report.sweep.run import SweepRun
-
-Array = NDArray[np.float64]
 
 KIND_COLORS = {"measure": BLUE, "reference": GREEN, "anchor": ORANGE, "tare": GREY}
 """Shading of the windows in which points were taken; any other kind is shaded purple."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 from math import isfinite
 
 import numpy as np
-from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.counted import counted
 from benchtool.core.recording import Recording
 from benchtool.data.columns import speed_columns
@@ -14,8 +14,6 @@ from benchtool.report.numbers import value_with_sd
 from benchtool.report.page import Block, Paragraph, Table
 from benchtool.report.sweep.figures import BASES, ERRORS
 from benchtool.report.sweep.run import SweepRun
-
-Array = NDArray[np.float64]
 
 SHOWN_EVENTS = 60
 """Events in the table; a run with more has them all in its events.jsonl."""

@@ -15,12 +15,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.errors import InputError
 from benchtool.physics.expression import Quantity, expression
-
-Array = NDArray[np.float64]
 
 COMPONENTS = ("force_x_N", "force_y_N", "force_z_N", "roll_Nm", "pitch_Nm", "yaw_Nm")
 """The six components of the estimate, as in eq. (12)."""

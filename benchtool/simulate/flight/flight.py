@@ -7,8 +7,8 @@ from math import inf, isfinite
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.simulate.controllers.cascade import PositionLoop
 from benchtool.simulate.controllers.pid import AttitudePid
@@ -31,8 +31,6 @@ from benchtool.simulate.flight.law import AT_X, AT_Y, DISC, N_MEMORY, N_SEEN, La
 from benchtool.simulate.flight.rigid_body import at_rest
 from benchtool.simulate.flight.vehicle import FlightVehicle
 from benchtool.simulate.gain_file import Gains
-
-Array = NDArray[np.float64]
 
 FlightControl = Literal["pid", "observer", "feedforward", "both"]
 Ending = Literal["flown", "struck", "lost"]

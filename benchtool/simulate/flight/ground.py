@@ -12,8 +12,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.physics.body_lift import body_images, body_term
 from benchtool.physics.coverage import half_plane_coverage, rectangle_coverage
 from benchtool.physics.expression import Quantity, loop_part
@@ -27,8 +27,6 @@ from benchtool.physics.wake_rules import (
     product_weight,
 )
 from benchtool.simulate.environment import Tables
-
-Array = NDArray[np.float64]
 
 RULES = ("notes", "full", "mean", "product", "pairs")
 """The wake rules in the order of their numbers here."""

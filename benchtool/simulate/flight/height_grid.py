@@ -13,9 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.errors import InputError
-
-Array = NDArray[np.float64]
 
 SAMPLES = 199
 """Points of a disc that are looked at: areas come out within about 1 %."""

@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.physics.expression import compiled, loop_part
 from benchtool.physics.rotor import drag_torque_Nm, ground_effect_thrust_N
 from benchtool.simulate.environment import Tables
@@ -41,7 +42,6 @@ from benchtool.simulate.flight.rigid_body import (
     yaw_of,
 )
 
-Array = NDArray[np.float64]
 Plan = NDArray[np.int64]
 
 GOING, STRUCK, LOST = 0, 1, 2

@@ -14,8 +14,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.physics.expression import Quantity, loop_part
 from benchtool.physics.rotor import speed_from_thrust
 from benchtool.simulate.controllers.cascade import (
@@ -39,8 +39,6 @@ from benchtool.simulate.controllers.pid import (
 from benchtool.simulate.environment import Tables
 from benchtool.simulate.flight.ground import FACTOR, Discs, look_down
 from benchtool.simulate.flight.rigid_body import pitch_of, roll_of, yaw_of
-
-Array = NDArray[np.float64]
 
 N_MEMORY = 30
 """Velocity command (2), velocity integral (2), climb integral, observer's z (6), attitude integrals

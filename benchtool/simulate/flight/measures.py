@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.simulate.flight.flight import Ending, Flight
-
-Array = NDArray[np.float64]
 
 NEAR_M = 0.05
 """A flight has arrived when it stays this near to its goal (notes, section 3.3)."""

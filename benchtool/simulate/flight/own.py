@@ -6,8 +6,8 @@ from math import inf, isfinite
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.errors import InputError
 from benchtool.physics.expression import compiled
 from benchtool.simulate.controllers.flight_controller import (
@@ -23,8 +23,6 @@ from benchtool.simulate.flight.kernel import AT_GOAL, ENDING, Plan, fly_period, 
 from benchtool.simulate.flight.law import COMMAND, ESTIMATE, TARGET, WRENCH, Airframe, share_out
 from benchtool.simulate.gathered import gathered, line, plane, solid
 from benchtool.simulate.own_controller import raised, unusable
-
-Array = NDArray[np.float64]
 
 WANTED = "a FlightCommand(thrust_N, roll_Nm, pitch_Nm, yaw_Nm) of finite numbers"
 

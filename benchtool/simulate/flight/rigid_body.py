@@ -14,11 +14,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.physics.expression import loop_part
-
-Array = NDArray[np.float64]
 
 X, Y, Z, VX, VY, VZ, QW, QX, QY, QZ, P, Q, R = range(13)
 """Places in the state: position m, velocity m/s, quaternion, body rates rad/s."""

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from math import cos, radians, sin
 
 import numpy as np
-from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.errors import InputError
 from benchtool.core.rig import Rig
 from benchtool.physics.body_lift import BodyDistance, centre_distances_m
@@ -17,8 +17,6 @@ from benchtool.physics.wake_rules import wake_rule
 from benchtool.simulate.flight.ground import RULES, Discs
 from benchtool.simulate.flight.law import Airframe
 from benchtool.simulate.flight.rigid_body import GRAVITY_M_S2
-
-Array = NDArray[np.float64]
 
 FLYING_EFFECTS = ("rotor_images", "neighbour_images", "body_lift")
 """Effects of a model that the flight simulator has; others belong to a bench."""

@@ -7,15 +7,13 @@ from itertools import pairwise
 from math import ceil, dist, isfinite
 
 import numpy as np
-from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.counted import counted
 from benchtool.simulate.environment import Block
 from benchtool.simulate.flight.flight import FlightCase
 from benchtool.simulate.flight.measures import NEAR_M
 from benchtool.simulate.flight.study import Flown, name_of
-
-Array = NDArray[np.float64]
 
 OF_THE_TIME = 0.8
 """Share of a flight that its way may take at the asked speed, assumed: what is left is to come to

@@ -13,15 +13,13 @@ from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.rig import Rig
 from benchtool.physics.expression import Quantity, expression
 from benchtool.physics.model import Model
 from benchtool.simulate.flight.rigid_body import GRAVITY_M_S2
-
-Array = NDArray[np.float64]
 
 BodyReading = Literal["per_rotor", "per_rotor_diagonal", "rotors_only"]
 """Body term in every rotor's thrust (b half the diagonal, or all of it), or at the centre only."""

@@ -7,14 +7,9 @@ from dataclasses import dataclass, field, fields, replace
 from math import isfinite, pi
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.rig import Rig, Sensor
 from benchtool.physics.model import Model
-
-Array = NDArray[np.float64]
 
 GRAVITY_M_S2 = 9.81
 """Acceleration of free fall, as the pitch bench's owner rounds it."""

@@ -12,11 +12,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.simulate.flight.rigid_body import GRAVITY_M_S2, from_euler, rotation_matrix
-
-Array = NDArray[np.float64]
 
 
 def rate_matrix(roll_rad: float, pitch_rad: float) -> Array:

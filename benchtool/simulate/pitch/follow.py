@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.errors import InputError
 from benchtool.core.parameter import Parameters
 from benchtool.core.schedule import SampledSchedule
@@ -16,8 +17,6 @@ from benchtool.simulate.controllers.pitch import PitchControl
 from benchtool.simulate.pitch import track as t
 from benchtool.simulate.pitch.bench import STEPS_PER_LAG, PitchBench
 from benchtool.simulate.pitch.run import PitchJob, PitchLoop
-
-Array = NDArray[np.float64]
 
 _MODE = t.Seen._fields.index("mode")
 

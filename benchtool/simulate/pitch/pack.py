@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.errors import InputError
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.effects.effect import HOOKS, Effect
@@ -16,8 +16,6 @@ from benchtool.simulate.controllers.controller import PitchPlant
 from benchtool.simulate.controllers.pitch import PitchControl
 from benchtool.simulate.pitch import records as r
 from benchtool.simulate.pitch.bench import GRAVITY_M_S2, SENSOR_NAMES, PitchBench, PitchSensor
-
-Array = NDArray[np.float64]
 
 MAX_DISCS = 8
 """What a loop takes: beyond, it compiles for minutes."""

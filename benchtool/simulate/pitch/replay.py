@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.errors import InputError
 from benchtool.core.schedule import PARKED_M, SampledSchedule
 from benchtool.simulate.controllers.pitch import PitchControl
 from benchtool.simulate.pitch.bench import PitchBench
 from benchtool.simulate.pitch.run import PitchJob, PitchLoop
-
-Array = NDArray[np.float64]
 
 PARKED_FROM_M = 0.95 * PARKED_M
 """Plate readings from here on count as parked: a noisy reading of 1.0 is no plate."""

@@ -9,6 +9,7 @@ from functools import lru_cache, partial
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.errors import InputError
 from benchtool.core.schedule import SampledSchedule
 from benchtool.physics.expression import numbers_of
@@ -23,8 +24,6 @@ from benchtool.simulate.pitch.kernel import LoopArrays
 from benchtool.simulate.pitch.loops import pitch_loops
 from benchtool.simulate.pitch.pack import geometry_of, loop_effects, pack
 from benchtool.simulate.sensor import due
-
-Array = NDArray[np.float64]
 
 PAST = 64
 """Control ticks that delayed sensors may look back."""

@@ -7,9 +7,8 @@ channels its least and greatest value, nan where none came: 3 + 2 c numbers.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from benchtool.core.array import Array
 
 HEAD = 3
 """Numbers before the channels."""

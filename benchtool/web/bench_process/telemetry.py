@@ -8,16 +8,14 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchtool.bench.bench import Identity, Readings
 from benchtool.bench.guard import GuardedBench
+from benchtool.core.array import Array
 from benchtool.core.rig import Limits, Rig
 from benchtool.web.bench_process.events import LimitShare, LiveStatus, Notice
 from benchtool.web.bench_process.frame import Decimator, merged, split
 from benchtool.web.bench_process.publisher import EventPublisher
-
-Array = NDArray[np.float64]
 
 
 def limit_shares(

@@ -16,6 +16,7 @@ from benchtool.commands.simulate_flight import FlightInputs
 from benchtool.commands.simulate_flight import setup_of as flight_setup_of
 from benchtool.commands.simulate_pitch import PitchInputs
 from benchtool.commands.simulate_pitch import setup_of as pitch_setup_of
+from benchtool.core.array import Array
 from benchtool.core.inputs import changed, words
 from benchtool.data.run.recording_file import beside
 from benchtool.report.palette import BLUE, GREEN, GREY, VERMILION
@@ -24,7 +25,6 @@ from benchtool.report.side_view import side_view_svg
 from benchtool.simulate.flight.flight import FlightControl
 from benchtool.web.jobs import complete_folder, partial_folder
 
-Array = NDArray[np.float64]
 Shown = dict[str, Any]
 """What goes to the browser: plain values and arrays of 32 bits."""
 
