@@ -46,7 +46,7 @@ def owned(effects: Iterable[Effect], hook: str) -> tuple[Own, ...]:
     all_effects = tuple(effects)
     ends = accumulate((len(effect.parameters) for effect in all_effects), initial=0)
     return tuple(
-        Own(call, effect.numbers, start, start + len(effect.parameters))
+        Own(call, effect.makes_p, start, start + len(effect.parameters))
         for effect, start in zip(all_effects, ends, strict=False)
         if (call := getattr(effect.hooks, hook)) is not None
     )

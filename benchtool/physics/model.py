@@ -293,7 +293,7 @@ class Model:
         values = self.parameters.values_array()
         return [
             getattr(effect.hooks, hook)(
-                effect.numbers(*self.effect_values(effect, values)), 0, NO_FLOW
+                effect.makes_p(*self.effect_values(effect, values)), 0, NO_FLOW
             )
             for effect in found
         ]

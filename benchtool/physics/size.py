@@ -6,6 +6,9 @@ that default tolerances go with weight, arm and radius. On that beam every scale
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+from functools import partial
+
 from benchtool.core.rig import Rig
 
 MASS_KG = 1.2
@@ -37,3 +40,16 @@ def torque_scale(rig: Rig) -> float:
 def radius_scale(rig: Rig) -> float:
     """Return how much larger the rotors are."""
     return rig.propulsion.radius_m / RADIUS_M
+
+
+def scaled(
+    scale: Callable[[Rig], float], **on_the_beam: float
+) -> Callable[[Rig, object], Mapping[str, float]]:
+    """Return an effect's `tolerance_of`: tolerances on that beam, which grow with a scale."""
+    return partial(_scaled, scale, on_the_beam)
+
+
+def _scaled(
+    scale: Callable[[Rig], float], on_the_beam: Mapping[str, float], rig: Rig, bench: object
+) -> Mapping[str, float]:
+    return {name: value * scale(rig) for name, value in on_the_beam.items()}

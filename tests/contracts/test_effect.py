@@ -164,7 +164,7 @@ def turning(pitch_rad: float = 0.3, rate_rad_s: float = 0.5) -> Flow:
 
 def hinge_outputs(effect: Effect, values: list[float], flow: Flow) -> list[float]:
     """Return all that an effect does to a hinge and its sensors, 0 where it has no hook."""
-    hooks, p = effect.hooks, effect.numbers(*values)
+    hooks, p = effect.hooks, effect.makes_p(*values)
     gyro = hooks.gyro_reading
     return [
         hooks.torque(p, 0, flow) if hooks.torque else 0.0,
@@ -207,7 +207,7 @@ def test_a_torque_on_scalars_arrays_and_complex_steps_agrees(name: str) -> None:
 
     def torque(flow: Flow, first: complex = values[0]) -> Any:
         assert effect.hooks.torque is not None
-        return effect.hooks.torque(effect.numbers(first, *values[1:]), 0, flow)
+        return effect.hooks.torque(effect.makes_p(first, *values[1:]), 0, flow)
 
     angles = np.linspace(-0.4, 0.4, 7)
     whole = torque(turning()._replace(pitch_rad=angles, cos_pitch=np.cos(angles)))

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
 
 
-class P(NamedTuple):
-    coefficient: Any
-
-
 @expression
-def torque(p: P, i: int, flow: Flow) -> Quantity:
+def torque(p: Any, i: int, flow: Flow) -> Quantity:
     """Return the torque of what rising rotors lose and sinking ones gain: N m."""
     total = 0.0 * flow.rate_rad_s
     for j in range(len(flow.thrust_N)):
@@ -31,7 +27,6 @@ EFFECT = Effect(
     subsystem="hinge",
     order=40,
     law="torque = -c rate sum_i x_i^2 T_i / (speed_i R)",
-    numbers=P,
     parameters=(
         number(
             "coefficient",

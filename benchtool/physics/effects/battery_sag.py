@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 from benchtool.core.rig import Rig
 from benchtool.physics.effects.effect import (
@@ -17,12 +17,8 @@ from benchtool.physics.effects.effect import (
 )
 
 
-class P(NamedTuple):
-    rate_per_s: Any
-
-
 @expression
-def speed(p: P, i: int, flow: Flow, speed_rad_s: Quantity) -> Quantity:
+def speed(p: Any, i: int, flow: Flow, speed_rad_s: Quantity) -> Quantity:
     """Return the speed after a linear loss of the gain with time: rad/s."""
     return speed_rad_s * (1.0 - p.rate_per_s * flow.time_s)
 
@@ -46,7 +42,6 @@ EFFECT = Effect(
     subsystem="pwm_to_rpm",
     order=40,
     law="speed = gain * pulse * (1 - rate * t)",
-    numbers=P,
     parameters=(
         number(
             "rate_per_s",

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 from benchtool.physics.body_lift import body_term
 from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
 
 
-class P(NamedTuple):
-    K_b: Any
-
-
 @expression
-def denominator(p: P, i: int, flow: Flow) -> Quantity:
+def denominator(p: Any, i: int, flow: Flow) -> Quantity:
     """Return K_b w R^2 sum_j z_i / (2 (c_j^2 + 4 z_i^2)^(3/2)) of eq. (4)."""
     return body_term(p.K_b, flow.body_weight, flow.radius_m, flow.body_images[i])
 
@@ -28,7 +24,6 @@ EFFECT = Effect(
     subsystem="rpm_to_thrust",
     order=30,
     law="denominator - K_b w 2 R^2 z / (b^2 + 4 z^2)^(3/2) for a quadrotor",
-    numbers=P,
     parameters=(
         number(
             "K_b",

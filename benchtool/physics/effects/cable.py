@@ -2,39 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from benchtool.core.rig import Rig
-from benchtool.physics.effects.effect import (
-    BenchKind,
-    Effect,
-    Flow,
-    Hooks,
-    Quantity,
-    expression,
-    number,
-)
-from benchtool.physics.size import torque_scale
-
-
-class P(NamedTuple):
-    stiffness_Nm_per_rad: Any
-    slack_rad: Any
+from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
+from benchtool.physics.size import scaled, torque_scale
 
 
 @expression
-def torque(p: P, i: int, flow: Flow) -> Quantity:
+def torque(p: Any, i: int, flow: Flow) -> Quantity:
     """Return the pull of the cable about the hinge: N m."""
     loose = np.minimum(np.maximum(flow.pitch_rad, -p.slack_rad), p.slack_rad)
     return -p.stiffness_Nm_per_rad * (flow.pitch_rad - loose)
-
-
-def tolerance_of(rig: Rig, bench: BenchKind) -> Mapping[str, float]:
-    """Return the stiffness that matters, in the measure of m g L: N m/rad."""
-    return {"stiffness_Nm_per_rad": 0.02 * torque_scale(rig)}
 
 
 EFFECT = Effect(
@@ -44,7 +24,6 @@ EFFECT = Effect(
     subsystem="hinge",
     order=60,
     law="torque = -k (pitch - pitch within +-slack)",
-    numbers=P,
     parameters=(
         number(
             "stiffness_Nm_per_rad",
@@ -70,5 +49,5 @@ EFFECT = Effect(
     benches=frozenset(),
     always_compiled=True,
     acts_in_flight=False,
-    tolerance_of=tolerance_of,
+    tolerance_of=scaled(torque_scale, stiffness_Nm_per_rad=0.02),
 )

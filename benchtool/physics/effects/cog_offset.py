@@ -2,35 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
-from benchtool.core.rig import Rig
-from benchtool.physics.effects.effect import (
-    BenchKind,
-    Effect,
-    Flow,
-    Hooks,
-    Quantity,
-    expression,
-    number,
-)
-from benchtool.physics.size import arm_scale
-
-
-class P(NamedTuple):
-    x_m: Any
+from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
+from benchtool.physics.size import arm_scale, scaled
 
 
 @expression
-def torque(p: P, i: int, flow: Flow) -> Quantity:
+def torque(p: Any, i: int, flow: Flow) -> Quantity:
     """Return the torque of the weight about the hinge, positive nose down: N m."""
     return flow.weight_N * p.x_m * flow.cos_pitch
-
-
-def tolerance_of(rig: Rig, bench: BenchKind) -> Mapping[str, float]:
-    """Return the offset that matters, in the measure of the arm: m."""
-    return {"x_m": 0.0005 * arm_scale(rig)}
 
 
 EFFECT = Effect(
@@ -40,7 +21,6 @@ EFFECT = Effect(
     subsystem="hinge",
     order=70,
     law="torque = m g x cos(pitch)",
-    numbers=P,
     parameters=(
         number(
             "x_m",
@@ -60,5 +40,5 @@ EFFECT = Effect(
     },
     benches=frozenset({"pitch"}),
     always_compiled=True,
-    tolerance_of=tolerance_of,
+    tolerance_of=scaled(arm_scale, x_m=0.0005),
 )

@@ -2,43 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 from benchtool.core.parameter import Prior
-from benchtool.core.rig import Rig
-from benchtool.physics.effects.effect import (
-    BenchKind,
-    Effect,
-    Flow,
-    Hooks,
-    Quantity,
-    expression,
-    number,
-)
-from benchtool.physics.size import torque_scale
-
-
-class P(NamedTuple):
-    torque_Nm: Any
-    width_rad_s: Any
+from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
+from benchtool.physics.size import scaled, torque_scale
 
 
 @expression
-def dry_friction(p: P, i: int, flow: Flow) -> Quantity:
+def dry_friction(p: Any, i: int, flow: Flow) -> Quantity:
     """Return the torque that the hinge can hold: N m."""
     return p.torque_Nm
 
 
 @expression
-def dry_width(p: P, i: int, flow: Flow) -> Quantity:
+def dry_width(p: Any, i: int, flow: Flow) -> Quantity:
     """Return the rate over which the friction builds up: rad/s."""
     return p.width_rad_s
-
-
-def tolerance_of(rig: Rig, bench: BenchKind) -> Mapping[str, float]:
-    """Return the friction that matters, in the measure of m g L: N m."""
-    return {"torque_Nm": 0.002 * torque_scale(rig)}
 
 
 EFFECT = Effect(
@@ -48,7 +28,6 @@ EFFECT = Effect(
     subsystem="hinge",
     order=10,
     law="torque = -T sign(rate); at rest it holds whatever is below T",
-    numbers=P,
     parameters=(
         number(
             "torque_Nm",
@@ -79,5 +58,5 @@ EFFECT = Effect(
     benches=frozenset({"pitch"}),
     always_compiled=True,
     acts_in_flight=False,
-    tolerance_of=tolerance_of,
+    tolerance_of=scaled(torque_scale, torque_Nm=0.002),
 )

@@ -11,8 +11,10 @@ Hooks see discs, not rotors: coaxial rotors blow through one disc. The disc axis
 
 from __future__ import annotations
 
+from collections import namedtuple
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
+from functools import cache
 from math import inf
 from typing import Any, Literal, NamedTuple
 
@@ -167,8 +169,8 @@ class Effect:
         subsystem: which link of the chain it sits in.
         order: place among the effects of its subsystem, ties by name.
         law: the formula, in plain text.
-        numbers: makes what hooks call `p` of the parameters' values: a NamedTuple with their names.
-        parameters: with units, neutral values, default bounds and tolerances.
+        parameters: with units, neutral values, default bounds and tolerances; hooks take their
+            values as `p`, a named tuple.
         hooks: its part of the physics.
         shows: where it shows in data.
         source: paper and equation, data sheet, or that it is a guess.
@@ -191,9 +193,10 @@ class Effect:
         tolerance_of: tolerances that go with the vehicle's size, for parameters that state none
             themselves; a model file that states one goes first (`tolerances.tolerances`).
         configure: builds the effect for settings in a model file, for example its knots.
+        numbers: makes `p` of the values where it is no named tuple of the parameters' names.
 
     Raises:
-        InputError: `numbers` and `parameters` do not have the same names in the same order.
+        InputError: `numbers` has other names than `parameters`, or another order.
     """
 
     name: str
@@ -202,7 +205,6 @@ class Effect:
     subsystem: Subsystem
     order: int = 50
     law: str
-    numbers: Callable[..., Any]
     parameters: tuple[Parameter, ...]
     hooks: Hooks
     shows: str
@@ -220,15 +222,21 @@ class Effect:
     rig_values: Callable[[Rig], Mapping[str, float]] | None = None
     tolerance_of: Callable[[Rig, BenchKind], Mapping[str, float]] | None = None
     configure: Callable[[Mapping[str, Any]], Effect] | None = None
+    numbers: Callable[..., Any] | None = None
 
     def __post_init__(self) -> None:
-        named = getattr(self.numbers, "_fields", None)
         names = tuple(item.name for item in self.parameters)
-        if named is not None and named != names:
+        named = getattr(self.numbers, "_fields", names)
+        if named != names:
             raise InputError(
                 f"effect {self.name!r}: its numbers are {', '.join(named)}, its parameters "
                 f"{', '.join(names)}; give both the same names in the same order"
             )
+
+    @property
+    def makes_p(self) -> Callable[..., Any]:
+        """What makes the hooks' `p` of the values of the parameters, in their order."""
+        return self.numbers or _named(tuple(item.name for item in self.parameters))
 
     @property
     def candidate(self) -> bool:
@@ -239,6 +247,11 @@ class Effect:
     def changes_geometry(self) -> bool:
         """Whether heights or covered areas, and so the images, depend on its parameters."""
         return self.hooks.height is not None or self.hooks.coverage is not None
+
+
+@cache
+def _named(names: tuple[str, ...]) -> Callable[..., Any]:
+    return namedtuple("Numbers", names)
 
 
 def number(
@@ -256,7 +269,7 @@ def number(
     """Return an effect's parameter.
 
     Args:
-        name: as in the effect's `P`.
+        name: as hooks read it from `p`.
         unit: one of `core.units.UNITS`.
         value: where a model does not state one.
         description: what it is.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 from benchtool.core.parameter import Prior
 from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
@@ -13,12 +13,8 @@ KNOWN = Prior(
 )
 
 
-class P(NamedTuple):
-    curvature: Any
-
-
 @expression
-def denominator(p: P, i: int, flow: Flow) -> Quantity:
+def denominator(p: Any, i: int, flow: Flow) -> Quantity:
     """Return c D^2 with D the disc's own image: the term of second order in 1/z^2."""
     own = flow.radius_m * flow.radius_m * self_image(flow.height_m[i])
     return p.curvature * own * own
@@ -35,7 +31,6 @@ EFFECT = Effect(
     subsystem="rpm_to_thrust",
     order=10,
     law="denominator - c (R/4z)^4",
-    numbers=P,
     parameters=(
         number(
             "curvature",

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
 
 
-class P(NamedTuple):
-    bias_rad_s: Any
-
-
 @expression
-def gyro_reading(p: P, i: int, flow: Flow, reading: Quantity) -> Quantity:
+def gyro_reading(p: Any, i: int, flow: Flow, reading: Quantity) -> Quantity:
     """Return the gyro's reading with the bias on it: rad/s."""
     return reading + p.bias_rad_s
 
@@ -24,7 +20,6 @@ EFFECT = Effect(
     subsystem="sensor",
     order=10,
     law="reading = rate + bias; where the scale is off, too: scale * (rate + bias)",
-    numbers=P,
     parameters=(
         number(
             "bias_rad_s",

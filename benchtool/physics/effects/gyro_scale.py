@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
 
 
-class P(NamedTuple):
-    scale: Any
-
-
 @expression
-def gyro_reading(p: P, i: int, flow: Flow, reading: Quantity) -> Quantity:
+def gyro_reading(p: Any, i: int, flow: Flow, reading: Quantity) -> Quantity:
     """Return the gyro's reading, scaled: rad/s. It comes after the bias, which is scaled, too."""
     return reading * p.scale
 
@@ -24,7 +20,6 @@ EFFECT = Effect(
     subsystem="sensor",
     order=20,
     law="reading = scale * rate; where there is a bias, too: scale * (rate + bias)",
-    numbers=P,
     parameters=(
         number(
             "scale",

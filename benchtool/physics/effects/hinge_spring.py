@@ -2,35 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
-from benchtool.core.rig import Rig
-from benchtool.physics.effects.effect import (
-    BenchKind,
-    Effect,
-    Flow,
-    Hooks,
-    Quantity,
-    expression,
-    number,
-)
-from benchtool.physics.size import torque_scale
-
-
-class P(NamedTuple):
-    stiffness_Nm_per_rad: Any
+from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
+from benchtool.physics.size import scaled, torque_scale
 
 
 @expression
-def torque(p: P, i: int, flow: Flow) -> Quantity:
+def torque(p: Any, i: int, flow: Flow) -> Quantity:
     """Return the torque of the spring about the hinge: N m."""
     return -p.stiffness_Nm_per_rad * flow.pitch_rad
-
-
-def tolerance_of(rig: Rig, bench: BenchKind) -> Mapping[str, float]:
-    """Return the stiffness that matters, in the measure of m g L: N m/rad."""
-    return {"stiffness_Nm_per_rad": 0.02 * torque_scale(rig)}
 
 
 EFFECT = Effect(
@@ -40,7 +21,6 @@ EFFECT = Effect(
     subsystem="hinge",
     order=50,
     law="torque = -k pitch",
-    numbers=P,
     parameters=(
         number(
             "stiffness_Nm_per_rad",
@@ -58,5 +38,5 @@ EFFECT = Effect(
     benches=frozenset({"pitch"}),
     always_compiled=True,
     acts_in_flight=False,
-    tolerance_of=tolerance_of,
+    tolerance_of=scaled(torque_scale, stiffness_Nm_per_rad=0.02),
 )

@@ -2,35 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
-from benchtool.core.rig import Rig
-from benchtool.physics.effects.effect import (
-    BenchKind,
-    Effect,
-    Flow,
-    Hooks,
-    Quantity,
-    expression,
-    number,
-)
-from benchtool.physics.size import weight_scale
-
-
-class P(NamedTuple):
-    rate_N_per_s: Any
+from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
+from benchtool.physics.size import scaled, weight_scale
 
 
 @expression
-def thrust_reading(p: P, i: int, flow: Flow, reading: Quantity) -> Quantity:
+def thrust_reading(p: Any, i: int, flow: Flow, reading: Quantity) -> Quantity:
     """Return the reading with the zero on it that has crept since the tare: N."""
     return reading + p.rate_N_per_s * flow.elapsed_s
-
-
-def tolerance_of(rig: Rig, bench: BenchKind) -> Mapping[str, float]:
-    """Return the creep that matters (a guess), in the measure of the weight: N/s."""
-    return {"rate_N_per_s": 1e-4 * weight_scale(rig)}
 
 
 EFFECT = Effect(
@@ -40,7 +21,6 @@ EFFECT = Effect(
     subsystem="sensor",
     order=40,
     law="reading = thrust + rate * (time since tare)",
-    numbers=P,
     parameters=(
         number("rate_N_per_s", "N/s", 0.0, "creep of the zero", neutral=0.0, within=(-0.1, 0.1)),
     ),
@@ -58,5 +38,5 @@ EFFECT = Effect(
     trends_over=("order", "time_s", "elapsed_s"),
     benches=frozenset({"sweep"}),
     acts_in_flight=False,
-    tolerance_of=tolerance_of,
+    tolerance_of=scaled(weight_scale, rate_N_per_s=1e-4),  # a guess
 )

@@ -3,41 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 from benchtool.core.parameter import Prior
 from benchtool.core.rig import Rig
 from benchtool.core.units import STANDARD_GRAVITY_M_S2
-from benchtool.physics.effects.effect import (
-    BenchKind,
-    Effect,
-    Flow,
-    Hooks,
-    Quantity,
-    expression,
-    number,
-)
-from benchtool.physics.size import weight_scale
+from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
+from benchtool.physics.size import scaled, weight_scale
 
 GROWTH_KNOWN = Prior("normal", 0.0, 0.15, "assumed: data sheets tell one width, at full load")
 
 
-class P(NamedTuple):
-    half_width_N: Any
-    tare_direction: Any
-    growth: Any
-    reference_N: Any
-
-
 @expression
-def thrust_reading(p: P, i: int, flow: Flow, reading: Quantity) -> Quantity:
+def thrust_reading(p: Any, i: int, flow: Flow, reading: Quantity) -> Quantity:
     """Return the reading behind a play: low after a rise, against the direction of the tare: N."""
     width = p.half_width_N * (1.0 + p.growth * (reading / p.reference_N - 1.0))
     return reading - width * (flow.load_direction - p.tare_direction)
 
 
 @expression
-def play_N(p: P, i: int, flow: Flow) -> Quantity:
+def play_N(p: Any, i: int, flow: Flow) -> Quantity:
     """Return the half width of the play that a moving reading stays behind: N."""
     return p.half_width_N
 
@@ -45,11 +30,6 @@ def play_N(p: P, i: int, flow: Flow) -> Quantity:
 def rig_values(rig: Rig) -> Mapping[str, float]:
     """Return the rig's weight as the load at which the half width holds: N."""
     return {"reference_N": STANDARD_GRAVITY_M_S2 * rig.body.mass_kg}
-
-
-def tolerance_of(rig: Rig, bench: BenchKind) -> Mapping[str, float]:
-    """Return the force that matters (a guess), in the measure of the weight: N."""
-    return {"half_width_N": 0.02 * weight_scale(rig)}
 
 
 EFFECT = Effect(
@@ -65,7 +45,6 @@ EFFECT = Effect(
         "reading = thrust - h (1 + s (thrust/ref - 1)) (d - d_tare), d = +1 approached from below, "
         "-1 from above"
     ),
-    numbers=P,
     parameters=(
         number(
             "half_width_N",
@@ -114,5 +93,5 @@ EFFECT = Effect(
     benches=frozenset({"sweep"}),
     acts_in_flight=False,
     rig_values=rig_values,
-    tolerance_of=tolerance_of,
+    tolerance_of=scaled(weight_scale, half_width_N=0.02),  # a guess
 )

@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 from benchtool.core.rig import Rig
 from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
 
 
-class P(NamedTuple):
-    tau_s: Any
-
-
 @expression
-def lag_s(p: P, i: int, flow: Flow) -> Quantity:
+def lag_s(p: Any, i: int, flow: Flow) -> Quantity:
     """Return the time constant: s."""
     return p.tau_s
 
@@ -31,7 +27,6 @@ EFFECT = Effect(
     subsystem="pwm_to_rpm",
     order=20,
     law="d(speed)/dt = (commanded - speed) / tau",
-    numbers=P,
     parameters=(
         number(
             "tau_s",

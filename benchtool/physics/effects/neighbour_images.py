@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
 
 
-class P(NamedTuple):
-    strength: Any
-
-
 @expression
-def denominator(p: P, i: int, flow: Flow) -> Quantity:
+def denominator(p: Any, i: int, flow: Flow) -> Quantity:
     """Return R^2 sum over j != i of z_i / (2 (d_ij^2 + 4 z_i^2)^(3/2)) of eq. (3)."""
     return p.strength * flow.radius_m * flow.radius_m * flow.neighbour_images[i]
 
@@ -24,7 +20,6 @@ EFFECT = Effect(
     subsystem="rpm_to_thrust",
     order=20,
     law="denominator - s sum_{j != i} (R^2/2) z_i / (d_ij^2 + 4 z_i^2)^(3/2)",
-    numbers=P,
     parameters=(
         number(
             "strength",

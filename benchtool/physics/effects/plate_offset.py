@@ -2,35 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
-from benchtool.core.rig import Rig
-from benchtool.physics.effects.effect import (
-    BenchKind,
-    Effect,
-    Flow,
-    Hooks,
-    Quantity,
-    expression,
-    number,
-)
-from benchtool.physics.size import radius_scale
-
-
-class P(NamedTuple):
-    dz_m: Any
+from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
+from benchtool.physics.size import radius_scale, scaled
 
 
 @expression
-def height(p: P, i: int, flow: Flow, height_m: Quantity) -> Quantity:
+def height(p: Any, i: int, flow: Flow, height_m: Quantity) -> Quantity:
     """Return the true distance: what was read, plus true minus read."""
     return height_m + p.dz_m
-
-
-def tolerance_of(rig: Rig, bench: BenchKind) -> Mapping[str, float]:
-    """Return the offset that matters, in the measure of the rotor radius: m."""
-    return {"dz_m": 0.003 * radius_scale(rig)}
 
 
 EFFECT = Effect(
@@ -40,7 +21,6 @@ EFFECT = Effect(
     subsystem="plate",
     order=10,
     law="z = z_read + dz",
-    numbers=P,
     parameters=(
         number("dz_m", "m", 0.0, "true minus read distance", neutral=0.0, within=(-0.03, 0.03)),
     ),
@@ -57,5 +37,5 @@ EFFECT = Effect(
     },
     trends_over=("z_over_R",),
     always_compiled=True,
-    tolerance_of=tolerance_of,
+    tolerance_of=scaled(radius_scale, dz_m=0.003),
 )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -18,13 +18,8 @@ CHORD_POWER = 0.35
 its area, within 0.03; our own fit to the exact relation."""
 
 
-class P(NamedTuple):
-    dx_m: Any
-    disc_radius_m: Any
-
-
 @expression
-def coverage(p: P, i: int, flow: Flow, fraction: Quantity) -> Quantity:
+def coverage(p: Any, i: int, flow: Flow, fraction: Quantity) -> Quantity:
     """Return the covered fraction after the edge moved by dx: da = 2 sin(phi) / (pi R) dx."""
     left = np.maximum(fraction * (1.0 - fraction), 0.0)
     chord = 2.0 * (4.0 * left) ** CHORD_POWER / (np.pi * p.disc_radius_m)
@@ -48,7 +43,6 @@ EFFECT = Effect(
     subsystem="plate",
     order=30,
     law="a = a_stated +- 2 sin(phi) dx / (pi R) at an edge, phi the half angle of its chord",
-    numbers=P,
     parameters=(
         number(
             "dx_m",

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
 
 
-class P(NamedTuple):
-    angle_rad: Any
-
-
 @expression
-def height(p: P, i: int, flow: Flow, height_m: Quantity) -> Quantity:
+def height(p: Any, i: int, flow: Flow, height_m: Quantity) -> Quantity:
     """Return the distance at a tilt: the +x rotors come nearer for a positive one.
 
     A stage carries the plate's centre, so that the distance read is the one there.
@@ -30,7 +26,6 @@ EFFECT = Effect(
     subsystem="plate",
     order=20,
     law="z_i = z cos(a) - (x_i - x_plate) sin(a)",
-    numbers=P,
     parameters=(
         number(
             "angle_rad",

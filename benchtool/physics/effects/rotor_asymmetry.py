@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
 
 
-class P(NamedTuple):
-    ratio: Any
-
-
 @expression
-def factor(p: P, i: int, flow: Flow) -> Quantity:
+def factor(p: Any, i: int, flow: Flow) -> Quantity:
     """Return the ratio for a disc on the other side of the hinge than the first disc, else 1."""
     side = flow.position_x_m[i] * flow.position_x_m[0]
     opposite = np.maximum(-np.sign(side), 0.0)
@@ -28,7 +24,6 @@ EFFECT = Effect(
     subsystem="rpm_to_thrust",
     order=80,
     law="thrust of the rotors opposite the first one is multiplied by the ratio",
-    numbers=P,
     parameters=(
         number(
             "ratio",

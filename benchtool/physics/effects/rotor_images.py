@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
 from benchtool.physics.images import self_image
 
 
-class P(NamedTuple):
-    own_strength: Any
-
-
 @expression
-def denominator(p: P, i: int, flow: Flow) -> Quantity:
+def denominator(p: Any, i: int, flow: Flow) -> Quantity:
     """Return (R / 4 z_i)^2 of eq. (2)."""
     return p.own_strength * flow.radius_m * flow.radius_m * self_image(flow.height_m[i])
 
@@ -25,7 +21,6 @@ EFFECT = Effect(
     subsystem="rpm_to_thrust",
     order=40,
     law="denominator - s (R/4z)^2",
-    numbers=P,
     parameters=(
         number(
             "own_strength",

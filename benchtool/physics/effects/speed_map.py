@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -12,13 +12,8 @@ from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expr
 KNOWN = Prior("normal", 0.0, 0.005, "assumed: pulses and speeds of a calibrated ESC agree to 0.5 %")
 
 
-class P(NamedTuple):
-    gain: Any
-    difference: Any
-
-
 @expression
-def speed(p: P, i: int, flow: Flow, speed_rad_s: Quantity) -> Quantity:
+def speed(p: Any, i: int, flow: Flow, speed_rad_s: Quantity) -> Quantity:
     """Return the speed with the gain changed, more on one side of the hinge: rad/s."""
     side = np.sign(flow.position_x_m[i])
     return speed_rad_s * (1.0 + p.gain + 0.5 * side * p.difference)
@@ -40,7 +35,6 @@ EFFECT = Effect(
     subsystem="pwm_to_rpm",
     order=30,
     law="speed = gain * pulse * (1 + gain error + side * difference / 2)",
-    numbers=P,
     parameters=(
         _error("gain", "relative error of the map, all rotors alike"),
         _error("difference", "the same, rotors before the hinge over those behind it"),

@@ -2,37 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
-from benchtool.core.rig import Rig
-from benchtool.physics.effects.effect import (
-    BenchKind,
-    Effect,
-    Flow,
-    Hooks,
-    Quantity,
-    expression,
-    number,
-)
-from benchtool.physics.size import torque_scale
-
-
-class P(NamedTuple):
-    excess_Nm: Any
-    rate_rad_s: Any
+from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
+from benchtool.physics.size import scaled, torque_scale
 
 
 @expression
-def dry_friction(p: P, i: int, flow: Flow) -> Quantity:
+def dry_friction(p: Any, i: int, flow: Flow) -> Quantity:
     """Return what the hinge holds beyond its friction in motion: N m."""
     ratio = flow.rate_rad_s / p.rate_rad_s
     return p.excess_Nm / (1.0 + ratio * ratio)
-
-
-def tolerance_of(rig: Rig, bench: BenchKind) -> Mapping[str, float]:
-    """Return the friction that matters, in the measure of m g L: N m."""
-    return {"excess_Nm": 0.002 * torque_scale(rig)}
 
 
 EFFECT = Effect(
@@ -42,7 +22,6 @@ EFFECT = Effect(
     subsystem="hinge",
     order=20,
     law="dry friction + T / (1 + (rate / rate_s)^2)",
-    numbers=P,
     parameters=(
         number(
             "excess_Nm",
@@ -68,5 +47,5 @@ EFFECT = Effect(
     benches=frozenset(),
     always_compiled=True,
     acts_in_flight=False,
-    tolerance_of=tolerance_of,
+    tolerance_of=scaled(torque_scale, excess_Nm=0.002),
 )

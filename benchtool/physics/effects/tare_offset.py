@@ -2,35 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
-from benchtool.core.rig import Rig
-from benchtool.physics.effects.effect import (
-    BenchKind,
-    Effect,
-    Flow,
-    Hooks,
-    Quantity,
-    expression,
-    number,
-)
-from benchtool.physics.size import weight_scale
-
-
-class P(NamedTuple):
-    thrust_N: Any
+from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
+from benchtool.physics.size import scaled, weight_scale
 
 
 @expression
-def thrust_reading(p: P, i: int, flow: Flow, reading: Quantity) -> Quantity:
+def thrust_reading(p: Any, i: int, flow: Flow, reading: Quantity) -> Quantity:
     """Return the reading with a constant on it: N."""
     return reading + p.thrust_N
-
-
-def tolerance_of(rig: Rig, bench: BenchKind) -> Mapping[str, float]:
-    """Return the force that matters (a guess), in the measure of the weight: N."""
-    return {"thrust_N": 0.02 * weight_scale(rig)}
 
 
 EFFECT = Effect(
@@ -40,7 +21,6 @@ EFFECT = Effect(
     subsystem="sensor",
     order=30,
     law="reading = thrust + offset",
-    numbers=P,
     parameters=(
         number("thrust_N", "N", 0.0, "constant on the reading", neutral=0.0, within=(-5.0, 5.0)),
     ),
@@ -55,5 +35,5 @@ EFFECT = Effect(
     trends_over=("speed_rad_s",),
     benches=frozenset({"sweep"}),
     acts_in_flight=False,
-    tolerance_of=tolerance_of,
+    tolerance_of=scaled(weight_scale, thrust_N=0.02),  # a guess
 )

@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
 
 
-class P(NamedTuple):
-    excess: Any
-    reference_rad_s: Any
-
-
 @expression
-def factor(p: P, i: int, flow: Flow) -> Quantity:
+def factor(p: Any, i: int, flow: Flow) -> Quantity:
     """Return (speed / reference)^e: a low-Reynolds-number change of the thrust coefficient."""
     return np.exp(p.excess * np.log(np.maximum(flow.speed_rad_s[i], 1.0) / p.reference_rad_s))
 
@@ -27,16 +22,9 @@ EFFECT = Effect(
     subsystem="rpm_to_thrust",
     order=60,
     law="T = k w^2 (w / w_ref)^e",
-    numbers=P,
     parameters=(
         number(
-            "excess",
-            "1",
-            0.0,
-            "exponent beyond 2",
-            neutral=0.0,
-            within=(-0.5, 0.5),
-            tolerance=0.02,
+            "excess", "1", 0.0, "exponent beyond 2", neutral=0.0, within=(-0.5, 0.5), tolerance=0.02
         ),
         number(
             "reference_rad_s",

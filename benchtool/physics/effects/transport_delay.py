@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
 
 
-class P(NamedTuple):
-    delay_s: Any
-
-
 @expression
-def delay_s(p: P, i: int, flow: Flow) -> Quantity:
+def delay_s(p: Any, i: int, flow: Flow) -> Quantity:
     """Return the delay: s."""
     return p.delay_s
 
@@ -24,7 +20,6 @@ EFFECT = Effect(
     subsystem="pwm_to_rpm",
     order=10,
     law="pulse at the motor (t) = command (t - delay)",
-    numbers=P,
     parameters=(
         number(
             "delay_s",

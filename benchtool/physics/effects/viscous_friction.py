@@ -2,35 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
-from benchtool.core.rig import Rig
-from benchtool.physics.effects.effect import (
-    BenchKind,
-    Effect,
-    Flow,
-    Hooks,
-    Quantity,
-    expression,
-    number,
-)
-from benchtool.physics.size import torque_scale
-
-
-class P(NamedTuple):
-    damping_Nms: Any
+from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
+from benchtool.physics.size import scaled, torque_scale
 
 
 @expression
-def torque(p: P, i: int, flow: Flow) -> Quantity:
+def torque(p: Any, i: int, flow: Flow) -> Quantity:
     """Return the damping torque about the hinge: N m."""
     return -p.damping_Nms * flow.rate_rad_s
-
-
-def tolerance_of(rig: Rig, bench: BenchKind) -> Mapping[str, float]:
-    """Return the damping that matters, in the measure of m g L: N m s."""
-    return {"damping_Nms": 0.004 * torque_scale(rig)}
 
 
 EFFECT = Effect(
@@ -40,7 +21,6 @@ EFFECT = Effect(
     subsystem="hinge",
     order=30,
     law="torque = -d rate",
-    numbers=P,
     parameters=(
         number(
             "damping_Nms", "N m s", 0.0, "damping of the hinge", neutral=0.0, within=(0.0, 10.0)
@@ -56,5 +36,5 @@ EFFECT = Effect(
     benches=frozenset({"pitch"}),
     always_compiled=True,
     acts_in_flight=False,
-    tolerance_of=tolerance_of,
+    tolerance_of=scaled(torque_scale, damping_Nms=0.004),
 )

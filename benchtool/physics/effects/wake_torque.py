@@ -2,36 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
-from benchtool.core.rig import Rig
-from benchtool.physics.effects.effect import (
-    BenchKind,
-    Effect,
-    Flow,
-    Hooks,
-    Quantity,
-    expression,
-    number,
-)
-from benchtool.physics.size import torque_scale
-
-
-class P(NamedTuple):
-    sd_Nm: Any
-    correlation_s: Any
+from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
+from benchtool.physics.size import scaled, torque_scale
 
 
 @expression
-def random_torque(p: P, i: int, flow: Flow) -> tuple[Quantity, Quantity]:
+def random_torque(p: Any, i: int, flow: Flow) -> tuple[Quantity, Quantity]:
     """Return standard deviation (N m) and correlation time (s)."""
     return p.sd_Nm, p.correlation_s
-
-
-def tolerance_of(rig: Rig, bench: BenchKind) -> Mapping[str, float]:
-    """Return the torque that matters, in the measure of m g L: N m."""
-    return {"sd_Nm": 0.002 * torque_scale(rig)}
 
 
 EFFECT = Effect(
@@ -41,7 +21,6 @@ EFFECT = Effect(
     subsystem="hinge",
     order=80,
     law="Ornstein-Uhlenbeck process of that standard deviation and correlation time",
-    numbers=P,
     parameters=(
         number(
             "sd_Nm",
@@ -65,5 +44,5 @@ EFFECT = Effect(
     source="Ornstein-Uhlenbeck, the simplest coloured noise; an assumption",
     confused_with={},
     benches=frozenset(),
-    tolerance_of=tolerance_of,
+    tolerance_of=scaled(torque_scale, sd_Nm=0.002),
 )

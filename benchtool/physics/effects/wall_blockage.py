@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -15,13 +15,8 @@ RECOVERY = 1.22
 REACH_KNOWN = Prior("normal", 1.0, 0.05, "assumed: a curve read off a figure holds to 5 %")
 
 
-class P(NamedTuple):
-    share: Any
-    reach: Any
-
-
 @expression
-def factor(p: P, i: int, flow: Flow) -> Quantity:
+def factor(p: Any, i: int, flow: Flow) -> Quantity:
     """Return what the wake's push on the stand leaves of a disc's thrust."""
     falloff = np.exp(-flow.height_m[i] / (p.reach * flow.radius_m))
     return 1.0 - p.share * (1.0 - flow.coverage[i] * RECOVERY * falloff)
@@ -37,7 +32,6 @@ EFFECT = Effect(
     subsystem="rpm_to_thrust",
     order=70,
     law="factor 1 - b (1 - a 1.22 exp(-z/(c R))), a the covered fraction of the disc",
-    numbers=P,
     parameters=(
         number(
             "share",

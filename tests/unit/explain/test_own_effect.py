@@ -11,13 +11,7 @@ from benchtool.physics.own_effects import own_effects
 from tests.unit.explain.test_sweep_subject import halves
 
 MINE = """
-from typing import Any, NamedTuple
-
 from benchtool.physics.effects.effect import Effect, Hooks, expression, number
-
-
-class P(NamedTuple):
-    c: Any
 
 
 @expression
@@ -31,7 +25,6 @@ EFFECT = Effect(
     description="Blades that untwist under load.",
     subsystem="rpm_to_thrust",
     law="T = k w^2 (1 + c (w / 500 - 1))",
-    numbers=P,
     parameters=(
         number("c", "1", 0.0, "slope", neutral=0.0, within=(-0.5, 0.5), tolerance=0.03),
     ),

@@ -2,28 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
 
 
-class P(NamedTuple):
-    k_Nm_per_rad: Any
-    angle_rad: Any
-
-
-class Lag(NamedTuple):
-    tau_s: Any
-
-
 @expression
-def torque(p: P, i: int, flow: Flow) -> Quantity:
+def torque(p: Any, i: int, flow: Flow) -> Quantity:
     """Pull towards the angle."""
     return p.k_Nm_per_rad * (p.angle_rad - flow.pitch_rad)
 
 
 @expression
-def lag_s(p: Lag, i: int, flow: Flow) -> Quantity:
+def lag_s(p: Any, i: int, flow: Flow) -> Quantity:
     return p.tau_s
 
 
@@ -33,7 +24,6 @@ MAGNET = Effect(
     description="A magnet pulls.",
     subsystem="hinge",
     law="torque = k (angle - pitch)",
-    numbers=P,
     parameters=(
         number("k_Nm_per_rad", "N m/rad", 0.5, "stiffness", neutral=0.0, tolerance=0.01),
         number("angle_rad", "rad", 0.1, "where it pulls to"),
@@ -50,7 +40,6 @@ SLUGGISH = Effect(
     description="One more lag.",
     subsystem="pwm_to_rpm",
     law="lag",
-    numbers=Lag,
     parameters=(number("tau_s", "s", 0.1, "time constant", neutral=0.0, tolerance=0.01),),
     hooks=Hooks(lag_s=lag_s),
     shows="always",
