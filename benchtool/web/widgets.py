@@ -37,6 +37,16 @@ def show_facts(place: ui.element, facts: Mapping[str, str]) -> None:
             ui.label(text)
 
 
+class LocalSlider(ui.slider):
+    """Move a slider in the browser at once, as NiceGUI's text fields do.
+
+    NiceGUI's own slider moves when the server answers: a late answer to an earlier step sets it
+    back, and the steps made since are lost.
+    """
+
+    LOOPBACK = False
+
+
 class CommandRow:
     """Show the command line that does the same as the page, with a button that copies it."""
 

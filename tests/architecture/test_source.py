@@ -53,14 +53,17 @@ def test_no_file_names_a_registry_or_a_path_of_one_machine(pattern: re.Pattern[s
 
 
 def asserts_something(test: ast.AST) -> bool:
-    """Tell whether a test asserts, expects an exception or calls a helper named check_*."""
+    """Tell whether a test asserts, expects an exception or calls a helper named check_*.
+
+    `expect` is the waiting assertion of the browser tests.
+    """
     for node in ast.walk(test):
         if isinstance(node, ast.Assert):
             return True
         if isinstance(node, ast.Call):
             called = node.func
             name = called.attr if isinstance(called, ast.Attribute) else getattr(called, "id", "")
-            if name in CHECKS or name.startswith(("check_", "assert_")):
+            if name in CHECKS or name.startswith(("check_", "assert_")) or name == "expect":
                 return True
     return False
 

@@ -22,7 +22,7 @@ import pytest
 from tests.browser.device import Device, served_device
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Browser, Page
+    from playwright.sync_api import Browser, Locator, LocatorAssertions, Page
 
 CHROMIUM = next(
     (
@@ -147,6 +147,17 @@ def page(web: Web, open_page: Callable[[str], Page]) -> Page:
     opened = open_page(web.url)
     opened.get_by_text("at the controls").wait_for()
     return opened
+
+
+def expect(element: Locator) -> LocatorAssertions:
+    """Return playwright's assertions about an element: each waits until it holds.
+
+    What is read from a page right after an action may be what stood there before.
+    """
+    from playwright import sync_api
+
+    sync_api.expect.set_options(timeout=PATIENCE_MS)
+    return sync_api.expect(element)
 
 
 def connect(page: Page, address: str, rig: str = "pquad") -> None:

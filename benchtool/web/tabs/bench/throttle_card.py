@@ -11,7 +11,7 @@ from benchtool.web.arm_dialog import show_warnings
 from benchtool.web.bench_process.commands import ArmMotors
 from benchtool.web.context import PageContext
 from benchtool.web.notifications import shows_errors
-from benchtool.web.widgets import titled_card
+from benchtool.web.widgets import LocalSlider, titled_card
 
 
 class ThrottleCard:
@@ -24,7 +24,7 @@ class ThrottleCard:
         with titled_card("Throttle by hand") as self._card:
             self._pulse = ui.number("Pulse, us", value=1000.0, step=10.0, format="%.0f")
             self._pulse.classes("w-full").mark("pulse")
-            self._slider = ui.slider(min=1000.0, max=2000.0, step=5.0)
+            self._slider = LocalSlider(min=1000.0, max=2000.0, step=5.0)
             self._slider.props('aria-label="Pulse"').bind_value(self._pulse)
             self._names = ui.row().classes("gap-1")
             with ui.row().classes("items-center w-full"):

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable
 from nicegui import ui
 
 from benchtool.web.tabs.simulate.ranges import Slider
+from benchtool.web.widgets import LocalSlider
 
 
 class Sliders:
@@ -19,7 +20,7 @@ class Sliders:
     def __init__(self, changed: Callable[[], None]) -> None:
         self._changed = changed
         self._place = ui.element("div").classes("simulate-numbers w-full")
-        self._sliders: dict[str, tuple[Slider, ui.slider]] = {}
+        self._sliders: dict[str, tuple[Slider, LocalSlider]] = {}
 
     def offer(self, sliders: Iterable[Slider]) -> None:
         """Show these; one that was there before keeps its value where it was moved."""
@@ -32,12 +33,12 @@ class Sliders:
                 value = moved.get(each.name, first)
                 self._sliders[each.name] = (each, self._slider(each, value))
 
-    def _slider(self, each: Slider, value: float) -> ui.slider:
+    def _slider(self, each: Slider, value: float) -> LocalSlider:
         with ui.element("div"):
             with ui.element("div").classes("simulate-number-head"):
                 ui.label(each.label)
                 said = ui.label(f"{value:.{each.decimals}f}").classes("number")
-            slider = ui.slider(min=each.low, max=each.high, step=each.step, value=value)
+            slider = LocalSlider(min=each.low, max=each.high, step=each.step, value=value)
             slider.props(f'dense aria-label="{each.label}"').mark(each.name)
 
         def moved() -> None:
