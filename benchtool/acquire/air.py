@@ -1,60 +1,64 @@
-"""Density of moist air from temperature, pressure and humidity."""
+"""The air around the bench, and the density of moist air."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from math import exp
+from typing import Annotated, Any
 
-from benchtool.core.errors import InputError
+from annotated_types import Ge, Le
 
-CARBON_DIOXIDE = 0.0004
-"""Mole fraction of carbon dioxide: 400 ppm, the reference value of CIPM-2007."""
+from benchtool.core.inputs import Input, Inputs
 
-TEMPERATURES_DEGC = (-40.0, 60.0)
-PRESSURES_PA = (50_000.0, 110_000.0)
-HUMIDITIES = (0.0, 1.0)
-"""Least and greatest that is taken for a measurement; choices, wide enough for any laboratory."""
+STANDARD_DEGC, STANDARD_PA = 15.0, 101_325.0
 
 
-@dataclass(frozen=True, slots=True)
-class Air:
-    """Hold the state of the air around the bench.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Air(Inputs):
+    """The air as people measure it; standard and dry where nothing is given.
 
-    Attributes:
-        temperature_degC: of the air.
-        pressure_Pa: at the bench, not reduced to sea level.
-        humidity: relative, 0 to 1.
-        measured: False when nobody gave the values and the standard ones stand for them.
+    The ranges are choices, wide enough for any laboratory.
     """
 
-    temperature_degC: float = 15.0
-    pressure_Pa: float = 101_325.0
-    humidity: float = 0.0
-    measured: bool = False
+    temperature: Annotated[
+        Annotated[float, Ge(-40.0), Le(60.0)] | None,
+        Input("Air temperature.", "degC", label="Air, degC", empty=f"{STANDARD_DEGC:g} assumed"),
+    ] = None
+    pressure: Annotated[
+        Annotated[float, Ge(500.0), Le(1100.0)] | None,
+        Input(
+            "Air pressure here, not reduced to sea level.",
+            "hPa",
+            label="Pressure here, hPa",
+            empty=f"{0.01 * STANDARD_PA:g} assumed",
+        ),
+    ] = None
+    humidity: Annotated[
+        Annotated[float, Ge(0.0), Le(100.0)] | None,
+        Input("Relative humidity.", "percent", label="Humidity, %", empty="0 assumed"),
+    ] = None
 
-    def __post_init__(self) -> None:
-        for name, value, (low, high), unit in (
-            ("temperature", self.temperature_degC, TEMPERATURES_DEGC, "degC"),
-            ("pressure", self.pressure_Pa, PRESSURES_PA, "Pa"),
-            ("humidity", self.humidity, HUMIDITIES, "(0 to 1)"),
-        ):
-            if not low <= value <= high:
-                raise InputError(
-                    f"air {name} {value:g} {unit} is outside {low:g} to {high:g}; correct it"
-                )
-
-    @property
-    def density_kg_m3(self) -> float:
-        """Density of the air."""
-        return air_density_kg_m3(self.temperature_degC, self.pressure_Pa, self.humidity)
+    def facts(self) -> dict[str, Any]:
+        """Return it for metadata.json, in SI units, with its density."""
+        degC = STANDARD_DEGC if self.temperature is None else self.temperature
+        pressure_Pa = STANDARD_PA if self.pressure is None else 100.0 * self.pressure
+        humidity = 0.01 * (self.humidity or 0.0)
+        return {
+            "temperature_degC": degC,
+            "pressure_Pa": pressure_Pa,
+            "humidity": humidity,
+            "density_kg_m3": air_density_kg_m3(degC, pressure_Pa, humidity),
+            "measured": self.temperature is not None and self.pressure is not None,
+            "formula": "CIPM-2007",
+        }
 
 
 def air_density_kg_m3(temperature_degC: float, pressure_Pa: float, humidity: float) -> float:
-    """Return the density of moist air: kg/m3.
+    """Return the density of moist air: kg/m3; humidity is relative, 0 to 1.
 
-    CIPM-2007 (Picard, Davis, Glaeser, Fujii, Metrologia 45 (2008) 149, eq. 1 to 3 and annex),
-    good to 22e-6 from 15 to 27 degC and 600 to 1100 hPa, and far better than thrust is measured
-    outside of that.
+    CIPM-2007 (Picard, Davis, Glaeser, Fujii, Metrologia 45 (2008) 149, eq. 1 to 3 and annex) at
+    its reference of 400 ppm carbon dioxide, good to 22e-6 from 15 to 27 degC and 600 to 1100 hPa,
+    and far better than thrust is measured outside of that.
     """
     t, p = temperature_degC, pressure_Pa
     kelvin = t + 273.15
@@ -73,5 +77,4 @@ def air_density_kg_m3(temperature_degC: float, pressure_Pa: float, humidity: flo
         )
         + (p / kelvin) ** 2 * (1.83e-11 - 0.765e-8 * x**2)
     )
-    molar = 3.483740e-3 + 1.4446e-3 * (CARBON_DIOXIDE - 0.0004)
-    return molar * p / (compressibility * kelvin) * (1.0 - 0.3780 * x)
+    return 3.483740e-3 * p / (compressibility * kelvin) * (1.0 - 0.3780 * x)

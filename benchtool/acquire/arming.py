@@ -33,7 +33,7 @@ def arming_text(plan: Plan, rig: Rig, expected: Expected) -> str:
 
 
 def arming_warnings(identity: Identity, rig: Rig) -> tuple[str, ...]:
-    """Return what makes a bench more dangerous than others, a sentence each, said before arming."""
+    """Return what makes a bench more dangerous than others, a sentence each."""
     found = (
         identity.facts.get("warning"),
         unmeasured_rotors(identity, rig),

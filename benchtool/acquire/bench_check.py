@@ -8,9 +8,9 @@ from math import nan, pi
 
 import numpy as np
 
+from benchtool.acquire.average import read_span
 from benchtool.acquire.motors import STANDSTILL_RPM
 from benchtool.bench.bench import Bench
-from benchtool.core.array import Array
 from benchtool.core.errors import BenchError
 from benchtool.core.rig import Rig
 
@@ -23,7 +23,6 @@ fiftieth of full thrust."""
 
 SPIN_S = 1.5
 LOOK_S = 1.0
-STEP_S = 0.1
 
 SPEED_BAND = (0.65, 1.5)
 """Measured over expected speed that passes: packs from empty to full and a rough pwm map. A wrong
@@ -35,7 +34,7 @@ SAME_US = 3.0
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class CheckResult:
     """Say what was checked, whether it passed, and the numbers in one sentence."""
 
     name: str
@@ -43,7 +42,7 @@ class Finding:
     text: str
 
 
-def check_bench(bench: Bench, rig: Rig) -> Iterator[Finding]:
+def check_bench(bench: Bench, rig: Rig) -> Iterator[CheckResult]:
     """Give the findings of a bench check as they are made; motors are at zero between and after.
 
     Raises:
@@ -60,21 +59,21 @@ def check_bench(bench: Bench, rig: Rig) -> Iterator[Finding]:
     }
     if turning:
         name, value = next(iter(turning.items()))
-        told = f"reads {value:.0f} rpm" if value == value else "brings no value"
+        reading = f"reads {value:.0f} rpm" if value == value else "brings no value"
         raise BenchError(
-            f"{name} {told} at zero command, limit {STANDSTILL_RPM:g} rpm; stop that rotor or mend "
-            f"its tachometer before anything is armed"
+            f"{name} {reading} at zero command, limit {STANDSTILL_RPM:g} rpm; stop that rotor or "
+            f"mend its tachometer before anything is armed"
         )
     silent = [rotor for rotor in range(rig.n_rotors) if f"rpm{rotor + 1}" not in names]
-    yield Finding("standstill", True, _standstill_text(silent, rig.n_rotors))
-    _wait(bench, ARMING_S)
-    yield Finding("arming", True, f"stop pulse of {stop_us[0]:g} us held for {ARMING_S:g} s")
+    yield CheckResult("standstill", True, _standstill_text(silent, rig.n_rotors))
+    read_span(bench, ARMING_S)
+    yield CheckResult("arming", True, f"stop pulse of {stop_us[0]:g} us held for {ARMING_S:g} s")
     low_us = low_throttle_us(rig)
     for rotor in range(rig.n_rotors):
         pulses = stop_us.copy()
         pulses[rotor] = low_us
         bench.set_pwm(pulses)
-        _wait(bench, SPIN_S)
+        read_span(bench, SPIN_S)
         seen = _means(bench, names, LOOK_S)
         bench.set_pwm(stop_us)
         if rotor in silent and bench.identity.outputs_measured:
@@ -82,7 +81,7 @@ def check_bench(bench: Bench, rig: Rig) -> Iterator[Finding]:
         else:
             yield from _judge_speed(rotor, low_us, seen, rig)
         yield from _judge_thrust(rotor, low_us, seen, still, rig)
-        _wait(bench, SPIN_S)
+        read_span(bench, SPIN_S)
     bench.stop()
 
 
@@ -94,24 +93,26 @@ def _standstill_text(silent: list[int], n_rotors: int) -> str:
     return f"{rest}no channel measures the speed of rotors {listed}: see that they stand"
 
 
-def _judge_output(rotor: int, low_us: float, seen: dict[str, float]) -> Finding:
+def _judge_output(rotor: int, low_us: float, seen: dict[str, float]) -> CheckResult:
     """Judge a rotor without a speed by the outputs that were read back."""
     own = f"pwm{rotor + 1}_us"
     others = [
         name
         for name, value in seen.items()
-        if _is_pulse(name) and name != own and abs(value - low_us) <= SAME_US
+        if name.startswith("pwm") and name != own and abs(value - low_us) <= SAME_US
     ]
-    told = f"{own} reads {seen.get(own, nan):.0f} us of {low_us:g} us; its speed is not measured"
+    text = f"{own} reads {seen.get(own, nan):.0f} us of {low_us:g} us; its speed is not measured"
     if others:
-        told = (
+        text = (
             f"{others[0]} shows the pulse of motor {rotor + 1} as well; look at the map of outputs"
         )
     shown = abs(seen.get(own, nan) - low_us) <= SAME_US
-    return Finding(f"rotor {rotor + 1} output", bool(shown and not others), told)
+    return CheckResult(f"rotor {rotor + 1} output", bool(shown and not others), text)
 
 
-def _judge_speed(rotor: int, low_us: float, seen: dict[str, float], rig: Rig) -> Iterator[Finding]:
+def _judge_speed(
+    rotor: int, low_us: float, seen: dict[str, float], rig: Rig
+) -> Iterator[CheckResult]:
     own = f"rpm{rotor + 1}"
     expected_rpm = _expected_rpm(low_us, rig)
     others = {
@@ -121,7 +122,7 @@ def _judge_speed(rotor: int, low_us: float, seen: dict[str, float], rig: Rig) ->
     }
     rpm = seen.get(own, nan)
     low, high = (share * expected_rpm for share in SPEED_BAND)
-    yield Finding(
+    yield CheckResult(
         f"rotor {rotor + 1} speed",
         bool(low <= rpm <= high),
         f"{own} reads {rpm:.0f} at {low_us:g} us, expected {low:.0f} to {high:.0f}",
@@ -131,19 +132,19 @@ def _judge_speed(rotor: int, low_us: float, seen: dict[str, float], rig: Rig) ->
         text = f"{name} reads {value:.0f} while only motor {rotor + 1} is commanded; swap channels"
     else:
         text = f"only {own} answers to pwm{rotor + 1}_us"
-    yield Finding(f"rotor {rotor + 1} channel", not others and rpm >= STANDSTILL_RPM, text)
+    yield CheckResult(f"rotor {rotor + 1} channel", not others and rpm >= STANDSTILL_RPM, text)
 
 
 def _judge_thrust(
     rotor: int, low_us: float, seen: dict[str, float], still: dict[str, float], rig: Rig
-) -> Iterator[Finding]:
+) -> Iterator[CheckResult]:
     if "thrust_N" not in still:
         # A pitch bench has no load cell.
         return
     thrust_N = seen.get("thrust_N", nan) - still["thrust_N"]
     p = rig.propulsion
     expected_N = p.thrust_coefficient_N_s2 * (_expected_rpm(low_us, rig) * pi / 30.0) ** 2
-    yield Finding(
+    yield CheckResult(
         f"rotor {rotor + 1} thrust",
         bool(thrust_N > 0.25 * expected_N),
         f"thrust rose by {thrust_N:+.3f} N, expected about {expected_N:+.3f} N",
@@ -161,18 +162,8 @@ def low_throttle_us(rig: Rig) -> float:
     return float(round(p.pwm_start_us + LOW_SHARE * (p.pwm_max_us - p.pwm_start_us)))
 
 
-def _wait(bench: Bench, seconds: float) -> None:
-    end_s = bench.now_s() + seconds
-    while (left_s := end_s - bench.now_s()) > 1e-9:
-        bench.read(min(STEP_S, left_s))
-
-
 def _means(bench: Bench, names: list[str], seconds: float) -> dict[str, float]:
-    parts: list[Array] = []
-    end_s = bench.now_s() + seconds
-    while (left_s := end_s - bench.now_s()) > 1e-9:
-        parts.append(bench.read(min(STEP_S, left_s)).values)
-    values = np.concatenate(parts)
+    values = read_span(bench, seconds)
     counts = (~np.isnan(values)).sum(axis=0)
     sums = np.nansum(values, axis=0)
     return {name: float(sums[i] / counts[i]) if counts[i] else nan for i, name in enumerate(names)}
@@ -180,7 +171,3 @@ def _means(bench: Bench, names: list[str], seconds: float) -> dict[str, float]:
 
 def _is_rpm(name: str) -> bool:
     return name.rstrip("0123456789") == "rpm"
-
-
-def _is_pulse(name: str) -> bool:
-    return name.startswith("pwm") and name.endswith("_us")

@@ -1,18 +1,23 @@
-"""Calibrate a load cell: raw counts against known forces, up and down. Pure."""
+"""Calibrate a load cell: read counts of known masses, fit the line, find its file again."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from math import isfinite, sqrt
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from benchtool.acquire.average import Average, average, read_span
+from benchtool.bench.bench import Bench, Identity
 from benchtool.core.array import Array
 from benchtool.core.errors import CalibrationError
 from benchtool.core.toml_text import FiniteTable, build
 from benchtool.core.units import STANDARD_GRAVITY_M_S2
+from benchtool.data.atomic import read_json
+from benchtool.data.run.state import recall, state_file
 
 WORST_STRAIGHTNESS = 0.02
 """Share of full scale that a residual may reach; beyond it a line does not describe the cell. A
@@ -24,7 +29,7 @@ class Calibration(FiniteTable):
     """Turn raw counts into newtons: N = slope (counts - zero), zero from the tare.
 
     Attributes:
-        id: date and device, to be told apart.
+        id: date and device.
         date: when the masses hung, ISO 8601.
         device_id: the bench it belongs to.
         slope_N_per_count, offset_N: of N = slope counts + offset on the day.
@@ -70,16 +75,14 @@ def fit_calibration(
 ) -> Calibration:
     """Fit the line through counts (n,) of masses (n,) in the order in which they hung.
 
-    Counts carry the noise, so they are regressed on force, and the line is turned round; its
+    Counts carry the noise, so they are regressed on force, and the line is inverted; its
     covariance follows by the derivative.
 
     Args:
         masses_kg: known masses, several and more than once, up and then down.
         counts: mean raw reading of each.
         date: ISO 8601.
-        device_id: the bench's own name.
         lever_ratio: force on the cell over force where the rotor pulls; 1 for a straight mount.
-        gravity_m_s2: local acceleration of free fall.
 
     Raises:
         CalibrationError: too few masses, a reading that does not follow them, a line that bends.
@@ -110,7 +113,8 @@ def fit_calibration(
             f"check that mass and how it hangs, then calibrate again"
         )
     by_gain = np.array([[-1.0 / gain**2, 0.0], [level / gain**2, -1.0 / gain]])
-    covariance = by_gain @ _covariance(force, sd_counts) @ by_gain.T
+    design = np.column_stack([force, np.ones_like(force)])
+    covariance = by_gain @ (sd_counts**2 * np.linalg.inv(design.T @ design)) @ by_gain.T
     return Calibration(
         id=f"{date}-{device_id}",
         date=date,
@@ -153,11 +157,6 @@ def require_device(
         )
 
 
-def calibration_to_dict(calibration: Calibration) -> dict[str, Any]:
-    """Return a calibration as a JSON object."""
-    return asdict(calibration)
-
-
 def _checked_forces(
     masses_kg: Array, counts: Array, lever_ratio: float, gravity_m_s2: float
 ) -> Array:
@@ -185,12 +184,6 @@ def _checked_forces(
     return masses_kg * gravity_m_s2 / lever_ratio
 
 
-def _covariance(force: Array, sd_counts: float) -> Array:
-    """Return the covariance of (gain, level) of the line counts = gain force + level."""
-    design = np.column_stack([force, np.ones_like(force)])
-    return np.asarray(sd_counts**2 * np.linalg.inv(design.T @ design), float)
-
-
 def _hysteresis(force: Array, residual_N: Array) -> float | None:
     """Return the largest gap between the ways up and down at one force, over full scale."""
     top = int(force.argmax())
@@ -201,3 +194,59 @@ def _hysteresis(force: Array, residual_N: Array) -> float | None:
         if len(up) and len(down):
             gaps_N.append(abs(float(up.mean() - down.mean())))
     return max(gaps_N) / float(np.ptp(force)) if gaps_N else None
+
+
+def read_calibration(path: Path) -> Calibration:
+    """Return the calibration in a JSON file."""
+    return calibration_from(read_json(path), str(path))
+
+
+def calibration_for(option: str | None, identity: Identity) -> Calibration | None:
+    """Return the calibration for a device: the file given, its latest one, or none.
+
+    Raises:
+        CalibrationError: the file belongs to another device.
+    """
+    if option == "none":
+        return None
+    if option:
+        calibration = read_calibration(Path(option))
+        require_device(
+            calibration, option, identity.address, identity.device_id, "--calibration none"
+        )
+        return calibration
+    latest = recall("calibration", identity.device_id)
+    if latest is None:
+        return None
+    return calibration_from(latest, str(state_file("calibration", identity.device_id)))
+
+
+WAITED_S = 0.5
+"""Samples older than the mass: thrown away after the operator's answer; a choice."""
+
+
+def require_raw_counts(bench: Bench) -> int:
+    """Return the column of the raw counts, or refuse a device that gives none."""
+    names = [channel.name for channel in bench.identity.channels]
+    if "thrust_raw" not in names:
+        raise CalibrationError(
+            f"{bench.identity.address} streams no raw counts (thrust_raw), so its newtons can only "
+            f"be calibrated in its own firmware"
+        )
+    return names.index("thrust_raw")
+
+
+def mean_counts(bench: Bench, seconds: float) -> Average:
+    """Return the raw counts averaged over so long; motors are not touched.
+
+    Raises:
+        CalibrationError: the load cell gave no value.
+    """
+    column = require_raw_counts(bench)
+    read_span(bench, WAITED_S)
+    found = average(read_span(bench, seconds)[:, column])
+    if found.n == 0:
+        raise CalibrationError(
+            f"the load cell gave no raw counts for {seconds:g} s; check its wiring"
+        )
+    return found

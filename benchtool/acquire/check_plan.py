@@ -8,8 +8,7 @@ from math import atan2, degrees, radians, tan
 
 import numpy as np
 
-from benchtool.acquire.duration import least_duration_s
-from benchtool.acquire.order import Setting, settings_of
+from benchtool.acquire.order import Setting, least_duration_s, settings_of
 from benchtool.acquire.plan import Plan
 from benchtool.core.errors import PlanError
 from benchtool.core.rig import Rig
@@ -26,7 +25,7 @@ BODY_LIFT_K = 2.0
 
 @dataclass(frozen=True, slots=True)
 class Expected:
-    """Say what a plan asks for at most: pulse, speed, thrust out of and in ground effect."""
+    """Hold the most that a plan commands: pulse, speed, thrust out of and in ground effect."""
 
     pwm_us: float
     rpm: float
@@ -35,7 +34,7 @@ class Expected:
 
 
 def expected_extremes(plan: Plan, rig: Rig) -> Expected:
-    """Return the most that a resolved plan asks of the bench, at nominal voltage.
+    """Return the most that a resolved plan commands, at nominal voltage.
 
     Thrust from the rig's k and pwm map, with eq. (3) for the rotors and eq. (4) for the body of a
     multirotor.
@@ -74,16 +73,28 @@ def expected_extremes(plan: Plan, rig: Rig) -> Expected:
 
 
 def check_plan(plan: Plan, rig: Rig, device_limits: Mapping[str, float] | None = None) -> Expected:
-    """Refuse a resolved plan that the limits do not allow; return what it asks for at most.
+    """Refuse a resolved plan that the limits do not allow; return the most that it commands.
 
     Raises:
         PlanError: the value, the limit and what to change.
     """
     _check_lists(plan, rig)
-    _check_length(plan, rig)
+    least_s = least_duration_s(plan, rig)
+    if least_s > LONGEST_S:
+        raise PlanError(
+            f"the plan would take {least_s / 3600.0:,.0f} h or more, limit {LONGEST_S / 3600.0:g} "
+            f"h; lower repeats ({plan.repeats:,}) or sample_s ({plan.sample_s:g} s), or sweep it "
+            f"in parts"
+        )
     settings = settings_of(plan, rig)
     device = dict(device_limits or {})
-    _check_together(plan, device)
+    together, on = device.get("rotors_together", np.inf), plan.throttle.rotors_on
+    if len(on) > together:
+        listed = ", ".join(map(str, on))
+        raise PlanError(
+            f"throttle.rotors_on asks for rotors {listed} together, but this autopilot's motor "
+            f"test turns {together:g} at a time; name one with --rotors {on[0]}"
+        )
     highest_us = min(rig.limits.pwm_us, rig.propulsion.pwm_max_us, device.get("pwm_us", np.inf))
     stop_us = rig.propulsion.pwm_stop_us
     for level_us in plan.throttle.pwm_us:
@@ -112,16 +123,6 @@ def check_plan(plan: Plan, rig: Rig, device_limits: Mapping[str, float] | None =
             f"{allowed_rpm:.0f} rpm; lower throttle.pwm_us"
         )
     return expected
-
-
-def _check_length(plan: Plan, rig: Rig) -> None:
-    least_s = least_duration_s(plan, rig)
-    if least_s > LONGEST_S:
-        raise PlanError(
-            f"the plan would take {least_s / 3600.0:,.0f} h or more, limit {LONGEST_S / 3600.0:g} "
-            f"h; lower repeats ({plan.repeats:,}) or sample_s ({plan.sample_s:g} s), or sweep it "
-            f"in parts"
-        )
 
 
 def _check_lists(plan: Plan, rig: Rig) -> None:
@@ -154,18 +155,6 @@ def _check_lists(plan: Plan, rig: Rig) -> None:
         raise PlanError(
             f"rest.until_degC {rest.until_degC:g} is not below rest.above_degC "
             f"{rest.above_degC:g}; lower it"
-        )
-
-
-def _check_together(plan: Plan, device: Mapping[str, float]) -> None:
-    """Refuse more rotors at once than a motor test turns."""
-    together = device.get("rotors_together", np.inf)
-    on = plan.throttle.rotors_on
-    if len(on) > together:
-        listed = ", ".join(map(str, on))
-        raise PlanError(
-            f"throttle.rotors_on asks for rotors {listed} together, but this autopilot's motor "
-            f"test turns {together:g} at a time; name one with --rotors {on[0]}"
         )
 
 

@@ -6,60 +6,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from annotated_types import Ge, Le
-
-from benchtool.acquire.air import HUMIDITIES, PRESSURES_PA, TEMPERATURES_DEGC, Air
+from benchtool.acquire.air import Air
 from benchtool.acquire.plan import Plan
 from benchtool.core.errors import InputError
 from benchtool.core.inputs import Input, Inputs
 
 if TYPE_CHECKING:
     from benchtool.core.rig import Rig
-
-STANDARD = Air()
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AirInputs(Inputs):
-    """The air as people measure it."""
-
-    temperature: Annotated[
-        Annotated[float, Ge(TEMPERATURES_DEGC[0]), Le(TEMPERATURES_DEGC[1])] | None,
-        Input(
-            "Air temperature.",
-            "degC",
-            label="Air, degC",
-            empty=f"{STANDARD.temperature_degC:g} assumed",
-        ),
-    ] = None
-    pressure: Annotated[
-        Annotated[float, Ge(0.01 * PRESSURES_PA[0]), Le(0.01 * PRESSURES_PA[1])] | None,
-        Input(
-            "Air pressure here, not reduced to sea level.",
-            "hPa",
-            label="Pressure here, hPa",
-            empty=f"{0.01 * STANDARD.pressure_Pa:g} assumed",
-        ),
-    ] = None
-    humidity: Annotated[
-        Annotated[float, Ge(100.0 * HUMIDITIES[0]), Le(100.0 * HUMIDITIES[1])] | None,
-        Input(
-            "Relative humidity.",
-            "percent",
-            label="Humidity, %",
-            empty=f"{100.0 * STANDARD.humidity:g} assumed",
-        ),
-    ] = None
-
-    def air(self) -> Air:
-        """Return the air; standard values stand where nothing was given."""
-        degC, hPa, percent = self.temperature, self.pressure, self.humidity
-        return Air(
-            temperature_degC=STANDARD.temperature_degC if degC is None else degC,
-            pressure_Pa=STANDARD.pressure_Pa if hPa is None else 100.0 * hPa,
-            humidity=STANDARD.humidity if percent is None else 0.01 * percent,
-            measured=degC is not None and hPa is not None,
-        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,7 +28,7 @@ class SweepInputs(Inputs):
     runs: Annotated[Path, Input("Where run folders are made.")] = Path("runs")
     out: Annotated[Path | None, Input("Exactly this run folder; must be new.")] = None
     operator: Annotated[str, Input("Who measures; the user when left out.", label="Operator")] = ""
-    air: AirInputs = AirInputs()
+    air: Air = field(default_factory=Air)
     calibration: Annotated[
         str | None,
         Input(

@@ -8,6 +8,7 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
+from benchtool.acquire.average import read_span
 from benchtool.acquire.bench_check import low_throttle_us
 from benchtool.bench.bench import Bench
 from benchtool.bench.guard import GuardedBench
@@ -19,21 +20,21 @@ SPIN_S = 1.2
 """A motor turns so long: rotors have started, and a dead speed channel has not ended it yet."""
 
 REST_S = 1.0
-"""Between two motors: the one before must stand, so that only one ESC tells a speed."""
+"""Between two motors: the one before must stand, so that only one ESC reports a speed."""
 
 STEP_S = 0.05
 
 
 @runtime_checkable
 class Mapped(Protocol):
-    """Be a bench that tells what every output shows and every ESC reads."""
+    """Be a bench that reports what every output shows and every ESC reads."""
 
     def outputs_us(self) -> tuple[int, ...]:
         """Return the pulse of every output, 0 where there is none."""
         ...
 
     def speeds_rpm(self) -> dict[int, float]:
-        """Return the speed that each ESC last told, by its place from 1."""
+        """Return the speed that each ESC last reported, by its place from 1."""
         ...
 
 
@@ -41,16 +42,16 @@ def learn_motors(
     bench: Bench,
     rig: Rig,
     rotor_of: Callable[[int], int],
-    told: Callable[[str], None],
+    report: Callable[[str], None],
 ) -> MotorMap:
     """Turn each motor alone at low throttle and note its output and its ESC.
 
     Args:
         bench: open, within its limits, opened without a map.
         rig: what stands on it.
-        rotor_of: gives the rotor (from 0) that a motor test (from 1) has turned; asked when the
-            motor stands again, each rotor once.
-        told: hears of each rotor in a sentence.
+        rotor_of: gives the rotor (from 0) that a motor test (from 1) has turned; called when
+            the motor stands again, each rotor once.
+        report: called with a sentence about each rotor.
 
     Raises:
         InputError: a bench that has no outputs to look at.
@@ -72,13 +73,14 @@ def learn_motors(
         pulses_us = stop_us.copy()
         pulses_us[motor - 1] = low_us
         bench.set_pwm(pulses_us)
-        _wait(bench, SPIN_S)
+        read_span(bench, SPIN_S, STEP_S)
         output, esc = _driven(device, motor, low_us), _turning(device)
         bench.set_pwm(stop_us)
-        _wait(bench, REST_S)
+        read_span(bench, REST_S, STEP_S)
         rotor = rotor_of(motor)
         name = f"rotor {rotor + 1} ({rig.rotors[rotor].name})"
-        told(f"motor {motor} drives output {output}, {name}; " + _esc_words(esc))
+        esc_text = f"ESC {esc} reports its speed" if esc else "no ESC reports its speed"
+        report(f"motor {motor} drives output {output}, {name}; " + esc_text)
         found = replace(
             found,
             motors=_with(found.motors, rotor, motor),
@@ -103,20 +105,10 @@ def _driven(device: Mapped, motor: int, low_us: float) -> int:
 
 
 def _turning(device: Mapped) -> int:
-    """Return the place of the one ESC that tells a speed, 0 where none or several do."""
+    """Return the place of the one ESC that reports a speed, 0 where none or several do."""
     turning = [place for place, rpm in device.speeds_rpm().items() if rpm > 0.0]
     return turning[0] if len(turning) == 1 else 0
 
 
-def _esc_words(esc: int) -> str:
-    return f"ESC {esc} tells its speed" if esc else "no ESC tells its speed"
-
-
 def _with(places: tuple[int, ...], rotor: int, place: int) -> tuple[int, ...]:
     return (*places[:rotor], place, *places[rotor + 1 :])
-
-
-def _wait(bench: Bench, seconds: float) -> None:
-    end_s = bench.now_s() + seconds
-    while (left_s := end_s - bench.now_s()) > 1e-9:
-        bench.read(min(STEP_S, left_s))

@@ -74,8 +74,8 @@ def measure(
 
     Args:
         samples: of the settled span.
-        visit: what was asked for.
-        reached_m: plate distance that the stage told; used where the stream has none.
+        visit: what was commanded.
+        reached_m: plate distance that the stage reported; used where the stream has none.
         tared: the last tare.
         scale: how samples become newtons.
         settled: whether the settling test passed.

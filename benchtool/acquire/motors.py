@@ -1,13 +1,22 @@
-"""Bring rotors to a pulse, to a standstill, and down at a normal end."""
+"""Bring rotors to a pulse, to a standstill, to rest, and end a run safely however it ends."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from contextlib import suppress
+from math import isnan
+from typing import TypeVar
+
 import numpy as np
 
+from benchtool.acquire.average import average
+from benchtool.acquire.plan import RestPart
 from benchtool.acquire.record import Recorder
 from benchtool.core.array import Array
-from benchtool.core.errors import BenchError, CommandRefused
+from benchtool.core.errors import BenchError, CommandRefused, RunStopped, StandstillNotSeen
+from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
+from benchtool.data.run.points import Point
 
 RAMP_STEP_S = 0.05
 """Time between two pulses of a ramp; a choice, well inside the device's watchdog of 0.25 s."""
@@ -15,17 +24,15 @@ RAMP_STEP_S = 0.05
 RAMP_DOWN_S = 0.8
 """A normal end ramps down in so long; at most 1 s is allowed."""
 
+TAIL_S = 0.5
+"""After an early stop the run records so long how pulses and speeds fall; a choice."""
+
 STANDSTILL_RPM = 30.0
 """Below this a rotor stands still: tachometers flicker by a revolution or two; a choice."""
 
 
 class Motors:
-    """Command pulses through a recorder, remembering the last ones.
-
-    Args:
-        recorder: reads and writes while time passes.
-        rig: pulses at which motors stand.
-    """
+    """Command pulses through a recorder, remembering the last ones."""
 
     def __init__(self, recorder: Recorder, rig: Rig) -> None:
         self._recorder = recorder
@@ -40,7 +47,11 @@ class Motors:
 
     def ramp_to(self, pulses_us: Array, seconds: float, phase: str, point: int = 0) -> None:
         """Go to pulses (n_rotors,) in equal steps, recording samples on the way."""
-        start_us = np.maximum(self.pulses_us, self._idle_us(pulses_us))
+        # A ramp from standstill begins at the pulse where rotors start to turn.
+        start_us = np.where(
+            pulses_us > self.stop_us, self._rig.propulsion.pwm_start_us, self.stop_us
+        )
+        start_us = np.maximum(self.pulses_us, start_us)
         steps = max(1, round(seconds / RAMP_STEP_S))
         for step in range(1, steps + 1):
             now_us = start_us + (pulses_us - start_us) * (step / steps)
@@ -69,15 +80,11 @@ class Motors:
                 return
             if self._recorder.bench.now_s() >= end_s:
                 name, rpm = max(last.items(), key=lambda item: np.nan_to_num(abs(item[1]), nan=1e9))
-                told = f"still reads {rpm:.0f} rpm" if rpm == rpm else "brings no value"
+                reading = f"still reads {rpm:.0f} rpm" if rpm == rpm else "brings no value"
                 raise BenchError(
-                    f"{name} {told} {timeout_s:g} s after zero was commanded, limit "
+                    f"{name} {reading} {timeout_s:g} s after zero was commanded, limit "
                     f"{STANDSTILL_RPM:g} rpm; check the ESC's arming and the tachometer"
                 )
-
-    def _idle_us(self, pulses_us: Array) -> Array:
-        """Begin a ramp from standstill at the pulse where rotors start to turn."""
-        return np.where(pulses_us > self.stop_us, self._rig.propulsion.pwm_start_us, self.stop_us)
 
     def _set(self, pulses_us: Array) -> None:
         try:
@@ -93,3 +100,123 @@ class Motors:
 def _last(values: Array) -> float:
     present = values[~np.isnan(values)]
     return float(present[-1]) if len(present) else float("nan")
+
+
+Result = TypeVar("Result")
+
+
+def run_to_end(
+    recorder: Recorder,
+    motors: Motors,
+    measure: Callable[[], None],
+    summarise: Callable[[], tuple[Result, str]],
+    hold: Callable[[], object],
+) -> Result:
+    """Measure, ramp down, see the rotors stand, and close the run's files; return the summary.
+
+    Whatever ends it early, zero is commanded first, then the reason is recorded, and it is raised
+    again; only a normal end ramps down. The link is closed by who opened it.
+
+    Args:
+        summarise: called when the rotors stand; returns the summary and the text of the last event.
+        hold: called after zero was commanded at an early end.
+    """
+    try:
+        try:
+            measure()
+            motors.ramp_to(motors.stop_us, RAMP_DOWN_S, "end")
+            recorder.bench.stop()
+            recorder.see_standstill()
+            recorder.bench.require_standstill(ends_normally=True)
+            summary, text = summarise()
+            recorder.note("ended", text)
+            recorder.finish("ended")
+        except BaseException as error:
+            ended_by = _stop_at_once(recorder, error, hold)
+            if ended_by is not error:
+                raise ended_by from error
+            raise
+        return summary
+    finally:
+        recorder.close()
+
+
+def _stop_at_once(
+    recorder: Recorder, error: BaseException, hold: Callable[[], object]
+) -> BaseException:
+    """Command zero before anything else and return the error that ends the run.
+
+    Nothing that fails on the way hides that error.
+    """
+    bench = recorder.bench
+    with suppress(Exception):
+        bench.stop()
+    with suppress(Exception):
+        hold()
+    interrupted = isinstance(error, KeyboardInterrupt)
+    reason = "stopped by Ctrl-C" if interrupted else str(error) or type(error).__name__
+    with suppress(Exception):
+        if unread := bench.take_unread():
+            recorder.store(unread, "end")
+    with suppress(Exception):
+        # How the rotors slow down, and what waited in the link.
+        if not isinstance(error, StandstillNotSeen):
+            recorder.see_standstill(TAIL_S)
+    if not isinstance(error, StandstillNotSeen):
+        reason = bench.with_standstill(reason)
+    with suppress(Exception):
+        recorder.finish("stopped", reason)
+    with suppress(Exception):
+        recorder.note("stopped", reason)
+    return recorder.rescue(error)
+
+
+LOOK_S = 1.0
+"""Span over which temperature and voltage are averaged; a choice."""
+
+
+def rest_if_needed(recorder: Recorder, motors: Motors, plan: RestPart, last: Point | None) -> None:
+    """Rest where temperature or voltage of the last point asks for it; look when there is none.
+
+    Raises:
+        RunStopped: the rest took longer than the plan allows.
+    """
+    if plan.above_degC is None and plan.below_V is None:
+        return
+    if last is None:
+        seen = recorder.collect("rest", LOOK_S)
+        why = _why(_mean(seen, "temperature_degC"), _mean(seen, "voltage_V"), plan)
+    else:
+        why = _why(last.temperature_degC, last.voltage_V, plan)
+    if not why:
+        return
+    recorder.note("rest", f"{why}; motors at zero until it has recovered")
+    motors.zero()
+    begun_s = recorder.now_s
+    while not _recovered(recorder.collect("rest", LOOK_S), plan):
+        if recorder.now_s - begun_s > plan.longest_s:
+            raise RunStopped(
+                f"{why} and had not recovered after {plan.longest_s:g} s; cool it or change the "
+                f"pack, then go on with benchtool sweep --resume"
+            )
+    recorder.note("rested", f"went on after {recorder.now_s - begun_s:.0f} s")
+
+
+def _why(temperature: float, voltage: float, plan: RestPart) -> str:
+    if plan.above_degC is not None and temperature > plan.above_degC:
+        return f"the ESC reads {temperature:.1f} degC, rest above {plan.above_degC:g} degC"
+    if plan.below_V is not None and voltage < plan.below_V:
+        return f"the pack reads {voltage:.2f} V, rest below {plan.below_V:g} V"
+    return ""
+
+
+def _recovered(seen: Recording, plan: RestPart) -> bool:
+    temperature, voltage = _mean(seen, "temperature_degC"), _mean(seen, "voltage_V")
+    cool = plan.above_degC is None or isnan(temperature) or temperature <= plan.until_degC
+    until_V = max(plan.until_V, plan.below_V or 0.0)
+    charged = plan.below_V is None or isnan(voltage) or voltage >= until_V
+    return cool and charged
+
+
+def _mean(seen: Recording, name: str) -> float:
+    return average(seen.column(name)).mean if name in seen else float("nan")

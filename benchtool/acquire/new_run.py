@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import getpass
+import platform
+from dataclasses import asdict
 from datetime import datetime
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import Any
 
+from benchtool import __version__
 from benchtool.acquire.air import Air
 from benchtool.acquire.calibration import Calibration
-from benchtool.acquire.metadata import run_metadata
 from benchtool.acquire.order import visits_of
 from benchtool.acquire.pitch_experiment import PitchExperiment
 from benchtool.acquire.plan import Plan, plan_to_toml
 from benchtool.bench.bench import Identity
 from benchtool.core.rig import Rig
+from benchtool.core.rig_file import rig_to_dict
 from benchtool.data.run.run import Run, free_run_path
 
 
@@ -26,13 +32,10 @@ def new_run(
     air: Air | None = None,
     calibration: Calibration | None = None,
 ) -> Run:
-    """Create the run folder of a sweep that begins now.
+    """Create the run folder of a sweep of a resolved plan that begins now.
 
     Args:
         folder: where run folders are made, and exactly which one; None names it by date and plan.
-        plan: resolved.
-        rig: what stands on the bench.
-        identity: who answers.
         operator: who measures; the user when empty.
         air: around the bench; the standard one when left out.
         calibration: of the load cell, where one is applied.
@@ -62,9 +65,6 @@ def new_pitch_run(
     Args:
         folder: where run folders are made, the run's name, and exactly which one; None names it by
             date and name.
-        experiment: to be recorded.
-        rig: on the hinge.
-        identity: who answers.
         operator: who measures; the user when empty.
 
     Raises:
@@ -83,3 +83,61 @@ def new_pitch_run(
     }
     path = out or free_run_path(runs, f"{now:%Y-%m-%d}", name)
     return Run.create(path, experiment.to_toml(), facts)
+
+
+def run_metadata(
+    plan: Plan,
+    rig: Rig,
+    identity: Identity,
+    *,
+    operator: str = "",
+    air: Air | None = None,
+    calibration: Calibration | None = None,
+    started: datetime | None = None,
+) -> dict[str, Any]:
+    """Return the facts for metadata.json of a new run."""
+    return {
+        "state": "running",
+        "simulated": identity.simulated,
+        "started": (started or datetime.now().astimezone()).isoformat(timespec="seconds"),
+        "operator": operator or _user(),
+        "seed": plan.order.seed,
+        "address": identity.address,
+        "device_id": identity.device_id,
+        "device": {
+            "firmware": identity.firmware,
+            "protocol": identity.protocol,
+            "rate_Hz": identity.rate_Hz,
+            "watchdog_s": identity.watchdog_s,
+            "limits": dict(identity.limits),
+            "channels": {channel.name: channel.unit for channel in identity.channels},
+            "channel_hash": identity.channel_hash,
+            "orders_protected": identity.orders_protected,
+            "facts": dict(identity.facts),
+        },
+        "rig": rig_to_dict(rig),
+        "calibration": asdict(calibration) if calibration else None,
+        "air": (air or Air()).facts(),
+        "versions": {
+            "benchtool": __version__,
+            "python": platform.python_version(),
+            "system": platform.platform(),
+            **{
+                package: _version(package) for package in ("numpy", "pandas", "pyarrow", "pyserial")
+            },
+        },
+    }
+
+
+def _user() -> str:
+    try:
+        return getpass.getuser()
+    except (OSError, KeyError, ImportError):
+        return "unknown"
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "not installed"

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
+from math import hypot
 from typing import Literal
 
 import numpy as np
@@ -18,7 +19,7 @@ MOST_VISITS = 100_000
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class PlatePosition:
     """A position of the plate; parked counts as out of ground effect."""
 
     z_m: float
@@ -32,7 +33,7 @@ class Setting:
     """One combination of plate position and pulse level, numbered from 1."""
 
     number: int
-    place: Place
+    place: PlatePosition
     level_us: float
     pwm_us: tuple[float, ...]
 
@@ -58,23 +59,18 @@ def settings_of(plan: Plan, rig: Rig) -> tuple[Setting, ...]:
             f"tilts, places, levels or repeats"
         )
     places = [
-        Place(z_m, x_m, tilt_deg)
+        PlatePosition(z_m, x_m, tilt_deg)
         for tilt_deg, x_m, z_m in product(plate.tilts_deg, plate.lateral_m, plate.distances_m)
     ]
     if plan.order.references:
-        places.append(Place(rig.plate.z_park_m, 0.0, 0.0, parked=True))
+        places.append(PlatePosition(rig.plate.z_park_m, 0.0, 0.0, parked=True))
+    turning = [rotor in plan.throttle.rotors_on for rotor in range(1, rig.n_rotors + 1)]
+    stop_us = rig.propulsion.pwm_stop_us
     combinations = product(places, plan.throttle.pwm_us)
     return tuple(
-        Setting(number, place, level_us, pulses_us(plan, rig, level_us))
+        Setting(number, place, level_us, tuple(np.where(turning, level_us, stop_us).tolist()))
         for number, (place, level_us) in enumerate(combinations, 1)
     )
-
-
-def pulses_us(plan: Plan, rig: Rig, level_us: float) -> tuple[float, ...]:
-    """Return the pulse of every rotor (n_rotors,) at a level: us."""
-    stop_us = rig.propulsion.pwm_stop_us
-    on = set(plan.throttle.rotors_on)
-    return tuple(level_us if rotor in on else stop_us for rotor in range(1, rig.n_rotors + 1))
 
 
 def visits_of(plan: Plan, rig: Rig) -> tuple[Visit, ...]:
@@ -83,7 +79,11 @@ def visits_of(plan: Plan, rig: Rig) -> tuple[Visit, ...]:
     Anchors stand at changes of the plate's position, so that they cost one move at most.
     """
     settings = settings_of(plan, rig)
-    anchor = _anchor(settings)
+    # What is repeated for drift: parked when there are references.
+    candidates = [setting for setting in settings if setting.place.parked] or [
+        setting for setting in settings if setting.place == settings[0].place
+    ]
+    anchor = sorted(candidates, key=lambda setting: setting.level_us)[len(candidates) // 2]
     visits: list[Visit] = []
     anchors = since = 0
     every = plan.order.anchor_every
@@ -103,17 +103,10 @@ def visits_of(plan: Plan, rig: Rig) -> tuple[Visit, ...]:
     return tuple(visits)
 
 
-def _anchor(settings: tuple[Setting, ...]) -> Setting:
-    """Return the setting that is repeated for drift: parked when there are references."""
-    parked = [setting for setting in settings if setting.place.parked]
-    candidates = parked or [s for s in settings if s.place == settings[0].place]
-    return sorted(candidates, key=lambda setting: setting.level_us)[len(candidates) // 2]
-
-
 def _stays(plan: Plan, settings: tuple[Setting, ...]) -> Iterator[tuple[int, list[Setting]]]:
     """Give the settings of every stay at one place, with the number of the repeat."""
     rng = np.random.default_rng(plan.order.seed)
-    by_place: dict[Place, list[Setting]] = {}
+    by_place: dict[PlatePosition, list[Setting]] = {}
     for setting in settings:
         by_place.setdefault(setting.place, []).append(setting)
     stays = list(by_place.values())
@@ -128,3 +121,66 @@ def _stays(plan: Plan, settings: tuple[Setting, ...]) -> Iterator[tuple[int, lis
             chosen = stays
         for stay in chosen:
             yield repeat, stay
+
+
+SETTLE_WINDOWS = 1.4
+"""Windows that settling takes as a rule; measured on the virtual bench."""
+
+STOP_S = 1.5
+"""Time for rotors to stand still before the plate moves; an assumption, watched on every move."""
+
+
+def visit_s(plan: Plan) -> float:
+    """Return the time of one visit without a move: s."""
+    settle_s = min(SETTLE_WINDOWS * plan.settle.window_s, plan.settle.timeout_s)
+    return plan.throttle.ramp_s + settle_s + plan.sample_s
+
+
+def move_s(plan: Plan, rig: Rig, start: PlatePosition | None, end: PlatePosition) -> float:
+    """Return the time of a move with the rotors stopped before it: s."""
+    if start == end:
+        return 0.0
+    z_m, x_m = (start.z_m, start.x_m) if start else (rig.plate.z_park_m, 0.0)
+    return STOP_S + hypot(end.z_m - z_m, end.x_m - x_m) / rig.plate.speed_m_s
+
+
+def least_duration_s(plan: Plan, rig: Rig) -> float:
+    """Return a time that every order of a resolved plan takes at least: s.
+
+    From counts alone, so that a plan of a billion visits is judged at once.
+    """
+    plate = plan.plate
+    places = len(plate.distances_m) * len(plate.tilts_deg) * len(plate.lateral_m)
+    places += plan.order.references
+    visits = places * len(plan.throttle.pwm_us) * (plan.repeats or 1)
+    return visits * visit_s(plan)
+
+
+def expected_duration_s(
+    plan: Plan, rig: Rig, visits: Sequence[Visit], place: PlatePosition | None = None
+) -> float:
+    """Return the time that visits in this order will take: s.
+
+    Args:
+        plan: resolved.
+        rig: speed and park position of the plate.
+        visits: those that are left.
+        place: where the plate stands; None before a sweep, which then begins with a tare.
+    """
+    total_s = 0.0
+    tares = 1 if place is None else 0
+    for visit in visits:
+        total_s += visit_s(plan) + move_s(plan, rig, place, visit.setting.place)
+        place = visit.setting.place
+    tare_s = plan.tare.seconds + STOP_S
+    if plan.tare.every_minutes:
+        tares += int(total_s // (60.0 * plan.tare.every_minutes))
+    return total_s + tares * tare_s
+
+
+def minutes(seconds: float) -> str:
+    """Return a duration as people read it."""
+    whole = max(0, round(seconds))
+    if whole >= 3600:
+        return f"{whole // 3600} h {whole % 3600 // 60:02d} min"
+    return f"{whole // 60} min {whole % 60:02d} s"

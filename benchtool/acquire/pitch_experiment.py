@@ -1,4 +1,4 @@
-"""What a pitch experiment asks of a bench, checked before anything spins."""
+"""What a pitch experiment requires of a bench, checked before anything spins."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from math import degrees, isfinite, pi, radians, sqrt
 
+from benchtool.acquire.check_plan import Expected
 from benchtool.bench.bench import Identity
 from benchtool.core.errors import InputError, PlanError
 from benchtool.core.rig import Rig
@@ -17,7 +18,7 @@ LONGEST_S = 3600.0
 """A longer recording is taken for a typing error; a choice."""
 
 PITCH_LIMIT_RAD = radians(45.0)
-"""The host stops beyond this angle unless told otherwise; a choice, as that of the device."""
+"""The host stops beyond this angle where nothing else is given; a choice, as that of the device."""
 
 RATE_LIMIT_RAD_S = 10.0
 """The host stops beyond this rate; a choice, as that of the device."""
@@ -35,7 +36,7 @@ class PitchExperiment:
         collective_us: pulse of every motor that arms the device; its loop adds to that.
         plate_z_m: where the plate is sent before; None leaves it where it is.
         pitch_limit_rad: angle at which the host stops.
-        schedule: what the device was told to run, for the record; the device's own word when "".
+        schedule: name of what the device runs, for the record; the device's own word when "".
     """
 
     seconds: float
@@ -59,14 +60,6 @@ class PitchExperiment:
         return "\n".join(lines) + "\n"
 
 
-@dataclass(frozen=True, slots=True)
-class Expected:
-    """Say what a collective gives at nominal voltage: rpm of each rotor, thrust of all: N."""
-
-    rpm: float
-    thrust_N: float
-
-
 def hover_pulse_us(rig: Rig) -> float:
     """Return the pulse at which the rotors carry the weight out of ground effect, in whole us."""
     p = rig.propulsion
@@ -84,8 +77,6 @@ def check_experiment(
     """Refuse an experiment that the limits do not allow; return what its collective gives.
 
     Args:
-        experiment: to be recorded.
-        rig: on the hinge.
         device_limits: those that the device states.
         idle_us: pulse above which the device arms; the rig's start of the pulse map when None.
 
@@ -127,7 +118,7 @@ def check_experiment(
             f"--plate-z-m is {experiment.plate_z_m:g}, outside {low_m:g} to {high_m:g} m of rig "
             f"{rig.name!r}; choose a distance in between"
         )
-    return Expected(rpm, thrust_N)
+    return Expected(pulse_us, rpm, thrust_N, thrust_N)
 
 
 def expected_on(identity: Identity, experiment: PitchExperiment, rig: Rig) -> Expected:

@@ -9,19 +9,16 @@ from math import degrees
 
 import numpy as np
 
-from benchtool.acquire.motors import RAMP_DOWN_S, Motors
+from benchtool.acquire.motors import Motors, run_to_end
 from benchtool.acquire.pitch_experiment import RATE_LIMIT_RAD_S, PitchExperiment, require_pitch
-from benchtool.acquire.progress import Progress, SafeProgress, Silent
+from benchtool.acquire.progress import RunProgress, SafeProgress
 from benchtool.acquire.record import Recorder
 from benchtool.bench.bench import Readings
 from benchtool.bench.guard import GuardedBench
 from benchtool.core.counted import counted
-from benchtool.core.errors import LimitExceeded, StandstillNotSeen
+from benchtool.core.errors import LimitExceeded
 from benchtool.core.rig import Rig
 from benchtool.data.run.run import Run
-
-TAIL_S = 0.5
-"""After an early stop the run records so long how pulses and speeds fall; a choice."""
 
 RAMP_UP_S = 0.5
 """From idle to the collective in so long; a choice, ten times the lag of a motor."""
@@ -45,7 +42,7 @@ class PitchRecorder(Recorder):
     """Record, and stop when the beam turns too far or too fast."""
 
     def __init__(
-        self, bench: GuardedBench, run: Run, progress: Progress, pitch_limit_rad: float
+        self, bench: GuardedBench, run: Run, progress: RunProgress, pitch_limit_rad: float
     ) -> None:
         super().__init__(bench, run, progress)
         self._limits = {"theta_rad": pitch_limit_rad, "gyro_rad_s": RATE_LIMIT_RAD_S}
@@ -59,7 +56,7 @@ class PitchRecorder(Recorder):
         """Only record from now on: there is nothing left to stop."""
         self._watched = []
 
-    def keep(self, readings: Readings, phase: str, point: int = 0) -> Readings:
+    def store(self, readings: Readings, phase: str, point: int = 0) -> Readings:
         """Write readings; command zero before that where they lie beyond a limit, once.
 
         Raises:
@@ -67,12 +64,12 @@ class PitchRecorder(Recorder):
         """
         breach = self._breach(readings)
         if breach is None:
-            return super().keep(readings, phase, point)
+            return super().store(readings, phase, point)
         self.watch_no_more()
         with suppress(Exception):
             self.bench.stop()
         with suppress(Exception):
-            super().keep(readings, phase, point)
+            super().store(readings, phase, point)
         raise breach
 
     def _breach(self, readings: Readings) -> LimitExceeded | None:
@@ -94,21 +91,16 @@ def record_pitch(
     rig: Rig,
     experiment: PitchExperiment,
     run: Run,
-    progress: Progress | None = None,
+    progress: RunProgress | None = None,
     left: Callable[[float], None] = lambda left_s: None,
 ) -> PitchSummary:
-    """Record a checked experiment on an open bench.
-
-    Whatever ends it early, zero is commanded first, then the reason is recorded, and it is raised
-    again; only a normal end ramps down. The link is closed by who opened it.
+    """Record a checked experiment on an open bench, and end it as `run_to_end` says.
 
     Args:
         bench: open, within its limits.
-        rig: on the hinge.
-        experiment: what to record.
         run: its folder, just created.
-        progress: hears of events.
-        left: told the seconds that are left, about every second.
+        progress: receives events.
+        left: called with the seconds that are left, about every second.
 
     Raises:
         StandstillNotSeen: motors may still turn; leaving the guarded bench raises this too.
@@ -116,44 +108,29 @@ def record_pitch(
     """
     require_pitch(bench.identity)
     bench.expect_loop()
-    recorder = PitchRecorder(
-        bench, run, SafeProgress(progress or Silent()), experiment.pitch_limit_rad
-    )
-    motors = Motors(recorder, rig)
-    try:
-        try:
-            if experiment.plate_z_m is not None:
-                bench.move_plate(experiment.plate_z_m)
-            collective_us = np.full(rig.n_rotors, experiment.collective_us)
-            recorder.note("armed", f"collective {experiment.collective_us:g} us")
-            motors.ramp_to(collective_us, RAMP_UP_S, "ramp")
-            summary = _collect(recorder, experiment.seconds, left)
-            motors.ramp_to(motors.stop_us, RAMP_DOWN_S, "end")
-            bench.stop()
-            recorder.see_standstill()
-            bench.require_standstill(ends_normally=True)
-            # All that is on the disk, the ramps too.
-            summary.samples, summary.lost = recorder.quality.samples, recorder.quality.lost
-            recorder.note("ended", f"{summary.seconds:g} s are recorded")
-            recorder.finish("ended")
-        except BaseException as error:
-            ended_by = _stop_at_once(recorder, error)
-            if ended_by is not error:
-                raise ended_by from error
-            raise
-        return summary
-    finally:
-        recorder.close()
+    recorder = PitchRecorder(bench, run, SafeProgress(progress), experiment.pitch_limit_rad)
+    motors, summary = Motors(recorder, rig), PitchSummary(experiment.seconds)
+
+    def measure() -> None:
+        if experiment.plate_z_m is not None:
+            bench.move_plate(experiment.plate_z_m)
+        recorder.note("armed", f"collective {experiment.collective_us:g} us")
+        motors.ramp_to(np.full(rig.n_rotors, experiment.collective_us), RAMP_UP_S, "ramp")
+        _collect(recorder, summary, left)
+
+    def summarise() -> tuple[PitchSummary, str]:
+        # All that is on the disk, the ramps too.
+        summary.samples, summary.lost = recorder.quality.samples, recorder.quality.lost
+        return summary, f"{summary.seconds:g} s are recorded"
+
+    return run_to_end(recorder, motors, measure, summarise, recorder.watch_no_more)
 
 
-def _collect(
-    recorder: PitchRecorder, seconds: float, left: Callable[[float], None]
-) -> PitchSummary:
-    """Record so many seconds and sum them up."""
-    summary = PitchSummary(seconds)
+def _collect(recorder: PitchRecorder, summary: PitchSummary, left: Callable[[float], None]) -> None:
+    """Record the seconds of a summary and fill in its angles."""
     squares, count = 0.0, 0
     begun_s = recorder.bench.now_s()
-    while (left_s := begun_s + seconds - recorder.bench.now_s()) > 1e-9:
+    while (left_s := begun_s + summary.seconds - recorder.bench.now_s()) > 1e-9:
         left(left_s)
         part = recorder.collect("sample", min(PART_S, left_s))
         recorder.sync()
@@ -165,32 +142,6 @@ def _collect(
             count += int(np.isfinite(error).sum())
     if count:
         summary.rms_error_rad = float(np.sqrt(squares / count))
-    return summary
-
-
-def _stop_at_once(recorder: PitchRecorder, error: BaseException) -> BaseException:
-    """Command zero before anything else and return the error that ends the recording.
-
-    Nothing that fails on the way hides that error.
-    """
-    bench = recorder.bench
-    with suppress(Exception):
-        bench.stop()
-    recorder.watch_no_more()
-    interrupted = isinstance(error, KeyboardInterrupt)
-    reason = "stopped by Ctrl-C" if interrupted else str(error) or type(error).__name__
-    with suppress(Exception):
-        if kept := bench.take_unread():
-            recorder.keep(kept, "end")
-    with suppress(Exception):
-        if not isinstance(error, StandstillNotSeen):
-            recorder.see_standstill(TAIL_S)
-    if not isinstance(error, StandstillNotSeen):
-        reason = bench.with_standstill(reason)
-    with suppress(Exception):
-        recorder.note("stopped", reason)
-        recorder.finish("stopped", reason)
-    return recorder.rescue(error)
 
 
 def summary_line(summary: PitchSummary) -> str:

@@ -182,9 +182,9 @@ class RestPart(Inputs):
     """Say when the bench rests with motors at zero.
 
     Attributes:
-        above_degC: ESC temperature that asks for a rest; never when left out.
+        above_degC: ESC temperature above which it rests; never when left out.
         until_degC: temperature at which the sweep goes on.
-        below_V: pack voltage under load that asks for a rest; never when left out.
+        below_V: pack voltage under load below which it rests; never when left out.
         until_V: voltage at rest at which the sweep goes on.
         longest_s: after so long the sweep stops; it can be resumed.
     """
@@ -198,7 +198,7 @@ class RestPart(Inputs):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plan(Inputs):
-    """Hold everything that a sweep is asked to do.
+    """Hold everything that a sweep shall do.
 
     Attributes:
         sample_share: of the samples that this span should bring, a point needs so many. A choice:
@@ -273,9 +273,10 @@ def plan_to_toml(plan: Plan) -> str:
 
 def _stated(table: Mapping[str, Any]) -> dict[str, Any]:
     """Return a table without what it leaves open."""
-    kept = {key: value for key, value in table.items() if value is not None and value != ()}
     return {
-        key: _stated(value) if isinstance(value, Mapping) else value for key, value in kept.items()
+        key: _stated(value) if isinstance(value, Mapping) else value
+        for key, value in table.items()
+        if value is not None and value != ()
     }
 
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
 
 from benchtool.acquire.average import average
-from benchtool.acquire.calibration import Calibration, calibration_to_dict, require_device
+from benchtool.acquire.calibration import Calibration, require_device
 from benchtool.acquire.plan import plan_from_toml
 from benchtool.core.errors import CalibrationError, FileFormatError
 from benchtool.core.recording import Recording
@@ -53,7 +53,7 @@ def recalibrate(run: Run, calibration: Calibration, *, other_device: bool = Fals
     settled = aggregate(fresh)
     name = re.sub(r"[^A-Za-z0-9._-]", "_", calibration.id)
     facts |= {
-        "calibration": calibration_to_dict(calibration),
+        "calibration": asdict(calibration),
         "calibration_of_other_device": calibration.device_id != device_id,
         "recalibrated_from": {"run": run.path.name, "sha256": data_hash(run.path)},
         "samples": {},
@@ -91,7 +91,7 @@ def _recomputed(
             chosen = own & (phase == code_of("phase", "sample")) & (time_s > begun_s)
         if np.isnan(zero):
             raise CalibrationError(
-                "the run holds no raw counts of a tare before its first point, so nothing tells "
+                "the run holds no raw counts of a tare before its first point, so nothing gives "
                 "the counts of the unloaded cell"
             )
         if not chosen.any():

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from benchtool.acquire.progress import Progress
+from benchtool.acquire.progress import RunProgress
 from benchtool.bench.bench import Readings
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.standstill import Standstill
@@ -33,12 +33,10 @@ class LinkQuality:
 
 
 class Recorder:
-    """Own the files of a run while a sweep appends to them.
+    """Own the files of a run while it is measured.
 
     Args:
-        bench: open, within its limits.
-        run: the folder.
-        progress: hears of events.
+        progress: receives events.
         start_s: time of the run at which this part of it begins; above 0 for a resumed one.
         before: what a resumed run has counted so far.
     """
@@ -47,7 +45,7 @@ class Recorder:
         self,
         bench: GuardedBench,
         run: Run,
-        progress: Progress,
+        progress: RunProgress,
         start_s: float = 0.0,
         before: LinkQuality | None = None,
     ) -> None:
@@ -73,9 +71,9 @@ class Recorder:
 
         A signal waits for the end of this, so that no sample is lost between link and disk.
         """
-        return self.keep(self.bench.read(timeout_s), phase, point)
+        return self.store(self.bench.read(timeout_s), phase, point)
 
-    def keep(self, readings: Readings, phase: str, point: int = 0) -> Readings:
+    def store(self, readings: Readings, phase: str, point: int = 0) -> Readings:
         """Write readings and return them with times since the run began.
 
         Raises:
@@ -124,7 +122,7 @@ class Recorder:
 
         def take(readings: Readings) -> None:
             try:
-                self.keep(readings, "end")
+                self.store(readings, "end")
             except BenchtoolError as error:
                 failed.append(error)
 
@@ -136,7 +134,7 @@ class Recorder:
         return state
 
     def note(self, event: str, text: str, point: int = 0) -> None:
-        """Put an event on the disk and tell it."""
+        """Put an event on the disk and publish it."""
         entry = Event(round(self.now_s, 6), event, text, point)
         self._writer.event(entry)
         self._progress.happened(entry)
@@ -144,18 +142,12 @@ class Recorder:
     def link(self) -> dict[str, Any]:
         """Return how good the link was, for metadata.json.
 
-        Samples, lost, corrupt, repeated; a bench that measures more (messages, jitter) tells it
-        in facts that begin with `link_`.
+        Counts of samples; a bench that measures more (messages, jitter) reports it in facts that
+        begin with `link_`.
         """
-        quality = self.quality
-        told = self.bench.identity.facts
-        return {
-            "samples": quality.samples,
-            "lost": quality.lost,
-            "corrupt": quality.corrupt,
-            "repeated": quality.repeated,
-            **{name: text for name, text in told.items() if name.startswith("link_")},
-        }
+        facts = self.bench.identity.facts
+        measured = {name: text for name, text in facts.items() if name.startswith("link_")}
+        return asdict(self.quality) | measured
 
     def sync(self) -> None:
         """Force the samples to the disk."""
@@ -175,11 +167,11 @@ class Recorder:
         if fault is None:
             return error
         self._writer.rescue()
-        told = self._writer.fault
-        assert told is not None
+        rescued = self._writer.fault
+        assert rescued is not None
         if error is fault:
-            return told
-        self._progress.happened(Event(round(self.now_s, 6), "rescued", str(told)))
+            return rescued
+        self._progress.happened(Event(round(self.now_s, 6), "rescued", str(rescued)))
         return error
 
     def close(self) -> None:

@@ -22,8 +22,8 @@ from benchtool.data.run.read import read_points
 from benchtool.data.run.run import Run
 from benchtool.data.run.run_rig import run_rig
 
-GAP_S = 1.0
-"""Time of the run that stands for the break, however long it was; the event tells the real one."""
+BREAK_S = 1.0
+"""Time of the run that stands for the break, however long it was; the event states the real one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +78,7 @@ def close_run(run: Run) -> bool:
 def prepare(unfinished: Unfinished) -> Start:
     """Read where a run goes on and make its files ready, before its bench is opened.
 
-    Samples of a visit that was cut short will keep their rows and become `interrupted`. A run
+    Samples of a visit that was cut short stay in their rows and become `interrupted`. A run
     with nothing left to measure is closed where it is not; else nothing of it changes yet.
 
     Raises:
@@ -100,7 +100,7 @@ def prepare(unfinished: Unfinished) -> Start:
     counts = (link.get(name, 0) for name in ("lost", "corrupt", "repeated"))
     quality = LinkQuality(found.rows, *counts)
     unsettled, tares = _counts(run, unfinished.done)
-    return Start(unfinished.done, found.last_s + GAP_S, unsettled, tares, quality)
+    return Start(unfinished.done, found.last_s + BREAK_S, unsettled, tares, quality)
 
 
 def require_same_device(unfinished: Unfinished, identity: Identity) -> None:

@@ -2,42 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from math import nan, radians
 
 import numpy as np
-from numpy.typing import NDArray
 
+from benchtool.acquire.average import is_settled
 from benchtool.acquire.calibration import Calibration
-from benchtool.acquire.drift import DriftWatch
-from benchtool.acquire.duration import expected_duration_s
 from benchtool.acquire.measure import ThrustScale, measure, shortage
-from benchtool.acquire.motors import RAMP_DOWN_S, Motors
-from benchtool.acquire.order import Place, Visit, visits_of
+from benchtool.acquire.motors import Motors, rest_if_needed, run_to_end
+from benchtool.acquire.order import PlatePosition, Visit, expected_duration_s, visits_of
 from benchtool.acquire.plan import Plan
-from benchtool.acquire.progress import Progress, SafeProgress, Silent
+from benchtool.acquire.progress import RunProgress, SafeProgress
 from benchtool.acquire.record import LinkQuality, Recorder
-from benchtool.acquire.rest import rest_if_needed
-from benchtool.acquire.settle import is_settled
-from benchtool.acquire.tare import Tared, tare, tare_point
+from benchtool.acquire.tare import Tared, drift_text, tare, tare_point
 from benchtool.bench.bench import Readings
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.plate_check import PlateCheck
 from benchtool.bench.stage.stage import PlateStage
 from benchtool.core.counted import counted
-from benchtool.core.errors import InputError, RunStopped, StandstillNotSeen
-from benchtool.core.recording import Recording
+from benchtool.core.errors import InputError, RunStopped
 from benchtool.core.rig import Rig
 from benchtool.data.run.points import Point
 from benchtool.data.run.run import Run
 
 SETTLE_CHECK_S = 0.1
 """How often settling is tested; a choice, a tenth of the usual window."""
-
-TAIL_S = 0.5
-"""After an early stop the run records so long how pulses and speeds fall; a choice."""
 
 TRIES = 3
 """A visit of which too few samples come is measured so often; a choice: a link that stumbles fails
@@ -83,28 +74,23 @@ def run_sweep(
     plan: Plan,
     rig: Rig,
     run: Run,
-    progress: Progress | None = None,
+    progress: RunProgress | None = None,
     *,
     calibration: Calibration | None = None,
     start: Start | None = None,
     waits: Callable[[], bool] = lambda: False,
 ) -> Summary:
-    """Run a resolved and checked plan on an open bench.
-
-    Whatever ends it early, zero is commanded first, then the reason is recorded, and it is raised
-    again; only a normal end ramps down. The link is closed by who opened it.
+    """Run a resolved and checked plan on an open bench, and end it as `run_to_end` says.
 
     Args:
         bench: open, within its limits.
         stage: moves the plate, open.
         plan: resolved for the rig.
-        rig: what stands on the bench.
         run: its folder, created or reopened.
-        progress: who watches.
-        calibration: applied to raw counts in points.csv; samples.csv keeps what the device said.
+        calibration: applied to raw counts in points.csv; samples.csv stores what the device sent.
         start: where a resumed run goes on.
-        waits: asked before every visit; while it says yes, motors stand still and the bench is
-            read on.
+        waits: called before every visit; while it returns True, motors stand still and the bench
+            is read on.
 
     Raises:
         StandstillNotSeen: motors may still turn; leaving the guarded bench raises this too.
@@ -118,18 +104,9 @@ def run_sweep(
             f"calibration {calibration.id} needs raw counts, but the device streams no thrust_raw; "
             f"sweep with --calibration none"
         )
-    sweep = _Sweep(
-        bench,
-        stage,
-        plan,
-        rig,
-        run,
-        SafeProgress(progress or Silent()),
-        calibration,
-        start or Start(),
-        waits,
-    )
-    return sweep.run_through()
+    safe = SafeProgress(progress)
+    sweep = _Sweep(bench, stage, plan, rig, run, safe, calibration, start or Start(), waits)
+    return run_to_end(sweep.recorder, sweep.motors, sweep.visit_all, sweep.summarise, stage.hold)
 
 
 class _Sweep:
@@ -142,7 +119,7 @@ class _Sweep:
         plan: Plan,
         rig: Rig,
         run: Run,
-        progress: Progress,
+        progress: RunProgress,
         calibration: Calibration | None,
         start: Start,
         waits: Callable[[], bool],
@@ -150,10 +127,10 @@ class _Sweep:
         self._bench, self._stage, self._plan, self._rig = bench, stage, plan, rig
         self._run, self._progress, self._start = run, progress, start
         self._calibration, self._waits = calibration, waits
-        self._recorder = Recorder(bench, run, progress, start.time_s, start.link)
-        self._motors = Motors(self._recorder, rig)
-        self._drift = DriftWatch(plan.tare.drift_N)
-        self._place: Place | None = None
+        self.recorder = Recorder(bench, run, progress, start.time_s, start.link)
+        self.motors = Motors(self.recorder, rig)
+        self._first_anchor: Point | None = None
+        self._place: PlatePosition | None = None
         self._reached_m = nan
         self._plate = PlateCheck(bench.identity.channels, rig)
         self._last: Point | None = None
@@ -163,29 +140,7 @@ class _Sweep:
         sensor = rig.sensors.get("thrust_N")
         self._quantum_N = sensor.quantum if sensor else 0.0
 
-    def run_through(self) -> Summary:
-        recorder = self._recorder
-        try:
-            try:
-                self._visit_all()
-                self._motors.ramp_to(self._motors.stop_us, RAMP_DOWN_S, "end")
-                self._bench.stop()
-                recorder.see_standstill()
-                self._bench.require_standstill(ends_normally=True)
-                self._require_all()
-                summary = self._summary()
-                recorder.note("ended", f"all is measured: {counted(summary.measured, 'visit')}")
-                recorder.finish("ended")
-            except BaseException as error:
-                ended_by = self._stop_at_once(error)
-                if ended_by is not error:
-                    raise ended_by from error
-                raise
-            return summary
-        finally:
-            recorder.close()
-
-    def _visit_all(self) -> None:
+    def visit_all(self) -> None:
         visits = visits_of(self._plan, self._rig)
         left = [visit for visit in visits if visit.point not in self._start.done]
         left_s = expected_duration_s(self._plan, self._rig, left)
@@ -195,47 +150,49 @@ class _Sweep:
             self._wait()
             self._progress.visiting(visit)
             point = self._visit(visit)
-            self._recorder.append_point(point)
-            self._recorder.sync()
+            self.recorder.append_point(point)
+            self.recorder.sync()
             self._last = point
             if point.kind != "failed":
                 self._measured += 1
                 self._unsettled += not point.settled
             left_s = expected_duration_s(self._plan, self._rig, left[index + 1 :], self._place)
             self._progress.measured(point, left_s)
-            if point.kind == "anchor" and (why := self._drift.asks_for_tare(point)):
-                self._recorder.note("drift", why, visit.point)
-                self._tared = None
+            if point.kind == "anchor":
+                if why := drift_text(self._first_anchor, point, self._plan.tare.drift_N):
+                    self.recorder.note("drift", why, visit.point)
+                    self._tared = None
+                self._first_anchor = self._first_anchor or point
 
     def _wait(self) -> None:
         if not self._waits():
             return
-        self._motors.stand_still(self._plan.tare.stop_timeout_s, "rest")
-        self._recorder.note("paused", "paused; motors at zero")
-        begun_s = self._recorder.now_s
+        self.motors.stand_still(self._plan.tare.stop_timeout_s, "rest")
+        self.recorder.note("paused", "paused; motors at zero")
+        begun_s = self.recorder.now_s
         while self._waits():
-            self._recorder.read("rest")
-        self._recorder.note("went_on", f"went on after {self._recorder.now_s - begun_s:.0f} s")
+            self.recorder.read("rest")
+        self.recorder.note("went_on", f"went on after {self.recorder.now_s - begun_s:.0f} s")
 
     def _visit(self, visit: Visit) -> Point:
         self._tare_if_due()
-        rest_if_needed(self._recorder, self._motors, self._plan.rest, self._last)
+        rest_if_needed(self.recorder, self.motors, self._plan.rest, self._last)
         self._go_to(visit.setting.place)
         pulses_us = np.array(visit.setting.pwm_us)
-        self._motors.ramp_to(pulses_us, self._plan.throttle.ramp_s, "ramp", visit.point)
+        self.motors.ramp_to(pulses_us, self._plan.throttle.ramp_s, "ramp", visit.point)
         assert self._tared is not None
         for attempt in range(1, TRIES + 1):
             settled = self._settle(visit)
-            samples = self._recorder.collect("sample", self._plan.sample_s, visit.point)
+            samples = self.recorder.collect("sample", self._plan.sample_s, visit.point)
             short = shortage(
                 samples, self._rates_Hz(visit), self._plan.sample_s, self._plan.sample_share
             )
             if not short:
                 break
             then = "measured again" if attempt < TRIES else "marked as failed"
-            self._recorder.note("few_samples", f"point {visit.point}: {short}; {then}", visit.point)
+            self.recorder.note("few_samples", f"point {visit.point}: {short}; {then}", visit.point)
         scale = ThrustScale(self._calibration, self._tared.zero_counts, self._quantum_N)
-        now_s = self._recorder.now_s
+        now_s = self.recorder.now_s
         point = measure(samples, visit, self._reached_m, self._tared, scale, settled, now_s)
         if short:
             self._failed += 1
@@ -251,14 +208,12 @@ class _Sweep:
         identity = self._bench.identity
         names = [channel.name for channel in identity.channels]
         # Where the device does not say, thrust comes as often as in the last tare.
-        told = dict(zip(names, identity.channel_rates_Hz, strict=False))
+        stated_Hz = dict(zip(names, identity.channel_rates_Hz, strict=False))
         seen_Hz = self._tared.rest_N.n / self._plan.tare.seconds
-        rates_Hz = {"thrust_N": told.get("thrust_N", seen_Hz)}
-        for rotor, (us, stop_us) in enumerate(
-            zip(visit.setting.pwm_us, self._motors.stop_us, strict=True), 1
-        ):
-            if us > stop_us and f"rpm{rotor}" in told:
-                rates_Hz[f"rpm{rotor}"] = told[f"rpm{rotor}"]
+        rates_Hz = {"thrust_N": stated_Hz.get("thrust_N", seen_Hz)}
+        for rotor in np.flatnonzero(visit.setting.pwm_us > self.motors.stop_us) + 1:
+            if f"rpm{rotor}" in stated_Hz:
+                rates_Hz[f"rpm{rotor}"] = stated_Hz[f"rpm{rotor}"]
         return {name: min(rate_Hz, identity.rate_Hz) for name, rate_Hz in rates_Hz.items()}
 
     def _say_plate(self) -> None:
@@ -267,41 +222,39 @@ class _Sweep:
         facts = dict(self._stage.facts) | {"measured": self._plate.measured}
         self._run.update_metadata(plate=facts | {"tolerance_m": self._plate.tolerance_m})
         if remark := facts.get("remark"):
-            self._recorder.note("plate", str(remark))
+            self.recorder.note("plate", str(remark))
         if not self._plate.measured:
             source = "typed by the operator" if by_hand else "commanded"
             text = f"no channel reads where the plate stands: distances are {source}, not measured"
-            self._recorder.note("plate", text)
+            self.recorder.note("plate", text)
 
     def _tare_if_due(self) -> None:
         every_s = 60.0 * self._plan.tare.every_minutes
         if self._tared is not None:
-            age_s = self._recorder.now_s - self._tared.time_s
+            age_s = self.recorder.now_s - self._tared.time_s
             if not every_s or age_s < every_s:
                 return
-        self._tared = tare(self._recorder, self._motors, self._plan.tare, self._rig)
+        self._tared = tare(self.recorder, self.motors, self._plan.tare, self._rig)
         self._tares += 1
-        self._recorder.append_point(tare_point(self._tared, self._rig.n_rotors))
+        self.recorder.append_point(tare_point(self._tared, self._rig.n_rotors))
 
-    def _go_to(self, place: Place) -> None:
+    def _go_to(self, place: PlatePosition) -> None:
         if place == self._place:
             return
-        self._motors.stand_still(self._plan.tare.stop_timeout_s, "move")
-        self._reached_m = self._stage.move(
-            place.z_m, place.x_m, radians(place.tilt_deg), self._pause
-        )
-        self._recorder.collect("move", CALM_S)
-        self._place = place
 
-    def _pause(self, seconds: float) -> None:
-        self._recorder.collect("move", seconds)
+        def pause(seconds: float) -> None:
+            self.recorder.collect("move", seconds)
+
+        self.motors.stand_still(self._plan.tare.stop_timeout_s, "move")
+        self._reached_m = self._stage.move(place.z_m, place.x_m, radians(place.tilt_deg), pause)
+        self.recorder.collect("move", CALM_S)
+        self._place = place
 
     def _settle(self, visit: Visit) -> bool:
         """Wait until thrust and speeds have settled; say so when they do not in time."""
-        plan, recorder = self._plan.settle, self._recorder
-        rotors = [
-            r + 1 for r, us in enumerate(visit.setting.pwm_us) if us > self._motors.stop_us[r]
-        ]
+        plan, recorder = self._plan.settle, self.recorder
+        driven = np.flatnonzero(visit.setting.pwm_us > self.motors.stop_us)
+        names = ["thrust_N", *(f"rpm{rotor + 1}" for rotor in driven)]
         parts: list[Readings] = []
         begun_s = self._bench.now_s()
         checked_s = begun_s
@@ -311,12 +264,8 @@ class _Sweep:
             if now_s - checked_s >= SETTLE_CHECK_S and now_s - begun_s >= plan.window_s:
                 checked_s = now_s
                 seen = recorder.joined(parts)
-                if is_settled(
-                    seen.column("time_s"),
-                    _watched(seen, rotors),
-                    plan.window_s,
-                    plan.slope_per_s,
-                ):
+                channels = [seen.column(name) for name in names if name in seen]
+                if is_settled(seen.column("time_s"), channels, plan.window_s, plan.slope_per_s):
                     return True
             if now_s - begun_s >= plan.timeout_s:
                 text = (
@@ -326,37 +275,11 @@ class _Sweep:
                 recorder.note("settle_timeout", text, visit.point)
                 return False
 
-    def _stop_at_once(self, error: BaseException) -> BaseException:
-        """Command zero before anything else and return the error that ends the run.
-
-        Nothing that fails on the way hides that error.
-        """
-        with suppress(Exception):
-            self._bench.stop()
-        with suppress(Exception):
-            self._stage.hold()
-        interrupted = isinstance(error, KeyboardInterrupt)
-        reason = "stopped by Ctrl-C" if interrupted else str(error) or type(error).__name__
-        with suppress(Exception):
-            if kept := self._bench.take_unread():
-                self._recorder.keep(kept, "end")
-        with suppress(Exception):
-            # How the rotors slow down, and what waited in the link.
-            if not isinstance(error, StandstillNotSeen):
-                self._recorder.see_standstill(TAIL_S)
-        if not isinstance(error, StandstillNotSeen):
-            reason = self._bench.with_standstill(reason)
-        with suppress(Exception):
-            self._recorder.finish("stopped", reason)
-        with suppress(Exception):
-            self._recorder.note("stopped", reason)
-        return self._recorder.rescue(error)
-
-    def _require_all(self) -> None:
-        """Refuse to call a run ended of which visits failed.
+    def summarise(self) -> tuple[Summary, str]:
+        """Return what was measured, and the text of the run's last event.
 
         Raises:
-            RunStopped: how many, and how to measure them again.
+            RunStopped: visits failed: how many, and how to measure them again.
         """
         if self._failed:
             raise RunStopped(
@@ -364,19 +287,8 @@ class _Sweep:
                 f"{self._measured} are measured; look at the link, then measure what failed again "
                 f"with benchtool sweep --resume"
             )
-
-    def _summary(self) -> Summary:
-        quality = self._recorder.quality
-        return Summary(
-            self._measured,
-            self._unsettled,
-            self._tares,
-            self._recorder.now_s,
-            quality.samples,
-            quality.lost,
+        quality, seconds = self.recorder.quality, self.recorder.now_s
+        summary = Summary(
+            self._measured, self._unsettled, self._tares, seconds, quality.samples, quality.lost
         )
-
-
-def _watched(seen: Recording, rotors: Sequence[int]) -> list[NDArray[np.float64]]:
-    names = ["thrust_N", *(f"rpm{rotor}" for rotor in rotors)]
-    return [seen.column(name) for name in names if name in seen]
+        return summary, f"all is measured: {counted(summary.measured, 'visit')}"

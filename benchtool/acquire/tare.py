@@ -70,7 +70,7 @@ def tare(recorder: Recorder, motors: Motors, plan: TarePart, rig: Rig) -> Tared:
 
 
 def tare_point(tared: Tared, n_rotors: int) -> Point:
-    """Return the row of points.csv that keeps a tare."""
+    """Return the row of points.csv that stores a tare."""
     return Point(
         point=0,
         kind="tare",
@@ -88,4 +88,24 @@ def tare_point(tared: Tared, n_rotors: int) -> Point:
         plate_z_m=nan,
         plate_x_m=nan,
         plate_tilt_deg=nan,
+    )
+
+
+def drift_text(first: Point | None, anchor: Point, limit_N: float | None) -> str:
+    """Return why a tare is due after this anchor; empty when none is.
+
+    Thrust is brought to the first anchor's summed squared speed before, so that a battery that
+    sags is not taken for a load cell that drifts.
+    """
+    if limit_N is None or first is None:
+        return ""
+    scale = 1.0
+    if first.sum_rpm2 > 0.0 and anchor.sum_rpm2 > 0.0:
+        scale = first.sum_rpm2 / anchor.sum_rpm2
+    change_N = anchor.thrust_N * scale - first.thrust_N
+    if abs(change_N) <= limit_N:
+        return ""
+    return (
+        f"anchor {anchor.repeat} has moved by {change_N:+.4g} N since the first, limit "
+        f"{limit_N:g} N; the load cell is tared again"
     )

@@ -60,9 +60,10 @@ def calibrate(inputs: CalibrateInputs) -> None:
 
     The calibration is kept and used by every run that follows on that device.
     """
+    from dataclasses import asdict
     from datetime import datetime
 
-    from benchtool.acquire.calibration import calibration_to_dict, fit_calibration
+    from benchtool.acquire.calibration import fit_calibration
     from benchtool.core.errors import InputError
     from benchtool.data.atomic import replace_json
     from benchtool.data.run.state import remember
@@ -93,7 +94,7 @@ def calibrate(inputs: CalibrateInputs) -> None:
         gravity_m_s2=inputs.gravity,
     )
     _show(calibration)
-    facts = calibration_to_dict(calibration)
+    facts = asdict(calibration)
     kept = remember("calibration", device_id, facts)
     if out is not None:
         replace_json(out, facts)
@@ -123,7 +124,7 @@ def _from_csv(source: Path) -> tuple[Array, Array]:
 def _from_bench(inputs: CalibrateInputs) -> tuple[Array, Array, str]:
     import numpy as np
 
-    from benchtool.acquire.calibrate_bench import mean_counts, require_raw_counts
+    from benchtool.acquire.calibration import mean_counts, require_raw_counts
     from benchtool.acquire.inputs import rig_for
     from benchtool.bench.drivers import open_bench
     from benchtool.commands.terminal.announce_code import announce_code

@@ -69,7 +69,7 @@ def map_motors(inputs: MapInputs) -> None:
         elif not bench.identity.simulated:
             raise InputError("--yes is for simulated benches only; leave it out and type ARM")
         which = numbers.index if numbers else _Asked(stands, bench)
-        found = learn_motors(bench, stands, which, lambda told: print(told, flush=True))
+        found = learn_motors(bench, stands, which, lambda text: print(text, flush=True))
     say_of_end(bench)
     try:
         target.write_text(found.to_toml(), encoding="utf-8")

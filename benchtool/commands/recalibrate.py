@@ -23,8 +23,7 @@ class RecalibrateInputs(Inputs):
 
 def run(inputs: RecalibrateInputs) -> None:
     """Apply a calibration to a run, its raw data untouched."""
-    from benchtool.acquire.calibration import calibration_from
-    from benchtool.acquire.calibration_file import read_calibration
+    from benchtool.acquire.calibration import calibration_from, read_calibration
     from benchtool.acquire.recalibrate import recalibrate
     from benchtool.core.errors import CalibrationError
     from benchtool.data.run.run import Run

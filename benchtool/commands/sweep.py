@@ -38,7 +38,7 @@ def _base(given: dict[str, Any]) -> SweepInputs:
 
 def sweep(inputs: SweepInputs) -> None:
     """Sweep plate distance and throttle into a run folder."""
-    from benchtool.acquire.calibration_file import read_calibration
+    from benchtool.acquire.calibration import read_calibration
     from benchtool.acquire.check_plan import check_plan
     from benchtool.acquire.inputs import rig_for
     from benchtool.acquire.resume import prepare, unfinished
@@ -84,8 +84,7 @@ command = declared(SweepInputs, sweep, _base)
 
 
 def _show_plan(plan: Plan, rig: Rig, expected: Expected, rest: Unfinished | None) -> None:
-    from benchtool.acquire.duration import expected_duration_s, minutes
-    from benchtool.acquire.order import settings_of, visits_of
+    from benchtool.acquire.order import expected_duration_s, minutes, settings_of, visits_of
     from benchtool.core.counted import counted
 
     visits = visits_of(plan, rig)
@@ -118,7 +117,7 @@ def _sweep(
     device: Bench, inputs: SweepInputs, rig: Rig, rest: Unfinished | None, start: Start | None
 ) -> None:
     """Open the bench, arm, sweep, and close the run whatever happened."""
-    from benchtool.acquire.calibration_file import calibration_for
+    from benchtool.acquire.calibration import calibration_for
     from benchtool.acquire.check_plan import check_plan
     from benchtool.acquire.new_run import new_run
     from benchtool.acquire.resume import require_same_device
@@ -163,7 +162,7 @@ def _sweep(
                             rig,
                             identity,
                             operator=inputs.operator,
-                            air=inputs.air.air(),
+                            air=inputs.air,
                             calibration=scale,
                         )
                     print(f"run {run.path}", flush=True)

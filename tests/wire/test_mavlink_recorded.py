@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchtool.acquire.bench_check import Finding, check_bench
+from benchtool.acquire.bench_check import CheckResult, check_bench
 from benchtool.acquire.learn_motors import learn_motors
 from benchtool.bench.bench import Readings
 from benchtool.bench.mavlink.bench import MavlinkBench
@@ -232,7 +232,7 @@ def test_only_escs_that_tell_something_have_a_speed(folder: Path) -> None:
     assert {"rpm1", "rpm2", "rpm3", "rpm4", "voltage_V", "current_A"} <= names
 
 
-def check_of(folder: Path, name: str, **given: object) -> list[Finding]:
+def check_of(folder: Path, name: str, **given: object) -> list[CheckResult]:
     """Give the findings of a bench check with the peer of a conversation."""
     _, bench = opened(folder, name, **given)
     with bench:

@@ -11,8 +11,8 @@ from rich.live import Live
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 from rich.table import Table
 
-from benchtool.acquire.duration import minutes
-from benchtool.acquire.order import Visit
+from benchtool.acquire.order import Visit, minutes
+from benchtool.acquire.progress import RunProgress
 from benchtool.data.run.events import Event
 from benchtool.data.run.points import Point
 
@@ -23,7 +23,7 @@ _QUIET = frozenset({"device"})
 """Events that are kept in events.jsonl but not shown."""
 
 
-class PlainDisplay:
+class PlainDisplay(RunProgress):
     """Print one line for every point and event."""
 
     def __init__(self, radius_m: float) -> None:
@@ -63,7 +63,7 @@ class PlainDisplay:
             print(f"{event.time_s:8.1f} s  {event.event}: {event.text}", flush=True)
 
 
-class LiveDisplay:
+class LiveDisplay(RunProgress):
     """Draw a progress bar with the time left, and a table of the latest points and events."""
 
     def __init__(self, radius_m: float, console: Console) -> None:

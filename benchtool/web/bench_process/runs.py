@@ -13,12 +13,13 @@ from multiprocessing import get_context
 from pathlib import Path
 
 from benchtool.acquire.arming import CONFIRMATION, require_unattended
-from benchtool.acquire.calibration_file import calibration_for
+from benchtool.acquire.calibration import calibration_for
 from benchtool.acquire.check_plan import check_plan
 from benchtool.acquire.new_run import new_pitch_run, new_run
 from benchtool.acquire.order import Visit
 from benchtool.acquire.pitch_experiment import expected_on
 from benchtool.acquire.pitch_record import record_pitch, summary_line
+from benchtool.acquire.progress import RunProgress
 from benchtool.acquire.resume import prepare, require_same_device, unfinished
 from benchtool.acquire.stage_choice import stage_for
 from benchtool.acquire.sweep import Start, run_sweep
@@ -64,8 +65,8 @@ def require_armed(typed: str, identity: Identity, rig: Rig) -> None:
         raise RunStopped(f"not armed: {CONFIRMATION} was not typed; nothing was spun")
 
 
-class RunSupervisor:
-    """Run sweeps and recordings, publish how they stand; it is their `Progress`.
+class RunSupervisor(RunProgress):
+    """Run sweeps and recordings, and publish how they stand.
 
     Args:
         publisher: to the page.
@@ -134,7 +135,7 @@ class RunSupervisor:
         try:
             run = rest.run if rest else new_run(
                 (inputs.runs, None), plan, rig, identity,
-                operator=inputs.operator, air=inputs.air.air(), calibration=scale,
+                operator=inputs.operator, air=inputs.air, calibration=scale,
             )  # fmt: skip
             self._begin(SweepStatus(status="running", run=str(run.path)))
             summary = run_sweep(

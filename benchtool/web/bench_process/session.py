@@ -7,7 +7,7 @@ import time
 from datetime import datetime
 
 from benchtool.acquire.arming import CONFIRMATION
-from benchtool.acquire.calibration_file import calibration_for
+from benchtool.acquire.calibration import calibration_for
 from benchtool.bench.bench import Bench, Identity
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.wrappers import AskedToStop

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import asdict
 from datetime import datetime
 
 import numpy as np
 
-from benchtool.acquire.calibrate_bench import mean_counts
-from benchtool.acquire.calibration import Calibration, calibration_to_dict, fit_calibration
+from benchtool.acquire.calibration import (
+    Calibration,
+    fit_calibration,
+    mean_counts,
+)
 from benchtool.bench.bench import Bench
 from benchtool.core.errors import InputError
 from benchtool.core.rig import Rig
@@ -66,6 +70,6 @@ class Weighing:
             date=now().strftime("%Y-%m-%dT%H%M%S"),
             device_id=device_id,
         )
-        remember("calibration", device_id, calibration_to_dict(calibration))
+        remember("calibration", device_id, asdict(calibration))
         self.forget()
         return calibration

@@ -3,8 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchtool.acquire.average import average, statistical_inefficiency
-from benchtool.acquire.settle import is_settled, slope_of
+from benchtool.acquire.average import average, is_settled, slope_of, statistical_inefficiency
 
 
 def autoregressive(rng: np.random.Generator, shape: tuple[int, int], rho: float) -> np.ndarray:

@@ -1,13 +1,13 @@
 from __future__ import annotations
 
 import json
+from dataclasses import asdict
 
 import numpy as np
 import pytest
 
 from benchtool.acquire.calibration import (
     calibration_from,
-    calibration_to_dict,
     fit_calibration,
 )
 from benchtool.core.errors import CalibrationError, UnknownChoice
@@ -85,7 +85,7 @@ def test_gravity_is_that_of_the_earth() -> None:
 def test_a_calibration_survives_json_and_refuses_strange_keys() -> None:
     rng = np.random.default_rng(1)
     found = fitted(8000.0 + 420.0 * MASSES * G + rng.normal(0.0, 5.0, len(MASSES)))
-    data = json.loads(json.dumps(calibration_to_dict(found)))
+    data = json.loads(json.dumps(asdict(found)))
     assert calibration_from(data, "c.json") == found
     with pytest.raises(UnknownChoice, match="slop"):
         calibration_from({**data, "slop": 1.0}, "c.json")

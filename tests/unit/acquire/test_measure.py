@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from benchtool.acquire.average import is_settled
 from benchtool.acquire.measure import shortage
-from benchtool.acquire.settle import is_settled
 from benchtool.core.channel import Channel
 from benchtool.core.recording import Recording
 

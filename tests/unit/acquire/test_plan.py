@@ -9,8 +9,13 @@ import numpy as np
 import pytest
 
 from benchtool.acquire.check_plan import check_plan, expected_extremes
-from benchtool.acquire.duration import expected_duration_s, least_duration_s, visit_s
-from benchtool.acquire.order import settings_of, visits_of
+from benchtool.acquire.order import (
+    expected_duration_s,
+    least_duration_s,
+    settings_of,
+    visit_s,
+    visits_of,
+)
 from benchtool.acquire.plan import Plan, plan_from_toml, plan_to_toml
 from benchtool.core.errors import (
     BenchtoolError,

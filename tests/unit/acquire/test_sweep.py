@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from benchtool.acquire.calibration import fit_calibration
-from benchtool.acquire.metadata import run_metadata
+from benchtool.acquire.new_run import run_metadata
 from benchtool.acquire.order import visits_of
 from benchtool.acquire.plan import Plan, plan_from_toml, plan_to_toml
 from benchtool.acquire.recalibrate import recalibrate

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import pytest
 
-from benchtool.acquire.metadata import run_metadata
+from benchtool.acquire.new_run import run_metadata
 from benchtool.acquire.plan import plan_from_toml, plan_to_toml
 from benchtool.acquire.resume import unfinished
 from benchtool.acquire.stage_choice import stage_for

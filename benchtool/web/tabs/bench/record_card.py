@@ -9,7 +9,7 @@ from urllib.parse import urlencode
 
 from nicegui import ui
 
-from benchtool.acquire.duration import minutes
+from benchtool.acquire.order import minutes
 from benchtool.acquire.pitch_experiment import NEEDED, arming_text, expected_on, hover_pulse_us
 from benchtool.commands.record import RecordInputs, experiment_of
 from benchtool.core.errors import InputError

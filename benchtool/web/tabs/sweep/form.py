@@ -6,7 +6,8 @@ from collections.abc import Callable
 
 from nicegui import events, ui
 
-from benchtool.acquire.inputs import AirInputs, SweepInputs
+from benchtool.acquire.air import Air
+from benchtool.acquire.inputs import SweepInputs
 from benchtool.acquire.plan import Plan, plan_from_toml
 from benchtool.core.errors import FileFormatError
 from benchtool.core.input_text import text_of
@@ -26,7 +27,7 @@ FIRST = (
 """Inputs of a plan that are always shown; the others can be opened."""
 
 FIELDS = tuple(item.name for item in items(Plan))
-AIR = tuple(item.name for item in items(AirInputs))
+AIR = tuple(item.name for item in items(Air))
 
 
 class PlanForm:

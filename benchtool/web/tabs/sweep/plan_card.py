@@ -10,9 +10,8 @@ from nicegui import run, ui
 
 from benchtool.acquire.arming import arming_text
 from benchtool.acquire.check_plan import check_plan
-from benchtool.acquire.duration import expected_duration_s, minutes
 from benchtool.acquire.inputs import SweepInputs
-from benchtool.acquire.order import settings_of, visits_of
+from benchtool.acquire.order import expected_duration_s, minutes, settings_of, visits_of
 from benchtool.acquire.plan import Plan
 from benchtool.core.errors import BenchtoolError, InputError
 from benchtool.core.rig import Rig

@@ -7,7 +7,7 @@ from urllib.parse import urlencode
 
 from nicegui import ui
 
-from benchtool.acquire.duration import minutes
+from benchtool.acquire.order import minutes
 from benchtool.web.bench_process.commands import AnswerQuestion, PauseSweep
 from benchtool.web.context import PageContext
 from benchtool.web.notifications import shows_errors
