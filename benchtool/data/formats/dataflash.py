@@ -1,20 +1,23 @@
-"""Read the self-describing records of an ArduPilot DataFlash log, column by column with NumPy.
+"""Read the self-describing records of an ArduPilot DataFlash log, binary or as text.
 
-Format as in ArduPilot's LogStructure.h: each record is 0xA3 0x95, a type, and a body whose layout
-an FMT record (type 128) gives. Numbers come out as pymavlink's DFReader gives them.
+Binary format as in ArduPilot's LogStructure.h: each record is 0xA3 0x95, a type, and a body whose
+layout an FMT record (type 128) gives. It is read column by column with NumPy; numbers come out as
+pymavlink's DFReader gives them.
 """
 
 from __future__ import annotations
 
 import struct
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.array import Array
 from benchtool.core.counted import counted
-from benchtool.data.repairs.imported import Finding
+from benchtool.data.formats.messages import MessageLog, Messages
+from benchtool.data.repairs.imported import Finding, line_ranges
 
 Positions = NDArray[np.intp]
 
@@ -58,62 +61,32 @@ class RecordLayout:
 
     @property
     def dtype(self) -> np.dtype[np.void] | None:
-        """The body's layout; None where letters and length do not agree."""
-        if any(letter not in _TYPES for letter in self.letters):
+        """The body's layout; None where letters, columns and length do not agree."""
+        if set(self.letters) - set(_TYPES) or len(self.columns) != len(self.letters):
             return None
         fields = [(f"f{i}", _TYPES[letter][0]) for i, letter in enumerate(self.letters)]
         body = np.dtype(fields)
         return body if body.itemsize == self.length - 3 else None
 
-
-@dataclass(frozen=True, slots=True, eq=False)
-class DataFlashLog:
-    """Hold a log's records by name.
-
-    Attributes:
-        layouts: by message name.
-        bodies: by message name, (m,) structured arrays of the records' bodies.
-        total: whole records in the log.
-        broken: records cut off by the end of the file.
-        findings: bytes that are no record, and where the log ends.
-    """
-
-    layouts: dict[str, RecordLayout]
-    bodies: dict[str, NDArray[np.void]]
-    total: int
-    broken: int
-    findings: tuple[Finding, ...]
-
-    def count(self, name: str) -> int:
-        """Return how many records of a kind there are."""
-        return len(self.bodies[name]) if name in self.bodies else 0
-
-    def has(self, name: str, field: str) -> bool:
-        """Tell whether records of a kind stand in the log and have a field."""
-        return self.count(name) > 0 and field in self.layouts[name].columns
-
-    def numbers(self, name: str, field: str) -> Array:
-        """Return one field of all records of a kind (m,), scaled as its letter says."""
-        index = self.layouts[name].columns.index(field)
-        _, divisor = _TYPES[self.layouts[name].letters[index]]
-        values: Array = self.bodies[name][f"f{index}"].astype(float)
-        return values / divisor if divisor != 1.0 else values
-
-    def times_us(self, name: str) -> NDArray[np.int64]:
-        """Return the records' times (m,) in microseconds since boot."""
-        field, scale = ("TimeUS", 1) if self.has(name, "TimeUS") else ("TimeMS", 1000)
-        index = self.layouts[name].columns.index(field)
-        times: NDArray[np.int64] = self.bodies[name][f"f{index}"].astype(np.int64) * scale
-        return times
-
-    def texts(self, name: str, field: str) -> list[str]:
-        """Return one field of all records of a kind as text."""
-        index = self.layouts[name].columns.index(field)
-        raw = self.bodies[name][f"f{index}"].tolist()
-        return [bytes(item).split(b"\0")[0].decode("latin-1") for item in raw]
+    def messages(self, bodies: NDArray[np.void]) -> Messages:
+        """Return the bodies of such records (m,) as messages; of a name that stands twice one."""
+        fields, divisors = {}, {}
+        for i, (name, letter) in enumerate(zip(self.columns, self.letters, strict=True)):
+            if name not in fields:
+                fields[name], divisors[name] = bodies[f"f{i}"], _TYPES[letter][1]
+        return Messages(self.name, _times_us(fields), fields, divisors)
 
 
-def read_dataflash(data: bytes, wanted: frozenset[str]) -> DataFlashLog:
+def _times_us(fields: Mapping[str, NDArray[Any]]) -> NDArray[np.int64] | None:
+    """Return records' times (m,) in microseconds since boot; None where they carry none."""
+    for name, scale in (("TimeUS", 1), ("TimeMS", 1000)):
+        if name in fields and fields[name].dtype.kind in "iuf":
+            times: NDArray[np.int64] = fields[name].astype(np.int64) * scale
+            return times
+    return None
+
+
+def read_dataflash(data: bytes, wanted: frozenset[str]) -> MessageLog:
     """Return the wanted kinds of records of a log, and an account of all its bytes."""
     text = np.frombuffer(data, np.uint8)
     heads = np.flatnonzero((text[:-2] == HEAD[0]) & (text[1:-1] == HEAD[1]))
@@ -128,24 +101,22 @@ def read_dataflash(data: bytes, wanted: frozenset[str]) -> DataFlashLog:
     findings = _account(text.size, starts, ends)
     if broken:
         starts = starts[:-1]
-    kinds = text[starts + 2]
-    bodies: dict[str, NDArray[np.void]] = {}
-    by_name: dict[str, RecordLayout] = {}
-    for kind, layout in layouts.items():
+    total = int(starts.size)
+    types = text[starts + 2]
+    kinds: dict[str, Messages] = {}
+    for number, layout in layouts.items():
         if layout.name not in wanted:
             continue
-        at = starts[kinds == kind]
+        at = starts[types == number]
         body = layout.dtype
-        if body is None or len(layout.columns) != len(layout.letters):
-            if at.size:
-                words = f"{counted(at.size, 'record')} of {layout.name}: its FMT contradicts itself"
-                findings.append(Finding("refused", "broken format", words, layout.name, at.size))
-                broken += int(at.size)
-            continue
-        by_name[layout.name] = layout
-        bodies[layout.name] = _gathered(text, at, body)
-    total = int(starts.size) - sum(item.count for item in findings if item.what == "broken format")
-    return DataFlashLog(by_name, bodies, total, broken, tuple(findings))
+        if body is not None:
+            kinds[layout.name] = layout.messages(_bodies(text, at, body))
+        elif at.size:
+            words = f"{counted(at.size, 'record')} of {layout.name}: its FMT contradicts itself"
+            findings.append(Finding("refused", "broken format", words, layout.name, at.size))
+            broken += int(at.size)
+            total -= int(at.size)
+    return MessageLog(kinds=kinds, total=total, broken=broken, findings=findings)
 
 
 def _layouts(data: bytes, starts: Positions) -> dict[int, RecordLayout]:
@@ -188,7 +159,7 @@ def _chain(
 
 
 def _account(size: int, starts: Positions, ends: Positions) -> list[Finding]:
-    """Tell the bytes that belong to no record, and a record that the end cuts."""
+    """Report the bytes that belong to no record, and a record that the end cuts."""
     begins = np.concatenate([starts, [size]])
     stops = np.minimum(np.concatenate([[0], ends]), size)
     gaps = begins - stops
@@ -215,7 +186,7 @@ def _account(size: int, starts: Positions, ends: Positions) -> list[Finding]:
     return found
 
 
-def _gathered(
+def _bodies(
     text: NDArray[np.uint8], starts: Positions, body: np.dtype[np.void]
 ) -> NDArray[np.void]:
     """Return the bodies that begin three bytes after these positions (m,)."""
@@ -225,3 +196,60 @@ def _gathered(
     raw = np.ascontiguousarray(views[starts + 3])
     records: NDArray[np.void] = raw.view(body).reshape(-1)
     return records
+
+
+def read_text_log(data: bytes, wanted: frozenset[str]) -> MessageLog:
+    """Return the wanted kinds of records of a log in its text form: the same, a line each."""
+    names = {name.encode(): name for name in wanted}
+    columns: dict[str, tuple[str, ...]] = {}
+    rows: dict[str, list[list[bytes]]] = {name: [] for name in wanted}
+    known = {b"FMT"}
+    bad: list[int] = []
+    total = 0
+    for number, line in enumerate(data.split(b"\n"), 1):
+        kind, comma, rest = line.partition(b",")
+        kind = kind.strip() if comma else b""
+        cells = rest.rstrip(b"\r").split(b",")
+        if kind == b"FMT" and len(cells) >= 4:
+            name = cells[2].strip()
+            known.add(name)
+            fields = tuple(cell.strip().decode("latin-1") for cell in cells[4:])
+            columns.setdefault(name.decode("latin-1"), fields)
+        elif kind in names:
+            own = columns.get(names[kind], ())
+            if not own or len(cells) < len(own) or not _has_time(own, cells):
+                bad.append(number)
+                continue
+            # The last column of a text may hold commas.
+            cells[len(own) - 1 :] = [b",".join(cells[len(own) - 1 :])]
+            rows[names[kind]].append([cell.strip() for cell in cells])
+        elif kind == b"FMT" or kind not in known:
+            bad += [number] if line.strip() else []
+            continue
+        total += 1
+    findings = []
+    if bad:
+        words = f"{counted(len(bad), 'line')} hold no whole record"
+        lines = line_ranges(bad)
+        findings.append(Finding("refused", "broken lines", words, count=len(bad), lines=lines))
+    kinds = {name: _text_messages(name, columns[name], own) for name, own in rows.items() if own}
+    return MessageLog(kinds=kinds, total=total, broken=len(bad), findings=findings)
+
+
+def _has_time(columns: tuple[str, ...], row: list[bytes]) -> bool:
+    """Return whether a record's time is a whole number that fits."""
+    for name in ("TimeUS", "TimeMS"):
+        if name in columns:
+            cell = row[columns.index(name)].strip()
+            return cell.isdigit() and len(cell) < 16
+    return True
+
+
+def _text_messages(name: str, columns: tuple[str, ...], rows: list[list[bytes]]) -> Messages:
+    """Return lines as messages; of a column that stands twice the first."""
+    fields: dict[str, NDArray[Any]] = {}
+    for column, cells in zip(columns, zip(*rows, strict=True), strict=True):
+        fields.setdefault(column, np.array(cells))
+    for time in {"TimeUS", "TimeMS"} & set(fields):
+        fields[time] = fields[time].astype(np.int64)
+    return Messages(name, _times_us(fields), fields)

@@ -3,24 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from benchtool.core.array import Array
-from benchtool.core.channel import Channel, unit_told_by
 from benchtool.core.counted import counted
 from benchtool.core.errors import FileFormatError
-from benchtool.core.recording import Recording
+from benchtool.data.formats.messages import MessageLog, Messages, Stream, merged
 from benchtool.data.repairs.imported import Finding, Imported, Tally
-
-Scales = Mapping[str, tuple[str, float]]
-"""Channel name, and the field that it is read from with what multiplies it there."""
-
-LOOKS_DOWN = 25
-"""MAV_SENSOR_ROTATION_PITCH_270, which the logs of ArduPilot and PX4 count alike."""
 
 LONG_GAP_S = 1.0
 """Attitude comes at 4 Hz and more in every log; a longer silence is a gap."""
@@ -39,41 +30,27 @@ _NEEDS: tuple[tuple[str, str, str], ...] = (
 """What a pitch recording is made of, the channels that hold it, and what its lack means."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Counts:
-    """Count a log's messages.
-
-    Attributes:
-        total: whole messages in the log.
-        broken: messages that could not be read whole.
-    """
-
-    total: int
-    broken: int = 0
-
-
 def flight_import(
+    log: MessageLog,
     streams: Sequence[Stream],
     format_name: str,
     where: str,
     provenance: Mapping[str, str],
-    findings: Sequence[Finding],
-    counts: Counts,
 ) -> Imported:
     """Return a flight log as a pitch recording.
 
     Raises:
         FileFormatError: none of the messages that a recording is made of.
     """
-    found = list(findings)
+    found = list(log.findings)
     streams, strange = _sane(streams, found)
-    counts = replace(counts, total=counts.total - strange, broken=counts.broken + strange)
+    total, broken = log.total - strange, log.broken + strange
     if not streams:
-        told = "; ".join(item.words for item in found if item.kind == "refused")
+        reasons = "; ".join(item.words for item in found if item.kind == "refused")
         raise FileFormatError(
             where,
-            f"{counted(counts.total, 'message')} could be read, and none is attitude, rates, "
-            f"outputs, rpm or distance{': ' + told if told else ''}; name a log of a flight",
+            f"{counted(total, 'message')} could be read, and none is attitude, rates, "
+            f"outputs, rpm or distance{': ' + reasons if reasons else ''}; name a log of a flight",
         )
     recording, disordered = merged(streams)
     if disordered:
@@ -98,10 +75,10 @@ def flight_import(
         findings=tuple(found),
         tally=Tally(
             unit="message",
-            total=counts.total + counts.broken,
+            total=total + broken,
             kept=retained,
-            refused=counts.broken,
-            not_needed=counts.total - retained,
+            refused=broken,
+            not_needed=total - retained,
         ),
         sources=sources,
     )
@@ -160,129 +137,63 @@ def _gaps(streams: Sequence[Stream]) -> list[Finding]:
     return []
 
 
-def angles_of(w: Array, x: Array, y: Array, z: Array) -> tuple[Array, Array, Array]:
-    """Return roll, pitch (nose up) and yaw of quaternions (n,) from body to earth, z down: rad.
-
-    A quaternion of zeros, which some logs hold before the first estimate, gives nan.
-    """
-    size = np.sqrt(w * w + x * x + y * y + z * z)
-    none = ~(size > 0.5)
-    size = np.where(none, 1.0, size)
-    w, x, y, z = w / size, x / size, y / size, z / size
-    roll = np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
-    pitch = np.arcsin(np.clip(2.0 * (w * y - z * x), -1.0, 1.0))
-    yaw = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-    return tuple(np.where(none, np.nan, angle) for angle in (roll, pitch, yaw))  # type: ignore[return-value]
+# SRV_Channel.h: 33..40 Motor1..8, 82..85 Motor9..12, 70 throttle, 73 and 74 left and right.
+_ARDUPILOT: dict[int, int] = (
+    {33 + i: 1 + i for i in range(8)} | {82 + i: 9 + i for i in range(4)} | {70: 1, 73: 1, 74: 2}
+)
 
 
-def reference_stream(
-    source: str, time_us: Times, quaternion: Sequence[Array], field: str
-) -> Stream:
-    """Return the wanted attitude of quaternions from body to earth, w first."""
-    roll, pitch, yaw = angles_of(*quaternion)
-    columns = {"theta_ref_rad": -pitch, "roll_ref_rad": roll, "yaw_ref_rad": yaw}
-    return Stream(source, time_us, columns, dict.fromkeys(columns, field))
+def ardupilot_motors(parameters: Messages, name: str, value: str) -> dict[int, int]:
+    """Return motor number by output channel (from 1), as messages with parameters say."""
+    if not parameters.has(name, value):
+        return {}
+    pairs = zip(parameters.texts(name), parameters.numbers(value).tolist(), strict=True)
+    return motors_of(dict(pairs), r"SERVO(\d+)_FUNCTION", _ARDUPILOT)
 
 
-def stream_of(
-    source: str, time_us: Times, scales: Scales, numbers: Callable[[str], Array | None]
-) -> list[Stream]:
-    """Return one kind of message as a stream of those fields that it has; none without any.
+def motors_of(
+    parameters: Mapping[str, float], pattern: str, functions: Mapping[int, int]
+) -> dict[int, int]:
+    """Return motor number by output channel (from 1), in the order of the motors.
 
     Args:
-        source: the message's name, for people.
-        time_us: (m,) on the log's clock.
-        scales: what each channel is read from.
-        numbers: gives a field (m,), a fresh array; None where the message has no such field.
+        parameters: of the autopilot.
+        pattern: of the names that give a channel its function; its group is the channel.
+        functions: motor number by function.
     """
-    columns, fields = {}, {}
-    for channel, (field, scale) in scales.items():
-        values = numbers(field)
-        if values is not None:
-            columns[channel] = values if scale == 1.0 else values * scale
-            fields[channel] = field
-    return [Stream(source, time_us, columns, fields)] if columns else []
+    found: dict[int, int] = {}
+    for name, number in parameters.items():
+        matched = re.fullmatch(pattern, name)
+        if matched and number == number and abs(number) < 1e6 and int(number) in functions:
+            motor = functions[int(number)]
+            if motor not in found.values():
+                found[int(matched[1])] = motor
+    return dict(sorted(found.items(), key=lambda item: item[1]))
 
 
-def looking_down(orientation: Array, findings: list[Finding]) -> NDArray[np.bool_] | None:
-    """Return which readings (m,) are of a sensor that looks down; None, and a finding, for none."""
-    down = orientation == LOOKS_DOWN
-    if down.any():
-        return np.asarray(down)
-    words = f"{counted(down.size, 'reading')} of sensors that do not look down"
-    findings.append(Finding("left out", "distance", words, "distance_m", down.size))
-    return None
+def logged_motors(
+    motors: Mapping[int, int], logged: Collection[int], parameter: str, findings: list[Finding]
+) -> dict[int, int]:
+    """Return motor number by those channels whose pulses are logged, and say how that is known.
 
-
-def blank_bad(
-    stream: Stream, channel: str, bad: NDArray[np.bool_], words: str, findings: list[Finding]
-) -> None:
-    """Blank readings that the sensor itself reports as bad (m,); `words` says how it calls them."""
-    stream.columns[channel][bad] = np.nan
-    if many := int(np.count_nonzero(bad)):
-        what = "distance" if channel == "distance_m" else "rpm"
-        words = f"{counted(many, 'reading')} that {words}, blank now"
-        findings.append(Finding("repaired", what, words, channel, many))
-
-
-Times = NDArray[np.int64]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Stream:
-    """Hold the messages of one kind.
-
-    Attributes:
-        source: the message's name in the log, for people.
-        time_us: (m,) on the log's clock.
-        columns: channel name and (m,) values in its unit.
-        fields: channel name and the message's field, for people.
+    Args:
+        motors: motor number by channel, as the parameters say; empty where none does.
+        logged: channels with pulses; each is taken for the motor of its number without parameters.
+        parameter: what would say it, for people.
+        findings: added to.
     """
-
-    source: str
-    time_us: Times
-    columns: dict[str, Array]
-    fields: dict[str, str]
-
-
-def merged(streams: Sequence[Stream]) -> tuple[Recording, int]:
-    """Return the streams as one recording, by time, and how many messages stood out of order.
-
-    time_s counts from the first message; device_time_us is the log's own clock. A channel is nan
-    in the rows of other messages. Messages of one kind with the same time get a row each.
-    """
-    times = np.concatenate([stream.time_us for stream in streams])
-    places = np.concatenate([_place_among_equals(stream.time_us) for stream in streams])
-    order = np.lexsort((places, times))
-    ordered, place = times[order], places[order]
-    fresh = np.concatenate([[True], (np.diff(ordered) != 0) | (np.diff(place) != 0)])
-    row = np.empty(times.size, np.intp)
-    row[order] = np.cumsum(fresh) - 1
-    at_us = ordered[fresh]
-    names = [name for stream in streams for name in stream.columns]
-    values = np.full((at_us.size, 2 + len(names)), np.nan)
-    values[:, 0] = 1e-6 * (at_us - at_us[0])
-    values[:, 1] = at_us
-    begin, column = 0, 2
-    for stream in streams:
-        rows = row[begin : begin + stream.time_us.size]
-        begin += stream.time_us.size
-        for channel_values in stream.columns.values():
-            values[rows, column] = channel_values
-            column += 1
-    channels = tuple(
-        Channel(name, unit_told_by(name)) for name in ("time_s", "device_time_us", *names)
-    )
-    disordered = sum(int(np.count_nonzero(np.diff(stream.time_us) < 0)) for stream in streams)
-    return Recording(channels, values), disordered
-
-
-def _place_among_equals(time_us: Times) -> NDArray[np.intp]:
-    """Return how many earlier messages of the same time there are, for each message (m,)."""
-    order = np.argsort(time_us, kind="stable")
-    ordered = time_us[order]
-    at = np.arange(ordered.size)
-    starts = np.concatenate([[True], np.diff(ordered) != 0]) if ordered.size else at.astype(bool)
-    place = np.empty(ordered.size, np.intp)
-    place[order] = at - np.maximum.accumulate(np.where(starts, at, 0))
-    return place
+    if not motors:
+        words = (
+            f"no {parameter} says which channel drives which motor; pwm1 is channel 1, and a "
+            f"channel may move a servo"
+        )
+        findings.append(Finding("doubt", "motor channels", words))
+        return {channel: channel for channel in logged}
+    pairs = ", ".join(f"motor {motor} on channel {channel}" for channel, motor in motors.items())
+    words = f"{pairs}; rotors carry the autopilot's motor numbers, not a rig's"
+    findings.append(Finding("read as", "motor channels", words))
+    for channel, motor in motors.items():
+        if channel not in logged:
+            words = f"motor {motor} is on channel {channel}, of which no pulse stands in the log"
+            findings.append(Finding("lacks", "outputs", words, f"pwm{motor}_us"))
+    return {channel: motor for channel, motor in motors.items() if channel in logged}

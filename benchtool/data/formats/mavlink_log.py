@@ -2,30 +2,20 @@
 
 from __future__ import annotations
 
-import struct
+import re
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.array import Array
 from benchtool.core.counted import counted
 from benchtool.core.errors import FileFormatError
-from benchtool.data.formats.autopilot_clock import AutopilotClock
-from benchtool.data.formats.flight_log import (
-    Counts,
-    Scales,
-    Stream,
-    flight_import,
-    looking_down,
-    reference_stream,
-    stream_of,
-)
+from benchtool.data.formats.flight_log import ardupilot_motors, flight_import, logged_motors
 from benchtool.data.formats.mavlink_walk import Frame, walk_tlog
-from benchtool.data.formats.motor_channels import ardupilot_motors, logged_motors
+from benchtool.data.formats.messages import RAD, MessageLog, Messages, Stream, Times
 from benchtool.data.repairs.imported import Finding, Imported, Options
 
 _ESC_GROUPS = ("1_TO_4", "5_TO_8", "9_TO_12")
@@ -36,105 +26,108 @@ WANTED = (
 )
 """Messages that are read, beside ESC_STATUS; the others are counted only."""
 
-_DEG = np.pi / 180.0
-
 
 @dataclass(frozen=True, slots=True)
-class Shape:
-    """Hold how one kind of message is packed: its number, checksum seed, struct and fields.
-
-    Attributes:
-        fields: name to the position of its first number in the unpacked message.
-    """
+class PayloadLayout:
+    """Hold how one kind of message is packed: its number, checksum seed and fields."""
 
     number: int
     crc_extra: int
-    unpacker: struct.Struct
-    fields: Mapping[str, int]
+    dtype: np.dtype[np.void]
+
+    @classmethod
+    def of(cls, number: int, crc_extra: int, form: str, names: Sequence[str]) -> PayloadLayout:
+        """Return the layout of a struct format with a name for each of its parts.
+
+        The elements of an array of numbers are fields of their own: rpm[0], rpm[1] and so on.
+        """
+        fields: list[tuple[str, str]] = []
+        for (count, letter), name in zip(re.findall(r"(\d*)([a-zA-Z])", form), names, strict=True):
+            if letter == "s":
+                fields.append((name, f"S{count}"))
+            elif count:
+                fields += [(f"{name}[{i}]", f"<{letter}") for i in range(int(count))]
+            else:
+                fields.append((name, f"<{letter}"))
+        return cls(number, crc_extra, np.dtype(fields))
+
+    def messages(self, name: str, frames: Sequence[Frame]) -> Messages:
+        """Return the payloads of frames as messages, on the host's clock."""
+        size = self.dtype.itemsize
+        # MAVLink 2 leaves zeros at a payload's end out; newer fields stand behind the known ones.
+        packed = b"".join(frame.payload[:size].ljust(size, b"\0") for frame in frames)
+        rows = np.frombuffer(packed, self.dtype)
+        times = np.array([frame.time_us for frame in frames], np.int64)
+        return Messages(name, times, {field: rows[field] for field in self.dtype.names or ()})
 
 
-_ESC_STATUS = Shape(
-    291, 10, struct.Struct("<Q4i4f4fB"), {"time_usec": 0, "rpm": 1, "voltage": 5, "index": 13}
+_ESC_STATUS = PayloadLayout.of(
+    291, 10, "<Q4i4f4fB", ("time_usec", "rpm", "voltage", "current", "index")
 )
 """PX4's speeds (MAVLink common.xml), which pymavlink's ArduPilot dialect lacks (2.4.50)."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Messages:
-    """Hold the messages of one kind: (m,) times, and the unpacked numbers of each."""
-
-    time_us: NDArray[np.int64]
-    rows: list[tuple[Any, ...]]
-    fields: Mapping[str, int]
-
-    def where(self, chosen: NDArray[np.bool_]) -> Messages:
-        """Return the chosen messages (m,)."""
-        rows = [row for row, wanted in zip(self.rows, chosen.tolist(), strict=True) if wanted]
-        return Messages(self.time_us[chosen], rows, self.fields)
-
-    def numbers(self, field: str, index: int = 0) -> Array:
-        """Return one field (m,), or one element of an array field."""
-        at = self.fields[field] + index
-        return np.array([row[at] for row in self.rows], float)
 
 
 def read_mavlink(
     data: bytes, where: str, provenance: Mapping[str, str], options: Options
 ) -> Imported:
     """Return a telemetry log as a pitch recording, on the autopilot's clock."""
-    shapes, checksum = _shapes()
-    walk = walk_tlog(data, {item.number: item.crc_extra for item in shapes.values()}, checksum)
-    findings = list(walk.findings)
-    system = _vehicle(walk.frames, shapes, findings)
+    layouts, checksum = _layouts()
+    walk = walk_tlog(data, {item.number: item.crc_extra for item in layouts.values()}, checksum)
+    system = _vehicle(walk.frames, layouts, walk.findings)
     if system is None:
         raise FileFormatError(
             where, f"no vehicle speaks in it ({counted(walk.total, 'frame')}); name another log"
         )
-    log = {name: _messages(walk.frames[item.number], item, system) for name, item in shapes.items()}
-    log = _on_one_clock(log, findings)
-    motors = _motors(log["PARAM_VALUE"])
+    kinds = {
+        name: layout.messages(name, [f for f in walk.frames[layout.number] if f.sender == system])
+        for name, layout in layouts.items()
+    }
+    log = MessageLog(
+        kinds=_on_one_clock(kinds, walk.findings),
+        total=walk.total,
+        broken=walk.broken,
+        findings=walk.findings,
+    )
     streams = [
         *_attitude(log["ATTITUDE"]),
         *_wanted(log),
-        *_outputs(log["SERVO_OUTPUT_RAW"], motors, findings),
+        *_outputs(log),
         *_speeds(log),
         *_battery(log["SYS_STATUS"]),
-        *_distance(log, findings),
+        *_distance(log),
     ]
     facts = {**provenance, "device": f"MAVLink system {system[0]}, component {system[1]}"}
-    counts = Counts(total=walk.total, broken=walk.broken)
-    return flight_import(streams, "MAVLink tlog", where, facts, findings, counts)
+    return flight_import(log, streams, "MAVLink tlog", where, facts)
 
 
-def _shapes() -> tuple[dict[str, Shape], Any]:
+def _layouts() -> tuple[dict[str, PayloadLayout], Any]:
     """Return the wanted messages as pymavlink knows them, and its checksum."""
     from pymavlink.dialects.v20 import ardupilotmega as dialect
 
     by_name = {item.msgname: item for item in dialect.mavlink_map.values()}
-    shapes = {"ESC_STATUS": _ESC_STATUS}
+    layouts = {"ESC_STATUS": _ESC_STATUS}
     for name in WANTED:
         known = by_name[name]
-        first = np.concatenate([[0], np.cumsum(known.lengths)])
-        fields = {
-            field: int(first[order])
-            for field, order in zip(known.fieldnames, known.orders, strict=True)
-        }
-        shapes[name] = Shape(known.id, known.crc_extra, known.unpacker, fields)
+        layouts[name] = PayloadLayout.of(
+            known.id, known.crc_extra, known.unpacker.format, known.ordered_fieldnames
+        )
 
     def checksum(text: bytes) -> int:
         return int(dialect.x25crc(text).crc)
 
-    return shapes, checksum
+    return layouts, checksum
 
 
 def _vehicle(
-    frames: Mapping[int, list[Frame]], shapes: Mapping[str, Shape], findings: list[Finding]
+    frames: Mapping[int, list[Frame]],
+    layouts: Mapping[str, PayloadLayout],
+    findings: list[Finding],
 ) -> tuple[int, int] | None:
-    """Return the system and component that tells most attitudes, or that beats at all."""
+    """Return the system and component that sends most attitudes, or that sends heartbeats."""
     for name in ("ATTITUDE", "SERVO_OUTPUT_RAW", "HEARTBEAT"):
-        spoken = Counter((item.system, item.component) for item in frames[shapes[name].number])
-        if spoken:
-            (chosen, _), *others = spoken.most_common()
+        senders = Counter(frame.sender for frame in frames[layouts[name].number])
+        if senders:
+            (chosen, _), *others = senders.most_common()
             if others and name != "HEARTBEAT":
                 listed = ", ".join(f"{pair[0]}/{pair[1]}" for pair, _ in others)
                 words = f"{name} of system {chosen[0]}/{chosen[1]} is read; {listed} left out"
@@ -143,27 +136,13 @@ def _vehicle(
     return None
 
 
-def _messages(frames: list[Frame], shape: Shape, system: tuple[int, int]) -> Messages:
-    size = shape.unpacker.size
-    own = [item for item in frames if (item.system, item.component) == system]
-    # MAVLink 2 leaves zeros at a payload's end out; newer fields stand behind the known ones.
-    rows = [shape.unpacker.unpack(item.payload[:size].ljust(size, b"\0")) for item in own]
-    return Messages(np.array([item.time_us for item in own], np.int64), rows, shape.fields)
-
-
-def _stream(source: str, messages: Messages, scales: Scales, *, index: int = 0) -> list[Stream]:
-    if not messages.rows:
-        return []
-    return stream_of(source, messages.time_us, scales, lambda field: messages.numbers(field, index))
-
-
-def _on_one_clock(log: Mapping[str, Messages], findings: list[Finding]) -> dict[str, Messages]:
+def _on_one_clock(kinds: dict[str, Messages], findings: list[Finding]) -> dict[str, Messages]:
     """Return the messages with times on the autopilot's clock."""
-    attitude = log["ATTITUDE"]
-    if not attitude.rows:
-        words = "no attitude tells the autopilot's clock; times are the host's stamps"
+    attitude = kinds["ATTITUDE"]
+    if not len(attitude) or attitude.time_us is None:
+        words = "no attitude carries the autopilot's clock; times are the host's stamps"
         findings.append(Finding("doubt", "time", words, "time_s"))
-        return dict(log)
+        return kinds
     clock = AutopilotClock.of(attitude.time_us, attitude.numbers("time_boot_ms"))
     delay_ms = 1e-3 * (attitude.time_us - clock.boot_us).astype(float)
     low, high = np.percentile(delay_ms, [5.0, 95.0])
@@ -175,120 +154,157 @@ def _on_one_clock(log: Mapping[str, Messages], findings: list[Finding]) -> dict[
     if clock.starts:
         words = f"the autopilot booted anew {counted(len(clock.starts), 'time')}; time goes on"
         findings.append(Finding("repaired", "time starts anew", words, "time_s", len(clock.starts)))
-    timed = {}
-    for name, messages in log.items():
-        if "time_boot_ms" in messages.fields and messages.rows:
-            times = clock.of_boot_ms(messages.time_us, messages.numbers("time_boot_ms"))
-        elif name == "SERVO_OUTPUT_RAW" and messages.rows:
-            times = clock.of_wrapped_us(messages.time_us, messages.numbers("time_usec"))
-        else:
-            times = clock.of_host(messages.time_us)
-        timed[name] = replace(messages, time_us=times)
-    return timed
+    return {name: replace(item, time_us=_times(clock, item)) for name, item in kinds.items()}
+
+
+def _times(clock: AutopilotClock, messages: Messages) -> Times | None:
+    stamps = messages.time_us
+    if stamps is None or not len(messages):
+        return stamps
+    if messages.has("time_boot_ms"):
+        return clock.of_boot_ms(stamps, messages.numbers("time_boot_ms"))
+    if messages.source == "SERVO_OUTPUT_RAW":
+        return clock.of_wrapped_us(stamps, messages.numbers("time_usec"))
+    return clock.of_host(stamps)
 
 
 def _attitude(messages: Messages) -> list[Stream]:
-    scales = {
-        "theta_rad": ("pitch", -1.0),
-        "gyro_rad_s": ("pitchspeed", -1.0),
-        "roll_rad": ("roll", 1.0),
-        "roll_rate_rad_s": ("rollspeed", 1.0),
-        "yaw_rad": ("yaw", 1.0),
-        "yaw_rate_rad_s": ("yawspeed", 1.0),
-    }
-    return _stream("ATTITUDE", messages, scales)
+    return messages.stream(
+        {
+            "theta_rad": ("pitch", -1.0),
+            "gyro_rad_s": ("pitchspeed", -1.0),
+            "roll_rad": ("roll", 1.0),
+            "roll_rate_rad_s": ("rollspeed", 1.0),
+            "yaw_rad": ("yaw", 1.0),
+            "yaw_rate_rad_s": ("yawspeed", 1.0),
+        }
+    )
 
 
-def _wanted(log: Mapping[str, Messages]) -> list[Stream]:
+def _wanted(log: MessageLog) -> list[Stream]:
     """Return the wanted attitude and rate: the target where it is sent, else navigation's."""
     target = log["ATTITUDE_TARGET"]
-    if target.rows:
-        parts = [target.numbers("q", i) for i in range(4)]
-        stream = reference_stream("ATTITUDE_TARGET", target.time_us, parts, "q")
+    for stream in target.attitude("q", suffix="_ref"):
         stream.columns["gyro_ref_rad_s"] = -target.numbers("body_pitch_rate")
         stream.fields["gyro_ref_rad_s"] = "body_pitch_rate"
         return [stream]
-    scales = {"theta_ref_rad": ("nav_pitch", -_DEG), "roll_ref_rad": ("nav_roll", _DEG)}
-    return _stream("NAV_CONTROLLER_OUTPUT", log["NAV_CONTROLLER_OUTPUT"], scales)
+    scales = {"theta_ref_rad": ("nav_pitch", -RAD), "roll_ref_rad": ("nav_roll", RAD)}
+    return log["NAV_CONTROLLER_OUTPUT"].stream(scales)
 
 
-def _motors(messages: Messages) -> dict[int, int]:
-    at = messages.fields["param_id"]
-    names = [bytes(row[at]).split(b"\0")[0].decode("latin-1") for row in messages.rows]
-    values = messages.numbers("param_value").tolist()
-    return ardupilot_motors(dict(zip(names, values, strict=True)))
-
-
-def _outputs(messages: Messages, motors: dict[int, int], findings: list[Finding]) -> list[Stream]:
-    if not messages.rows:
-        return []
+def _outputs(log: MessageLog) -> list[Stream]:
+    messages = log["SERVO_OUTPUT_RAW"]
     own = messages.where(messages.numbers("port") == 0.0)
-    if not own.rows:
+    if not len(own):
         return []
     channels = [n for n in range(1, 17) if np.any(own.numbers(f"servo{n}_raw") > 0.0)]
-    chosen = logged_motors(motors, channels, "SERVOn_FUNCTION", findings)
-    scales = {f"pwm{motor}_us": (f"servo{channel}_raw", 1.0) for channel, motor in chosen.items()}
-    return _stream("SERVO_OUTPUT_RAW", own, scales) if scales else []
+    motors = ardupilot_motors(log["PARAM_VALUE"], "param_id", "param_value")
+    chosen = logged_motors(motors, channels, "SERVOn_FUNCTION", log.findings)
+    return own.stream({f"pwm{motor}_us": (f"servo{n}_raw", 1.0) for n, motor in chosen.items()})
 
 
-def _speeds(log: Mapping[str, Messages]) -> list[Stream]:
+def _speeds(log: MessageLog) -> list[Stream]:
     streams: list[Stream] = []
-    for group, name in enumerate(f"ESC_TELEMETRY_{item}" for item in _ESC_GROUPS):
-        messages = log[name]
-        for index in range(4):
-            if messages.rows and np.any(messages.numbers("rpm", index) > 0.0):
-                scales = {f"rpm{4 * group + index + 1}": ("rpm", 1.0)}
-                streams += _stream(name, messages, scales, index=index)
+    for group, name in enumerate(_ESC_GROUPS):
+        messages = log[f"ESC_TELEMETRY_{name}"]
+        live = [i for i in range(4) if np.any(messages.numbers(f"rpm[{i}]") > 0.0)]
+        streams += messages.stream({f"rpm{4 * group + i + 1}": (f"rpm[{i}]", 1.0) for i in live})
     if streams:
-        return _one_each(streams)
-    status = log["ESC_STATUS"]
-    bases = status.numbers("index").astype(int) if status.rows else np.zeros(0, int)
+        return streams
+    status, taken = log["ESC_STATUS"], set[str]()
+    bases = status.numbers("index").astype(int)
     for base in sorted({base for base in bases.tolist() if 0 <= base < 32}):
         own = status.where(bases == base)
-        for index in range(4):
-            if np.any(own.numbers("rpm", index) != 0.0):
-                scales = {f"rpm{base + index + 1}": ("rpm", 1.0)}
-                streams += _stream("ESC_STATUS", own, scales, index=index)
-    if streams:
-        return _one_each(streams)
-    return _stream("RPM", log["RPM"], {"rpm1": ("rpm1", 1.0), "rpm2": ("rpm2", 1.0)})
+        live = [i for i in range(4) if np.any(own.numbers(f"rpm[{i}]") != 0.0)]
+        scales = {f"rpm{base + i + 1}": (f"rpm[{i}]", 1.0) for i in live}
+        # Where groups overlap, the speeds of the first hold.
+        streams += own.stream({name: item for name, item in scales.items() if name not in taken})
+        taken |= set(scales)
+    return streams or log["RPM"].stream({"rpm1": ("rpm1", 1.0), "rpm2": ("rpm2", 1.0)})
 
 
-def _one_each(streams: list[Stream]) -> list[Stream]:
-    """Join streams of the same messages, so that a message counts once; first speeds win."""
-    joined: list[Stream] = []
-    taken: set[str] = set()
-    for stream in streams:
-        columns = {name: values for name, values in stream.columns.items() if name not in taken}
-        taken |= set(columns)
-        last = joined[-1] if joined else None
-        if last is not None and np.array_equal(last.time_us, stream.time_us):
-            last.columns.update(columns)
-            last.fields.update({name: stream.fields[name] for name in columns})
-        elif columns:
-            joined.append(stream)
-    return joined
+UNKNOWN = {"voltage_battery": (65535.0, 0.0), "current_battery": (-1.0,)}
+"""Values of SYS_STATUS that stand for no measurement."""
 
 
 def _battery(messages: Messages) -> list[Stream]:
-    """Return voltage and current; 65535 mV and -1 cA mean unknown, and so does 0 mV."""
-    if not messages.rows:
-        return []
-    volts, amperes = messages.numbers("voltage_battery"), messages.numbers("current_battery")
-    volts[(volts == 65535.0) | (volts == 0.0)] = np.nan
-    amperes[amperes == -1.0] = np.nan
-    columns = {"voltage_V": 1e-3 * volts, "current_A": 1e-2 * amperes}
-    fields = {"voltage_V": "voltage_battery", "current_A": "current_battery"}
-    known = {name: values for name, values in columns.items() if np.isfinite(values).any()}
-    return [Stream("SYS_STATUS", messages.time_us, known, fields)] if known else []
+    """Return voltage and current, blank where they are unknown."""
+    scales = {"voltage_V": ("voltage_battery", 1e-3), "current_A": ("current_battery", 1e-2)}
+    bad = {name: np.isin(messages.numbers(name), UNKNOWN[name]) for name, _ in scales.values()}
+    streams = messages.stream({k: item for k, item in scales.items() if not bad[item[0]].all()})
+    for stream in streams:
+        for channel, name in stream.fields.items():
+            stream.columns[channel][bad[name]] = np.nan
+    return streams
 
 
-def _distance(log: Mapping[str, Messages], findings: list[Finding]) -> list[Stream]:
+def _distance(log: MessageLog) -> list[Stream]:
     messages = log["DISTANCE_SENSOR"]
-    if not messages.rows:
-        return _stream("RANGEFINDER", log["RANGEFINDER"], {"distance_m": ("distance", 1.0)})
-    down = looking_down(messages.numbers("orientation"), findings)
-    if down is None:
-        return []
-    scales = {"distance_m": ("current_distance", 0.01)}
-    return _stream("DISTANCE_SENSOR", messages.where(down), scales)
+    if not len(messages):
+        return log["RANGEFINDER"].stream({"distance_m": ("distance", 1.0)})
+    down = messages.looking_down("orientation", log.findings)
+    return down.stream({"distance_m": ("current_distance", 0.01)})
+
+
+_WRAP_US = 1 << 32  # time_usec of SERVO_OUTPUT_RAW holds 32 bits
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AutopilotClock:
+    """Give every message of a telemetry log a time on the autopilot's own clock.
+
+    A log's stamps say when the host got a message, and radio links deliver late and in bursts.
+    Attitude carries the autopilot's time since boot; where messages carry it, it is taken, and
+    where they do not, it is interpolated between attitudes by the host's stamps.
+
+    Attributes:
+        host_us, boot_us: (m,) of the attitudes; boot_us goes on over a reboot.
+        starts: rows at which the autopilot booted anew.
+        offsets_us: (m,) added to the autopilot's own count.
+    """
+
+    host_us: Times
+    boot_us: Times
+    starts: tuple[int, ...]
+    offsets_us: Times
+
+    @classmethod
+    def of(cls, host_us: Times, boot_ms: NDArray[np.float64]) -> AutopilotClock:
+        """Return the clock of attitudes, in the order in which the host got them."""
+        own = (1000.0 * boot_ms).astype(np.int64)
+        steps = np.diff(own, prepend=own[:1])
+        # Late messages step back by less than a second; a reboot by all the time since the last.
+        booted = np.flatnonzero(steps < -1_000_000)
+        offsets = np.zeros(own.size, np.int64)
+        for row in booted.tolist():
+            waited = max(int(host_us[row] - host_us[row - 1]), 0)
+            offsets[row:] = own[row - 1] + offsets[row - 1] + waited - own[row]
+        return cls(host_us, own + offsets, tuple(booted.tolist()), offsets)
+
+    def of_host(self, host_us: Times) -> Times:
+        """Return the time of messages that carry none."""
+        if not self.host_us.size:
+            return host_us
+        order = np.argsort(self.host_us, kind="stable")
+        known, boot = self.host_us[order], np.maximum.accumulate(self.boot_us[order])
+        inside = np.interp(host_us.astype(float), known.astype(float), boot.astype(float))
+        before, after = np.minimum(host_us - known[0], 0), np.maximum(host_us - known[-1], 0)
+        times: Times = np.rint(inside).astype(np.int64) + before + after
+        return times
+
+    def of_boot_ms(self, host_us: Times, boot_ms: NDArray[np.float64]) -> Times:
+        """Return the time of messages that carry milliseconds since boot."""
+        return (1000.0 * boot_ms).astype(np.int64) + self._offset(host_us)
+
+    def of_wrapped_us(self, host_us: Times, count_us: NDArray[np.float64]) -> Times:
+        """Return the time of messages that carry the lowest 32 bits of microseconds since boot."""
+        near = self.of_host(host_us) - self._offset(host_us)
+        ahead = (count_us.astype(np.int64) - near + _WRAP_US // 2) % _WRAP_US - _WRAP_US // 2
+        times: Times = near + ahead + self._offset(host_us)
+        return times
+
+    def _offset(self, host_us: Times) -> Times:
+        if not self.host_us.size:
+            return np.zeros(host_us.size, np.int64)
+        rows = np.searchsorted(np.maximum.accumulate(self.host_us), host_us, "right") - 1
+        return self.offsets_us[np.clip(rows, 0, self.host_us.size - 1)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from benchtool.core.counted import counted
 from benchtool.data.repairs.imported import Finding
@@ -16,18 +16,15 @@ EARLIEST_US, LATEST_US = 946684800_000000, 4102444800_000000
 """Stamps lie between 2000 and 2100; what does not is no stamp."""
 
 
-@dataclass(frozen=True, slots=True)
-class Frame:
-    """Hold one frame: when the host got it, who sent it, its payload, and where it stands."""
+class Frame(NamedTuple):
+    """Hold one frame: when the host got it, the system and component that sent it, its payload."""
 
     time_us: int
-    system: int
-    component: int
+    sender: tuple[int, int]
     payload: bytes
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class TlogWalk:
+class TlogWalk(NamedTuple):
     """Hold the frames of the wanted kinds by message number, and the account of all.
 
     Attributes:
@@ -40,11 +37,11 @@ class TlogWalk:
     frames: dict[int, list[Frame]]
     total: int
     broken: int
-    findings: tuple[Finding, ...]
+    findings: list[Finding]
 
 
 def is_tlog(data: bytes) -> bool:
-    """Tell whether bytes begin as a telemetry log does."""
+    """Return whether bytes begin as a telemetry log does."""
     if len(data) < STAMP_BYTES + 8 or data[STAMP_BYTES] not in (V1, V2):
         return False
     return EARLIEST_US <= int.from_bytes(data[:STAMP_BYTES], "big") <= LATEST_US
@@ -92,13 +89,13 @@ def walk_tlog(data: bytes, extras: dict[int, int], checksum: Callable[[bytes], i
                 at = end if _starts(data, end) else _next_start(data, at + 1)
                 continue
             frames[number].append(
-                Frame(time_us, data[system], data[system + 1], data[begin + head : stop])
+                Frame(time_us, (data[system], data[system + 1]), data[begin + head : stop])
             )
         total += 1
         at = end
     if not cut and 0 < size - at <= STAMP_BYTES:
         cut = f"the log ends at byte {size:,} in the middle of a time stamp"
-    return TlogWalk(frames, total, broken, _told(lost, first_lost, broken - bool(cut), cut))
+    return TlogWalk(frames, total, broken, _losses(lost, first_lost, broken - bool(cut), cut))
 
 
 def _frame_length(data: bytes, begin: int) -> int:
@@ -113,7 +110,7 @@ def _frame_length(data: bytes, begin: int) -> int:
 
 
 def _starts(data: bytes, at: int) -> bool:
-    """Tell whether a stamp and a frame begin here, or the file ends."""
+    """Return whether a stamp and a frame begin here, or the file ends."""
     return at >= len(data) or _frame_length(data, at + STAMP_BYTES) > 0
 
 
@@ -132,7 +129,7 @@ def _next_start(data: bytes, at: int) -> int:
     return size
 
 
-def _told(lost: int, first_lost: int, wrong: int, cut: str) -> tuple[Finding, ...]:
+def _losses(lost: int, first_lost: int, wrong: int, cut: str) -> list[Finding]:
     found = []
     if lost:
         words = (
@@ -145,4 +142,4 @@ def _told(lost: int, first_lost: int, wrong: int, cut: str) -> tuple[Finding, ..
         found.append(Finding("refused", "corrupt frames", words, count=wrong))
     if cut:
         found.append(Finding("refused", "cut off", cut, count=int("frame" in cut)))
-    return tuple(found)
+    return found

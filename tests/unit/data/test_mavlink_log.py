@@ -13,8 +13,8 @@ from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from benchtool.core.errors import FileFormatError
-from benchtool.data.formats.autopilot_clock import AutopilotClock
 from benchtool.data.formats.formats import import_bytes, import_file
+from benchtool.data.formats.mavlink_log import AutopilotClock
 from benchtool.data.repairs.imported import Imported, Options
 from tests.unit.data.stand_logs import found
 

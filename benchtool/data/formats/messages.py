@@ -1,0 +1,212 @@
+"""Messages of a flight log, whatever its format, and the recording that they are merged into."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.core.array import Array
+from benchtool.core.channel import Channel, unit_told_by
+from benchtool.core.counted import counted
+from benchtool.core.recording import Recording
+from benchtool.data.repairs.imported import Finding
+
+Times = NDArray[np.int64]
+
+Scales = Mapping[str, tuple[str, float]]
+"""Channel name, and the field that it is read from with what multiplies it there."""
+
+LOOKS_DOWN = 25
+"""MAV_SENSOR_ROTATION_PITCH_270, which the logs of ArduPilot and PX4 count alike."""
+
+RAD = np.pi / 180.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stream:
+    """Hold the channels that one kind of message gives.
+
+    Attributes:
+        source: the message's name in the log, for people.
+        time_us: (m,) on the log's clock.
+        columns: channel name and (m,) values in its unit.
+        fields: channel name and the message's field, for people.
+    """
+
+    source: str
+    time_us: Times
+    columns: dict[str, Array]
+    fields: dict[str, str]
+
+    def blank(
+        self, channel: str, bad: NDArray[np.bool_], words: str, findings: list[Finding]
+    ) -> None:
+        """Blank readings (m,) that the sensor reports as bad; `words` says what it calls them."""
+        self.columns[channel][bad] = np.nan
+        if many := int(np.count_nonzero(bad)):
+            what = "distance" if channel == "distance_m" else "rpm"
+            words = f"{counted(many, 'reading')} that {words}, blank now"
+            findings.append(Finding("repaired", what, words, channel, many))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Messages:
+    """Hold the messages of one kind, field by field.
+
+    Attributes:
+        source: the kind's name in the log, for people.
+        time_us: (m,) on the log's clock; None where the messages carry no time.
+        fields: (m,) each, by name; the elements of an array are "name[0]" and so on.
+        divisors: what the numbers of a field are divided by, where that is not 1.
+    """
+
+    source: str
+    time_us: Times | None
+    fields: Mapping[str, NDArray[Any]]
+    divisors: Mapping[str, float] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(next(iter(self.fields.values()), ()))
+
+    def has(self, *names: str) -> bool:
+        """Return whether there are messages, and each has these fields."""
+        return len(self) > 0 and all(name in self.fields for name in names)
+
+    def numbers(self, name: str) -> Array:
+        """Return one field as fresh numbers (m,); nan for a text that is none."""
+        values = self.fields[name]
+        if values.dtype.kind in "SV":
+            return np.array([_number(cell) for cell in values.tolist()], float)
+        divisor = self.divisors.get(name, 1.0)
+        numbers: Array = values.astype(float)
+        return numbers / divisor if divisor != 1.0 else numbers
+
+    def texts(self, name: str) -> list[str]:
+        """Return one field as text, (m,)."""
+        cells = self.fields[name].tolist()
+        return [cell.split(b"\0")[0].decode("utf-8", "replace") for cell in cells]
+
+    def where(self, rows: NDArray[np.bool_]) -> Messages:
+        """Return the chosen messages, rows (m,)."""
+        times = None if self.time_us is None else self.time_us[rows]
+        chosen = {name: values[rows] for name, values in self.fields.items()}
+        return Messages(self.source, times, chosen, self.divisors)
+
+    def stream(self, scales: Scales) -> list[Stream]:
+        """Return the channels whose fields the messages have; none without a field or a time."""
+        columns, fields = {}, {}
+        for channel, (name, scale) in scales.items():
+            if self.has(name):
+                numbers = self.numbers(name)
+                columns[channel] = numbers if scale == 1.0 else numbers * scale
+                fields[channel] = name
+        if self.time_us is None or not columns:
+            return []
+        return [Stream(self.source, self.time_us, columns, fields)]
+
+    def attitude(self, name: str, *, suffix: str = "") -> list[Stream]:
+        """Return the angles, nose down positive, of a field of quaternions from body to earth."""
+        parts = [f"{name}[{i}]" for i in range(4)]
+        if self.time_us is None or not self.has(*parts):
+            return []
+        roll, pitch, yaw = angles_of(*map(self.numbers, parts))
+        named = {"theta": -pitch, "roll": roll, "yaw": yaw}
+        columns = {f"{angle}{suffix}_rad": values for angle, values in named.items()}
+        return [Stream(self.source, self.time_us, columns, dict.fromkeys(columns, name))]
+
+    def looking_down(self, name: str, findings: list[Finding]) -> Messages:
+        """Return readings of sensors that look down; of none, with a finding, where none does."""
+        down = self.numbers(name) == LOOKS_DOWN
+        if not down.any():
+            words = f"{counted(down.size, 'reading')} of sensors that do not look down"
+            findings.append(Finding("left out", "distance", words, "distance_m", down.size))
+        return self.where(down)
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class MessageLog:
+    """Hold what is read of a log.
+
+    Attributes:
+        kinds: messages by the name of their kind.
+        total: whole messages in the log, of any kind.
+        broken: messages that could not be read whole.
+        findings: what was met on the way; the reader of the messages adds its own.
+    """
+
+    kinds: Mapping[str, Messages]
+    total: int
+    broken: int
+    findings: list[Finding]
+
+    def __getitem__(self, kind: str) -> Messages:
+        return self.kinds.get(kind, Messages(kind, None, {}))
+
+
+def _number(cell: Any) -> float:
+    try:
+        return float(cell)
+    except (TypeError, ValueError):
+        return float("nan")
+
+
+def angles_of(w: Array, x: Array, y: Array, z: Array) -> tuple[Array, Array, Array]:
+    """Return roll, pitch (nose up) and yaw of quaternions (n,) from body to earth, z down: rad.
+
+    A quaternion of zeros, which some logs hold before the first estimate, gives nan.
+    """
+    size = np.sqrt(w * w + x * x + y * y + z * z)
+    none = ~(size > 0.5)
+    size = np.where(none, 1.0, size)
+    w, x, y, z = w / size, x / size, y / size, z / size
+    roll = np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
+    pitch = np.arcsin(np.clip(2.0 * (w * y - z * x), -1.0, 1.0))
+    yaw = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+    return tuple(np.where(none, np.nan, angle) for angle in (roll, pitch, yaw))  # type: ignore[return-value]
+
+
+def merged(streams: Sequence[Stream]) -> tuple[Recording, int]:
+    """Return the streams as one recording, by time, and how many messages stood out of order.
+
+    time_s counts from the first message; device_time_us is the log's own clock. A channel is nan
+    in the rows of other messages. Messages of one kind with the same time get a row each.
+    """
+    times = np.concatenate([stream.time_us for stream in streams])
+    places = np.concatenate([_place_among_equals(stream.time_us) for stream in streams])
+    order = np.lexsort((places, times))
+    ordered, place = times[order], places[order]
+    fresh = np.concatenate([[True], (np.diff(ordered) != 0) | (np.diff(place) != 0)])
+    row = np.empty(times.size, np.intp)
+    row[order] = np.cumsum(fresh) - 1
+    at_us = ordered[fresh]
+    names = [name for stream in streams for name in stream.columns]
+    values = np.full((at_us.size, 2 + len(names)), np.nan)
+    values[:, 0] = 1e-6 * (at_us - at_us[0])
+    values[:, 1] = at_us
+    begin, column = 0, 2
+    for stream in streams:
+        rows = row[begin : begin + stream.time_us.size]
+        begin += stream.time_us.size
+        for channel_values in stream.columns.values():
+            values[rows, column] = channel_values
+            column += 1
+    channels = tuple(
+        Channel(name, unit_told_by(name)) for name in ("time_s", "device_time_us", *names)
+    )
+    disordered = sum(int(np.count_nonzero(np.diff(stream.time_us) < 0)) for stream in streams)
+    return Recording(channels, values), disordered
+
+
+def _place_among_equals(time_us: Times) -> NDArray[np.intp]:
+    """Return how many earlier messages of the same time there are, for each message (m,)."""
+    order = np.argsort(time_us, kind="stable")
+    ordered = time_us[order]
+    starts = np.concatenate([[True], np.diff(ordered) != 0])[: ordered.size]
+    at = np.arange(ordered.size)
+    place = np.empty(ordered.size, np.intp)
+    place[order] = at - np.maximum.accumulate(np.where(starts, at, 0))
+    return place
