@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from benchtool.acquire.order import Visit
-from benchtool.data.run.events import Event
+from benchtool.data.run.append import Event
 from benchtool.data.run.points import Point
 
 

@@ -14,7 +14,7 @@ from benchtool.bench.standstill import Standstill
 from benchtool.core.channel import Channel
 from benchtool.core.errors import BenchtoolError
 from benchtool.core.recording import Recording
-from benchtool.data.run.events import Event
+from benchtool.data.run.append import Event
 from benchtool.data.run.run import Run
 from benchtool.data.run.run_writer import RunWriter
 

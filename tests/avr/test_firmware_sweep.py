@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchtool.data.run.events import read_events
+from benchtool.data.run.append import read_events
 from benchtool.data.run.read import read_points
 from tests.avr.avr_bench import PacedAvrBench
 from tests.system.served import COMMAND, environment_of

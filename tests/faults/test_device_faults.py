@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from benchtool.data.columns import code_of
-from benchtool.data.run.events import read_events
+from benchtool.data.run.append import read_events
 from benchtool.data.run.read import read_samples
 from tests.faults.loop import ADDRESS, World, command
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from benchtool.data.run.events import read_events
+from benchtool.data.run.append import read_events
 from benchtool.data.run.read import read_points, read_samples
 from benchtool.data.run.run import Run
 from tests.faults.loop import ADDRESS, Outcome, World, command, plan, sweep

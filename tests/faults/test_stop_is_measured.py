@@ -11,7 +11,7 @@ import pytest
 from benchtool.bench.bench import Identity, Readings
 from benchtool.commands.app import main
 from benchtool.core.channel import Channel
-from benchtool.data.run.events import read_events
+from benchtool.data.run.append import read_events
 from benchtool.virtual.simulated import SimulatedBench
 from tests.faults.loop import plan, sweep
 from tests.faults.proxy import TURNING_US, Fault

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from benchtool.data.run.events import read_events
+from benchtool.data.run.append import read_events
 from tests.faults.loop import ADDRESS, World, command, plan, sweep
 from tests.faults.proxy import Fault
 

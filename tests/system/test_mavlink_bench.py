@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from benchtool.bench.mavlink.settings import read_motor_map
-from benchtool.data.run.events import read_events
+from benchtool.data.run.append import read_events
 from benchtool.data.run.read import read_pitch
 from benchtool.data.run.run import Run
 from tests.system.served import free_port, run, serving

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from benchtool.core.rig_file import rig_named
-from benchtool.data.run.events import read_events
+from benchtool.data.run.append import read_events
 from benchtool.data.run.read import read_points, read_samples
 from benchtool.data.run.run import Run
 from benchtool.physics.model_file import load_model

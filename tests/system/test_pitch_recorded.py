@@ -16,7 +16,7 @@ import pytest
 from benchtool.bench.bench import Bench
 from benchtool.bench.drivers import open_bench
 from benchtool.core.errors import DeviceStopped
-from benchtool.data.run.events import read_events
+from benchtool.data.run.append import read_events
 from benchtool.data.run.read import read_pitch, read_samples
 from benchtool.data.run.run import Run
 from tests.system.served import COMMAND, posix, start

@@ -16,7 +16,7 @@ from benchtool.acquire.order import visits_of
 from benchtool.acquire.plan import plan_from_toml
 from benchtool.core.rig_file import rig_named
 from benchtool.data.columns import code_of
-from benchtool.data.run.events import read_events
+from benchtool.data.run.append import read_events
 from benchtool.data.run.read import read_points, read_samples
 from benchtool.data.run.run import Run
 from tests.system.served import posix, serving, start

@@ -14,7 +14,7 @@ import pytest
 
 from benchtool.commands.app import main
 from benchtool.data.columns import KINDS
-from benchtool.data.run.events import read_events
+from benchtool.data.run.append import read_events
 from benchtool.data.run.read import read_points, read_samples
 from benchtool.data.run.run import read_settings
 

@@ -13,7 +13,7 @@ from rich.table import Table
 
 from benchtool.acquire.order import Visit, minutes
 from benchtool.acquire.progress import RunProgress
-from benchtool.data.run.events import Event
+from benchtool.data.run.append import Event
 from benchtool.data.run.points import Point
 
 LATEST = 8

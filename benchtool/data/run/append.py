@@ -1,17 +1,23 @@
-"""Append to a file so that what was appended has left the process when the call returns."""
+"""Files of a run that grow: each append has left the process when the call returns."""
 
 from __future__ import annotations
 
 import errno
+import json
 import os
 import stat
 import sys
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 
 from benchtool.core.array import Array
 from benchtool.core.channel import Channel
 from benchtool.core.errors import FileFormatError, InputError
-from benchtool.core.user_file import open_file
+from benchtool.core.parsed_text import parse_json
+from benchtool.core.toml_text import build
+from benchtool.core.user_file import MOST_FACTS_BYTES, open_file, read_text
 from benchtool.data.columns import SAMPLE_START
 
 
@@ -19,13 +25,13 @@ class AppendFile:
     """Append bytes without a buffer of our own; kill -9 after `write` loses nothing of it.
 
     A file whose last line was cut in an earlier process is cut back to its last whole line first;
-    the fragment is kept in `fragment` for the event log. After a write that failed, that one and
-    all later ones stay in memory, for `copy_to`.
+    `fragment` holds what stood behind it, for the event log. After a write that failed, that one
+    and all later ones stay in memory, for `copy_to`.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.fragment = b""
+        self.fragment = ""
         self._unwritten: bytearray | None = None
         flags = os.O_RDWR | os.O_CREAT | getattr(os, "O_BINARY", 0)
         flags |= getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
@@ -38,12 +44,12 @@ class AppendFile:
         if not stat.S_ISREG(os.fstat(self._handle).st_mode):
             os.close(self._handle)
             raise _no_file(path, "no regular file")
-        self._cut_back()
+        self._cut_back(self._handle)
 
     def lock(self) -> None:
         """Keep other processes from locking the file, until it is closed or the process ends.
 
-        Where the system has no such locks (Windows, some network drives) nothing is kept.
+        Where the system has no such locks (Windows, some network drives) nothing is locked.
 
         Raises:
             InputError: another one has locked it.
@@ -75,8 +81,9 @@ class AppendFile:
                 view = view[os.write(self._handle, view) :]
         except OSError:
             self._unwritten = bytearray(data)
-            # What comes behind a line that was cut could never be read again.
-            self._take_back(len(data) - len(view))
+            if written := len(data) - len(view):
+                # What comes behind a line that was cut could never be read again.
+                os.ftruncate(self._handle, os.lseek(self._handle, -written, os.SEEK_CUR))
             raise
 
     def sync(self) -> None:
@@ -85,7 +92,7 @@ class AppendFile:
             os.fsync(self._handle)
 
     def is_in_place(self) -> bool:
-        """Tell whether the file is still found under its name."""
+        """Return whether the file is still found under its name."""
         try:
             there = os.stat(self.path, follow_symlinks=False)
         except OSError:
@@ -120,24 +127,18 @@ class AppendFile:
             finally:
                 os.close(handle)
 
-    def _take_back(self, count: int) -> None:
-        assert self._handle is not None
-        if count:
-            os.ftruncate(self._handle, os.lseek(self._handle, -count, os.SEEK_CUR))
-
-    def _cut_back(self) -> None:
-        assert self._handle is not None
-        size = os.lseek(self._handle, 0, os.SEEK_END)
+    def _cut_back(self, handle: int) -> None:
+        size = os.lseek(handle, 0, os.SEEK_END)
         start, tail = size, b""
         while start > 0 and b"\n" not in tail:
             start = max(0, start - 4096)
-            os.lseek(self._handle, start, os.SEEK_SET)
-            tail = _read_exactly(self._handle, size - start)
+            os.lseek(handle, start, os.SEEK_SET)
+            tail = _read_exactly(handle, size - start)
         whole = start + tail.rfind(b"\n") + 1
         if whole < size:
-            self.fragment = tail[whole - start :]
-            os.ftruncate(self._handle, whole)
-        os.lseek(self._handle, whole, os.SEEK_SET)
+            self.fragment = tail[whole - start :].decode("utf-8", "replace")
+            os.ftruncate(handle, whole)
+        os.lseek(handle, whole, os.SEEK_SET)
 
 
 def _no_file(path: Path, what: str) -> FileFormatError:
@@ -154,35 +155,43 @@ def _read_exactly(handle: int, count: int) -> bytes:
     return b"".join(parts)
 
 
-class SampleWriter:
+class AppendTable(AppendFile):
+    """Append rows below a header; a new file gets it, an old one must have the same.
+
+    Args:
+        path: of the file.
+        columns: in their order.
+        advice: what an old file with other columns means, for people.
+    """
+
+    def __init__(self, path: Path, columns: Sequence[str], advice: str) -> None:
+        super().__init__(path)
+        header = ",".join(columns).encode() + b"\n"
+        if path.stat().st_size == 0:
+            self.write(header)
+            self.sync()
+            return
+        with open_file(path, follow=False) as file:
+            if file.readline() != header:
+                self.close()
+                raise FileFormatError(str(path), advice)
+
+
+class SampleWriter(AppendTable):
     """Append samples; a row has reached the operating system when `append` returns.
 
     Args:
-        path: samples.csv of a run; a new file gets its header, an old one must have the same.
+        path: samples.csv of a run.
         channels: what the device streams, in its order.
     """
 
     def __init__(self, path: Path, channels: tuple[Channel, ...]) -> None:
-        names = [channel.name for channel in channels]
-        header = ",".join([*SAMPLE_START, *names]).encode() + b"\n"
-        self.file = AppendFile(path)
-        if path.stat().st_size == 0:
-            self.file.write(header)
-            self.file.sync()
-            return
-        with open_file(path, follow=False) as file:
-            if file.readline() != header:
-                self.file.close()
-                raise FileFormatError(
-                    str(path),
-                    "this bench streams other channels than the run has on disk; go on with the "
-                    "bench that began it, or start a new run",
-                )
-
-    @property
-    def fragment(self) -> str:
-        """The cut line that a killed process left at the end, empty when there was none."""
-        return self.file.fragment.decode("utf-8", "replace")
+        names = (*SAMPLE_START, *(channel.name for channel in channels))
+        advice = (
+            "this bench streams other channels than the run has on disk; go on with the bench "
+            "that began it, or start a new run"
+        )
+        super().__init__(path, names, advice)
 
     def append(
         self, point: int, phase: str, time_s: Array, device_time_us: Array, values: Array
@@ -203,12 +212,47 @@ class SampleWriter:
                 time_s.tolist(), device_time_us.tolist(), values.tolist(), strict=True
             )
         ]
-        self.file.write("".join(lines).replace("nan", "").encode("ascii"))
+        self.write("".join(lines).replace("nan", "").encode("ascii"))
 
-    def sync(self) -> None:
-        """Force what was appended to the disk."""
-        self.file.sync()
 
-    def close(self) -> None:
-        """Force to the disk and close; safe to call twice."""
-        self.file.close()
+@dataclass(frozen=True, slots=True)
+class Event:
+    """Say that something happened.
+
+    Attributes:
+        time_s: since the run began, on the bench's clock.
+        event: what, in one word ("settle_timeout", "tare", "stopped", "device").
+        text: one sentence for people.
+        point: number of the visit, 0 for none.
+        wall: date and time with the offset from UTC.
+    """
+
+    time_s: float
+    event: str
+    text: str
+    point: int = 0
+    wall: str = ""
+
+
+class EventLog(AppendFile):
+    """Append events, a JSON object a line; each is on the disk when `append` returns."""
+
+    def append(self, event: Event) -> None:
+        """Append one event, stamped with the wall clock."""
+        data = asdict(event)
+        data["wall"] = event.wall or datetime.now(UTC).isoformat(timespec="milliseconds")
+        self.write(json.dumps(data, ensure_ascii=False).encode() + b"\n")
+        self.sync()
+
+
+def read_events(path: Path) -> tuple[Event, ...]:
+    """Return the events of a run, oldest first; a line that is no event is left out."""
+    if not os.path.lexists(path):
+        return ()
+    events = []
+    for line in read_text(path, MOST_FACTS_BYTES, follow=False).splitlines():
+        try:
+            events.append(build(Event, parse_json(line, str(path)), str(path)))
+        except InputError:
+            continue
+    return tuple(events)

@@ -14,8 +14,8 @@ import numpy as np
 from benchtool.core.counted import counted
 from benchtool.data.columns import VALID_KINDS, code_of
 from benchtool.data.parquet import seal
+from benchtool.data.run.append import Event, EventLog, read_events
 from benchtool.data.run.digest import file_hash
-from benchtool.data.run.events import Event, EventLog, read_events
 from benchtool.data.run.points import write_table
 from benchtool.data.run.read import read_points
 from benchtool.data.run.sample_stream import WholeLines
@@ -81,7 +81,7 @@ def _state(run: Run, facts: dict[str, Any], visits: int | None, log: EventLog) -
         said, changes = f"closed afterwards; {DIED}", {"state": "stopped", "reason": DIED}
     else:
         return {}
-    events = read_events(log.file.path)
+    events = read_events(log.path)
     if not events or events[-1].text != said:
         log.append(Event(events[-1].time_s if events else 0.0, "closed", said))
     return changes

@@ -7,12 +7,10 @@ from math import isnan, nan
 from pathlib import Path
 
 from benchtool.core.counted import counted
-from benchtool.core.errors import FileFormatError
 from benchtool.core.recording import Recording
-from benchtool.core.user_file import open_file
 from benchtool.data.atomic import replace_text
-from benchtool.data.columns import WORDS
-from benchtool.data.run.append import AppendFile
+from benchtool.data.columns import WHOLE, WORDS
+from benchtool.data.run.append import AppendTable
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,7 +29,7 @@ class Point:
         thrust_N, thrust_sd_N, thrust_se_N: mean over samples, their standard deviation, and the
             standard error of the mean with autocorrelation accounted for.
         n_samples: thrust samples in the mean.
-        plate_z_m: distance of the plate: what the bench read, or the stage's word without it.
+        plate_z_m: distance of the plate: what the bench read, else what the stage reports.
         plate_stage_z_m, plate_read_z_m: both of them, nan where one is missing.
         settled: whether the settling test passed before its time-out.
     """
@@ -103,41 +101,20 @@ def number_cell(number: float) -> str:
     return "" if isnan(number) else repr(number)
 
 
-class PointWriter:
+class PointWriter(AppendTable):
     """Append points; a point is on the disk when `append` returns."""
 
     def __init__(self, path: Path, n_rotors: int) -> None:
-        header = ",".join(point_columns(n_rotors)).encode() + b"\n"
-        self.file = AppendFile(path)
-        if path.stat().st_size == 0:
-            self.file.write(header)
-            self.file.sync()
-            return
-        with open_file(path, follow=False) as file:
-            if file.readline() != header:
-                self.file.close()
-                raise FileFormatError(
-                    str(path),
-                    f"its columns are not those of a run with {counted(n_rotors, 'rotor')} of this "
-                    f"version of benchtool; go on with the rig and the version that began the run",
-                )
-
-    @property
-    def fragment(self) -> str:
-        """The cut line that a killed process left at the end, empty when there was none."""
-        return self.file.fragment.decode("utf-8", "replace")
+        advice = (
+            f"its columns are not those of a run with {counted(n_rotors, 'rotor')} of this version "
+            f"of benchtool; go on with the rig and the version that began the run"
+        )
+        super().__init__(path, point_columns(n_rotors), advice)
 
     def append(self, point: Point) -> None:
         """Append one point and force it to the disk."""
-        self.file.write(",".join(point_cells(point)).encode("ascii") + b"\n")
-        self.file.sync()
-
-    def close(self) -> None:
-        """Close the file; safe to call twice."""
-        self.file.close()
-
-
-_WHOLE = frozenset({"point", "setting", "repeat", "n_repeats", "n_samples", "settled"})
+        self.write(",".join(point_cells(point)).encode("ascii") + b"\n")
+        self.sync()
 
 
 def write_table(path: Path, recording: Recording) -> None:
@@ -150,6 +127,6 @@ def write_table(path: Path, recording: Recording) -> None:
 def _cells(name: str, numbers: list[float]) -> list[str]:
     if name in WORDS:
         return [WORDS[name][int(number)] for number in numbers]
-    if name in _WHOLE:
+    if name in WHOLE:
         return [f"{number:.0f}" for number in numbers]
     return [number_cell(number) for number in numbers]

@@ -24,9 +24,8 @@ from benchtool.core.exhausted import exhausted, is_exhaustion
 from benchtool.core.recording import Recording
 from benchtool.core.user_file import read_text
 from benchtool.data.atomic import replace_json, replace_text, sync_folder
-from benchtool.data.run.append import AppendFile, SampleWriter
+from benchtool.data.run.append import AppendFile, EventLog, SampleWriter
 from benchtool.data.run.closing import LEFT_OVER, close_run, has_rows, remove_left_overs
-from benchtool.data.run.events import EventLog
 from benchtool.data.run.facts import read_metadata
 from benchtool.data.run.interrupted import SamplesFound, scan_samples, write_marked
 from benchtool.data.run.points import PointWriter
@@ -244,7 +243,7 @@ class Run:
         """
         log = self.event_log()
         try:
-            log.file.lock()
+            log.lock()
             yield log
         finally:
             log.close()

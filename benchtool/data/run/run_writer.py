@@ -13,8 +13,7 @@ from benchtool.core.channel import Channel
 from benchtool.core.errors import BenchtoolError, ResourceExhausted, RunStopped
 from benchtool.core.exhausted import exhausted, exhaustion
 from benchtool.data.atomic import sync_folder
-from benchtool.data.run.append import AppendFile
-from benchtool.data.run.events import Event
+from benchtool.data.run.append import AppendFile, Event
 from benchtool.data.run.interrupted import take_marked
 from benchtool.data.run.points import Point
 from benchtool.data.run.run import Run, free_path
@@ -42,16 +41,16 @@ class RunWriter:
         try:
             run.watch()
             self._events = run.event_log()
-            self._files.append(self._events.file)
-            self._events.file.lock()
+            self._files.append(self._events)
+            self._events.lock()
             run.unseal()
             take_marked(run.path / "samples.csv")
             if run.metadata.get("state") != "running":
                 run.update_metadata(state="running", reason=None)
             self._samples = run.sample_writer(channels)
-            self._files.append(self._samples.file)
+            self._files.append(self._samples)
             self._points = run.point_writer(n_rotors)
-            self._files.append(self._points.file)
+            self._files.append(self._points)
             sync_folder(run.path)
         except BaseException as error:
             self.close()

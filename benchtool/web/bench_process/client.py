@@ -9,7 +9,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 
-from benchtool.data.run.events import Event
+from benchtool.data.run.append import Event
 from benchtool.web.bench_process.commands import Command, Shutdown, StopMotors
 from benchtool.web.bench_process.events import (
     BenchEvent,

@@ -8,7 +8,7 @@ from typing import Literal
 from benchtool.acquire.calibration import Calibration
 from benchtool.bench.bench import Identity
 from benchtool.core.rig import Rig
-from benchtool.data.run.events import Event
+from benchtool.data.run.append import Event
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

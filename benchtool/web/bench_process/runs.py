@@ -28,7 +28,7 @@ from benchtool.bench.guard import GuardedBench
 from benchtool.core.counted import counted
 from benchtool.core.errors import BenchError, BenchtoolError, InputError, RunStopped
 from benchtool.core.rig import Rig
-from benchtool.data.run.events import Event
+from benchtool.data.run.append import Event
 from benchtool.data.run.points import Point
 from benchtool.data.run.run import Run
 from benchtool.web.bench_process.commands import StartRecording, StartSweep

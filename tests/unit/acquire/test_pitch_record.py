@@ -25,7 +25,7 @@ from benchtool.bench.guard import GuardedBench
 from benchtool.core.errors import FileFormatError, InputError, LimitExceeded, PlanError, RunStopped
 from benchtool.core.rig_file import rig_named
 from benchtool.core.schedule_file import schedule_named
-from benchtool.data.run.events import read_events
+from benchtool.data.run.append import read_events
 from benchtool.data.run.read import read_pitch, read_samples
 from benchtool.data.run.run import Run
 from benchtool.data.run.run_writer import RunWriter

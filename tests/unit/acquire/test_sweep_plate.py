@@ -17,7 +17,7 @@ from benchtool.bench.guard import GuardedBench
 from benchtool.bench.stage.stage import IdleStage
 from benchtool.core.errors import BenchtoolError, InputError, StageError
 from benchtool.core.rig_file import rig_named
-from benchtool.data.run.events import read_events
+from benchtool.data.run.append import read_events
 from benchtool.data.run.read import read_points
 from benchtool.data.run.run import Run
 from benchtool.physics.model_file import load_model
