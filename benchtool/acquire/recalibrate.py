@@ -13,8 +13,8 @@ from benchtool.acquire.calibration import Calibration, require_device
 from benchtool.acquire.plan import plan_from_toml
 from benchtool.core.errors import CalibrationError, FileFormatError
 from benchtool.core.recording import Recording
+from benchtool.data.atomic import data_hash
 from benchtool.data.columns import VALID_KINDS, code_of
-from benchtool.data.run.digest import data_hash
 from benchtool.data.run.points import write_table
 from benchtool.data.run.read import read_points, read_samples
 from benchtool.data.run.run import Run

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 from collections.abc import Iterator, Mapping
@@ -14,7 +15,7 @@ import numpy as np
 
 from benchtool.core.errors import FileFormatError
 from benchtool.core.parsed_text import parse_json
-from benchtool.core.user_file import MOST_FACTS_BYTES, read_text
+from benchtool.core.user_file import MOST_FACTS_BYTES, open_file, read_text
 
 
 @contextmanager
@@ -78,3 +79,27 @@ def sync_folder(folder: Path) -> None:
         os.fsync(handle)
     finally:
         os.close(handle)
+
+
+DATA_FILES: tuple[str, ...] = ("points.csv", "samples.csv")
+"""Files of a run folder whose bytes make its hash."""
+
+
+def file_hash(path: Path, *, follow: bool = True) -> str:
+    """Return the SHA-256 of a file's bytes, in hex."""
+    with open_file(path, follow=follow) as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def data_hash(path: str | Path) -> str:
+    """Return the SHA-256 of a data file, or of a run folder's points and samples, in hex."""
+    path = Path(path)
+    if os.path.lexists(path) and not os.path.isdir(path):
+        return file_hash(path)
+    present = [path / name for name in DATA_FILES if (path / name).is_file()]
+    if not present:
+        raise FileFormatError(str(path), "neither a file nor a run folder; check the path")
+    total = hashlib.sha256()
+    for file in present:
+        total.update(f"{file.name} {file_hash(file, follow=False)}\n".encode())
+    return total.hexdigest()

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from benchtool.core.channel import Channel, unit_told_by
 from benchtool.core.errors import FileFormatError, UnknownChoice
 from benchtool.core.recording import Recording
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 VALID_KINDS: tuple[str, ...] = ("measure", "reference", "anchor", "tare")
 """Kinds of points that measure something."""
@@ -109,3 +113,17 @@ def code_of(column: str, word: str) -> float:
 def word_of(column: str, code: float) -> str:
     """Return the word that a number of a `Recording` stands for."""
     return WORDS[column][int(code)]
+
+
+def frame(recording: Recording) -> pd.DataFrame:
+    """Return a recording as a data frame, words in place of their codes, units in `attrs`."""
+    import pandas as pd
+
+    table = pd.DataFrame(recording.values, columns=list(recording.names))
+    for name, words in WORDS.items():
+        if name in table:
+            codes = table[name].to_numpy().astype(int)
+            table[name] = pd.Categorical.from_codes(codes, categories=pd.Index(words))
+    table.attrs["units"] = {channel.name: channel.unit for channel in recording.channels}
+    table.attrs["provenance"] = dict(recording.provenance)
+    return table

@@ -18,9 +18,9 @@ from benchtool.core.errors import FileFormatError, InputError, MissingColumn, Un
 from benchtool.core.recording import Recording
 from benchtool.core.toml_text import build
 from benchtool.core.units import UNITS, from_si, same_dimension, to_si
+from benchtool.data.atomic import file_hash
 from benchtool.data.columns import WORDS, channel_called, code_of
 from benchtool.data.csv_text import CsvTable, no_rows, read_csv_text
-from benchtool.data.run.digest import file_hash
 
 _BLANK = frozenset({"", "nan", "NaN", "NAN", "NA", "N/A", "null"})
 

@@ -12,9 +12,9 @@ import numpy as np
 from benchtool.core.column_source import ColumnSource
 from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.recording import Recording
+from benchtool.data.atomic import data_hash
 from benchtool.data.columns import VALID_KINDS
 from benchtool.data.csv_text import read_csv_text
-from benchtool.data.run.digest import data_hash
 from benchtool.data.run.entry import kind_of
 from benchtool.data.run.read import is_run, read_pitch, read_points, sample_names
 from benchtool.data.run.recording_file import beside, read_recording

@@ -9,7 +9,7 @@ from pathlib import Path
 from benchtool.core.errors import InputError, MissingColumn
 from benchtool.core.own_code import CodePermit, refuse_code
 from benchtool.core.rig import Rig
-from benchtool.data.run.digest import file_hash
+from benchtool.data.atomic import file_hash
 from benchtool.data.run.run_rig import rig_of_data
 from benchtool.explain.engine.subject import Subject
 from benchtool.explain.pitch.log import PitchLog, pitch_log

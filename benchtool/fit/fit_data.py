@@ -18,8 +18,8 @@ from benchtool.core.parameter import Parameters, full_name
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
 from benchtool.core.rig_file import rig_named
+from benchtool.data.atomic import data_hash
 from benchtool.data.columns import code_of
-from benchtool.data.run.digest import data_hash
 from benchtool.data.run.ratios import ratios, relative_speed_error
 from benchtool.data.run.read import is_run, read_points
 from benchtool.data.run.run_rig import differences, rig_of_data

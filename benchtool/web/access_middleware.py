@@ -11,7 +11,7 @@ from urllib.parse import parse_qs, urlencode
 
 from starlette.responses import HTMLResponse, PlainTextResponse, Response
 
-from benchtool.data.run.upload import MOST_BYTES
+from benchtool.data.run.runs_folder import MOST_BYTES
 from benchtool.web.access import Access, RequestFacts
 
 if TYPE_CHECKING:

@@ -11,8 +11,7 @@ from datetime import datetime
 from nicegui import events, ui
 
 from benchtool.core.errors import InputError
-from benchtool.data.run.runs_folder import RunsFolder
-from benchtool.data.run.upload import MOST_BYTES, keep_table
+from benchtool.data.run.runs_folder import MOST_BYTES, RunsFolder, keep_table
 from benchtool.web.context import PageContext
 from benchtool.web.notifications import notify_error, shows_errors
 from benchtool.web.sections import HtmlFragment, PageSection

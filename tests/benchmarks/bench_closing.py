@@ -39,7 +39,7 @@ STATEMENTS = {
     "; from benchtool.data.run.read import read_samples",
     "close": "from benchtool.data.run.run import Run; Run.open(run).close()",
     "read for --resume": (
-        "from benchtool.data.run.interrupted import scan_samples, take_marked, write_marked\n"
+        "from benchtool.data.run.closing import scan_samples, take_marked, write_marked\n"
         "found = scan_samples(run / 'samples.csv', frozenset(range(1, 100)))\n"
         "write_marked(run / 'samples.csv', found); take_marked(run / 'samples.csv')"
     ),

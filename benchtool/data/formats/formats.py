@@ -26,8 +26,7 @@ from benchtool.data.repairs.column_map import read_by_map, read_named
 from benchtool.data.repairs.imported import Imported, Options
 from benchtool.data.repairs.mapped import has_columns
 from benchtool.data.repairs.pole_count import compare_speeds
-from benchtool.data.repairs.spikes import mend_spikes
-from benchtool.data.repairs.time_order import mend_time
+from benchtool.data.repairs.time_order import mend_spikes, mend_time
 
 HEAD_BYTES = 1 << 16
 """A file's beginning tells its format: a header and some rows."""

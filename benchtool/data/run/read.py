@@ -16,10 +16,10 @@ from benchtool.core.channel import Channel
 from benchtool.core.errors import BenchtoolError, FileFormatError
 from benchtool.core.recording import Recording
 from benchtool.core.user_file import open_file
+from benchtool.data.atomic import data_hash, file_hash
 from benchtool.data.columns import channel_called, check_numbers, code_of
 from benchtool.data.csv_text import read_csv_text
 from benchtool.data.parquet import parquet_names, read_parquet
-from benchtool.data.run.digest import data_hash, file_hash
 from benchtool.data.run.facts import read_metadata
 from benchtool.data.run.sample_stream import header_of, read_stream
 from benchtool.data.table import columns_of

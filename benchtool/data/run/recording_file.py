@@ -12,11 +12,10 @@ import numpy as np
 from benchtool.core.channel import Channel
 from benchtool.core.errors import BenchtoolError, FileFormatError, WouldOverwrite
 from benchtool.core.recording import Recording
-from benchtool.data.atomic import replace_json
+from benchtool.data.atomic import file_hash, replace_json
 from benchtool.data.columns import channel_called
 from benchtool.data.csv_text import read_csv_text
 from benchtool.data.parquet import read_parquet, write_parquet
-from benchtool.data.run.digest import file_hash
 from benchtool.data.run.facts import read_recording_facts
 from benchtool.data.run.sample_stream import read_stream
 from benchtool.data.table import columns_of

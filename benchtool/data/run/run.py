@@ -25,9 +25,16 @@ from benchtool.core.recording import Recording
 from benchtool.core.user_file import read_text
 from benchtool.data.atomic import replace_json, replace_text, sync_folder
 from benchtool.data.run.append import AppendFile, EventLog, SampleWriter
-from benchtool.data.run.closing import LEFT_OVER, close_run, has_rows, remove_left_overs
+from benchtool.data.run.closing import (
+    LEFT_OVER,
+    SamplesFound,
+    close_run,
+    has_rows,
+    remove_left_overs,
+    scan_samples,
+    write_marked,
+)
 from benchtool.data.run.facts import read_metadata
-from benchtool.data.run.interrupted import SamplesFound, scan_samples, write_marked
 from benchtool.data.run.points import PointWriter
 from benchtool.data.run.read import is_run, read_points
 from benchtool.data.run.read import read_settings as read_written_settings

@@ -14,7 +14,7 @@ from benchtool.core.errors import BenchtoolError, ResourceExhausted, RunStopped
 from benchtool.core.exhausted import exhausted, exhaustion
 from benchtool.data.atomic import sync_folder
 from benchtool.data.run.append import AppendFile, Event
-from benchtool.data.run.interrupted import take_marked
+from benchtool.data.run.closing import take_marked
 from benchtool.data.run.points import Point
 from benchtool.data.run.run import Run, free_path
 from benchtool.data.run.state import state_folder

@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 from math import nan
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Literal
 
 import numpy as np
 
 from benchtool.core.array import Array
-from benchtool.core.errors import InputError
+from benchtool.core.errors import FileFormatError, InputError, UnknownChoice
 from benchtool.core.recording import Recording
-from benchtool.data.columns import channel_called, code_of, speed_columns
+from benchtool.core.user_file import read_file
+from benchtool.data.columns import KINDS, channel_called, code_of, speed_columns
+from benchtool.data.parquet import write_parquet
+from benchtool.data.run.points import write_table
 from benchtool.data.run.ratios import ratios
+from benchtool.data.run.read import read_points, read_samples
 
 _MEANS: tuple[str, ...] = (
     "plate_z_m",
@@ -83,3 +90,40 @@ def _mean(values: Array) -> float:
 def _sd(values: Array) -> float:
     present = values[~np.isnan(values)]
     return float(present.std(ddof=1)) if len(present) > 1 else float("nan")
+
+
+Table = Literal["points", "settings", "samples"]
+TABLES: tuple[Table, ...] = ("points", "settings", "samples")
+SUFFIXES = (".csv", ".parquet")
+
+
+def exported(run: Path, table: str, suffix: str) -> bytes:
+    """Return one table of a run as the bytes of a CSV or Parquet file.
+
+    Args:
+        run: a run folder.
+        table: one of `TABLES`.
+        suffix: one of `SUFFIXES`.
+    """
+    if table not in TABLES:
+        raise UnknownChoice("table of a run", table, TABLES)
+    if suffix not in SUFFIXES:
+        raise UnknownChoice("format of a table", suffix, SUFFIXES)
+    file = run / f"{table}{suffix}"
+    if file.is_file():
+        return read_file(file, follow=False)
+    recording = _recording(run, table)
+    with TemporaryDirectory() as folder:
+        made = Path(folder) / file.name
+        (write_table if suffix == ".csv" else write_parquet)(made, recording)
+        return made.read_bytes()
+
+
+def _recording(run: Path, table: str) -> Recording:
+    if table == "points":
+        return read_points(run, KINDS)
+    if table == "settings":
+        return aggregate(read_points(run))
+    if not any((run / f"samples{suffix}").is_file() for suffix in SUFFIXES):
+        raise FileFormatError(run.name, "there are no samples in it, only points made of them")
+    return read_samples(run)

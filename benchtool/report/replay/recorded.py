@@ -9,7 +9,7 @@ from typing import Any
 
 from benchtool import __version__
 from benchtool.core.recording import Recording
-from benchtool.data.run.digest import data_hash, file_hash
+from benchtool.data.atomic import data_hash, file_hash
 from benchtool.data.run.facts import read_recording_facts
 from benchtool.data.run.read import read_pitch
 from benchtool.data.run.recording_file import FORMAT, read_recording

@@ -14,9 +14,9 @@ from benchtool.core.array import Array
 from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
+from benchtool.data.atomic import data_hash, file_hash
 from benchtool.data.columns import code_of, speed_columns, word_of
 from benchtool.data.run.append import Event, read_events
-from benchtool.data.run.digest import data_hash, file_hash
 from benchtool.data.run.ratios import ratios
 from benchtool.data.run.read import read_points, read_samples, sample_names
 from benchtool.data.run.run import Run

@@ -25,9 +25,9 @@ from benchtool.core.errors import (
     WouldOverwrite,
 )
 from benchtool.core.rig_file import rig_named
+from benchtool.data.atomic import data_hash
 from benchtool.data.columns import KINDS, PHASES, code_of
 from benchtool.data.run.append import read_events
-from benchtool.data.run.digest import data_hash
 from benchtool.data.run.points import Point
 from benchtool.data.run.read import read_points, read_samples
 from benchtool.data.run.run import Run

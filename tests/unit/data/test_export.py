@@ -8,9 +8,9 @@ import pytest
 
 from benchtool.core.errors import FileFormatError, UnknownChoice
 from benchtool.data.parquet import read_parquet
-from benchtool.data.run.export import SUFFIXES, TABLES, exported
 from benchtool.data.run.read import read_points, read_samples
 from benchtool.data.run.run import read_settings
+from benchtool.data.run.settings import SUFFIXES, TABLES, exported
 from tests.unit.data.run_of import small_run
 
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from benchtool.core.errors import BenchtoolError
+from benchtool.data.atomic import data_hash
 from benchtool.data.run.append import read_events
-from benchtool.data.run.digest import data_hash
 from benchtool.data.run.read import read_points, read_samples
 from benchtool.data.run.run import Run, read_settings
 from benchtool.data.run.run_writer import RunWriter

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from benchtool.core.errors import FileFormatError
-from benchtool.data.run.interrupted import scan_samples
+from benchtool.data.run.closing import scan_samples
 from benchtool.data.run.read import read_samples, sample_names
 from benchtool.data.run.run import Run
 from tests.unit.data.run_of import small_run
@@ -25,7 +25,7 @@ from pathlib import Path
 import pyarrow.csv, pyarrow.parquet, pyarrow.compute
 from benchtool.data.run.run import Run
 from benchtool.data.run.read import read_samples
-from benchtool.data.run.interrupted import scan_samples, write_marked
+from benchtool.data.run.closing import scan_samples, write_marked
 
 def most_MB():
     status = dict(line.split(":", 1) for line in open("/proc/self/status"))

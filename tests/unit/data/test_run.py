@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 
 from benchtool.core.errors import FileFormatError, InputError, UnknownChoice, WouldOverwrite
-from benchtool.data.columns import KINDS, code_of
-from benchtool.data.frame import frame
+from benchtool.data.atomic import data_hash
+from benchtool.data.columns import KINDS, code_of, frame
 from benchtool.data.run.append import Event, read_events
-from benchtool.data.run.digest import data_hash
-from benchtool.data.run.interrupted import scan_samples, take_marked, write_marked
+from benchtool.data.run.closing import scan_samples, take_marked, write_marked
 from benchtool.data.run.read import read_points, read_samples
 from benchtool.data.run.run import Run, free_run_path, read_settings
 from tests.unit.data.run_of import CHANNELS, point, small_run

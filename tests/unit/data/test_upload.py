@@ -7,8 +7,7 @@ import pytest
 from benchtool.core.column_source import ColumnSource
 from benchtool.core.errors import FileFormatError
 from benchtool.data.run import upload
-from benchtool.data.run.runs_folder import RunsFolder
-from benchtool.data.run.upload import checked_table, columns_file, keep_table
+from benchtool.data.run.runs_folder import RunsFolder, checked_table, columns_file, keep_table
 from benchtool.physics.model_file import columns_to_toml, read_columns
 
 GOOD = b"gap_mm;F_gf\n60;424,1\n"

@@ -15,7 +15,7 @@ from benchtool.core.channel import Channel
 from benchtool.core.errors import InputError
 from benchtool.core.recording import Recording
 from benchtool.core.schedule import PlateVisit, Schedule, Signal
-from benchtool.data.run.digest import data_hash, file_hash
+from benchtool.data.atomic import data_hash, file_hash
 from benchtool.data.run.read import read_pitch
 from benchtool.data.run.recording_file import read_recording, write_recording
 from benchtool.explain.pitch.replay_judged import LEAST_RAD, miss_told

@@ -11,7 +11,7 @@ import pytest
 
 from benchtool.commands.app import main
 from benchtool.core.errors import FileFormatError, InputError, WouldOverwrite
-from benchtool.data.run.digest import data_hash, file_hash
+from benchtool.data.atomic import data_hash, file_hash
 from benchtool.data.run.read import read_points, read_samples
 from benchtool.data.run.run import read_settings
 from benchtool.explain.pitch.replayed import Beside

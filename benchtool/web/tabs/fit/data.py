@@ -8,7 +8,7 @@ from nicegui import ui
 
 from benchtool.data.csv_text import read_csv_text
 from benchtool.data.run.entry import Entry
-from benchtool.data.run.upload import columns_file
+from benchtool.data.run.runs_folder import columns_file
 from benchtool.web.context import PageContext
 from benchtool.web.notifications import notify, notify_error, shows_errors
 from benchtool.web.tabs.fit.columns import ColumnLine, columns_of, lines_for, units_for

@@ -13,8 +13,7 @@ from benchtool.core.rig import Rig
 from benchtool.data.csv_text import read_csv_text
 from benchtool.data.run.entry import Entry
 from benchtool.data.run.run_rig import rig_of_data
-from benchtool.data.run.runs_folder import RunsFolder
-from benchtool.data.run.upload import columns_file
+from benchtool.data.run.runs_folder import RunsFolder, columns_file
 from benchtool.fit.recipe import FitInputs, Recipe
 from benchtool.web.tabs.fit.model_choice import (
     ParameterChoice,

@@ -11,8 +11,7 @@ import numpy as np
 
 from benchtool.core.column_source import ColumnSource
 from benchtool.data.atomic import replace_text
-from benchtool.data.run.runs_folder import RunsFolder
-from benchtool.data.run.upload import columns_file
+from benchtool.data.run.runs_folder import RunsFolder, columns_file
 from benchtool.data.table import read_table
 from benchtool.fit.recipe import Recipe
 from benchtool.physics.model_file import columns_to_toml

@@ -11,8 +11,8 @@ from urllib.parse import urlencode
 from nicegui import ui
 
 from benchtool.data.run.entry import ANSWER_FILE, FIT_FILE, Entry, entry_of
-from benchtool.data.run.export import TABLES
 from benchtool.data.run.runs_folder import RunsFolder
+from benchtool.data.run.settings import TABLES
 from benchtool.web.context import PageContext
 from benchtool.web.notifications import shows_errors
 from benchtool.web.sections import PageSection

@@ -15,8 +15,8 @@ from benchtool.core.errors import FileFormatError, InputError
 from benchtool.data.atomic import read_json
 from benchtool.data.csv_text import read_csv_text
 from benchtool.data.run.entry import ANSWER_FILE, Entry, entry_of
-from benchtool.data.run.export import exported
 from benchtool.data.run.runs_folder import RunsFolder
+from benchtool.data.run.settings import exported
 from benchtool.web.sections import PageSection
 from benchtool.web.tabs.fit.work import view_fit
 

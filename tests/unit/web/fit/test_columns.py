@@ -8,7 +8,7 @@ import pytest
 
 from benchtool.core.column_source import ColumnSource
 from benchtool.core.errors import FileFormatError, InputError, MissingColumn
-from benchtool.data.run.upload import columns_file
+from benchtool.data.run.runs_folder import columns_file
 from benchtool.physics.model_file import read_columns
 from benchtool.web.tabs.fit.columns import (
     FIT_CHANNELS,

@@ -10,8 +10,7 @@ import pytest
 
 from benchtool.core.errors import BenchtoolError, InputError, WouldOverwrite
 from benchtool.data.run.entry import Entry, list_entries
-from benchtool.data.run.runs_folder import RunsFolder
-from benchtool.data.run.upload import columns_file
+from benchtool.data.run.runs_folder import RunsFolder, columns_file
 from benchtool.fit.fit_data import recipe_model
 from benchtool.fit.run_recipe import run_recipe
 from benchtool.report.fit.stored_fit import read_stored
