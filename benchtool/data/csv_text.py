@@ -1,4 +1,9 @@
-"""Read CSV text as people's programs leave it: BOM, semicolons, CRLF, a cut last line."""
+"""Read CSV text as people's programs leave it: BOM, semicolons, CRLF, a cut last line.
+
+`read_csv_text` gives the cells of a table that must be right, for a fit; a row with too many cells is
+refused. `lay_out` gives the rows of a foreign file, which is imported as far as it can be. It leaves
+them bytes, so that a million rows take as long as finding their commas does.
+"""
 
 from __future__ import annotations
 
@@ -6,19 +11,29 @@ import csv
 import io
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.core.counted import counted
 from benchtool.core.errors import FileFormatError
 from benchtool.core.table_bounds import MOST_TABLE_BYTES, check_cells, check_columns
 from benchtool.core.user_file import read_file
+from benchtool.data.repairs.imported import Finding, Kind, line_ranges
 
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"
+
+Positions = NDArray[np.intp]
 
 Repairs = list[tuple[str, str]]
 """What was mended in a text: the matter, the same for every file, and a sentence."""
 
 _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+(?:[eE][+-]?\d+)?")
+_CELL_WITH_COMMA = re.compile(rb"(?:^|[;\t])\s*[+-]?\d+,\d")
+_START_BYTES = 1 << 16
+_PIECE_BYTES = 1 << 18
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,7 +56,7 @@ class CsvTable:
 
 
 def read_csv_text(path: Path, *, own: bool = False, follow: bool = True) -> CsvTable:
-    """Return the cells of a CSV file, mended with words or refused with words.
+    """Return the cells of a CSV file, mended or refused.
 
     Args:
         path: the file.
@@ -52,57 +67,63 @@ def read_csv_text(path: Path, *, own: bool = False, follow: bool = True) -> CsvT
     return parse_csv(read_file(path, MOST_TABLE_BYTES, follow=follow), str(path), own=own)
 
 
-def no_rows(where: str, header: Sequence[str]) -> FileFormatError:
-    """Return the refusal of a file without a row below its first line."""
-    if len(header) > 1:
-        return FileFormatError(where, "there is a header but no row below it; add data")
-    return FileFormatError(
-        where,
-        f"it holds {header[0][:40]!r} and no row below it; a CSV has a line with the names of "
-        f"columns, and rows of numbers below",
-    )
-
-
 def parse_csv(data: bytes, where: str, *, own: bool = False) -> CsvTable:
     """Return the cells of CSV bytes; see `read_csv_text`."""
     mended: Repairs = []
     data = plain_text(data, where, mended)
     text = decode(data.removeprefix(BYTE_ORDER_MARK), "the text", mended)
-    cut = bool(text) and not text.endswith("\n")
     first = text.split("\n", 1)[0]
     delimiter = delimiter_of(first, mended)
     repairs = [words for _, words in mended]
     check_columns(first.count(delimiter) + 1, where)
     check_cells(text.count(delimiter) + text.count("\n"), where)
-    reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter)
-    try:
-        header = [cell.strip() for cell in next(reader, [])]
-        numbered = [(row, reader.line_num) for row in reader if any(cell.strip() for cell in row)]
-    except csv.Error as error:
-        problem = f"line {reader.line_num} cannot be read: {error}; mend that line"
-        raise FileFormatError(where, problem) from error
+    rows, lines = _cells(text, delimiter, where)
+    header = [cell.strip() for cell in rows[0]]
     while header and not header[-1]:
         header.pop()
     if not header:
         raise FileFormatError(where, "the first line names no columns; add a header line")
     width = len(header)
-    if cut and numbered and (own or len(numbered[-1][0]) < width):
+    numbered = [
+        pair for pair in zip(rows[1:], lines[1:], strict=True) if any(map(str.strip, pair[0]))
+    ]
+    if numbered and not text.endswith("\n") and (own or len(numbered[-1][0]) < width):
         numbered.pop()
         repairs.append("the last line was cut short and left out")
     short = [line for row, line in numbered if len(row) < width]
     if short:
         repairs.append(f"{len(short)} rows shorter than the header, first in line {short[0]}")
     for row, line in numbered:
-        if any(cell.strip() for cell in row[width:]):
+        if any(map(str.strip, row[width:])):
             raise FileFormatError(
                 where,
                 f"line {line} has {len(row)} cells, the header names {width} columns; mend the "
                 f"line or the header",
             )
-    rows = [_fit(row, width) for row, _ in numbered]
-    if delimiter == ";":
-        _point_decimals(rows, repairs)
-    return CsvTable(where, tuple(header), rows, [line for _, line in numbered], tuple(repairs))
+    cells = [row[:width] + [""] * (width - len(row)) for row, _ in numbered]
+    commas = 0
+    for row in cells if delimiter == ";" else ():
+        for index, cell in enumerate(row):
+            if _DECIMAL_COMMA.fullmatch(cell.strip()):
+                row[index] = cell.strip().replace(",", ".")
+                commas += 1
+    if commas:
+        repairs.append(f"{commas} decimal commas read as points")
+    return CsvTable(where, tuple(header), cells, [line for _, line in numbered], tuple(repairs))
+
+
+def _cells(text: str, delimiter: str, where: str) -> tuple[list[list[str]], list[int]]:
+    """Return the cells of each row, and the line in which it ends."""
+    reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter)
+    rows, lines = [], []
+    try:
+        for row in reader:
+            rows.append(row)
+            lines.append(reader.line_num)
+    except csv.Error as error:
+        problem = f"line {reader.line_num} cannot be read: {error}; mend that line"
+        raise FileFormatError(where, problem) from error
+    return rows, lines
 
 
 def plain_text(data: bytes, where: str, repairs: Repairs) -> bytes:
@@ -118,7 +139,7 @@ def plain_text(data: bytes, where: str, repairs: Repairs) -> bytes:
         repairs.append(("UTF-16", "the text is UTF-16, as Excel saves it; read as UTF-8"))
     if data.startswith(BYTE_ORDER_MARK):
         repairs.append(("byte order mark", "a byte order mark at the start was left out"))
-    begin = data[: 1 << 16].removeprefix(BYTE_ORDER_MARK)
+    begin = data[:_START_BYTES].removeprefix(BYTE_ORDER_MARK)
     if not begin.strip() and not data.removeprefix(BYTE_ORDER_MARK).strip():
         raise FileFormatError(where, "the file is empty; name a file with a header line and rows")
     if b"\0" in data[:4096]:
@@ -147,16 +168,204 @@ def delimiter_of(first: str, repairs: Repairs) -> str:
     return delimiter
 
 
-def _fit(row: list[str], width: int) -> list[str]:
-    return row[:width] + [""] * (width - len(row))
+def no_rows(where: str, header: Sequence[str]) -> FileFormatError:
+    """Return the refusal of a file without a row below its first line."""
+    if len(header) > 1:
+        return FileFormatError(where, "there is a header but no row below it; add data")
+    return FileFormatError(
+        where,
+        f"it holds {header[0][:40]!r} and no row below it; a CSV has a line with the names of "
+        f"columns, and rows of numbers below",
+    )
 
 
-def _point_decimals(rows: list[list[str]], repairs: list[str]) -> None:
-    changed = 0
-    for row in rows:
-        for index, cell in enumerate(row):
-            if _DECIMAL_COMMA.fullmatch(cell.strip()):
-                row[index] = cell.strip().replace(",", ".")
-                changed += 1
-    if changed:
-        repairs.append(f"{changed} decimal commas read as points")
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class TextTable:
+    """Hold the rows of a text file, all of one width, as bytes.
+
+    Attributes:
+        where: the file's path as given.
+        header: (w,) column names without surrounding blanks; "" for a column without a name.
+        body: the rows, each of w cells, ended by a newline; a view of the file where that was even.
+        lines: (n,) line number of each row in the file, from 1.
+        delimiter: one character.
+        decimal: "." or ",".
+        rows_in_file: lines below the header that hold anything.
+        findings: what was mended or refused.
+        is_even: every row looks as wide as the header; a reader that finds otherwise evens it.
+    """
+
+    where: str
+    header: tuple[str, ...]
+    body: bytes | memoryview
+    lines: Positions
+    delimiter: str
+    decimal: str
+    rows_in_file: int
+    findings: tuple[Finding, ...]
+    is_even: bool
+
+
+def lay_out(data: bytes, where: str) -> TextTable:
+    """Return the rows of CSV bytes.
+
+    Raises:
+        FileFormatError: no text, no header, or no row below it.
+    """
+    repairs: Repairs = []
+    data = plain_text(data, where, repairs)
+    first, header_line, rest_at = _header_line(data, repairs)
+    delimiter = delimiter_of(first, repairs)
+    body: bytes | memoryview = memoryview(data)[rest_at:]
+    line_of = None
+    if b'"' in data:
+        first, body, line_of = _unquoted(first, data[rest_at:], delimiter, where)
+    check_columns(first.count(delimiter) + 1, where)
+    names = tuple(cell.strip() for cell in first.split(delimiter))
+    if not any(names):
+        raise FileFormatError(where, "the first line names no columns; add a header line")
+    decimal = "."
+    if delimiter != "," and _CELL_WITH_COMMA.search(bytes(body[:_START_BYTES])):
+        decimal = ","
+        repairs.append(("decimal commas", "decimal commas are read as points"))
+    rows = _count(body, "\n")
+    if line_of is None:
+        line_of = np.arange(1, rows + 1 + (body[-1:] != b"\n"))
+    table = TextTable(
+        where=where,
+        header=names,
+        body=body,
+        lines=header_line + line_of,
+        delimiter=delimiter,
+        decimal=decimal,
+        rows_in_file=rows,
+        findings=tuple(Finding("repaired", what, words) for what, words in repairs),
+        is_even=False,
+    )
+    # Whether one row is short by what another has too many, and whether some are empty, shows in
+    # reading the numbers; counting takes no time.
+    if body[-1:] == b"\n" and _count(body, delimiter) == (len(names) - 1) * rows:
+        return replace(table, is_even=True)
+    return evened(table)
+
+
+def _header_line(data: bytes, repairs: Repairs) -> tuple[str, int, int]:
+    """Return the header as text, its line number, and where the rows begin."""
+    at, line = len(BYTE_ORDER_MARK) if data.startswith(BYTE_ORDER_MARK) else 0, 0
+    while at < len(data):
+        end = data.find(b"\n", at)
+        end = len(data) if end < 0 else end
+        line += 1
+        raw, at = data[at:end], end + 1
+        if raw.lower().startswith(b"sep="):
+            repairs.append(("spreadsheet's line", "a first line 'sep=' was left out"))
+        elif raw.strip():
+            break
+    text = decode(raw, "the header", repairs)
+    # A name may reach a terminal, and must give it no orders.
+    text = "".join(letter if letter.isprintable() or letter == "\t" else "�" for letter in text)
+    return text, line, min(at, len(data))
+
+
+def _unquoted(first: str, body: bytes, delimiter: str, where: str) -> tuple[str, bytes, Positions]:
+    """Return header and rows without quotes, and the line of each row, counted from the header's.
+
+    A delimiter or line end within quotes becomes a blank: no number holds one.
+    """
+    clean = str.maketrans({delimiter: " ", "\n": " "})
+    cells, lines = _cells(f"{first}\n{body.decode('utf-8', 'replace')}", delimiter, where)
+    rows = [delimiter.join(cell.translate(clean) for cell in row) for row in cells]
+    whole = "".join(f"{row}\n" for row in rows[1:])
+    if not body.endswith(b"\n") and rows[-1]:
+        whole = whole[:-1]
+    return rows[0], whole.encode(), np.array(lines[1:], np.intp) - 1
+
+
+def _count(body: bytes | memoryview, letter: str) -> int:
+    """Return how often a letter stands in the rows, counted in pieces that fit a cache."""
+    text, code = np.frombuffer(body, np.uint8), ord(letter)
+    pieces = range(0, text.size, _PIECE_BYTES)
+    return sum(int(np.count_nonzero(text[at : at + _PIECE_BYTES] == code)) for at in pieces)
+
+
+def evened(table: TextTable) -> TextTable:
+    """Return the table with rows of one width, and findings that say what was done."""
+    mark, names, findings = table.delimiter.encode(), list(table.header), list(table.findings)
+
+    def note(kind: Kind, what: str, words: str, count: int, rows: Sequence[int] = ()) -> None:
+        at = line_ranges(table.lines[list(rows)]) if rows else ""
+        findings.append(Finding(kind, what, words, count=count, lines=at))
+
+    rows = bytes(table.body).split(b"\n")
+    last = len(rows) - 1 if rows[-1] else -1  # the row that the end of the file cuts
+    if last < 0:
+        rows.pop()
+    counts = np.array([row.count(mark) + 1 for row in rows], np.intp)
+    stored = np.array([bool(row.strip(mark)) for row in rows], bool)
+    used = counts[stored]
+    if not used.size:
+        raise no_rows(table.where, table.header)
+    separators = int(np.count_nonzero(~stored & (counts > 1)))
+    while len(names) > 1 and not names[-1]:
+        names.pop()
+    # A reader that asks to even a table knows its columns already.
+    width = len(table.header) if table.is_even else _width(used, len(names))
+    short, long, blank = [], [], []
+    for i in np.flatnonzero(stored & (counts != width)).tolist():
+        cells = rows[i].split(mark)
+        stored[i] = False
+        if not b"".join(cells).strip():
+            blank.append(i)
+        elif any(cell.strip() for cell in cells[width:]):
+            long.append(i)
+        elif len(cells) >= width or i != last:
+            stored[i] = True
+            rows[i] = mark.join(cells[:width] + [b""] * (width - len(cells)))
+            short += [i] if len(cells) < width else []
+    if short:
+        words = f"{counted(len(short), 'row')} shorter than the others; the missing cells are blank"
+        note("repaired", "ragged rows", words, len(short), short)
+    if long:
+        many = counted(len(long), "row")
+        words = f"{many} with more cells than columns: which cell is which is not known"
+        note("refused", "ragged rows", words, len(long), long)
+    if blank:
+        note("refused", "empty rows", f"{counted(len(blank), 'row')} of blanks", len(blank), blank)
+    if last >= 0 and stored[last]:
+        words = "the file ends without a line end; its last number may be cut"
+        note("doubt", "no last line end", words, 0, [last])
+    elif last >= 0 and rows[last].strip(mark) and last not in (*long, *blank):
+        words = "the last line ends in the middle of the row"
+        note("refused", "the last line was cut", words, 1, [last])
+    if separators:
+        words = f"{counted(separators, 'row')} of empty cells left out"
+        note("repaired", "empty rows", words, separators)
+    if width > len(names) + 1:
+        words = (
+            f"rows hold up to {width} cells, the header names {len(names)} columns; the cells "
+            f"beyond, as a script adds them, are left out"
+        )
+        note("left out", "cells without a name", words, width - len(names))
+    elif int(used.max()) < len(names):
+        words = (
+            f"the header names {len(names)} columns, no row holds more than {used.max()} cells; "
+            f"{', '.join(names[width:][:12])} left out"
+        )
+        note("repaired", "ragged rows", words, len(names) - width)
+    chosen = [row for row, wanted in zip(rows, stored.tolist(), strict=True) if wanted]
+    return replace(
+        table,
+        header=(*names[:width], *[""] * (width - len(names))),
+        body=b"\n".join(chosen) + b"\n" if chosen else b"",
+        lines=table.lines[stored],
+        rows_in_file=int(used.size),
+        findings=tuple(findings),
+        is_even=False,
+    )
+
+
+def _width(used: Positions, named: int) -> int:
+    """Return how many cells a row is brought to: all that have names, or what most rows have."""
+    within = used[used <= named]
+    usual = int(np.bincount(used).argmax())
+    return max(usual, int(within.max()) if within.size else 1)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from benchtool.data.formats.text_table import lay_out
+from benchtool.data.csv_text import lay_out
 from benchtool.data.repairs.imported import Finding, Imported, Options
 from benchtool.data.repairs.mapped import map_header, read_columns
 

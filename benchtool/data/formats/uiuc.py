@@ -13,7 +13,7 @@ import numpy as np
 from benchtool.core.channel import Channel
 from benchtool.core.errors import FileFormatError
 from benchtool.core.units import to_si
-from benchtool.data.formats.text_table import lay_out
+from benchtool.data.csv_text import lay_out
 from benchtool.data.repairs.imported import Finding, Imported, Options
 from benchtool.data.repairs.mapped import map_header, read_columns
 

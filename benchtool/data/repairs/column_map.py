@@ -14,7 +14,7 @@ from benchtool.core.parsed_text import parse_toml
 from benchtool.core.toml_text import build
 from benchtool.core.units import UNITS
 from benchtool.core.user_file import read_text
-from benchtool.data.formats.text_table import TextTable, lay_out
+from benchtool.data.csv_text import TextTable, lay_out
 from benchtool.data.repairs.foreign_units import Conversion, conversion
 from benchtool.data.repairs.imported import Finding, Imported, Options
 from benchtool.data.repairs.mapped import MappedColumn, map_header, read_columns

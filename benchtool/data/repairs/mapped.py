@@ -12,7 +12,7 @@ from benchtool.core.channel import Channel, unit_told_by
 from benchtool.core.counted import counted
 from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.recording import Recording
-from benchtool.data.formats.text_table import TextTable
+from benchtool.data.csv_text import TextTable
 from benchtool.data.repairs.foreign_units import Conversion, conversion, head_of
 from benchtool.data.repairs.imported import Finding, Imported, Tally
 from benchtool.data.repairs.numbers import numbers_of

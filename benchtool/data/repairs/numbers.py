@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from benchtool.core.array import Array
 from benchtool.core.counted import counted
-from benchtool.data.formats.text_table import TextTable, evened
+from benchtool.data.csv_text import TextTable, evened
 from benchtool.data.repairs.imported import Finding, line_ranges
 
 _BLOCK_BYTES = 1 << 20

@@ -13,8 +13,7 @@ from benchtool.core.errors import FileFormatError, UnknownChoice
 from benchtool.core.recording import Recording
 from benchtool.core.table_bounds import MOST_CELLS, MOST_COLUMNS
 from benchtool.data.columns import check_numbers
-from benchtool.data.csv_text import parse_csv
-from benchtool.data.formats.text_table import lay_out
+from benchtool.data.csv_text import lay_out, parse_csv
 from benchtool.data.parquet import read_parquet, write_parquet
 from benchtool.data.table import read_table
 

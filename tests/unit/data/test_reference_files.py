@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from benchtool.core.errors import FileFormatError
+from benchtool.data.csv_text import lay_out
 from benchtool.data.formats.formats import import_file, import_files
-from benchtool.data.formats.text_table import lay_out
 from benchtool.data.repairs.foreign_units import head_of
 from benchtool.data.repairs.imported import Imported, Options
 from tests.unit.data.stand_logs import found
