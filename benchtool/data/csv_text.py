@@ -1,8 +1,8 @@
 """Read CSV text as people's programs leave it: BOM, semicolons, CRLF, a cut last line.
 
-`read_csv_text` gives the cells of a table that must be right, for a fit; a row with too many cells is
-refused. `lay_out` gives the rows of a foreign file, which is imported as far as it can be. It leaves
-them bytes, so that a million rows take as long as finding their commas does.
+`read_csv_text` gives the cells of a table that must be right, for a fit; a row with too many cells
+is refused. `lay_out` gives the rows of a foreign file, which is imported as far as it can be. It
+leaves them bytes, so that a million rows take as long as finding their commas does.
 """
 
 from __future__ import annotations

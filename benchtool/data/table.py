@@ -19,7 +19,7 @@ from benchtool.core.recording import Recording
 from benchtool.core.toml_text import build
 from benchtool.core.units import UNITS, from_si, same_dimension, to_si
 from benchtool.data.atomic import file_hash
-from benchtool.data.columns import WORDS, channel_called, code_of
+from benchtool.data.columns import WORDS, channel_called
 from benchtool.data.csv_text import CsvTable, no_rows, read_csv_text
 
 _BLANK = frozenset({"", "nan", "NaN", "NAN", "NA", "N/A", "null"})
@@ -46,13 +46,10 @@ class Where:
             )
         return cls(column.strip(), value.strip())
 
-    def keeps(self, cell: str) -> bool:
-        """Tell whether a row with this cell stays."""
-        cell = cell.strip()
-        if cell == self.value:
-            return True
+    def holds(self, cell: str) -> bool:
+        """Return whether a row with this cell, without blanks around it, stays."""
         try:
-            return float(cell) == float(self.value)
+            return cell == self.value or float(cell) == float(self.value)
         except ValueError:
             return False
 
@@ -77,17 +74,17 @@ def read_table(
     """
     table = read_csv_text(Path(path))
     filters = [item if isinstance(item, Where) else Where.parse(item) for item in where]
-    kept = _filtered(table, filters)
+    rows = _filtered(table, filters)
     if columns:
-        pairs = [_mapped(table, kept, name, source) for name, source in columns.items()]
-        if not any(not np.isnan(values).all() for _, values in pairs):
+        pairs = [_mapped(table, rows, name, source) for name, source in columns.items()]
+        if all(np.isnan(values).all() for _, values in pairs):
             raise FileFormatError(table.where, "the mapped columns hold no numbers; check the map")
     else:
-        pairs = _own_names(table, kept)
+        pairs = _own_names(table, rows)
     provenance = {
         "file": table.where,
         "sha256": file_hash(Path(path)),
-        "rows": str(len(kept)),
+        "rows": str(len(rows)),
         "where": "; ".join(f"{item.column}={item.value}" for item in filters),
         "repairs": "; ".join(table.repairs),
         "simulated": "not stated",
@@ -98,19 +95,15 @@ def read_table(
 def numbers_in(table: CsvTable, index: int, rows: Sequence[int]) -> Array:
     """Return one column (n,) of those rows as numbers; a blank cell is nan."""
     name = table.header[index]
-    words = WORDS.get(name)
-    values = np.empty(len(rows))
+    words = WORDS.get(name, ())
+    values = np.full(len(rows), nan)
     for position, row in enumerate(rows):
         cell = table.rows[row][index].strip()
         if cell in _BLANK:
-            values[position] = nan
             continue
         try:
-            values[position] = float(cell)
+            values[position] = words.index(cell) if cell in words else float(cell)
         except ValueError:
-            if words and cell in words:
-                values[position] = code_of(name, cell)
-                continue
             raise FileFormatError(
                 f"{table.where}, line {table.lines[row]}",
                 f"column {name!r} holds {cell[:40]!r}, which is no number; mend the cell or leave "
@@ -129,35 +122,34 @@ def columns_of(table: CsvTable) -> list[tuple[Channel, Array]]:
 
 
 def _filtered(table: CsvTable, filters: Sequence[Where]) -> list[int]:
-    kept = list(range(len(table.rows)))
-    if not kept:
+    rows = list(range(len(table.rows)))
+    if not rows:
         raise no_rows(table.where, table.header)
     for item in filters:
-        index = _index(table, item.column)
-        left = [row for row in kept if item.keeps(table.rows[row][index])]
-        if not left:
-            values = dict.fromkeys(table.rows[row][index].strip() for row in kept)
-            known = ", ".join(list(values)[:12]) + (", ..." if len(values) > 12 else "")
+        index = index_of(table.header, item.column, table.where)
+        cells = {row: table.rows[row][index].strip() for row in rows}
+        rows = [row for row, cell in cells.items() if item.holds(cell)]
+        if not rows:
+            values = list(dict.fromkeys(cells.values()))
+            known = ", ".join(values[:12]) + (", ..." if len(values) > 12 else "")
             raise FileFormatError(
                 table.where,
                 f"no row is left after --where {item.column}={item.value}; the column holds: "
                 f"{known}",
             )
-        kept = left
-    return kept
+    return rows
 
 
-def _index(table: CsvTable, column: str) -> int:
-    if table.header.count(column.strip()) > 1:
+def index_of(header: Sequence[str], column: str, where: str) -> int:
+    """Return where a column stands; one that stands twice, or not at all, is refused."""
+    column = column.strip()
+    if (many := header.count(column)) > 1:
         raise FileFormatError(
-            table.where,
-            f"column {column.strip()!r} stands {table.header.count(column.strip())} times in the "
-            f"header; rename all but one",
+            where, f"column {column!r} stands {many} times in the header; rename all but one"
         )
-    try:
-        return table.header.index(column.strip())
-    except ValueError:
-        raise UnknownChoice(f"column of {table.where}", column, table.header) from None
+    if not many:
+        raise UnknownChoice(f"column of {where}", column, filter(None, header))
+    return header.index(column)
 
 
 def _mapped(
@@ -178,8 +170,7 @@ def _mapped(
             raise MissingColumn(table.where, source.column, table.header)
         if source.unit is None and source.factor == 1.0:
             _refuse_other_unit(name, source.column, channel.unit)
-        index = _index(table, source.column)
-        values = numbers_in(table, index, rows)
+        values = numbers_in(table, index_of(table.header, source.column, table.where), rows)
     values = source.sign * source.factor * values
     if unit != channel.unit:
         values = np.asarray(from_si(to_si(values, unit), channel.unit), float)
@@ -210,8 +201,8 @@ def _own_names(table: CsvTable, rows: Sequence[int]) -> list[tuple[Channel, Arra
         try:
             pairs.append((channel_called(name), numbers_in(table, index, rows)))
         except FileFormatError:
-            texts = {table.rows[row][index].strip() for row in rows}
-            if any(_is_number(text) for text in texts):
+            # A column of words alone is left out; one with a number among them has a slip.
+            if any(_is_number(table.rows[row][index].strip()) for row in rows):
                 raise
     if not pairs:
         raise FileFormatError(

@@ -22,9 +22,8 @@ from benchtool.data.formats.mavlink_walk import is_tlog
 from benchtool.data.formats.over_surface import mark_windows
 from benchtool.data.formats.uiuc import is_uiuc
 from benchtool.data.repairs.at_rest import apply_options, inspect_log, inspect_stand
-from benchtool.data.repairs.column_map import read_by_map, read_named
 from benchtool.data.repairs.imported import Imported, Options
-from benchtool.data.repairs.mapped import has_columns
+from benchtool.data.repairs.mapped import has_columns, read_by_map, read_named
 from benchtool.data.repairs.pole_count import compare_speeds
 from benchtool.data.repairs.time_order import mend_spikes, mend_time
 

@@ -12,8 +12,8 @@ from benchtool.core.column_source import ColumnSource
 from benchtool.core.errors import InputError
 from benchtool.core.units import UNITS, unit_named
 from benchtool.data.csv_text import read_csv_text
-from benchtool.data.repairs.column_map import channel_meant
 from benchtool.data.repairs.foreign_units import head_of
+from benchtool.data.repairs.mapped import channel_meant
 from benchtool.data.run.runs_folder import columns_file
 from benchtool.physics.model_file import read_columns
 
