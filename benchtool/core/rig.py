@@ -163,6 +163,11 @@ class Rig(FiniteTable):
         return np.array([first.index(place) for place in places], np.intp)
 
     @cached_property
+    def first_rotors(self) -> tuple[int, ...]:
+        """First rotor (from 0) of each disc, whose columns stand for it (n_discs,)."""
+        return tuple(int(np.argmax(self.disc_of_rotor == disc)) for disc in range(self.n_discs))
+
+    @cached_property
     def n_discs(self) -> int:
         """How many discs there are: coaxial rotors blow through one."""
         return int(self.disc_of_rotor.max()) + 1
@@ -170,8 +175,9 @@ class Rig(FiniteTable):
     @cached_property
     def disc_positions_m(self) -> Array:
         """Disc centres (n_discs, 2): x, y in m."""
-        first = [int(np.argmax(self.disc_of_rotor == disc)) for disc in range(self.n_discs)]
-        return np.array([[self.rotors[i].x_m, self.rotors[i].y_m] for i in first], float)
+        return np.array(
+            [[self.rotors[i].x_m, self.rotors[i].y_m] for i in self.first_rotors], float
+        )
 
     @cached_property
     def disc_distances_m(self) -> Array:

@@ -9,7 +9,7 @@ from typing import Any
 from benchtool import __version__
 from benchtool.core.parameter import Parameter
 from benchtool.explain.answer import Answer
-from benchtool.explain.engine.priors import known_prior
+from benchtool.explain.engine.parameters import known_prior
 from benchtool.explain.engine.verdict import NamedEffect
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.effects.effect import Effect

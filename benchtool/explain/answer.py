@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from math import degrees
 
 from benchtool.core.counted import counted
-from benchtool.explain.engine.explain import explain
-from benchtool.explain.engine.explanation import Explanation
+from benchtool.explain.engine.explain import Explanation, explain
 from benchtool.explain.engine.search import Progress
 from benchtool.explain.engine.verdict import Verdict
 from benchtool.explain.recordings import Source
@@ -124,7 +123,7 @@ def answer_request(
     seed: int = 0,
     draws: int = 128,
     bootstrap: int = 0,
-    progress: Progress | None = None,
+    progress: Progress = lambda what, share: None,
 ) -> Answer:
     """Return the answer to a question; whoever has a clock says how long it took.
 

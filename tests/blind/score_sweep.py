@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from benchtool.data.columns import KINDS
 from benchtool.data.run.read import read_points
-from benchtool.explain.engine.explain import explain
-from benchtool.explain.engine.explanation import Explanation
+from benchtool.explain.engine.explain import Explanation, explain
 from benchtool.explain.engine.verdict import Verdict
 from benchtool.explain.sweep.subject import SweepSubject
 from benchtool.physics.model_file import load_model

@@ -17,7 +17,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from benchtool.explain.engine.explanation import Explanation
+from benchtool.core.array import Array
+from benchtool.explain.engine.explain import Explanation
 from benchtool.physics.catalogue import EFFECTS
 from tests.blind.families import NONE, PAIR
 from tests.blind.fisher import Telling, class_confirmed
@@ -109,6 +110,16 @@ def read_kept(path: Path) -> dict[str, Scored]:
     return found
 
 
+def within(draws: Mapping[str, Array], floors: Mapping[str, Array], reach: float) -> float:
+    """Return the share of draws (n,) that no channel has above `reach` medians of its floor.
+
+    What a count of gaps over many recordings comes to by luck alone, or by luck and what was not
+    learned.
+    """
+    worst = np.max([draws[name] / np.median(floors[name]) for name in draws], axis=0)
+    return float(np.mean(worst <= reach))
+
+
 class Truth(Protocol):
     """What the truths of both benches have in common."""
 
@@ -141,7 +152,10 @@ def score(
         more: fields of `Scored` that only one of the benches has, or that it works out otherwise.
     """
     verdict = found.verdict
-    luck, learning = found.true_misses.within(GAP_REACHED)
+    luck, learning = (
+        within(draws, found.floors, GAP_REACHED)
+        for draws in (found.floors, found.floors_as_learned)
+    )
     facts: dict[str, Any] = {
         "stage": EFFECTS[truth.names[0]].subsystem if truth.kind == "named" else ""
     } | more

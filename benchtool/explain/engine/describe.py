@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.array import Array
-from benchtool.explain.engine.explanation import Disagreement
 from benchtool.explain.engine.hypotheses import Hypotheses, Hypothesis
 from benchtool.explain.engine.subject import EARLY, LATE, RowGroups, Subject
 from benchtool.explain.engine.verdict import FoundParameter, WhereShown
@@ -20,6 +20,20 @@ SIGMA_95 = 1.959964
 CLOCK_FACTOR = 1.1
 """How much denser residuals must be in a part of the run than in any regime of plate, speed or
 motion to be named by the clock; a choice."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Disagreement:
+    """Hold where residuals stand out, for the picture of "where".
+
+    Attributes:
+        by_regime: root mean square of the whitened residuals by regime in words; 1 is noise.
+        after: the same with the named effects.
+    """
+
+    stage: Subsystem
+    by_regime: Mapping[str, float]
+    after: Mapping[str, float]
 
 
 def effect_of(subject: Subject, name: str) -> Effect:

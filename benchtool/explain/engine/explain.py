@@ -2,32 +2,58 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
 import numpy as np
 
 from benchtool.core.array import Array
 from benchtool.explain.engine.describe import (
+    Disagreement,
     disagreements,
     effect_of,
     found_parameters,
     leftover,
     where_shown,
 )
-from benchtool.explain.engine.explanation import Explanation, TrueMisses
 from benchtool.explain.engine.held_out import HeldOut
 from benchtool.explain.engine.hypotheses import Hypotheses, Hypothesis, p_value
 from benchtool.explain.engine.parameters import parameters_at
 from benchtool.explain.engine.search import Progress, Search, closing, searched
-from benchtool.explain.engine.subject import Subject
+from benchtool.explain.engine.subject import Overlay, Subject
 from benchtool.explain.engine.verdict import Kind, NamedEffect, Nearest, NotJudged, Rivals, Verdict
-from benchtool.explain.engine.weigh import Fit, Weighed, weighed
+from benchtool.explain.engine.weigh import accepted, weighed
 from benchtool.fit.identifiability import CANNOT_TELL
 
 HOPELESS = 2.0
 """Variance left, over what the bench allows, from which a hypothesis is refused with certainty."""
 
+NO_EFFECT = ("none", "unknown")
+"""Explanations that name no effect."""
+
 CLASS_FROM = 0.05
 """A rival for the same place that is likelier than this makes a class with the best, if the best
 model's own information says that such data cannot tell the two apart."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Explanation:
+    """Hold a verdict and the curves behind it.
+
+    Attributes:
+        overlays: by channel, on the check recordings.
+        disagreements: by stage.
+        floors: (draws,) by channel, what a true model misses on the check recordings, its numbers
+            known exactly.
+        floors_as_learned: the same, the truth as far from its numbers as the recordings to learn
+            from leave them uncertain.
+    """
+
+    verdict: Verdict
+    overlays: tuple[Overlay, ...]
+    disagreements: tuple[Disagreement, ...]
+    floors: Mapping[str, Array] = field(default_factory=dict)
+    floors_as_learned: Mapping[str, Array] = field(default_factory=dict)
 
 
 def explain(
@@ -37,7 +63,7 @@ def explain(
     draws: int = 128,
     bootstrap: int = 0,
     propose: bool = True,
-    progress: Progress | None = None,
+    progress: Progress = lambda what, share: None,
 ) -> Explanation:
     """Return what is missing from a subject's model, and what the check recordings say to it.
 
@@ -49,7 +75,6 @@ def explain(
         propose: whether to work out the next experiment, which takes as long as all the rest.
         progress: called with what is being done.
     """
-    report = progress if progress is not None else _silent
     rng = np.random.default_rng(seed)
     evidence = subject.evidence
     hypotheses = Hypotheses(evidence)
@@ -60,57 +85,72 @@ def explain(
         rows = evidence.residuals(one.at[None])[:, 0]
         return leftover(groups, rows) / subject.allowed_leftover(one.at, rng)
 
-    search = searched(hypotheses, report, lambda one: left(one) > HOPELESS)
-    report("predicting the check recordings", 0.7)
+    search = searched(hypotheses, progress, lambda one: left(one) > HOPELESS)
+    progress("predicting the check recordings", 0.7)
     if len(search.slots) > 1:
         search = closing(subject, hypotheses, search)
     null, best = search.null, search.best
     held = HeldOut.of(subject, hypotheses, null, best, rng, draws)
-    rows = evidence.residuals(np.vstack([null.at, best.at]))
-    without = Fit(ratio=held.ratio(0), leftover=left(null))
-    fit = without
+    before, after = evidence.residuals(np.vstack([null.at, best.at])).T
+    null_is_noise = best_is_noise = accepted(held.ratio(0), left(null))
     if best is not null:
-        closed = held.closed(2) / subject.closed_enough
-        fit = Fit(ratio=held.ratio(1), leftover=left(best), closed=closed)
+        best_is_noise = accepted(held.ratio(1), left(best), held.closed / subject.closed_enough)
     weights = [
-        weighed(slot.gains, hypotheses.dispersion(slot.tried[0]), fit, without, subject.temperature)
+        weighed(
+            slot.gains,
+            hypotheses.dispersion(slot.tried[0]),
+            best_is_noise,
+            null_is_noise,
+            subject.temperature,
+        )
         for slot in search.slots
     ]
-    kind, members = _decided(hypotheses, search, weights)
-    report("drawing the answer", 0.9)
-    effects = tuple(
-        NamedEffect(
-            name=name,
-            title=effect_of(subject, name).title,
-            stage=effect_of(subject, name).subsystem,
-            probability=weights[place].named[name],
-            parameters=found_parameters(subject, hypotheses, one, name),
-            log_likelihood_ratio=0.5 * (search.slots[place].base.cost - one.cost),
-            p_value=p_value(hypotheses, search.slots[place].base, one, bootstrap, rng),
+    kind, members = _decided(hypotheses, search, weights[0])
+    progress("drawing the answer", 0.9)
+    effects = []
+    for place, name in members:
+        slot, effect = search.slots[place], effect_of(subject, name)
+        one = next(tried for tried in slot.tried if tried.opened[-1] == name)
+        effects.append(
+            NamedEffect(
+                name=name,
+                title=effect.title,
+                stage=effect.subsystem,
+                probability=weights[place][name],
+                parameters=found_parameters(subject, hypotheses, one, name),
+                log_likelihood_ratio=0.5 * (slot.base.cost - one.cost),
+                p_value=p_value(hypotheses, slot.base, one, bootstrap, rng),
+            )
         )
-        for place, name, one in (
-            (place, name, next(t for t in search.slots[place].tried if t.opened[-1] == name))
-            for place, name in members
-        )
-    )
-    final = best.at if effects else null.at
-    where = None
+    gaps = held.gaps(rng)
+    where = nearest = None
     if kind != "none":
-        where = where_shown(groups, rows[:, 0], rows[:, 1], effects[0].stage if effects else None)
-    nearest = None
+        where = where_shown(groups, before, after, effects[0].stage if effects else None)
     if kind == "unknown":
-        name = search.slots[0].name
-        title = effect_of(subject, name).title
-        nearest = Nearest(name=name, title=title, share_closed=max(0.0, held.share_closed))
+        worst = max(gaps, key=lambda gap: gap.before / gap.floor)
+        effect = effect_of(subject, search.slots[0].name)
+        share = max(0.0, worst.share_closed)
+        nearest = Nearest(name=effect.name, title=effect.title, share_closed=share)
+    if not effects:
+        after, best = before, null
+        gaps = tuple(
+            replace(
+                gap, after=gap.before, after_low=gap.before_low, after_high=gap.before_high
+            )
+            for gap in gaps
+        )  # fmt: skip
     rivals = _rivals(search, kind, members)
     verdict = Verdict(
         kind=kind,
         bench=subject.kind,
-        effects=effects,
+        effects=tuple(effects),
         probabilities=_probabilities(weights),
-        places=_places(search, weights),
+        places=tuple(
+            Rivals(effect=slot.name, probabilities=one)
+            for slot, one in zip(search.slots, weights, strict=True)
+        ),
         where=where,
-        gaps=held.gaps(bool(effects), rng),
+        gaps=gaps,
         nearest=nearest,
         tolerances={k.name: k.scale for k in evidence.parameters if k.effect},
         not_judged={
@@ -120,40 +160,37 @@ def explain(
         },
         remarks=subject.remarks,
         next=subject.next_experiment(rivals, rng) if rivals and propose else None,
-        parameters=parameters_at(evidence.model.parameters, evidence.parameters, final),
+        parameters=parameters_at(evidence.model.parameters, evidence.parameters, best.at),
         window_s=subject.window_s,
         draws=draws,
     )
-    report("done", 1.0)
+    progress("done", 1.0)
     return Explanation(
         verdict=verdict,
-        overlays=subject.overlays(null.at, final),
-        disagreements=disagreements(groups, rows[:, 0], rows[:, 1] if effects else rows[:, 0]),
-        true_misses=TrueMisses(known=held.floor, learned=held.doubt[1]),
+        overlays=subject.overlays(null.at, best.at),
+        disagreements=disagreements(groups, before, after),
+        floors=held.floor,
+        floors_as_learned=held.doubt[1],
     )
 
 
-def _silent(what: str, share: float) -> None:
-    """Say nothing."""
-
-
 def _decided(
-    hypotheses: Hypotheses, search: Search, weights: list[Weighed]
+    hypotheses: Hypotheses, search: Search, first: Mapping[str, float]
 ) -> tuple[Kind, list[tuple[int, str]]]:
     """Return the kind of verdict and its members: (place, effect) each.
 
     A class is what this data did not tell apart, and such data could not be expected to.
     """
-    first = weights[0]
-    if first.unknown > max(first.none, sum(first.named.values())):
+    named = {name: value for name, value in first.items() if name not in NO_EFFECT}
+    total = sum(named.values())
+    if first["unknown"] > max(first["none"], total):
         return "unknown", []
     if not search.best.opened:
         return "none", []
     if len(search.best.opened) > 1:
         return "several", [(place, slot.name) for place, slot in enumerate(search.slots)]
-    total = sum(first.named.values())
-    best, *others = sorted(first.named, key=lambda name: -first.named[name])
-    likely = [name for name in others if first.named[name] > CLASS_FROM * total]
+    best, *others = sorted(named, key=lambda name: -named[name])
+    likely = [name for name in others if named[name] > CLASS_FROM * total]
     truth = next(one for one in search.slots[0].tried if one.opened[-1] == best)
     members = [best] + [
         name for name in likely if hypotheses.evidence_against(truth, name) < CANNOT_TELL
@@ -161,24 +198,14 @@ def _decided(
     return "effect" if len(members) == 1 else "class", [(0, name) for name in members]
 
 
-def _probabilities(weights: list[Weighed]) -> dict[str, float]:
+def _probabilities(weights: list[dict[str, float]]) -> dict[str, float]:
     """Return the probability of every explanation; where effects join, of each for its place."""
-    out: dict[str, float] = {}
-    for one in weights:
-        for name, value in one.named.items():
-            out[name] = max(out.get(name, 0.0), value)
-    return {**out, "none": min(w.none for w in weights), "unknown": weights[0].unknown}
-
-
-def _places(search: Search, weights: list[Weighed]) -> tuple[Rivals, ...]:
-    """Return the probabilities of every explanation for each place."""
-    return tuple(
-        Rivals(
-            effect=slot.name,
-            probabilities={**one.named, "none": one.none, "unknown": one.unknown},
-        )
-        for slot, one in zip(search.slots, weights, strict=True)
-    )
+    named = dict.fromkeys(name for one in weights for name in one if name not in NO_EFFECT)
+    return {
+        **{name: max(one.get(name, 0.0) for one in weights) for name in named},
+        "none": min(one["none"] for one in weights),
+        "unknown": weights[0]["unknown"],
+    }
 
 
 def _rivals(search: Search, kind: Kind, members: list[tuple[int, str]]) -> list[tuple[str, Array]]:

@@ -67,36 +67,24 @@ class HeldOut:
             for name, found in self.errors.items()
         )
 
-    def closed(self, column: int) -> float:
-        """Return the share of the gap that is closed, in the channel where it is least.
+    @property
+    def closed(self) -> float:
+        """Share of the gap that is closed, in the channel where it is least.
 
         Root mean square over the floor's median; channels within the noise do not count.
         """
         shares = [1.0]
         for name, found in self.errors.items():
             floor = float(np.median(self.floor[name]))
-            before, after = np.sqrt(np.mean(found.squares[:, [1, column]], axis=0))
+            before, after = np.sqrt(np.mean(found.squares[:, 1:3], axis=0))
             if after > np.quantile(self.floor[name], UPPER):
                 shares.append(float((before - after) / max(before - floor, 1e-12)))
         return min(shares)
 
-    @property
-    def share_closed(self) -> float:
-        """Part of the gap above the floor that the named effects close, in the worst channel."""
-        name = max(self.errors, key=lambda key: self._excess(key, 1))
-        before, after = self._excess(name, 1), self._excess(name, 2)
-        return float((before - after) / before) if before > 0.0 else 0.0
-
-    def _excess(self, name: str, column: int) -> float:
-        """Return how far the squared error is above the floor's median, in floors."""
-        square = float(np.mean(self.errors[name].squares[:, column]))
-        return square / float(np.median(self.floor[name])) ** 2 - 1.0
-
-    def gaps(self, named: bool, rng: np.random.Generator) -> tuple[ChannelGap, ...]:
-        """Return the gap of each channel; `named` says whether an effect was added."""
+    def gaps(self, rng: np.random.Generator) -> tuple[ChannelGap, ...]:
+        """Return the gap of each channel."""
         out = []
         for name, found in self.errors.items():
-            after = 2 if named else 1
             roots = np.sqrt(np.mean(found.squares, axis=0))
             blocks = rng.integers(len(found.squares), size=(RESAMPLES, len(found.squares)))
             drawn = np.sqrt(np.mean(found.squares[blocks], axis=1))
@@ -108,14 +96,14 @@ class HeldOut:
                     unit=found.unit,
                     as_given=float(roots[0]),
                     before=float(roots[1]),
-                    after=float(roots[after]),
+                    after=float(roots[2]),
                     floor=float(np.median(floor)),
                     floor_low=float(np.quantile(floor, 1.0 - UPPER)),
                     floor_high=float(np.quantile(floor, UPPER)),
                     before_low=float(low[1]),
                     before_high=float(high[1]),
-                    after_low=float(low[after]),
-                    after_high=float(high[after]),
+                    after_low=float(low[2]),
+                    after_high=float(high[2]),
                 )
             )
         return tuple(out)

@@ -63,11 +63,7 @@ class Hypothesis:
 
 
 class Hypotheses:
-    """Fit hypotheses to evidence.
-
-    Args:
-        evidence: what recordings say.
-    """
+    """Fit hypotheses to evidence."""
 
     def __init__(self, evidence: Evidence) -> None:
         self.evidence = evidence
@@ -152,11 +148,9 @@ class Hypotheses:
             self._near[key] = self._search.linearised(at)
         return self._near[key]
 
-    def null(self, opened: tuple[str, ...] = ()) -> Hypothesis:
-        """Return the best numbers with those effects open, from the model as given."""
-        return self.fitted(
-            opened, np.array([parameter.first for parameter in self.evidence.parameters])
-        )
+    def null(self) -> Hypothesis:
+        """Return the best numbers with no effect open, from the model as given."""
+        return self.fitted((), np.array([one.first for one in self.evidence.parameters]))
 
     def fitted(self, opened: tuple[str, ...], start: Array) -> Hypothesis:
         """Return the best numbers with those effects open, from given ones (n_parameters,) on."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
@@ -10,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.array import Array
-from benchtool.explain.engine.explanation import Overlay
 from benchtool.explain.engine.parameters import ScaledParameter
 from benchtool.explain.engine.verdict import NextExperiment
 from benchtool.physics.effects.effect import BenchKind, Effect, Subsystem
@@ -35,17 +35,15 @@ class RowGroups:
 
 
 class Evidence(Protocol):
-    """Say how well a model's numbers fit data."""
+    """Say how well a model's numbers fit data.
 
-    @property
-    def model(self) -> Model:
-        """The model with every candidate in it, neutral unless the user's model says otherwise."""
-        ...
+    Attributes:
+        model: with every candidate in it, neutral unless the user's model says otherwise.
+        parameters: what can be moved, in a fixed order.
+    """
 
-    @property
-    def parameters(self) -> tuple[ScaledParameter, ...]:
-        """What can be moved, in a fixed order."""
-        ...
+    model: Model
+    parameters: tuple[ScaledParameter, ...]
 
     def residuals(self, scaled: Array) -> Array:
         """Return whitened residuals (n_rows, n_sets) for sets (n_sets, n_parameters)."""
@@ -69,57 +67,87 @@ class ChannelErrors:
     squares: Array
 
 
-class Subject(Protocol):
-    """Hold recordings of one kind of bench against a model."""
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Overlay:
+    """Hold measurement and predictions of one channel on a check recording.
+
+    Attributes:
+        channel: its name.
+        unit: of the values.
+        axis: what `at` counts ("time_s", "z_over_R").
+        at: (n,) places on that axis; nan between windows, so that lines break there.
+        measured: (n,).
+        before: (n,) the model as calibrated within tolerance.
+        after: (n,) with the named effects; equal to `before` where nothing is named.
+    """
+
+    channel: str
+    unit: str
+    axis: str
+    at: Array
+    measured: Array
+    before: Array
+    after: Array
+
+
+class Log(Protocol):
+    """A recording that is held against a model: its name, what was repaired, what it lacks."""
 
     @property
-    def kind(self) -> BenchKind:
-        """Which bench it is."""
-        ...
+    def name(self) -> str: ...
+    @property
+    def remarks(self) -> tuple[str, ...]: ...
+
+
+class Subject(ABC):
+    """Hold recordings of one kind of bench against a model.
+
+    Attributes:
+        kind: which bench it is.
+        learn, check: recordings to learn from and to verify on.
+        evidence: what the recordings to learn from say.
+        closed_enough: share of a gap from which an effect counts as its cause, whatever is left;
+            inf: never.
+        temperature: divides differences of log-likelihood before they become probabilities.
+    """
+
+    kind: BenchKind
+    learn: Sequence[Log]
+    check: Sequence[Log]
+    evidence: Evidence
+    closed_enough: float
+    temperature: float
 
     @property
-    def evidence(self) -> Evidence:
-        """What the recordings to learn from say."""
-        ...
+    def window_s(self) -> float:
+        """Length of a prediction; 0 where predictions are settled."""
+        return 0.0
 
     @property
     def remarks(self) -> tuple[str, ...]:
         """What was repaired in the recordings, and what they lack."""
-        ...
+        logs = (*self.learn, *self.check)
+        return tuple(dict.fromkeys(f"{log.name}: {line}" for log in logs for line in log.remarks))
 
     def allowed_leftover(self, at: Array, rng: np.random.Generator) -> float:
         """Return what variance whitened residuals of a stage may have `at` (n_parameters,).
 
         What a true model would leave, and what small imperfections add; inf where it says nothing.
         """
-        ...
-
-    @property
-    def closed_enough(self) -> float:
-        """Share of a gap from which an effect counts as its cause, whatever is left; inf: never."""
-        ...
-
-    @property
-    def temperature(self) -> float:
-        """What divides differences of log-likelihood before they become probabilities."""
-        ...
-
-    @property
-    def window_s(self) -> float:
-        """Length of a prediction; 0 where predictions are settled."""
-        ...
+        return float("inf")
 
     def law_error(self, effect: Effect) -> float:
         """Return the standard error of an effect's law, over the effect's departure from neutral.
 
         It joins what the data leave open in the intervals of the effect's parameters.
         """
-        ...
+        return 0.0
 
+    @abstractmethod
     def errors(self, sets: Array) -> Mapping[str, ChannelErrors]:
         """Return errors on the check recordings by channel, for sets (n_sets, n_parameters)."""
-        ...
 
+    @abstractmethod
     def floor(
         self, at: Array, rng: np.random.Generator, draws: int, spread: Array | None = None
     ) -> Mapping[str, Array]:
@@ -128,14 +156,13 @@ class Subject(Protocol):
         With `spread` (n_parameters, n_parameters) the truth of each draw lies as far from the model
         that predicts as its parameters are uncertain.
         """
-        ...
 
+    @abstractmethod
     def overlays(self, before: Array, after: Array) -> tuple[Overlay, ...]:
-        """Return measurement and predictions, parameters before and after (n_parameters,) each."""
-        ...
+        """Return the first check recording with predictions, parameters (n_parameters,) each."""
 
+    @abstractmethod
     def next_experiment(
         self, rivals: Sequence[tuple[str, Array]], rng: np.random.Generator
     ) -> NextExperiment | None:
-        """Return the experiment that separates hypotheses, each with its (n_parameters,), best."""
-        ...
+        """Return the experiment that separates hypotheses best, each with its (n_parameters,)."""

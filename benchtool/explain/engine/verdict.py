@@ -11,7 +11,7 @@ from benchtool.core.parameter import Parameters
 from benchtool.core.schedule import Schedule
 from benchtool.physics.effects.effect import BenchKind, Subsystem
 
-STAGES = {
+STAGES: dict[Subsystem, str] = {
     "pwm_to_rpm": "from pwm to rpm",
     "rpm_to_thrust": "from rpm to thrust",
     "hinge": "hinge",
@@ -28,11 +28,6 @@ PLACES = {
     "plate": "at the plate",
 }
 """As a sentence says where something is."""
-
-
-def stage_words(stage: str) -> str:
-    """Return a link of the chain, or a channel, in words."""
-    return STAGES.get(stage, stage)
 
 
 Kind = Literal["effect", "several", "class", "none", "unknown"]

@@ -8,7 +8,6 @@ check recording, not by likelihood; what is left over is the probability of "unk
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from math import exp, log
 
 from benchtool.explain.engine.search import ENOUGH
@@ -34,52 +33,19 @@ CLOSED_SHARPNESS = 30.0
 on the subject's bench."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Fit:
-    """Say how well a hypothesis fits, inside the recordings and held out.
-
-    Attributes:
-        ratio: held-out error over the upper noise quantile, in the worst channel.
-        leftover: variance of the whitened residuals of the worst stage, over what a bench with
-            nothing but small imperfections may show.
-        closed: share of the gap that it closes, over the share that is enough on this bench
-            whatever is left; 1 and more: the gap is this effect's, its law a little off.
-    """
-
-    ratio: float
-    leftover: float
-    closed: float = 0.0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Weighed:
-    """Hold probabilities that sum to 1.
-
-    Attributes:
-        named: of each effect.
-        none: that nothing beyond tolerance is missing.
-        unknown: that something is missing which no named effect explains.
-    """
-
-    named: Mapping[str, float]
-    none: float
-    unknown: float
-
-
 def weighed(
     gains: Mapping[str, float],
     dispersion: float,
-    fit: Fit,
-    without: Fit,
+    best_is_noise: float,
+    null_is_noise: float,
     temperature: float = TEMPERATURE,
-) -> Weighed:
-    """Return the probabilities of every effect for one place, of none, and of unknown.
+) -> dict[str, float]:
+    """Return probabilities of every effect for one place, of "none" and of "unknown"; sum 1.
 
     Args:
         gains: what each effect gains in the sum of squares over the base.
         dispersion: variance of the residuals over that of the stated noise.
-        fit: of the best hypothesis.
-        without: of the null.
+        best_is_noise, null_is_noise: `accepted` of the best hypothesis and of the null.
         temperature: divides differences of log-likelihood.
     """
     scale = 2.0 * temperature * dispersion
@@ -91,16 +57,23 @@ def weighed(
     }
     none = exp(max(-top, -700.0))
     total = none + sum(parts.values())
-    named = {name: part / total * accepted(fit) for name, part in parts.items()}
-    left = none / total * accepted(without)
-    return Weighed(
-        named=named, none=left, unknown=min(1.0, max(0.0, 1.0 - left - sum(named.values())))
-    )
+    named = {name: part / total * best_is_noise for name, part in parts.items()}
+    none *= null_is_noise / total
+    unknown = min(1.0, max(0.0, 1.0 - none - sum(named.values())))
+    return {**named, "none": none, "unknown": unknown}
 
 
-def accepted(fit: Fit) -> float:
-    """Return the probability that what a fit leaves is noise."""
-    gap = SHARPNESS * (log(max(fit.ratio, 1e-6)) - log(REFUSED_AT))
-    gap = min(gap, CLOSED_SHARPNESS * (1.0 - fit.closed))
-    rest = LEFTOVER_SHARPNESS * (fit.leftover - 1.0)
+def accepted(ratio: float, leftover: float, closed: float = 0.0) -> float:
+    """Return the probability that what a hypothesis leaves is noise.
+
+    Args:
+        ratio: held-out error over the upper noise quantile, in the worst channel.
+        leftover: variance of the whitened residuals of the worst stage, over what a bench with
+            nothing but small imperfections may show.
+        closed: share of the gap that it closes, over the share that is enough on this bench
+            whatever is left; 1 and more: the gap is this effect's, its law a little off.
+    """
+    gap = SHARPNESS * (log(max(ratio, 1e-6)) - log(REFUSED_AT))
+    gap = min(gap, CLOSED_SHARPNESS * (1.0 - closed))
+    rest = LEFTOVER_SHARPNESS * (leftover - 1.0)
     return 1.0 / ((1.0 + exp(min(gap, 300.0))) * (1.0 + exp(min(rest, 300.0))))

@@ -10,8 +10,14 @@ from numpy.typing import NDArray
 
 from benchtool.core.array import Array
 from benchtool.core.parameter import Parameters
-from benchtool.explain.engine.parameters import ScaledParameter, effect_parameters, parameters_at
-from benchtool.explain.engine.priors import RADIUS_KNOWN, all_shape_names, with_every_effect
+from benchtool.explain.engine.parameters import (
+    RADIUS_KNOWN,
+    ScaledParameter,
+    all_shape_names,
+    effect_parameters,
+    parameters_at,
+    with_every_effect,
+)
 from benchtool.explain.engine.subject import EARLY, LATE, RowGroups
 from benchtool.explain.pitch.filter import PitchFilter, pitch_filter
 from benchtool.physics.catalogue import candidates

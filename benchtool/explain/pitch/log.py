@@ -129,8 +129,7 @@ def pitch_log(
     def optional(channel: str) -> Array:
         return recording.si(channel) if channel in recording else nothing
 
-    discs = _first_rotors(rig)
-    speeds = np.array([optional(f"rpm{rotor}") for rotor in discs])
+    speeds = np.array([optional(f"rpm{rotor + 1}") for rotor in rig.first_rotors])
     if pulsed:
         pulses = np.array([recording.column(name) for name in pulsed])
         if not np.isfinite(speeds).any():
@@ -175,14 +174,9 @@ def pitch_log(
     )
 
 
-def _first_rotors(rig: Rig) -> list[int]:
-    """Return the number (from 1) of the first rotor of each disc."""
-    return [int(np.argmax(rig.disc_of_rotor == disc)) + 1 for disc in range(rig.n_discs)]
-
-
 def _drive(recording: Recording, rig: Rig, pattern: str) -> tuple[str, ...]:
     """Return the channels that drive every disc; none where one is missing."""
-    names = tuple(pattern.format(rotor) for rotor in _first_rotors(rig))
+    names = tuple(pattern.format(rotor + 1) for rotor in rig.first_rotors)
     whole = all(name in recording and np.isfinite(recording.column(name)).any() for name in names)
     return names if whole else ()
 

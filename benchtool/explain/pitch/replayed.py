@@ -299,11 +299,10 @@ def _by_pulses(track: PitchTrack, bench: PitchBench, plate_z_m: Array, pulses: A
     rig = bench.model.rig
     substeps = max(1, int(np.ceil(PLANT_HZ / track.rate_Hz)))
     bench = replace(bench, sensors={}, pwm_quantum_us=0.0, plant_rate_Hz=substeps * track.rate_Hz)
-    first_rotor = [int(np.argmax(rig.disc_of_rotor == disc)) for disc in range(rig.n_discs)]
     nothing = np.full(len(track), np.nan)
     logged = LoggedPitch(
         rate_Hz=track.rate_Hz,
-        pwm_us=pulses[first_rotor],
+        pwm_us=pulses[list(rig.first_rotors)],
         plate_z_m=plate_z_m,
         plate_share=track.any_over,
         theta_rad=track.theta_rad,
@@ -359,8 +358,7 @@ def _speeds(track: PitchTrack, logged: LoggedPitch, rig: Rig, row: int) -> list[
     """Return the discs' speeds to begin with: as read, else settled at their pulses: rad/s."""
     p = rig.propulsion
     out = []
-    for disc in range(rig.n_discs):
-        rotor = int(np.argmax(rig.disc_of_rotor == disc))
+    for disc, rotor in enumerate(rig.first_rotors):
         read = track.rpm[rotor, row] * np.pi / 30.0 if len(track.rpm) else float("nan")
         settled = p.speed_per_us_rad_s * max(logged.pwm_us[disc, row] - p.pwm_start_us, 0.0)
         out.append([float(read) if np.isfinite(read) else float(settled)])

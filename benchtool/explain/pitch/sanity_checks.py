@@ -72,7 +72,7 @@ def refuse_inconsistent(logged: LoggedPitch, rig: Rig, name: str) -> None:
     alike, first, second = _followed(logged, rig, acceleration)
     if abs(alike) < ALIKE:
         outer = np.argsort(-np.abs(_arms(rig)), kind="stable")[:2]
-        wanted = " and ".join(rig.rotors[_first_rotor(rig, int(disc))].name for disc in outer)
+        wanted = " and ".join(rig.rotors[rig.first_rotors[disc]].name for disc in outer)
         raise InputError(
             f"the beam of {name} follows pwm{first}_us against pwm{second}_us, but rig "
             f"{rig.name!r} turns it by {wanted}: pulses stand under other rotors than theirs; "
@@ -103,7 +103,7 @@ def _followed(logged: LoggedPitch, rig: Rig, acceleration: Array) -> tuple[float
     if _correlation(shown @ pushes, follows) < FOLLOWS:
         return 1.0, 1, 1
     alike = float(shown @ arms / np.sqrt((shown @ shown) * (arms @ arms)))
-    first, second = (1 + _first_rotor(rig, int(k)) for k in (np.argmax(shown), np.argmin(shown)))
+    first, second = (1 + rig.first_rotors[k] for k in (np.argmax(shown), np.argmin(shown)))
     return alike, first, second
 
 
@@ -111,11 +111,6 @@ def _arms(rig: Rig) -> Array:
     """Return the pitch moment of one newton of each disc (n_discs,): m."""
     x_m = rig.disc_positions_m[:, 0]
     return np.array([pitch_moment_Nm(one, x_m) for one in np.eye(rig.n_discs)], float)
-
-
-def _first_rotor(rig: Rig, disc: int) -> int:
-    """Return the first rotor (from 0) of a disc, whose columns stand for it."""
-    return int(np.argmax(rig.disc_of_rotor == disc))
 
 
 def standing_still(logged: LoggedPitch, rig: Rig) -> str:

@@ -8,8 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from benchtool.core.array import Array
-from benchtool.explain.engine.explanation import Overlay
-from benchtool.explain.engine.subject import ChannelErrors
+from benchtool.explain.engine.subject import ChannelErrors, Overlay, Subject
 from benchtool.explain.engine.verdict import NextExperiment
 from benchtool.explain.engine.weigh import TEMPERATURE
 from benchtool.explain.pitch.evidence import SETTLING_S, PitchEvidence
@@ -23,7 +22,7 @@ from benchtool.explain.pitch.gap import (
 )
 from benchtool.explain.pitch.log import PitchLog
 from benchtool.explain.pitch.next_experiment import next_pitch_experiment
-from benchtool.physics.effects.effect import BenchKind, Effect
+from benchtool.physics.effects.effect import Effect
 from benchtool.physics.model import Model
 
 WINDOWS_S = (0.25, 0.5, 1.0)
@@ -56,7 +55,7 @@ what is left matters is the gap's to say; this only catches what no bench explai
 UNITS = {"theta_rad": "rad", "gyro_rad_s": "rad/s", "rpm": "rpm"}
 
 
-class PitchSubject:
+class PitchSubject(Subject):
     """Hold pitch recordings against a model.
 
     Args:
@@ -66,7 +65,8 @@ class PitchSubject:
         extra: effects of the user's own.
     """
 
-    kind: BenchKind = "pitch"
+    kind = "pitch"
+    evidence: PitchEvidence
     closed_enough = float("inf")
     temperature = TEMPERATURE
 
@@ -80,14 +80,6 @@ class PitchSubject:
         self.learn, self.check = tuple(learn), tuple(check)
         self.evidence = PitchEvidence(model, [log.logged for log in learn], extra)
         self._check = PitchEvidence(model, [log.logged for log in check], extra)
-
-    @property
-    def remarks(self) -> tuple[str, ...]:
-        """What was repaired in the recordings, and what they lack."""
-        found = [
-            f"{log.name}: {remark}" for log in (*self.learn, *self.check) for remark in log.remarks
-        ]
-        return tuple(dict.fromkeys(found))
 
     @cached_property
     def window_s(self) -> float:

@@ -9,8 +9,13 @@ from numpy.typing import NDArray
 
 from benchtool.core.array import Array
 from benchtool.core.parameter import Parameter
-from benchtool.explain.engine.parameters import ScaledParameter, effect_parameters
-from benchtool.explain.engine.priors import all_shape_names, known_prior, with_every_effect
+from benchtool.explain.engine.parameters import (
+    ScaledParameter,
+    all_shape_names,
+    effect_parameters,
+    known_prior,
+    with_every_effect,
+)
 from benchtool.explain.engine.subject import RowGroups
 from benchtool.explain.sweep.log import SweepLog, sweep_regimes
 from benchtool.physics.catalogue import candidates

@@ -1,4 +1,10 @@
-"""Plate sweeps as the subject of an explanation."""
+"""Plate sweeps as the subject of an explanation.
+
+Blocks of errors are stays at one place of the plate. Thrust is predicted point by point, a rotor's
+speed from the earlier visits of its level, which give the scale that belongs to the pulse. The
+floor is made by the model itself: its points with stated noise, predicted with parameters drawn
+from what the sweeps to learn from leave of them.
+"""
 
 from __future__ import annotations
 
@@ -10,16 +16,18 @@ from numpy.typing import NDArray
 
 from benchtool.core.array import Array
 from benchtool.core.recording import Recording
-from benchtool.explain.engine.explanation import Overlay
-from benchtool.explain.engine.subject import ChannelErrors
+from benchtool.explain.engine.subject import ChannelErrors, Overlay, Subject
 from benchtool.explain.engine.verdict import NextExperiment
 from benchtool.explain.sweep.evidence import SweepEvidence
-from benchtool.explain.sweep.gap import RPM, errors, floor
 from benchtool.explain.sweep.log import SweepLog, sweep_log
 from benchtool.explain.sweep.next_experiment import next_sweep_experiment
-from benchtool.explain.sweep.power import Power
-from benchtool.physics.effects.effect import BenchKind, Effect
+from benchtool.physics.effects.effect import Effect
 from benchtool.physics.model import Model
+
+RPM = 30.0 / np.pi
+
+STEP = 0.05
+"""Finite difference, in scales of the parameters."""
 
 CLOSED_ENOUGH = 0.8
 """An effect whose law is a little off leaves more than noise of a great gap; one that is not the
@@ -31,9 +39,18 @@ TEMPERATURE = 1.0
 for what development records leave, so that likelihoods count in full. With 1.0 the expected
 calibration error on 279 of them was 0.03, with 3.0 it was 0.08."""
 
+SAME_LOAD = 0.02
+"""Squared speeds within this share of each other are one level, for the picture; a choice."""
 
-class SweepSubject:
+FARTHEST_Z_OVER_R = 12.0
+"""A plate farther away than this is drawn here: nothing of it shows."""
+
+
+class SweepSubject(Subject):
     """Hold plate sweeps against a model.
+
+    Laws a few per cent off in shape leave more than noise in good sweeps, so that nothing is
+    refused by what is left; shape parameters of their own carry what is off in them.
 
     Args:
         model: as given by the user.
@@ -42,8 +59,8 @@ class SweepSubject:
         extra: effects of the user's own.
     """
 
-    kind: BenchKind = "sweep"
-    window_s = 0.0
+    kind = "sweep"
+    evidence: SweepEvidence
     closed_enough = CLOSED_ENOUGH
     temperature = TEMPERATURE
 
@@ -54,92 +71,107 @@ class SweepSubject:
         check: Sequence[Recording],
         extra: Sequence[Effect] = (),
     ) -> None:
-        rig = model.rig
-        learned = [sweep_log(one, rig) for one in learn]
-        first = next((log.power for log in learned if log.power is not None), None)
-        self.learn = tuple(_loaded_as(first, log) for log in learned)
-        self.check = tuple(_loaded_as(first, sweep_log(one, rig)) for one in check)
-        self.evidence = SweepEvidence(model, self.learn, extra)
-        self._check = SweepEvidence(model, self.check, extra)
-
-    @property
-    def remarks(self) -> tuple[str, ...]:
-        """What was repaired in the sweeps, and what they lack."""
-        found = [
-            f"{log.name}: {remark}" for log in (*self.learn, *self.check) for remark in log.remarks
-        ]
-        return tuple(dict.fromkeys(found))
-
-    def allowed_leftover(self, at: Array, rng: np.random.Generator) -> float:
-        """Return inf: laws a few per cent off in shape leave more than noise in good sweeps."""
-        return float("inf")
-
-    def law_error(self, effect: Effect) -> float:
-        """Return 0: laws have shape parameters of their own, which carry what is off in them."""
-        return 0.0
+        logs = [sweep_log(one, model.rig) for one in (*learn, *check)]
+        powers = [log.power for log in logs[: len(learn)] if log.power is not None]
+        if powers:  # the supply's load is counted alike in all sweeps
+            logs = [
+                replace(log, power=log.power and log.power.loaded_as(powers[0])) for log in logs
+            ]
+        self.learn, self.check = logs[: len(learn)], logs[len(learn) :]
+        self.evidence = SweepEvidence(model, logs[: len(learn)], extra)
+        self._check = SweepEvidence(model, logs[len(learn) :], extra)
 
     def errors(self, sets: Array) -> Mapping[str, ChannelErrors]:
-        """Return errors in each stay of the check sweeps, by channel."""
-        return errors(self._check, sets)
+        check = self._check
+        thrust, speed = [], []
+        for log in check.logs:
+            missed = log.thrust_N[:, None] - check.thrusts(log.conditions, sets)
+            thrust.append(_by_stay(missed, log.stay))
+            if log.power is not None:
+                read = log.power.rotor_rad_s[:, :, None]
+                speed.append(_of_speeds(log, read - check.predicted(log, sets)))
+        out = {"thrust_N": ChannelErrors(unit="N", squares=np.concatenate(thrust))}
+        if speed:
+            out["rpm"] = ChannelErrors(unit="rpm", squares=np.concatenate(speed))
+        return out
 
     def floor(
         self, at: Array, rng: np.random.Generator, draws: int, spread: Array | None = None
     ) -> Mapping[str, Array]:
-        """Return errors of a true model with parameters `at` (draws,), by channel."""
-        return floor(self._check, at, spread, rng, draws)
+        check, n = self._check, len(at)
+        off = np.zeros((n, draws))
+        if spread is not None:
+            off = np.linalg.cholesky(spread) @ rng.standard_normal((n, draws))
+        sets = np.vstack([at, at + STEP * np.eye(n)])
+        thrust, speed = [], []
+        for log, root in zip(check.logs, check.noise_roots, strict=True):
+            missed = _moved(check.thrusts(log.conditions, sets), off)
+            missed += root @ rng.standard_normal((len(log), draws))
+            thrust.append(_by_stay(missed, log.stay))
+            power = log.power
+            if power is not None:
+                shape = power.rotor_rad_s.shape
+                read = power.rotor_se[:, :, None] * rng.standard_normal((*shape, draws))
+                wrong = _moved(check.predicted(log, sets), off) + read
+                wrong -= power.predicted(check.supply(log, sets[:1]), read)
+                speed.append(_of_speeds(log, wrong))
+        out = {"thrust_N": np.sqrt(np.mean(np.concatenate(thrust), axis=0))}
+        if speed:
+            out["rpm"] = np.sqrt(np.mean(np.concatenate(speed), axis=0))
+        return out
 
     def overlays(self, before: Array, after: Array) -> tuple[Overlay, ...]:
-        """Return the first check sweep: thrust over plate distance, speeds over time."""
-        return overlays(self._check, before, after)
+        """Return the first check sweep: thrust over plate distance, speeds over time.
+
+        Rows are sorted by level and distance; lines break between levels.
+        """
+        check = self._check
+        log, sets = check.logs[0], np.vstack([before, after])
+        running = ~log.tare
+        shown = check.thrusts(log.conditions, sets)[running]
+        ratio = log.conditions.plate_z_m / check.model.rig.propulsion.radius_m
+        ratio = np.minimum(ratio, FARTHEST_Z_OVER_R)[running]
+        level = _levels(log)[running]
+        rows = np.column_stack([ratio, log.thrust_N[running], shown])
+        out = [_overlay("thrust_N", "N", "z_over_R", level, rows)]
+        power = log.power
+        if power is not None:
+            shown = check.predicted(log, sets).mean(axis=0)
+            rows = np.column_stack([power.time_s, RPM * power.speed_rad_s, RPM * shown])
+            late = power.late
+            out.append(_overlay("rpm", "rpm", "time_s", power.level[late], rows[late]))
+        return tuple(out)
 
     def next_experiment(
         self, rivals: Sequence[tuple[str, Array]], rng: np.random.Generator
     ) -> NextExperiment | None:
-        """Return the sweep that separates hypotheses best."""
         return next_sweep_experiment(self.evidence, rivals)
 
 
-def _loaded_as(other: Power | None, log: SweepLog) -> SweepLog:
-    """Return a sweep with the supply's load counted as in another, where both have it."""
-    if log.power is None or other is None:
-        return log
-    return replace(log, power=log.power.loaded_as(other))
+def _moved(shown: Array, off: Array) -> Array:
+    """Return what parameters that are off (n_parameters, n) change.
 
-
-SAME_LOAD = 0.02
-"""Squared speeds within this share of each other are one level, for the picture; a choice."""
-
-FARTHEST_Z_OVER_R = 12.0
-"""A plate farther away than this is drawn here: nothing of it shows."""
-
-
-def overlays(check: SweepEvidence, before: Array, after: Array) -> tuple[Overlay, ...]:
-    """Return the first check sweep with parameters before and after (n_parameters,) each.
-
-    Rows are sorted by level and distance; lines break between levels.
+    From predictions (..., m, 1 + n_parameters), each parameter moved by `STEP` in turn.
     """
-    log = check.logs[0]
-    sets = np.vstack([before, after])
-    running = ~log.tare
-    shown = check.thrusts(log.conditions, sets)[running]
-    ratio, level = _z_over_R(log, check)[running], _levels(log)[running]
-    out = [_overlay("thrust_N", "N", "z_over_R", ratio, level, log.thrust_N[running], shown)]
-    if log.power is not None:
-        power = log.power
-        late = power.late
-        out.append(
-            _overlay(
-                "rpm", "rpm", "time_s", power.time_s[late], power.level[late],
-                RPM * power.speed_rad_s[late], RPM * check.predicted(log, sets).mean(axis=0)[late],
-            )
-        )  # fmt: skip
-    return tuple(out)
+    slope: Array = (shown[..., 1:] - shown[..., :1]) / STEP
+    return slope @ off
 
 
-def _z_over_R(log: SweepLog, check: SweepEvidence) -> Array:
-    """Return plate distance over radius (m,), at most `FARTHEST_Z_OVER_R`."""
-    ratio = log.conditions.plate_z_m / check.model.rig.propulsion.radius_m
-    return np.minimum(ratio, FARTHEST_Z_OVER_R)
+def _by_stay(missed: Array, stay: NDArray[np.intp]) -> Array:
+    """Return the mean square (n_stays, n_sets) of misses (m, n_sets)."""
+    numbers = np.unique(stay)
+    return np.array([np.mean(missed[stay == number] ** 2, axis=0) for number in numbers])
+
+
+def _of_speeds(log: SweepLog, wrong: Array) -> Array:
+    """Return the mean square (n_stays, n_sets) in rpm of misses (n, m, n_sets) in rad/s.
+
+    Of the visits that are predicted, over the rotors.
+    """
+    assert log.power is not None
+    late = log.power.late
+    squares = np.mean((RPM * wrong[:, late]) ** 2, axis=0)
+    return _by_stay(np.sqrt(squares), log.stay[~log.tare][late])
 
 
 def _levels(log: SweepLog) -> NDArray[np.intp]:
@@ -152,29 +184,14 @@ def _levels(log: SweepLog) -> NDArray[np.intp]:
     return numbers
 
 
-def _overlay(
-    channel: str,
-    unit: str,
-    axis: str,
-    at: Array,
-    level: NDArray[np.intp],
-    measured: Array,
-    shown: Array,
-) -> Overlay:
-    """Return rows in the order of level and place, with nan between levels."""
+def _overlay(channel: str, unit: str, axis: str, level: NDArray[np.intp], rows: Array) -> Overlay:
+    """Return rows (m, 4) of place, measured, before, after by level and place, nan in between."""
     pieces = []
     for number in np.unique(level):
-        rows = np.flatnonzero(level == number)
-        rows = rows[np.argsort(at[rows], kind="stable")]
-        pieces.append(np.column_stack([at, measured, shown])[rows])
+        part = rows[level == number]
+        pieces.append(part[np.argsort(part[:, 0], kind="stable")])
         pieces.append(np.full((1, 4), np.nan))
-    table = np.concatenate(pieces)
+    at, measured, before, after = np.concatenate(pieces).T
     return Overlay(
-        channel=channel,
-        unit=unit,
-        axis=axis,
-        at=table[:, 0],
-        measured=table[:, 1],
-        before=table[:, 2],
-        after=table[:, 3],
+        channel=channel, unit=unit, axis=axis, at=at, measured=measured, before=before, after=after
     )

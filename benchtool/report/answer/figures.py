@@ -9,8 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from benchtool.explain.answer import Answer, channel_words
-from benchtool.explain.engine.explanation import Disagreement
-from benchtool.explain.engine.verdict import ChannelGap, FoundParameter, Rivals, stage_words
+from benchtool.explain.engine.describe import Disagreement
+from benchtool.explain.engine.verdict import STAGES, ChannelGap, FoundParameter, Rivals
 from benchtool.report.figure import figure
 from benchtool.report.numbers import unit_for_people, value_with_sd
 from benchtool.report.palette import BLACK, BLUE, GREY, ORANGE, PALE
@@ -101,7 +101,7 @@ def where(figure: Figure, answer: Answer) -> None:
             axes.barh(places + half, left, height=height, color=AFTER, label="after")
         axes.axvline(1.0, color=BLACK, lw=1.0)
         named_rows(axes, names, [_marked(answer, item)], bottom=0.5, top=0.5)
-        axes.set_title(stage_words(item.stage))
+        axes.set_title(STAGES[item.stage])
     panels[-1].set_xlabel("residual size over the stated noise [–]    (line: noise alone)")
     if max(stages[0].by_regime.values()) > LOGARITHMIC_FROM:
         panels[-1].set_xscale("log")

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from benchtool.core.array import Array
 from benchtool.explain.answer import Answer, channel_words
-from benchtool.explain.engine.explanation import Overlay
+from benchtool.explain.engine.subject import Overlay
 from benchtool.report.answer.figures import AFTER, BEFORE
 from benchtool.report.figure import figure
 from benchtool.report.palette import BLACK, PALE

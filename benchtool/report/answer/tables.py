@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from benchtool.explain.answer import Answer, channel_words
-from benchtool.explain.engine.verdict import ChannelGap, FoundParameter, NamedEffect, stage_words
+from benchtool.explain.engine.verdict import STAGES, ChannelGap, FoundParameter, NamedEffect
 from benchtool.report.answer.figures import parameter_text, percentage
 from benchtool.report.numbers import decimals_for, exponent_of, power_of_ten, scaled
 from benchtool.report.numbers import unit_for_people as people
@@ -63,7 +63,7 @@ def _effect_row(effect: NamedEffect, item: FoundParameter, *, first: bool) -> tu
     )
     return (
         effect.name if first else "",
-        stage_words(effect.stage) if first else "",
+        STAGES[effect.stage] if first else "",
         item.name,
         parameter_text(item),
         _interval(item),

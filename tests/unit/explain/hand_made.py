@@ -13,7 +13,9 @@ from benchtool.core.parameter import Parameters
 from benchtool.core.recording import Recording
 from benchtool.core.schedule import PlateVisit, Schedule, Signal
 from benchtool.explain.answer import Answer
-from benchtool.explain.engine.explanation import Disagreement, Explanation, Overlay
+from benchtool.explain.engine.describe import Disagreement
+from benchtool.explain.engine.explain import Explanation
+from benchtool.explain.engine.subject import Overlay
 from benchtool.explain.engine.verdict import (
     ChannelGap,
     FoundParameter,
