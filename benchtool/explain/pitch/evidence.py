@@ -37,7 +37,7 @@ SETTLING_S = 0.3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Followable:
+class FilteredLog:
     """Hold one recording with what belongs to it."""
 
     logged: LoggedPitch
@@ -97,7 +97,7 @@ class PitchEvidence:
 
     # --- data -----------------------------------------------------------------------------
 
-    def _prepared(self, logged: LoggedPitch) -> Followable:
+    def _prepared(self, logged: LoggedPitch) -> FilteredLog:
         bench = self._bench(self.model.parameters, logged.rate_Hz)
         filter_ = pitch_filter(
             replace(bench, sensors=rig_sensors(self.model.rig)),
@@ -109,7 +109,7 @@ class PitchEvidence:
         wait = round(SETTLING_S * logged.rate_Hz)
         for start in (0, *np.flatnonzero(logged.mode == 2.0)):
             counted[start : start + wait] = False
-        return Followable(logged, filter_, counted)
+        return FilteredLog(logged, filter_, counted)
 
     def _bench(self, parameters: Parameters, rate_Hz: float) -> PitchBench:
         substeps = max(1, int(np.ceil(PLANT_HZ / rate_Hz)))
@@ -144,17 +144,17 @@ class PitchEvidence:
             regimes={name: np.concatenate(parts) for name, parts in regimes.items()},
         )
 
-    def _channels(self, log: Followable) -> list[bool]:
+    def _channels(self, log: FilteredLog) -> list[bool]:
         """Return whether each channel of a log's residuals is a rotor's speed."""
         read = sum(bool(np.isfinite(row[log.counted]).any()) for row in log.logged.speed_rad_s)
         return [False] * (1 + _has_gyro(log)) + [True] * read
 
-    def _of_log(self, log: Followable, scaled: Array) -> tuple[Array, ...]:
+    def _of_log(self, log: FilteredLog, scaled: Array) -> tuple[Array, ...]:
         benches = [self.bench(one, log.logged.rate_Hz) for one in scaled]
         found = follow(benches, log.logged, log.filter.gains)
         return self.whitened(log, found)
 
-    def whitened(self, log: Followable, found: Followed) -> tuple[Array, ...]:
+    def whitened(self, log: FilteredLog, found: Followed) -> tuple[Array, ...]:
         """Return residuals of pitch, gyro and speeds that were read, (n_counted, n_sets) each."""
         logged, counted = log.logged, log.counted
         pitch = (logged.theta_rad[:, None] - found.theta_rad)[counted]
@@ -181,7 +181,7 @@ def _shortest(model: Model) -> dict[str, float]:
     }
 
 
-def _has_gyro(log: Followable) -> bool:
+def _has_gyro(log: FilteredLog) -> bool:
     """Whether a log has rates; rows without any would make all others look like less than noise."""
     return bool(np.isfinite(log.logged.gyro_rad_s[log.counted]).any())
 

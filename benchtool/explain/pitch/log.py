@@ -64,22 +64,13 @@ class PitchLog:
 
     Attributes:
         logged: what is followed.
-        reference_rad: (n,) the controller's reference; None where none was logged.
         name: of the file, for people.
         remarks: what was repaired, and what the log lacks.
-        driven_by: "pwm" or "rpm".
     """
 
     logged: LoggedPitch
-    reference_rad: Array | None
     name: str
     remarks: tuple[str, ...]
-    driven_by: str
-
-    @property
-    def duration_s(self) -> float:
-        """How long it is."""
-        return len(self.logged) / self.logged.rate_Hz
 
 
 def pitch_log(
@@ -164,14 +155,7 @@ def pitch_log(
     )
     refuse_inconsistent(logged, rig, name)
     remarks += filter(None, [standing_still(logged, rig)])
-    reference = optional("theta_ref_rad")
-    return PitchLog(
-        logged=logged,
-        reference_rad=reference if np.isfinite(reference).any() else None,
-        name=name,
-        remarks=tuple(remarks),
-        driven_by="pwm" if pulsed else "rpm",
-    )
+    return PitchLog(logged=logged, name=name, remarks=tuple(remarks))
 
 
 def _drive(recording: Recording, rig: Rig, pattern: str) -> tuple[str, ...]:

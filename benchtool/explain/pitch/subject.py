@@ -11,15 +11,8 @@ from benchtool.core.array import Array
 from benchtool.explain.engine.subject import ChannelErrors, Overlay, Subject
 from benchtool.explain.engine.verdict import NextExperiment
 from benchtool.explain.engine.weigh import TEMPERATURE
-from benchtool.explain.pitch.evidence import SETTLING_S, PitchEvidence
-from benchtool.explain.pitch.gap import (
-    OVERLAP,
-    errors,
-    expected_leftover,
-    floor,
-    predicted,
-    windows_of,
-)
+from benchtool.explain.pitch.evidence import PitchEvidence
+from benchtool.explain.pitch.gap import OVERLAP, UNITS, Windows, predicted_channels, read_channels
 from benchtool.explain.pitch.log import PitchLog
 from benchtool.explain.pitch.next_experiment import next_pitch_experiment
 from benchtool.physics.effects.effect import Effect
@@ -44,15 +37,13 @@ ONE_SIDED_95 = 1.645
 LEFTOVER_WINDOW_S = 1.0
 """Length of the parts in which a true model's own leftover is simulated."""
 
-BREAK = np.array([np.nan])
+BREAK = np.full((1, 4), np.nan)
 """Put between windows, so that lines break there."""
 
 IMPERFECTIONS = 1.5
 """How much larger than a true model's the variance of residuals may be, as a factor: stated noise
 is seldom known to better than 20 % of its standard deviation, and laws are a little off. Whether
 what is left matters is the gap's to say; this only catches what no bench explains."""
-
-UNITS = {"theta_rad": "rad", "gyro_rad_s": "rad/s", "rpm": "rpm"}
 
 
 class PitchSubject(Subject):
@@ -98,17 +89,15 @@ class PitchSubject(Subject):
         return predictable
 
     def law_error(self, effect: Effect) -> float:
-        """Return how far a bench departs from an effect's law, over the effect's own size."""
         return effect.law_error
 
     def errors(self, sets: Array) -> Mapping[str, ChannelErrors]:
-        """Return errors in each window of the check recordings, by channel."""
+        """Return errors in each block of the check recordings, by channel."""
         found: dict[str, list[Array]] = {}
         for log in self._check.logs:
-            windows = windows_of(log.logged, self.window_s, SETTLING_S, OVERLAP)
             benches = [self._check.bench(one, log.logged.rate_Hz) for one in sets]
-            runs = predicted(benches, log.logged, log.filter, windows)
-            for name, squares in errors(log.logged, windows, runs).items():
+            windows = Windows.of(log, self.window_s, OVERLAP)
+            for name, squares in windows.errors(benches).items():
                 found.setdefault(name, []).append(squares)
         return {
             name: ChannelErrors(unit=UNITS[name], squares=np.concatenate(squares))
@@ -118,7 +107,6 @@ class PitchSubject(Subject):
     def floor(
         self, at: Array, rng: np.random.Generator, draws: int, spread: Array | None = None
     ) -> Mapping[str, Array]:
-        """Return errors of a true model with parameters `at` (draws,), by channel."""
         return self._floor(self.window_s, at, rng, draws, spread)
 
     def _floor(
@@ -132,70 +120,52 @@ class PitchSubject(Subject):
         total: dict[str, Array] = {}
         count = 0
         for log in self._check.logs:
-            windows = windows_of(log.logged, window_s, SETTLING_S, OVERLAP)
+            windows = Windows.of(log, window_s, OVERLAP)
             bench = self._check.bench(at, log.logged.rate_Hz)
             truths = [bench] * draws
             if spread is not None:
                 scaled = rng.multivariate_normal(at, spread, draws, method="eigh")
                 truths = [self._check.bench(one, log.logged.rate_Hz) for one in scaled]
-            found = floor(bench, truths, log.logged, log.filter, windows, rng)
-            for name, roots in found.items():
+            for name, roots in windows.floor(bench, truths, rng).items():
                 total[name] = total.get(name, 0.0) + len(windows.starts) * roots**2
             count += len(windows.starts)
         return {name: np.sqrt(squares / max(count, 1)) for name, squares in total.items()}
 
     def allowed_leftover(self, at: Array, rng: np.random.Generator) -> float:
         """Return what a true model leaves in the rows of the hinge, with room for imperfections."""
+        evidence = self.evidence
         expected = [
-            expected_leftover(
-                self.evidence.bench(at, log.logged.rate_Hz), log.logged, log.filter,
-                windows_of(log.logged, LEFTOVER_WINDOW_S, SETTLING_S), rng,
+            Windows.of(log, LEFTOVER_WINDOW_S).expected_leftover(
+                evidence.bench(at, log.logged.rate_Hz), rng
             )
-            for log in self.evidence.logs
-        ]  # fmt: skip
+            for log in evidence.logs
+        ]
         return IMPERFECTIONS * max(1.0, float(np.mean(expected)))
 
     def overlays(self, before: Array, after: Array) -> tuple[Overlay, ...]:
         """Return the first check recording with the predictions of each window, by channel."""
         log = self._check.logs[0]
-        logged = log.logged
-        windows = windows_of(logged, self.window_s, SETTLING_S)
-        benches = [self._check.bench(one, logged.rate_Hz) for one in (before, after)]
-        runs = predicted(benches, logged, log.filter, windows)
-        measured = {
-            "theta_rad": logged.theta_rad,
-            "gyro_rad_s": logged.gyro_rad_s,
-            "rpm": logged.speed_rad_s[0] * 30.0 / np.pi,
-        }
+        rate_Hz = log.logged.rate_Hz
+        windows = Windows.of(log, self.window_s)
+        runs = windows.predicted([self._check.bench(one, rate_Hz) for one in (before, after)])
         out = []
-        for name, values in measured.items():
+        for name, read in read_channels(log.logged).items():
+            values = read if read.ndim == 1 else read[:, 0]
             if not np.isfinite(values).any():
                 continue
-            at: list[Array] = []
-            shown: list[Array] = []
-            lines: list[Array] = []
+            pieces = []
             for start, run in zip(windows.starts, runs, strict=True):
-                rows = slice(start, start + windows.rows)
-                predictions = {
-                    "theta_rad": run.theta_rad,
-                    "gyro_rad_s": run.gyro_rad_s,
-                    "rpm": run.speed_rad_s[:, 0] * 30.0 / np.pi,
-                }[name]
-                at += [np.arange(rows.start, rows.stop) / logged.rate_Hz, BREAK]
-                shown += [values[rows], BREAK]
-                lines += [predictions, np.full((1, 2), np.nan)]
-            both = np.concatenate(lines)
+                rows = np.arange(start, start + windows.rows)
+                shown = predicted_channels(run)[name]
+                shown = shown if read.ndim == 1 else shown[:, 0]
+                pieces += [np.column_stack([rows / rate_Hz, values[rows], shown]), BREAK]
+            at, measured, line, other = np.concatenate(pieces).T
             out.append(
                 Overlay(
-                    channel=name if name != "rpm" else "rpm1",
-                    unit=UNITS[name],
-                    axis="time_s",
-                    at=np.concatenate(at),
-                    measured=np.concatenate(shown),
-                    before=both[:, 0],
-                    after=both[:, 1],
+                    channel=name if name != "rpm" else "rpm1", unit=UNITS[name], axis="time_s",
+                    at=at, measured=measured, before=line, after=other,
                 )
-            )
+            )  # fmt: skip
         return tuple(out)
 
     def next_experiment(

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from benchtool.explain.engine.explanation import Explanation
 
-from benchtool.explain.engine.explain import explain
+from benchtool.explain.engine.explain import Explanation, explain
 from benchtool.explain.pitch.log import PitchLog, pitch_log
 from benchtool.explain.pitch.subject import PitchSubject
 from benchtool.physics.model import Model

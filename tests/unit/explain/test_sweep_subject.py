@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from benchtool.explain.engine.explanation import Explanation
 
 from benchtool.acquire.check_plan import check_plan
 from benchtool.acquire.plan import plan_from_toml
@@ -17,7 +16,7 @@ from benchtool.data.columns import KINDS
 from benchtool.data.run.read import read_points
 from benchtool.data.table import read_table
 from benchtool.explain.added_model import added_model
-from benchtool.explain.engine.explain import explain
+from benchtool.explain.engine.explain import Explanation, explain
 from benchtool.explain.sweep.next_experiment import (
     OPTIONS,
     next_sweep_experiment,
