@@ -80,7 +80,7 @@ class RcbBench(Opened):
         self._messages: list[str] = [self._settings.warning] if self._settings.warning else []
         self._expected: int | None = None
         self._lost = 0
-        self._moving = False
+        self._moving, self._moved_ms = False, 0.0
         self._stopped, self._reported = "", False
         link = self._link
         try:
@@ -139,10 +139,11 @@ class RcbBench(Opened):
         self._note()
         self._raise_if_stopped()
         try:
-            self._link.order(f"virtual plate {z_m:.9g} {x_m:.9g} {tilt_rad:.9g}".encode())
+            answer = self._link.order(f"virtual plate {z_m:.9g} {x_m:.9g} {tilt_rad:.9g}".encode())
         except CommandRefused as error:
             raise StageError(f"the plate stays where it is: {error.reason}") from error
-        begun_s, self._moving = self.now_s(), True
+        # A reading from before the answer still says where the plate stood then.
+        begun_s, self._moving, self._moved_ms = self.now_s(), True, answer.entry.t_ms
         while self._moving:
             self._ahead.hold(self._read_fresh(0.05 * self._speed))
             if self.now_s() - begun_s > ARRIVE_S:
@@ -242,7 +243,8 @@ class RcbBench(Opened):
             if self._expected is not None and number > self._expected:
                 self._lost += number - self._expected
             self._expected = number + 1
-            self._moving = line.plate_moves
+            if line.entry.t_ms > self._moved_ms:
+                self._moving = line.plate_moves
             self._speed = line.speed
             time_us = self._stand_clock.time_us(line.time_s, line.entry.t_ms)
             self._rows.append((time_us, line))

@@ -11,8 +11,15 @@ import pytest
 
 from benchtool.bench.drivers import open_bench, parse_address
 from benchtool.bench.rcbenchmark import link as rcb_talk
+from benchtool.bench.rcbenchmark.bench import RcbBench
 from benchtool.bench.rcbenchmark.link import RcbSettings, rcb_settings_of
 from benchtool.core.errors import InputError, LinkError, NoDevice, PortBusy, ProtocolError
+from benchtool.core.rig_file import rig_named
+from benchtool.physics.model_file import load_model
+from benchtool.testing.loopback_link import LoopbackLink
+from benchtool.virtual.bridge import VirtualBridge
+from benchtool.virtual.devices import hello_of, virtual_plant
+from benchtool.virtual.firmware import Firmware
 
 
 def test_an_address_says_both_ports() -> None:
@@ -110,6 +117,29 @@ def test_a_port_in_use_is_named() -> None:
         taken = own.getsockname()[1]
         with pytest.raises(PortBusy, match=f"another program listens on UDP port {taken}"):
             open_bench(f"rcbudp:127.0.0.1:55047?listen={taken}").open()
+
+
+class LateReadings(VirtualBridge):
+    """Hand out readings half a second after they were made; answers come at once."""
+
+    def tick(self, n: int, now_s: float) -> tuple[bytes, list[bytes]]:
+        _, made = super().tick(n, now_s)
+        self.made = [*getattr(self, "made", []), *((now_s, line) for line in made)]
+        ready = [line for made_s, line in self.made if made_s <= now_s - 0.5]
+        self.made = self.made[len(ready) :]
+        return b"", ready
+
+
+def test_a_reading_from_before_the_order_does_not_end_the_wait_for_the_plate() -> None:
+    rig = rig_named("pquad_single")
+    truth = load_model("single", rig).model
+    plant = virtual_plant(rig, truth, 2)
+    device = LateReadings(Firmware(plant, hello_of(plant, truth, 2)))
+    link = LoopbackLink(device, lambda: plant.rate_Hz)
+    with RcbBench(link, "rcbudp:loop", clock=link.clock) as bench:
+        for z_m in (0.1, 0.3):
+            bench.move_plate(z_m)
+            assert not plant.plate_moving
 
 
 def test_a_host_that_does_not_exist_is_named() -> None:
