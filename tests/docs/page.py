@@ -9,12 +9,16 @@ In order, in one empty folder per page:
 - ``python``: executed, all blocks of a page in one namespace.
 - any block below ``<!-- file: NAME -->`` is written to that file.
 - a block below ``<!-- not run: REASON -->`` is passed over.
+
+Each port that a page serves a virtual bench on (``bench serve --link KIND:PORT``) becomes a free
+one, wherever the page names it: an earlier run may have left a program on the page's own.
 """
 
 from __future__ import annotations
 
 import os
 import re
+import socket
 import subprocess
 import sys
 from contextlib import ExitStack
@@ -75,6 +79,7 @@ def blocks_of(text: str) -> list[Block]:
 
 def run_page(text: str, name: str, folder: Path) -> list[str]:
     """Run a page's blocks in ``folder``, the current one; give what went wrong, a line each."""
+    text = on_free_ports(text)
     namespace: dict[str, Any] = {"__name__": "__main__"}
     failures: list[str] = []
     with ExitStack() as until_the_end:
@@ -92,6 +97,15 @@ def run_page(text: str, name: str, folder: Path) -> list[str]:
                 problem = run_command(command, folder, until_the_end)
                 failures += [f"{name}:{block.line}: $ {command}\n{problem}"] if problem else []
     return failures
+
+
+def on_free_ports(text: str) -> str:
+    """Give a page whose virtual benches are served on ports that nobody uses."""
+    for port in set(re.findall(r"bench serve [^\n]*--link [^\s?]*?:(\d{4,5})\b", text)):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            probe.bind(("127.0.0.1", 0))
+            text = re.sub(rf"(?<=[:=]){port}\b", str(probe.getsockname()[1]), text)
+    return text
 
 
 def run_command(command: str, folder: Path, until_the_end: ExitStack) -> str | None:
