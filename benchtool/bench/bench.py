@@ -296,3 +296,19 @@ class ReadAhead:
         if self._listener is not None:
             self._listener(readings)
         return readings
+
+
+class StreamingBench(Opened):
+    """Be a driver whose samples come by themselves: those that come during a command are held.
+
+    Args:
+        address: as the user gave it.
+    """
+
+    def __init__(self, address: str) -> None:
+        self.address = address
+        self._ahead = ReadAhead()
+
+    def subscribe(self, listener: Listener) -> None:
+        """Give a listener every block from now on (`Subscribable`)."""
+        self._ahead.subscribe(listener)

@@ -14,8 +14,8 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from benchtool.bench.address import Address
 from benchtool.bench.bench import Identity, Opened, Readings
+from benchtool.bench.drivers import Address
 from benchtool.core.array import Array
 from benchtool.core.channel import Channel, unit_told_by
 from benchtool.core.counted import counted

@@ -14,10 +14,10 @@ from math import isfinite
 
 import numpy as np
 
+from benchtool.bench.mavlink.drive import ARMED
 from benchtool.bench.mavlink.frames import AUTOPILOT_COMPONENT, MavlinkFrames
-from benchtool.bench.mavlink.health import ARMED, HIL
-from benchtool.bench.mavlink.messages import Message, dialect
-from benchtool.bench.mavlink.pilots import ARM_DISARM, MOTOR_TEST
+from benchtool.bench.mavlink.messages import ARM_DISARM, MOTOR_TEST, Message, dialect
+from benchtool.bench.mavlink.pilots import HIL
 from benchtool.bench.serial.commands import SendPlate, SetPwm, StopDevice
 from benchtool.core.counted import counted
 from benchtool.virtual.autopilot_orders import (

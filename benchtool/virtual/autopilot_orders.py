@@ -8,14 +8,8 @@ from typing import Protocol
 
 import numpy as np
 
-from benchtool.bench.mavlink.messages import ESC_STATUS
-from benchtool.bench.mavlink.pilots import (
-    ACTUATOR_TEST,
-    LEAST_US,
-    LONGEST_US,
-    MOTOR_TEST,
-    MOTORS_OF_FRAME,
-)
+from benchtool.bench.mavlink.messages import ACTUATOR_TEST, ESC_STATUS, MOTOR_TEST
+from benchtool.bench.mavlink.pilots import LEAST_US, LONGEST_US, MOTORS_OF_FRAME
 from benchtool.bench.serial.hello import Hello
 from benchtool.core.array import Array
 

@@ -10,7 +10,7 @@ from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Protocol
 
-from benchtool.bench.address import LOOPBACK
+from benchtool.bench.drivers import LOOPBACK
 from benchtool.bench.mavlink.settings import DEFAULT_BAUD
 from benchtool.bench.serial.commands import DeviceEvent
 from benchtool.core.errors import InputError, LinkError, NoDevice, PortBusy

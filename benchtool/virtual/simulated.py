@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from benchtool.bench.address import Address
 from benchtool.bench.bench import Identity, Opened, Readings
+from benchtool.bench.drivers import Address
 from benchtool.bench.serial.commands import (
     Clear,
     Command,

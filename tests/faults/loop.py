@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any
 from unittest import mock
 
-from benchtool.bench.address import Address
+from benchtool.bench.drivers import Address
 from benchtool.bench.serial.bench import SerialBench
 from benchtool.commands.app import main
 from benchtool.core.errors import LinkLost

@@ -10,7 +10,8 @@ import pytest
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.mavlink.bench import MavlinkBench
 from benchtool.bench.mavlink.frames import MavlinkFrames
-from benchtool.bench.mavlink.pilots import ArduPilot, MavCommand
+from benchtool.bench.mavlink.messages import MavCommand
+from benchtool.bench.mavlink.pilots import ArduPilot
 from benchtool.bench.mavlink.settings import MavlinkSettings, MotorMap
 from benchtool.core.errors import (
     CommandRefused,
@@ -388,7 +389,7 @@ def test_a_load_cell_beside_the_autopilot_is_laid_on_its_time() -> None:
 def test_an_autopilot_that_does_not_tell_its_outputs_is_refused() -> None:
     made = Bench(motor_map=PLUS)
     made.autopilot._orders.lacks = made.autopilot._orders.lacks | {36}
-    said = r"does not tell its outputs \(SERVO_OUTPUT_RAW denied, ACTUATOR_OUTPUT_STATUS denied\)"
+    said = r"does not report its outputs \(SERVO_OUTPUT_RAW denied, ACTUATOR_OUTPUT_STATUS denied\)"
     with pytest.raises(ProtocolError, match=said):
         made.bench.open()
 

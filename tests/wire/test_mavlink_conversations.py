@@ -7,13 +7,9 @@ import pytest
 from benchtool.bench.identify import PROBE
 from benchtool.bench.mavlink.frames import MavlinkFrames
 from benchtool.bench.mavlink.link import MavlinkLink
-from benchtool.bench.mavlink.messages import dialect
-from benchtool.bench.mavlink.pilots import ArduPilot, MavCommand, Px4
-from benchtool.bench.mavlink.streams import (
-    StreamRequest,
-    interval,
-    request_streams,
-)
+from benchtool.bench.mavlink.messages import MavCommand, dialect, interval
+from benchtool.bench.mavlink.pilots import ArduPilot, Px4
+from benchtool.bench.mavlink.streams import StreamRequest, request_streams
 from benchtool.bench.serial.conversation import Conversation
 from benchtool.bench.serial.frames import frame
 from benchtool.core.errors import InputError, LinkLost, NoDevice, ProtocolError

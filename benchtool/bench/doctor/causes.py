@@ -8,7 +8,7 @@ from importlib import resources
 from typing import Literal
 
 from benchtool.bench.doctor.host_environment import UDEV_RULE, HostEnvironment
-from benchtool.bench.transport.errors import Holder
+from benchtool.bench.transport.transport import Holder
 
 Verdict = Literal["ok", "warning", "problem", "not checked"]
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import psutil
 
 from benchtool.bench.doctor.ports import Port, serial_ports
-from benchtool.bench.transport.errors import Holder, holders
+from benchtool.bench.transport.transport import Holder, holders
 
 UDEV_RULE = Path("/etc/udev/rules.d/60-benchtool.rules")
 

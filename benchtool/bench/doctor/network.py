@@ -5,9 +5,8 @@ from __future__ import annotations
 import errno
 import socket
 
-from benchtool.bench.address import Endpoint
 from benchtool.bench.doctor.causes import PortFinding, State
-from benchtool.bench.drivers import DRIVERS, ends_of, parse_address
+from benchtool.bench.drivers import DRIVERS, Endpoint, ends_of, parse_address
 from benchtool.core.errors import InputError
 
 CONNECT_S = 2.0

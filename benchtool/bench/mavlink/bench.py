@@ -13,20 +13,15 @@ from collections.abc import Callable
 
 import numpy as np
 
-from benchtool.bench.address import Address
-from benchtool.bench.bench import Identity, Listener, Opened, ReadAhead, Readings
+from benchtool.bench.bench import Identity, Readings, StreamingBench
 from benchtool.bench.clocks import DeviceClock
-from benchtool.bench.mavlink.drive import Drive, PitchDrive, RunWatch
+from benchtool.bench.drivers import Address
+from benchtool.bench.mavlink.drive import Drive, Health, PitchDrive, RunWatch
 from benchtool.bench.mavlink.frames import MavlinkFrames, MavlinkQuality
-from benchtool.bench.mavlink.health import Health
-from benchtool.bench.mavlink.learn import (
-    AutopilotInfo,
-    identity_of,
-    read_autopilot,
-)
 from benchtool.bench.mavlink.link import MavlinkLink
-from benchtool.bench.mavlink.messages import Message
+from benchtool.bench.mavlink.messages import TIMEOUT_S, Message, interval
 from benchtool.bench.mavlink.motor_test import TestDrive
+from benchtool.bench.mavlink.pilots import SEEN_S, AutopilotInfo, read_autopilot
 from benchtool.bench.mavlink.rows import MavlinkRows
 from benchtool.bench.mavlink.settings import (
     LEAST_HZ,
@@ -38,13 +33,12 @@ from benchtool.bench.mavlink.settings import (
     settings_of,
     transport_of,
 )
-from benchtool.bench.mavlink.side_cell import SideCell, in_order, move_virtual_plate
+from benchtool.bench.mavlink.side_cell import SideCell, in_order
 from benchtool.bench.mavlink.streams import (
     LATE_S,
     OUTPUT_MESSAGES,
     check_fit,
     fitted,
-    interval,
     request_streams,
     require_outputs,
     stream_facts,
@@ -59,8 +53,23 @@ from benchtool.core.errors import BenchError, InputError, LinkLost, StageError
 TARE_S = 1.0
 """A tare takes the mean of the load cell over so long (bench time); a choice: 80 readings."""
 
+AGAIN_S = 0.5
+"""A plate order that was not acknowledged is sent again after so long."""
 
-class MavlinkBench(Opened):
+ARRIVE_S = 120.0
+
+MOVING, THERE, REFUSED = 1.0, 0.0, -1.0
+"""Values of `plate_mov`."""
+
+UNMAPPED = (
+    "the address has no map=, so rotor 1 is taken to hang on output 1 and so on; where it does "
+    "not, pulses and speeds are recorded under other rotors than theirs; make a map with benchtool "
+    "bench map and add map=FILE"
+)
+"""Warning of a pitch bench: its loop turns all rotors together, so that none shows its output."""
+
+
+class MavlinkBench(StreamingBench):
     """Drive motors through an autopilot and read what it reports.
 
     Args:
@@ -77,7 +86,7 @@ class MavlinkBench(Opened):
         since_1970_s: Callable[[], float] = time.time,
         cell: Transport | None = None,
     ) -> None:
-        self.address = address
+        super().__init__(address)
         self._transport, self._clock, self._since_1970_s = transport, clock, since_1970_s
         self._settings = settings or MavlinkSettings()
         self._cell = SideCell(cell, self._settings.cell_name, clock) if cell else None
@@ -85,28 +94,53 @@ class MavlinkBench(Opened):
         self._autopilot: AutopilotInfo | None = None
         self._channels: tuple[Channel, ...] = ()
         self._rate_Hz = self._settings.rate_Hz
-        self._ahead = ReadAhead()
 
     @property
     def identity(self) -> Identity:
-        autopilot = self._known()
-        more = {
+        autopilot, settings = self._known(), self._settings
+        wiring, pulses, pilot = autopilot.wiring, autopilot.pulses, autopilot.pilot
+        pitch = settings.mode == "pitch"
+        facts = {
+            "autopilot": pilot.name,
+            "pwm_stop_us": f"{pulses.stop_us:g}",
+            "pwm_idle_us": f"{pulses.idle_us:g}",
+            "motors": " ".join(map(str, wiring.motors)),
+            "outputs": " ".join(str(output or "?") for output in wiring.outputs),
             "system": str(self._link.system),
             **stream_facts(self._states),
             **self._quality.facts(),
         }
-        return identity_of(
-            self.address,
-            autopilot,
-            self._settings,
-            self._channels,
-            self._rate_Hz,
-            self._link.slowest_s,
-            more,
+        if autopilot.speed != 1.0:
+            facts["speed"] = f"{autopilot.speed:g}"
+        if pitch:
+            facts |= {"mode": "pitch", "armed_by": settings.arm}
+        unmapped = pitch and len(wiring.outputs) > 1 and 0 in wiring.outputs
+        if warnings := [*filter(None, (settings.warning, UNMAPPED if unmapped else ""))]:
+            facts["warning"] = "; ".join(warnings)
+        return Identity(
+            address=self.address,
+            device_id=autopilot.device_id,
+            firmware=autopilot.firmware,
+            protocol="MAVLink 2",
+            channels=self._channels,
+            rate_Hz=self._rate_Hz,
+            n_rotors=wiring.n_rotors,
+            simulated=autopilot.simulated,
+            moves_plate=autopilot.simulated,
+            limits={"pwm_us": pulses.high_us, **pilot.limits},
+            watchdog_s=TIMEOUT_S,
+            has_loop=pitch,
+            armed_by_operator=pitch and settings.arm == "operator",
+            pwm_stop_us=pulses.stop_us,
+            pwm_idle_us=pulses.idle_us,
+            outputs_measured=True,
+            longest_delay_s=autopilot.speed * max(self._link.slowest_s, SEEN_S),
+            speed=autopilot.speed,
+            facts=facts,
         )
 
     def now_s(self) -> float:
-        return self._opened_s + (self._clock() - self._opened_s) * self._speed
+        return self._bench_s(self._clock())
 
     def open(self) -> None:
         if self._autopilot is not None:
@@ -122,7 +156,7 @@ class MavlinkBench(Opened):
         self._zero_N = 0.0
         self._given_us = -1
         self._ahead.clear()
-        self._plate_state: list[float] = []
+        self._plate_states: list[float] = []
         try:
             if self._cell is not None:
                 self._cell.open()
@@ -152,7 +186,7 @@ class MavlinkBench(Opened):
             self._choose_channels(autopilot)
             link.frames.take_counts(link.system)
             self._watch = RunWatch(self.address, link, self._health, self._drive, self._rows)
-            self._watch.ask_again = [
+            self._watch.request_again = [
                 interval(name, self._rate_Hz)
                 for name in OUTPUT_MESSAGES
                 if self._states.get(name) == "comes"
@@ -199,9 +233,6 @@ class MavlinkBench(Opened):
         self._known()
         self._drive.stop()
 
-    def subscribe(self, listener: Listener) -> None:
-        self._ahead.subscribe(listener)
-
     def move_plate(self, z_m: float, x_m: float = 0.0, tilt_rad: float = 0.0) -> None:
         autopilot = self._known()
         self._watch.raise_if_stopped()
@@ -215,13 +246,27 @@ class MavlinkBench(Opened):
                 f"the plate was not moved: a motor is commanded {highest_us:g} us, above idle at "
                 f"{idle_us:g} us; command idle first"
             )
-        move_virtual_plate(self, self._link, (z_m, x_m, tilt_rad))
-
-    def listen(self, timeout_s: float) -> list[float]:
-        """Read on, hold the samples for the next `read`, and return what the plate reported."""
-        self._ahead.hold(self._read_fresh(timeout_s))
-        state, self._plate_state = self._plate_state, []
-        return state
+        made = self._link.words.MAVLink_named_value_float_message
+        begun_s, sent_s, moving = self.now_s(), -1e9, False
+        while (now_s := self.now_s()) - begun_s < ARRIVE_S:
+            if not moving and now_s - sent_s >= AGAIN_S:
+                sent_s = now_s
+                for name, value in (("plate_x", x_m), ("plate_tilt", tilt_rad), ("plate_z", z_m)):
+                    self._link.send(made(0, name.encode(), value))
+            self._ahead.hold(self._read_fresh(0.05))
+            states, self._plate_states = self._plate_states, []
+            for state in states:
+                if state == REFUSED:
+                    text = self._health.refusal or "it does not say why"
+                    raise StageError(f"the plate stays where it is: {text}")
+                moving = moving or state == MOVING
+                if moving and state == THERE:
+                    return
+        self._link.send(made(0, b"plate_halt", 1.0))
+        raise StageError(
+            f"the plate did not reach {z_m:g} m within {ARRIVE_S:g} s and was halted; look at the "
+            f"virtual bench"
+        )
 
     def tare(self) -> None:
         """Take the mean of the load cell over a second as zero: autopilots have no tare."""
@@ -278,10 +323,6 @@ class MavlinkBench(Opened):
         """Return the speed that each ESC last reported, by its place from 1."""
         return dict(self._rows.speeds_rpm)
 
-    def last_text(self) -> str:
-        """Return what the autopilot said last."""
-        return self._health.refusal or "it does not say why"
-
     def _known(self) -> AutopilotInfo:
         if self._autopilot is None:
             raise LinkLost(f"{self.address} is not open; open it first")
@@ -327,7 +368,7 @@ class MavlinkBench(Opened):
         elif name == "HEARTBEAT":
             self._health.beat(message, arrived_s, self._drive.shown())
         elif name == "NAMED_VALUE_FLOAT" and message.name == "plate_mov":
-            self._plate_state.append(float(message.value))
+            self._plate_states.append(float(message.value))
         else:
             self._rows.take(message)
             if name in OUTPUT_MESSAGES:
@@ -348,6 +389,9 @@ class MavlinkBench(Opened):
     def _speed(self) -> float:
         return self._autopilot.speed if self._autopilot else 1.0
 
+    def _bench_s(self, wall_s: float) -> float:
+        return self._opened_s + (wall_s - self._opened_s) * self._speed
+
     def _readings(self) -> Readings:
         """Return the rows that have come, on the host's clock."""
         times_us, values = self._rows.take_rows()
@@ -355,12 +399,10 @@ class MavlinkBench(Opened):
         some = ~np.isnan(values).all(axis=1)
         times_us, values = times_us[some], values[some]
         if len(times_us):
-            self._device_clock.learn(int(times_us[-1]), self._on_bench_clock(self._clock()))
+            self._device_clock.learn(int(times_us[-1]), self._bench_s(self._clock()))
         if self._cell is not None and self._given_us + len(times_us) >= 0:
             columns = [self._thrust + 1, self._thrust]
-            cell = self._cell.rows(
-                self._on_bench_clock, self._device_clock, len(self._channels), columns
-            )
+            cell = self._cell.rows(self._bench_s, self._device_clock, len(self._channels), columns)
             cell[1][:, self._thrust] *= self._settings.thrust_scale_N
             times_us, values = in_order((times_us, values), cell, self._given_us)
         if len(times_us):
@@ -368,7 +410,7 @@ class MavlinkBench(Opened):
         if self._thrust >= 0:
             values[:, self._thrust] -= self._zero_N
         counted = self._link.frames.take_counts(self._link.system)
-        self._quality.count(counted)
+        self._quality.counts.add(counted)
         self._messages += self._health.texts
         self._messages += self._rows.speeds.take_messages()
         self._health.texts.clear()
@@ -383,9 +425,6 @@ class MavlinkBench(Opened):
             corrupt=counted.corrupt,
             messages=messages,
         )
-
-    def _on_bench_clock(self, wall_s: float) -> float:
-        return self._opened_s + (wall_s - self._opened_s) * self._known().speed
 
 
 def open_mavlink(address: Address) -> MavlinkBench:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from math import sqrt
 
 import numpy as np
@@ -29,14 +29,14 @@ SIGNING_EPOCH_S = 1_420_070_400.0
 """Signing counts tens of microseconds since 2015-01-01 UTC (MAVLink 2 message signing)."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class LinkCounts:
-    """Count frames since the last look.
+    """Count frames.
 
     Attributes:
         messages: received, without duplicates.
         lost: that the sequence numbers miss, over all components of a system.
-        corrupt: thrown away for checksum or signature.
+        corrupt: discarded for checksum or signature.
         duplicates: that came a second time and were dropped.
         reordered: that came after a later one.
     """
@@ -47,18 +47,20 @@ class LinkCounts:
     duplicates: int = 0
     reordered: int = 0
 
+    def add(self, other: LinkCounts) -> None:
+        """Add the counts of another."""
+        for each in fields(self):
+            setattr(self, each.name, getattr(self, each.name) + getattr(other, each.name))
+
 
 @dataclass(slots=True)
 class _Source:
     """Follow the sequence numbers of one component; each counts its own."""
 
     last: int | None = None
-    lately: OrderedDict[int, bytes] = field(default_factory=OrderedDict)
+    recent: OrderedDict[int, bytes] = field(default_factory=OrderedDict)
     missing: set[int] = field(default_factory=set)
-    messages: int = 0
-    lost: int = 0
-    duplicates: int = 0
-    reordered: int = 0
+    counts: LinkCounts = field(default_factory=LinkCounts)
     unnumbered: bool = False
 
     def take(self, number: int, frame: bytes) -> bool:
@@ -67,24 +69,24 @@ class _Source:
         A component that numbers all its frames alike, as some scripts do, has none that could be
         missed or be there twice.
         """
-        before = self.lately.get(number, frame)
+        before = self.recent.get(number, frame)
         if number == self.last and frame != before:
             self.unnumbered = True
         if self.unnumbered:
-            self.messages += 1
+            self.counts.messages += 1
             return True
-        if number in self.lately and frame == before:
-            self.duplicates += 1
+        if number in self.recent and frame == before:
+            self.counts.duplicates += 1
             return False
         step = 0 if self.last is None else (number - self.last) % SEQUENCE_MODULUS
         if step >= SEQUENCE_MODULUS - WINDOW and number in self.missing:
             self.missing.discard(number)
-            self.lost -= 1
-            self.reordered += 1
+            self.counts.lost -= 1
+            self.counts.reordered += 1
         else:
             if 1 < step < SEQUENCE_MODULUS - WINDOW:
                 # A number that counts from its beginning anew has lost what lies between as well.
-                self.lost += step - 1
+                self.counts.lost += step - 1
                 self.missing |= {
                     (number - back) % SEQUENCE_MODULUS for back in range(1, min(step, WINDOW))
                 }
@@ -92,11 +94,11 @@ class _Source:
             if self.missing:
                 ages = {back: (number - back) % SEQUENCE_MODULUS for back in self.missing}
                 self.missing = {back for back, age in ages.items() if 0 < age < WINDOW}
-        self.messages += 1
-        self.lately[number] = frame
-        self.lately.move_to_end(number)
-        if len(self.lately) > WINDOW:
-            self.lately.popitem(last=False)
+        self.counts.messages += 1
+        self.recent[number] = frame
+        self.recent.move_to_end(number)
+        if len(self.recent) > WINDOW:
+            self.recent.popitem(last=False)
         return True
 
 
@@ -104,9 +106,9 @@ class MavlinkFrames:
     """Pack and parse messages in the name of one system.
 
     Attributes:
-        corrupt: frames thrown away since the last `take_counts`, for checksum or signature.
+        corrupt: frames discarded since the last `take_counts`, for checksum or signature.
         unsigned: how many of all corrupt frames so far were refused for their signature.
-        heard: whether any whole frame was understood yet.
+        received: whether any whole frame was understood yet.
         signs: whether what is sent bears a signature, and what comes must.
 
     Args:
@@ -144,13 +146,13 @@ class MavlinkFrames:
 
     def parse(self, data: bytes) -> list[Message]:
         """Return the messages that `data` completes; garbage never raises."""
-        found = self._mav.parse_buffer(data) if data else None
-        if not found:
-            return []
         good = []
-        for message in found:
+        for message in (self._mav.parse_buffer(data) if data else None) or ():
             if type(message) is self._bad:
-                self._refuse(message)
+                # Text and boot messages before the first frame are no corrupt ones.
+                unsigned = "signature" in str(message.reason)
+                self.unsigned += unsigned
+                self.corrupt += self.received or unsigned
                 continue
             source = (message.get_srcSystem(), message.get_srcComponent())
             state = self._sources.setdefault(source, _Source())
@@ -164,25 +166,17 @@ class MavlinkFrames:
 
         Sequence numbers count modulo 256, so that a gap of 256 and more counts as less than it was.
         """
-        counts = dict.fromkeys(("messages", "lost", "duplicates", "reordered"), 0)
+        counts = LinkCounts(corrupt=self.corrupt)
         for (owner, _), state in self._sources.items():
             if owner == system:
-                for name in counts:
-                    counts[name] += getattr(state, name)
-                    setattr(state, name, 0)
-        # One that was late is given back by the look in which it came, or by the next ones.
-        counts["lost"] += self._owed.get(system, 0)
-        self._owed[system] = min(counts["lost"], 0)
-        counts["lost"] = max(counts["lost"], 0)
-        corrupt, self.corrupt = self.corrupt, 0
-        return LinkCounts(corrupt=corrupt, **counts)
-
-    def _refuse(self, message: Message) -> None:
-        """Count a frame that is none; text and boot messages before the first one do not count."""
-        if "signature" in str(message.reason):
-            self.unsigned += 1
-        if self.received or "signature" in str(message.reason):
-            self.corrupt += 1
+                counts.add(state.counts)
+                state.counts = LinkCounts()
+        # One that was late is subtracted in the call in which it came, or in the next ones.
+        counts.lost += self._owed.get(system, 0)
+        self._owed[system] = min(counts.lost, 0)
+        counts.lost = max(counts.lost, 0)
+        self.corrupt = 0
+        return counts
 
 
 def is_signed(message: Message) -> bool:
@@ -199,18 +193,10 @@ class MavlinkQuality:
     """
 
     def __init__(self) -> None:
-        self.messages = self.lost = self.corrupt = self.duplicates = self.reordered = 0
+        self.counts = LinkCounts()
         self._steps = 0
         self._squares_s2 = 0.0
         self._before: tuple[float, float] | None = None
-
-    def count(self, counts: LinkCounts) -> None:
-        """Add what came, what the sequence numbers miss, and what was thrown away."""
-        self.messages += counts.messages
-        self.lost += counts.lost
-        self.corrupt += counts.corrupt
-        self.duplicates += counts.duplicates
-        self.reordered += counts.reordered
 
     def arrived(self, arrived_s: float, device_s: float) -> None:
         """Note when a message came and when it was made, each on its own clock."""
@@ -220,24 +206,14 @@ class MavlinkQuality:
             self._squares_s2 += step_s**2
         self._before = (arrived_s, device_s)
 
-    @property
-    def jitter_s(self) -> float:
-        """Standard deviation of the steps, 0 without any."""
-        return sqrt(self._squares_s2 / self._steps) if self._steps else 0.0
-
-    @property
-    def lost_share(self) -> float:
-        """Lost messages over all that were sent."""
-        sent = self.messages + self.lost
-        return self.lost / sent if sent else 0.0
-
     def facts(self) -> dict[str, str]:
         """Return it in words, for a run's facts."""
+        counts, jitter_s = self.counts, sqrt(self._squares_s2 / max(self._steps, 1))
         return {
-            "link_lost": f"{self.lost} of {self.messages + self.lost} messages",
-            "link_duplicates": str(self.duplicates),
-            "link_reordered": str(self.reordered),
-            "link_jitter_ms": f"{1e3 * self.jitter_s:.2f}",
+            "link_lost": f"{counts.lost} of {counts.messages + counts.lost} messages",
+            "link_duplicates": str(counts.duplicates),
+            "link_reordered": str(counts.reordered),
+            "link_jitter_ms": f"{1e3 * jitter_s:.2f}",
         }
 
 
@@ -283,6 +259,14 @@ class BootTime:
         """Return a stamp of 64 bits; one since 1970 says nothing about the boot."""
         return self.last_us if stamp == 0 or stamp >= EPOCH_US else self._nearest(stamp, 1 << 64)
 
+    def of(self, message: Message) -> int:
+        """Return when a message was made, by whatever stamp it bears."""
+        if (boot_ms := getattr(message, "time_boot_ms", None)) is not None:
+            return self.ms32(boot_ms)
+        if (stamp := getattr(message, "time_usec", None)) is not None:
+            return self.us32(stamp) if message.msgname == "SERVO_OUTPUT_RAW" else self.us64(stamp)
+        return self.last_us
+
     def _nearest(self, stamp: int, modulus: int, whole: bool = True) -> int:
         if not self._anchored and (whole or not self.last_us):
             # The first stamp that cannot have wrapped says how long it has been up.
@@ -310,12 +294,7 @@ class CompanionTime:
         self._boot, self._clock = BootTime(), DeviceClock()
 
     def us(self, stamp_ms: int, arrived_us: int) -> int:
-        """Return a stamp of 32 bits in ms as the autopilot's us.
-
-        Args:
-            stamp_ms: of the component.
-            arrived_us: the autopilot's time when it arrived.
-        """
+        """Return a stamp of 32 bits in ms as the autopilot's us, from when it arrived."""
         sent_us = self._boot.ms32(stamp_ms)
         if self._boot.rebooted:
             self._boot, self._clock = BootTime(), DeviceClock()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from benchtool.bench.clocks import Gaps
 from benchtool.bench.identify import mismatch, probe_answer
@@ -15,10 +15,8 @@ from benchtool.bench.mavlink.frames import (
     MavlinkFrames,
     is_signed,
 )
-from benchtool.bench.mavlink.health import SILENT_S
-from benchtool.bench.mavlink.messages import Message, dialect
-from benchtool.bench.mavlink.pilots import AUTOPILOT_INVALID, MavCommand
-from benchtool.bench.transport.transport import Transport
+from benchtool.bench.mavlink.messages import AUTOPILOT_INVALID, MavCommand, Message, dialect
+from benchtool.bench.transport.transport import LONGEST_WAIT_S, LinkEnd, Transport
 from benchtool.core.errors import InputError, LinkLost, NoDevice, ProtocolError
 
 HEARTBEAT_S = 1.0
@@ -40,29 +38,23 @@ REQUIRED_S = (0.6, 0.9, 1.5)
 """An unknown parameter gets no answer at all; a known one answers in about 0.1 s, on an overfilled
 line in 3 s."""
 
-LONGEST_WAIT_S = 0.02
-
-_SHOWN_BYTES = 200
+SILENT_S = 0.3
+"""Orders to turn end so long after the last bytes of the autopilot: nobody sees any more what its
+outputs do. Outputs come at 10 Hz at least."""
 
 FIRST_NUMBERS = 16
 """A frame below this number, where the last one was another one's neighbour, comes after a start:
 an autopilot says a few frames only within the first second. A choice."""
 
 
-@dataclass(frozen=True, slots=True)
-class LinkGap:
-    """Describe a silence of the autopilot.
-
-    Attributes:
-        silent_s: how long it was.
-        from_start: whether its frames are numbered from the beginning since.
-    """
+class LinkGap(NamedTuple):
+    """Describe a silence of the autopilot: its length, and whether its frames start over since."""
 
     silent_s: float
     from_start: bool
 
 
-class MavlinkLink:
+class MavlinkLink(LinkEnd):
     """Hold one conversation with an autopilot over a transport.
 
     Attributes:
@@ -81,23 +73,20 @@ class MavlinkLink:
         clock: Callable[[], float],
         frames: MavlinkFrames,
     ) -> None:
-        self.transport = transport
+        super().__init__(transport, address, clock)
         self.frames = frames
         self.system = 0
         self.component = AUTOPILOT_COMPONENT
         self.received_s = clock()
         self.slowest_s = 0.0
         self.gaps = Gaps()
-        self.on_message: Callable[[Message, float], None] = _ignore
+        self.on_message: Callable[[Message, float], None] = lambda message, arrived_s: None
         self.words = dialect()
-        self._address = address
-        self.clock = clock
         self._beat_s = -HEARTBEAT_S
         self._beats: dict[int, Message] = {}
         self._acks: dict[int, int] = {}
         self._sent_s: dict[int, float] = {}
         self._reported: dict[str, float] = {}
-        self._received = b""
         self._number = 0
         self._gap: LinkGap | None = None
 
@@ -112,7 +101,7 @@ class MavlinkLink:
             ProtocolError: what answers speaks something else, or with another key.
             InputError: several autopilots answer, or not the one that is wanted.
         """
-        self._received = b""
+        self.received = b""
         self.transport.open()
         deadline_s = self.clock() + FIND_S
         while self.clock() < deadline_s and wanted not in self._beats:
@@ -122,14 +111,15 @@ class MavlinkLink:
                 deadline_s = self.clock() + OTHERS_S
         if not self._beats:
             raise self._silence()
+        listed = ", ".join(str(system) for system in sorted(self._beats))
         if wanted is None and len(self._beats) > 1:
             raise InputError(
-                f"{self._address} has {len(self._beats)} autopilots, systems {self._listed()}; "
+                f"{self.address} has {len(self._beats)} autopilots, systems {listed}; "
                 f"choose one with system={min(self._beats)}"
             )
         if wanted is not None and wanted not in self._beats:
             raise InputError(
-                f"{self._address} has no system {wanted}; it has {self._listed()}; correct system="
+                f"{self.address} has no system {wanted}; it has {listed}; correct system="
             )
         self.system = wanted if wanted is not None else next(iter(self._beats))
         beat = self._beats[self.system]
@@ -150,7 +140,7 @@ class MavlinkLink:
         )
 
     def take_ack(self, command: int) -> int | None:
-        """Return the result of the last acknowledgement of a command, once, None without one."""
+        """Return the result of the last acknowledgement of a command, once."""
         return self._acks.pop(command, None)
 
     def exchange(self, order: MavCommand, tries_s: tuple[float, ...] = TRIES_S) -> int:
@@ -168,14 +158,12 @@ class MavlinkLink:
         begun_s = self.clock()
         for wait_s in tries_s:
             self.order(order)
-            deadline_s = self.clock() + wait_s
-            while (left_s := deadline_s - self.clock()) > 0.0:
-                self.pump(left_s)
-                if (result := self.take_ack(order.command)) is not None:
-                    return result
+            result = self.wait(wait_s, lambda: self.take_ack(order.command))
+            if result is not None:
+                return result
         self._check_signed()
         raise LinkLost(
-            f"{self._address} did not acknowledge command {order.command}, sent {len(tries_s)} "
+            f"{self.address} did not acknowledge command {order.command}, sent {len(tries_s)} "
             f"times in {self.clock() - begun_s:.1f} s; check the link, then start again"
         )
 
@@ -184,7 +172,7 @@ class MavlinkLink:
         beat = self._beats.get(self.system)
         if not self.frames.signs and beat is not None and is_signed(beat):
             raise ProtocolError(
-                f"{self._address} signs its frames and takes no order without a signature; give "
+                f"{self.address} signs its frames and takes no order without a signature; give "
                 f"its key as key=FILE"
             )
 
@@ -200,64 +188,47 @@ class MavlinkLink:
             ProtocolError: a required one did not come.
         """
         self._reported = {}
-        self._ask(names, PARAMETER_S)
-        self._ask(required, REQUIRED_S)
+        for needed, tries_s in ((names, PARAMETER_S), (required, REQUIRED_S)):
+            for wait_s in tries_s:
+                self._request(needed, wait_s)
         if not self._reported:
             self._check_signed()
         if missing := [name for name in required if name not in self._reported]:
             raise ProtocolError(
-                f"{self._address} did not tell {', '.join(missing)} in {sum(REQUIRED_S):g} s, so "
-                f"that pulses could not be kept within its range; check the link and the parameter"
+                f"{self.address} did not report {', '.join(missing)} in {sum(REQUIRED_S):g} s, so "
+                f"that pulses could not be held within its range; check the link and the parameter"
             )
         return {name: self._reported[name] for name in names if name in self._reported}
 
-    def _ask(self, names: tuple[str, ...], tries_s: tuple[float, ...]) -> None:
-        """Ask for parameters until they are known, or for the last time."""
-        for wait_s in tries_s:
-            for name in names:
-                if name not in self._reported:
-                    self.send(
-                        self.words.MAVLink_param_request_read_message(
-                            self.system, self.component, name.encode(), -1
-                        )
-                    )
-            deadline_s = self.clock() + wait_s
-            while (left_s := deadline_s - self.clock()) > 0.0:
-                if all(name in self._reported for name in names):
-                    return
-                self.pump(left_s)
+    def _request(self, names: tuple[str, ...], wait_s: float) -> None:
+        """Request the parameters that are not known yet, and wait for all of them."""
+        missing = [name for name in names if name not in self._reported]
+        for name in missing:
+            request = self.words.MAVLink_param_request_read_message
+            self.send(request(self.system, self.component, name.encode(), -1))
+        self.wait(wait_s, lambda: all(name in self._reported for name in missing) or None)
 
     def pump(self, timeout_s: float) -> bool:
-        """Send a heartbeat when one is due and take what arrives within a short wait.
-
-        Returns:
-            whether anything arrived.
-        """
         now_s = self.clock()
         self.gaps.note(now_s)
         if now_s - self._beat_s >= HEARTBEAT_S:
             self._beat_s = now_s
             # A ground station (6) without an autopilot of its own, active.
             self.send(self.words.MAVLink_heartbeat_message(6, AUTOPILOT_INVALID, 0, 0, 4, 3))
-        data = self.transport.read(min(timeout_s, LONGEST_WAIT_S))
+        data = self.take(timeout_s)
         self.gaps.note(self.clock())
         if not data:
             return False
-        if len(self._received) < _SHOWN_BYTES:
-            self._received = (self._received + data)[:_SHOWN_BYTES]
         arrived_s = self.clock()
         for message in self.frames.parse(data):
             source = message.get_srcSystem()
             if not self.system:
-                self._meet(message)
+                # Who is there, before one is chosen.
+                if message.msgname == "HEARTBEAT" and message.autopilot != AUTOPILOT_INVALID:
+                    self._beats[source] = message
             elif source == self.system:
                 self._sort(message, arrived_s)
         return True
-
-    def _meet(self, message: Message) -> None:
-        """Note who is there, before one is chosen."""
-        if message.msgname == "HEARTBEAT" and message.autopilot != AUTOPILOT_INVALID:
-            self._beats[message.get_srcSystem()] = message
 
     def _sort(self, message: Message, arrived_s: float) -> None:
         name = message.msgname
@@ -267,8 +238,11 @@ class MavlinkLink:
                 skipped = (number - self._number - 1) % SEQUENCE_MODULUS
                 self._gap = LinkGap(silent_s, number < FIRST_NUMBERS <= skipped)
             self.received_s, self._number = arrived_s, number
-            if name == "COMMAND_ACK":
-                self._take_ack(message, arrived_s)
+            # Another ground station's orders are acknowledged to that one.
+            if name == "COMMAND_ACK" and message.target_system in (0, GROUND_SYSTEM):
+                self._acks[message.command] = message.result
+                sent_s = self._sent_s.pop(message.command, arrived_s)
+                self.slowest_s = max(self.slowest_s, arrived_s - sent_s)
             elif name == "PARAM_VALUE":
                 self._reported[str(message.param_id)] = _value(message)
         self.on_message(message, arrived_s)
@@ -282,42 +256,27 @@ class MavlinkLink:
         gap, self._gap = self._gap, None
         return gap
 
-    def _take_ack(self, message: Message, arrived_s: float) -> None:
-        # Another ground station's orders are acknowledged to that one.
-        if message.target_system not in (0, GROUND_SYSTEM):
-            return
-        self._acks[message.command] = message.result
-        sent_s = self._sent_s.pop(message.command, arrived_s)
-        self.slowest_s = max(self.slowest_s, arrived_s - sent_s)
-
-    def _listed(self) -> str:
-        return ", ".join(str(system) for system in sorted(self._beats))
-
     def _silence(self) -> NoDevice | ProtocolError:
         """Say what is there instead of an autopilot."""
         if self.frames.received:
             return ProtocolError(
-                f"{self._address} carries MAVLink, but no autopilot's heartbeat came within "
+                f"{self.address} carries MAVLink, but no autopilot's heartbeat came within "
                 f"{FIND_S:g} s; check that the flight controller runs and is not behind a router"
             )
         if self.frames.unsigned:
             return ProtocolError(
-                f"{self._address} carries MAVLink, but none of it bears a signature of this key; "
+                f"{self.address} carries MAVLink, but none of it bears a signature of this key; "
                 f"check key= and the key that the autopilot was given"
             )
-        if not self._received:
-            self._received = probe_answer(self.transport, self.clock)
-        if not self._received:
+        if not self.received:
+            self.received = probe_answer(self.transport, self.clock)
+        if not self.received:
             return NoDevice(
-                f"{self._address} is open, but nothing came for {FIND_S:g} s; check power, and "
+                f"{self.address} is open, but nothing came for {FIND_S:g} s; check power, and "
                 f"that the autopilot sends MAVLink to this port (`benchtool doctor` tries each "
                 f"cause)"
             )
-        return ProtocolError(f"{self._address} {mismatch('mavlink', self._received)}")
-
-
-def _ignore(message: Message, arrived_s: float) -> None:
-    """Pass a message over."""
+        return ProtocolError(f"{self.address} {mismatch('mavlink', self.received)}")
 
 
 INTEGER_TYPES = range(1, 9)

@@ -1,4 +1,4 @@
-"""The MAVLink messages that benchtool knows: pymavlink's own, and one that it lacks.
+"""MAVLink's messages and orders: pymavlink's own, and one message that it lacks.
 
 pymavlink is imported at the first call only, which takes a tenth of a second.
 """
@@ -6,8 +6,11 @@ pymavlink is imported at the first call only, which takes a tenth of a second.
 from __future__ import annotations
 
 import struct
+from dataclasses import dataclass
 from functools import cache
 from typing import Any
+
+from benchtool.core.errors import InputError
 
 Message = Any
 """One MAVLink message: pymavlink makes its classes without types."""
@@ -64,3 +67,76 @@ def _esc_status(parent: Any) -> Any:
             return packed
 
     return EscStatus
+
+
+AUTOPILOT_INVALID = 8
+"""MAV_AUTOPILOT of what is no autopilot: ground stations, gimbals, companions."""
+
+ACCEPTED, IN_PROGRESS = 0, 5
+"""MAV_RESULT of an order that is carried out."""
+
+ARM_DISARM = 400
+
+FORCE_DISARM = 21196.0
+"""Second parameter of ARM_DISARM that disarms whatever the vehicle does (MAVLink common.xml)."""
+
+MOTOR_TEST = 209
+"""MAV_CMD_DO_MOTOR_TEST. 206, which some lists give, is a camera command that moves nothing."""
+
+ACTUATOR_TEST = 310
+
+SET_INTERVAL, REQUEST_MESSAGE = 511, 512
+
+TIMEOUT_S = 0.25
+"""An order to turn ends by itself after so long: the watchdog of every bench."""
+
+TIMEOUT_AT = {MOTOR_TEST: 3, ACTUATOR_TEST: 1}
+"""Which parameter of an order to turn is its time-out."""
+
+
+@dataclass(frozen=True, slots=True)
+class MavCommand:
+    """One COMMAND_LONG: its number and seven parameters.
+
+    An order to turn lasts from 0 to `TIMEOUT_S`; no other can be made. ArduPilot takes a negative
+    time-out for one that never ends, and one that is no number ends its program.
+
+    Raises:
+        InputError: a time-out outside of that.
+    """
+
+    command: int
+    parameters: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        place = TIMEOUT_AT.get(self.command)
+        if place is not None and not 0.0 <= self.parameters[place] <= TIMEOUT_S:
+            raise InputError(
+                f"an order to turn a motor for {self.parameters[place]:g} s was not made, limits 0 "
+                f"and {TIMEOUT_S:g} s"
+            )
+
+    def __str__(self) -> str:
+        name = _enum_name("MAV_CMD", self.command)
+        return f"{name} {','.join(f'{value:g}' for value in self.parameters)}"
+
+
+def result_name(result: int) -> str:
+    """Return a MAV_RESULT in MAVLink's own word."""
+    return _enum_name("MAV_RESULT", result)
+
+
+def _enum_name(enum: str, value: int) -> str:
+    known = dialect().enums[enum]
+    return str(known[value].name).removeprefix(f"{enum}_") if value in known else str(value)
+
+
+def interval(name: str, rate_Hz: float) -> MavCommand:
+    """Return the order that requests a message at a rate; 0 ends it."""
+    every_us = 1e6 / rate_Hz if rate_Hz > 0.0 else -1.0
+    return MavCommand(SET_INTERVAL, (float(number_of(name)), every_us, 0.0, 0.0, 0.0, 0.0, 0.0))
+
+
+def number_of(name: str) -> int:
+    """Return the number of a message."""
+    return ESC_STATUS if name == "ESC_STATUS" else int(getattr(dialect(), f"MAVLINK_MSG_ID_{name}"))

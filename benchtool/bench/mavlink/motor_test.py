@@ -4,33 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from benchtool.bench.mavlink.drive import Drive, Outputs
-from benchtool.bench.mavlink.health import SILENT_S, Health
-from benchtool.bench.mavlink.learn import AutopilotInfo
-from benchtool.bench.mavlink.link import MavlinkLink
-from benchtool.bench.mavlink.pilots import (
+from benchtool.bench.mavlink.drive import Drive, Health, Outputs
+from benchtool.bench.mavlink.link import SILENT_S, MavlinkLink
+from benchtool.bench.mavlink.messages import (
     ACCEPTED,
     IN_PROGRESS,
-    RESEND_S,
-    SEEN_S,
     TIMEOUT_S,
     MavCommand,
-    order_text,
     result_name,
 )
+from benchtool.bench.mavlink.pilots import RESEND_S, SEEN_S, AutopilotInfo
 from benchtool.core.errors import CommandRefused, DeviceStopped, HostPaused, LinkLost, RunStopped
 
 STOPPED_S = 1.0
-
 """Outputs must show a stop within this before another motor is turned. ArduCopter takes at most
 0.06 s; the rest is room for the link."""
 
 STOP_TRIES_S = (0.1, 0.1, 0.2, 0.3, 0.3)
-
 """How long each try of a stop waits for its acknowledgement; motors end by themselves sooner."""
 
 REASON_S = 0.1
-
 """The words of a refusal lie before or just behind its acknowledgement."""
 
 LOOK_S = 0.02
@@ -183,7 +176,7 @@ class TestDrive(Drive):
             self._raise_if_paused()
             now_s = self._clock()
             silent_s = now_s - max(self._link.received_s, begun_s)
-            if silent_s > SILENT_S or now_s - begun_s > UNTOLD_S:
+            if silent_s > SILENT_S or now_s - begun_s > UNREPORTED_S:
                 raise LinkLost(
                     f"{self._autopilot.pilot.name} did not acknowledge an order to turn in "
                     f"{now_s - begun_s:.1f} s, and its outputs do not show it; motor tests end by "
@@ -200,7 +193,7 @@ class TestDrive(Drive):
                     self._acked_s = self._clock()
                     waiting.discard(command)
                 elif result is not None:
-                    raise CommandRefused(order_text(orders[0]), self._reason(result))
+                    raise CommandRefused(str(orders[0]), self._reason(result))
             if self._outputs.shown and self._outputs.reported_since(begun_s):
                 self._acked_s = self._clock()
                 break
@@ -220,7 +213,7 @@ class TestDrive(Drive):
         for order in orders:
             result = self._link.exchange(order)
             if result not in (ACCEPTED, IN_PROGRESS):
-                raise CommandRefused(order_text(order), self._reason(result))
+                raise CommandRefused(str(order), self._reason(result))
 
     def _reason(self, result: int) -> str:
         """Return why an order was refused, in the autopilot's own words where it has some."""
@@ -236,10 +229,10 @@ TOLERANCE_US = 3.0
 GAP_S = 0.15
 """Outputs come at 10 Hz at least; a longer pause is one of the link or of the reader."""
 
-UNTOLD_S = 1.0
+UNREPORTED_S = 1.0
 """Motors do not turn for longer without their outputs being reported; a choice."""
 
-UNTOLD_AT_REST_S = 3.0
+UNREPORTED_AT_REST_S = 3.0
 """The same at rest: an autopilot that has started anew has forgotten what it was asked for."""
 
 
@@ -259,12 +252,12 @@ class OutputWatch:
         self._wanted: dict[int, tuple[int, float]] = {}
         self._lately: list[tuple[float, int, float]] = []
         self._good_s: dict[int, float] = {}
-        self._heard_s: float | None = None
+        self._reported_s: float | None = None
         self.shown = False
 
     def reported_since(self, time_s: float) -> bool:
         """Return whether outputs were reported after a wall time."""
-        return self._heard_s is not None and self._heard_s > time_s
+        return self._reported_s is not None and self._reported_s > time_s
 
     def command(self, wanted: Mapping[int, tuple[int, float]], now_s: float) -> None:
         """Note what outputs should show from now on.
@@ -288,8 +281,8 @@ class OutputWatch:
             a rotor whose output was not known, and the only output that follows it (from 1).
         """
         found = None
-        gap_s = now_s - self._heard_s if self._heard_s is not None else 0.0
-        self._heard_s = now_s
+        gap_s = now_s - self._reported_s if self._reported_s is not None else 0.0
+        self._reported_s = now_s
         if gap_s > GAP_S:
             # A pause of the link or of the reader says nothing about the outputs.
             self._good_s = {rotor: good_s + gap_s for rotor, good_s in self._good_s.items()}
@@ -317,12 +310,12 @@ class OutputWatch:
             lost_s: since the last acknowledgement of an order that is sent again and again.
             slowest_s: longest time that an acknowledgement took.
         """
-        if self._heard_s is None:
+        if self._reported_s is None:
             return None
         late = f"; acknowledgements take up to {slowest_s:.1f} s: the link carries more than it can"
         late = late if slowest_s > SEEN_S else ""
         for rotor, (output, pulse_us) in self._wanted.items():
-            late_s = self._heard_s - self._good_s[rotor]
+            late_s = self._reported_s - self._good_s[rotor]
             if late_s <= SEEN_S:
                 continue
             shown = f"output {output} shows {outputs_us[output - 1]} us"
@@ -339,10 +332,10 @@ class OutputWatch:
                 f"{SEEN_S:g} s; look at the safety switch, the arming checks and the map of "
                 f"outputs (benchtool bench map){late}"
             )
-        untold_s = now_s - self._heard_s
+        unreported_s = now_s - self._reported_s
         turning = any(us > self._stop_us for _, us in self._wanted.values())
-        if untold_s > (UNTOLD_S if turning else UNTOLD_AT_REST_S):
-            return f"{self._name} has not told its outputs for {untold_s:.1f} s{late}"
+        if unreported_s > (UNREPORTED_S if turning else UNREPORTED_AT_REST_S):
+            return f"{self._name} has not reported its outputs for {unreported_s:.1f} s{late}"
         return None
 
     def _only(self, rotor: int, outputs_us: tuple[int, ...]) -> tuple[int, int] | None:

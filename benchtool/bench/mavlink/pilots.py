@@ -1,4 +1,4 @@
-"""How each autopilot is commanded to turn motors, and what it allows. Pure: commands as numbers.
+"""How each autopilot is commanded to turn motors, what it allows, and what it says when asked.
 
 A pilot is chosen by the heartbeat. Every command dies by itself after `TIMEOUT_S`, so that motors
 stand still soon after the host has died; it is sent again every `RESEND_S`.
@@ -7,84 +7,41 @@ stand still soon after the host has died; it is sent again every `RESEND_S`.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import nan
 
-from benchtool.bench.mavlink.messages import dialect
-from benchtool.core.errors import (
-    InputError,
-    ProtocolError,
+from benchtool.bench.mavlink.link import MavlinkLink
+from benchtool.bench.mavlink.messages import (
+    ACCEPTED,
+    ACTUATOR_TEST,
+    MOTOR_TEST,
+    REQUEST_MESSAGE,
+    TIMEOUT_S,
+    MavCommand,
+    Message,
+    number_of,
 )
-
-ACCEPTED, IN_PROGRESS = 0, 5
-
-"""MAV_RESULT of an order that is carried out."""
-
-
-def result_name(result: int | None) -> str:
-    """Return a MAV_RESULT in MAVLink's own word."""
-    known = dialect().enums["MAV_RESULT"]
-    return str(known[result].name).removeprefix("MAV_RESULT_") if result in known else str(result)
-
-
-def order_text(order: MavCommand) -> str:
-    """Return an order as people write it."""
-    return f"{_command_name(order.command)} {','.join(f'{value:g}' for value in order.parameters)}"
-
-
-def _command_name(command: int) -> str:
-    known = dialect().enums["MAV_CMD"]
-    return str(known[command].name).removeprefix("MAV_CMD_") if command in known else str(command)
-
-
-TIMEOUT_S = 0.25
-"""An order to turn ends by itself after so long: the watchdog of every bench."""
+from benchtool.bench.mavlink.settings import NO_THRUST, MavlinkSettings, Wiring
+from benchtool.core.errors import InputError, ProtocolError
 
 RESEND_S = 0.05
 """How often a standing order is sent again: four in a row may get lost without a gap."""
 
-ARM_DISARM = 400
+SEEN_S = 0.3
+"""An acknowledged pulse must show at the outputs within this; ArduPilot takes 0.02 to 0.07 s."""
 
-MOTOR_TEST = 209
-"""MAV_CMD_DO_MOTOR_TEST. 206, which some lists give, is a camera command that moves nothing."""
+HIL = 32
+"""Bit of the heartbeat's base_mode (MAV_MODE_FLAG): hardware in the loop, where "all motors /
+actuators are blocked", which is what the virtual autopilot shows."""
 
-ACTUATOR_TEST = 310
-
-FORCE_DISARM = 21196.0
-"""Second parameter of ARM_DISARM that disarms whatever the vehicle does (MAVLink common.xml)."""
+VERSION_S = 0.5
 
 LEAST_US, LONGEST_US = 800.0, 2200.0
 """Pulses that ArduCopter's motor test takes at all (RC_MIN_LIMIT_PWM and RC_MAX_LIMIT_PWM)."""
 
 MOTORS_OF_FRAME = {1: 4, 2: 6, 3: 8, 4: 8, 5: 6, 7: 3, 12: 12, 14: 10}
 """ArduCopter's FRAME_CLASS: quad, hexa, octa, octaquad, Y6, tri, dodecahexa, deca."""
-
-TIMEOUT_AT = {MOTOR_TEST: 3, ACTUATOR_TEST: 1}
-"""Which parameter of an order to turn is its time-out."""
-
-
-@dataclass(frozen=True, slots=True)
-class MavCommand:
-    """One COMMAND_LONG: its number and seven parameters.
-
-    An order to turn lasts from 0 to `TIMEOUT_S`; no other can be made. ArduPilot takes a negative
-    time-out for one that never ends, and one that is no number ends its program.
-
-    Raises:
-        InputError: a time-out outside of that.
-    """
-
-    command: int
-    parameters: tuple[float, ...]
-
-    def __post_init__(self) -> None:
-        place = TIMEOUT_AT.get(self.command)
-        if place is not None and not 0.0 <= self.parameters[place] <= TIMEOUT_S:
-            raise InputError(
-                f"an order to turn a motor for {self.parameters[place]:g} s was not made, limits 0 "
-                f"and {TIMEOUT_S:g} s"
-            )
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,24 +59,29 @@ class Pilot(ABC):
 
     Attributes:
         name: as people call it.
-        asked: parameters worth reading when the link opens.
+        parameters: that are worth reading when the link opens.
         required: those without which pulses cannot be bounded to the autopilot's own range.
         together: whether several motors can turn in tests at the same time.
         arms: whether its heartbeat shows armed while a motor test runs.
     """
 
     name: str
-    asked: tuple[str, ...]
+    parameters: tuple[str, ...]
     required: tuple[str, ...] = ()
     together: bool
     arms: bool
 
+    @property
+    def limits(self) -> dict[str, float]:
+        """Limits of its motor test."""
+        return {} if self.together else {"rotors_together": 1.0}
+
     @abstractmethod
-    def n_motors(self, parameters: Mapping[str, float]) -> int | None:
+    def n_motors(self, values: Mapping[str, float]) -> int | None:
         """Return how many motors its parameters say that it has, None when they do not."""
 
     @abstractmethod
-    def pulses(self, parameters: Mapping[str, float]) -> PulseRange:
+    def pulses(self, values: Mapping[str, float]) -> PulseRange:
         """Return the pulses that its parameters give.
 
         Raises:
@@ -144,21 +106,21 @@ class ArduPilot(Pilot):
 
     name = "ArduPilot"
     required = ("MOT_PWM_MIN", "MOT_PWM_MAX")
-    asked = ("FRAME_CLASS", *required, "MOT_SPIN_ARM")
+    parameters = ("FRAME_CLASS", *required, "MOT_SPIN_ARM")
     arms = True
     together = False
 
-    def n_motors(self, parameters: Mapping[str, float]) -> int | None:
-        return MOTORS_OF_FRAME.get(round(parameters.get("FRAME_CLASS", 0.0)))
+    def n_motors(self, values: Mapping[str, float]) -> int | None:
+        return MOTORS_OF_FRAME.get(round(values.get("FRAME_CLASS", 0.0)))
 
-    def pulses(self, parameters: Mapping[str, float]) -> PulseRange:
-        low_us, high_us = parameters["MOT_PWM_MIN"], parameters["MOT_PWM_MAX"]
+    def pulses(self, values: Mapping[str, float]) -> PulseRange:
+        low_us, high_us = values["MOT_PWM_MIN"], values["MOT_PWM_MAX"]
         if not LEAST_US <= low_us < high_us <= LONGEST_US:
             raise ProtocolError(
                 f"MOT_PWM_MIN is {low_us:g} us and MOT_PWM_MAX {high_us:g} us, but benchtool needs "
                 f"{LEAST_US:g} to {LONGEST_US:g} us, the less first; set them on the autopilot"
             )
-        idle_us = low_us + parameters.get("MOT_SPIN_ARM", 0.1) * (high_us - low_us)
+        idle_us = low_us + values.get("MOT_SPIN_ARM", 0.1) * (high_us - low_us)
         return PulseRange(low_us, low_us, high_us, idle_us)
 
     def turn(self, pulses_us: Mapping[int, float], pulses: PulseRange) -> tuple[MavCommand, ...]:
@@ -192,20 +154,17 @@ class Px4(Pilot):
     """Turn motors by ACTUATOR_TEST, any number together."""
 
     name = "PX4"
-    asked = ("CA_ROTOR_COUNT", "PWM_MAIN_MIN1", "PWM_MAIN_MAX1", "PWM_MAIN_DIS1")
+    parameters = ("CA_ROTOR_COUNT", "PWM_MAIN_MIN1", "PWM_MAIN_MAX1", "PWM_MAIN_DIS1")
     arms = False
     together = True
 
-    def n_motors(self, parameters: Mapping[str, float]) -> int | None:
-        return round(parameters.get("CA_ROTOR_COUNT", 0.0)) or None
+    def n_motors(self, values: Mapping[str, float]) -> int | None:
+        return round(values.get("CA_ROTOR_COUNT", 0.0)) or None
 
-    def pulses(self, parameters: Mapping[str, float]) -> PulseRange:
-        low_us, high_us = (
-            parameters.get("PWM_MAIN_MIN1", 1100.0),
-            parameters.get("PWM_MAIN_MAX1", 1900.0),
-        )
-        stop_us = parameters.get("PWM_MAIN_DIS1", 1000.0)
-        return PulseRange(stop_us, low_us, high_us, low_us)
+    def pulses(self, values: Mapping[str, float]) -> PulseRange:
+        low_us = values.get("PWM_MAIN_MIN1", 1100.0)
+        stop_us = values.get("PWM_MAIN_DIS1", 1000.0)
+        return PulseRange(stop_us, low_us, values.get("PWM_MAIN_MAX1", 1900.0), low_us)
 
     def turn(self, pulses_us: Mapping[int, float], pulses: PulseRange) -> tuple[MavCommand, ...]:
         span_us = pulses.high_us - pulses.low_us
@@ -227,10 +186,99 @@ class Px4(Pilot):
 PILOTS: dict[int, Pilot] = {3: ArduPilot(), 12: Px4()}
 """By the heartbeat's MAV_AUTOPILOT."""
 
-AUTOPILOT_INVALID = 8
-"""MAV_AUTOPILOT of what is no autopilot: ground stations, gimbals, companions."""
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AutopilotInfo:
+    """Hold what an autopilot says of itself; `speed` is its seconds per second of ours."""
+
+    pilot: Pilot
+    pulses: PulseRange
+    wiring: Wiring
+    device_id: str
+    firmware: str
+    simulated: bool
+    speed: float
 
 
-SEEN_S = 0.3
+def read_autopilot(
+    link: MavlinkLink, beat: Message, settings: MavlinkSettings, clock: Callable[[], float]
+) -> AutopilotInfo:
+    """Ask an autopilot what it is.
 
-"""An acknowledged pulse must show at the outputs within this; ArduPilot takes 0.02 to 0.07 s."""
+    Raises:
+        ProtocolError: an autopilot whose motors benchtool cannot turn.
+        InputError: the number of rotors is not known, or does not fit the map.
+    """
+    pilot = PILOTS.get(beat.autopilot)
+    if pilot is None:
+        known = " and ".join(pilot.name for pilot in PILOTS.values())
+        raise ProtocolError(
+            f"system {link.system} is an autopilot of kind {beat.autopilot} (MAV_AUTOPILOT), but "
+            f"benchtool can turn motors of {known} only; use one of these"
+        )
+    simulated = bool(beat.base_mode & HIL)
+    speedup = ("SIM_SPEEDUP",) if simulated else ()
+    parameters = link.parameters((*pilot.parameters, *speedup), pilot.required)
+    device_id, version = _version(link, clock)
+    return AutopilotInfo(
+        pilot=pilot,
+        pulses=pilot.pulses(parameters),
+        wiring=_wiring(pilot.n_motors(parameters), settings, link.system, simulated),
+        device_id=device_id,
+        firmware=f"{pilot.name} {version}".strip(),
+        simulated=simulated,
+        speed=parameters.get("SIM_SPEEDUP", 1.0) or 1.0,
+    )
+
+
+def _wiring(
+    reported: int | None, settings: MavlinkSettings, system: int, simulated: bool
+) -> Wiring:
+    known = settings.motor_map
+    n = settings.rotors or (len(known.motors) if known else reported)
+    if not n:
+        raise InputError(
+            f"system {system} does not say how many motors it has; give rotors=N in the address"
+        )
+    if known and len(known.motors) != n:
+        raise InputError(
+            f"rotors={n}, but the map of rig {known.rig!r} has {len(known.motors)}; leave rotors "
+            f"out or make the map anew with benchtool bench map"
+        )
+    straight = tuple(range(1, n + 1))
+    return Wiring(
+        motors=known.motors if known else straight,
+        outputs=known.outputs if known else (0,) * n,
+        escs=known.escs if known else straight,
+        thrust=NO_THRUST if settings.cell else settings.thrust,
+        thrust_scale_N=settings.thrust_scale_N,
+        orientation=settings.orientation if settings.distance else None,
+        virtual=simulated,
+    )
+
+
+def _version(link: MavlinkLink, clock: Callable[[], float]) -> tuple[str, str]:
+    """Return the autopilot's own name and its version, as far as it reports them."""
+    found: list[Message] = []
+    before = link.on_message
+
+    def listen(message: Message, arrived_s: float) -> None:
+        if message.msgname == "AUTOPILOT_VERSION":
+            found.append(message)
+        before(message, arrived_s)
+
+    link.on_message = listen
+    try:
+        number = float(number_of("AUTOPILOT_VERSION"))
+        request = MavCommand(REQUEST_MESSAGE, (number, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+        if link.exchange(request) == ACCEPTED:
+            until_s = clock() + VERSION_S
+            while not found and clock() < until_s:
+                link.pump(0.02)
+    finally:
+        link.on_message = before
+    if not found:
+        return f"mavlink-system-{link.system}", ""
+    name = bytes(found[0].uid2).rstrip(b"\0").hex() or f"{found[0].uid:x}"
+    number = found[0].flight_sw_version
+    return f"mavlink-{name}", f"{number >> 24}.{number >> 16 & 255}.{number >> 8 & 255}"

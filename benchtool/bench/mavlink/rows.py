@@ -5,7 +5,7 @@ Pure. Nothing is held or repeated: a channel without a new value is nan.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from math import asin, nan
 from operator import attrgetter
@@ -26,7 +26,40 @@ OUTPUTS = 16
 DISTANCES = ("virtual world", "DISTANCE_SENSOR", "RANGEFINDER")
 """What reports the plate's distance, the best first."""
 
+TELEMETRY = {"ESC_TELEMETRY_1_TO_4": 0, "ESC_TELEMETRY_5_TO_8": 4, "ESC_TELEMETRY_9_TO_12": 8}
+"""ESCs that come before those of a message."""
+
 _RAW = attrgetter(*(f"servo{number + 1}_raw" for number in range(OUTPUTS)))
+
+
+def _supply(millivolts: Iterable[int], centiamperes: int) -> dict[str, float]:
+    cells = [mV for mV in millivolts if mV not in (0, UNKNOWN_U16)]
+    found = {"voltage_V": 1e-3 * sum(cells)} if cells else {}
+    return found if centiamperes < 0 else found | {"current_A": 0.01 * centiamperes}
+
+
+def _target(message: Message) -> dict[str, float]:
+    w, x, y, z = message.q
+    return {"theta_ref_rad": -asin(min(1.0, max(-1.0, 2.0 * (w * y - z * x))))}
+
+
+VALUES: dict[str, Callable[[Message], Mapping[str, float]]] = {
+    "BATTERY_STATUS": lambda m: _supply((*m.voltages, *m.voltages_ext), m.current_battery),
+    "SYS_STATUS": lambda m: _supply((m.voltage_battery,), m.current_battery),
+    # MAVLink's pitch is positive nose up.
+    "ATTITUDE": lambda m: {"theta_rad": -m.pitch, "gyro_rad_s": -m.pitchspeed},
+    "ATTITUDE_TARGET": _target,
+    "SYSTEM_TIME": lambda m: {},
+}
+"""Values by channel of the messages that carry nothing else."""
+
+SPEEDS: dict[str, Callable[[Message], Iterable[tuple[int, float]]]] = {
+    "ESC_STATUS": lambda m: [(m.index + at, abs(float(rpm))) for at, rpm in enumerate(m.rpm, 1)],
+    "RAW_RPM": lambda m: [(m.index + 1, m.frequency)],
+    # -1 stands for a sensor that is not set up.
+    "RPM": lambda m: [(esc, rpm) for esc, rpm in ((1, m.rpm1), (2, m.rpm2)) if rpm >= 0.0],
+}
+"""Speeds by the place of the ESC, from 1."""
 
 
 class MavlinkRows:
@@ -49,7 +82,7 @@ class MavlinkRows:
         self.outputs_us: tuple[int, ...] = (0,) * OUTPUTS
         self.speeds = SpeedSources(wiring.n_rotors)
         self.idle_us = idle_us
-        self._wiring = wiring
+        self._wiring, self._with_speeds = wiring, with_speeds
         names = [channel.name for channel in channels_of(wiring.n_rotors)]
         self._at = {name: index for index, name in enumerate(names)}
         self._blank = [nan] * len(names)
@@ -65,32 +98,6 @@ class MavlinkRows:
         self._row_us = -1
         self._rows: list[list[float]] = []
         self._times_us: list[int] = []
-        self._take: dict[str, Callable[[Message], None]] = {
-            "SERVO_OUTPUT_RAW": self._servo,
-            "ACTUATOR_OUTPUT_STATUS": self._actuators,
-            "BATTERY_STATUS": self._battery,
-            "SYS_STATUS": self._power,
-            "ATTITUDE": self._attitude,
-            "ATTITUDE_TARGET": self._target,
-            "SYSTEM_TIME": self._clock,
-            wiring.thrust.message: self._thrust,
-            "NAMED_VALUE_FLOAT": self._named,
-        }
-        self._take_from_others: dict[str, Callable[[Message, int], None]] = {
-            wiring.thrust.message: self._thrust
-        }
-        if wiring.orientation is not None:
-            self._take |= {"DISTANCE_SENSOR": self._distance, "RANGEFINDER": self._rangefinder}
-            self._take_from_others["DISTANCE_SENSOR"] = self._distance
-        if with_speeds:
-            self._take |= {
-                "ESC_TELEMETRY_1_TO_4": lambda message: self._telemetry(message, 0),
-                "ESC_TELEMETRY_5_TO_8": lambda message: self._telemetry(message, 4),
-                "ESC_TELEMETRY_9_TO_12": lambda message: self._telemetry(message, 8),
-                "ESC_STATUS": self._esc_status,
-                "RAW_RPM": self._raw_rpm,
-                "RPM": self._rpm,
-            }
 
     def live_columns(self) -> NDArray[np.intp]:
         """Return the columns that have had a value so far.
@@ -114,14 +121,35 @@ class MavlinkRows:
             arrived_us: the autopilot's time when a companion's message arrived; None for the
                 autopilot's own, whose stamps are its time.
         """
-        if arrived_us is None:
-            if (take := self._take.get(message.msgname)) is not None:
-                take(message)
-        elif (other := self._take_from_others.get(message.msgname)) is not None:
-            source = message.get_srcComponent()
-            clock = self._companions.setdefault(source, CompanionTime())
-            stamp_ms = getattr(message, "time_boot_ms", 0)
-            other(message, clock.us(stamp_ms, arrived_us) if stamp_ms else arrived_us)
+        name, time = message.msgname, self.time.of
+        if name == self._wiring.thrust.message or (
+            name == "DISTANCE_SENSOR" and self._wiring.orientation is not None
+        ):
+            at_us = None if arrived_us is None else self._companion_us(message, arrived_us)
+            self._thrust_or_distance(message, at_us)
+        elif arrived_us is not None:
+            return
+        elif name in VALUES:
+            time_us = time(message)
+            for channel, value in VALUES[name](message).items():
+                self._put(time_us, self._at[channel], value)
+        elif name == "SERVO_OUTPUT_RAW":
+            if message.port == 0:
+                self._outputs(time(message), _RAW(message))
+        elif name == "ACTUATOR_OUTPUT_STATUS":
+            self._outputs(time(message), tuple(map(round, message.actuator[:OUTPUTS])))
+        elif name == "NAMED_VALUE_FLOAT":
+            self._virtual_plate(message)
+        elif name == "RANGEFINDER":
+            # Deprecated; it has no stamp and no orientation: ArduPilot sends the one looking down.
+            if message.distance > 0.0 and self._wiring.orientation == DOWN:
+                self._plate(message.distance, self.time.last_us, name)
+        elif self._with_speeds and name in TELEMETRY:
+            self._telemetry(message, TELEMETRY[name])
+        elif self._with_speeds and name in SPEEDS:
+            time_us = time(message)
+            for esc, rpm in SPEEDS[name](message):
+                self._speed(name, esc, rpm, time_us)
 
     def wire(self, rotor: int, output: int) -> None:
         """Note which output drives a rotor (both from 1), found out while it turned alone.
@@ -147,28 +175,18 @@ class MavlinkRows:
 
     def _put(self, time_us: int, column: int, value: float) -> None:
         """Write a value into the row of its millisecond; a second one begins a row of its own."""
+        self._reported.add(column)
         if self._row and time_us // 1000 <= self._row_us // 1000:
             if self._row[column] != self._row[column]:
                 self._row[column] = value
-                self._reported.add(column)
                 return
             # Reported twice within a millisecond, or late: next to the row that it belongs to.
             time_us = self._row_us + 1
         self._row = self._blank.copy()
         self._row_us = max(time_us, self._row_us + 1)
         self._row[column] = value
-        self._reported.add(column)
         self._rows.append(self._row)
         self._times_us.append(self._row_us)
-
-    def _servo(self, message: Message) -> None:
-        if message.port != 0:
-            return
-        self._outputs(self.time.us32(message.time_usec), _RAW(message))
-
-    def _actuators(self, message: Message) -> None:
-        pulses = tuple(round(value) for value in message.actuator[:OUTPUTS])
-        self._outputs(self.time.us64(message.time_usec), pulses)
 
     def _outputs(self, time_us: int, pulses: tuple[int, ...]) -> None:
         self.outputs_us = pulses
@@ -176,24 +194,37 @@ class MavlinkRows:
             # 0 is no pulse at all: the safety switch is on, or the start is not over.
             self._put(time_us, rotor, float(pulses[output - 1]))
 
-    def _named(self, message: Message) -> None:
-        """Take a value under a name: thrust, or the distance that a virtual world knows exactly."""
-        if self._wiring.virtual and message.name == "plate_z":
-            self._plate(message.value, self.time.ms32(message.time_boot_ms), "virtual world")
-        elif self._wiring.thrust.message == "NAMED_VALUE_FLOAT":
-            self._thrust(message)
+    def _companion_us(self, message: Message, arrived_us: int) -> int:
+        clock = self._companions.setdefault(message.get_srcComponent(), CompanionTime())
+        stamp_ms = getattr(message, "time_boot_ms", 0)
+        return clock.us(stamp_ms, arrived_us) if stamp_ms else arrived_us
 
-    def _thrust(self, message: Message, at_us: int | None = None) -> None:
-        wanted = self._wiring.thrust
-        if message.name != wanted.name:
+    def _virtual_plate(self, message: Message) -> bool:
+        """Take the distance that a virtual world knows exactly; return whether it was one."""
+        if not (self._wiring.virtual and message.name == "plate_z"):
+            return False
+        self._plate(message.value, self.time.of(message), "virtual world")
+        return True
+
+    def _thrust_or_distance(self, message: Message, at_us: int | None) -> None:
+        """Take what a companion may send as well, at its time if it did."""
+        name, wanted = message.msgname, self._wiring.thrust
+        if name == "DISTANCE_SENSOR":
+            if (
+                message.orientation == self._wiring.orientation
+                and message.min_distance <= message.current_distance <= message.max_distance
+            ):
+                time_us = self.time.of(message) if at_us is None else at_us
+                self._plate(0.01 * message.current_distance, time_us, name)
             return
-        if wanted.message == "NAMED_VALUE_FLOAT":
-            time_us = self.time.ms32(message.time_boot_ms) if at_us is None else at_us
-            raw = message.value
+        own = at_us is None and name == "NAMED_VALUE_FLOAT"
+        if (own and self._virtual_plate(message)) or message.name != wanted.name:
+            return
+        if name == "DEBUG_FLOAT_ARRAY":
+            raw = message.data[int(wanted.part)]
         else:
-            time_us = self.time.us64(message.time_usec) if at_us is None else at_us
-            in_array = wanted.message == "DEBUG_FLOAT_ARRAY"
-            raw = message.data[int(wanted.part)] if in_array else getattr(message, wanted.part)
+            raw = getattr(message, wanted.part or "value")
+        time_us = self.time.of(message) if at_us is None else at_us
         self._put(time_us, self._at["thrust_raw"], raw)
         self._put(time_us, self._at["thrust_N"], raw * self._wiring.thrust_scale_N)
 
@@ -220,72 +251,14 @@ class MavlinkRows:
         if warmest:
             self._put(time_us, self._at["temperature_degC"], max(warmest))
 
-    def _esc_status(self, message: Message) -> None:
-        time_us = self.time.us64(message.time_usec)
-        for place, rpm in enumerate(message.rpm):
-            self._speed("ESC_STATUS", message.index + place + 1, abs(float(rpm)), time_us)
-
-    def _raw_rpm(self, message: Message) -> None:
-        self._speed("RAW_RPM", message.index + 1, message.frequency, self.time.last_us)
-
-    def _rpm(self, message: Message) -> None:
-        for esc, rpm in ((1, message.rpm1), (2, message.rpm2)):
-            # -1 stands for a sensor that is not set up.
-            if rpm >= 0.0:
-                self._speed("RPM", esc, rpm, self.time.last_us)
-
-    def _distance(self, message: Message, at_us: int | None = None) -> None:
-        if message.orientation != self._wiring.orientation:
-            return
-        if message.min_distance <= message.current_distance <= message.max_distance:
-            time_us = self.time.ms32(message.time_boot_ms) if at_us is None else at_us
-            self._plate(0.01 * message.current_distance, time_us, "DISTANCE_SENSOR")
-
-    def _rangefinder(self, message: Message) -> None:
-        # Deprecated; it has no stamp and no orientation: ArduPilot sends the one that looks down.
-        if message.distance > 0.0 and self._wiring.orientation == DOWN:
-            self._plate(message.distance, self.time.last_us, "RANGEFINDER")
-
     def _plate(self, z_m: float, time_us: int, source: str) -> None:
         """Write the plate's distance from the best source that has reported one."""
         self._best_distance = min(source, self._best_distance or source, key=DISTANCES.index)
         if source == self._best_distance:
             self._put(time_us, self._at["plate_z_m"], z_m)
 
-    def _battery(self, message: Message) -> None:
-        cells = [
-            mV for mV in (*message.voltages, *message.voltages_ext) if mV not in (0, UNKNOWN_U16)
-        ]
-        self._supply(1e-3 * sum(cells) if cells else nan, message.current_battery)
 
-    def _power(self, message: Message) -> None:
-        known = message.voltage_battery not in (0, UNKNOWN_U16)
-        volts = 1e-3 * message.voltage_battery if known else nan
-        self._supply(volts, message.current_battery)
-
-    def _supply(self, volts: float, centiamperes: int) -> None:
-        if volts == volts:
-            self._put(self.time.last_us, self._at["voltage_V"], volts)
-        if centiamperes >= 0:
-            self._put(self.time.last_us, self._at["current_A"], 0.01 * centiamperes)
-
-    def _attitude(self, message: Message) -> None:
-        time_us = self.time.ms32(message.time_boot_ms)
-        # MAVLink's pitch is positive nose up.
-        self._put(time_us, self._at["theta_rad"], -message.pitch)
-        self._put(time_us, self._at["gyro_rad_s"], -message.pitchspeed)
-
-    def _target(self, message: Message) -> None:
-        w, x, y, z = message.q
-        sine = min(1.0, max(-1.0, 2.0 * (w * y - z * x)))
-        time_us = self.time.ms32(message.time_boot_ms)
-        self._put(time_us, self._at["theta_ref_rad"], -asin(sine))
-
-    def _clock(self, message: Message) -> None:
-        self.time.ms32(message.time_boot_ms)
-
-
-SPEED_SOURCES = ("ESC_TELEMETRY", "ESC_STATUS", "RAW_RPM", "RPM")
+SPEED_SOURCES = ("ESC_TELEMETRY", *SPEEDS)
 """Messages that carry speeds, the most trusted first: ESCs name the motor they turn."""
 
 DEAD_US = 1_000_000
@@ -297,7 +270,7 @@ reads 0 for ever. A choice, above the time in which small rotors start."""
 class _SpeedState:
     chosen: str = ""
     zero_since_us: dict[str, int] = field(default_factory=dict)
-    lively: set[str] = field(default_factory=set)
+    alive: set[str] = field(default_factory=set)
     dead: set[str] = field(default_factory=set)
 
 
@@ -313,26 +286,32 @@ class SpeedSources:
 
         Args:
             source: one of `SPEED_SOURCES`.
-            rotor: number from 0.
-            rpm: reading.
             driven: whether the rotor's output is above idle.
             time_us: of the reading, on the autopilot's clock.
         """
         state = self._rotors[rotor]
         if rpm != 0.0:
-            state.lively.add(source)
+            state.alive.add(source)
             state.dead.discard(source)
+        if rpm != 0.0 or not driven:
             state.zero_since_us.pop(source, None)
-        elif not driven:
-            state.zero_since_us.pop(source, None)
-        elif time_us - state.zero_since_us.setdefault(source, time_us) >= DEAD_US:
-            self._bury(rotor, source)
+        elif (
+            time_us - state.zero_since_us.setdefault(source, time_us) >= DEAD_US
+            and source not in state.dead
+        ):
+            state.dead.add(source)
+            if source == state.chosen:
+                self._messages.append(
+                    f"rpm{rotor + 1} of {source} reads 0 while its motor is driven: a dead "
+                    f"channel, not a speed; switch the ESC's telemetry on or leave it out with "
+                    f"rpm=none"
+                )
         if not state.chosen or (
-            state.chosen not in state.lively
+            state.chosen not in state.alive
             and SPEED_SOURCES.index(source) < SPEED_SOURCES.index(state.chosen)
         ):
             state.chosen = source
-        if state.chosen in state.dead and source in state.lively - state.dead:
+        if state.chosen in state.dead and source in state.alive - state.dead:
             self._messages.append(f"rpm{rotor + 1} is taken from {source} now")
             state.chosen = source
         return source == state.chosen and source not in state.dead
@@ -341,14 +320,3 @@ class SpeedSources:
         """Return what was found out since the last call, in words."""
         messages, self._messages = self._messages, []
         return messages
-
-    def _bury(self, rotor: int, source: str) -> None:
-        state = self._rotors[rotor]
-        if source in state.dead:
-            return
-        state.dead.add(source)
-        if source == state.chosen:
-            self._messages.append(
-                f"rpm{rotor + 1} of {source} reads 0 while its motor is driven: a dead channel, "
-                f"not a speed; switch the ESC's telemetry on or leave it out with rpm=none"
-            )

@@ -12,7 +12,7 @@ from typing import Annotated, Literal
 
 from annotated_types import Ge, Le, Len
 
-from benchtool.bench.address import LOOPBACK, Address, Endpoint, is_loopback
+from benchtool.bench.drivers import LOOPBACK, Address, Endpoint, is_loopback
 from benchtool.bench.transport.sockets import TcpSocket, UdpSocket
 from benchtool.bench.transport.transport import Transport
 from benchtool.core.channel import Channel

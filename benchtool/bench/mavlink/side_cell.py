@@ -1,20 +1,18 @@
-"""What hangs beside an autopilot: a load cell with its own port, a virtual plate."""
+"""A load cell with its own port beside an autopilot: lines to readings on the autopilot's time."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.bench.clocks import DeviceClock
 from benchtool.bench.identify import kind_of
-from benchtool.bench.mavlink.link import MavlinkLink
 from benchtool.bench.transport.transport import Transport
 from benchtool.core.array import Array
-from benchtool.core.errors import NoDevice, ProtocolError, StageError
+from benchtool.core.errors import NoDevice, ProtocolError
 
 FIRST_S = 5.0
 """A board that resets when its port opens has booted by then; as for the hello of a bench."""
@@ -144,60 +142,3 @@ def in_order(
     times_us, values = times_us[order], values[order]
     steps = np.arange(len(times_us))
     return np.maximum.accumulate(np.maximum(times_us, after_us + 1) - steps) + steps, values
-
-
-AGAIN_S = 0.5
-"""A place that was not acknowledged is sent again after so long (wall time)."""
-
-ARRIVE_S = 120.0
-
-ON_ITS_WAY, THERE, REFUSED = 1.0, 0.0, -1.0
-"""What `plate_mov` says."""
-
-
-class PlateListener(Protocol):
-    """Be a bench that reads on while something else is waited for."""
-
-    def now_s(self) -> float:
-        """Return the bench's clock."""
-        ...
-
-    def listen(self, timeout_s: float) -> list[float]:
-        """Read on and return what `plate_mov` said meanwhile."""
-        ...
-
-    def last_text(self) -> str:
-        """Return what the autopilot said last."""
-        ...
-
-
-def move_virtual_plate(
-    bench: PlateListener, link: MavlinkLink, place: tuple[float, float, float]
-) -> None:
-    """Send the virtual world where the plate shall stand, and wait until it does.
-
-    Args:
-        place: distance m, lateral position m, tilt rad.
-
-    Raises:
-        StageError: refused, or not there in time.
-    """
-    made = link.words.MAVLink_named_value_float_message
-    begun_s, sent_s, moving = bench.now_s(), -1e9, False
-    while bench.now_s() - begun_s < ARRIVE_S:
-        if not moving and bench.now_s() - sent_s >= AGAIN_S:
-            sent_s = bench.now_s()
-            z_m, x_m, tilt_rad = place
-            for name, value in (("plate_x", x_m), ("plate_tilt", tilt_rad), ("plate_z", z_m)):
-                link.send(made(0, name.encode(), value))
-        for state in bench.listen(0.05):
-            if state == REFUSED:
-                raise StageError(f"the plate stays where it is: {bench.last_text()}")
-            moving = moving or state == ON_ITS_WAY
-            if moving and state == THERE:
-                return
-    link.send(made(0, b"plate_halt", 1.0))
-    raise StageError(
-        f"the plate did not reach {place[0]:g} m within {ARRIVE_S:g} s and was halted; look at the "
-        f"virtual bench"
-    )

@@ -13,9 +13,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchtool.bench.address import Address
 from benchtool.bench.bench import Identity, Listener, Opened, ReadAhead, Readings
 from benchtool.bench.clocks import DeviceClock
+from benchtool.bench.drivers import Address
 from benchtool.bench.rcbenchmark.lines import PULSE, BridgeHello, BridgeLine, StandClock, pulse_text
 from benchtool.bench.rcbenchmark.link import BridgeLink, RcbSettings, rcb_settings_of
 from benchtool.bench.transport.sockets import UdpSocket

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from benchtool.bench.address import Address, Endpoint, is_loopback
+from benchtool.bench.drivers import Address, Endpoint, is_loopback
 from benchtool.bench.identify import mismatch
 from benchtool.bench.rcbenchmark.bridge_file import GUI_PORT, HOST_PORT, LOOPBACK
 from benchtool.bench.rcbenchmark.lines import BridgeDecoder, BridgeHello, BridgeLine, pulse_text

@@ -13,8 +13,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchtool.bench.address import Address
 from benchtool.bench.bench import Identity, Listener, Opened, ReadAhead, Readings
+from benchtool.bench.drivers import Address
 from benchtool.bench.serial.commands import (
     LATE,
     ArmDevice,

@@ -7,9 +7,8 @@ from contextlib import suppress
 
 import serial
 
-from benchtool.bench.address import Address, Endpoint
-from benchtool.bench.transport.errors import lost_error, opening_error
-from benchtool.bench.transport.transport import first_bytes
+from benchtool.bench.drivers import Address, Endpoint
+from benchtool.bench.transport.transport import first_bytes, lost_error, opening_error
 from benchtool.core.errors import InputError, LinkLost
 
 WRITE_TIMEOUT_S = 0.2

@@ -6,9 +6,8 @@ import errno
 import socket
 from contextlib import ExitStack, suppress
 
-from benchtool.bench.address import Address, Endpoint
-from benchtool.bench.transport.errors import lost_error, opening_error
-from benchtool.bench.transport.transport import first_bytes
+from benchtool.bench.drivers import Address, Endpoint
+from benchtool.bench.transport.transport import first_bytes, lost_error, opening_error
 from benchtool.core.errors import LinkLost, NoDevice, PortBusy
 
 CONNECT_S = 3.0

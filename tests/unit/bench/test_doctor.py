@@ -7,7 +7,7 @@ import pytest
 from benchtool.bench.doctor.causes import INSTALL_RULE, findings, udev_rule
 from benchtool.bench.doctor.host_environment import HostEnvironment, probe_environment
 from benchtool.bench.doctor.ports import Port
-from benchtool.bench.transport.errors import Holder
+from benchtool.bench.transport.transport import Holder
 
 FTDI = Port(
     name="/dev/ttyUSB0",

@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 import serial
 
-from benchtool.bench.transport.errors import holders, holders_text, opening_error
 from benchtool.bench.transport.serial_port import SerialPort
 from benchtool.bench.transport.sockets import TcpSocket, UdpSocket
+from benchtool.bench.transport.transport import holders, holders_text, opening_error
 from benchtool.core.errors import InputError, LinkError, LinkLost, NoDevice, PortBusy, PortDenied
 
 posix = pytest.mark.skipif(os.name != "posix", reason="pseudo-terminals are POSIX")
