@@ -251,8 +251,8 @@ class MavlinkBench(StreamingBench):
         while (now_s := self.now_s()) - begun_s < ARRIVE_S:
             if not moving and now_s - sent_s >= AGAIN_S:
                 sent_s = now_s
-                for name, value in (("plate_x", x_m), ("plate_tilt", tilt_rad), ("plate_z", z_m)):
-                    self._link.send(made(0, name.encode(), value))
+                for axis, value in (("x", x_m), ("tilt", tilt_rad), ("z", z_m)):
+                    self._link.send(made(0, f"plate_{axis}".encode(), value))
             self._ahead.hold(self._read_fresh(0.05))
             states, self._plate_states = self._plate_states, []
             for state in states:
