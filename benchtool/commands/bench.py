@@ -141,7 +141,7 @@ def _own_protocol(inputs: ServeInputs) -> tuple[Speak, ServerLink, Callable[[], 
 
 def _bridged(inputs: ServeInputs) -> tuple[Speak, ServerLink, Callable[[], str]]:
     """Return protocol, link and address of a virtual stand behind the RCbenchmark GUI."""
-    from benchtool.bench.rcbenchmark.bridge_file import GUI_PORT, LOOPBACK
+    from benchtool.bench.rcbenchmark.lines import GUI_PORT, LOOPBACK
     from benchtool.core.errors import InputError
     from benchtool.virtual.bridge import VirtualBridge
     from benchtool.virtual.links import UdpLink, one_line

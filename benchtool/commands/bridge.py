@@ -30,7 +30,7 @@ class BridgeInputs(Inputs):
 
 def bridge(inputs: BridgeInputs) -> None:
     """Write the script that makes the RCbenchmark GUI a bench with a watchdog."""
-    from benchtool.bench.rcbenchmark.bridge_file import (
+    from benchtool.bench.rcbenchmark.lines import (
         HOST_PORT,
         LOOPBACK,
         RAMP_MS,

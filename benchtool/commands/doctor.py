@@ -25,8 +25,8 @@ class DoctorInputs(Inputs):
 def run(inputs: DoctorInputs) -> None:
     """Explain what keeps a serial port from working."""
     from benchtool.bench.doctor import causes as doctor
-    from benchtool.bench.doctor.host_environment import probe_environment
-    from benchtool.bench.doctor.network import network_findings, serial_port_of
+    from benchtool.bench.doctor.causes import network_findings, serial_port_of
+    from benchtool.bench.doctor.ports import probe_environment
 
     if inputs.udev_rule:
         print(doctor.udev_rule(), end="")

@@ -26,8 +26,7 @@ def firmware(inputs: FirmwareInputs) -> None:
     """Write the firmware that makes an Arduino a rotor bench."""
     from secrets import token_hex
 
-    from benchtool.bench.serial.board import board_named
-    from benchtool.bench.serial.sketch_files import sketch_files
+    from benchtool.bench.serial.sketch_files import board_named, sketch_files
     from benchtool.core.errors import InputError, WouldOverwrite
     from benchtool.core.rig_file import rig_named
 

@@ -7,8 +7,13 @@ import re
 from math import isfinite
 from typing import Any
 
-from benchtool.bench.rcbenchmark.bridge_file import RAMP_MS, SILENCE_MS, SPEEDS
-from benchtool.bench.rcbenchmark.lines import BRIDGE_VERSION, VIRTUAL_BOARD
+from benchtool.bench.rcbenchmark.lines import (
+    BRIDGE_VERSION,
+    RAMP_MS,
+    SILENCE_MS,
+    SPEEDS,
+    VIRTUAL_BOARD,
+)
 from benchtool.bench.serial.commands import (
     Clear,
     SendPlate,

@@ -21,8 +21,7 @@ from typing import Self
 
 import numpy as np
 
-from benchtool.bench.serial.board import board_named
-from benchtool.bench.serial.sketch_files import sketch_files
+from benchtool.bench.serial.sketch_files import board_named, sketch_files
 from benchtool.core.rig import Rig
 from benchtool.physics.model_file import load_model
 from benchtool.simulate.plate_bench import PlateBench

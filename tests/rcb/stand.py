@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchtool.bench.rcbenchmark.bridge_file import BridgePlace, bridge_text
+from benchtool.bench.rcbenchmark.lines import BridgePlace, bridge_text
 from benchtool.core.errors import BenchtoolError
 from benchtool.core.rig_file import rig_named
 from benchtool.physics.model_file import load_model

@@ -17,8 +17,7 @@ import pytest
 
 from benchtool.bench.bench import Bench
 from benchtool.bench.drivers import open_bench
-from benchtool.bench.rcbenchmark.bridge_file import RAMP_MS, SILENCE_MS
-from benchtool.bench.rcbenchmark.lines import BridgeDecoder
+from benchtool.bench.rcbenchmark.lines import RAMP_MS, SILENCE_MS, BridgeDecoder
 from benchtool.core.errors import CommandRefused, DeviceStopped, LinkLost
 from benchtool.data.run.read import read_points
 from benchtool.data.run.run import Run

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from benchtool.bench.rcbenchmark.bridge_file import RAMP_MS, SILENCE_MS, BridgePlace, bridge_text
+from benchtool.bench.rcbenchmark.lines import RAMP_MS, SILENCE_MS, BridgePlace, bridge_text
 from benchtool.virtual.bridge import VIRTUAL_1580
 from tests.rcb.stand import GUI, RIG, needs_node
 

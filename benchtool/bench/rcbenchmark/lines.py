@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import ipaddress
+import json
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from importlib import resources
 from math import isfinite, nan
 from typing import Annotated, Any, ClassVar
 
 from annotated_types import Ge, Gt, Le
 
-from benchtool.bench.rcbenchmark.bridge_file import FORCE_UNITS
+from benchtool import __version__
+from benchtool.bench.serial.sketch_files import refuse_pulses_outside
 from benchtool.core.channel import Channel
-from benchtool.core.errors import FileFormatError, InputError, ProtocolError
+from benchtool.core.errors import FileFormatError, InputError, ProtocolError, UnknownChoice
 from benchtool.core.parsed_text import parse_json
+from benchtool.core.rig import Rig
 from benchtool.core.toml_text import build
 from benchtool.core.units import from_si, to_si, unit_named
 
@@ -38,6 +44,10 @@ CHANNELS: dict[str, Channel] = {
     "plateDistance": Channel("plate_z_m", "m", "distance of the plate"),
 }
 """Channel of each reading by its name in the GUI, beside pulse and speed."""
+
+FORCE_UNITS = {"g": "gf", "gf": "gf", "kg": "kgf", "kgf": "kgf", "n": "N", "lbf": "lbf"}
+"""Our units for the GUI's words for thrust, in small letters; its documentation says g, and scripts
+for the Series 1780 find kg."""
 
 UNITS: dict[str, str] = {
     **FORCE_UNITS,
@@ -67,7 +77,6 @@ class BridgeEntry:
     """What the script itself says with every line.
 
     Attributes:
-        bridge: version of the script.
         t_ms: its own clock.
         us: the pulse that the output holds.
         n: number of these readings, None for an answer.
@@ -113,7 +122,6 @@ class BridgeLine:
     """One line of the bridge.
 
     Attributes:
-        entry: what the script itself says.
         values: readings by channel name, in the channel's unit; nan where there is none.
         time_s: the stand's own time of the readings, nan where there is none.
         plate_moves: whether the plate of a virtual stand is on its way.
@@ -247,3 +255,97 @@ class StandClock:
         self._stand_s, self._script_ms = stand_s, script_ms
         self._last_us += max(round(step_us), 1) if isfinite(step_us) else 1
         return self._last_us
+
+
+FILE_NAME = "rcbudp_bridge.js"
+
+LOOPBACK = "127.0.0.1"
+GUI_PORT, HOST_PORT = 55047, 64126
+"""Ports of the maker's own UDP example: where the GUI listens, and where it sends to."""
+
+SILENCE_MS, RAMP_MS = 250, 500
+"""Silence after which the script brings the motor down, as on every bench, and how long that takes:
+supplies that take no current back (the API's own warning) are spared a sudden stop. Choices."""
+
+SPEEDS = {"optical": "motorOpticalSpeed", "electrical": "motorElectricalSpeed"}
+"""Readings of the GUI that tell a speed: of its optical probe, or of the motor's wires."""
+
+SHORTEST_US, LONGEST_US = 700.0, 2300.0
+"""Pulses that the GUI puts out; anything else switches the output off (scripting API)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BridgePlace:
+    """Say between which ports the bridge stands.
+
+    Attributes:
+        host: address of the computer that benchtool runs on, as the GUI's computer sees it.
+    """
+
+    listen_port: int = GUI_PORT
+    host: str = LOOPBACK
+    host_port: int = HOST_PORT
+
+
+def bridge_text(rig: Rig, place: BridgePlace, speed: str = "optical") -> str:
+    """Return the script with the numbers of a rig filled in.
+
+    Args:
+        speed: which reading counts as the rotor's speed, one of `SPEEDS`.
+
+    Raises:
+        InputError, UnknownChoice: a rig or a place that no bridge can serve.
+    """
+    if speed not in SPEEDS:
+        raise UnknownChoice("speed reading", speed, SPEEDS)
+    pulse, limits = rig.propulsion, rig.limits
+    if rig.n_rotors != 1:
+        raise InputError(
+            f"rig {rig.name} has {rig.n_rotors} rotors, and the bridge drives one ESC; take a rig "
+            f"with one rotor, for example pquad_single"
+        )
+    range_us = f"the GUI puts out {SHORTEST_US:g} to {LONGEST_US:g} us"
+    refuse_pulses_outside(rig, SHORTEST_US, LONGEST_US, range_us)
+    _check_place(place)
+    watched = {
+        "thrust_N": min(limits.thrust_N, limits.load_cell_rating_N),
+        "rpm": limits.rpm,
+        "current_A": limits.current_A,
+        "voltage_min_V": limits.voltage_min_V,
+    }
+    filled = {
+        "VERSION": __version__,
+        "RIG": rig.name,
+        "LISTEN_PORT": str(place.listen_port),
+        "HOST": place.host,
+        "HOST_PORT": str(place.host_port),
+        "SPEED": SPEEDS[speed],
+        "LOWEST_US": f"{pulse.pwm_stop_us:g}",
+        "HIGHEST_US": f"{limits.pwm_us:g}",
+        "LIMITS": json.dumps(watched),
+        "SILENCE_MS": str(SILENCE_MS),
+        "RAMP_MS": str(RAMP_MS),
+        "FORCE_N": json.dumps({word: unit_named(u).factor for word, u in FORCE_UNITS.items()}),
+    }
+    source = resources.files("benchtool") / "library" / "bridge" / FILE_NAME
+    return re.sub(
+        r"@([A-Z_]+)@", lambda found: filled[found[1]], source.read_text(encoding="utf-8")
+    )
+
+
+def _check_place(place: BridgePlace) -> None:
+    for what, port in (("GUI", place.listen_port), ("benchtool", place.host_port)):
+        if not 0 < port < 65536:
+            raise InputError(f"the port of {what} is {port}, outside 1 to 65535; choose one in it")
+    try:
+        ipaddress.IPv4Address(place.host)
+    except ValueError:
+        raise InputError(
+            f"{place.host!r} is no IPv4 address; give the address of the computer that benchtool "
+            f"runs on, {LOOPBACK} when the GUI runs there as well"
+        ) from None
+    if place.listen_port == place.host_port and place.host == LOOPBACK:
+        raise InputError(
+            f"GUI and benchtool cannot both listen on port {place.host_port} of one computer; "
+            f"choose two ports, for example {GUI_PORT} and {HOST_PORT}"
+        )

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 from importlib import resources
 
 from benchtool import __version__
-from benchtool.bench.serial.board import Board
-from benchtool.bench.serial.esc_pulses import refuse_pulses_outside
-from benchtool.core.errors import InputError
+from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.rig import Rig
 
 MOST_MOTORS = 2
@@ -24,9 +23,6 @@ def sketch_files(board: Board, rig: Rig, device_id: str, folder: str) -> dict[st
     """Return the text of every file of the firmware by its name.
 
     Args:
-        board: what it shall run on.
-        rig: motors, pulses and limits.
-        device_id: the device's own unchanging name.
         folder: name of the folder that will hold them; an Arduino sketch is named after it.
 
     Raises:
@@ -69,3 +65,61 @@ def _rig_numbers(board: Board, rig: Rig) -> dict[str, str]:
         "LIMIT_RPM": f"{limits.rpm:g}",
         "LIMIT_VOLTAGE": f"{limits.voltage_min_V:g}",
     }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Board:
+    """Say what compiling for a board and writing to it takes.
+
+    Attributes:
+        mcu: as avr-gcc and avrdude name it.
+    """
+
+    name: str
+    title: str
+    mcu: str
+    clock_Hz: int
+    upload_baud: int
+
+
+BOARDS = (
+    Board(
+        name="uno",
+        title="Arduino Uno R3",
+        mcu="atmega328p",
+        clock_Hz=16_000_000,
+        upload_baud=115_200,
+    ),
+    Board(
+        name="nano",
+        title="Arduino Nano, bootloader of 2018 or later",
+        mcu="atmega328p",
+        clock_Hz=16_000_000,
+        upload_baud=115_200,
+    ),
+)
+"""Same chip, same clock, same pins; upload rates as in the Arduino core's boards.txt."""
+
+
+def board_named(name: str) -> Board:
+    """Return a board by its name."""
+    for board in BOARDS:
+        if board.name == name:
+            return board
+    raise UnknownChoice("board", name, (board.name for board in BOARDS))
+
+
+def refuse_pulses_outside(rig: Rig, shortest_us: float, longest_us: float, why: str) -> None:
+    """Refuse a rig whose pulses at rest or at its limit lie outside a range.
+
+    Args:
+        why: the range in words.
+    """
+    for name, pulse_us in (
+        ("propulsion.pwm_stop_us", rig.propulsion.pwm_stop_us),
+        ("limits.pwm_us", rig.limits.pwm_us),
+    ):
+        if not shortest_us <= pulse_us <= longest_us:
+            raise InputError(
+                f"{name} of rig {rig.name} is {pulse_us:g} us, and {why}; correct the rig"
+            )

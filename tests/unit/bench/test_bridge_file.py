@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from benchtool.bench.rcbenchmark.bridge_file import BridgePlace, bridge_text
+from benchtool.bench.rcbenchmark.lines import BridgePlace, bridge_text
 from benchtool.core.errors import InputError
 from benchtool.core.rig_file import rig_named
 

@@ -5,8 +5,7 @@ from dataclasses import replace
 import pytest
 
 from benchtool.bench.doctor.causes import INSTALL_RULE, findings, udev_rule
-from benchtool.bench.doctor.host_environment import HostEnvironment, probe_environment
-from benchtool.bench.doctor.ports import Port
+from benchtool.bench.doctor.ports import HostEnvironment, Port, probe_environment
 from benchtool.bench.transport.transport import Holder
 
 FTDI = Port(
@@ -56,7 +55,7 @@ WINDOWS = HostEnvironment(
 def by_id_leads_to_the_port(monkeypatch):
     real = {FTDI.by_id: FTDI.name}
     monkeypatch.setattr(
-        "benchtool.bench.doctor.host_environment.os.path.realpath",
+        "benchtool.bench.doctor.ports.os.path.realpath",
         lambda path: real.get(path, path),
     )
 

@@ -6,7 +6,7 @@ import socket
 
 import pytest
 
-from benchtool.bench.doctor.network import network_findings, serial_port_of
+from benchtool.bench.doctor.causes import network_findings, serial_port_of
 from benchtool.core.errors import InputError
 
 

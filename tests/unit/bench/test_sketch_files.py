@@ -7,8 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from benchtool.bench.serial.board import BOARDS, board_named
-from benchtool.bench.serial.sketch_files import sketch_files
+from benchtool.bench.serial.sketch_files import BOARDS, board_named, sketch_files
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.rig_file import rig_named
 
