@@ -29,13 +29,9 @@ class Identity:
         firmware: name and version in the device's words.
         protocol: protocol name and version ("benchtool-2", "replay").
         channels: what the stream carries, in order, without the two times.
-        rate_Hz: present stream rate.
         channel_rates_Hz: how often each channel has a new value; empty where the device does not
             say.
-        n_rotors: how many motors can be commanded.
         simulated: True when no physical motor turns.
-        moves_plate: whether the device moves the plate itself.
-        limits: device-side limits by channel name.
         watchdog_s: the device stops its motors after so long without a heartbeat.
         has_loop: a control loop on the bench makes the pulses once it is armed.
         armed_by_operator: somebody else than the host may arm that loop, as with a transmitter.
@@ -299,11 +295,7 @@ class ReadAhead:
 
 
 class StreamingBench(Opened):
-    """Be a driver whose samples come by themselves: those that come during a command are held.
-
-    Args:
-        address: as the user gave it.
-    """
+    """Be a driver whose samples come by themselves: those that come during a command are held."""
 
     def __init__(self, address: str) -> None:
         self.address = address

@@ -77,10 +77,6 @@ class DrivenBench:
 
         Leaving the guard does this by itself unless it was done since a motor was driven last.
         Limits are not checked any more: there is nothing left to stop.
-
-        Args:
-            take: is given every block that is read.
-            at_least_s: read on for so long in any case.
         """
         assert self._watch is not None
         if self._turning:

@@ -40,7 +40,6 @@ class Address:
     """Hold an address in its parts: `serial:COM12?baud=2000000` has place COM12, one option.
 
     Attributes:
-        example: of an address of this scheme, for messages.
         permit: called with the file of a user's own code before it is run.
     """
 
@@ -120,8 +119,6 @@ class Driver:
 
     Attributes:
         opener: "module:function" that turns an `Address` into a bench, not opened yet.
-        example: an address, for people.
-        options: names of what may follow the place.
         ends: "module:function" that turns an `Address` into the ends of its link, which
             `benchtool doctor` looks at; empty where there is none.
     """

@@ -54,8 +54,6 @@ class GuardedBench(DrivenBench):
     """Watch over a bench.
 
     Args:
-        rig: what stands on it: thrust coefficient, pulses, least plate distance.
-        limits: what no reading may exceed; those of the rig when left out.
         stale_s: a channel without a new value for so long is dead.
     """
 
@@ -258,11 +256,7 @@ class GuardedBench(DrivenBench):
         return joined(unread) if unread else None
 
     def ramp_down(self, take: Callable[[Readings], None] | None = None) -> None:
-        """Bring every motor to zero within a second, reading on.
-
-        Args:
-            take: is given the samples of the ramp.
-        """
+        """Bring every motor to zero within a second, reading on."""
         top, end = self._pwm_us, np.full(self._rig.n_rotors, self._rig.propulsion.pwm_stop_us)
         if (top > end).any():
             for step in range(1, RAMP_STEPS + 1):

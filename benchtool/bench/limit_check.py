@@ -130,7 +130,6 @@ class LimitCheck:
         """Return the first limit that samples (m,), (m, c) break, or None.
 
         Args:
-            time_s: of each sample, on the bench's clock.
             values: in channel order; nan where a channel had no new value.
         """
         if not len(time_s):

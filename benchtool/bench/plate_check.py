@@ -192,13 +192,7 @@ def wait_for_idle(bench: GuardedBench, rig: Rig) -> None:
 def wait_for_plate(
     bench: GuardedBench, plate: PlateCheck, target_m: float, stage_m: float, more_m: float
 ) -> StageError | None:
-    """Read on until the bench reads the plate where it was sent; return what disagrees.
-
-    Args:
-        target_m: where the plate was sent.
-        stage_m: where what moved it says that it stands.
-        more_m: allowed on top of the tolerance.
-    """
+    """Read on until the bench reads the plate where it was sent; return what disagrees."""
     plate.arrives()
     until_s = bench.now_s() + PLATE_S
     while True:

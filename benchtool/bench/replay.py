@@ -30,7 +30,6 @@ class ReplayBench(Opened):
     """Play recorded samples back as a bench that takes no commands.
 
     Args:
-        identity: who answered when the samples were recorded.
         time_s, device_time_us: (m,) of each sample.
         values: (m, c) in channel order; nan where a channel had no new value.
     """

@@ -29,11 +29,7 @@ GAP_S = 0.5
 
 
 class HostPulses:
-    """Hold each rotor's speed against the pulse that the host commands.
-
-    Args:
-        start_s: time on the bench's clock.
-    """
+    """Hold each rotor's speed against the pulse that the host commands."""
 
     def __init__(self, propulsion: Propulsion, n_rotors: int, start_s: float) -> None:
         self._propulsion = propulsion
@@ -81,9 +77,6 @@ class LoopPulses:
     What the host commanded last says nothing of them: the loop adds to it, saturates, ends its
     schedule. A motor is judged by running means, and must be wrong for as long as one that the
     host drives; the means make that later by less than a second.
-
-    Args:
-        start_s: time on the bench's clock.
     """
 
     def __init__(self, propulsion: Propulsion, n_rotors: int, start_s: float) -> None:
@@ -99,8 +92,6 @@ class LoopPulses:
 
         Args:
             pwm_us: (m, n_rotors) a block of pulses as the bench reports them, gaps filled.
-            rpm: (m, n_rotors) speeds, gaps filled.
-            now_s: time of the block's last sample.
         """
         gap_s, self._last_s = now_s - self._last_s, now_s
         reported_rpm, seen = speeds_of(self._propulsion, pwm_us).mean(axis=0), rpm.mean(axis=0)

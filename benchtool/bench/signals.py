@@ -23,7 +23,30 @@ _WORDS = {
 }
 
 
-class StopSignals:
+class _Handlers:
+    """Hold the handlers of signals that were there before ours."""
+
+    def __init__(self) -> None:
+        self._before: dict[signal.Signals, Any] = {}
+
+    def _take_over(self, handle: Callable[[int, FrameType | None], None]) -> None:
+        """Install a handler in the main thread; signals that were ignored stay so (nohup)."""
+        if threading.current_thread() is not threading.main_thread():
+            return
+        for name in SIGNAL_NAMES:
+            number = getattr(signal, name, None)
+            if number is None or signal.getsignal(number) in (signal.SIG_IGN, None):
+                continue
+            self._before[number] = signal.signal(number, handle)
+
+    def restore(self) -> None:
+        """Give the signals back to whoever had them."""
+        while self._before:
+            number, handler = self._before.popitem()
+            signal.signal(number, handler)
+
+
+class StopSignals(_Handlers):
     """Be the scope, from `install` to `restore`, in which signals are deferred.
 
     A signal is only noted, and raised by the next `raise_if_asked`; so it can come neither between
@@ -37,27 +60,16 @@ class StopSignals:
     """
 
     def __init__(self, note: Callable[[str], None]) -> None:
+        super().__init__()
         self._note = note
-        self._before: dict[signal.Signals, Any] = {}
         self._asked: str | None = None
         self._raises = False
 
     def install(self) -> None:
-        """Take the signals over; those that were ignored stay so (nohup)."""
-        if threading.current_thread() is not threading.main_thread():
-            return
-        self._asked, self._raises = None, False
-        for name in SIGNAL_NAMES:
-            number = getattr(signal, name, None)
-            if number is None or signal.getsignal(number) in (signal.SIG_IGN, None):
-                continue
-            self._before[number] = signal.signal(number, self._handle)
-
-    def restore(self) -> None:
-        """Give the signals back to whoever had them."""
-        while self._before:
-            number, handler = self._before.popitem()
-            signal.signal(number, handler)
+        """Take the signals over."""
+        if threading.current_thread() is threading.main_thread():
+            self._asked, self._raises = None, False
+        self._take_over(self._handle)
 
     @contextmanager
     def interruptible(self) -> Iterator[None]:
@@ -90,7 +102,7 @@ PATIENCE_S = 10.0
 run of hours takes about a second."""
 
 
-class ClosingSignals:
+class ClosingSignals(_Handlers):
     """Keep impatient signals from cutting the closing of a run short.
 
     Entered before the bench is guarded; a guard's own handlers act while it is there. Until `begin`
@@ -98,8 +110,8 @@ class ClosingSignals:
     """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        super().__init__()
         self._clock = clock
-        self._before: dict[signal.Signals, Any] = {}
         self._begun = False
         self._first_s: float | None = None
 
@@ -108,12 +120,7 @@ class ClosingSignals:
         self._begun = True
 
     def __enter__(self) -> Self:
-        if threading.current_thread() is threading.main_thread():
-            for name in SIGNAL_NAMES:
-                number = getattr(signal, name, None)
-                if number is None or signal.getsignal(number) in (signal.SIG_IGN, None):
-                    continue
-                self._before[number] = signal.signal(number, self._handle)
+        self._take_over(self._handle)
         return self
 
     def __exit__(
@@ -122,9 +129,7 @@ class ClosingSignals:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        while self._before:
-            number, handler = self._before.popitem()
-            signal.signal(number, handler)
+        self.restore()
 
     def _handle(self, number: int, frame: FrameType | None) -> None:
         if not self._begun:

@@ -73,9 +73,6 @@ class StandstillWatch:
 
     Attributes:
         zero_s: when a motor was commanded to stop last, on the bench's clock.
-
-    Args:
-        identity: channels of the bench, and what its pulses mean.
     """
 
     def __init__(self, identity: Identity, rig: Rig, now_s: float) -> None:

@@ -63,9 +63,7 @@ class PacedBench(BenchWrapper):
     For people who watch. Only reading takes time: a virtual plate moves at once.
 
     Args:
-        bench: on a virtual clock.
         speed: bench seconds per wall second; may be changed at any time.
-        wait: waits at most so long for an event.
     """
 
     def __init__(

@@ -10,6 +10,7 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from benchtool.bench.drivers import Address
 from benchtool.bench.mavlink.drive import Drive, Health, PitchDrive, RunWatch
 from benchtool.bench.mavlink.frames import MavlinkFrames, MavlinkQuality
 from benchtool.bench.mavlink.link import MavlinkLink
-from benchtool.bench.mavlink.messages import TIMEOUT_S, Message, interval
+from benchtool.bench.mavlink.messages import Message, interval
 from benchtool.bench.mavlink.motor_test import TestDrive
 from benchtool.bench.mavlink.pilots import SEEN_S, AutopilotInfo, read_autopilot
 from benchtool.bench.mavlink.rows import MavlinkRows
@@ -61,20 +62,12 @@ ARRIVE_S = 120.0
 MOVING, THERE, REFUSED = 1.0, 0.0, -1.0
 """Values of `plate_mov`."""
 
-UNMAPPED = (
-    "the address has no map=, so rotor 1 is taken to hang on output 1 and so on; where it does "
-    "not, pulses and speeds are recorded under other rotors than theirs; make a map with benchtool "
-    "bench map and add map=FILE"
-)
-"""Warning of a pitch bench: its loop turns all rotors together, so that none shows its output."""
-
 
 class MavlinkBench(StreamingBench):
     """Drive motors through an autopilot and read what it reports.
 
     Args:
         since_1970_s: wall clock for signatures.
-        cell: port of a load cell beside the autopilot.
     """
 
     def __init__(
@@ -97,46 +90,18 @@ class MavlinkBench(StreamingBench):
 
     @property
     def identity(self) -> Identity:
-        autopilot, settings = self._known(), self._settings
-        wiring, pulses, pilot = autopilot.wiring, autopilot.pulses, autopilot.pilot
-        pitch = settings.mode == "pitch"
+        autopilot = self._known()
         facts = {
-            "autopilot": pilot.name,
-            "pwm_stop_us": f"{pulses.stop_us:g}",
-            "pwm_idle_us": f"{pulses.idle_us:g}",
-            "motors": " ".join(map(str, wiring.motors)),
-            "outputs": " ".join(str(output or "?") for output in wiring.outputs),
             "system": str(self._link.system),
             **stream_facts(self._states),
             **self._quality.facts(),
         }
-        if autopilot.speed != 1.0:
-            facts["speed"] = f"{autopilot.speed:g}"
-        if pitch:
-            facts |= {"mode": "pitch", "armed_by": settings.arm}
-        unmapped = pitch and len(wiring.outputs) > 1 and 0 in wiring.outputs
-        if warnings := [*filter(None, (settings.warning, UNMAPPED if unmapped else ""))]:
-            facts["warning"] = "; ".join(warnings)
-        return Identity(
+        return replace(
+            autopilot.identity(self._settings, facts),
             address=self.address,
-            device_id=autopilot.device_id,
-            firmware=autopilot.firmware,
-            protocol="MAVLink 2",
             channels=self._channels,
             rate_Hz=self._rate_Hz,
-            n_rotors=wiring.n_rotors,
-            simulated=autopilot.simulated,
-            moves_plate=autopilot.simulated,
-            limits={"pwm_us": pulses.high_us, **pilot.limits},
-            watchdog_s=TIMEOUT_S,
-            has_loop=pitch,
-            armed_by_operator=pitch and settings.arm == "operator",
-            pwm_stop_us=pulses.stop_us,
-            pwm_idle_us=pulses.idle_us,
-            outputs_measured=True,
             longest_delay_s=autopilot.speed * max(self._link.slowest_s, SEEN_S),
-            speed=autopilot.speed,
-            facts=facts,
         )
 
     def now_s(self) -> float:
@@ -163,9 +128,8 @@ class MavlinkBench(StreamingBench):
             beat = link.find(settings.system)
             autopilot = read_autopilot(link, beat, settings, self._clock)
             self._rows = MavlinkRows(autopilot.wiring, autopilot.pulses.idle_us, settings.speeds)
-            pitch = settings.mode == "pitch"
-            self._health = Health(pitch or autopilot.pilot.arms)
-            made = PitchDrive if pitch else TestDrive
+            made = PitchDrive if settings.mode == "pitch" else TestDrive
+            self._health = Health(made is PitchDrive or autopilot.pilot.arms)
             self._drive: Drive = made(link, autopilot, self._health, settings.arm, self._clock)
             link.on_message = self._take
             n = autopilot.wiring.n_rotors
@@ -186,11 +150,8 @@ class MavlinkBench(StreamingBench):
             self._choose_channels(autopilot)
             link.frames.take_counts(link.system)
             self._watch = RunWatch(self.address, link, self._health, self._drive, self._rows)
-            self._watch.request_again = [
-                interval(name, self._rate_Hz)
-                for name in OUTPUT_MESSAGES
-                if self._states.get(name) == "comes"
-            ]
+            outputs = [name for name in OUTPUT_MESSAGES if self._states.get(name) == "comes"]
+            self._watch.request_again = [interval(name, self._rate_Hz) for name in outputs]
             self._autopilot = autopilot
         except BaseException:
             for port in self._ports:
@@ -300,8 +261,7 @@ class MavlinkBench(StreamingBench):
         return self._ahead.read(lambda: self._read_fresh(timeout_s))
 
     def _read_fresh(self, timeout_s: float) -> Readings:
-        speed = self._known().speed
-        deadline_s = self._clock() + timeout_s / speed
+        deadline_s = self._clock() + timeout_s / self._known().speed
         while True:
             readings = self._readings()
             if len(readings):

@@ -69,8 +69,6 @@ class Health:
     """Judge an autopilot by its heartbeats and texts.
 
     Attributes:
-        armed: as the last heartbeat says.
-        texts: received since they were last taken, oldest first.
         refusal: its last text of warning or worse, until `drive` or the caller empties it.
 
     Args:
@@ -189,7 +187,6 @@ class Drive(ABC):
 
     Attributes:
         renews: whether motors turn by orders that lapse and are sent again.
-        highest_us: longest pulse that is commanded at present.
     """
 
     renews = False

@@ -37,7 +37,6 @@ class LinkCounts:
         messages: received, without duplicates.
         lost: that the sequence numbers miss, over all components of a system.
         corrupt: discarded for checksum or signature.
-        duplicates: that came a second time and were dropped.
         reordered: that came after a later one.
     """
 

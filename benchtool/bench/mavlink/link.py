@@ -58,8 +58,6 @@ class MavlinkLink(LinkEnd):
     """Hold one conversation with an autopilot over a transport.
 
     Attributes:
-        system: number of the autopilot, known once it is found.
-        component: number of the autopilot within its system.
         on_message: is given every message of that system with the wall time of its arrival.
         received_s: wall time of the autopilot's own last message.
         slowest_s: longest time that an acknowledgement took.
@@ -148,7 +146,6 @@ class MavlinkLink(LinkEnd):
 
         Args:
             order: not one that turns a motor.
-            tries_s: how long each try waits.
 
         Raises:
             LinkLost: no answer to any try.

@@ -306,7 +306,6 @@ class OutputWatch:
         """Return what is wrong in a sentence, None while nothing is.
 
         Args:
-            outputs_us: pulse of every output, as last reported.
             lost_s: since the last acknowledgement of an order that is sent again and again.
             slowest_s: longest time that an acknowledgement took.
         """

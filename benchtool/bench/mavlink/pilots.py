@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import nan
 
+from benchtool.bench.bench import Identity
 from benchtool.bench.mavlink.link import MavlinkLink
 from benchtool.bench.mavlink.messages import (
     ACCEPTED,
@@ -40,6 +41,13 @@ VERSION_S = 0.5
 LEAST_US, LONGEST_US = 800.0, 2200.0
 """Pulses that ArduCopter's motor test takes at all (RC_MIN_LIMIT_PWM and RC_MAX_LIMIT_PWM)."""
 
+UNMAPPED = (
+    "the address has no map=, so rotor 1 is taken to hang on output 1 and so on; where it does "
+    "not, pulses and speeds are recorded under other rotors than theirs; make a map with benchtool "
+    "bench map and add map=FILE"
+)
+"""Warning of a pitch bench: its loop turns all rotors together, so that none shows its output."""
+
 MOTORS_OF_FRAME = {1: 4, 2: 6, 3: 8, 4: 8, 5: 6, 7: 3, 12: 12, 14: 10}
 """ArduCopter's FRAME_CLASS: quad, hexa, octa, octaquad, Y6, tri, dodecahexa, deca."""
 
@@ -58,7 +66,6 @@ class Pilot(ABC):
     """Be one kind of autopilot.
 
     Attributes:
-        name: as people call it.
         parameters: that are worth reading when the link opens.
         required: those without which pulses cannot be bounded to the autopilot's own range.
         together: whether several motors can turn in tests at the same time.
@@ -70,11 +77,6 @@ class Pilot(ABC):
     required: tuple[str, ...] = ()
     together: bool
     arms: bool
-
-    @property
-    def limits(self) -> dict[str, float]:
-        """Limits of its motor test."""
-        return {} if self.together else {"rotors_together": 1.0}
 
     @abstractmethod
     def n_motors(self, values: Mapping[str, float]) -> int | None:
@@ -198,6 +200,46 @@ class AutopilotInfo:
     firmware: str
     simulated: bool
     speed: float
+
+    def identity(self, settings: MavlinkSettings, facts: Mapping[str, str]) -> Identity:
+        """Return the identity without what its streams say."""
+        wiring, pulses, pilot = self.wiring, self.pulses, self.pilot
+        pitch = settings.mode == "pitch"
+        known = {
+            "autopilot": pilot.name,
+            "pwm_stop_us": f"{pulses.stop_us:g}",
+            "pwm_idle_us": f"{pulses.idle_us:g}",
+            "motors": " ".join(map(str, wiring.motors)),
+            "outputs": " ".join(str(output or "?") for output in wiring.outputs),
+            **facts,
+        }
+        if self.speed != 1.0:
+            known["speed"] = f"{self.speed:g}"
+        if pitch:
+            known |= {"mode": "pitch", "armed_by": settings.arm}
+        unmapped = pitch and len(wiring.outputs) > 1 and 0 in wiring.outputs
+        if warnings := [*filter(None, (settings.warning, UNMAPPED if unmapped else ""))]:
+            known["warning"] = "; ".join(warnings)
+        return Identity(
+            address="",
+            device_id=self.device_id,
+            firmware=self.firmware,
+            protocol="MAVLink 2",
+            channels=(),
+            rate_Hz=settings.rate_Hz,
+            n_rotors=wiring.n_rotors,
+            simulated=self.simulated,
+            moves_plate=self.simulated,
+            limits={"pwm_us": pulses.high_us} | ({} if pilot.together else {"rotors_together": 1}),
+            watchdog_s=TIMEOUT_S,
+            has_loop=pitch,
+            armed_by_operator=pitch and settings.arm == "operator",
+            pwm_stop_us=pulses.stop_us,
+            pwm_idle_us=pulses.idle_us,
+            outputs_measured=True,
+            speed=self.speed,
+            facts=known,
+        )
 
 
 def read_autopilot(

@@ -66,13 +66,10 @@ class MavlinkRows:
     """Turn messages into rows.
 
     Attributes:
-        time: the autopilot's clock.
         outputs_us: (16,) pulse of every output as last reported, 0 where there is none.
         speeds_rpm: speed that each ESC (by its place, from 1) last reported.
-        speeds: which speed message lives.
 
     Args:
-        wiring: which message feeds which channel.
         idle_us: outputs above it drive their motors.
         with_speeds: False leaves every speed message aside.
     """
@@ -285,9 +282,7 @@ class SpeedSources:
         """Note a reading; return whether it is the speed of that rotor (from 0).
 
         Args:
-            source: one of `SPEED_SOURCES`.
             driven: whether the rotor's output is above idle.
-            time_us: of the reading, on the autopilot's clock.
         """
         state = self._rotors[rotor]
         if rpm != 0.0:

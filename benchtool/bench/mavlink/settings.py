@@ -35,7 +35,6 @@ class ThrustSource:
     """Name the message that carries thrust.
 
     Attributes:
-        message: one of `THRUST_MESSAGES`.
         name: of the value, at most ten letters; NAMED_VALUE_FLOAT and the others have one field.
         part: "x", "y" or "z" of a vector, the index in an array, "" for a single value.
     """
@@ -79,7 +78,6 @@ class Wiring:
         motors: (n_rotors,) number of each rotor in the autopilot's motor test, from 1.
         outputs: (n_rotors,) output that drives each rotor, from 1; 0 where it is not known.
         escs: (n_rotors,) place of each rotor in speed messages, from 1.
-        thrust: message of the load cell.
         thrust_scale_N: newtons per unit of that message.
         orientation: of the distance sensor that looks at the plate; None takes no distance.
         virtual: whether the autopilot's world is virtual and knows the plate's distance exactly.
@@ -127,9 +125,6 @@ class MotorMap(FiniteTable):
     """Say which motor, output and ESC belongs to each rotor of a rig, in the rig's order.
 
     Attributes:
-        rig: name of the rig.
-        autopilot: name of the autopilot that it was learnt on.
-        motors: number of each rotor in the autopilot's motor test.
         outputs: output that drives each rotor; 0 where that is not known.
         escs: place of each rotor in speed messages; 0 where it has none.
     """
@@ -202,12 +197,7 @@ class MavlinkSettings:
         motor_map: of the rig; None takes rotors for motors 1, 2, ... with outputs not known.
         mode: "plate" (motor tests under a load cell) or "pitch" (the autopilot's own loop).
         arm: whose task arming is in a pitch experiment.
-        rate_Hz: of outputs and attitude.
         key: 32 bytes for MAVLink 2 signing; None signs nothing.
-        thrust: message of the load cell.
-        thrust_scale_N: newtons per unit of that message.
-        speeds: whether speed messages are taken.
-        distance: whether the distance sensor gives the plate's distance.
         orientation: of that sensor (MAV_SENSOR_ORIENTATION), others are left aside.
         cell: port and baud rate of a load cell beside the autopilot; None where there is none.
         warning: what must be said aloud before it is opened, or nothing.

@@ -187,7 +187,6 @@ def switch_off_others(
     that others may share they are left alone.
 
     Args:
-        counts: how many of each message of the autopilot itself have come.
         states: what became of the messages that were requested.
     """
     others = [

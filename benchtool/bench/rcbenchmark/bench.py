@@ -13,7 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchtool.bench.bench import Identity, Listener, Opened, ReadAhead, Readings
+from benchtool.bench.bench import Identity, Readings, StreamingBench
 from benchtool.bench.clocks import DeviceClock
 from benchtool.bench.drivers import Address
 from benchtool.bench.rcbenchmark.lines import PULSE, BridgeHello, BridgeLine, StandClock, pulse_text
@@ -48,7 +48,7 @@ ARRIVE_S = 120.0
 LEAST_HZ = 1.0
 
 
-class RcbBench(Opened):
+class RcbBench(StreamingBench):
     """Drive one motor through the RCbenchmark GUI and read what its stand measures."""
 
     def __init__(
@@ -58,11 +58,10 @@ class RcbBench(Opened):
         settings: RcbSettings | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self.address = address
+        super().__init__(address)
         self._settings = settings or RcbSettings()
         self._link = BridgeLink(transport, address, clock)
         self._clock = clock
-        self._ahead = ReadAhead()
         self._speed = 1.0
 
     def now_s(self) -> float:
@@ -91,7 +90,7 @@ class RcbBench(Opened):
             self._rows.clear()
             self._identity = self._learn(hello)
             self._expected, self._lost = None, 0
-            self._link.ear.corrupt = 0
+            self._link.decoder.corrupt = 0
         except BaseException:
             link.close()
             raise
@@ -127,9 +126,6 @@ class RcbBench(Opened):
     def stop(self) -> None:
         _ = self.identity  # raises while the bench is closed
         self._link.order(b"stop")
-
-    def subscribe(self, listener: Listener) -> None:
-        self._ahead.subscribe(listener)
 
     def move_plate(self, z_m: float, x_m: float = 0.0, tilt_rad: float = 0.0) -> None:
         if not self.identity.moves_plate:
@@ -287,7 +283,7 @@ class RcbBench(Opened):
             self._device_clock.learn(int(times_us[-1]), self.now_s())
         messages, self._messages = tuple(self._messages), []
         lost, self._lost = self._lost, 0
-        corrupt, self._link.ear.corrupt = self._link.ear.corrupt, 0
+        corrupt, self._link.decoder.corrupt = self._link.decoder.corrupt, 0
         return Readings(
             time_s=self._device_clock.host_time_s(times_us),
             device_time_us=times_us.astype(float),

@@ -7,9 +7,16 @@ from dataclasses import dataclass
 
 from benchtool.bench.drivers import Address, Endpoint, is_loopback
 from benchtool.bench.identify import mismatch
-from benchtool.bench.rcbenchmark.bridge_file import GUI_PORT, HOST_PORT, LOOPBACK
-from benchtool.bench.rcbenchmark.lines import BridgeDecoder, BridgeHello, BridgeLine, pulse_text
-from benchtool.bench.transport.transport import Transport
+from benchtool.bench.rcbenchmark.lines import (
+    GUI_PORT,
+    HOST_PORT,
+    LOOPBACK,
+    BridgeDecoder,
+    BridgeHello,
+    BridgeLine,
+    pulse_text,
+)
+from benchtool.bench.transport.transport import LinkEnd, Transport
 from benchtool.core.errors import CommandRefused, LinkLost, NoDevice, ProtocolError
 
 HELLO_S = 5.0
@@ -24,29 +31,24 @@ TRIES = 5
 HEARTBEAT_S = 0.08
 """A third of the script's 250 ms: two heartbeats may get lost."""
 
-LONGEST_WAIT_S = 0.02
-
-_SHOWN_BYTES = 200
-
 WRITE_IT = "write it with benchtool bench bridge and run it in the GUI"
 
 
-class BridgeLink:
-    """Hold one conversation with the bridge script.
-
-    Attributes:
-        ear: puts lines together.
-        received_s: wall time of the last line.
-    """
+class BridgeLink(LinkEnd):
+    """Hold one conversation with the bridge script."""
 
     def __init__(self, transport: Transport, address: str, clock: Callable[[], float]) -> None:
-        self.ear = BridgeDecoder()
+        super().__init__(transport, address, clock)
         self.received_s = 0.0
-        self._transport, self._address, self._clock = transport, address, clock
+        self._begin()
+
+    def _begin(self) -> None:
+        self.decoder = BridgeDecoder()
         self._answers: dict[bytes, BridgeLine] = {}
         self._lines: list[BridgeLine] = []
-        self._received = b""
-        self._begin()
+        self._sent_s = -HEARTBEAT_S
+        self._low = self._pulse = b""
+        self.received = b""
 
     def open(self) -> BridgeHello:
         """Open the transport and ask who is there until the script answers.
@@ -55,23 +57,18 @@ class BridgeLink:
             PortBusy, PortDenied, NoDevice: the port cannot be had, or it stays silent.
             ProtocolError: what answers is not the bridge script.
         """
-        self.ear = BridgeDecoder()
         self._begin()
-        self._transport.open()
-        deadline_s = self._clock() + HELLO_S
-        while self._clock() < deadline_s:
+        self.transport.open()
+        deadline_s = self.clock() + HELLO_S
+        while self.clock() < deadline_s:
             answer = self._try(b"hello", HELLO_TRY_S)
             hello = answer.entry if answer is not None else None
             if isinstance(hello, BridgeHello):
-                self.ear.speed = hello.speed
+                self.decoder.speed = hello.speed
                 self._low = self._pulse = pulse_text(hello.low_us)
-                self.received_s = self._clock()
+                self.received_s = self.clock()
                 return hello
         raise self._silence()
-
-    def close(self) -> None:
-        """Give the transport back."""
-        self._transport.close()
 
     def order(self, word: bytes, longest_s: float = TRIES * ANSWER_S) -> BridgeLine:
         """Say a word until it is answered; the script may carry it out more than once.
@@ -85,8 +82,8 @@ class BridgeLink:
             before, self._pulse = self._pulse, self._low if word == b"stop" else word
         else:
             before = self._pulse
-        deadline_s = self._clock() + longest_s
-        while (left_s := deadline_s - self._clock()) > 0.0:
+        deadline_s = self.clock() + longest_s
+        while (left_s := deadline_s - self.clock()) > 0.0:
             answer = self._try(word, min(left_s, ANSWER_S if longest_s < 2.0 else 1.0))
             if answer is None:
                 continue
@@ -95,71 +92,50 @@ class BridgeLink:
                 raise CommandRefused(word.decode(), refused)
             return answer
         raise LinkLost(
-            f"{self._address} did not answer {word.decode()!r} within {longest_s:g} s; the script "
+            f"{self.address} did not answer {word.decode()!r} within {longest_s:g} s; the script "
             f"should stop the motor unless the GUI has gone as well; look at both, then start "
             f"the script again"
         )
 
     def pump(self, timeout_s: float) -> bool:
-        """Send a heartbeat when one is due and take what arrives within a short wait.
-
-        Returns:
-            whether anything arrived.
-        """
-        if self._pulse and self._clock() - self._sent_s >= HEARTBEAT_S:
+        if self._pulse and self.clock() - self._sent_s >= HEARTBEAT_S:
             self._send(self._pulse)
-        data = self._transport.read(min(timeout_s, LONGEST_WAIT_S))
-        if not data:
-            return False
-        if len(self._received) < _SHOWN_BYTES:
-            self._received = (self._received + data)[:_SHOWN_BYTES]
-        for line in self.ear.feed(data):
-            self.received_s = self._clock()
+        data = self.take(timeout_s)
+        for line in self.decoder.feed(data):
+            self.received_s = self.clock()
             if line.entry.to:
                 self._answers[line.entry.to.encode("latin-1", "replace")] = line
             self._lines.append(line)
-        return True
+        return bool(data)
 
     def take_lines(self) -> list[BridgeLine]:
         """Return what the script said since the last call, oldest first."""
         lines, self._lines = self._lines, []
         return lines
 
-    def _begin(self) -> None:
-        self._answers.clear()
-        self._lines.clear()
-        self._sent_s = -HEARTBEAT_S
-        self._low = self._pulse = b""
-        self._received = b""
-
     def _try(self, word: bytes, wait_s: float) -> BridgeLine | None:
         self._answers.pop(word, None)
         self._send(word)
-        deadline_s = self._clock() + wait_s
-        while (left_s := deadline_s - self._clock()) > 0.0:
-            self.pump(left_s)
-            if word in self._answers:
-                return self._answers.pop(word)
-        return None
+        return self.wait(wait_s, lambda: self._answers.pop(word, None))
 
     def _send(self, word: bytes) -> None:
-        self._transport.write(word)
-        self._sent_s = self._clock()
+        self.transport.write(word)
+        self._sent_s = self.clock()
 
     def _silence(self) -> NoDevice | ProtocolError:
         """Say what is there instead of the bridge script."""
-        if self.ear.foreign:
+        if self.decoder.foreign:
             return ProtocolError(
-                f"{self._address} sends readings, but not through benchtool's bridge script: the "
+                f"{self.address} sends readings, but not through benchtool's bridge script: the "
                 f"script that runs there stops no motor when its host dies; {WRITE_IT}"
             )
-        if not self._received:
+        if not self.received:
             return NoDevice(
-                f"nothing came from {self._address} for {HELLO_S:g} s; start the bridge script in "
+                f"nothing came from {self.address} for {HELLO_S:g} s; start the bridge script in "
                 f"the GUI ({WRITE_IT}), and check that the ports at its head are those of this "
                 f"address"
             )
-        return ProtocolError(f"{self._address} {mismatch('bridge', self._received)}")
+        return ProtocolError(f"{self.address} {mismatch('bridge', self.received)}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

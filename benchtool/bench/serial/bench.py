@@ -13,7 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchtool.bench.bench import Identity, Listener, Opened, ReadAhead, Readings
+from benchtool.bench.bench import Identity, Readings, StreamingBench
 from benchtool.bench.drivers import Address
 from benchtool.bench.serial.commands import (
     LATE,
@@ -58,7 +58,7 @@ ASK_PLATE_S = 0.5
 HALT_TRIES = 3
 
 
-class SerialBench(Opened):
+class SerialBench(StreamingBench):
     """Drive a device that speaks the bench protocol.
 
     Time of this bench is wall time, multiplied by the speed that a virtual device gives in its
@@ -78,14 +78,13 @@ class SerialBench(Opened):
         arrive_s: float = 120.0,
         device_id: str | None = None,
     ) -> None:
-        self.address = address
+        super().__init__(address)
         self._conversation = Conversation(transport, address, clock, self._take_in)
         self._clock = clock
         self._arrive_s = arrive_s
         self._device_id = device_id
         self._hello: Hello | None = None
         self._rate_Hz = 0.0
-        self._ahead = ReadAhead()
         self._messages: list[str] = []
         self._silent_since_s: float | None = None
         self._stopped: str | None = None
@@ -155,9 +154,6 @@ class SerialBench(Opened):
     def halt(self) -> None:
         """Send zero at once, from any thread (`Halts`)."""
         self._conversation.halt()
-
-    def subscribe(self, listener: Listener) -> None:
-        self._ahead.subscribe(listener)
 
     def move_plate(self, z_m: float, x_m: float = 0.0, tilt_rad: float = 0.0) -> None:
         self._raise_if_stopped()

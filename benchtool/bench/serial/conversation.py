@@ -33,7 +33,7 @@ from benchtool.bench.serial.frames import (
     signed_step,
 )
 from benchtool.bench.serial.hello import Hello, HelloReader
-from benchtool.bench.transport.transport import Transport
+from benchtool.bench.transport.transport import LinkEnd, Transport
 from benchtool.core.errors import HostPaused, LinkLost, NoDevice, PortBusy, ProtocolError
 
 HELLO_S = 5.0
@@ -56,12 +56,8 @@ device refuses it."""
 LAST_NUMBER_1 = 65535
 """Largest number of a command in version 1, where they start over."""
 
-LONGEST_WAIT_S = 0.02
 
-_SHOWN_BYTES = 200
-
-
-class Conversation:
+class Conversation(LinkEnd):
     """Hold one conversation with a device over a transport.
 
     Args:
@@ -75,9 +71,7 @@ class Conversation:
         clock: Callable[[], float],
         take: Callable[[Readings], None] = lambda readings: None,
     ) -> None:
-        self.transport = transport
-        self._address = address
-        self._clock = clock
+        super().__init__(transport, address, clock)
         self._take = take
         self._decoder = Decoder()
         self._reader = HelloReader()
@@ -91,7 +85,6 @@ class Conversation:
         self._gaps = Gaps()
         self._hello: Hello | None = None
         self._opened_s = 0.0
-        self._received = b""
 
     def open(self) -> Hello:
         """Open the transport and ask who is there until somebody answers.
@@ -103,10 +96,10 @@ class Conversation:
         self._decoder = Decoder()
         self._reader = HelloReader()
         self._number, self._device_read_s = 0, -inf
-        self._received = b""
-        self._hello, self._opened_s = None, self._clock()
+        self.received = b""
+        self._hello, self._opened_s = None, self.clock()
         self.transport.open()
-        self._gaps.begin(self._clock())
+        self._gaps.begin(self.clock())
         self._hello = hello = self._ask_hello()
         self._version = hello.version
         self._decoder.expect(len(hello.channels))
@@ -114,14 +107,13 @@ class Conversation:
         return hello
 
     def close(self) -> None:
-        """Give the transport back."""
         self._hello = None
-        self.transport.close()
+        super().close()
 
     def now_s(self) -> float:
         """Return the device's pace on the host's clock: wall time, multiplied by its speed."""
         speed = self._hello.speed if self._hello else 1.0
-        return self._opened_s + (self._clock() - self._opened_s) * speed
+        return self._opened_s + (self.clock() - self._opened_s) * speed
 
     def exchange(self, command: Command, tries: int = TRIES, moves: bool = False) -> Reply:
         """Send a command until it is answered; the device carries each number out once.
@@ -138,12 +130,12 @@ class Conversation:
                 did so since the order before, and this one was refused as late.
         """
         before_s = self._gaps.longest_s
-        self._gaps.begin(self._clock())
+        self._gaps.begin(self.clock())
         aged = self._version > 1 and not isinstance(command, RequestPlate | StopDevice)
         # After a pause, samples that waited in a buffer are read with old times. Orders to arm and
         # to turn stay that old, so that a stop on the way outdates them.
         paused = before_s > FRESH_S and not isinstance(command, ArmDevice | SetPwm)
-        if aged and (paused or self._clock() > self._device_read_s + FRESH_S):
+        if aged and (paused or self.clock() > self._device_read_s + FRESH_S):
             self._converse(RequestPlate(), tries)  # Its answer brings the device's time.
         reply = self._converse(command, tries, moves)
         if too_old(reply.reason) and before_s > OLDEST_S:
@@ -161,13 +153,14 @@ class Conversation:
             line = frame_version_1(number, command)
         self._replies.clear()
         for _ in range(tries):
-            reply = self._try(number, line, ANSWER_S)
+            self._send(line)
+            reply = self.wait(ANSWER_S, lambda: self._replies.pop(number, None))
             if moves or (reply is not None and reply.reason.startswith(LATE)):
                 self._raise_if_paused()
             if reply is not None:
                 return reply
         raise LinkLost(
-            f"{self._address} did not answer {','.join(fields_of(command))!r} in {tries} tries of "
+            f"{self.address} did not answer {','.join(fields_of(command))!r} in {tries} tries of "
             f"{1000.0 * ANSWER_S:.0f} ms; the device should stop its motors by its watchdog; check "
             f"cable and power, then start again"
         )
@@ -186,21 +179,14 @@ class Conversation:
             self.transport.write(frame_command(0, StopDevice()))
 
     def pump(self, timeout_s: float) -> bool:
-        """Send a heartbeat when one is due and take what arrives within a short wait.
-
-        Returns:
-            whether anything arrived.
-        """
-        now_s = self._clock()
+        now_s = self.clock()
         self._gaps.note(now_s)
         if now_s - self._sent_s >= HEARTBEAT_S:
             self._send(HEARTBEAT)
-        data = self.transport.read(min(timeout_s, LONGEST_WAIT_S))
-        self._gaps.note(self._clock())
+        data = self.take(timeout_s)
+        self._gaps.note(self.clock())
         if not data:
             return False
-        if len(self._received) < _SHOWN_BYTES:
-            self._received = (self._received + data)[:_SHOWN_BYTES]
         readings = self._decoder.feed(data, self.now_s())
         for message in self._decoder.take_messages():
             self._sort(message)
@@ -215,38 +201,26 @@ class Conversation:
         events, self._events = self._events, []
         return events
 
-    def _try(self, number: int, line: bytes, wait_s: float) -> Reply | None:
-        self._send(line)
-        deadline_s = self._clock() + wait_s
-        while True:
-            if number in self._replies:
-                return self._replies.pop(number)
-            left_s = deadline_s - self._clock()
-            if left_s <= 0.0:
-                return None
-            self.pump(left_s)
-
     def _raise_if_paused(self) -> None:
         if (paused_s := self._gaps.longest_s) > OLDEST_S:
             raise HostPaused(paused_s, OLDEST_S)
 
     def _ask_hello(self) -> Hello:
-        deadline_s = self._clock() + HELLO_S
+        deadline_s = self.clock() + HELLO_S
         version = PROTOCOL_VERSION
-        while self._clock() < deadline_s:
+        while self.clock() < deadline_s:
             self._number += 1
             self._reader.begin()
             self._send(frame_command(self._number, RequestHello(version)))
-            try_s = self._clock() + HELLO_TRY_S
+            try_s = self.clock() + HELLO_TRY_S
             answered = False
-            while not answered and (left_s := try_s - self._clock()) > 0.0:
+            while not answered and (left_s := try_s - self.clock()) > 0.0:
                 self.pump(left_s)
                 while self._replies:
                     number, reply = self._replies.popitem()
                     if not reply.ok and version == 1:
                         raise ProtocolError(
-                            f"{self._address} refused the hello: {reply.reason}; update its "
-                            f"firmware"
+                            f"{self.address} refused the hello: {reply.reason}; update its firmware"
                         )
                     version = version if reply.ok else 1
                     # On a slow line this answers an earlier try; lines with an index are as good.
@@ -256,12 +230,12 @@ class Conversation:
                         if not answered:
                             self._device_read_s = -inf  # The next try stops the device once more.
                         return hello
-        if not self._received:
+        if not self.received:
             raise NoDevice(
-                f"{self._address} is open, but nothing answered for {HELLO_S:g} s; check power, "
+                f"{self.address} is open, but nothing answered for {HELLO_S:g} s; check power, "
                 f"firmware and baud rate (`benchtool doctor` tries each cause)"
             )
-        raise ProtocolError(f"{self._address} {mismatch('bench', self._received, self._address)}")
+        raise ProtocolError(f"{self.address} {mismatch('bench', self.received, self.address)}")
 
     def _note_time(self, text: str) -> None:
         """Note a device time that was read, unless it is older than what is known."""
@@ -269,11 +243,11 @@ class Conversation:
             return
         first = self._device_read_s == -inf
         if first or signed_step(int(text), self._device_us, TIME_MODULUS_US) > 0:
-            self._device_us, self._device_read_s = int(text), self._clock()
+            self._device_us, self._device_read_s = int(text), self.clock()
 
     def _send(self, data: bytes) -> None:
         self.transport.write(data)
-        self._sent_s = self._clock()
+        self._sent_s = self.clock()
 
     def _sort(self, message: TextMessage) -> None:
         letter, fields = message.letter, message.fields
@@ -291,5 +265,5 @@ class Conversation:
         elif letter == "E" and fields:
             event = DeviceEvent(fields[0], ",".join(fields[1:]))
             if event.kind == "busy":
-                raise PortBusy(f"{self._address} is in use by {event.text}; end that and try again")
+                raise PortBusy(f"{self.address} is in use by {event.text}; end that and try again")
             self._events.append(event)

@@ -36,17 +36,12 @@ class Hello:
     """Say who the device is and what it streams; see `Identity` for what both have.
 
     Attributes:
-        channels: (c,) what a sample carries, in order.
         channel_rates_Hz: (c,) how often each channel has a new value.
-        rate_Hz: stream rate that the device proposes.
         limits: device-side limits by name (`thrust_N`, `rpm`, `voltage_min_V` ...).
-        pwm_stop_us: pulse at which the motors stand still.
-        pwm_idle_us: longest pulse at which the plate may move.
         watchdog_s: the motors stop after so long without a valid line, wall time.
         frame_bytes: longest sample frame, for the arithmetic of rate against baud.
         baud: what the device's serial port runs at, 0 where the link has no baud rate.
         speed: device seconds per wall second; 1 on every physical device.
-        has_loop: a control loop on the device makes the pulses once it is armed.
     """
 
     device_id: str
@@ -161,7 +156,10 @@ def hello_from(lines: Iterable[Sequence[str]]) -> Hello:
         if not all(text.isprintable() for text in line):
             raise _wrong(f"the line {','.join(line)!r} holds what cannot be printed")
         if key == "channel":
-            channels.append(_channel(fields[0], fields[1]))
+            try:
+                channels.append(Channel(fields[0], fields[1]))
+            except InputError as error:
+                raise _wrong(str(error)) from error
             rates_Hz.append(_number(f"rate of {fields[0]}", fields[2], 0.0, 1e6))
         elif key == "limit":
             # A stage may reach its zero and have no room sideways; no other limit can be 0.
@@ -215,13 +213,6 @@ def _check(single: Mapping[str, Sequence[str]], channels: Sequence[Channel]) -> 
         raise _wrong(f"channel {min(twice)!r} comes twice")
 
 
-def _channel(name: str, unit: str) -> Channel:
-    try:
-        return Channel(name, unit)
-    except InputError as error:
-        raise _wrong(str(error)) from error
-
-
 def _text(key: str, text: str) -> str:
     if not 0 < len(text) <= _LONGEST_TEXT:
         raise _wrong(f"{key} is {text[:20]!r}, not a text of 1 to {_LONGEST_TEXT} characters")
@@ -252,8 +243,6 @@ def _wrong(what: str) -> ProtocolError:
 MOST_LINES = 256
 """More are not stored; a bench with 64 rotors says about 220."""
 
-Line = tuple[str, ...]
-
 
 class HelloReader:
     """Put a hello together from its lines.
@@ -264,15 +253,15 @@ class HelloReader:
     """
 
     def __init__(self) -> None:
-        self._indexed: dict[int, Line] = {}
-        self._listed: list[Line] = []
-        self._before: list[Line] | None = None
+        self._indexed: dict[int, Fields] = {}
+        self._listed: list[Fields] = []
+        self._before: list[Fields] | None = None
 
     def begin(self) -> None:
         """Begin another try."""
         self._listed = []
 
-    def take(self, line: Line) -> None:
+    def take(self, line: Fields) -> None:
         """Take the fields of one line."""
         if line and line[0].isdecimal():
             if int(line[0]) < MOST_LINES and len(line) > 1:
@@ -302,8 +291,8 @@ class HelloReader:
         lines = [line for _, line in sorted(self._indexed.items())]
         if count != str(len(lines)):
             return None
-        said = crc16(b"".join(payload_of("H", line) + b"\n" for line in lines))
-        if whole != f"{said:04X}":
+        own = crc16(b"".join(payload_of("H", line) + b"\n" for line in lines))
+        if whole != f"{own:04X}":
             self._indexed.clear()
             return None
         return hello_from(line[1:] for line in lines)

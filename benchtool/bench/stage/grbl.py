@@ -53,7 +53,6 @@ class GrblStage:
         lateral: axis of the lateral position, None where there is none.
         opening: called while the stage homes on opening, which takes long; a bench beside it would
             run over if nobody listened to it.
-        option: how it was chosen.
     """
 
     measures_to_m = 0.0

@@ -23,7 +23,7 @@ from benchtool.bench.stage.grbl_lines import (
     StatusReport,
 )
 from benchtool.bench.stage.stage import Pause
-from benchtool.bench.transport.transport import Transport
+from benchtool.bench.transport.transport import SHOWN_BYTES, Transport
 from benchtool.core.errors import NoDevice, ProtocolError, StageError
 
 WAKE_S = 5.0
@@ -45,8 +45,6 @@ SETTINGS_TRIES = 3
 
 MOST_REPORTS = 40
 """The work offset comes in every 10th to 30th report (Grbl 1.1 configuration)."""
-
-_SHOWN_BYTES = 200
 
 
 class GrblLink:
@@ -105,16 +103,12 @@ class GrblLink:
             f"baud rate (GRBL: 115200)"
         )
 
-    def order(self, line: bytes, what: str, longest_s: float, pause: Pause) -> None:
-        """Send a line and wait for its `ok`, in silence if need be."""
-        self._collect(line, what, longest_s, pause)
-
     def settings(self, pause: Pause) -> GrblSettings:
         """Return the numbered settings; asked again where noise has eaten a line."""
         found: dict[int, float] = {}
         for tries_left in reversed(range(SETTINGS_TRIES)):
             try:
-                words = self._collect(SETTINGS, "a question for its settings", ANSWER_S, pause)
+                words = self.order(SETTINGS, "a question for its settings", ANSWER_S, pause)
             except StageError:
                 if not tries_left:
                     raise
@@ -124,11 +118,12 @@ class GrblLink:
                 break
         return GrblSettings(found)
 
-    def _collect(self, line: bytes, what: str, longest_s: float, pause: Pause) -> list[GrblLine]:
-        """Send a line and return all that is said until its `ok`."""
-        self._throw_away(what)
-        self._send_line(line)
-        said: list[GrblLine] = []
+    def order(self, line: bytes, what: str, longest_s: float, pause: Pause) -> list[GrblLine]:
+        """Send a line and return all that is said until its `ok`, in silence if need be."""
+        self._discard(what)
+        self.unanswered = True
+        self._transport.write(line)
+        lines: list[GrblLine] = []
         deadline_s = self._clock() + longest_s
         while self._clock() < deadline_s:
             pause(LISTEN_S)
@@ -136,8 +131,8 @@ class GrblLink:
                 self._raise_for(word, what)
                 if isinstance(word, Ok):
                     self.unanswered = False
-                    return said
-                said.append(word)
+                    return lines
+                lines.append(word)
         raise self.given_up(what, longest_s)
 
     def watched(self, line: bytes, what: str, pause: Pause) -> Iterator[StatusReport]:
@@ -149,7 +144,8 @@ class GrblLink:
         Raises:
             StageError: refused, alarmed, started anew, or silent for `ANSWER_S`.
         """
-        self._send_line(line)
+        self.unanswered = True
+        self._transport.write(line)
         report_s = asked_s = self._clock()
         while True:
             if self._clock() - report_s > ANSWER_S:
@@ -178,7 +174,7 @@ class GrblLink:
     def request_report(self, pause: Pause) -> StatusReport:
         """Return a status report; asked again every `ASK_S`, as a byte may be lost."""
         what = "a question for its state"
-        self._throw_away(what)
+        self._discard(what)
         deadline_s = self._clock() + ANSWER_S
         while (asked_s := self._clock()) < deadline_s:
             self._transport.write(STATUS)
@@ -214,19 +210,15 @@ class GrblLink:
             f"it off and on, then start again"
         )
 
-    def _send_line(self, line: bytes) -> None:
-        self.unanswered = True
-        self._transport.write(line)
-
-    def _throw_away(self, what: str) -> None:
+    def _discard(self, what: str) -> None:
         """Take what is left of earlier answers, so that it is not taken for that of the next."""
         for word in self._receive(0.0):
             self._raise_for(word, what)
 
     def _receive(self, timeout_s: float = LISTEN_S) -> list[GrblLine]:
         data = self._transport.read(timeout_s)
-        if len(self._received) < _SHOWN_BYTES:
-            self._received = (self._received + data)[:_SHOWN_BYTES]
+        if len(self._received) < SHOWN_BYTES:
+            self._received = (self._received + data)[:SHOWN_BYTES]
         words = self._decoder.feed(data)
         for word in words:
             if isinstance(word, Banner):

@@ -84,7 +84,6 @@ class HandStage:
     """Let the operator move the plate and check what they say.
 
     Args:
-        ask: shows a question and returns the answer.
         tolerance_m: how far the distance typed in may be from the one asked for.
         tries: how often a wrong answer is asked again.
     """
@@ -189,11 +188,7 @@ class _StageWrapper:
 
 
 class IdleStage(_StageWrapper):
-    """Be another stage that asks first whether the plate may move, and then whether it did.
-
-    Args:
-        stage: moves the plate by itself, without the bench knowing.
-    """
+    """Be another stage that asks first whether the plate may move, and then whether it did."""
 
     def __init__(self, stage: PlateStage, guard: PlateGuard) -> None:
         super().__init__(stage)

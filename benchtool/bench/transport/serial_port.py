@@ -23,11 +23,7 @@ def serial_ends(address: Address) -> tuple[Endpoint, ...]:
 
 
 class SerialPort:
-    """Carry bytes over a serial port that no second program can open the same way.
-
-    Args:
-        port: `/dev/ttyUSB0`, `COM12`, a pseudo-terminal.
-    """
+    """Carry bytes over a serial port that no second program can open the same way."""
 
     def __init__(self, port: str, baud: int = 115_200) -> None:
         self.port = port

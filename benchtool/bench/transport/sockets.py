@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import errno
 import socket
-from contextlib import ExitStack, suppress
+from abc import ABC, abstractmethod
+from contextlib import suppress
 
 from benchtool.bench.drivers import Address, Endpoint
 from benchtool.bench.transport.transport import first_bytes, lost_error, opening_error
@@ -20,35 +21,54 @@ def tcp_ends(address: Address) -> tuple[Endpoint, ...]:
     return (Endpoint("connects", *address.host_and_port()),)
 
 
-class TcpSocket:
-    """Carry bytes over one TCP connection."""
+class SocketTransport(ABC):
+    """Own one socket."""
 
     baud: int | None = None
 
     def __init__(self, host: str, port: int) -> None:
-        self.host = host
-        self.port = port
+        self.host, self.port = host, port
+        self.where = f"{host}:{port}"
         self._socket: socket.socket | None = None
 
-    def open(self) -> None:
-        where = f"{self.host}:{self.port}"
-        try:
-            with ExitStack() as on_failure:
-                opened = socket.create_connection((self.host, self.port), timeout=CONNECT_S)
-                on_failure.enter_context(opened)
-                opened.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-                opened.setblocking(False)
-                on_failure.pop_all()
-        except TimeoutError as error:
-            raise NoDevice(
-                f"{where} did not answer within {CONNECT_S:g} s; check the address and the network"
-            ) from error
-        except (OSError, OverflowError, UnicodeError) as error:
-            raise opening_error(error, where) from error
-        self._socket = opened
+    @abstractmethod
+    def _take(self) -> bytes:
+        """Return what has arrived, without waiting."""
 
     def read(self, timeout_s: float) -> bytes:
         return first_bytes(self._take, timeout_s)
+
+    def close(self) -> None:
+        opened, self._socket = self._socket, None
+        if opened is not None:
+            opened.close()
+
+    def _opened(self) -> socket.socket:
+        if self._socket is None:
+            raise LinkLost(f"{self.where} is closed; open it first")
+        return self._socket
+
+
+class TcpSocket(SocketTransport):
+    """Carry bytes over one TCP connection."""
+
+    def open(self) -> None:
+        try:
+            opened = socket.create_connection((self.host, self.port), timeout=CONNECT_S)
+        except TimeoutError as error:
+            raise NoDevice(
+                f"{self.where} did not answer within {CONNECT_S:g} s; check the address and the "
+                f"network"
+            ) from error
+        except (OSError, OverflowError, UnicodeError) as error:
+            raise opening_error(error, self.where) from error
+        try:
+            opened.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            opened.setblocking(False)
+        except OSError as error:
+            opened.close()
+            raise opening_error(error, self.where) from error
+        self._socket = opened
 
     def write(self, data: bytes) -> None:
         opened = self._opened()
@@ -65,17 +85,7 @@ class TcpSocket:
             finally:
                 opened.setblocking(False)
         except OSError as error:
-            raise lost_error(error, f"{self.host}:{self.port}") from error
-
-    def close(self) -> None:
-        opened, self._socket = self._socket, None
-        if opened is not None:
-            opened.close()
-
-    def _opened(self) -> socket.socket:
-        if self._socket is None:
-            raise LinkLost(f"{self.host}:{self.port} is closed; open it first")
-        return self._socket
+            raise lost_error(error, self.where) from error
 
     def _take(self) -> bytes:
         try:
@@ -83,11 +93,9 @@ class TcpSocket:
         except BlockingIOError:
             return b""
         except OSError as error:
-            raise lost_error(error, f"{self.host}:{self.port}") from error
+            raise lost_error(error, self.where) from error
         if not data:
-            raise LinkLost(
-                f"{self.host}:{self.port} closed the connection; check the bench there and reopen"
-            )
+            raise LinkLost(f"{self.where} closed the connection; check the bench there and reopen")
         return data
 
 
@@ -100,7 +108,7 @@ BUFFER_BYTES = 1 << 20
 """What the system keeps while nobody reads: seconds of telemetry instead of a fraction of one."""
 
 
-class UdpSocket:
+class UdpSocket(SocketTransport):
     """Carry bytes in datagrams.
 
     Args:
@@ -109,17 +117,13 @@ class UdpSocket:
         own_port: port of ours that `host` sends to, 0 for any.
     """
 
-    baud: int | None = None
-
     def __init__(self, host: str, port: int, listen: bool, own_port: int | None = None) -> None:
-        self.host, self.port, self.listens = host, port, listen
-        self._own_port = own_port
-        self._socket: socket.socket | None = None
+        super().__init__(host, port)
+        self.where = f"UDP {host}:{port}"
+        self.listens, self._own_port = listen, own_port
         self._peers: list[tuple[str, int]] = []
 
     def open(self) -> None:
-        where = f"{self.host}:{self.port}"
-        taken = where if self._own_port is None else f"port {self._own_port}"
         opened = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
             opened.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER_BYTES)
@@ -138,15 +142,13 @@ class UdpSocket:
         except (OSError, OverflowError, UnicodeError) as error:
             opened.close()
             if getattr(error, "errno", None) == errno.EADDRINUSE:
+                taken = self.where if self._own_port is None else f"UDP port {self._own_port}"
                 raise PortBusy(
-                    f"another program listens on UDP {taken} (a ground station, another run?); end "
+                    f"another program listens on {taken} (a ground station, another run?); end "
                     f"it, or choose another port at both ends"
                 ) from error
-            raise opening_error(error, f"UDP {where}") from error
+            raise opening_error(error, self.where) from error
         self._socket = opened
-
-    def read(self, timeout_s: float) -> bytes:
-        return first_bytes(self._take, timeout_s)
 
     def write(self, data: bytes) -> None:
         opened = self._opened()
@@ -161,16 +163,6 @@ class UdpSocket:
             except OSError as error:
                 raise lost_error(error, f"UDP {peer[0]}:{peer[1]}") from error
 
-    def close(self) -> None:
-        opened, self._socket = self._socket, None
-        if opened is not None:
-            opened.close()
-
-    def _opened(self) -> socket.socket:
-        if self._socket is None:
-            raise LinkLost(f"UDP {self.host}:{self.port} is closed; open it first")
-        return self._socket
-
     def _take(self) -> bytes:
         opened = self._opened()
         parts: list[bytes] = []
@@ -181,7 +173,7 @@ class UdpSocket:
             except (BlockingIOError, ConnectionError):
                 break
             except OSError as error:
-                raise lost_error(error, f"UDP {self.host}:{self.port}") from error
+                raise lost_error(error, self.where) from error
             parts.append(data)
             taken += len(data) + 1
             if self.listens and peer not in self._peers:

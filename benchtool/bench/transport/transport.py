@@ -125,7 +125,6 @@ def opening_error(error: Exception, where: str, windows: bool = False) -> LinkEr
 
     Args:
         error: an OSError (pyserial's SerialException is one), termios.error or socket error.
-        where: port or host as the user gave it.
         windows: on Windows an access denied on a port means that somebody else has it open.
     """
     number = _number(error)
@@ -189,7 +188,6 @@ class Holder:
     """Name one process that has a port open.
 
     Attributes:
-        pid, name: of the process.
         is_terminal: whether it also holds the master end of pseudo-terminals, as a virtual bench.
     """
 
