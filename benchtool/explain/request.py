@@ -22,9 +22,9 @@ from benchtool.explain.recordings import (
     unreadable_of,
 )
 from benchtool.explain.sweep.subject import SweepSubject
+from benchtool.physics.catalogue import own_effects
 from benchtool.physics.effects.effect import BenchKind, Effect
 from benchtool.physics.model_file import LoadedModel, load_model, model_names
-from benchtool.physics.own_effects import own_effects
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

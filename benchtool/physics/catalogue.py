@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from importlib import import_module
 from pkgutil import iter_modules
 
-from benchtool.core.errors import UnknownChoice
+from benchtool.core.errors import InputError, UnknownChoice
+from benchtool.core.own_code import CodePermit, own_module, refuse_code
 from benchtool.physics import effects
 from benchtool.physics.effects.effect import SUBSYSTEMS, BenchKind, Effect
 
@@ -32,3 +34,71 @@ def effect_named(name: str) -> Effect:
 def candidates(bench: BenchKind) -> tuple[Effect, ...]:
     """Return the effects that an explanation may name on that kind of bench, in order."""
     return tuple(effect for effect in EFFECTS.values() if bench in effect.benches)
+
+
+def own_effects(file_or_module: str, permit: CodePermit = refuse_code) -> tuple[Effect, ...]:
+    """Return the effects that a Python file, or a module found from the present folder, holds.
+
+    Args:
+        file_or_module: as the user wrote it.
+        permit: called with the file before it is run.
+
+    Raises:
+        InputError: it may not be run, cannot be imported, holds no effect, or one whose name is
+            taken or whose parameters cannot be judged.
+    """
+    module = own_module(
+        file_or_module,
+        f"effects of {file_or_module}",
+        "give a Python file, or run where the module is",
+        permit,
+    )
+    found: list[Effect] = []
+    for name in ("EFFECT", "EFFECTS"):
+        value = getattr(module, name, ())
+        items = (value,) if isinstance(value, Effect) else value
+        items = items.values() if isinstance(items, dict) else items
+        if not isinstance(items, Iterable) or isinstance(items, str):
+            raise InputError(
+                f"{name} of {file_or_module} is {value!r}; make it an Effect or a list of them"
+            )
+        for item in items:
+            if not isinstance(item, Effect):
+                raise InputError(
+                    f"{name} of {file_or_module} holds {item!r}, which is no "
+                    f"benchtool.physics.effects.effect.Effect; build it as Effect(name=..., ...)"
+                )
+            found.append(item)
+    if not found:
+        raise InputError(
+            f"{file_or_module} holds no effect; give it EFFECT = Effect(...) or EFFECTS = [...] of "
+            f"benchtool.physics.effects.effect.Effect"
+        )
+    names = [effect.name for effect in found]
+    for effect in found:
+        if effect.name in EFFECTS:
+            raise InputError(
+                f"effect {effect.name!r} of {file_or_module} has the name of a shipped one; name "
+                f"yours otherwise"
+            )
+        if names.count(effect.name) > 1:
+            raise InputError(f"{file_or_module} holds two effects named {effect.name!r}; keep one")
+        _check(effect, file_or_module)
+    return tuple(found)
+
+
+def _check(effect: Effect, where: str) -> None:
+    """Refuse an effect that an explanation could not judge."""
+    if not effect.benches:
+        raise InputError(
+            f"effect {effect.name!r} of {where} is no candidate on any bench; give it benches = "
+            f'frozenset({{"pitch"}}), or "sweep", or both'
+        )
+    if effect.tolerance_of is not None:
+        return
+    for item in effect.parameters:
+        if item.neutral is not None and item.tolerance is None:
+            raise InputError(
+                f"parameter {item.name} of effect {effect.name!r} in {where} has no tolerance, so "
+                f"nothing tells when it matters; add tolerance=... in {item.unit}"
+            )

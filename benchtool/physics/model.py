@@ -36,73 +36,41 @@ for two standard errors; a guess."""
 
 def baseline_parameters(rig: Rig) -> Parameters:
     """Return k, R_m, the pitch inertia and the two noise parameters at the rig's own values."""
-    p = rig.propulsion
-    return Parameters(
-        (
-            (
-                "k",
-                Parameter(
-                    "k",
-                    "N/(rad/s)2",
-                    p.thrust_coefficient_N_s2,
-                    lower=0.0,
-                    description="thrust coefficient of one rotor out of ground effect (eq. 8)",
-                    source=rig.sources.get("propulsion.thrust_coefficient_N_s2", ""),
-                ),
-            ),
-            (
-                "R_m",
-                Parameter(
-                    "R_m",
-                    "m",
-                    p.radius_m,
-                    lower=0.1 * p.radius_m,
-                    upper=3.0 * p.radius_m,
-                    description="effective rotor radius in the image terms (eq. 2)",
-                    source=rig.sources.get("propulsion.radius_m", ""),
-                ),
-            ),
-            (
-                "inertia_kgm2",
-                Parameter(
-                    "inertia_kgm2",
-                    "kg m2",
-                    rig.body.inertia_yy_kgm2,
-                    lower=0.0,
-                    prior=Prior(
-                        "normal",
-                        rig.body.inertia_yy_kgm2,
-                        INERTIA_KNOWN * rig.body.inertia_yy_kgm2,
-                        "assumed: worked out from parts, 5 % for two standard errors",
-                    ),
-                    description="moment of inertia about the pitch axis",
-                    source=rig.sources.get("body.inertia_yy_kgm2", ""),
-                ),
-            ),
-            (
-                "noise.scale",
-                Parameter(
-                    "scale",
-                    "1",
-                    1.0,
-                    lower=0.0,
-                    description="factor on the stated standard errors",
-                    source="1: the errors are taken as stated",
-                ),
-            ),
-            (
-                "noise.sd_N",
-                Parameter(
-                    "sd_N",
-                    "N",
-                    0.0,
-                    lower=0.0,
-                    description="scatter added in quadrature to the stated errors",
-                    source="0: nothing is added",
-                ),
-            ),
-        )
-    )
+    k_N_s2, radius_m = rig.propulsion.thrust_coefficient_N_s2, rig.propulsion.radius_m
+    inertia_kgm2 = rig.body.inertia_yy_kgm2
+    from_parts = "assumed: worked out from parts, 5 % for two standard errors"
+
+    def positive(name: str, unit: str, value: float, description: str, **facts: Any) -> Parameter:
+        return Parameter(name, unit, value, description=description, **{"lower": 0.0, **facts})
+
+    def of_rig(key: str) -> str:
+        return rig.sources.get(key, "")
+
+    baseline = {
+        "k": positive(
+            "k", "N/(rad/s)2", k_N_s2,
+            "thrust coefficient of one rotor out of ground effect (eq. 8)",
+            source=of_rig("propulsion.thrust_coefficient_N_s2"),
+        ),
+        "R_m": positive(
+            "R_m", "m", radius_m, "effective rotor radius in the image terms (eq. 2)",
+            lower=0.1 * radius_m, upper=3.0 * radius_m, source=of_rig("propulsion.radius_m"),
+        ),
+        "inertia_kgm2": positive(
+            "inertia_kgm2", "kg m2", inertia_kgm2, "moment of inertia about the pitch axis",
+            prior=Prior("normal", inertia_kgm2, INERTIA_KNOWN * inertia_kgm2, from_parts),
+            source=of_rig("body.inertia_yy_kgm2"),
+        ),
+        "noise.scale": positive(
+            "scale", "1", 1.0, "factor on the stated standard errors",
+            source="1: the errors are taken as stated",
+        ),
+        "noise.sd_N": positive(
+            "sd_N", "N", 0.0, "scatter added in quadrature to the stated errors",
+            source="0: nothing is added",
+        ),
+    }  # fmt: skip
+    return Parameters(baseline.items())
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -138,8 +106,6 @@ class Model:
     def __post_init__(self) -> None:
         if self.wake_rule not in WAKE_RULES:
             raise UnknownChoice("wake rule", self.wake_rule, WAKE_RULES)
-
-    # --- building -------------------------------------------------------------------------
 
     def with_effect(self, effect: str | Effect, **values: float) -> Model:
         """Return the model with one more effect, its parameters at `values` or their defaults."""
@@ -203,8 +169,6 @@ class Model:
         full = full_name(name, self.parameters)
         return self.at(self.parameters.replaced(full, self.parameters[full].fixed(value)))
 
-    # --- predicting -----------------------------------------------------------------------
-
     @cached_property
     def _index(self) -> dict[str, int]:
         return {name: position for position, name in enumerate(self.parameters)}
@@ -215,7 +179,7 @@ class Model:
 
     def is_present(self, effect: Effect) -> bool:
         """Whether an effect can act: some parameter free or away from its neutral value."""
-        own = [self.parameters[f"{effect.name}.{item.name}"] for item in effect.parameters]
+        own = self.effect_values(effect, [*self.parameters.values()])
         return any(item.free or (item.neutral is not None and not item.is_neutral) for item in own)
 
     @cached_property
@@ -304,10 +268,9 @@ class Model:
 
     @cached_property
     def _places(self) -> tuple[int, ...]:
+        everything = range(len(self.parameters))
         return tuple(
-            self._index[f"{effect.name}.{item.name}"]
-            for effect in self.present_effects
-            for item in effect.parameters
+            k for each in self.present_effects for k in self.effect_values(each, everything)
         )
 
     @cached_property

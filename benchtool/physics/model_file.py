@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from math import inf, isclose, isfinite, isnan
 from pathlib import Path
 from typing import Any
@@ -21,10 +21,13 @@ from benchtool.core.rig import Rig
 from benchtool.core.rig_file import rig_named
 from benchtool.core.toml_text import FileTable, FiniteTable, build
 from benchtool.physics.body_lift import BodyDistance
-from benchtool.physics.catalogue import effect_named
-from benchtool.physics.effects.effect import Effect
+from benchtool.physics.catalogue import effect_named, own_effects
 from benchtool.physics.model import OWN_IMAGES, Model
-from benchtool.physics.own_effects import own_effects
+
+WITHOUT_OWN_IMAGES = (
+    f"has no table [effects.{OWN_IMAGES}], as when eq. (2) stood in every model; it is read with "
+    f"eq. (2) present. Add the table to say so, or own_strength = 0 in it to leave eq. (2) out"
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -154,8 +157,12 @@ def model_from_toml(
             description=read.model.description,
             provenance=dict(read.provenance),
         )
-        own = {effect.name: effect for effect in _own(read.model.effects_file, where, permit)}
-        notes = () if OWN_IMAGES in read.effects else (_without_own_images(where),)
+        file = read.model.effects_file
+        if file and not file.endswith(".py"):
+            raise InputError(f"effects_file is {file[:80]!r}; name a Python file that ends in .py")
+        found = own_effects(str(Path(where).parent / file), permit) if file else ()
+        own = {effect.name: effect for effect in found}
+        notes = () if OWN_IMAGES in read.effects else (f"{where} {WITHOUT_OWN_IMAGES}",)
         for name, tables in read.effects.items():
             effect = own.get(name) or effect_named(name)
             settings = tables.get("settings", {})
@@ -185,18 +192,9 @@ def model_from_toml(
     )
 
 
-def _without_own_images(where: str) -> str:
-    return (
-        f"{where} has no table [effects.{OWN_IMAGES}], as when eq. (2) stood in every model; it is "
-        f"read with eq. (2) present. Add the table to say so, or own_strength = 0 in it to leave "
-        f"eq. (2) out"
-    )
-
-
 def read_columns(path: str | Path) -> Mapping[str, ColumnSource]:
     """Return the `[columns]` of a mapping file of its own."""
     text, where = read_named("columns file", "models", path)
-
     data = parse_toml(text, where)
     read = build(_ColumnsFile, data if "columns" in data else {"columns": data}, where)
     _check_channels(read.columns, where)
@@ -223,19 +221,16 @@ def model_to_toml(loaded: LoadedModel, rig: str | None = None) -> str:
     if all(effect.name != OWN_IMAGES for effect in model.effects):
         effects[OWN_IMAGES] = {"own_strength": {"value": 0.0, "source": "left out"}}
     for effect in model.effects:
-        tables: dict[str, Any] = {
-            item.name: _parameter_table(model.parameters[f"{effect.name}.{item.name}"])
-            for item in effect.parameters
+        values = model.effect_values(effect, [*model.parameters.values()])
+        own = {item.name: item for item in values}
+        knots = [item.value for name, item in own.items() if name.startswith("knot_")]
+        effects[effect.name] = {
+            name: _parameter_table(item)
+            for name, item in own.items()
+            if not name.startswith("knot_")
         }
-        knots = [
-            model.parameters[f"{effect.name}.{item.name}"].value
-            for item in effect.parameters
-            if item.name.startswith("knot_")
-        ]
         if knots:
-            tables = {key: table for key, table in tables.items() if "knot_" not in key}
-            tables["settings"] = {"coverages": knots}
-        effects[effect.name] = tables
+            effects[effect.name]["settings"] = {"coverages": knots}
     baseline = {
         name: _parameter_table(item)
         for name, item in model.parameters.items()
@@ -256,31 +251,19 @@ def model_to_toml(loaded: LoadedModel, rig: str | None = None) -> str:
         data["model"]["effects_file"] = loaded.effects_file
     if loaded.plate_slide_s is not None:
         data["model"]["plate_slide_s"] = loaded.plate_slide_s
-    if loaded.columns:
-        data["columns"] = {name: _column_table(column) for name, column in loaded.columns.items()}
-    if loaded.row_filter:
-        data["where"] = dict(loaded.row_filter)
-    if loaded.imperfections:
-        data["imperfections"] = dict(loaded.imperfections)
-    if model.provenance:
-        data["provenance"] = dict(model.provenance)
+    more = {
+        "columns": {name: _column_table(column) for name, column in loaded.columns.items()},
+        "where": dict(loaded.row_filter),
+        "imperfections": dict(loaded.imperfections),
+        "provenance": dict(model.provenance),
+    }
+    data |= {name: table for name, table in more.items() if table}
     return tomli_w.dumps(data)
 
 
 def columns_to_toml(columns: Mapping[str, ColumnSource]) -> str:
     """Return a mapping file's text, which `read_columns` reads back."""
     return tomli_w.dumps({"columns": {name: _column_table(item) for name, item in columns.items()}})
-
-
-def _own(effects_file: str, where: str, permit: CodePermit) -> tuple[Effect, ...]:
-    """Return the effects of a Python file that stands beside a model file."""
-    if not effects_file:
-        return ()
-    if not effects_file.endswith(".py"):
-        raise FileFormatError(
-            where, f"effects_file is {effects_file[:80]!r}; name a Python file that ends in .py"
-        )
-    return own_effects(str(Path(where).parent / effects_file), permit)
 
 
 def _rig_beside(name: str, where: str) -> Rig:
@@ -351,26 +334,17 @@ _KEYS = {item.name for item in fields(_ParameterTable)}
 def _set(model: Model, tables: Mapping[str, Any], where: str) -> Model:
     parameters = model.parameters
     for name, table in tables.items():
-        present = parameters[name]
         given = {"value": table} if isinstance(table, int | float) else table
         if not isinstance(given, Mapping):
             raise FileFormatError(
                 where, f"{name} is {given!r}; write a number or {{ value = ..., source = ... }}"
             )
         read = build(_ParameterTable, given, f"{where}: {name}")
-        parameters = parameters.replaced(
-            name,
-            replace(
-                present,
-                value=present.value if read.value is None else read.value,
-                lower=present.lower if read.lower is None else read.lower,
-                upper=present.upper if read.upper is None else read.upper,
-                free=read.free,
-                tolerance=present.tolerance if read.tolerance is None else read.tolerance,
-                prior=present.prior if read.prior is None else read.prior,
-                source=read.source or present.source,
-            ),
-        )
+        keys = ("value", "lower", "upper", "tolerance", "prior")
+        stated = {key: getattr(read, key) for key in keys if getattr(read, key) is not None}
+        source = read.source or parameters[name].source
+        changed = replace(parameters[name], free=read.free, source=source, **stated)
+        parameters = parameters.replaced(name, changed)
     return model.at(parameters)
 
 
@@ -380,18 +354,12 @@ def _parameter_table(item: Parameter) -> dict[str, Any]:
     if item.tolerance is not None:
         table["tolerance"] = item.tolerance
     if item.prior.kind != "uniform":
-        table["prior"] = {
-            "kind": item.prior.kind,
-            "mean": item.prior.mean,
-            "sd": item.prior.sd,
-            "source": item.prior.source,
-        }
+        table["prior"] = asdict(item.prior)
     if item.source:
         table["source"] = item.source
     return table
 
 
 def _column_table(column: ColumnSource) -> dict[str, Any]:
-    given = {item.name: getattr(column, item.name) for item in fields(column)}
-    usual = {item.name: item.default for item in fields(column)}
-    return {name: value for name, value in given.items() if value != usual[name]}
+    given = ((item, getattr(column, item.name)) for item in fields(column))
+    return {item.name: value for item, value in given if value != item.default}

@@ -14,8 +14,8 @@ from benchtool.explain.request import read_request
 from benchtool.fit.nominal import nominal_model
 from benchtool.fit.recipe import Recipe
 from benchtool.fit.run_recipe import run_recipe
+from benchtool.physics.catalogue import own_effects
 from benchtool.physics.model_file import load_model
-from benchtool.physics.own_effects import own_effects
 from benchtool.simulate.own_controllers import controller_class
 from benchtool.simulate.pitch.setup import pitch_setup
 

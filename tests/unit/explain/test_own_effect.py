@@ -6,8 +6,8 @@ from pathlib import Path
 
 from benchtool.explain.engine.explain import explain
 from benchtool.explain.sweep.subject import SweepSubject
+from benchtool.physics.catalogue import own_effects
 from benchtool.physics.model_file import load_model
-from benchtool.physics.own_effects import own_effects
 from tests.unit.explain.test_sweep_subject import halves
 
 MINE = """

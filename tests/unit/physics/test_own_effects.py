@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from benchtool.core.errors import InputError
+from benchtool.physics.catalogue import own_effects
 from benchtool.physics.model_file import load_model, model_from_toml, model_to_toml
-from benchtool.physics.own_effects import own_effects
 
 GOOD = """
 from typing import Any, NamedTuple
