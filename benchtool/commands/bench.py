@@ -213,7 +213,7 @@ def _pitch(
 ) -> tuple[BenchServer, str]:
     from benchtool.commands.terminal.announce_code import announce_code
     from benchtool.simulate.controllers.pitch import PITCH_CONTROLLERS
-    from benchtool.simulate.own_controllers import controller_class
+    from benchtool.simulate.own_controller import controller_class
     from benchtool.simulate.pitch.setup import changed_job
     from benchtool.virtual.devices import pitch_plant, pitch_server
 

@@ -75,10 +75,10 @@ def flight(inputs: FlightInputs) -> None:
     """
     from benchtool.commands.terminal.announce_code import announce_code
     from benchtool.report.flight.report import fly_each, report_lines, write_flights
-    from benchtool.simulate.campaign_flight import OGE, FlightCampaign
+    from benchtool.simulate.campaign_flight import OGE, flight_campaign
     from benchtool.simulate.flight.flight import FlightControl
     from benchtool.simulate.flight.setup import full_name
-    from benchtool.simulate.own_controllers import controller_class
+    from benchtool.simulate.own_controller import controller_class
 
     say_if_slow()
     study, several = inputs.study, inputs.study.campaign
@@ -105,7 +105,7 @@ def flight(inputs: FlightInputs) -> None:
             seed=study.seed,
             full_name=full_name,
         )
-        campaign = FlightCampaign(setups=setups, controllers=names)
+        campaign = flight_campaign(setups, names)
         settings = words_of(study.settings, commas=False)
         run_with_progress(campaign, design, settings, several.measure, study.out)
         return

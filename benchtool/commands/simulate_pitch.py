@@ -40,7 +40,7 @@ def pitch(inputs: PitchInputs) -> None:
     from benchtool.commands.terminal.announce_code import announce_code
     from benchtool.report.flight.pitch_study import pitch_study, report_lines, write_study
     from benchtool.simulate.controllers.pitch import PITCH_CONTROLLERS
-    from benchtool.simulate.own_controllers import controller_class
+    from benchtool.simulate.own_controller import controller_class
 
     say_if_slow()
     names, study = inputs.controllers, inputs.study
@@ -53,13 +53,13 @@ def pitch(inputs: PitchInputs) -> None:
     ]
     if study.campaign.vary:
         from benchtool.commands.terminal.campaign_display import run_with_progress
-        from benchtool.simulate.campaign_pitch import PitchCampaign
+        from benchtool.simulate.campaign_pitch import pitch_campaign
         from benchtool.simulate.design import Design
 
         if own:
             raise InputError("a campaign runs built-in controllers; leave your own out")
         several = study.campaign
-        campaign = PitchCampaign(setups={gains: setup_of(inputs, gains) for gains in study.gains})
+        campaign = pitch_campaign({gains: setup_of(inputs, gains) for gains in study.gains})
         design = Design.read(
             several.vary, samples=several.samples, seeds=several.seeds, seed=study.seed
         )

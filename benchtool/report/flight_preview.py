@@ -27,13 +27,13 @@ from benchtool.report.preview import (
     frames,
 )
 from benchtool.report.side_view import Scene, Surface
+from benchtool.simulate.campaign import results_in_order
 from benchtool.simulate.environment import Block
 from benchtool.simulate.flight.flight import FlightCase, FlightControl
 from benchtool.simulate.flight.law import AT_X, AT_Y
 from benchtool.simulate.flight.setup import FlightSetup
 from benchtool.simulate.flight.study import Flown, fly_and_measure, name_of, verdict
 from benchtool.simulate.flight.warnings import warnings_of
-from benchtool.simulate.in_order import results_in_order
 
 MARGIN_M = 2.5
 """How much of the surroundings is drawn beyond both ends of the way."""

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+import os
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
+from itertools import islice, product
 from pathlib import Path
-from typing import Protocol
+from typing import Any, TypeVar
 
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.simulate.design import Design
 
 Row = Mapping[str, float | str]
+Point = Mapping[str, float]
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,44 +32,59 @@ class Measure:
     share: bool = False
 
 
-class Campaign(Protocol):
-    """Simulate one thing at many points: what a design, a table and a map need to know of it.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Campaign:
+    """Simulate one thing at many points, with what a design, a table and a map need to know of it.
 
     Every point sees the same noise: seed k of one point is seed k of any other.
+
+    Attributes:
+        title: what is simulated, in one line.
+        metadata: what was the same in all runs, for the table's file.
+        fixed: what a reader of a map must know of the numbers that are not varied.
+        setups: what is simulated, by the name of the gain set; each is run at every point.
+        controllers: run with every gain set.
+        measures: what can be drawn, by column; the first is drawn unless another is named.
+        probe: probe(setup, point, design) refuses a point that cannot be run.
+        case: case(setup, controller, point) -> what is run there, under every seed.
+        run: run(pairs of case and number of the seed, first seed, threads) -> the measures of
+            each, in order.
     """
 
-    @property
-    def title(self) -> str:
-        """What is simulated, in one line."""
-
-    @property
-    def metadata(self) -> Mapping[str, str]:
-        """What was the same in all runs, for the table's file."""
-
-    @property
-    def fixed(self) -> Mapping[str, str]:
-        """What a reader of a map must know of the numbers that are not varied."""
-
-    @property
-    def gain_sets(self) -> Sequence[str]:
-        """Gain sets that are run at every point."""
-
-    @property
-    def controllers(self) -> Sequence[str]:
-        """Controllers that are run with every gain set."""
-
-    @property
-    def measures(self) -> Mapping[str, Measure]:
-        """What can be drawn, by column; the first is drawn unless another is asked for."""
+    title: str
+    metadata: Mapping[str, str]
+    fixed: Mapping[str, str]
+    setups: Mapping[str, Any]
+    controllers: tuple[str, ...]
+    measures: Mapping[str, Measure]
+    probe: Callable[[Any, Point, Design], None]
+    case: Callable[[Any, str, Point], Any]
+    run: Callable[[Iterator[tuple[Any, int]], int, int | None], Iterator[Row]]
 
     def check(self, design: Design) -> None:
         """Refuse a design that cannot be run, before the first run."""
+        for setup in self.setups.values():
+            for point in design.probes():
+                self.probe(setup, point, design)
 
     def rows(self, design: Design, threads: int | None = None) -> Iterator[Row]:
         """Yield one row per gain set, controller, point and seed, in that order, as they come.
 
         A row has the point's numbers, `gains`, `controller`, `seed`, and the measures.
         """
+        labels: deque[Row] = deque()
+
+        def cases() -> Iterator[tuple[Any, int]]:
+            for gains, setup in self.setups.items():
+                for controller, point in product(self.controllers, design.points()):
+                    case = self.case(setup, controller, point)
+                    for number in range(design.seeds):
+                        seed = {"seed": float(design.seed + number)}
+                        labels.append({**point, "gains": gains, "controller": controller, **seed})
+                        yield case, number
+
+        for measured in self.run(cases(), design.seed, threads):
+            yield {**labels.popleft(), **measured}
 
 
 def measure_named(campaign: Campaign, name: str) -> str:
@@ -73,16 +94,16 @@ def measure_named(campaign: Campaign, name: str) -> str:
     return name or next(iter(campaign.measures))
 
 
-def at_point(error: InputError, point: Mapping[str, float]) -> InputError:
+def at_point(error: InputError, point: Point) -> InputError:
     """Return an error that says at which point of a design it came."""
     where = ", ".join(f"{name} = {value:g}" for name, value in point.items())
     return InputError(f"{error} (at {where})")
 
 
 def write_campaign(
-    rows: Iterable[Row], path: Path, metadata: Mapping[str, str], tell: Callable[[int], None]
+    rows: Iterable[Row], path: Path, metadata: Mapping[str, str], written: Callable[[int], None]
 ) -> int:
-    """Write rows to a Parquet file as they come and return how many; `tell` hears each count."""
+    """Write rows to a Parquet file as they come and return how many; call `written` with each."""
     from benchtool.data.run.campaign import CampaignWriter
 
     count = 0
@@ -90,5 +111,31 @@ def write_campaign(
         for row in rows:
             writer.add(row)
             count += 1
-            tell(count)
+            written(count)
     return count
+
+
+def results_in_order(tasks: Iterable[Callable[[], T]], threads: int | None = None) -> Iterator[T]:
+    """Yield what each task returns, in the order of the tasks.
+
+    Only one task more than there are threads is ever taken from `tasks` ahead of what was handed
+    on, so that memory does not grow with their number. Compiled loops give the interpreter free
+    while they run; threads are enough.
+
+    Args:
+        tasks: pieces of work that know nothing of each other.
+        threads: how many at once; all cores when None.
+    """
+    workers = max(1, threads if threads is not None else (os.cpu_count() or 1))
+    waiting = iter(tasks)
+    pending: deque[Future[T]] = deque()
+    pool = ThreadPoolExecutor(workers)
+    try:
+        while True:
+            for task in islice(waiting, workers + 1 - len(pending)):
+                pending.append(pool.submit(task))
+            if not pending:
+                return
+            yield pending.popleft().result()
+    finally:
+        pool.shutdown(cancel_futures=True)

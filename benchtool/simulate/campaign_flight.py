@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import replace
 from functools import partial
+from typing import NamedTuple
 
 from benchtool.core.errors import InputError, UnknownChoice
-from benchtool.simulate.campaign import Measure, Row, at_point
+from benchtool.simulate.campaign import Campaign, Measure, Point, Row, at_point, results_in_order
 from benchtool.simulate.design import Design
 from benchtool.simulate.environment import Environment
 from benchtool.simulate.flight.flight import FlightCase, fly
 from benchtool.simulate.flight.measures import measure
 from benchtool.simulate.flight.setup import FlightSetup, changed
 from benchtool.simulate.flight.warnings import too_short
-from benchtool.simulate.in_order import results_in_order
 
 OGE = "oge"
 """PID with nothing below: what a gain set does by itself, without ground effect."""
@@ -33,113 +33,68 @@ MEASURES = {
 """What every flight is summed up in, as in its table; arrives_s is nan where it never does."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FlightCampaign:
-    """Fly one case at many points; see `Campaign`.
+class FlightPoint(NamedTuple):
+    """A flight at a point of a design."""
 
-    Attributes:
-        setups: the flight by the name of the gain set.
-        controllers: flight controls, and `OGE`.
-    """
+    setup: FlightSetup
+    control: str
+    point: Point
 
-    setups: Mapping[str, FlightSetup]
-    controllers: tuple[str, ...]
-
-    @property
-    def _first(self) -> FlightSetup:
-        return next(iter(self.setups.values()))
-
-    @property
-    def title(self) -> str:
-        """See `Campaign`."""
-        return f"{self._first.flown('pid').title}, {self._first.vehicle.rig.name}"
-
-    @property
-    def metadata(self) -> Mapping[str, str]:
-        """See `Campaign`."""
-        return {"flight": self._first.case} | self._first.words()
-
-    @property
-    def fixed(self) -> Mapping[str, str]:
-        """See `Campaign`."""
-        setup = self._first
-        return {
-            "z_over_R": f"{setup.z_over_R:g}",
-            "speed_m_s": f"{setup.flown('pid').goals[-1].speed_m_s:g}",
-            "K_b": f"{setup.vehicle.K_b:g}",
-            "gyro_noise_rad_s": f"{setup.gyro_noise_rad_s:g}",
-        }
-
-    @property
-    def gain_sets(self) -> tuple[str, ...]:
-        """See `Campaign`."""
-        return tuple(self.setups)
-
-    @property
-    def measures(self) -> Mapping[str, Measure]:
-        """See `Campaign`."""
-        return MEASURES
-
-    def check(self, design: Design) -> None:
-        """See `Campaign`; every probe is flown for an instant, as far as a start can fail."""
-        noisy = self._first.gyro_noise_rad_s > 0.0 or "gyro_noise_rad_s" in design.names
-        if design.seeds > 1 and not noisy:
-            raise InputError(
-                f"{design.seeds} seeds, but the gyro has no noise, so that all would be alike; "
-                f"give --gyro-noise-rad-s (the paper has 0.015) or leave --seeds out"
-            )
-        for setup in self.setups.values():
-            for point in design.probes():
-                try:
-                    case = _case(changed(setup, point), self.controllers[0], 1)
-                    if why := too_short(case):
-                        raise InputError(why)
-                    fly(replace(case, duration_s=2.0 / case.gains.control_rate_Hz))
-                except UnknownChoice:
-                    raise
-                except InputError as error:
-                    raise at_point(error, point) from error
-
-    def rows(self, design: Design, threads: int | None = None) -> Iterator[Row]:
-        """See `Campaign`."""
-
-        def tasks() -> Iterator[Callable[[], Row]]:
-            for gains, setup in self.setups.items():
-                for control in self.controllers:
-                    for point in design.points():
-                        here = changed(setup, point)
-                        label: Row = {**point, "gains": gains, "controller": control}
-                        for number in range(design.seeds):
-                            yield partial(_row, label, point, here, control, design.seed + number)
-
-        return results_in_order(tasks(), threads)
+    def flown(self, seed: int) -> FlightCase:
+        """Return the flight under one noise."""
+        if self.control == OGE:
+            return replace(self.setup.flown("pid", seed), below=Environment())
+        return self.setup.flown(self.control, seed)
 
 
-def _case(setup: FlightSetup, control: str, seed: int) -> FlightCase:
-    if control == OGE:
-        return replace(setup.flown("pid", seed), below=Environment())
-    return setup.flown(control, seed)
+def flight_campaign(setups: Mapping[str, FlightSetup], controllers: tuple[str, ...]) -> Campaign:
+    """Return the campaign of flights by gain set, under flight controls and `OGE`."""
+    first = next(iter(setups.values()))
+    flown = first.flown("pid")
+    return Campaign(
+        title=f"{flown.title}, {first.vehicle.rig.name}",
+        metadata={"flight": first.case} | first.words(),
+        fixed={
+            "z_over_R": f"{first.z_over_R:g}",
+            "speed_m_s": f"{flown.goals[-1].speed_m_s:g}",
+            "K_b": f"{first.vehicle.K_b:g}",
+            "gyro_noise_rad_s": f"{first.gyro_noise_rad_s:g}",
+        },
+        setups=setups,
+        controllers=controllers,
+        measures=MEASURES,
+        probe=partial(_probe, controllers[0]),
+        case=lambda setup, control, point: FlightPoint(changed(setup, point), control, point),
+        run=lambda cases, seed, threads: results_in_order(
+            (partial(_measured, case, seed + number) for case, number in cases), threads
+        ),
+    )
 
 
-def _row(
-    label: Row, point: Mapping[str, float], setup: FlightSetup, control: str, seed: int
-) -> Row:
+def _probe(control: str, setup: FlightSetup, point: Point, design: Design) -> None:
+    """Fly a point for an instant, as far as a start can fail."""
+    noisy = setup.gyro_noise_rad_s > 0.0 or "gyro_noise_rad_s" in design.names
+    if design.seeds > 1 and not noisy:
+        raise InputError(
+            f"{design.seeds} seeds, but the gyro has no noise, so that all would be alike; "
+            f"give --gyro-noise-rad-s (the paper has 0.015) or leave --seeds out"
+        )
     try:
-        found = measure(fly(_case(setup, control, seed)))
+        case = FlightPoint(changed(setup, point), control, point).flown(1)
+        if why := too_short(case):
+            raise InputError(why)
+        fly(replace(case, duration_s=2.0 / case.gains.control_rate_Hz))
+    except UnknownChoice:
+        raise
     except InputError as error:
         raise at_point(error, point) from error
-    return {
-        **label,
-        "seed": float(seed),
-        "ending": found.ending,
-        "arrives": float(found.arrives),
-        "struck": float(found.ending == "struck"),
-        "arrives_s": found.arrives_s,
-        "max_x_m": found.max_x_m,
-        "push_backs": float(found.push_backs),
-        "max_pitch_deg": found.max_pitch_deg,
-        "rms_pitch_deg": found.rms_pitch_deg,
-        "max_roll_deg": found.max_roll_deg,
-        "swing_m": found.swing_m,
-        "held_ticks": float(found.held_ticks),
-    }
+
+
+def _measured(case: FlightPoint, seed: int) -> Row:
+    try:
+        found = measure(fly(case.flown(seed)))
+    except InputError as error:
+        raise at_point(error, case.point) from error
+    # "struck" is an ending and no measure of its own.
+    numbers = {name: float(getattr(found, name, found.ending == name)) for name in MEASURES}
+    return {"ending": found.ending, **numbers, "held_ticks": float(found.held_ticks)}

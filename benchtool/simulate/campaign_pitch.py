@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from itertools import groupby
+from functools import partial
+from itertools import chain, groupby
+from typing import NamedTuple
 
 import numpy as np
 
 from benchtool.core.errors import InputError
-from benchtool.simulate.campaign import Measure, Row
+from benchtool.core.schedule import Schedule
+from benchtool.simulate.campaign import Campaign, Measure, Point, Row
 from benchtool.simulate.design import Design
 from benchtool.simulate.pitch.batch import simulate_many
 from benchtool.simulate.pitch.result import plate_numbers
@@ -29,111 +30,72 @@ MEASURES = {
 """What every run is summed up in: the RMS error over the whole run, and the numbers of the plate's
 first visit (nan without one)."""
 
-Label = dict[str, float | str]
+
+class PitchPoint(NamedTuple):
+    """A run at a point of a design; runs of equal `key` stand side by side in one loop."""
+
+    setup: PitchSetup
+    job: PitchJob
+    key: tuple[object, ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PitchCampaign:
-    """Run the pitch bench at many points; see `Campaign`.
-
-    Attributes:
-        setups: bench, controllers and schedule by the name of the gain set.
-    """
-
-    setups: Mapping[str, PitchSetup]
-
-    @property
-    def _first(self) -> PitchSetup:
-        return next(iter(self.setups.values()))
-
-    @property
-    def title(self) -> str:
-        """See `Campaign`."""
-        schedule = self._first.schedule
-        return f"{self._first.bench.model.rig.name}: {schedule.title or schedule.name}"
-
-    @property
-    def metadata(self) -> Mapping[str, str]:
-        """See `Campaign`."""
-        return {"model": self._first.bench.model.name, "schedule": self._first.schedule.name}
-
-    @property
-    def fixed(self) -> Mapping[str, str]:
-        """See `Campaign`."""
-        return {"model": self._first.bench.model.name}
-
-    @property
-    def gain_sets(self) -> tuple[str, ...]:
-        """See `Campaign`."""
-        return tuple(self.setups)
-
-    @property
-    def controllers(self) -> tuple[str, ...]:
-        """See `Campaign`."""
-        return tuple(control.name for control in self._first.controls)
-
-    @property
-    def measures(self) -> Mapping[str, Measure]:
-        """See `Campaign`."""
-        return MEASURES
-
-    def check(self, design: Design) -> None:
-        """See `Campaign`."""
-        for setup in self.setups.values():
-            for point in design.probes():
-                here = changed(setup, point)
-                if here.rate_Hz != setup.rate_Hz:
-                    raise InputError("a campaign cannot vary control_rate_Hz; run one per rate")
-                if here.schedule != setup.schedule:
-                    raise InputError(
-                        f"a campaign cannot vary {PLATE_DISTANCE}; run one per distance, with --set"
-                    )
-
-    def rows(self, design: Design, threads: int | None = None) -> Iterator[Row]:
-        """See `Campaign`."""
-        for gains, setup in self.setups.items():
-            yield from _rows(setup, gains, design, threads)
+def pitch_campaign(setups: Mapping[str, PitchSetup]) -> Campaign:
+    """Return the campaign of bench, controllers and schedule by gain set."""
+    first = next(iter(setups.values()))
+    model, schedule = first.bench.model, first.schedule
+    return Campaign(
+        title=f"{model.rig.name}: {schedule.title or schedule.name}",
+        metadata={"model": model.name, "schedule": schedule.name},
+        fixed={"model": model.name},
+        setups=setups,
+        controllers=tuple(control.name for control in first.controls),
+        measures=MEASURES,
+        probe=_probe,
+        case=_case,
+        run=_run,
+    )
 
 
-def _rows(setup: PitchSetup, gains: str, design: Design, threads: int | None) -> Iterator[Row]:
-    schedule = setup.schedule.sampled(setup.rate_Hz, setup.bench.model.rig.propulsion.radius_m)
-    visit = setup.schedule.plate[0] if setup.schedule.plate else None
-    end_s = setup.schedule.duration_s
+def _probe(setup: PitchSetup, point: Point, _: Design) -> None:
+    here = changed(setup, point)
+    if here.rate_Hz != setup.rate_Hz:
+        raise InputError("a campaign cannot vary control_rate_Hz; run one per rate")
+    if here.schedule != setup.schedule:
+        raise InputError(
+            f"a campaign cannot vary {PLATE_DISTANCE}; run one per distance, with --set"
+        )
 
-    def measured(loop: PitchLoop, lane: int, _run: int) -> dict[str, float]:
-        run = taken(loop, lane, "campaign")
-        error = run.column("true_theta_rad") - run.column("reference_rad")
-        out = dict.fromkeys(MEASURES, float("nan"))
-        out["rms_deg"] = float(np.degrees(np.sqrt(np.mean(error**2))))
-        out["stopped_steps"] = float(run.stopped_steps)
-        if visit is not None and visit.in_s < end_s:
-            numbers = plate_numbers(run, visit.in_s, min(visit.out_s, end_s), visit.move_s)
-            out["peak_deg"] = float(np.degrees(numbers.peak_rad))
-            out["residual_deg"] = float(np.degrees(numbers.residual_rad))
-            out["rebound_deg"] = float(np.degrees(numbers.rebound_rad))
-            out["quiet_rms_deg"] = float(np.degrees(numbers.quiet_rms_rad))
-        return out
 
-    def jobs() -> Iterator[tuple[Label, PitchJob, tuple[object, ...]]]:
-        for position, control in enumerate(setup.controls):
-            for point in design.points():
-                here = changed(setup, point)
-                job = PitchJob(here.bench, here.controls[position], here.believed)
-                yield {**point, "gains": gains, "controller": control.name}, job, shared_key(job)
+def _case(setup: PitchSetup, controller: str, point: Point) -> PitchPoint:
+    here = changed(setup, point)
+    control = next(control for control in here.controls if control.name == controller)
+    job = PitchJob(here.bench, control, here.nominal)
+    return PitchPoint(here, job, (here.rate_Hz, *shared_key(job)))
 
-    def supply(
-        group: Iterator[tuple[Label, PitchJob, tuple[object, ...]]], labels: deque[Label]
-    ) -> Iterator[PitchJob]:
-        for label, job, _ in group:
-            for number in range(design.seeds):
-                labels.append({**label, "seed": float(design.seed + number)})
-                yield job
 
-    for _, alike in groupby(jobs(), key=lambda item: item[2]):
-        labels: deque[Label] = deque()
-        results = simulate_many(
-            supply(alike, labels), schedule, measured,
-            seed=design.seed, threads=threads, repeat=design.seeds,
-        )  # fmt: skip
-        for numbers in results:
-            yield {**labels.popleft(), **numbers}
+def _run(cases: Iterator[tuple[PitchPoint, int]], seed: int, threads: int | None) -> Iterator[Row]:
+    for _, alike in groupby(cases, key=lambda each: each[0].key):
+        one, number = next(alike)
+        schedule = one.setup.schedule
+        radius_m = one.job.bench.model.rig.propulsion.radius_m
+        yield from simulate_many(
+            ((case.job, number) for case, number in chain([(one, number)], alike)),
+            schedule.sampled(one.setup.rate_Hz, radius_m),
+            partial(_measured, schedule),
+            seed=seed,
+            threads=threads,
+        )
+
+
+def _measured(schedule: Schedule, loop: PitchLoop, lane: int, _run: int) -> Row:
+    run = taken(loop, lane, "campaign")
+    error = run.column("true_theta_rad") - run.column("reference_rad")
+    out = dict.fromkeys(MEASURES, float("nan"))
+    out["rms_deg"] = float(np.degrees(np.sqrt(np.mean(error**2))))
+    out["stopped_steps"] = float(run.stopped_steps)
+    visit, end_s = schedule.plate[0] if schedule.plate else None, schedule.duration_s
+    if visit is not None and visit.in_s < end_s:
+        numbers = plate_numbers(run, visit.in_s, min(visit.out_s, end_s), visit.move_s)
+        for name in ("peak", "residual", "rebound", "quiet_rms"):
+            out[f"{name}_deg"] = float(np.degrees(getattr(numbers, f"{name}_rad")))
+    return out

@@ -6,8 +6,11 @@ from dataclasses import dataclass, fields, replace
 from math import isinf, isnan, nan
 from typing import Annotated
 
+import numpy as np
 from annotated_types import Ge
+from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.errors import InputError
 from benchtool.core.rig import Rig
 from benchtool.core.toml_text import FiniteTable
@@ -107,3 +110,154 @@ _FAMILIES = (
     ("current_A", "current", "A"),
     ("plate_z_m", "plate", "m"),
 )
+
+
+@dataclass(frozen=True, slots=True)
+class Reader:
+    """Read a quantity with white noise (sd) and a quantum, both in the quantity's unit.
+
+    Zero noise, a zero quantum and a zero rate are exactly absent; rate 0 reads at every tick.
+    """
+
+    noise: float = 0.0
+    quantum: float = 0.0
+    rate_Hz: float = 0.0
+
+    def read(self, true: Array, white: Array) -> Array:
+        """Return the readings of `true`, given standard normal draws of its shape."""
+        return quantised(true + self.noise * white if self.noise else true, self.quantum)
+
+    def due(self, first_tick: int, ticks: int, stream_Hz: float) -> NDArray[np.bool_]:
+        """Return at which of `ticks` stream ticks from `first_tick` on there is a new reading."""
+        return due(first_tick, ticks, self.rate_Hz, stream_Hz)
+
+
+def quantised(values: Array, quantum: float) -> Array:
+    """Return `values` rounded to whole quanta; a zero quantum leaves them alone."""
+    return np.round(values / quantum) * quantum if quantum else values
+
+
+def due(first_tick: int, ticks: int, rate_Hz: float, stream_Hz: float) -> NDArray[np.bool_]:
+    """Return at which stream ticks a sensor of its own rate has a new reading (ticks,).
+
+    Tick k shows the conversion that ended in (k - 1, k] / stream_Hz. A sensor as fast as the
+    stream, or of rate 0, has one at every tick.
+    """
+    if not rate_Hz or rate_Hz >= stream_Hz:
+        return np.ones(ticks, bool)
+    # The small addition keeps a conversion that ends exactly on a tick on that tick.
+    edges = np.arange(first_tick - 1, first_tick + ticks, dtype=float) * (rate_Hz / stream_Hz)
+    whole = np.floor(edges + 1e-9)
+    fresh: NDArray[np.bool_] = whole[1:] > whole[:-1]
+    return fresh
+
+
+COUNT_TOP = 2**23
+"""Counts of a 24-bit two's complement converter end here (HX711 data sheet, Avia Semiconductor)."""
+
+RATING_COUNTS = 2**22
+"""Counts at the cell's rating when no quantum is stated: 2 mV/V at 5 V over +-20 mV (gain 128)."""
+
+TARE_READINGS = 16
+"""A tare averages so many conversions: 0.2 s at 80 Hz; an assumption, common in HX711 code."""
+
+
+class LoadCell:
+    """Turn the force on the cell into counts and into thrust since the tare.
+
+    Args:
+        flaws: noise, quantum, rate, offset and drift; nothing left open.
+        rating_N: of the cell, which scales the counts where no quantum is stated.
+    """
+
+    def __init__(self, flaws: Imperfections, rating_N: float) -> None:
+        self.count_N = flaws.thrust_quantum_N or rating_N / RATING_COUNTS
+        self.rate_Hz = flaws.thrust_rate_Hz
+        self._flaws = flaws
+        self._zero_N = 0.0
+        self._walk_N = 0.0
+        self._carried_N = 0.0
+        self._recent_N: Array = np.empty(0)
+
+    @property
+    def has_read(self) -> bool:
+        """Whether there is a conversion that a tare could average."""
+        return len(self._recent_N) > 0
+
+    def due(self, first_tick: int, ticks: int, stream_Hz: float) -> NDArray[np.bool_]:
+        """Return at which stream ticks a conversion has ended (ticks,)."""
+        return due(first_tick, ticks, self.rate_Hz, stream_Hz)
+
+    def wander_N(self, time_s: Array, tick_s: float, white: Array) -> Array:
+        """Return the zero (m,): N at every tick, since power-on: offset, creep and random walk."""
+        flaws = self._flaws
+        walk_N = self._walk_N + np.cumsum(white) * (flaws.drift_walk_N_per_sqrt_s * np.sqrt(tick_s))
+        self._walk_N = float(walk_N[-1])
+        zero_N: Array = walk_N + flaws.drift_N_per_s * time_s + flaws.start_offset_N
+        return zero_N
+
+    def convert(self, force_N: Array, white: Array) -> tuple[Array, Array]:
+        """Return thrust since the tare (m,): N, and counts (m,), of that many conversions."""
+        shown_N = force_N + self._carried_N
+        if self._flaws.thrust_noise_N:
+            shown_N = shown_N + self._flaws.thrust_noise_N * white
+        counts = shown_N / self.count_N
+        if self._flaws.thrust_quantum_N:
+            counts = np.round(counts)
+        counts = np.clip(counts, -COUNT_TOP, COUNT_TOP - 1)
+        read_N = counts * self.count_N
+        self._recent_N = np.concatenate([self._recent_N, read_N])[-TARE_READINGS:]
+        return read_N - self._zero_N, counts
+
+    def tare(self, before_N: float, after_N: float) -> None:
+        """Take the last conversions as zero thrust.
+
+        Args:
+            before_N: the model's own reading at rest just before: an offset, and drift so far.
+            after_N: the same just after, with the time since the tare at zero; it stays on the
+                reading, since a model's tare offset is what a tare leaves behind.
+        """
+        self._carried_N += before_N - after_N
+        self._zero_N = float(np.mean(self._recent_N)) - after_N
+
+
+TILT_FEED_RAD_S = 0.2
+"""Feed of the tilt axis; an assumption, since a rig states only the linear feed."""
+
+
+class Axis:
+    """Move one axis at constant feed.
+
+    Attributes:
+        target: where it was sent.
+        shown: what the stage counts.
+        true: where the plate stands, within half the play of what is shown.
+    """
+
+    def __init__(self, feed: float, start: float, play: float = 0.0) -> None:
+        self.target = self.shown = self.true = start
+        self._feed = feed
+        self._half_play = 0.5 * play
+
+    @property
+    def moving(self) -> bool:
+        """Whether the stage has not reached its target yet."""
+        return self.shown != self.target
+
+    def advance(self, elapsed_s: Array) -> tuple[Array, Array]:
+        """Return counted and true positions (m,) at times since now, and stay at the last.
+
+        The target does not change meanwhile, so the motion is monotonic and the true position
+        follows it through the play exactly.
+        """
+        if not self.moving:
+            still = np.ones_like(elapsed_s)
+            return self.shown * still, self.true * still
+        way = self.target - self.shown
+        travelled = np.minimum(self._feed * elapsed_s, abs(way))
+        shown = np.where(
+            travelled >= abs(way), self.target, self.shown + np.copysign(travelled, way)
+        )
+        true = np.clip(self.true, shown - self._half_play, shown + self._half_play)
+        self.shown, self.true = float(shown[-1]), float(true[-1])
+        return shown, true

@@ -14,12 +14,8 @@ from benchtool.core.errors import InputError
 from benchtool.core.rig import Rig
 from benchtool.core.units import from_si
 from benchtool.physics.model import Model
-from benchtool.simulate.battery import Battery
-from benchtool.simulate.imperfections import Imperfections
-from benchtool.simulate.load_cell import LoadCell
-from benchtool.simulate.plate_motion import TILT_FEED_RAD_S, Axis
-from benchtool.simulate.powertrain import Powertrain, Run
-from benchtool.simulate.sensor import Reader
+from benchtool.simulate.imperfections import TILT_FEED_RAD_S, Axis, Imperfections, LoadCell, Reader
+from benchtool.simulate.powertrain import Battery, Powertrain, Run
 from benchtool.simulate.truth import Place, TrueThrust, motor_lag_s, speed_change
 
 SLOW_HZ = 10.0

@@ -15,7 +15,6 @@ from benchtool.physics.disc_thrust import owned
 from benchtool.physics.effects.effect import NO_FLOW
 from benchtool.physics.fold import chained
 from benchtool.physics.model import Model
-from benchtool.simulate.play import Play
 from benchtool.simulate.powertrain import SpeedChange
 
 WELL_CLEAR = 4.0
@@ -141,3 +140,27 @@ def speed_change(truth: Model) -> SpeedChange | None:
         return np.array([change(i, speed, flow, p) for i, speed in enumerate(speed_rad_s)])
 
     return changed
+
+
+class Play:
+    """Follow the side of a load behind a play of constant width, as dry friction makes it.
+
+    It begins as after an unloading: a cell that has been loaded before.
+    """
+
+    def __init__(self, half_width_N: float) -> None:
+        self._half_N = half_width_N
+        self._shown_N = half_width_N
+
+    def follow(self, load_N: Array) -> Array:
+        """Return the side (m,) after each load in turn: +1 from below, -1 from above, or between.
+
+        The load less side times half the width is what a cell behind the play shows.
+        """
+        shown_N, half_N = self._shown_N, self._half_N
+        side = np.empty(len(load_N))
+        for row, load in enumerate(load_N.tolist()):
+            shown_N = min(max(shown_N, load - half_N), load + half_N)
+            side[row] = (load - shown_N) / half_N
+        self._shown_N = shown_N
+        return side

@@ -22,8 +22,8 @@ from benchtool.simulate.controllers.pitch import pitch_controller
 from benchtool.simulate.gain_file import gains_named
 from benchtool.simulate.imperfections import Imperfections
 from benchtool.simulate.pitch.bench import PitchBench
-from benchtool.simulate.pitch.own import PitchController
 from benchtool.simulate.pitch.run import PitchJob
+from benchtool.simulate.pitch.simulate import PitchController
 from benchtool.simulate.plate_bench import PlateBench
 from benchtool.virtual.faults import Fault, FaultyPlant, LinkFaults
 from benchtool.virtual.firmware import Firmware, Plant

@@ -19,8 +19,8 @@ from benchtool.simulate.controllers.controller import PitchMeasurement, PitchRef
 from benchtool.simulate.noise import lane_states
 from benchtool.simulate.own_controller import made
 from benchtool.simulate.pitch import records as r
-from benchtool.simulate.pitch.own import PitchController, own_ticks
 from benchtool.simulate.pitch.run import PitchJob, PitchLoop
+from benchtool.simulate.pitch.simulate import PitchController, own_ticks
 
 HOLD_S = 2.0
 """Behind its end a schedule holds; its last values stand in a block of this length. A choice."""
@@ -160,9 +160,9 @@ class PitchBenchPlant:
         if mean_us > self.idle_us:
             if not self._armed:
                 self._arm()
-            believed = self.job.belief
+            nominal = self.job.nominal_model
             speed_rad_s = pulse.speed_per_us_rad_s * (mean_us - pulse.pwm_start_us)
-            thrust_N = believed.parameters["k"].value * speed_rad_s**2
+            thrust_N = nominal.parameters["k"].value * speed_rad_s**2
             loop.wish("setpoint.collective_N")[0] = loop.schedule.collective * thrust_N
             return
         if self._armed:

@@ -14,7 +14,7 @@ from benchtool.report.figure import drawn
 from benchtool.report.files import save_figure
 from benchtool.report.flight.campaign import campaign_map
 from benchtool.simulate.campaign import write_campaign
-from benchtool.simulate.campaign_flight import OGE, FlightCampaign
+from benchtool.simulate.campaign_flight import OGE, flight_campaign
 from benchtool.simulate.design import Design
 from benchtool.simulate.flight.cases import GYRO_NOISE_RAD_S
 from benchtool.simulate.flight.setup import FlightSetup
@@ -30,9 +30,9 @@ FLIGHT = FlightSetup(
     duration_s=120.0,
     gyro_noise_rad_s=GYRO_NOISE_RAD_S,
 )
-CAMPAIGN = FlightCampaign(
-    setups={name: replace(FLIGHT, gains=gains_named(name)) for name in ("s3", "s1a", "stiff")},
-    controllers=(OGE, "pid"),
+CAMPAIGN = flight_campaign(
+    {name: replace(FLIGHT, gains=gains_named(name)) for name in ("s3", "s1a", "stiff")},
+    (OGE, "pid"),
 )
 DESIGN = Design.read(["speed_m_s=0.1:1.2:12", "gains.attitude=0.6:1.8:13"], seeds=4, seed=1)
 

@@ -18,8 +18,8 @@ from pathlib import Path
 
 from benchtool.core.rig_file import rig_named
 from benchtool.simulate.campaign import Campaign, write_campaign
-from benchtool.simulate.campaign_flight import FlightCampaign
-from benchtool.simulate.campaign_pitch import PitchCampaign
+from benchtool.simulate.campaign_flight import flight_campaign
+from benchtool.simulate.campaign_pitch import pitch_campaign
 from benchtool.simulate.design import Design
 from benchtool.simulate.flight.setup import FlightSetup
 from benchtool.simulate.flight.vehicle import FlightVehicle
@@ -38,7 +38,7 @@ def campaign(kind: str) -> Campaign:
     if kind == "pitch":
         setup = pitch_setup(controllers=("pid",))
         short = replace(setup, schedule=setup.schedule.lasting(10.0))
-        return PitchCampaign(setups={"s3": short})
+        return pitch_campaign({"s3": short})
     flight = FlightSetup(
         case="over",
         vehicle=FlightVehicle(rig=rig_named("pquad")),
@@ -47,7 +47,7 @@ def campaign(kind: str) -> Campaign:
         duration_s=5.0,
         gyro_noise_rad_s=0.015,
     )
-    return FlightCampaign(setups={"s3": flight}, controllers=("pid",))
+    return flight_campaign({"s3": flight}, ("pid",))
 
 
 def write(kind: str, runs: int, folder: Path) -> tuple[float, float]:

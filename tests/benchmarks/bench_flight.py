@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from benchtool.core.rig_file import rig_named
-from benchtool.simulate.controllers.flight_controller import (
+from benchtool.simulate.controllers.controller import (
     FlightCommand,
     FlightMeasurement,
     FlightReference,

@@ -165,12 +165,12 @@ def main() -> None:
     if "MuJoCo, with a callback" in best:
         ratio = best["MuJoCo, with a callback"] / best["benchtool, built-in controller"]
         print(f"{'benchtool over MuJoCo, callback':<34} {ratio:>8.1f} times (aim 10)")
-    list(simulate_many([job] * 64, schedule, squared))
+    list(simulate_many([(job, k) for k in range(64)], schedule, squared))
     for threads in (1, os.cpu_count() or 1):
         for count in (RUNS, 2 * RUNS):
             seconds = best_s(
                 lambda n=count, t=threads: list(  # type: ignore[misc]
-                    simulate_many((job for _ in range(n)), schedule, squared, threads=t)
+                    simulate_many(((job, k) for k in range(n)), schedule, squared, threads=t)
                 )
             )
             print(

@@ -24,7 +24,7 @@ from benchtool.core.rig_file import rig_named
 from benchtool.core.units import STANDARD_GRAVITY_M_S2
 from benchtool.physics.model_file import load_model
 from benchtool.simulate import plate_bench
-from benchtool.simulate.load_cell import LoadCell
+from benchtool.simulate.imperfections import LoadCell
 from benchtool.virtual.devices import standard_truth, virtual_server
 from benchtool.virtual.firmware import Firmware
 from benchtool.virtual.links import PtyLink

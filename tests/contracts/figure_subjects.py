@@ -27,7 +27,7 @@ from benchtool.report.flight.pitch_study import PitchStudy, pitch_study
 from benchtool.report.replay.figures import ReplayedLog
 from benchtool.report.replay.recorded import Recorded
 from benchtool.report.sweep.run import SweepRun, read_sweep_run
-from benchtool.simulate.campaign_pitch import PitchCampaign
+from benchtool.simulate.campaign_pitch import pitch_campaign
 from benchtool.simulate.design import Design
 from benchtool.simulate.flight.cases import flight_case
 from benchtool.simulate.flight.study import Flown, fly_and_measure
@@ -131,7 +131,7 @@ def campaign() -> CampaignMap:
     rows, columns = np.divmod(np.arange(6), 3)
     for panel in panels:
         panel.add((rows, columns), np.linspace(0.0, 1.0, 6))
-    made = PitchCampaign(setups={"s3": study().setup})
+    made = pitch_campaign({"s3": study().setup})
     edges = (np.linspace(0.5, 3.5, 4), np.linspace(0.7, 1.3, 3))
     return CampaignMap(made, design, "peak_deg", panels, edges)
 

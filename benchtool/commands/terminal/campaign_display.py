@@ -23,7 +23,11 @@ from benchtool.simulate.design import Design
 
 
 def run_with_progress(
-    campaign: Campaign, design: Design, settings: Sequence[str], measure: str, out: Path | None
+    campaign: Campaign,
+    design: Design,
+    settings: Sequence[str],
+    measure: str,
+    out: Path | None,
 ) -> None:
     """Run a campaign, show how far it is, write its table and its map.
 
@@ -42,7 +46,7 @@ def run_with_progress(
         raise WouldOverwrite(str(out))
     refuse_existing([table, unfinished(table), out / "campaign.svg", out / "campaign.png"])
     campaign.check(design)
-    series = len(campaign.gain_sets) * len(campaign.controllers)
+    series = len(campaign.setups) * len(campaign.controllers)
     total = design.n_points * design.seeds * series
     print(
         f"SIMULATED campaign: {campaign.title}; {design.describe()}; {counted(total, 'run')}",

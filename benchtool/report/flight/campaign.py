@@ -151,7 +151,7 @@ def _third(campaign: Campaign, design: Design) -> Vary | None:
     if len(design.varied) < 3 or design.samples:
         return None
     third = design.varied[2]
-    several = len(campaign.gain_sets) > 1
+    several = len(campaign.setups) > 1
     rows = len(campaign.controllers) * (third.count if several else 1)
     columns = 1 if several else third.count
     return third if rows <= MOST_ROWS and columns <= MOST_COLUMNS else None
@@ -176,7 +176,7 @@ def _labels(
 ) -> tuple[str, str]:
     """Return row and column of a panel: gain sets side by side, or else controllers."""
     value = f"{third.name} = {third.values()[layer]:.4g}" if third else ""
-    if len(campaign.gain_sets) > 1:
+    if len(campaign.setups) > 1:
         several = len(campaign.controllers) > 1
         row = ", ".join(filter(None, (controller if several else "", value)))
         return row, gains if several else f"{gains}, {controller}"

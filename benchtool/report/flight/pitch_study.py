@@ -13,9 +13,9 @@ import numpy as np
 from benchtool import __version__
 from benchtool.core.counted import counted
 from benchtool.core.schedule import PlateVisit
+from benchtool.simulate.campaign import results_in_order
 from benchtool.simulate.controllers.pitch import PitchControl
 from benchtool.simulate.gain_file import gain_names, gains_named
-from benchtool.simulate.in_order import results_in_order
 from benchtool.simulate.own_controller import made
 from benchtool.simulate.pitch.result import PitchRun, PlateNumbers, plate_numbers
 from benchtool.simulate.pitch.run import PitchJob
@@ -60,7 +60,7 @@ def pitch_study(
     near = setup.schedule.sampled(rate_Hz, radius_m)
     far = replace(setup.schedule, plate=()).sampled(rate_Hz, radius_m)
     jobs = [
-        PitchJob(setup.bench, control, setup.believed)
+        PitchJob(setup.bench, control, setup.nominal)
         for control in (() if only_own else setup.controls)
     ]
     schedules = (near, far) if with_away else (near,)
@@ -71,7 +71,7 @@ def pitch_study(
     )
     runs, away = every[: len(jobs)], every[len(jobs) :]
     for name, kind in own:
-        job = PitchJob(setup.bench, setup.controls[0], setup.believed)
+        job = PitchJob(setup.bench, setup.controls[0], setup.nominal)
         for schedule, done in zip(schedules, (runs, away), strict=False):
             run = simulate_controller(made(kind, name), job, schedule, seed, name=name)
             done.append(run)

@@ -13,6 +13,7 @@ from benchtool.core.errors import InputError
 from benchtool.data.run.recording_file import beside, write_recording
 from benchtool.report.figure import drawn
 from benchtool.report.files import refuse_existing, save_figure
+from benchtool.simulate.campaign import results_in_order
 from benchtool.simulate.flight.flight import FlightCase, FlightControl
 from benchtool.simulate.flight.measures import measure
 from benchtool.simulate.flight.own import fly_own
@@ -24,7 +25,6 @@ from benchtool.simulate.flight.study import (
     recording_of,
 )
 from benchtool.simulate.flight.warnings import warnings_of
-from benchtool.simulate.in_order import results_in_order
 from benchtool.simulate.own_controller import made
 
 

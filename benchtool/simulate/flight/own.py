@@ -10,7 +10,7 @@ import numpy as np
 from benchtool.core.array import Array
 from benchtool.core.errors import InputError
 from benchtool.physics.expression import compiled
-from benchtool.simulate.controllers.flight_controller import (
+from benchtool.simulate.controllers.controller import (
     FlightCommand,
     FlightController,
     FlightMeasurement,

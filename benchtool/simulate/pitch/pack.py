@@ -139,13 +139,13 @@ def _motion(bench: PitchBench) -> r.Motion:
     return r.Motion(first, second, wake_remains, wake_kick, float(steps))
 
 
-def torque_limit_Nm(bench: PitchBench, believed: Model) -> float:
+def torque_limit_Nm(bench: PitchBench, nominal: Model) -> float:
     """Return the torque that the mixer can give about hover before a rotor stops or saturates."""
-    rig = believed.rig
+    rig = nominal.rig
     p = rig.propulsion
     x = rig.disc_positions_m[rig.disc_of_rotor, 0]
     top = (
-        believed.parameters["k"].value
+        nominal.parameters["k"].value
         * (p.speed_per_us_rad_s * (bench.pwm_max_us - p.pwm_start_us)) ** 2
     )
     room = min(bench.hover_N, max(top - bench.hover_N, 0.0))

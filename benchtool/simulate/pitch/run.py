@@ -17,13 +17,13 @@ from benchtool.physics.model import Model
 from benchtool.simulate.controllers.controller import PitchPlant
 from benchtool.simulate.controllers.pitch import Feedforward, PitchControl
 from benchtool.simulate.gathered import gathered
+from benchtool.simulate.imperfections import due
 from benchtool.simulate.noise import lane_states
 from benchtool.simulate.pitch import records as r
 from benchtool.simulate.pitch.bench import SENSOR_NAMES, PitchBench, PitchSensor
 from benchtool.simulate.pitch.kernel import LoopArrays
 from benchtool.simulate.pitch.loops import pitch_loops
 from benchtool.simulate.pitch.pack import geometry_of, loop_effects, pack
-from benchtool.simulate.sensor import due
 
 PAST = 64
 """Control ticks that delayed sensors may look back."""
@@ -35,12 +35,12 @@ class PitchJob:
 
     bench: PitchBench
     control: PitchControl
-    believed: Model | None = None
+    nominal: Model | None = None
 
     @property
-    def belief(self) -> Model:
+    def nominal_model(self) -> Model:
         """The model that feedforward and mixer use: the bench's own unless another is given."""
-        return self.believed if self.believed is not None else self.bench.model
+        return self.nominal if self.nominal is not None else self.bench.model
 
 
 def shared_key(job: PitchJob) -> tuple[object, ...]:
@@ -116,7 +116,7 @@ class PitchLoop:
         bench, model = first.bench, first.bench.model
         self.lanes, self.schedule = len(jobs), schedule
         self.n_discs = model.rig.n_discs
-        models = [model for job in jobs for model in (job.bench.model, job.belief)]
+        models = [model for job in jobs for model in (job.bench.model, job.nominal_model)]
         effects = loop_effects(*models, neutral_too=neutral_too)
         control, law = first.control, first.control.law
         n_numbers = sum(len(effect.parameters) for effect in effects)
@@ -125,7 +125,8 @@ class PitchLoop:
         arms = len(model.body_arms_m)
         self._loops = pitch_loops(effects, self.layout, self.lanes, model.wake_rule, arms, law)
         packed = {
-            id(job): pack(job.bench, job.control, job.belief, effects, self.layout) for job in jobs
+            id(job): pack(job.bench, job.control, job.nominal_model, effects, self.layout)
+            for job in jobs
         }
         columns = [packed[id(job)] for job in jobs]
         self.substeps = substeps_of(bench, schedule.rate_Hz)

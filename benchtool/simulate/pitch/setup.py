@@ -54,7 +54,7 @@ class PitchSetup:
         bench: the plant.
         controls: built-in controllers.
         schedule: what they are told.
-        believed: the model that mixer and feedforward take for true; the bench's when None.
+        nominal: the model that mixer and feedforward take for true; the bench's when None.
         notes: how the model's file was read.
         rate_Hz: control rate.
     """
@@ -62,7 +62,7 @@ class PitchSetup:
     bench: PitchBench
     controls: tuple[PitchControl, ...]
     schedule: Schedule
-    believed: Model | None = None
+    nominal: Model | None = None
     notes: tuple[str, ...] = ()
 
     @property
@@ -124,9 +124,7 @@ def changed(setup: PitchSetup, values: Mapping[str, float]) -> PitchSetup:
 def changed_job(job: PitchJob, values: Mapping[str, float]) -> PitchJob:
     """Return a single job with some numbers changed, by the names of `changed`."""
     none = Schedule(name="none", title="no number stands in a schedule", duration_s=1.0)
-    setup = PitchSetup(
-        bench=job.bench, controls=(job.control,), schedule=none, believed=job.believed
-    )
+    setup = PitchSetup(bench=job.bench, controls=(job.control,), schedule=none, nominal=job.nominal)
     new = changed(setup, values)
     return replace(job, bench=new.bench, control=new.controls[0])
 

@@ -14,7 +14,7 @@ from benchtool.commands.app import main
 from benchtool.core.errors import WouldOverwrite
 from benchtool.data.run.campaign import CampaignWriter, read_campaign, unfinished
 from benchtool.simulate.campaign import Row, write_campaign
-from benchtool.simulate.campaign_pitch import PitchCampaign
+from benchtool.simulate.campaign_pitch import pitch_campaign
 from benchtool.simulate.design import Design
 from benchtool.simulate.pitch.setup import PitchSetup, pitch_setup
 
@@ -29,10 +29,10 @@ def short(duration_s: float = 12.0) -> PitchSetup:
 def test_every_point_sees_the_same_noise_and_stands_as_if_run_alone() -> None:
     setup = short()
     design = Design.read(["bench.inertia_kgm2=0.015:0.021:3"], seeds=2, seed=5)
-    rows = list(PitchCampaign(setups={"s3": setup}).rows(design))
+    rows = list(pitch_campaign({"s3": setup}).rows(design))
     assert [row["seed"] for row in rows] == [5.0, 6.0] * 3
     one = Design.read(["bench.inertia_kgm2=0.018:0.018:1"], seeds=2, seed=5)
-    alone = list(PitchCampaign(setups={"s3": setup}).rows(one))
+    alone = list(pitch_campaign({"s3": setup}).rows(one))
     for mine, other in zip(rows[2:4], alone, strict=True):
         assert mine["rms_deg"] == pytest.approx(float(other["rms_deg"]), rel=1e-9)
     assert rows[0]["rms_deg"] != rows[1]["rms_deg"]

@@ -16,7 +16,7 @@ from benchtool.fit.recipe import Recipe
 from benchtool.fit.run_recipe import run_recipe
 from benchtool.physics.catalogue import own_effects
 from benchtool.physics.model_file import load_model
-from benchtool.simulate.own_controllers import controller_class
+from benchtool.simulate.own_controller import controller_class
 from benchtool.simulate.pitch.setup import pitch_setup
 
 MODEL = '[model]\nname = "m"\nrig = "pquad_single"\neffects_file = "evil.py"\n'

@@ -12,8 +12,8 @@ import pytest
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.rig_file import rig_named
 from benchtool.data.run import campaign as store
-from benchtool.simulate.campaign import write_campaign
-from benchtool.simulate.campaign_flight import OGE, FlightCampaign
+from benchtool.simulate.campaign import Campaign, write_campaign
+from benchtool.simulate.campaign_flight import OGE, flight_campaign
 from benchtool.simulate.design import Design
 from benchtool.simulate.environment import Environment
 from benchtool.simulate.flight.flight import fly
@@ -30,8 +30,8 @@ SETUP = FlightSetup(
 )
 
 
-def campaign(*controllers: str, setup: FlightSetup = SETUP) -> FlightCampaign:
-    return FlightCampaign(setups={"s3": setup}, controllers=controllers or ("pid",))
+def campaign(*controllers: str, setup: FlightSetup = SETUP) -> Campaign:
+    return flight_campaign({"s3": setup}, controllers or ("pid",))
 
 
 def test_every_row_is_the_flight_as_flown_alone() -> None:

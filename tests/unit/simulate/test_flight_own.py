@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from benchtool.core.errors import InputError
-from benchtool.simulate.controllers.flight_controller import (
+from benchtool.simulate.controllers.controller import (
     FlightCommand,
     FlightMeasurement,
     FlightReference,

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from benchtool.core.errors import InputError, UnknownChoice
-from benchtool.simulate.own_controllers import controller_class
+from benchtool.simulate.own_controller import controller_class
 
 
 def allow(file: str) -> None:

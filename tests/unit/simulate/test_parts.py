@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 
 from benchtool.core.rig_file import rig_named
-from benchtool.simulate.battery import Battery
-from benchtool.simulate.plate_motion import Axis
-from benchtool.simulate.powertrain import Powertrain
-from benchtool.simulate.sensor import Reader, due, quantised
+from benchtool.simulate.imperfections import Axis, Reader, due, quantised
+from benchtool.simulate.powertrain import Battery, Powertrain
 
 RIG = rig_named("pquad")
 PULSE = RIG.propulsion

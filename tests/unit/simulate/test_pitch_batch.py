@@ -26,7 +26,8 @@ def whole_log(loop: PitchLoop, lane: int, run: int) -> tuple[int, np.ndarray]:
 @pytest.mark.parametrize("threads", [1, 2])
 def test_a_run_is_the_same_alone_and_in_any_batch(threads: int) -> None:
     each = job(noisy_bench("pitch_beam"), soft("observer"))
-    many = dict(simulate_many([each] * (LANES + 5), SCHEDULE, whole_log, seed=9, threads=threads))
+    runs = [(each, run) for run in range(LANES + 5)]
+    many = dict(simulate_many(runs, SCHEDULE, whole_log, seed=9, threads=threads))
     assert list(many) == list(range(LANES + 5))
     for run in (0, 3, LANES - 1, LANES, LANES + 4):
         alone = simulate_pitch(each, SCHEDULE, seed=9, run=run)
@@ -37,8 +38,9 @@ def test_a_run_is_the_same_alone_and_in_any_batch(threads: int) -> None:
 def test_lanes_differ_where_their_benches_differ() -> None:
     benches = [replace(noisy_bench(), inertia_kgm2=0.018 + 0.001 * k) for k in range(4)]
     jobs = [job(bench, soft()) for bench in benches]
-    for (_, log), each in zip(simulate_many(jobs, SCHEDULE, whole_log), jobs, strict=True):
-        run = simulate_pitch(each, SCHEDULE, run=jobs.index(each))
+    runs = zip(jobs, range(4), strict=True)
+    for (number, log), each in zip(simulate_many(runs, SCHEDULE, whole_log), jobs, strict=True):
+        run = simulate_pitch(each, SCHEDULE, run=number)
         np.testing.assert_allclose(log, run.log, rtol=1e-12, atol=1e-13)
 
 
@@ -49,7 +51,7 @@ def test_blocks_are_taken_from_an_endless_supply_as_they_are_needed() -> None:
         each = job(noisy_bench(), soft())
         while True:
             given.append(1)
-            yield each
+            yield each, len(given)
 
     results = simulate_many(supply(), SCHEDULE, whole_log, threads=1)  # type: ignore[arg-type]
     next(results)

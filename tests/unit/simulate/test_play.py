@@ -10,7 +10,7 @@ from benchtool.physics.conditions import Conditions
 from benchtool.physics.model import Model
 from benchtool.simulate.imperfections import Imperfections
 from benchtool.simulate.plate_bench import PlateBench
-from benchtool.simulate.play import Play
+from benchtool.simulate.truth import Play
 
 RIG = rig_named("pquad_single")
 
