@@ -11,7 +11,7 @@ import pytest
 
 from benchtool.web.bench_process.throttle import SILENCE_S
 from benchtool.web.serve import open_page as open_address
-from tests.browser.conftest import CHROMIUM, Web, connect, serving
+from tests.browser.conftest import CHROMIUM, Web, connect, expect, serving
 from tests.browser.device import Device
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ def hold(page: Page, device: Device, presses: int = 6) -> None:
 @pytest.mark.real_time(deadline_s=0.1)
 def test_a_bench_on_a_port_is_seen_live(page: Page, device: Device) -> None:
     connect(page, device.address)
-    assert device.address in page.get_by_role("status").first.inner_text()
+    expect(page.get_by_role("status").first).to_contain_text(device.address)
     page.get_by_text("virtual-pquad-0 (virtual)").wait_for()
     frames = "Number(document.querySelector('.strips').dataset.frames)"
     before, begun = page.evaluate(frames), time.monotonic()
@@ -55,19 +55,17 @@ def test_a_bench_on_a_port_is_seen_live(page: Page, device: Device) -> None:
     assert page.evaluate(joins, [0.0, 0.05, 0.1, 2.0, 2.05]) == [False, True, True, False, True]
     assert page.evaluate(joins, [0.0, 0.5, 1.0, 1.6, 4.0]) == [False, True, True, True, False]
     assert page.evaluate(joins, []) == []
-    assert f"benchtool bench check {device.address} --rig pquad" in page.content()
-    assert "0 lost, 0 corrupt" in page.content()
+    command = f"benchtool bench check {device.address} --rig pquad"
+    page.locator(".command-text", has_text=command).wait_for()
+    page.get_by_text("0 lost, 0 corrupt").first.wait_for()
     # A number that is none, or too large, turns nothing.
     pulse = page.get_by_role("spinbutton", name="Pulse, us")
     for typed, taken in (("99999", "1950"), ("abc", "")):
         pulse.fill("")
         pulse.press_sequentially(typed)
         pulse.press("Tab")
-        page.wait_for_function(
-            "value => document.querySelector('[type=number][aria-label^=Pulse]').value === value",
-            arg=taken,
-        )
-    assert page.locator(".q-notification__message").count() == 0
+        expect(pulse).to_have_value(taken)
+    expect(page.locator(".q-notification__message")).to_have_count(0)
     assert device.turning_us() <= 1000.0
 
 
@@ -97,7 +95,7 @@ def test_motors_turn_while_the_button_is_held_and_keys_stop_them(
     field.fill("a")
     typed = time.time()
     field.press(" ")
-    assert field.input_value() == "a "
+    expect(field).to_have_value("a ")
     page.wait_for_timeout(300)
     assert [order for order in device.orders if order[0] > typed] == []
     field.press("Escape")
@@ -161,11 +159,9 @@ def test_a_server_that_dies_with_the_throttle_held_stops_motors(
     assert device.stopped_after(died) < STOPPED_S
     note = page.locator(".stop-note")
     note.get_by_text("No connection to benchtool since").wait_for()
-    said = note.inner_text()
-    assert f"Last known: {device.address}, motors ordered to 1" in said
-    assert "cut the power" in said
-    content = "getComputedStyle(document.querySelector('.q-page-container'))"
-    assert page.evaluate(f"{content}.filter") == "grayscale(1)"
+    expect(note).to_contain_text(f"Last known: {device.address}, motors ordered to 1")
+    expect(note).to_contain_text("cut the power")
+    expect(page.locator(".q-page-container")).to_have_css("filter", "grayscale(1)")
     page.mouse.up()
     page.keyboard.press("Escape")
     note.get_by_text("STOP did not reach benchtool. Cut the power.").wait_for()
@@ -177,11 +173,11 @@ def test_a_server_that_hangs_greys_the_page_until_it_answers_again(page: Page, w
     note = page.locator(".stop-note")
     try:
         note.get_by_text("Last known: no bench is connected.").wait_for()
-        assert page.locator("body.server-lost").count() == 1
+        expect(page.locator("body.server-lost")).to_have_count(1)
     finally:
         web.process.send_signal(signal.SIGCONT)
     note.get_by_text("The connection to benchtool was lost at").wait_for()
-    assert page.locator("body.server-lost").count() == 0
+    expect(page.locator("body.server-lost")).to_have_count(0)
 
 
 def test_of_two_pages_one_is_at_the_controls(
@@ -190,7 +186,7 @@ def test_of_two_pages_one_is_at_the_controls(
     connect(page, device.address)
     second = open_page(web.url)
     second.get_by_text("watching").wait_for()
-    assert not second.get_by_role("button", name="Take over").is_visible()
+    expect(second.get_by_role("button", name="Take over")).to_be_hidden()
     second.get_by_role("button", name="Tare").click()
     second.get_by_text("another page is at the controls, this one watches").wait_for()
     hold(page, device)
@@ -210,8 +206,8 @@ def test_a_wrong_token_opens_nothing(tmp_path: Path, open_page: Callable[[str], 
         assert len(token) > 20
         for wrong in (address, f"{address}?token=x{token[1:]}"):
             refused = open_page(wrong)
-            assert "the token is missing or wrong" in refused.content()
-            assert refused.locator(".stop-button").count() == 0
+            expect(refused.get_by_text("the token is missing or wrong")).to_be_visible()
+            expect(refused.locator(".stop-button")).to_have_count(0)
         # As `benchtool web` itself opens it, by way of a file.
         addresses: list[str] = []
         open_address(server.url, tmp_path, addresses.append)

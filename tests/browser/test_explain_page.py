@@ -14,7 +14,7 @@ import pytest
 from benchtool.data.run.recording_file import write_recording
 from benchtool.report.flight.pitch_study import pitch_study
 from benchtool.simulate.pitch.setup import changed, pitch_setup
-from tests.browser.conftest import Web, serving
+from tests.browser.conftest import Web, expect, serving
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
@@ -70,7 +70,7 @@ def test_a_hidden_effect_is_named_accepted_and_found_again(
     explain.click()
     alert = page.get_by_role("alert").filter(has_text="odd.csv")
     alert.wait_for(timeout=EXPLAINS_MS)
-    assert "its columns are a, b" in alert.inner_text()
+    expect(alert).to_contain_text("its columns are a, b")
 
     page.get_by_label("Remove").first.click()
     choose(page, "Recordings to learn from", "bench/learn.csv")
@@ -80,8 +80,8 @@ def test_a_hidden_effect_is_named_accepted_and_found_again(
     verdict = page.get_by_text("The model lacks Coulomb friction").first
     verdict.wait_for(timeout=EXPLAINS_MS)
     for heading in ("Where", "Which", "The gap"):
-        assert page.get_by_text(heading, exact=True).is_visible()
-    assert page.locator("figure.shown img").count() >= 5
+        expect(page.get_by_text(heading, exact=True)).to_be_visible()
+    expect(page.locator("figure.shown img").nth(4)).to_be_attached()
 
     page.get_by_role("button", name="Accept coulomb_friction into a new model").click()
     page.get_by_text("was written to").wait_for()
@@ -89,7 +89,7 @@ def test_a_hidden_effect_is_named_accepted_and_found_again(
     model = tomllib.loads((folder / "model.toml").read_text())
     assert model["model"]["name"] == "pitch_bench_coulomb_friction"
     assert (folder / "report.html").is_file()
-    assert page.get_by_role("button", name="Accept").is_disabled()
+    expect(page.get_by_role("button", name="Accept")).to_be_disabled()
 
     page.reload()
     page.get_by_text("was written to").wait_for()

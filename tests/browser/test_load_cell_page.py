@@ -11,7 +11,7 @@ from benchtool.core.rig_file import rig_named
 from benchtool.core.units import STANDARD_GRAVITY_M_S2
 from benchtool.data.run.read import read_points
 from benchtool.simulate.imperfections import Imperfections
-from tests.browser.conftest import Web, connect
+from tests.browser.conftest import Web, connect, expect
 from tests.browser.device import Device
 from tests.browser.sweeping import SWEEP_MS, only_run, start
 
@@ -40,7 +40,7 @@ def test_masses_make_a_line_that_later_runs_take(page: Page, web: Web, fast_devi
     page.get_by_text("the device's own newtons").wait_for()
     page.get_by_role("button", name="Calibrate").click()
     page.get_by_text("Hang a mass, wait until it is still").wait_for()
-    assert not page.locator(".hold-button").is_visible()
+    expect(page.locator(".hold-button")).to_be_hidden()
     page.get_by_label("Mass, kg").fill("500")
     page.get_by_role("button", name="Weigh").click()
     page.get_by_text("500 kg pull with").wait_for()

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from tests.browser.conftest import Web, serving
+from tests.browser.conftest import Web, expect, serving
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
@@ -47,36 +47,26 @@ def filled(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Iterat
         yield web
 
 
-def listed(page: Page) -> list[str]:
-    """Return the names in the list, from top to bottom."""
-    return page.locator(".run-name").all_inner_texts()
-
-
-def wait_for_seat(page: Page) -> None:
+def wait_for_controls(page: Page) -> None:
     """Wait until the page of an earlier test has left the controls."""
     take = page.get_by_role("button", name="Take over")
     take.or_(page.get_by_text("at the controls", exact=True)).first.wait_for()
 
 
-def told(page: Page) -> str:
-    """Return what the page says of a fault."""
-    note = page.locator(".q-notification__message").last
-    note.wait_for()
-    return note.inner_text()
-
-
 def test_a_run_is_found_and_shows_its_numbers(filled: Web, open_page: Opens) -> None:
     page = open_page(f"{filled.url}?tab=runs")
     page.get_by_text("4 in runs, 1 cannot be read").wait_for()
-    assert set(listed(page)) == {"quad", "single_rotor", "earlier", "broken"}
-    assert "this is not valid JSON" in page.locator(".said.problem").inner_text()
+    names = page.locator(".run-name")
+    expect(names).to_have_count(4)
+    assert set(names.all_inner_texts()) == {"quad", "single_rotor", "earlier", "broken"}
+    expect(page.locator(".said.problem")).to_contain_text("this is not valid JSON")
     page.get_by_label("Search name, rig, date, state").fill("sweep pquad_single")
     page.get_by_text("1 of 4 in runs").wait_for()
-    assert listed(page) == ["single_rotor"]
+    expect(names).to_have_text(["single_rotor"])
     page.get_by_role("button", name="single_rotor").click()
     page.get_by_text("1.2343 ± 0.0016").wait_for(timeout=COLD_MS)
-    assert page.get_by_role("img", name=re.compile("Thrust near the plate")).is_visible()
-    assert "benchtool report" in page.locator(".command-text").last.inner_text()
+    expect(page.get_by_role("img", name=re.compile("Thrust near the plate"))).to_be_visible()
+    expect(page.locator(".command-text").last).to_contain_text("benchtool report")
     with page.expect_download(timeout=COLD_MS) as taken:
         page.get_by_role("button", name="points, CSV").click()
     expected = filled.runs / "single_rotor" / "points.csv"
@@ -107,22 +97,22 @@ def test_two_sweeps_stand_in_one_plot(filled: Web, open_page: Opens) -> None:
     compare.click()
     page.get_by_text("2 sweeps compared").wait_for(timeout=COLD_MS)
     page.get_by_role("img", name=re.compile("run by run")).wait_for()
-    rows = page.locator(".shown-body tr").all_inner_texts()
-    nearest = next(row.split("\t") for row in rows if row.startswith("0.6"))
-    assert sorted(nearest[2:4]) == ["1.2343 ± 0.0016", "1.8081 ± 0.0013"]
+    nearest = page.locator(".shown-body").get_by_role("row", name=re.compile("^0.6"))
+    for ratio in ("1.2343 ± 0.0016", "1.8081 ± 0.0013"):
+        expect(nearest).to_contain_text(ratio)
 
 
 @pytest.mark.parametrize("name", ["../secret.csv", "quad/../../secret.csv", "%2Fetc%2Fpasswd"])
 def test_a_path_outside_the_folder_is_refused(filled: Web, open_page: Opens, name: str) -> None:
     page = open_page(f"{filled.url}?tab=runs&run={name}")
-    assert "leads out of the runs folder" in told(page)
-    assert page.locator(".shown-body").count() == 0
+    page.locator(".q-notification__message", has_text="leads out of the runs folder").wait_for()
+    expect(page.locator(".shown-body")).to_have_count(0)
 
 
 def test_a_fit_gives_the_numbers_of_the_command(filled: Web, open_page: Opens) -> None:
     page = open_page(f"{filled.url}?tab=fit&data=quad")
     page.get_by_label("body_lift.K_b is free").wait_for()
-    wait_for_seat(page)
+    wait_for_controls(page)
     name = page.get_by_label("Name of the fit's folder")
     for taken, said in (("../evil", "cannot name a run"), ("quad", "quad exists already")):
         name.fill(taken)
@@ -169,23 +159,21 @@ def test_the_form_shows_the_numbers_of_the_runs_own_rig(
             page.get_by_label(f"{name} is held at") for name in ("R_m", "neighbour_images.strength")
         )
         strength.fill("0.9")
-        assert radius.input_value() == "0.12"
+        expect(radius).to_have_value("0.12")
         page.get_by_label("Runs and tables").click()
         page.get_by_role("option", name=re.compile("^own")).click()
         page.locator(".command-text", has_text="runs/own").wait_for()
-        page.wait_for_function(
-            "document.querySelector('[aria-label=\"R_m is held at\"]').value === '0.125'"
-        )
+        expect(radius).to_have_value("0.125")
         # What somebody had changed stays.
-        assert strength.input_value() == "0.9"
+        expect(strength).to_have_value("0.9")
         command = page.locator(".command-text", has_text="--fix neighbour_images.strength=0.9")
-        assert "R_m" not in command.inner_text()
+        expect(command).not_to_contain_text("R_m")
 
 
 def test_a_table_is_handed_over_and_a_bad_cell_is_told(filled: Web, open_page: Opens) -> None:
     page = open_page(f"{filled.url}?tab=fit")
     page.get_by_text("Or upload a CSV file", exact=True).wait_for()
-    wait_for_seat(page)
+    wait_for_controls(page)
     chooser = page.locator("input[type=file]")
     chooser.set_input_files({"name": "x.csv", "mimeType": "text/csv", "buffer": b"\0\1\2"})
     page.locator(".q-notification", has_text="not a text file").get_by_role("button").click()
