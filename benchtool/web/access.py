@@ -53,7 +53,7 @@ class Access:
     def refusal(self, request: RequestFacts) -> str | None:
         """Return why a request is refused, in one sentence, or None when it is not."""
         host = host_name(request.host)
-        if not self._is_ours(host):
+        if host not in self.names and not (self.any_address and _is_address(host)):
             return (
                 f"this page was asked for as {request.host!r}, which is none of its names; open "
                 f"the address that benchtool web has printed"
@@ -76,21 +76,17 @@ class Access:
         """Tell whether this is the token, in a time that says nothing about it."""
         return self.token is not None and compare_digest(given.encode(), self.token.encode())
 
-    def _is_ours(self, host: str) -> bool:
-        if host in self.names:
-            return True
-        if not self.any_address:
-            return False
-        try:
-            ip_address(host)
-        except ValueError:
-            return False
-        return True
+
+def _is_address(host: str) -> bool:
+    try:
+        return bool(ip_address(host))
+    except ValueError:
+        return False
 
 
 def host_name(host: str) -> str:
     """Return the name in a Host header, lower case, without port or brackets; or ""."""
-    if not _plain(host):
+    if not host or set(host) & set("/?#@\\ \t"):
         return ""
     try:
         return urlsplit(f"//{host}").hostname or ""
@@ -98,15 +94,6 @@ def host_name(host: str) -> str:
         return ""
 
 
-def _plain(host: str) -> bool:
-    return bool(host) and not set(host) & set("/?#@\\ \t")
-
-
 def is_loopback(host: str) -> bool:
     """Tell whether a server bound to this host can only be reached from the same machine."""
-    if host == "localhost":
-        return True
-    try:
-        return ip_address(host).is_loopback
-    except ValueError:
-        return False
+    return host == "localhost" or (_is_address(host) and ip_address(host).is_loopback)

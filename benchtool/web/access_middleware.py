@@ -5,10 +5,10 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Awaitable, Callable
 from html import escape
-from http.cookies import CookieError, SimpleCookie
 from typing import TYPE_CHECKING
 from urllib.parse import parse_qs, urlencode
 
+from starlette.requests import HTTPConnection
 from starlette.responses import HTMLResponse, PlainTextResponse, Response
 
 from benchtool.data.run.runs_folder import MOST_BYTES
@@ -76,12 +76,22 @@ class AccessMiddleware:
         if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, send)
             return
-        headers = {
-            name.decode("latin-1"): value.decode("latin-1") for name, value in scope["headers"]
-        }
-        request = _request_facts(scope, headers, self._cookie)
+        given = HTTPConnection(scope)
+        query = parse_qs(scope["query_string"].decode("latin-1"))
+        shown = query.pop("token", [""])[0] if scope["type"] == "http" else ""
+        right = bool(shown) and self._access.is_token(shown)
+        request = RequestFacts(
+            host=given.headers.get("host", ""),
+            origin=given.headers.get("origin", ""),
+            site=given.headers.get("sec-fetch-site", ""),
+            mode=given.headers.get("sec-fetch-mode", ""),
+            token=shown if right else given.cookies.get(self._cookie, ""),
+            reads_only=scope.get("method") in ("GET", "HEAD"),
+            is_socket=scope["type"] == "websocket",
+        )
+        refusal = self._access.refusal(request)
         if scope["type"] == "websocket":
-            if self._access.refusal(request) is None:
+            if refusal is None:
                 await self._app(scope, receive, send)
             else:
                 if request.token:
@@ -89,21 +99,13 @@ class AccessMiddleware:
                 await receive()
                 await send({"type": "websocket.close", "code": CLOSED})
             return
-        query = parse_qs(scope["query_string"].decode("latin-1"))
-        shown = query.pop("token", [""])[0]
-        if shown and self._access.is_token(shown):
-            request = _request_facts(
-                scope, {**headers, "cookie": f"{self._cookie}={shown}"}, self._cookie
-            )
-        refusal = self._access.refusal(request)
         answer: Response | None = None
         if refusal is not None:
             guessed = self._access.token is not None and bool(shown or request.token)
+            status = REFUSED
             if guessed and not await self._slow_down():
-                refusal = "too many wrong tokens; try again later"
-                answer = PlainTextResponse(f"benchtool: {refusal}\n", TOO_MANY)
-            else:
-                answer = PlainTextResponse(f"benchtool: {refusal}\n", REFUSED)
+                status, refusal = TOO_MANY, "too many wrong tokens; try again later"
+            answer = PlainTextResponse(f"benchtool: {refusal}\n", status)
         elif shown and self._access.token is not None:
             # The token leaves the address bar, and with it the history and what people copy.
             rest = urlencode(query, doseq=True)
@@ -171,27 +173,6 @@ class Body:
         if self._bytes <= MOST_BODY_BYTES or not self._begun:
             self._begun = True
             await self._send(message)
-
-
-def _request_facts(scope: Scope, headers: dict[str, str], cookie: str) -> RequestFacts:
-    is_socket = scope["type"] == "websocket"
-    return RequestFacts(
-        host=headers.get("host", ""),
-        origin=headers.get("origin", ""),
-        site=headers.get("sec-fetch-site", ""),
-        mode=headers.get("sec-fetch-mode", ""),
-        token=_cookie(headers.get("cookie", ""), cookie),
-        reads_only=not is_socket and scope["method"] in ("GET", "HEAD"),
-        is_socket=is_socket,
-    )
-
-
-def _cookie(header: str, name: str) -> str:
-    try:
-        found = SimpleCookie(header).get(name)
-    except CookieError:
-        return ""
-    return found.value if found else ""
 
 
 def _with_headers(send: Send, policy: str) -> Send:

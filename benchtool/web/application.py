@@ -2,25 +2,27 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
 import socket
+from contextlib import suppress
 from pathlib import Path
 
 import uvicorn
-from fastapi import FastAPI
+from fastapi import FastAPI, WebSocket, WebSocketDisconnect
 from fastapi.middleware.gzip import GZipMiddleware
 from nicegui import app, ui
 
 from benchtool.web.access import Access
 from benchtool.web.access_middleware import AccessMiddleware
 from benchtool.web.bench_process.client import BenchClient
+from benchtool.web.bench_process.publisher import merged
 from benchtool.web.bench_process.spawn import ProcessHandle
 from benchtool.web.context import ServerState
 from benchtool.web.control_line import serve_control_line
-from benchtool.web.notifications import notify_all_pages, notify_error
 from benchtool.web.page import serve_page
-from benchtool.web.stream import FrameStream
 from benchtool.web.theme import serve_static
+from benchtool.web.widgets import notify_all_pages, notify_error
 
 RECONNECT_S = 15.0
 """A page that was silent for so long is dropped; loaded again, it starts anew. A choice: on busy
@@ -43,15 +45,13 @@ def run_application(
     """
     port = listening.getsockname()[1]
     server = ServerState(runs=runs, bench=BenchClient(process))
-    stream = FrameStream()
-    server.bench.on_frame = stream.publish
     server.bench.on_notice = notify_all_pages
     app.on_startup(server.bench.start)
     app.on_shutdown(server.close)
     app.on_exception(notify_error)
     serve_static()
     serve_control_line(server)
-    stream.serve()
+    serve_stream(server.bench)
     serve_page(server)
     # A name that a browser may ask for is settled by us, not by the environment of a test.
     os.environ.pop("PYTEST_CURRENT_TEST", None)
@@ -67,3 +67,50 @@ def run_application(
         guarded, log_level="warning", ws="wsproto", ws_max_size=MOST_MESSAGE_BYTES
     )
     uvicorn.Server(config).run(sockets=[listening])
+
+
+class FrameViewer:
+    """Hold what one page has not been sent yet: frames that wait become one, none is lost."""
+
+    def __init__(self) -> None:
+        self._waiting: bytes | None = None
+        self._ready = asyncio.Event()
+
+    def put(self, frame: bytes) -> None:
+        self._waiting = frame if self._waiting is None else merged(self._waiting, frame)
+        self._ready.set()
+
+    async def send_all(self, socket: WebSocket) -> None:
+        with suppress(WebSocketDisconnect, RuntimeError):
+            while True:
+                await self._ready.wait()
+                self._ready.clear()
+                frame, self._waiting = self._waiting, None
+                assert frame is not None
+                await socket.send_bytes(frame)
+
+
+def serve_stream(bench: BenchClient) -> None:
+    """Give every page under /stream every frame of the live stream."""
+    viewers: set[FrameViewer] = set()
+
+    def publish(frame: bytes) -> None:
+        for viewer in viewers:
+            viewer.put(frame)
+
+    bench.on_frame = publish
+
+    @app.websocket("/stream")
+    async def stream(socket: WebSocket) -> None:
+        await socket.accept()
+        viewer = FrameViewer()
+        viewers.add(viewer)
+        sending = asyncio.ensure_future(viewer.send_all(socket))
+        try:
+            while True:  # a page sends nothing: what comes is its end
+                await socket.receive_bytes()
+        except (WebSocketDisconnect, RuntimeError, KeyError):
+            pass
+        finally:
+            sending.cancel()
+            viewers.discard(viewer)

@@ -1,16 +1,22 @@
-"""What a tab is given: the bench, the folder of runs, the control lock, worker processes."""
+"""What a tab is given: the bench, the folder of runs, the control lock, processes that work."""
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from time import monotonic
+from typing import Any, TypeVar
 
 from benchtool.core.errors import InputError
+from benchtool.data.run.entry import Entry, Seen, list_entries
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.web.bench_process.client import BenchClient
-from benchtool.web.jobs import WorkerProcess
+from benchtool.web.bench_process.messages import Command
+from benchtool.web.jobs import Job, WorkerProcess
+
+J = TypeVar("J", bound=Job[Any])
 
 GRACE_S = 2.0
 """A controller that is gone for so long may be replaced: reloading a page takes less. A choice."""
@@ -47,7 +53,6 @@ class ControlLock:
             self._gone_s = now_s
 
     def held_by(self, tab: str) -> bool:
-        """Return whether this page is at the controls."""
         return tab != "" and self.holder == tab
 
     def is_free(self, now_s: float) -> bool:
@@ -70,18 +75,37 @@ class ServerState:
     Attributes:
         runs: the only folder that pages read and write.
         workers: by what they work for; made with the first work.
+        jobs: the latest of each kind.
     """
 
     runs: Path
     bench: BenchClient = field(default_factory=BenchClient)
     control: ControlLock = field(default_factory=ControlLock)
     workers: dict[str, WorkerProcess] = field(default_factory=dict)
+    jobs: dict[str, Job[Any]] = field(default_factory=dict)
 
     def close(self) -> None:
-        """End the processes."""
+        """End the processes, and delete what jobs have not completed."""
         for worker in self.workers.values():
             worker.close()
+        for job in self.jobs.values():
+            job.cancel()
         self.bench.close()
+
+    def start_job(self, kind: str, begin: Callable[[], J]) -> J:
+        """Start a job, one of a kind at a time; what the one before left incomplete is deleted.
+
+        Raises:
+            InputError: the one before still runs.
+        """
+        if (before := self.jobs.get(kind)) is not None:
+            if before.state.running:
+                raise InputError(
+                    f"{before.out.name} still runs ({before.state.what}); wait, or cancel it"
+                )
+            before.cancel()
+        job = self.jobs[kind] = begin()
+        return job
 
 
 @dataclass(slots=True, kw_only=True)
@@ -104,29 +128,13 @@ class PageContext:
 
     @property
     def bench(self) -> BenchClient:
-        """The bench process."""
         return self.server.bench
 
     @property
     def runs(self) -> Path:
-        """The folder of runs."""
         return self.server.runs
 
-    @property
-    def runs_words(self) -> list[str]:
-        """What names the folder of runs in a command; nothing where it is the usual one."""
-        return [] if str(self.runs) == "runs" else ["--runs", str(self.runs)]
-
-    def run_path(self, name: str) -> Path:
-        """Return the path of something in the folder of runs.
-
-        Raises:
-            InputError: it leads out of that folder, or is not there.
-        """
-        return RunsFolder(self.runs).path_of(name)
-
     def in_control(self) -> bool:
-        """Return whether this page is at the controls."""
         return self.server.control.held_by(self.tab)
 
     def require_control(self) -> None:
@@ -137,13 +145,13 @@ class PageContext:
         """
         if not self.in_control():
             free = self.server.control.is_free(monotonic())
-            what = "press Take over first" if free else "ask there, or close it and take over"
+            what = "press Take over first" if free else "stop there, or close it and take over"
             raise InputError(f"another page is at the controls, this one watches; {what}")
 
     def claim_control(self) -> None:
         """Refuse what writes, but turns no motor, from a page that only watches.
 
-        Controls that nobody has any more are taken without a question.
+        Controls that no page holds any more are taken without a question.
 
         Raises:
             InputError: another page is at the controls.
@@ -151,6 +159,45 @@ class PageContext:
         self.server.control.take(self.tab, monotonic())
         self.require_control()
 
+    def send(self, command: Command) -> None:
+        """Send a command to the bench process, from the page at the controls only.
+
+        Raises:
+            InputError: another page is at the controls.
+        """
+        self.require_control()
+        self.bench.send(command)
+
     def worker(self, name: str) -> WorkerProcess:
         """Return the process that works for something ("fits", "simulations")."""
         return self.server.workers.setdefault(name, WorkerProcess(name))
+
+
+class RunsListing:
+    """Hold the entries of a runs folder, read beside the page's loop and only after a change."""
+
+    def __init__(self, folder: RunsFolder) -> None:
+        self.folder = folder
+        self.entries: tuple[Entry, ...] = ()
+        self._read: Seen = {}
+        self._seen: tuple[tuple[str, int], ...] | None = None
+
+    async def look(self) -> bool:
+        """Read the folder anew where it has changed; return whether it has."""
+        try:
+            changed = await asyncio.to_thread(self._stamps)
+            if changed == self._seen:
+                return False
+            self.entries = await asyncio.to_thread(list_entries, self.folder, self._read)
+        except FileNotFoundError:  # something was moved meanwhile; the next look sees it
+            return False
+        self._seen = changed
+        return True
+
+    def _stamps(self) -> tuple[tuple[str, int], ...]:
+        """Return what changes when something comes into the folder, or when a run is closed."""
+        root = self.folder.root
+        if not root.is_dir():
+            return ()
+        places = [root, *(item for item in root.iterdir() if item.is_dir())]
+        return tuple((item.name, item.stat().st_mtime_ns) for item in places)

@@ -9,8 +9,7 @@ from time import monotonic
 from fastapi import WebSocket, WebSocketDisconnect
 from nicegui import app, background_tasks, ui
 
-from benchtool.web.bench_process.commands import HoldThrottle, ReleaseThrottle
-from benchtool.web.bench_process.events import PressEnded
+from benchtool.web.bench_process.messages import HoldThrottle, PressEnded, ReleaseThrottle
 from benchtool.web.bench_process.throttle import SILENCE_S
 from benchtool.web.context import PageContext, ServerState
 
@@ -97,7 +96,6 @@ def serve_control_line(server: ServerState) -> None:
 
     @app.websocket("/hold")
     async def hold(socket: WebSocket, tab: str) -> None:
-        """Take the beats of the page's worker."""
         await socket.accept()
         tab = tab[:LONGEST_NAME]
         with suppress(WebSocketDisconnect):
@@ -109,6 +107,5 @@ def serve_control_line(server: ServerState) -> None:
 
     @app.post("/stop")
     def stop() -> str:
-        """Stop when the control line is down."""
         server.bench.stop("the page")
         return "stopped"

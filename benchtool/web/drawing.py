@@ -22,7 +22,6 @@ from benchtool.report.page import (
     Table,
     Warnings,
 )
-from benchtool.web.sections import HtmlFragment
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,10 +33,15 @@ class FigureImage:
     alt: str = ""
 
 
-def fragments(blocks: Iterable[Block | FigureImage]) -> tuple[HtmlFragment, ...]:
-    """Return blocks as HTML, their figures drawn."""
+def blocks_html(blocks: Iterable[Block | FigureImage]) -> str:
+    """Return blocks as HTML, their figures drawn; figures and tables may stand side by side."""
     beside = FigureBlock | FigureImage | Table
-    return tuple(HtmlFragment(as_html(block), isinstance(block, beside)) for block in blocks)
+    return "".join(
+        f'<div class="block-beside">{as_html(block)}</div>'
+        if isinstance(block, beside)
+        else as_html(block)
+        for block in blocks
+    )
 
 
 def as_html(block: Block | FigureImage) -> str:

@@ -36,7 +36,7 @@ class InputForm(Generic[T]):
         for name in names:
             item = self._items[name]
             made = self._field(item, options)
-            self._fields[name] = made.props("dense stack-label").mark(name)
+            self._fields[name] = made.props("dense stack-label")
 
     def _field(self, item: Item, options: Mapping[str, str] | None) -> Any:
         if item.kind is bool:

@@ -8,7 +8,7 @@ from nicegui import ui
 
 from benchtool.web.bench_process.client import BenchClient
 from benchtool.web.context import PageContext
-from benchtool.web.notifications import notify, shows_errors
+from benchtool.web.widgets import notify, shows_errors
 
 STOP = (
     '<button class="stop-button" type="button" aria-keyshortcuts="Space Escape">STOP'
@@ -23,12 +23,7 @@ _THEMES = {"": ("brightness_auto", "light"), "light": ("light_mode", "dark"),
 
 
 class Header:
-    """Show the top of the page.
-
-    Args:
-        context: of this page.
-        dark: its dark mode.
-    """
+    """Show the top of the page."""
 
     def __init__(self, context: PageContext, dark: ui.dark_mode) -> None:
         self._context, self._dark = context, dark
@@ -54,7 +49,6 @@ class Header:
         ui.timer(LOOK_S, self.refresh)
 
     def refresh(self) -> None:
-        """Show what is so now."""
         connection = self._context.bench.connection
         words = {"off": "no bench", "opening": f"opening {connection.address}"}
         self._state.set_text(words.get(connection.status, connection.address))

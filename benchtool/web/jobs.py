@@ -1,9 +1,9 @@
 """Work that takes processor time, in processes of its own: the page stays quick, Stop too.
 
-Short work follows each other in one process, which has its libraries loaded (`WorkerProcess`). What
-takes minutes, reports progress, can be cancelled and outlives the page that began it is a `Job`. It
-belongs to the server and not to a browser: a page that is loaded anew finds it. Work is a function
-at the top of a module, its arguments and its result cross by pickle.
+Short calls run one after another in one process, which has its libraries loaded (`WorkerProcess`).
+What takes minutes, reports progress and can be cancelled is a `Job`. It belongs to the server, not
+to a browser: a page that is loaded again finds it. Work is a function at the top of a module; its
+arguments and its result are pickled.
 """
 
 from __future__ import annotations
@@ -15,17 +15,17 @@ import signal
 import sys
 import threading
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from multiprocessing import get_context
 from multiprocessing.connection import Connection as Pipe
 from pathlib import Path
 from typing import Any, Generic, Literal, TypeVar
 
-from benchtool.core.errors import BenchtoolError, InputError, RunStopped, WouldOverwrite
+from benchtool.core.errors import BenchtoolError, RunStopped, WouldOverwrite
 
 T = TypeVar("T")
 
@@ -87,6 +87,22 @@ class WorkerProcess:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class PageSection:
+    """Hold what a process has made ready for the page.
+
+    Attributes:
+        html: of its blocks, everything in it escaped.
+        simulated: whether no physical bench made the data.
+        command: words behind `benchtool` that make the same; empty where there is none.
+    """
+
+    title: str
+    html: str
+    simulated: bool = False
+    command: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class JobState(Generic[T]):
     """State how a job stands.
 
@@ -107,25 +123,33 @@ class JobState(Generic[T]):
 
     @property
     def running(self) -> bool:
-        """Whether there is more to come."""
         return self.status == "running"
 
 
 class Job(Generic[T]):
-    """Run a function in a new process.
+    """Make a folder in a new process.
 
     Args:
-        work: called as work(report, *arguments); calls report(what, share) whenever it likes.
-        arguments: of the work.
+        out: the folder, there once it is whole.
+        words: behind `benchtool` that do the same.
+        work: called as work(report, out, words, *arguments); calls report(what, share) whenever it
+            likes.
+        arguments: further ones of the work.
     """
 
-    def __init__(self, work: Callable[..., T], *arguments: Any) -> None:
+    def __init__(
+        self, out: Path, words: Sequence[str], work: Callable[..., T], *arguments: Any
+    ) -> None:
+        self.out, self.words = out, tuple(words)
         spawn = get_context("spawn")
         ours, theirs = spawn.Pipe()
         self._state: JobState[T] = JobState()
         self._changing = threading.Lock()
         self._process = spawn.Process(
-            target=_run, args=(theirs, work, arguments), daemon=True, name=work.__name__
+            target=_run,
+            args=(theirs, work, (out, self.words, *arguments)),
+            daemon=True,
+            name=work.__name__,
         )
         self._process.start()
         theirs.close()
@@ -134,17 +158,16 @@ class Job(Generic[T]):
 
     @property
     def state(self) -> JobState[T]:
-        """How it stands now."""
         return self._state
 
     def cancel(self) -> None:
-        """End the process; nothing happens to a job that has ended already."""
-        if not self._change(status="cancelled"):
-            return
-        self._process.terminate()
-        self._process.join(GRACE_S)
-        if self._process.is_alive():
-            self._process.kill()
+        """End the process where it still runs, and delete what stands under the hidden name."""
+        if self._change(status="cancelled"):
+            self._process.terminate()
+            self._process.join(GRACE_S)
+            if self._process.is_alive():
+                self._process.kill()
+        shutil.rmtree(partial_folder(self.out), ignore_errors=True)
 
     def wait(self, timeout_s: float | None = None) -> JobState[T]:
         """Return how it stands once it has ended, or after so long."""
@@ -152,7 +175,6 @@ class Job(Generic[T]):
         return self._state
 
     def _read(self, pipe: Pipe) -> None:
-        """Take messages until the process closes its end."""
         with pipe, suppress(EOFError, OSError):
             while True:
                 status, *content = pipe.recv()
@@ -174,7 +196,6 @@ class Job(Generic[T]):
         )
 
     def _change(self, **changes: Any) -> bool:
-        """Change the state of a job that still runs; return whether it did."""
         with self._changing:
             if not self._state.running:
                 return False
@@ -182,64 +203,13 @@ class Job(Generic[T]):
             return True
 
 
-@dataclass(slots=True, kw_only=True)
-class FolderJob(Generic[T]):
-    """Hold a job that makes a folder.
-
-    Attributes:
-        out: the folder, there once it is whole.
-        words: behind `benchtool` that do the same.
-    """
-
-    out: Path
-    words: tuple[str, ...]
-    job: Job[T]
-
-    @property
-    def state(self) -> JobState[T]:
-        """How it stands."""
-        return self.job.state
-
-    def cancel(self) -> None:
-        """End it and delete what it had begun to write."""
-        self.job.cancel()
-        shutil.rmtree(partial_folder(self.out), ignore_errors=True)
-
-
-W = TypeVar("W", bound=FolderJob[Any])
-
-
-@dataclass(frozen=True, slots=True)
-class LatestJob(Generic[W]):
-    """Hold the latest job of one kind, by runs folder: one runs at a time on a server."""
-
-    by_root: dict[Path, W] = field(default_factory=dict)
-
-    def of(self, root: Path) -> W | None:
-        """Return the latest job, None before the first."""
-        return self.by_root.get(root)
-
-    def ended(self, root: Path) -> W | None:
-        """Return the latest job, so that another can be started.
-
-        Raises:
-            InputError: it still runs.
-        """
-        present = self.of(root)
-        if present is not None and present.state.running:
-            raise InputError(
-                f"{present.out.name} still runs ({present.state.what}); wait, or cancel it"
-            )
-        return present
-
-
 def partial_folder(out: Path) -> Path:
-    """Return where a folder is written until it is whole; a list of runs does not show it."""
+    """Return the hidden name under which a folder is written; a list of runs does not show it."""
     return out.with_name(f".{out.name}.part")
 
 
 def complete_folder(begun_for: Path, out: Path) -> None:
-    """Give the whole folder that was begun for a name its name.
+    """Move the complete folder from its hidden name to `out`.
 
     Raises:
         WouldOverwrite: something of that name exists.

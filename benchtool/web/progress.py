@@ -10,18 +10,18 @@ from typing import Generic
 
 from nicegui import ui
 
-from benchtool.web.context import PageContext
-from benchtool.web.jobs import W
-from benchtool.web.notifications import shows_errors
+from benchtool.web.context import J, PageContext
+from benchtool.web.widgets import shows_errors
 
 LOOK_S = 0.2
 
 
-class JobProgress(Generic[W]):
-    """Show the job that runs, and call back when it has ended.
+class JobProgress(Generic[J]):
+    """Show the job that runs, one begun on another page too, and call back when it has ended.
 
     Args:
         context: of the page.
+        kind: of the jobs, one of which runs at a time.
         what: is done, in one word ("fit").
         done: called with a job that has ended well while the page was there.
         ended: called whenever one has ended, however.
@@ -31,44 +31,54 @@ class JobProgress(Generic[W]):
     def __init__(
         self,
         context: PageContext,
+        kind: str,
         what: str,
-        done: Callable[[W], Awaitable[None] | None],
+        done: Callable[[J], Awaitable[None] | None],
         ended: Callable[[], object] = lambda: None,
         *,
         staged: bool = False,
     ) -> None:
-        self._context, self._done, self._ended = context, done, ended
-        self._job: W | None = None
+        self._context, self._kind, self._done, self._ended = context, kind, done, ended
+        self._job: J | None = None
         with ui.column().classes("w-full gap-1") as self._place:
             with ui.row(wrap=False).classes("items-center w-full gap-4"):
                 ui.spinner(size="sm")
-                self._what = (
-                    ui.label().props("role=status").classes("whitespace-nowrap").mark("stage")
-                )
+                self._what = ui.label().props("role=status").classes("whitespace-nowrap")
                 self._bar = ui.linear_progress(show_value=False).classes("grow")
                 self._bar.props(f'aria-label="how far the {what} is"')
                 cancel = ui.button("Cancel", icon="close", on_click=self._cancel)
                 cancel.props("outline no-caps no-wrap")
-            self._list = ui.html(sanitize=False).mark("stages")
+            self._list = ui.html(sanitize=False)
         self._list.set_visibility(staged)
-        self._failed = ui.label().classes("warn-box w-full").props("role=alert").mark("failed")
+        self._failed = ui.label().classes("warn-box w-full").props("role=alert")
         self._failed.set_visibility(False)
         self._place.set_visibility(False)
+        if (latest := self.latest) is not None and latest.state.running:
+            self._watch(latest)
         ui.timer(LOOK_S, self.look)
 
     @property
+    def latest(self) -> J | None:
+        return self._context.server.jobs.get(self._kind)  # type: ignore[return-value]
+
+    @property
     def watching(self) -> bool:
-        """Whether something runs."""
         return self._job is not None
 
-    def watch(self, job: W) -> None:
-        """Show another job."""
+    def start(self, begin: Callable[[], J]) -> None:
+        """Start a job and show it.
+
+        Raises:
+            InputError: the one before still runs.
+        """
+        self._watch(self._context.server.start_job(self._kind, begin))
+
+    def _watch(self, job: J) -> None:
         self._job = job
         self._failed.set_visibility(False)
         self._show(job)
 
     async def look(self) -> None:
-        """Show how it stands now."""
         job = self._job
         if job is None:
             return
@@ -88,7 +98,7 @@ class JobProgress(Generic[W]):
         self._failed.set_text(cancelled if state.status == "cancelled" else state.error)
         self._failed.set_visibility(True)
 
-    def _show(self, job: W) -> None:
+    def _show(self, job: J) -> None:
         state = job.state
         self._place.set_visibility(True)
         self._what.set_text(f"{job.out.name}: {state.what}, {100.0 * state.share:.0f} %")

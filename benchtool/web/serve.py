@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import secrets
 import socket
-import sys
 import webbrowser
 from collections.abc import Callable
 from contextlib import suppress
@@ -34,7 +33,7 @@ def open_page(
         open_address: opens it.
 
     Returns:
-        The file, to be deleted when the token is worth nothing any more; None where there is none.
+        The file, to be deleted when the token has expired; None where there is none.
     """
     if "token=" not in address:
         open_address(address)
@@ -124,22 +123,15 @@ def listen(host: str, port: int | None) -> socket.socket:
     try:
         return _listening(host, 0 if port is None else port)
     except OSError as error:
+        why = os.strerror(error.errno) if error.errno else error
         raise InputError(
-            f"nothing can be served on {host} port {port}: {error.strerror or error}; name another "
-            f"with --host and --port"
+            f"nothing can be served on {host} port {port}: {why}; name another with --host and "
+            f"--port"
         ) from error
 
 
 def _listening(host: str, port: int) -> socket.socket:
-    family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    made = socket.socket(family, socket.SOCK_STREAM)
-    try:
-        if sys.platform != "win32":
-            made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        made.bind((host, port))
-        made.listen()
-    except BaseException:
-        made.close()
-        raise
-    made.set_inheritable(False)
-    return made
+    if ":" not in host:
+        return socket.create_server((host, port))
+    both = socket.has_dualstack_ipv6()
+    return socket.create_server((host, port), family=socket.AF_INET6, dualstack_ipv6=both)

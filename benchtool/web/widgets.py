@@ -1,22 +1,99 @@
-"""Parts that several tabs use: a command to copy, sections made elsewhere, an upload of tables."""
+"""Parts that several tabs use: notifications, commands to copy, uploads, the dialog that arms."""
 
 from __future__ import annotations
 
 import asyncio
 import shlex
+import traceback
 from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from datetime import datetime
+from functools import wraps
+from inspect import isawaitable, iscoroutinefunction
+from typing import Any
+from urllib.parse import urlencode
 
-from nicegui import events, ui
+from nicegui import Client, events, ui
 
-from benchtool.core.errors import InputError
+from benchtool.acquire.arming import CONFIRMATION, arming_warnings
+from benchtool.bench.bench import Identity
+from benchtool.core.errors import BenchtoolError, InputError
+from benchtool.core.rig import Rig
 from benchtool.data.run.runs_folder import MOST_BYTES, RunsFolder, keep_table
+from benchtool.web.bench_process.messages import Notice
 from benchtool.web.context import PageContext
-from benchtool.web.notifications import notify_error, shows_errors
-from benchtool.web.sections import HtmlFragment, PageSection
+from benchtool.web.jobs import PageSection, fault_sentence
 
 STYLE = '<link rel="stylesheet" href="/static/shown.css">'
+
+
+def today() -> str:
+    """Return the date here, as names of folders begin with it."""
+    return f"{datetime.now().astimezone():%Y-%m-%d}"
+
+
+def open_tab(tab: str, **query: str) -> None:
+    """Leave for another tab, with what its address asks for."""
+    ui.navigate.to(f"/?{urlencode({'tab': tab, **query})}")
+
+
+# --- notifications ------------------------------------------------------------------------------
+
+
+def notify(text: str) -> None:
+    """Show a short note."""
+    ui.notify(text, type="info", position="bottom-left")
+
+
+def notify_error(error: Exception) -> None:
+    """Show why something was refused or failed, until it is closed: the command line's sentence."""
+    known = isinstance(error, BenchtoolError)
+    if not known:
+        traceback.print_exception(error)
+    ui.notify(
+        str(error) if known else fault_sentence(error),
+        type="negative", position="bottom-left", multi_line=True, timeout=0, close_button="Close",
+    )  # fmt: skip
+
+
+def notify_all_pages(notice: Notice) -> None:
+    """Show a notice of the bench process on every page."""
+    for client in list(Client.instances.values()):
+        if client.has_socket_connection:
+            with client:
+                if notice.is_error:
+                    notify_error(BenchtoolError(notice.text))
+                else:
+                    notify(notice.text)
+
+
+def shows_errors(handler: Callable[..., Any]) -> Callable[..., Any]:
+    """Make a handler of the page show its errors instead of losing them in a log."""
+    if iscoroutinefunction(handler):
+
+        @wraps(handler)
+        async def waiting(*args: Any, **kwargs: Any) -> Any:
+            page = ui.context.client
+            try:
+                return await handler(*args, **kwargs)
+            except Exception as error:  # noqa: BLE001 -- the boundary where errors are shown
+                # On the page, not where the handler began: that card may be gone by now.
+                with page:
+                    notify_error(error)
+
+        return waiting
+
+    @wraps(handler)
+    def at_once(*args: Any, **kwargs: Any) -> Any:
+        try:
+            return handler(*args, **kwargs)
+        except Exception as error:  # noqa: BLE001 -- as above
+            notify_error(error)
+
+    return at_once
+
+
+# --- parts --------------------------------------------------------------------------------------
 
 
 @contextmanager
@@ -52,14 +129,13 @@ class CommandRow:
     def __init__(self, words: Sequence[str] = ()) -> None:
         with ui.row(wrap=False).classes("command-row items-center w-full"):
             ui.icon("terminal").props("aria-hidden=true")
-            self._text = ui.label().classes("command-text grow").mark("command")
+            self._text = ui.label().classes("command-text grow")
             ui.button(icon="content_copy", on_click=self._copy).props(
                 'flat dense round aria-label="Copy the command"'
             )
         self.show(words)
 
     def show(self, words: Sequence[str]) -> None:
-        """Show other words behind `benchtool`."""
         self._text.set_text(shlex.join(["benchtool", *words]))
 
     def _copy(self) -> None:
@@ -67,29 +143,21 @@ class CommandRow:
         ui.notify("copied", position="bottom-left", timeout=1000)
 
 
+def show_stamp(simulated: bool) -> None:
+    """Mark what no physical bench made."""
+    if simulated:
+        ui.label("SIMULATED").classes("stamp")
+
+
 def show_section(section: PageSection, *, headed: bool = True) -> None:
-    """Make the elements of a section in the present slot.
-
-    Args:
-        section: made by another process.
-        headed: with its title and its command.
-    """
-    with ui.element("div").classes("shown-body").mark("shown"):
-        if headed:
-            with ui.row().classes("items-center gap-3"):
-                ui.label(section.title).classes("card-title")
-                if section.simulated:
-                    ui.label("SIMULATED").classes("stamp")
-            if section.command:
-                CommandRow(section.command)
-        for fragment in section.fragments:
-            show_fragment(fragment)
-
-
-def show_fragment(fragment: HtmlFragment) -> None:
-    """Make the element of one fragment in the present slot."""
-    made = ui.html(fragment.html, sanitize=False)
-    made.classes("block-beside" if fragment.beside else "w-full")
+    """Make the elements of a section in the present slot, with its title and command if headed."""
+    if headed:
+        with ui.row().classes("items-center gap-3"):
+            ui.label(section.title).classes("card-title")
+            show_stamp(section.simulated)
+        if section.command:
+            CommandRow(section.command)
+    ui.html(section.html, sanitize=False).classes("shown-body")
 
 
 def show_waiting(what: str) -> None:
@@ -97,6 +165,12 @@ def show_waiting(what: str) -> None:
     with ui.row().classes("items-center").props("role=status"):
         ui.spinner(size="sm")
         ui.label(what).classes("soft")
+
+
+def multiple_choice(label: str, changed: Callable[[], object]) -> ui.select:
+    """Make a list of which several can be chosen, and that can be searched."""
+    choice = ui.select({}, multiple=True, label=label, on_change=changed)
+    return choice.props("use-chips use-input input-debounce=0").classes("w-full")
 
 
 class TableUpload:
@@ -127,12 +201,11 @@ class TableUpload:
             self._context.claim_control()
             size = event.file.size()
             data = await event.file.read() if size <= MOST_BYTES else bytes(MOST_BYTES + 1)
-            date = f"{datetime.now().astimezone():%Y-%m-%d}"
-            path = await asyncio.to_thread(keep_table, self._folder, event.file.name, data, date)
+            path = await asyncio.to_thread(keep_table, self._folder, event.file.name, data, today())
         finally:
             self._upload.reset()
         following = self._stored(self._folder.name_of(path))
-        if following is not None:
+        if isawaitable(following):
             await following
 
     def _rejected(self) -> None:
@@ -142,3 +215,63 @@ class TableUpload:
                 f"it into the runs folder yourself"
             )
         )
+
+
+# --- dialogs ------------------------------------------------------------------------------------
+
+
+@contextmanager
+def open_dialog(title: str) -> Iterator[ui.dialog]:
+    """Open a dialog that is filled in the block; closed, it is gone with all that is in it."""
+    with ui.dialog() as dialog, ui.card().classes("w-96"):
+        ui.label(title).classes("card-title")
+        yield dialog
+    dialog.on_value_change(lambda change: None if change.value else dialog.delete())
+    dialog.open()
+
+
+def confirm_arming(
+    context: PageContext, place: ui.element, text: str, begin: Callable[[str], object]
+) -> None:
+    """Ask before motors turn: what will spin, and the typed word unless the bench is simulated.
+
+    Args:
+        context: of the page.
+        place: what stays when the dialog is gone; errors are shown there.
+        text: what the operator must know.
+        begin: called with what was typed, empty on a simulated bench.
+    """
+    connection = context.bench.connection
+    identity, rig = connection.identity, connection.rig
+    simulated = identity is not None and identity.simulated
+    with open_dialog("About to spin") as dialog:
+        ui.label(text).style("white-space: pre-line")
+        if identity is not None and rig is not None:
+            show_warnings(identity, rig)
+        typed = ui.input(f"Type {CONFIRMATION} to arm").classes("w-full")
+        typed.set_visibility(not simulated)
+        if simulated:
+            ui.label("A simulated bench: no motor turns.").classes("soft")
+
+        @shows_errors
+        def confirmed() -> None:
+            context.require_control()
+            if not simulated and not typed.value.strip():
+                raise InputError(f"not armed: {CONFIRMATION} was not typed; nothing was spun")
+            begin("" if simulated else typed.value)
+
+        def press() -> None:
+            # In a place that stays: a dialog that is closed is gone with all that is in it.
+            with place:
+                confirmed()
+            dialog.close()
+
+        with ui.row():
+            ui.button("Start", icon="play_arrow", on_click=press)
+            ui.button("Cancel", on_click=dialog.close).props("outline")
+
+
+def show_warnings(identity: Identity, rig: Rig) -> None:
+    """Show the command line's warnings about a bench before it is armed."""
+    for warning in arming_warnings(identity, rig):
+        ui.label(f"Warning: {warning}").classes("warn")

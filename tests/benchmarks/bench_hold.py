@@ -28,7 +28,7 @@ HOGS = (0, 2, 4, 8)
 
 if BEATS in os.environ:
     # In the server and in its bench process: note every beat, and never let go.
-    from benchtool.web.bench_process.commands import HoldThrottle
+    from benchtool.web.bench_process.messages import HoldThrottle
     from benchtool.web.bench_process.throttle import DeadManSwitch
 
     def note(hand: DeadManSwitch, hold: HoldThrottle, now_s: float) -> None:

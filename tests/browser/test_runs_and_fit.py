@@ -59,7 +59,7 @@ def test_a_run_is_found_and_shows_its_numbers(filled: Web, open_page: Opens) -> 
     names = page.locator(".run-name")
     expect(names).to_have_count(4)
     assert set(names.all_inner_texts()) == {"quad", "single_rotor", "earlier", "broken"}
-    expect(page.locator(".said.problem")).to_contain_text("this is not valid JSON")
+    expect(page.locator(".summary.problem")).to_contain_text("this is not valid JSON")
     page.get_by_label("Search name, rig, date, state").fill("sweep pquad_single")
     page.get_by_text("1 of 4 in runs").wait_for()
     expect(names).to_have_text(["single_rotor"])
@@ -97,7 +97,7 @@ def test_two_sweeps_stand_in_one_plot(filled: Web, open_page: Opens) -> None:
     compare.click()
     page.get_by_text("2 sweeps compared").wait_for(timeout=COLD_MS)
     page.get_by_role("img", name=re.compile("run by run")).wait_for()
-    nearest = page.locator(".shown-body").get_by_role("row", name=re.compile("^0.6"))
+    nearest = page.locator(".shown-body").get_by_role("row", name=re.compile("^0.6 1450 "))
     for ratio in ("1.2343 ± 0.0016", "1.8081 ± 0.0013"):
         expect(nearest).to_contain_text(ratio)
 

@@ -10,14 +10,16 @@ from contextlib import suppress
 from dataclasses import replace
 
 from benchtool.data.run.append import Event
-from benchtool.web.bench_process.commands import Command, Shutdown, StopMotors
-from benchtool.web.bench_process.events import (
+from benchtool.web.bench_process.messages import (
     BenchEvent,
+    Command,
     ConnectionStatus,
     LiveStatus,
     Notice,
     PressEnded,
     RunEvent,
+    Shutdown,
+    StopMotors,
     SweepStatus,
 )
 from benchtool.web.bench_process.publisher import FRAME
@@ -51,7 +53,6 @@ class BenchClient:
         self._closing = False
 
     def start(self) -> None:
-        """Listen to the process."""
         if not self._process.started:
             self._process.start()
         loop = asyncio.get_running_loop()
@@ -65,7 +66,6 @@ class BenchClient:
         self._process.send(pickle.dumps(command))
 
     def stop(self, who: str) -> None:
-        """Stop the motors and whatever runs."""
         self.send(StopMotors(who))
 
     def confirm_standstill(self) -> None:

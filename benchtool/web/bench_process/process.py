@@ -18,19 +18,21 @@ from benchtool.bench.drivers import open_bench
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.wrappers import PacedBench, StoppableBench
 from benchtool.core.errors import BenchtoolError, StandstillNotSeen
-from benchtool.web.bench_process.commands import (
+from benchtool.web.bench_process.messages import (
     AnswerQuestion,
     Command,
     Connect,
+    ConnectionStatus,
     Disconnect,
     HoldThrottle,
+    Notice,
     PauseSweep,
+    PressEnded,
     ReleaseThrottle,
     SetClockSpeed,
     Shutdown,
     StopMotors,
 )
-from benchtool.web.bench_process.events import ConnectionStatus, Notice, PressEnded
 from benchtool.web.bench_process.publisher import EventPublisher
 from benchtool.web.bench_process.runs import RunSupervisor
 from benchtool.web.bench_process.session import Session
@@ -56,11 +58,7 @@ def run_bench_process(pipe: Pipe) -> None:
 
 
 class BenchProcess:
-    """Own the bench, in the main thread, where signals come.
-
-    Args:
-        pipe: to the page's server.
-    """
+    """Own the bench, in the main thread, where signals come."""
 
     def __init__(self, pipe: Pipe) -> None:
         self._pipe = pipe
@@ -75,7 +73,6 @@ class BenchProcess:
         self._sessions = 0
 
     def run(self) -> None:
-        """Hold one bench after another."""
         threading.Thread(target=self._listen, name="listen", daemon=True).start()
         try:
             while not isinstance(command := self._commands.get(), Shutdown):

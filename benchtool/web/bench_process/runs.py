@@ -31,8 +31,7 @@ from benchtool.core.rig import Rig
 from benchtool.data.run.append import Event
 from benchtool.data.run.points import Point
 from benchtool.data.run.run import Run
-from benchtool.web.bench_process.commands import StartRecording, StartSweep
-from benchtool.web.bench_process.events import RunEvent, SweepStatus
+from benchtool.web.bench_process.messages import RunEvent, StartRecording, StartSweep, SweepStatus
 from benchtool.web.bench_process.publisher import EventPublisher
 
 READ_S = 0.05
@@ -66,11 +65,7 @@ def require_armed(typed: str, identity: Identity, rig: Rig) -> None:
 
 
 class RunSupervisor(RunProgress):
-    """Run sweeps and recordings, and publish how they stand.
-
-    Args:
-        publisher: to the page.
-    """
+    """Run sweeps and recordings, and publish how they stand."""
 
     def __init__(self, publisher: EventPublisher) -> None:
         self._publisher = publisher
@@ -82,12 +77,10 @@ class RunSupervisor(RunProgress):
 
     @property
     def active(self) -> bool:
-        """Whether a sweep or a recording has the bench."""
         return self._state.active and self._state.status != "closing"
 
     @property
     def what(self) -> str:
-        """What has it, in a word."""
         return "recording" if self._state.pitch else "sweep"
 
     def pause(self, on: bool) -> None:
@@ -182,7 +175,6 @@ class RunSupervisor(RunProgress):
                 raise
 
     def finish(self) -> None:
-        """Wait until the files of the last run are closed."""
         if self._closing is not None:
             self._closing.join()
 
@@ -254,6 +246,5 @@ class RunSupervisor(RunProgress):
         self._publisher.publish(state)
 
     def _change(self, **changes: object) -> None:
-        """Publish what is other than it was."""
         self._state = replace(self._state, **changes)  # type: ignore[arg-type]
         self._publisher.publish(self._state)

@@ -4,34 +4,45 @@ from __future__ import annotations
 
 import queue
 import time
+from collections.abc import Sequence
+from dataclasses import asdict
 from datetime import datetime
 
+import numpy as np
+
 from benchtool.acquire.arming import CONFIRMATION
-from benchtool.acquire.calibration import calibration_for
+from benchtool.acquire.calibration import (
+    Calibration,
+    calibration_for,
+    fit_calibration,
+    mean_counts,
+)
 from benchtool.bench.bench import Bench, Identity
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.wrappers import AskedToStop
 from benchtool.core.errors import BenchError, BenchtoolError, InputError
 from benchtool.core.rig import Rig
-from benchtool.web.bench_process.commands import (
+from benchtool.core.units import STANDARD_GRAVITY_M_S2
+from benchtool.data.run.state import remember
+from benchtool.web.bench_process.messages import (
     ArmMotors,
     Calibrate,
     Command,
     Connect,
+    ConnectionStatus,
     Disconnect,
     MovePlateTo,
+    Notice,
     Shutdown,
     StartRecording,
     StartSweep,
     TareLoadCell,
     WeighMass,
 )
-from benchtool.web.bench_process.events import ConnectionStatus, Notice
 from benchtool.web.bench_process.publisher import EventPublisher
 from benchtool.web.bench_process.runs import RunSupervisor
 from benchtool.web.bench_process.telemetry import Telemetry
 from benchtool.web.bench_process.throttle import DeadManSwitch, ThrottleRamp
-from benchtool.web.bench_process.weighing import Weighing
 
 READ_S = 0.02
 """Longest read between two looks at the commands."""
@@ -66,7 +77,7 @@ class Session:
         self._publisher, self._commands, self._dead_man = publisher, commands, dead_man
         self._runs, self._telemetry = runs, telemetry
         self._ramp = ThrottleRamp(rig)
-        self._weighing = Weighing()
+        self._weighed: list[tuple[float, float]] = []
         self._armed = False
 
     def run(self, bench: Bench) -> None:
@@ -97,7 +108,7 @@ class Session:
                 self._dead_man.end_press(str(stopped))
                 bench.stop()
                 self._publisher.publish(Notice(text=str(stopped)))
-            self._telemetry.note(armed=self._armed, weighed=self._weighing.weighed)
+            self._telemetry.note(armed=self._armed, weighed=tuple(self._weighed))
 
     def _next(self) -> Command | None:
         try:
@@ -167,17 +178,18 @@ class Session:
             raise InputError("masses need a bench without limits; press Calibrate first")
         if isinstance(command, WeighMass):
             self._telemetry.note(busy=f"averaging counts under {command.mass_kg:g} kg")
-            self._weighing.weigh(bench, self._rig, command.mass_kg, command.seconds)
+            self._weighed.append(weigh(bench, self._rig, command.mass_kg, command.seconds))
             self._telemetry.note(busy="")
         elif command.store:
             device_id = bench.identity.device_id
-            calibration = self._weighing.fit(device_id, lambda: datetime.now().astimezone())
+            calibration = store_calibration(self._weighed, device_id)
+            self._weighed.clear()
             self._publish_connection(bench.identity)
             slope_uN = 1e6 * calibration.slope_N_per_count
             text = f"calibrated: {slope_uN:.6g} uN per count, stored for {device_id}"
             self._publisher.publish(Notice(text=text))
         else:
-            self._weighing.forget()
+            self._weighed.clear()
 
     def _publish_connection(self, identity: Identity) -> None:
         self._publisher.publish(
@@ -191,3 +203,40 @@ class Session:
                 weighs=self._connect.weighs,
             )
         )
+
+
+LONGEST_S = 60.0
+
+
+def weigh(bench: Bench, rig: Rig, mass_kg: float, seconds: float) -> tuple[float, float]:
+    """Return a mass and the average of the counts under it.
+
+    Raises:
+        InputError: a mass beyond the load cell's rating, or a time that is none.
+        CalibrationError: the device streams no counts.
+    """
+    rating_N, weight_N = rig.limits.load_cell_rating_N, mass_kg * STANDARD_GRAVITY_M_S2
+    if not 0.0 <= weight_N <= rating_N:
+        raise InputError(
+            f"{mass_kg:g} kg pull with {weight_N:.3g} N, the load cell's rating is {rating_N:g} N; "
+            f"take a mass from 0 on within it"
+        )
+    if not 0.0 < seconds <= LONGEST_S:
+        raise InputError(
+            f"the time to average over is {seconds:g} s; give more than 0 and at most "
+            f"{LONGEST_S:g} s"
+        )
+    return mass_kg, mean_counts(bench, seconds).mean
+
+
+def store_calibration(weighed: Sequence[tuple[float, float]], device_id: str) -> Calibration:
+    """Return the calibration from masses in kg and counts, stored for this device from now on.
+
+    Raises:
+        CalibrationError: too few masses, or counts that make no line.
+    """
+    table = np.array(weighed, float).reshape(-1, 2)
+    date = datetime.now().astimezone().strftime("%Y-%m-%dT%H%M%S")
+    calibration = fit_calibration(table[:, 0], table[:, 1], date=date, device_id=device_id)
+    remember("calibration", device_id, asdict(calibration))
+    return calibration

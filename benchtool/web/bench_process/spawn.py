@@ -46,11 +46,9 @@ class ProcessHandle:
 
     @property
     def started(self) -> bool:
-        """Whether there is a pipe."""
         return self._pipe is not None
 
     def start(self) -> None:
-        """Start it."""
         spawn = get_context("spawn")
         self._pipe, theirs = spawn.Pipe()
         self._process = spawn.Process(target=_run, args=(theirs,), name="benchtool bench")

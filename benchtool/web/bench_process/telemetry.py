@@ -13,9 +13,8 @@ from benchtool.bench.bench import Identity, Readings
 from benchtool.bench.guard import GuardedBench
 from benchtool.core.array import Array
 from benchtool.core.rig import Limits, Rig
-from benchtool.web.bench_process.events import LimitShare, LiveStatus, Notice
-from benchtool.web.bench_process.frame import Decimator, merged, split
-from benchtool.web.bench_process.publisher import EventPublisher
+from benchtool.web.bench_process.messages import LimitShare, LiveStatus, Notice
+from benchtool.web.bench_process.publisher import Decimator, EventPublisher, merged, split
 
 
 def limit_shares(

@@ -9,7 +9,7 @@ import numpy as np
 
 from benchtool.bench.guard import GuardedBench
 from benchtool.core.rig import Rig
-from benchtool.web.bench_process.commands import HoldThrottle, ReleaseThrottle
+from benchtool.web.bench_process.messages import HoldThrottle, ReleaseThrottle
 
 SILENCE_S = 0.5
 """Dead-man time: motors go to zero so long after the page's last word that the button is held."""
@@ -85,11 +85,7 @@ STEP_S = 0.04
 
 
 class ThrottleRamp:
-    """Bring motors to the pulse of a press.
-
-    Args:
-        rig: pulses at which motors stand and start.
-    """
+    """Bring motors to the pulse of a press."""
 
     def __init__(self, rig: Rig) -> None:
         self._rig = rig

@@ -5,37 +5,39 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 from benchtool.core.errors import UnknownChoice
 from benchtool.web.jobs import ReportProgress
 
-Function = Callable[[ReportProgress], int]
+Function = Callable[[ReportProgress, Path, tuple[str, ...]], int]
 
 
-def add(report: ReportProgress, a: int, b: int) -> int:
+def add(report: ReportProgress, out: Path, words: tuple[str, ...], a: int, b: int) -> int:
+    assert (out, words) == (Path("out"), ("add",))
     report("adding", 0.2)
     report("adding", 0.5)
     report("done", 1.0)
     return a + b
 
 
-def refuse(report: ReportProgress) -> int:
+def refuse(report: ReportProgress, *_: object) -> int:
     raise UnknownChoice("rig", "quat", ["quad"])
 
 
-def stumble(report: ReportProgress) -> int:
+def stumble(report: ReportProgress, *_: object) -> int:
     return 1 // 0
 
 
-def fall(report: ReportProgress) -> int:
+def fall(report: ReportProgress, *_: object) -> int:
     os._exit(9)
 
 
-def linger(report: ReportProgress = lambda what, share: None) -> int:
+def linger(report: ReportProgress = lambda what, share: None, *_: object) -> int:
     report("lingering", 0.1)
     time.sleep(60.0)
     return 0
 
 
-def name_own_process(report: ReportProgress) -> tuple[int, int]:
+def name_own_process(report: ReportProgress, *_: object) -> tuple[int, int]:
     return os.getpid(), os.nice(0)

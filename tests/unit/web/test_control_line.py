@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from benchtool.web.bench_process.client import BenchClient
-from benchtool.web.bench_process.commands import Command, HoldThrottle, ReleaseThrottle
+from benchtool.web.bench_process.messages import Command, HoldThrottle, ReleaseThrottle
 from benchtool.web.context import ServerState
 from benchtool.web.control_line import forward
 

@@ -17,7 +17,7 @@ from benchtool.report.page import (
     Table,
     Warnings,
 )
-from benchtool.web.drawing import FigureImage, as_html, fragments
+from benchtool.web.drawing import FigureImage, as_html, blocks_html
 
 EVIL = "<script>alert('x')</script><img src=x onerror=y>\"'&"
 
@@ -43,10 +43,11 @@ def test_nothing_in_a_block_is_markup(block: Block | FigureImage) -> None:
 
 
 def test_a_figure_becomes_an_image_that_crosses_processes() -> None:
-    figure, words = fragments([FigureBlock(Figure(), "a caption"), Paragraph("x")])
-    assert (figure.beside, words.beside) == (True, False)
-    assert 'alt="a caption"' in figure.html
-    encoded = figure.html.split("base64,")[1].split('"')[0]
+    html = blocks_html([FigureBlock(Figure(), "a caption"), Paragraph("x")])
+    assert html.startswith('<div class="block-beside"><figure')
+    assert html.endswith("</div><p>x</p>")
+    assert 'alt="a caption"' in html
+    encoded = html.split("base64,")[1].split('"')[0]
     assert b"<svg" in b64decode(encoded)
 
 

@@ -9,18 +9,12 @@ from pathlib import Path
 import pytest
 
 from benchtool.core.errors import BenchtoolError, InputError, RunStopped, WouldOverwrite
-from benchtool.web.jobs import (
-    NICENESS,
-    FolderJob,
-    Job,
-    LatestJob,
-    WorkerProcess,
-    complete_folder,
-    partial_folder,
-)
+from benchtool.web.context import ServerState
+from benchtool.web.jobs import NICENESS, Job, WorkerProcess, complete_folder, partial_folder
 from tests.unit.web import job_functions
 
 LONG_S = 60.0
+OUT = Path("out")
 
 
 @pytest.fixture
@@ -68,7 +62,7 @@ def test_a_worker_ends_at_once_when_it_is_closed(worker: WorkerProcess) -> None:
 
 
 def test_a_result_comes_back_with_the_stages_in_order() -> None:
-    state = Job(job_functions.add, 2, 3).wait(LONG_S)
+    state = Job(OUT, ["add"], job_functions.add, 2, 3).wait(LONG_S)
     assert (state.status, state.result, state.share) == ("done", 5, 1.0)
     assert state.stages == ("adding", "done")
 
@@ -83,14 +77,14 @@ def test_a_result_comes_back_with_the_stages_in_order() -> None:
     ids=["ours", "fault", "death"],
 )
 def test_what_fails_says_why(function: job_functions.Function, error: str) -> None:
-    state = Job(function).wait(LONG_S)
+    state = Job(OUT, (), function).wait(LONG_S)
     assert state.status == "failed"
     assert error in state.error
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no niceness there")
 def test_a_job_runs_elsewhere_and_below_the_server() -> None:
-    state = Job(job_functions.name_own_process).wait(LONG_S)
+    state = Job(OUT, (), job_functions.name_own_process).wait(LONG_S)
     assert state.result is not None
     pid, niceness = state.result
     assert pid != os.getpid()
@@ -99,16 +93,19 @@ def test_a_job_runs_elsewhere_and_below_the_server() -> None:
 
 def test_one_job_of_a_kind_runs_and_cancel_deletes_what_it_wrote(tmp_path: Path) -> None:
     out = tmp_path / "fit"
-    job = FolderJob(out=out, words=(), job=Job(job_functions.linger))
-    latest: LatestJob[FolderJob[int]] = LatestJob({tmp_path: job})
+    server = ServerState(runs=tmp_path)
+    job = server.start_job("fits", lambda: Job(out, (), job_functions.linger))
     with pytest.raises(InputError, match=r"fit still runs .*wait, or cancel it"):
-        latest.ended(tmp_path)
+        server.start_job("fits", lambda: Job(out, (), job_functions.linger))
     partial_folder(out).mkdir()
     job.cancel()
-    job.cancel()
-    assert job.job.wait(LONG_S).status == "cancelled"
+    assert job.wait(LONG_S).status == "cancelled"
     assert list(tmp_path.iterdir()) == []
-    assert latest.ended(tmp_path) is job
+    # What the one before has left is deleted with the next one, and with the server.
+    for end in (lambda: server.start_job("fits", lambda: job), server.close):
+        partial_folder(out).mkdir()
+        end()
+        assert list(tmp_path.iterdir()) == []
 
 
 def test_a_complete_folder_replaces_nothing(tmp_path: Path) -> None:

@@ -11,7 +11,6 @@ import pytest
 from benchtool.core.errors import BenchtoolError, InputError
 from benchtool.data.run.entry import entry_of
 from benchtool.data.run.runs_folder import RunsFolder
-from benchtool.web.sections import PageSection
 from benchtool.web.tabs.runs.detail import downloads
 from benchtool.web.tabs.runs.view import (
     report_bytes,
@@ -51,20 +50,16 @@ def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return root
 
 
-def words(shown: PageSection) -> str:
-    return "".join(fragment.html for fragment in shown.fragments)
-
-
 def test_a_sweep_shows_its_numbers_and_offers_its_tables(root: Path) -> None:
     shown, parts = view_entry(root, "quad")
-    html = words(shown)
+    html = shown.html
     assert shown.simulated
     assert shown.command == ("report", str(root / "quad"))
     for said in ("pquad: PQUAD quadrotor", "T_IGE/T_OGE", "80 visits of 16 settings", "1.8089"):
         assert said in html
     assert html.count("data:image/svg+xml") == 2
     assert "Plan" in parts
-    assert "distances" in words(view_part(root, "quad", "Plan"))
+    assert "distances" in view_part(root, "quad", "Plan").html
     with pytest.raises(InputError, match="has no part 'Nonsense'"):
         view_part(root, "quad", "Nonsense")
     found = downloads(entry_of(RunsFolder(root), "quad"))
@@ -77,7 +72,7 @@ def test_a_sweep_shows_its_numbers_and_offers_its_tables(root: Path) -> None:
 
 def test_a_fit_shows_what_the_command_prints(root: Path) -> None:
     shown, parts = view_entry(root, "fit")
-    html = words(shown)
+    html = shown.html
     assert parts == ()
     for said in ("1.891 ± 0.012", "1.867 … 1.916", "95 % interval", "quad is clearly behind"):
         assert said in html
@@ -87,8 +82,8 @@ def test_a_fit_shows_what_the_command_prints(root: Path) -> None:
 
 def test_two_sweeps_stand_in_one_plot(root: Path) -> None:
     shown = view_comparison(root, ("quad", "single_rotor"))
-    assert "single_rotor" in words(shown)
-    assert "data:image/svg+xml" in shown.fragments[0].html
+    assert "single_rotor" in shown.html
+    assert "data:image/svg+xml" in shown.html
     assert shown.command == ("report", str(root / "quad"), str(root / "single_rotor"))
     with pytest.raises(InputError, match="choose two sweeps or more"):
         view_comparison(root, ("quad",))
@@ -96,14 +91,14 @@ def test_two_sweeps_stand_in_one_plot(root: Path) -> None:
 
 def test_what_is_in_a_file_is_never_markup(root: Path) -> None:
     for name in ("answer", "lab.csv"):
-        html = words(view_entry(root, name)[0])
+        html = view_entry(root, name)[0].html
         assert "<script" not in html
         assert "<b>cable" not in html
 
 
 def test_a_recording_is_shown_and_handed_out(root: Path) -> None:
     shown, _ = view_entry(root, "check.parquet")
-    assert "5000" in words(shown) or "pitch" in words(shown).lower()
+    assert "5000" in shown.html or "pitch" in shown.html.lower()
     found = downloads(entry_of(RunsFolder(root), "check.parquet"))
     assert found[-1].path == "check.parquet"
 

@@ -4,8 +4,8 @@ from benchtool.acquire.plan import Plan
 from benchtool.core.inputs import make
 from benchtool.core.rig_file import rig_named
 from benchtool.web.bench_process.client import BenchClient
-from benchtool.web.bench_process.events import ConnectionStatus, SweepStatus
-from benchtool.web.tabs.sweep.form import FIELDS, plan_texts
+from benchtool.web.bench_process.messages import ConnectionStatus, SweepStatus
+from benchtool.web.tabs.sweep.plan_card import FIELDS, plan_texts
 from benchtool.web.tabs.sweep.ratio_card import nothing_yet
 
 

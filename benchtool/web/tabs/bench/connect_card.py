@@ -7,10 +7,9 @@ from nicegui import run, ui
 from benchtool.bench.drivers import DRIVERS
 from benchtool.core.errors import BenchtoolError
 from benchtool.core.rig_file import rig_named, rig_names
-from benchtool.web.bench_process.commands import Connect, Disconnect, SetClockSpeed
+from benchtool.web.bench_process.messages import Connect, Disconnect, SetClockSpeed
 from benchtool.web.context import PageContext
-from benchtool.web.notifications import shows_errors
-from benchtool.web.widgets import CommandRow, titled_card
+from benchtool.web.widgets import CommandRow, shows_errors, titled_card
 
 SPEEDS = {1: "real time", 5: "5 times faster", 20: "20 times faster", 100: "100 times faster"}
 """Speeds of a virtual clock that are offered."""
@@ -51,14 +50,13 @@ class ConnectCard:
                 self._off = ui.button("Disconnect", on_click=self._disconnect).props("outline")
                 self._speed = ui.select(SPEEDS, value=1, label="Virtual clock").classes("w-44")
                 self._speed.on_value_change(self._set_speed)
-            self._reason = ui.label().classes("warn-box w-full").mark("why")
+            self._reason = ui.label().classes("warn-box w-full")
             self._command = CommandRow()
         with titled_card("No bench is connected") as self._start:
             ui.markdown("\n".join(f"1. {step}" for step in STEPS)).classes("steps")
         self._show_command()
 
     def refresh(self) -> None:
-        """Show what is so now."""
         connection, live = self._context.bench.connection, self._context.bench.live
         self._on.set_visibility(connection.status == "off")
         self._off.set_visibility(connection.status != "off")
@@ -70,14 +68,12 @@ class ConnectCard:
     @shows_errors
     def _connect(self) -> None:
         self._context.require_control()
-        address = self._address.value.strip()
         self._speed.value = 1
-        self._context.bench.send(Connect(address=address, rig=self._rig.value))
+        self._context.send(Connect(address=self._address.value.strip(), rig=self._rig.value))
 
     @shows_errors
     def _disconnect(self) -> None:
-        self._context.require_control()
-        self._context.bench.send(Disconnect())
+        self._context.send(Disconnect())
 
     @shows_errors
     def _set_speed(self) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from urllib.parse import urlencode
 
 from nicegui import ui
 
@@ -15,12 +14,16 @@ from benchtool.commands.record import RecordInputs, experiment_of
 from benchtool.core.errors import InputError
 from benchtool.core.input_text import text_of
 from benchtool.core.inputs import changed, words
-from benchtool.web.arm_dialog import confirm_arming
-from benchtool.web.bench_process.commands import StartRecording
+from benchtool.web.bench_process.messages import StartRecording
 from benchtool.web.context import PageContext
 from benchtool.web.form import InputForm
-from benchtool.web.notifications import shows_errors
-from benchtool.web.widgets import CommandRow, titled_card
+from benchtool.web.widgets import (
+    CommandRow,
+    confirm_arming,
+    open_tab,
+    shows_errors,
+    titled_card,
+)
 
 
 class RecordCard:
@@ -35,15 +38,15 @@ class RecordCard:
             with ui.element("div").classes("field-grid"):
                 self._form.add("seconds", "collective", "plate_z_m", "limit_deg", "name")
             with ui.row().classes("items-center w-full"):
-                self._start = ui.button("Record", icon="fiber_manual_record", on_click=self._ask)
-                self._explain = ui.button("Explain", icon="troubleshoot", on_click=self._go)
+                self._start = ui.button("Record", icon="fiber_manual_record", on_click=self._arm)
+                self._explain = ui.button(
+                    "Explain", icon="troubleshoot", on_click=self._open_explain
+                )
                 self._explain.props("outline")
                 self._status = ui.label().classes("grow number").props("role=status")
-                self._status.mark("recorded")
             self._command = CommandRow()
 
     def refresh(self) -> None:
-        """Show what is so now."""
         connection, sweep = self._context.bench.connection, self._context.bench.sweep
         identity, rig = connection.identity, connection.rig
         names = {channel.name for channel in identity.channels} if identity else set()
@@ -68,13 +71,12 @@ class RecordCard:
         self._explain.set_visibility(sweep.pitch and sweep.status == "ended")
 
     def _show(self) -> None:
-        """Show the command that does the same."""
         with suppress(InputError):  # shown when the recording is started
             given = changed(self._form.make(self._base))
             self._command.show(["record", *words(RecordInputs, given)])
 
     @shows_errors
-    def _ask(self) -> None:
+    def _arm(self) -> None:
         """Show what will spin, and want a confirmation where a motor turns."""
         self._context.require_control()
         connection = self._context.bench.connection
@@ -86,14 +88,12 @@ class RecordCard:
         text = arming_text(experiment, rig, expected_on(identity, experiment, rig))
 
         def begin(typed: str) -> None:
-            self._context.bench.send(
-                StartRecording(
-                    experiment=experiment, runs=inputs.runs, name=inputs.name, typed=typed
-                )
+            recording = StartRecording(
+                experiment=experiment, runs=inputs.runs, name=inputs.name, typed=typed
             )
+            self._context.bench.send(recording)
 
         confirm_arming(self._context, self._card, text, begin)
 
-    def _go(self) -> None:
-        name = Path(self._context.bench.sweep.run).name
-        ui.navigate.to(f"/?{urlencode({'tab': 'explain', 'learn': name})}")
+    def _open_explain(self) -> None:
+        open_tab("explain", learn=Path(self._context.bench.sweep.run).name)

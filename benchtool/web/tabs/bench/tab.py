@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-from nicegui import ui
+import itertools
+import re
+from collections.abc import Sequence
 
+from nicegui import ui
+from nicegui.element import Element
+
+from benchtool.core.channel import Channel
 from benchtool.web.context import PageContext
 from benchtool.web.tabs.bench.connect_card import ConnectCard
-from benchtool.web.tabs.bench.load_cell_card import LoadCellCard
+from benchtool.web.tabs.bench.manual_cards import LoadCellCard, ThrottleCard
 from benchtool.web.tabs.bench.record_card import RecordCard
-from benchtool.web.tabs.bench.strip_chart import StripChart, strips_of
-from benchtool.web.tabs.bench.throttle_card import ThrottleCard
+from benchtool.web.theme import STATIC, cycle
 from benchtool.web.widgets import show_facts, titled_card
 
 LOOK_S = 0.25
@@ -17,6 +22,58 @@ LOOK_S = 0.25
 
 CLOSE = 0.9
 """Share of a limit from which on its bar warns; a choice."""
+
+
+SECONDS = 30.0
+"""What the charts look back; a choice."""
+
+STRIPS = (
+    ("Thrust", "thrust_N", "N", 1.0, 3),
+    ("Speed", "rpm", "rpm", 1.0, 0),
+    ("Pulse", "pwm_us", "us", 1.0, 0),
+    ("Plate distance", "plate_z_m", "mm", 1e3, 1),
+    ("Pitch", "theta_rad", "deg", 57.29577951308232, 2),
+    ("Voltage", "voltage_V", "V", 1.0, 2),
+    ("Current", "current_A", "A", 1.0, 2),
+)
+"""Title, family of channels, unit shown, factor to it, decimals."""
+
+
+class StripChart(Element, component=STATIC / "strip_chart.js"):
+    """Show the live stream of one connection: one canvas, its ring buffer in the browser.
+
+    Args:
+        session: number of the connection; frames of another are not shown.
+        channels: of the bench, in the order of the stream.
+    """
+
+    def __init__(self, session: int, channels: Sequence[Channel]) -> None:
+        super().__init__()
+        names = [channel.name for channel in channels]
+        panels = []
+        for title, family, unit, factor, decimals in STRIPS:
+            columns = [at for at, name in enumerate(names) if re.sub(r"\d", "", name) == family]
+            lines = [
+                {
+                    "column": column,
+                    "label": re.sub(r"\D", "", names[column]) if len(columns) > 1 else "",
+                    "light": light,
+                    "dark": dark,
+                }
+                for column, light, dark in zip(
+                    columns,
+                    itertools.cycle(cycle(dark=False)),
+                    itertools.cycle(cycle(dark=True)),
+                    strict=False,
+                )
+            ]
+            if lines:
+                panel = {"title": title, "unit": unit, "factor": factor, "decimals": decimals}
+                panels.append({**panel, "lines": lines})
+        self._props["session"] = session
+        self._props["panels"] = panels
+        self._props["seconds"] = SECONDS
+        self.classes("w-full")
 
 
 class LimitsCard:
@@ -29,7 +86,6 @@ class LimitsCard:
             self._rows = ui.column().classes("w-full gap-1")
 
     def refresh(self) -> None:
-        """Show what is so now."""
         limits = self._context.bench.live.limits
         self._card.set_visibility(bool(limits))
         if tuple(self._bars) != tuple(one.name for one in limits):
@@ -56,11 +112,10 @@ class DeviceCard:
         self._context = context
         self._session = -1
         with titled_card("Link and device") as self._card:
-            self._link = ui.label().classes("number").mark("link")
+            self._link = ui.label().classes("number")
             self._facts = ui.element("div").classes("facts-grid")
 
     def refresh(self) -> None:
-        """Show what is so now."""
         connection, live = self._context.bench.connection, self._context.bench.live
         identity, rig = connection.identity, connection.rig
         self._card.set_visibility(identity is not None)
@@ -94,7 +149,7 @@ def build(context: PageContext) -> None:
         with ui.element("div"):
             connect = ConnectCard(context)
             record = RecordCard(context)
-            charts = ui.card().classes("w-full").mark("charts")
+            charts = ui.card().classes("w-full")
         with ui.element("div"):
             throttle = ThrottleCard(context)
             limits = LimitsCard(context)
@@ -113,7 +168,7 @@ def build(context: PageContext) -> None:
             charts.set_visibility(connection.identity is not None)
             if connection.identity is not None:
                 with charts:
-                    StripChart(session, strips_of(connection.identity.channels))
+                    StripChart(session, connection.identity.channels)
 
     refresh()
     ui.timer(LOOK_S, refresh)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -41,8 +41,7 @@ def inputs_of(
             "no recording to check on is chosen; choose one of the same bench that is not learned "
             "from"
         )
-    both = set(learn) & set(check)
-    if both:
+    if both := set(learn) & set(check):
         raise InputError(
             f"{', '.join(sorted(both))} is to learn from and to check on; a model is checked on "
             f"what it did not learn from, so choose another"
@@ -89,8 +88,7 @@ class Choices(NamedTuple):
     models: dict[str, str]
 
 
-@dataclass(frozen=True, slots=True)
-class RecordingSources:
+class RecordingSources(NamedTuple):
     """List what can be chosen, and lead from a choice to its path; nothing else has one.
 
     Attributes:
@@ -103,20 +101,18 @@ class RecordingSources:
 
     @classmethod
     def of(cls, root: Path) -> RecordingSources:
-        """Return the sources of a server."""
         examples = examples_folder()
         return cls(RunsFolder(root), RunsFolder(examples) if examples else None)
 
     def choices(self) -> Choices:
         """Read what can be chosen; the newest run first, the examples last. It reads files."""
         entries = list_entries(self.runs)
-        recordings = {entry.name: _words(entry) for entry in entries if _is_data(entry)}
+        recordings = _recordings(entries)
         models = dict(model_choices(self.runs, entries))
         models |= {name: name for name in _model_files(self.runs) if name not in models}
         if self.examples is not None:
-            for entry in sorted(list_entries(self.examples), key=lambda entry: entry.name):
-                if _is_data(entry):
-                    recordings[EXAMPLE + entry.name] = EXAMPLE + _words(entry)
+            examples = sorted(list_entries(self.examples), key=lambda entry: entry.name)
+            recordings |= {EXAMPLE + k: EXAMPLE + text for k, text in _recordings(examples).items()}
             models |= {EXAMPLE + name: EXAMPLE + name for name in _model_files(self.examples)}
         return Choices(recordings=recordings, models=models)
 
@@ -132,8 +128,7 @@ class RecordingSources:
 
     def model_of(self, choice: str) -> str:
         """Return a model as the command takes it: a shipped name, or a path; checked as above."""
-        folder, name = self._folder(choice)
-        return model_path(folder, name)
+        return model_path(*self._folder(choice))
 
     def _folder(self, choice: str) -> tuple[RunsFolder, str]:
         if self.examples is not None and choice.startswith(EXAMPLE):
@@ -141,13 +136,13 @@ class RecordingSources:
         return self.runs, choice
 
 
-def _is_data(entry: Entry) -> bool:
-    return entry.kind in RECORDED and not entry.problem
-
-
-def _words(entry: Entry) -> str:
-    about = ", ".join(filter(None, (entry.kind, entry.rig, entry.said)))
-    return f"{entry.name} ({about})"
+def _recordings(entries: Iterable[Entry]) -> dict[str, str]:
+    """Return what can be explained, name to words."""
+    return {
+        entry.name: f"{entry.name} ({', '.join(filter(None, (entry.kind, entry.rig, entry.said)))})"
+        for entry in entries
+        if entry.kind in RECORDED and not entry.problem
+    }
 
 
 def _model_files(folder: RunsFolder) -> list[str]:

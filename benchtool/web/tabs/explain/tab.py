@@ -3,32 +3,126 @@
 from __future__ import annotations
 
 import asyncio
-from datetime import datetime
+from collections.abc import Awaitable, Callable
+from html import escape
 from pathlib import Path
+from urllib.parse import urlencode
 
-from nicegui import app, ui
+from nicegui import run, ui
 
 from benchtool.core.errors import BenchtoolError
+from benchtool.data.run.run import free_path
 from benchtool.web.context import PageContext
-from benchtool.web.notifications import notify, shows_errors
 from benchtool.web.progress import JobProgress
-from benchtool.web.tabs.explain.answer import AnswerView
 from benchtool.web.tabs.explain.sources import (
     RecordingSources,
     command_words,
     inputs_of,
     suggested_folder,
 )
-from benchtool.web.tabs.explain.work import EXPLANATIONS, ExplainJob, clear, start
-from benchtool.web.widgets import STYLE, CommandRow, TableUpload
+from benchtool.web.tabs.explain.work import ExplainJob, ExplanationResult, explain
+from benchtool.web.widgets import (
+    STYLE,
+    CommandRow,
+    TableUpload,
+    multiple_choice,
+    notify,
+    show_section,
+    show_stamp,
+    shows_errors,
+    today,
+)
 
 _STYLE = "<style>.stages { list-style: none; padding: 0; margin: 0; columns: 18rem auto; }</style>"
-
 
 WHAT = (
     "Shows where recordings disagree with a model, and which physical effect the model lacks. It "
     "learns from some recordings and is checked on others of the same bench."
 )
+
+OPEN = ("What now", "Where", "Which", "The gap")
+"""Sections of the report that are shown; the others can be opened."""
+
+
+class AnswerView:
+    """Show an answer and let it be accepted.
+
+    Args:
+        context: of the page.
+        sources: where recordings and models are.
+        written: called when the answer has been written.
+    """
+
+    def __init__(
+        self,
+        context: PageContext,
+        sources: RecordingSources,
+        written: Callable[[], Awaitable[None]],
+    ) -> None:
+        self._context, self._sources, self._written = context, sources, written
+        self._place = ui.column().classes("w-full gap-3 scroll-place")
+
+    def clear(self) -> None:
+        self._place.clear()
+
+    def show(self, job: ExplainJob) -> None:
+        found = job.state.result
+        if found is None:
+            return
+        self.clear()
+        with self._place:
+            with ui.card().classes("w-full gap-2"):
+                self._head(job, found)
+            for part in found.parts:
+                if part.title in OPEN:
+                    with ui.card().classes("w-full"):
+                        show_section(part)
+            with ui.card().classes("w-full"):
+                for part in found.parts:
+                    if part.title not in OPEN:
+                        with ui.expansion(part.title).classes("w-full").props("dense"):
+                            show_section(part, headed=False)
+        self._place.run_method("scrollIntoView", {"behavior": "smooth", "block": "start"})
+
+    def _head(self, job: ExplainJob, found: ExplanationResult) -> None:
+        with ui.row().classes("items-center gap-3"):
+            ui.label("Answer").classes("card-title")
+            show_stamp(found.simulated)
+            ui.label(f"after {found.seconds:.1f} s").classes("soft")
+        ui.label(found.sentence).classes("text-h6").props("role=status")
+        ui.html(found.highlights, sanitize=False).classes("shown-body")
+        CommandRow(job.words)
+        with ui.row().classes("items-center gap-4 w-full"):
+            words = f"Accept {' and '.join(found.named)} into a new model"
+            button = ui.button(words if found.named else "Save this answer", icon="check")
+            status = ui.html(self._status(job, found), sanitize=False).props("role=status")
+
+        @shows_errors
+        async def accept() -> None:
+            self._context.claim_control()
+            button.disable()
+            try:
+                # Another number behind its name where it was taken meanwhile.
+                await run.io_bound(job.accept, free_path(job.out))
+            finally:
+                button.set_enabled(job.accepted is None)
+            status.set_content(self._status(job, found))
+            await self._written()
+
+        button.on_click(accept)
+        button.set_enabled(job.accepted is None)
+
+    def _status(self, job: ExplainJob, found: ExplanationResult) -> str:
+        """Return what accepting does, or what it has done, as HTML."""
+        if job.accepted is None:
+            what = "model.toml, the report and the figures" if found.named else "report and figures"
+            return f'<span class="soft">writes {what} to {escape(str(job.out))}</span>'
+        address = "?" + urlencode({"tab": "runs", "run": self._sources.runs.name_of(job.out)})
+        link = f'<a href="{escape(address)}">{escape(job.out.name)}</a>'
+        if not job.accepted:
+            return f"saved as {link}"
+        model = escape(job.accepted)
+        return f"the model <b>{model}</b> was written to {link}; it can be chosen above"
 
 
 class ExplainTab:
@@ -43,29 +137,26 @@ class ExplainTab:
             ui.label(WHAT).classes("soft")
             with ui.element("div").classes("fit-form w-full"):
                 with ui.column().classes("w-full gap-2"):
-                    self._learn = self._recordings("Recordings to learn from", "learn")
-                    self._check = self._recordings("Others to check on", "check")
+                    self._learn = multiple_choice("Recordings to learn from", self._changed)
+                    self._check = multiple_choice("Others to check on", self._changed)
                 with ui.column().classes("w-full gap-2"):
                     self._model = ui.select({}, label="Model", on_change=self._changed)
-                    self._model.props("use-input input-debounce=0").classes("w-full").mark("model")
-                    self._model.on("popup-show", self._look)
+                    self._model.props("use-input input-debounce=0").classes("w-full")
                     TableUpload(context, self._uploaded)
+            for choice in (self._learn, self._check, self._model):
+                choice.on("popup-show", self._look)
             with ui.row().classes("items-center w-full gap-4"):
                 self._explain = ui.button("Explain", icon="troubleshoot", on_click=self._start)
-                self._explain.props("no-caps").mark("explain")
-                self._hint = ui.label().classes("soft").props("role=status").mark("hint")
+                self._hint = ui.label().classes("soft").props("role=status")
             with ui.element("div").classes("w-full") as self._command_place:
                 self._command = CommandRow()
-            self._stages = JobProgress(
-                context, "explanation", self._done, self._changed, staged=True
+            self._stages: JobProgress[ExplainJob] = JobProgress(
+                context, "explanations", "explanation", self._done, self._changed, staged=True
             )
         self._answer = AnswerView(context, self._sources, self._look)
         self._changed()
-        present = EXPLANATIONS.of(context.runs)
-        if present is not None and present.state.running:
-            self._stages.watch(present)
-        elif present is not None:
-            self._answer.show(present)
+        if self._stages.latest is not None:
+            self._answer.show(self._stages.latest)
         query = ui.context.client.request.query_params
         names = [query.getlist(key) for key in ("learn", "check", "model")]
         ui.timer(0.0, lambda: self._begin(*names), once=True)
@@ -78,15 +169,8 @@ class ExplainTab:
             choice.set_value([name for name in names if name in choice.options])
         self._model.set_value(next((name for name in model if name in self._model.options), None))
 
-    def _recordings(self, label: str, mark: str) -> ui.select:
-        choice = ui.select({}, multiple=True, label=label, on_change=self._changed)
-        choice.props("use-chips use-input input-debounce=0").classes("w-full").mark(mark)
-        choice.on("popup-show", self._look)
-        return choice
-
     @shows_errors
     async def _look(self) -> None:
-        """Offer what is there now."""
         found = await asyncio.to_thread(self._sources.choices)
         for choice in (self._learn, self._check):
             if choice.options != found.recordings:
@@ -123,15 +207,16 @@ class ExplainTab:
         return list(self._learn.value or []), list(self._check.value or []), self._model.value or ""
 
     def _folder(self) -> Path:
-        today = f"{datetime.now().astimezone():%Y-%m-%d}"
-        return suggested_folder(self._sources, self._learn.value or [], today)
+        return suggested_folder(self._sources, self._learn.value or [], today())
 
     @shows_errors
     def _start(self) -> None:
         self._context.claim_control()
         inputs, out = inputs_of(self._sources, *self._chosen()), self._folder()
         self._answer.clear()
-        self._stages.watch(start(self._context.runs, inputs, out, command_words(inputs, out)))
+        out.parent.mkdir(parents=True, exist_ok=True)
+        words = command_words(inputs, out)
+        self._stages.start(lambda: ExplainJob(out, words, explain, inputs))
         self._changed()
 
     @shows_errors
@@ -140,6 +225,5 @@ class ExplainTab:
 
 
 def build(context: PageContext) -> None:
-    """Make the tab; ?learn=NAME&check=NAME&model=NAME chooses what is asked."""
+    """Make the tab; ?learn=NAME&check=NAME&model=NAME chooses recordings and a model."""
     ExplainTab(context)
-    app.on_shutdown(lambda: clear(context.runs))

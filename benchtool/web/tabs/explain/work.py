@@ -8,25 +8,12 @@ from __future__ import annotations
 import shlex
 import shutil
 import time
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from benchtool.commands.explain import ExplainInputs
 from benchtool.core.errors import InputError
-from benchtool.web.jobs import (
-    FolderJob,
-    Job,
-    LatestJob,
-    ReportProgress,
-    complete_folder,
-    partial_folder,
-)
-from benchtool.web.sections import HtmlFragment, PageSection
-
-if TYPE_CHECKING:
-    from benchtool.report.page import Block
+from benchtool.web.jobs import Job, PageSection, ReportProgress, complete_folder, partial_folder
 
 DRAWN_FROM = 0.85
 """Share of the whole at which an answer is there and its figures are drawn; a guess."""
@@ -40,7 +27,7 @@ class ExplanationResult:
         sentence: the verdict, with what weighs on it.
         named: effects that the new model has more than the old; empty where none was named.
         parts: sections of the report, in its order.
-        highlights: the few numbers that matter most; empty without.
+        highlights: the few numbers that matter most, as HTML; empty without.
         simulated: whether no physical bench made the recordings.
         seconds: how long it took.
     """
@@ -48,13 +35,12 @@ class ExplanationResult:
     sentence: str
     named: tuple[str, ...]
     parts: tuple[PageSection, ...]
-    highlights: tuple[HtmlFragment, ...]
+    highlights: str
     simulated: bool
     seconds: float
 
 
-@dataclass(slots=True, kw_only=True)
-class ExplainJob(FolderJob[ExplanationResult]):
+class ExplainJob(Job[ExplanationResult]):
     """Hold an explanation that was started; its folder is there once it is accepted.
 
     Attributes:
@@ -70,49 +56,29 @@ class ExplainJob(FolderJob[ExplanationResult]):
             InputError: there is no answer, or it is accepted already.
             WouldOverwrite: something of that name exists.
         """
+        from benchtool.explain.added_model import MODEL
+        from benchtool.physics.model_file import load_model
+
         if self.state.status != "done":
-            raise InputError("there is no answer to keep; explain first")
+            raise InputError("there is no answer to accept; explain first")
         if self.accepted is not None:
-            raise InputError(f"{self.out.name} is kept already; look at it under Runs")
+            raise InputError(f"{self.out.name} is accepted already; look at it under Runs")
         complete_folder(self.out, out)
-        self.accepted, self.out = _new_model(out), out
-
-
-EXPLANATIONS: LatestJob[ExplainJob] = LatestJob()
-
-
-def start(root: Path, inputs: ExplainInputs, out: Path, words: Sequence[str]) -> ExplainJob:
-    """Start an explanation; what the one before had set aside is deleted.
-
-    Raises:
-        InputError: another one runs.
-    """
-    before = EXPLANATIONS.ended(root)
-    if before is not None:
-        before.cancel()
-    out.parent.mkdir(parents=True, exist_ok=True)
-    job = Job(explain, inputs, out, tuple(words))
-    EXPLANATIONS.by_root[root] = ExplainJob(out=out, words=tuple(words), job=job)
-    return EXPLANATIONS.by_root[root]
-
-
-def clear(root: Path) -> None:
-    """Delete what nobody accepted, as the server ends."""
-    present = EXPLANATIONS.by_root.pop(root, None)
-    if present is not None:
-        present.cancel()
+        model = out / MODEL
+        self.accepted = load_model(model).model.name if model.is_file() else ""
+        self.out = out
 
 
 def explain(
-    report: ReportProgress, inputs: ExplainInputs, out: Path, words: Sequence[str]
+    report: ReportProgress, out: Path, words: tuple[str, ...], inputs: ExplainInputs
 ) -> ExplanationResult:
-    """Answer a question, and set its folder aside.
+    """Answer which effect a model lacks, and set the answer's folder aside.
 
     Args:
         report: receives the stages.
-        inputs: recordings and model.
         out: the folder that the answer gets where it is accepted.
         words: behind `benchtool`, for the report.
+        inputs: recordings and model.
 
     Raises:
         BenchtoolError: recordings or model that no verdict can stand on.
@@ -125,8 +91,8 @@ def explain(
     from benchtool.report.answer.folder import write_folder
     from benchtool.report.answer.page import answer_page
     from benchtool.report.figure import drawn
-    from benchtool.report.page import Facts, Paragraph
-    from benchtool.web.drawing import fragments
+    from benchtool.report.page import Block, Facts, FigureBlock, Paragraph
+    from benchtool.web.drawing import FigureImage, blocks_html
 
     began = time.monotonic()
 
@@ -135,52 +101,34 @@ def explain(
             report(what, DRAWN_FROM * share)
 
     report("reading the recordings", 0.0)
-    asked_for = read_request(inputs.recordings, inputs.check, inputs.model)
+    request = read_request(inputs.recordings, inputs.check, inputs.model)
     command = shlex.join(["benchtool", *words])
-    answer = answer_request(asked_for, commands=[command], progress=progress)
+    answer = answer_request(request, commands=[command], progress=progress)
     answer = replace(answer, seconds=time.monotonic() - began)
     report("drawing the figures", DRAWN_FROM)
     aside = partial_folder(out)
     shutil.rmtree(aside, ignore_errors=True)
-    write_folder(aside, answer, asked_for.effects_file, called=out)
+    write_folder(aside, answer, request.effects_file, called=out)
     figures = drawn("answer", answer)
     page = answer_page(answer, figures, next_file(answer)[0])
     # Whether it is written changes under the page, which says so beside its own button.
     left_out = [Paragraph(added_sentence(answer))] if answer.has_model else []
     files = {id(block.figure): aside / f"{name}.svg" for name, block in figures.items()}
+
+    def shown(block: Block) -> Block | FigureImage:
+        if isinstance(block, FigureBlock):
+            return FigureImage(files[id(block.figure)].read_bytes(), block.caption)
+        return block
+
+    parts = {
+        part.title: blocks_html(shown(block) for block in part.blocks if block not in left_out)
+        for part in page.sections
+    }
     return ExplanationResult(
         sentence=page.summary,
         named=tuple(effect.name for effect in added_effects(answer)),
-        parts=tuple(
-            PageSection(
-                title=part.title,
-                fragments=_drawn([block for block in part.blocks if block not in left_out], files),
-            )
-            for part in page.sections
-        ),
-        highlights=fragments([Facts(page.highlights)]) if page.highlights else (),
+        parts=tuple(PageSection(title=title, html=html) for title, html in parts.items()),
+        highlights=blocks_html([Facts(page.highlights)]) if page.highlights else "",
         simulated=answer.simulated,
         seconds=answer.seconds,
     )
-
-
-def _drawn(blocks: Sequence[Block], files: Mapping[int, Path]) -> tuple[HtmlFragment, ...]:
-    """Return blocks for the page, with the figures that were written."""
-    from benchtool.report.page import FigureBlock
-    from benchtool.web.drawing import FigureImage, fragments
-
-    return fragments(
-        FigureImage(files[id(block.figure)].read_bytes(), block.caption)
-        if isinstance(block, FigureBlock)
-        else block
-        for block in blocks
-    )
-
-
-def _new_model(out: Path) -> str:
-    """Return the name of the model in an answer's folder, empty without one."""
-    from benchtool.explain.added_model import MODEL
-    from benchtool.physics.model_file import load_model
-
-    path = out / MODEL
-    return load_model(path).model.name if path.is_file() else ""

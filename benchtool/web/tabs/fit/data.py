@@ -2,32 +2,91 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 
 from nicegui import ui
 
+from benchtool.core.channel import unit_told_by
+from benchtool.core.column_source import ColumnSource
+from benchtool.core.errors import InputError
+from benchtool.core.units import UNITS, unit_named
 from benchtool.data.csv_text import read_csv_text
+from benchtool.data.repairs.foreign_units import head_of
+from benchtool.data.repairs.mapped import channel_meant
 from benchtool.data.run.entry import Entry
 from benchtool.data.run.runs_folder import columns_file
-from benchtool.web.context import PageContext
-from benchtool.web.notifications import notify, notify_error, shows_errors
-from benchtool.web.tabs.fit.columns import ColumnLine, columns_of, lines_for, units_for
+from benchtool.physics.model_file import read_columns
+from benchtool.web.context import PageContext, RunsListing
 from benchtool.web.tabs.fit.work import store_columns
-from benchtool.web.tabs.runs.listing import RunsListing
-from benchtool.web.widgets import TableUpload, show_fragment
+from benchtool.web.widgets import TableUpload, multiple_choice, notify, notify_error, shows_errors
 
-NONE, CONSTANT = "", "\0constant"
-
-READER = "tables"
-
-LABELS = {
+FIT_CHANNELS = {
     "thrust_N": "thrust_N (needed)",
     "thrust_se_N": "thrust_se_N (its standard error)",
+    "thrust_sd_N": "",
     "plate_z_m": "plate_z_m (rotor plane to plate)",
     "rpm1": "rpm1 (or that of all rotors)",
+    "rpm2": "",
+    "rpm3": "",
+    "rpm4": "",
     "pwm1_us": "pwm1_us (where there is no rpm)",
+    "plate_tilt_deg": "",
+    "plate_x_m": "",
+    "coverage1": "",
+    "voltage_V": "",
+    "time_s": "",
 }
-"""What a fit wants first, for people; other channels are in a list that can be opened."""
+"""Channels that a fit uses, as docs/how-to/fit-your-csv.md lists them; those with words for people
+stand first, the others in a list that can be opened."""
+
+NONE, CONSTANT = "", "\0constant"
+"""Choices of a column that are no column."""
+
+
+def units_for(channel: str) -> tuple[str, ...]:
+    """Return the units that a column of a channel may have, ours first."""
+    own = unit_told_by(channel)
+    dimension = unit_named(own).dimension
+    others = (symbol for symbol, unit in UNITS.items() if unit.dimension == dimension)
+    return (own, *(symbol for symbol in others if symbol != own))
+
+
+def columns_for(table: Path) -> dict[str, ColumnSource]:
+    """Return the columns of a table as they were stored, or else as its header suggests."""
+    stored = columns_file(table)
+    if stored.is_file():
+        return dict(read_columns(stored))
+    return suggested_columns(read_csv_text(table).header)
+
+
+def suggested_columns(header: Sequence[str]) -> dict[str, ColumnSource]:
+    """Return the channels that column names suggest, with the units in brackets."""
+    found: dict[str, ColumnSource] = {}
+    for cell in header:
+        head = head_of(cell)
+        channel = channel_meant(head.name)
+        if channel in FIT_CHANNELS and channel not in found:
+            fits = head.unit in units_for(channel)
+            found[channel] = ColumnSource(column=cell, unit=head.unit if fits else None)
+    return found
+
+
+def chosen_columns(form: Mapping[str, ColumnSource | None]) -> dict[str, ColumnSource]:
+    """Return the columns that a form was filled with.
+
+    Raises:
+        InputError: no thrust, or neither speed nor pulse width of rotors.
+    """
+    columns = {channel: source for channel, source in form.items() if source is not None}
+    if "thrust_N" not in columns:
+        raise InputError("no column is thrust_N; choose the one with the thrust")
+    if not {"rpm1", "pwm1_us"} & set(columns):
+        raise InputError(
+            "neither rpm1 nor pwm1_us has a column; choose one with rotor speed or pulse width, or "
+            "give rpm1 one number for all rows"
+        )
+    return columns
 
 
 class DataCard:
@@ -45,8 +104,7 @@ class DataCard:
         self._context, self._listing, self._changed = context, listing, changed
         self._folder = listing.folder
         self.entries: dict[str, Entry] = {}
-        self._choice = ui.select({}, multiple=True, label="Runs and tables", on_change=self._take)
-        self._choice.props("use-chips use-input input-debounce=0").classes("w-full").mark("data")
+        self._choice = multiple_choice("Runs and tables", self._show_columns)
         self._choice.on("popup-show", self.look)
         TableUpload(context, self._uploaded)
         self._columns = ui.column().classes("w-full")
@@ -58,7 +116,6 @@ class DataCard:
         return [name for name in self._choice.value or [] if name in self.entries]
 
     async def choose(self, names: list[str]) -> None:
-        """Choose these, as far as they can be fitted."""
         await self.look()
         for name in names:
             if name not in self.entries:
@@ -68,21 +125,19 @@ class DataCard:
 
     @shows_errors
     async def look(self) -> None:
-        """Offer what is in the runs folder now."""
         if await self._listing.look():
             self._offer()
 
     def _offer(self) -> None:
-        found = [entry for entry in self._listing.entries if entry.can_fit]
-        self.entries = {entry.name: entry for entry in found}
+        self.entries = {entry.name: entry for entry in self._listing.entries if entry.can_fit}
         offered = {
-            entry.name: f"{entry.name} ({', '.join(filter(None, (entry.rig, entry.said)))})"
-            for entry in found
+            name: f"{name} ({', '.join(filter(None, (entry.rig, entry.said)))})"
+            for name, entry in self.entries.items()
         }
         if offered != self._choice.options:
             self._choice.set_options(offered, value=self.names)
 
-    def _take(self) -> None:
+    def _show_columns(self) -> None:
         self._columns.clear()
         with self._columns:
             for name in self.names:
@@ -100,23 +155,26 @@ class DataCard:
         self._choice.set_value([*self.names, name])
 
     def _columns_form(self, name: str) -> None:
-        """Ask which column of a table is which.
+        """Make the fields in which the columns of a table are chosen.
 
         Raises:
             BenchtoolError: the table cannot be read.
         """
         path = self._folder.file_of(name)
-        header = read_csv_text(path).header
-        lines = lines_for(path)
-        readers: list[Callable[[], ColumnLine]] = []
+        header, known = read_csv_text(path).header, columns_for(path)
+        first = [channel for channel, label in FIT_CHANNELS.items() if label or channel in known]
+        more = [channel for channel in FIT_CHANNELS if channel not in first]
+        readers: dict[str, Callable[[], ColumnSource | None]] = {}
         with ui.expansion(f"Columns of {name}", value=not columns_file(path).is_file()) as form:
             form.classes("w-full bordered")
             ui.label("Choose the column of each channel; what is left empty is not used.").classes(
                 "soft"
             )
-            readers += [_column_line(line, header) for line in lines if _is_first(line)]
+            for channel in first:
+                readers[channel] = _column_fields(channel, known.get(channel), header)
             with ui.expansion("More channels").classes("w-full"):
-                readers += [_column_line(line, header) for line in lines if not _is_first(line)]
+                for channel in more:
+                    readers[channel] = _column_fields(channel, None, header)
             use = ui.button("Use these columns").props("outline no-caps")
             result = ui.column().classes("w-full")
 
@@ -124,47 +182,44 @@ class DataCard:
         async def store() -> None:
             self._context.claim_control()
             result.clear()
-            columns = columns_of(read() for read in readers)
-            worker = self._context.worker(READER)
-            fragments = await worker.run(store_columns, self._context.runs, name, columns)
+            columns = chosen_columns({name: readers[name]() for name in FIT_CHANNELS})
+            worker = self._context.worker("tables")
+            html = await worker.run(store_columns, self._context.runs, name, columns)
             with result:
-                for fragment in fragments:
-                    show_fragment(fragment)
+                ui.html(html, sanitize=False).classes("w-full")
             self._changed()
 
         use.on_click(store)
 
 
-def _column_line(line: ColumnLine, header: tuple[str, ...]) -> Callable[[], ColumnLine]:
-    """Make one line of the form, and return what reads it."""
+def _column_fields(
+    channel: str, source: ColumnSource | None, header: tuple[str, ...]
+) -> Callable[[], ColumnSource | None]:
+    """Make the fields of one channel, and return what reads them."""
+    own = unit_told_by(channel)
     choices = {NONE: "–", CONSTANT: "one number for all rows"}
     choices |= {cell: cell for cell in header if cell}
-    value = line.column or (CONSTANT if line.constant is not None else NONE)
+    value = NONE if source is None else source.column or CONSTANT
     with ui.row().classes("items-center w-full gap-3 column-line"):
         column = ui.select(choices, value=value if value in choices else NONE)
-        column.props(f'dense outlined label="{LABELS.get(line.channel, line.channel)}"')
-        column.classes("grow").mark(f"column {line.channel}")
-        number = ui.number(value=line.constant).props("dense outlined step=any")
-        number.props(f'label="{line.channel} in every row"').classes("w-40")
+        column.props(f'dense outlined label="{FIT_CHANNELS[channel] or channel}"').classes("grow")
+        number = ui.number(value=source.constant if source else None)
+        number.props(f'dense outlined step=any label="{channel} in every row"').classes("w-40")
         number.bind_visibility_from(column, "value", value=CONSTANT)
-        unit = ui.select(list(units_for(line.channel)), value=line.unit)
-        unit.props(f'dense outlined label="unit" aria-label="unit of {line.channel}"')
-        unit.classes("w-28").mark(f"unit {line.channel}")
-        reverse = ui.checkbox("reversed", value=line.reversed).props("dense")
-        reverse.props(f'aria-label="{line.channel} points the other way"')
+        unit = ui.select(list(units_for(channel)), value=(source and source.unit) or own)
+        unit.props(f'dense outlined label="unit" aria-label="unit of {channel}"').classes("w-28")
+        reverse = ui.checkbox("reversed", value=source is not None and source.sign < 0)
+        reverse.props(f'dense aria-label="{channel} points the other way"')
 
-    def read() -> ColumnLine:
-        chosen = column.value
-        return ColumnLine(
-            channel=line.channel,
-            column="" if chosen in (NONE, CONSTANT) else str(chosen),
+    def read() -> ColumnSource | None:
+        chosen = str(column.value)
+        if chosen == NONE or (chosen == CONSTANT and number.value is None):
+            return None
+        return ColumnSource(
+            column=None if chosen == CONSTANT else chosen,
             constant=number.value if chosen == CONSTANT else None,
-            unit=str(unit.value),
-            reversed=bool(reverse.value),
+            unit=None if unit.value == own else str(unit.value),
+            sign=-1 if reverse.value else 1,
         )
 
     return read
-
-
-def _is_first(line: ColumnLine) -> bool:
-    return line.channel in LABELS or bool(line.column) or line.constant is not None

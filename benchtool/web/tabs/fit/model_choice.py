@@ -1,53 +1,57 @@
-"""Which models the page may fit, and the numbers of one to free, fix or leave. Pure."""
+"""Which models the page may fit, and what its form stands for: a recipe, a command. Pure."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path, PurePosixPath
+from typing import Any, NamedTuple
 
 from benchtool.core.errors import InputError
+from benchtool.core.inputs import changed, make, words
 from benchtool.core.own_code import refuse_code
+from benchtool.core.parameter import Parameter
 from benchtool.core.parsed_text import parse_toml
 from benchtool.core.rig import Rig
 from benchtool.core.rig_file import rig_names
 from benchtool.core.user_file import read_text
+from benchtool.data.csv_text import read_csv_text
 from benchtool.data.run.entry import Entry
-from benchtool.data.run.runs_folder import RunsFolder
+from benchtool.data.run.run import free_path
+from benchtool.data.run.run_rig import rig_of_data
+from benchtool.data.run.runs_folder import RunsFolder, columns_file
+from benchtool.fit.recipe import FitInputs, Recipe
 from benchtool.physics.model_file import LoadedModel, load_model, model_names
 
 MODEL_FILE = "model.toml"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AdjustableParameter:
-    """Hold one number of a model as a form shows it.
-
-    Attributes:
-        name: its full name.
-        unit: of its value.
-        value: that the model has.
-        free: whether the model frees it.
-        lower, upper: its bounds.
-        source: where the value comes from.
-    """
-
-    name: str
-    unit: str
-    value: float
-    free: bool
-    lower: float
-    upper: float
-    source: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class ParameterChoice:
+class ParameterChoice(NamedTuple):
     """Choose one number of a model to be free, or fixed at a value."""
 
     free: bool
     value: float
+
+
+@dataclass(slots=True, kw_only=True)
+class FitRequest:
+    """Hold what the form says.
+
+    Attributes:
+        data: names of runs and tables.
+        model: as `model_choices` calls it.
+        choices: by parameter, where the form differs from the model.
+        name: of the folder that is made.
+        options: other inputs of the command, by name.
+    """
+
+    data: list[str] = field(default_factory=list)
+    model: str = "quad_bench"
+    choices: dict[str, ParameterChoice] = field(default_factory=dict)
+    name: str = ""
+    options: dict[str, Any] = field(default_factory=dict)
 
 
 def model_choices(folder: RunsFolder, entries: Iterable[Entry]) -> dict[str, str]:
@@ -74,45 +78,31 @@ def model_path(folder: RunsFolder, chosen: str) -> str:
     if chosen in model_names():
         return chosen
     path = folder.file_of(chosen)
-    _refuse_outside(folder, chosen, path)
+    head = parse_toml(read_text(path), chosen).get("model", {})
+    head = head if isinstance(head, dict) else {}
+    beside = PurePosixPath(chosen).parent
+    if head.get("effects_file"):
+        refuse_code(f"{beside}/{head['effects_file']}")
+    rig = str(head.get("rig", ""))
+    if rig and rig not in rig_names():
+        if PurePosixPath(rig).name != rig:
+            raise InputError(
+                f"{chosen} takes its rig from {rig!r}, outside its own folder, and the page reads "
+                f"the runs folder only; fit it with benchtool fit --model"
+            )
+        folder.file_of(f"{beside}/{rig}")
     return str(path)
 
 
-def _refuse_outside(folder: RunsFolder, chosen: str, path: Path) -> None:
-    head = parse_toml(read_text(path), chosen).get("model", {})
-    if isinstance(head, dict) and head.get("effects_file"):
-        refuse_code(f"{PurePosixPath(chosen).parent}/{head['effects_file']}")
-    named = str(head.get("rig", "")) if isinstance(head, dict) else ""
-    if not named or named in rig_names():
-        return
-    if PurePosixPath(named).name != named:
-        raise InputError(
-            f"{chosen} takes its rig from {named!r}, outside its own folder, and the page reads "
-            f"the runs folder only; fit it with benchtool fit --model"
-        )
-    folder.file_of(f"{PurePosixPath(chosen).parent}/{named}")
-
-
-def adjustables(model: str, rig: Rig | None = None) -> tuple[AdjustableParameter, ...]:
-    """Return the numbers of a model; those of the noise follow from the option for it.
+def numbers_of(model: str, rig: Rig | None = None) -> dict[str, Parameter]:
+    """Return the numbers of a model by full name, without those of the noise: an option sets them.
 
     Args:
         model: as `model_path` gives it.
         rig: of the data, which goes before the one that the model file names.
     """
-    return tuple(
-        AdjustableParameter(
-            name=name,
-            unit=item.unit,
-            value=item.value,
-            free=item.free,
-            lower=item.lower,
-            upper=item.upper,
-            source=item.source,
-        )
-        for name, item in loaded(model, rig).model.parameters.items()
-        if not name.startswith("noise.")
-    )
+    found = loaded(model, rig).model.parameters
+    return {name: item for name, item in found.items() if not name.startswith("noise.")}
 
 
 def loaded(model: str, rig: Rig | None = None) -> LoadedModel:
@@ -138,24 +128,80 @@ def _read(model: str, stamp: int, on: _ByValue) -> LoadedModel:
 
 
 def choice_options(
-    numbers: Sequence[AdjustableParameter], choices: Mapping[str, ParameterChoice]
+    numbers: Mapping[str, Parameter], choices: Mapping[str, ParameterChoice]
 ) -> dict[str, object]:
     """Return the recipe's options free, hold and fix that make a model's numbers as chosen.
 
     What is as the model has it needs no option.
     """
-    free: list[str] = []
-    hold: list[str] = []
-    fix: dict[str, float] = {}
-    for number in numbers:
-        choice = choices.get(number.name)
-        if choice is None:
-            continue
-        if choice.free:
-            if not number.free:
-                free.append(number.name)
-        elif choice.value != number.value:
-            fix[number.name] = choice.value
-        elif number.free:
-            hold.append(number.name)
-    return {"free": free, "hold": hold, "fix": fix}
+    chosen = [(name, numbers[name], choices[name]) for name in numbers if name in choices]
+    return {
+        "free": [name for name, own, to in chosen if to.free and not own.free],
+        "hold": [
+            name for name, own, to in chosen if own.free and not to.free and to.value == own.value
+        ],
+        "fix": {
+            name: to.value for name, own, to in chosen if not to.free and to.value != own.value
+        },
+    }
+
+
+def recipe_for(request: FitRequest, folder: RunsFolder, entries: Mapping[str, Entry]) -> Recipe:
+    """Return the recipe that the form stands for.
+
+    Raises:
+        InputError: nothing to fit, a name that leads elsewhere, or a value that is not taken.
+    """
+    if not request.data:
+        raise InputError(
+            "nothing to fit: choose a run or a table; where there is none, measure a sweep first, "
+            "or upload a CSV file"
+        )
+    paths = [folder.path_of(name) for name in request.data]
+    tables = [name for name in request.data if entries[name].kind == "table"]
+    maps = [columns_file(folder.file_of(name)) for name in tables]
+    stored = [path for path in maps if path.is_file()]
+    if len(tables) > 1 and stored:
+        raise InputError(
+            f"{' and '.join(tables)} are tables with maps of their own, and a fit takes one map; "
+            f"fit them one at a time"
+        )
+    model = model_path(folder, request.model)
+    if tables and not stored and not loaded(model).columns:
+        for name in tables:
+            if "thrust_N" not in read_csv_text(folder.file_of(name)).header:
+                raise InputError(
+                    f"{name} has no column thrust_N; choose its columns above and press Use these "
+                    f"columns"
+                )
+    base = Recipe(
+        name=request.name,
+        data=tuple(str(path) for path in paths),
+        model=model,
+        columns=str(stored[0]) if stored else None,
+    )
+    choices = choice_options(numbers_of(model, data_rig(request.data, folder)), request.choices)
+    options = {name: each for name, each in request.options.items() if name != "profile"}
+    return make(Recipe, {**choices, **options}, source="label", base=base)
+
+
+def data_rig(data: Sequence[str], folder: RunsFolder) -> Rig | None:
+    """Return the rig of the runs among some data, None where there is none.
+
+    Raises:
+        InputError: runs of two vehicles.
+    """
+    return rig_of_data([str(folder.path_of(name)) for name in data])
+
+
+def words_for(recipe: Recipe, request: FitRequest, folder: RunsFolder) -> list[str]:
+    """Return the words behind `benchtool` that do the same."""
+    out = str(folder.root / request.name) if request.name else ""
+    given = changed(recipe) | {"profile": bool(request.options.get("profile")), "out": out}
+    return ["fit", *words(FitInputs, given)]
+
+
+def suggested_name(folder: RunsFolder, data: Sequence[str]) -> str:
+    """Return a free name for the fit of some data."""
+    first = re.sub(r"\.csv$", "", data[0].rsplit("/", 1)[-1]) if data else "data"
+    return free_path(folder.root / f"fit-{re.sub(r'[^A-Za-z0-9._-]+', '-', first)}").name

@@ -10,37 +10,36 @@ from typing import Any, get_args
 from nicegui import ui
 
 from benchtool.core.errors import BenchtoolError
+from benchtool.core.parameter import Parameter
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.fit.recipe import Basis, FitInputs, Noise, Recipe
-from benchtool.web.context import PageContext
+from benchtool.report.numbers import unit_for_people
+from benchtool.web.context import PageContext, RunsListing
 from benchtool.web.form import InputForm
-from benchtool.web.jobs import FolderJob
-from benchtool.web.notifications import shows_errors
+from benchtool.web.jobs import Job
 from benchtool.web.progress import JobProgress
 from benchtool.web.tabs.fit.data import DataCard
 from benchtool.web.tabs.fit.model_choice import (
-    AdjustableParameter,
-    adjustables,
+    FitRequest,
+    ParameterChoice,
+    data_rig,
     model_choices,
     model_path,
-)
-from benchtool.web.tabs.fit.parameters import ParameterTable
-from benchtool.web.tabs.fit.request import (
-    FitRequest,
-    data_rig,
+    numbers_of,
     recipe_for,
     suggested_name,
     words_for,
 )
-from benchtool.web.tabs.fit.work import FITS, start, view_fit
-from benchtool.web.tabs.runs.listing import RunsListing
-from benchtool.web.widgets import STYLE, CommandRow, show_section, show_waiting
+from benchtool.web.tabs.fit.work import fit_into, view_fit
+from benchtool.web.widgets import STYLE, CommandRow, show_section, show_waiting, shows_errors
 
 USUAL_MODEL = "quad_bench"
 
 DRAWER = "figures"
 """The process that reads runs and draws; the Runs tab has it, too."""
 
+FITS = "fits"
+"""Kind of the jobs."""
 
 BASES = {
     "joint": "thrust itself (joint fit)",
@@ -63,9 +62,79 @@ LOSSES = {
 assert tuple(BASES) == get_args(Basis)
 assert tuple(NOISES) == get_args(Noise)
 
+HEADS = ("parameter", "unit", "free", "value", "bounds", "where the value comes from")
+
+
+class ParameterTable:
+    """Show a model's numbers, each free or fixed, and what is chosen of each."""
+
+    def __init__(self, changed: Callable[[], None]) -> None:
+        self._changed = changed
+        self._numbers: dict[str, Parameter] = {}
+        self.choices: dict[str, ParameterChoice] = {}
+        self._place = ui.element("div").classes("w-full wide")
+
+    def clear(self) -> None:
+        """Forget what was chosen: another model follows."""
+        self._numbers, self.choices = {}, {}
+        self._place.clear()
+
+    def show(self, numbers: dict[str, Parameter]) -> None:
+        """Show a model's numbers; what somebody changed stays, also on another rig."""
+        if numbers == self._numbers:
+            return
+        before = self._numbers
+        self._numbers = numbers
+        changed = {k: to for k, to in self.choices.items() if to != _of_model(before[k])}
+        self.choices = {k: changed.get(k, _of_model(own)) for k, own in numbers.items()}
+        self._place.clear()
+        with self._place, ui.element("table").classes("shown parameters"):
+            with ui.element("thead"), ui.element("tr"):
+                for head in HEADS:
+                    with ui.element("th").props("scope=col"):
+                        ui.label(head)
+            with ui.element("tbody"):
+                for name, number in numbers.items():
+                    self._row(name, number)
+
+    def _row(self, name: str, number: Parameter) -> None:
+        choice = self.choices[name]
+        bounds = f"{number.lower:g} … {number.upper:g}".replace("-", "−").replace("inf", "∞")
+        with ui.element("tr"):
+            with ui.element("th").props("scope=row"):
+                ui.label(name)
+            with ui.element("td"):
+                ui.label(unit_for_people(number.unit))
+            with ui.element("td"):
+                free = ui.checkbox(value=choice.free).props(f'dense aria-label="{name} is free"')
+            with ui.element("td"):
+                value = ui.number(value=choice.value, format="%.6g").props("dense outlined")
+                value.props(f'aria-label="{name} is held at" step=any').classes("w-32")
+                value.set_enabled(not choice.free)
+            with ui.element("td").classes("number soft"):
+                ui.label(bounds)
+            with ui.element("td").classes("soft"):
+                ui.label(number.source)
+
+        def read() -> None:
+            held = number.value if value.value is None else float(value.value)
+            # The number shows six digits: left as it is, it is the model's own.
+            if f"{held:.6g}" == f"{number.value:.6g}":
+                held = number.value
+            value.set_enabled(not free.value)
+            self.choices[name] = ParameterChoice(bool(free.value), held)
+            self._changed()
+
+        free.on_value_change(read)
+        value.on_value_change(read)
+
+
+def _of_model(number: Parameter) -> ParameterChoice:
+    return ParameterChoice(number.free, number.value)
+
 
 class MethodCard:
-    """Ask how to fit.
+    """Choose how to fit.
 
     Args:
         models: to compare with, name to words.
@@ -76,8 +145,7 @@ class MethodCard:
         self._form = InputForm(FitInputs, changed)
         with ui.row().classes("items-center w-full gap-4"):
             self._squares = ui.checkbox("least squares", value=True, on_change=changed)
-            self._squares.mark("least squares")
-            self._emcee = ui.checkbox("emcee (posterior samples)", on_change=changed).mark("emcee")
+            self._emcee = ui.checkbox("emcee (posterior samples)", on_change=changed)
         with ui.element("div").classes("field-grid"):
             self._form.add("basis", options=BASES)
             self._form.add("noise", options=NOISES)
@@ -88,7 +156,6 @@ class MethodCard:
             self._form.add("min_z_over_r", "walkers", "max_steps", "seed", "where", "profile")
 
     def options(self) -> dict[str, Any]:
-        """Return what is typed or chosen, by the names of the inputs."""
         methods = {"least_squares": self._squares.value, "emcee": self._emcee.value}
         given = self._form.given()
         where = [part.strip() for part in (given["where"] or "").split(";") if part.strip()]
@@ -107,52 +174,39 @@ class FitTab:
         with ui.element("div").classes("fit-form"):
             with ui.card().classes("w-full"):
                 ui.label("Data").classes("card-title")
-                self._data = DataCard(context, listing, self._changed)
+                self.data = DataCard(context, listing, self._changed)
             with ui.card().classes("w-full"):
                 ui.label("Method").classes("card-title")
-                models = model_choices(self._folder, self._data.entries.values())
+                models = model_choices(self._folder, self.data.entries.values())
                 self._method = MethodCard(models, self._changed)
         with ui.card().classes("w-full"):
             with ui.row().classes("items-center w-full gap-4"):
                 ui.label("Model").classes("card-title")
                 self._model = ui.select(models, value=USUAL_MODEL, label="Model")
-                self._model.props("use-input input-debounce=0").classes("grow").mark("model")
+                self._model.props("use-input input-debounce=0").classes("grow")
                 self._model.on_value_change(self._other_model)
             self._parameters = ParameterTable(self._changed)
         with ui.card().classes("w-full"):
             with ui.row().classes("items-end w-full gap-4"):
                 self._name = ui.input("Name of the fit's folder", on_change=self._changed)
-                self._name.classes("grow").mark("fit name")
-                self._fit = ui.button("Fit", icon="functions", on_click=self._start).mark("fit")
+                self._name.classes("grow")
+                self._fit = ui.button("Fit", icon="functions", on_click=self._start)
             self._command = CommandRow()
-            self._hint = ui.label().classes("soft").props("role=status").mark("hint")
-            self._progress = JobProgress(context, "fit", self._done)
-            present = FITS.of(context.runs)
-            if present is not None and present.state.running:
-                self._progress.watch(present)
+            self._hint = ui.label().classes("soft").props("role=status")
+            self._progress = JobProgress(context, FITS, "fit", self._done)
         self._answer = ui.column().classes("w-full scroll-place")
-        self._other_model()
         self._ready = True
         self._changed()
 
-    async def choose(self, names: list[str]) -> None:
-        """Choose data as the Runs tab asks."""
-        await self._data.choose(names)
-
     def _other_model(self) -> None:
-        self._parameters.show((), {})
+        self._parameters.clear()
         self._changed()
-
-    def _numbers(self) -> tuple[AdjustableParameter, ...]:
-        """Return the chosen model's numbers on the rig of the chosen data."""
-        model = model_path(self._folder, self._model.value)
-        return adjustables(model, data_rig(self._data.names, self._folder))
 
     def _request(self) -> FitRequest:
         return FitRequest(
-            data=self._data.names,
+            data=self.data.names,
             model=self._model.value,
-            choices=self._parameters.choices,
+            choices=dict(self._parameters.choices),
             name=(self._name.value or "").strip(),
             options=self._method.options(),
         )
@@ -161,14 +215,15 @@ class FitTab:
         """Show the command that the form stands for, or what it lacks."""
         if not self._ready:
             return
-        suggested = suggested_name(self._folder, self._data.names)
+        suggested = suggested_name(self._folder, self.data.names)
         if not self._name.value or self._name.value == self._named:
             self._named = suggested
             self._name.set_value(suggested)
         try:
-            self._parameters.put_on_rig(self._numbers())
+            model = model_path(self._folder, self._model.value)
+            self._parameters.show(numbers_of(model, data_rig(self.data.names, self._folder)))
             request = self._request()
-            recipe = recipe_for(request, self._folder, self._data.entries)
+            recipe = recipe_for(request, self._folder, self.data.entries)
             self._command.show(words_for(recipe, request, self._folder))
             self._hint.set_text("")
             self._fit.enable()
@@ -181,20 +236,21 @@ class FitTab:
         self._context.claim_control()
         request = self._request()
         out = self._folder.new_path(request.name)
-        recipe = recipe_for(request, self._folder, self._data.entries)
+        recipe = recipe_for(request, self._folder, self.data.entries)
         words = words_for(recipe, request, self._folder)
         self._answer.clear()
-        self._progress.watch(start(self._folder.root, recipe, out, words, request.profile))
+        profile = bool(request.options["profile"])
+        self._progress.start(lambda: Job(out, words, fit_into, recipe, profile))
 
     @shows_errors
-    async def _done(self, fitting: FolderJob[str]) -> None:
-        name = self._folder.name_of(fitting.out)
+    async def _done(self, job: Job[str]) -> None:
+        name = self._folder.name_of(job.out)
         section = await self._context.worker(DRAWER).run(view_fit, self._folder.root, name)
         self._answer.clear()
         with self._answer, ui.card().classes("w-full"):
-            show_section(replace(section, command=fitting.words))
+            show_section(replace(section, command=job.words))
         self._answer.run_method("scrollIntoView", {"behavior": "smooth", "block": "start"})
-        await self._data.look()
+        await self.data.look()
         self._changed()
 
 
@@ -216,11 +272,11 @@ def build(context: PageContext) -> None:
         with place:
             tab = FitTab(context, listing)
         if names:
-            await tab.choose(names)
+            await tab.data.choose(names)
 
     ui.timer(0.0, fill, once=True)
 
 
 def _load() -> None:
-    adjustables(USUAL_MODEL)
+    numbers_of(USUAL_MODEL)
     Recipe(name="any", data=("any",), model=USUAL_MODEL)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -15,43 +15,19 @@ from benchtool.data.run.runs_folder import RunsFolder, columns_file
 from benchtool.data.table import read_table
 from benchtool.fit.recipe import Recipe
 from benchtool.physics.model_file import columns_to_toml
-from benchtool.web.jobs import (
-    FolderJob,
-    Job,
-    LatestJob,
-    ReportProgress,
-    complete_folder,
-    partial_folder,
-)
-from benchtool.web.sections import HtmlFragment, PageSection
-
-FITS: LatestJob[FolderJob[str]] = LatestJob()
-
-
-def start(
-    root: Path, recipe: Recipe, out: Path, words: Sequence[str], profile: bool
-) -> FolderJob[str]:
-    """Start a fit.
-
-    Raises:
-        InputError: another one runs.
-    """
-    FITS.ended(root)
-    job = Job(fit_into, recipe, out, tuple(words), profile)
-    FITS.by_root[root] = FolderJob(out=out, words=tuple(words), job=job)
-    return FITS.by_root[root]
+from benchtool.web.jobs import PageSection, ReportProgress, complete_folder, partial_folder
 
 
 def fit_into(
-    report: ReportProgress, recipe: Recipe, out: Path, words: tuple[str, ...], profile: bool
+    report: ReportProgress, out: Path, words: tuple[str, ...], recipe: Recipe, profile: bool
 ) -> str:
     """Run a recipe, write its folder in one step, and return the folder's name.
 
     Args:
         report: receives the progress.
-        recipe: what to fit.
         out: the folder; nothing of that name exists.
         words: behind `benchtool`, for the report.
+        recipe: what to fit.
         profile: intervals of least squares from the profile likelihood.
 
     Raises:
@@ -80,34 +56,32 @@ def view_fit(root: Path, name: str) -> PageSection:
     from benchtool.report.figure import captions
     from benchtool.report.fit.stored_fit import SIMULATED, figure_files, read_stored
     from benchtool.report.page import Paragraph
-    from benchtool.web.drawing import FigureImage, fragments
+    from benchtool.web.drawing import FigureImage, blocks_html
 
     path = RunsFolder(root).path_of(name)
     stored = read_stored(path)
     blocks = [block for block in stored.blocks if block != Paragraph(SIMULATED)]
     warnings, rest = blocks[-1], blocks[1:-1]
-    said = captions("fit")
+    known = captions("fit")
     figures = [
-        FigureImage(file.read_bytes(), said[key]) for key, file in figure_files(path).items()
+        FigureImage(file.read_bytes(), known[key]) for key, file in figure_files(path).items()
     ]
     return PageSection(
         title=name,
-        fragments=fragments([blocks[0], warnings, *figures[:1], *rest, *figures[1:]]),
+        html=blocks_html([blocks[0], warnings, *figures[:1], *rest, *figures[1:]]),
         simulated=stored.simulated,
         command=("report", str(path)),
     )
 
 
-def store_columns(
-    root: Path, name: str, columns: Mapping[str, ColumnSource]
-) -> tuple[HtmlFragment, ...]:
-    """Read a table through a map, store the map beside it, and return what was read.
+def store_columns(root: Path, name: str, columns: Mapping[str, ColumnSource]) -> str:
+    """Read a table through a map, store the map beside it, and return what was read as HTML.
 
     Raises:
         FileFormatError: a cell that is no number, with its line; nothing was stored.
     """
     from benchtool.report.page import Table
-    from benchtool.web.drawing import fragments
+    from benchtool.web.drawing import blocks_html
 
     path = RunsFolder(root).file_of(name)
     recording = read_table(path, columns)
@@ -119,6 +93,6 @@ def store_columns(
         rows.append((channel.name, channel.unit, str(known.size), f"{least:.4g}", f"{most:.4g}"))
     replace_text(columns_file(path), columns_to_toml(columns))
     head = ("channel", "unit", "numbers", "least", "most")
-    return fragments(
+    return blocks_html(
         [Table(f"{len(recording)} rows as they will be fitted.", head, rows, text_columns=2)]
     )

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
-from urllib.parse import urlencode
+from typing import Any, NamedTuple
 
 from nicegui import ui
 
@@ -14,8 +12,7 @@ from benchtool.data.run.entry import ANSWER_FILE, FIT_FILE, Entry, entry_of
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.data.run.settings import TABLES
 from benchtool.web.context import PageContext
-from benchtool.web.notifications import shows_errors
-from benchtool.web.sections import PageSection
+from benchtool.web.jobs import PageSection
 from benchtool.web.tabs.runs.view import (
     report_bytes,
     table_bytes,
@@ -23,7 +20,14 @@ from benchtool.web.tabs.runs.view import (
     view_entry,
     view_part,
 )
-from benchtool.web.widgets import CommandRow, show_section, show_waiting
+from benchtool.web.widgets import (
+    CommandRow,
+    open_tab,
+    show_section,
+    show_stamp,
+    show_waiting,
+    shows_errors,
+)
 
 DRAWER = "figures"
 """The process that reads runs and draws."""
@@ -32,8 +36,7 @@ WRITER = "reports"
 """The process that writes downloads; a long page takes seconds, and nothing waits behind it."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Download:
+class Download(NamedTuple):
     """Offer one file: one that stands in the runs folder, a table of a run, or the report.
 
     Attributes:
@@ -55,31 +58,28 @@ def downloads(entry: Entry) -> tuple[Download, ...]:
         return ()
     flat = entry.name.replace("/", "-")
     if entry.kind == "table":
-        return (Download(label="CSV", file=flat, path=entry.name),)
-    found = [report_download(flat)]
+        return (Download("CSV", flat, path=entry.name),)
+    report = report_download(flat)
     if entry.kind == "recording":
-        found.append(Download(label="Recording", file=flat, path=entry.name))
-    elif entry.kind in ("fit", "explanation"):
+        return report, Download("Recording", flat, path=entry.name)
+    if entry.kind in ("fit", "explanation"):
         files = [FIT_FILE if entry.kind == "fit" else ANSWER_FILE]
         if entry.state not in ("stopped early", "not converged"):
             files.append("model.toml")
-        found += [
-            Download(label=file, file=f"{flat}-{file}", path=f"{entry.name}/{file}")
-            for file in files
-        ]
-    else:
-        found += [
-            Download(label=f"{table}, CSV", file=f"{flat}-{table}.csv", table=table)
-            for table in (TABLES if entry.kind == "sweep" else ("samples",))
-        ]
-        parquet = f"{flat}-samples.parquet"
-        found.append(Download(label="samples, Parquet", file=parquet, table="samples"))
-    return tuple(found)
+        return report, *(
+            Download(file, f"{flat}-{file}", path=f"{entry.name}/{file}") for file in files
+        )
+    tables = TABLES if entry.kind == "sweep" else ("samples",)
+    return (
+        report,
+        *(Download(f"{table}, CSV", f"{flat}-{table}.csv", table=table) for table in tables),
+        Download("samples, Parquet", f"{flat}-samples.parquet", table="samples"),
+    )
 
 
 def report_download(name: str) -> Download:
     """Return the report of something."""
-    return Download(label="Report, HTML", file=f"{name}-report.html")
+    return Download("Report, HTML", f"{name}-report.html")
 
 
 class RunDetail:
@@ -88,7 +88,7 @@ class RunDetail:
     def __init__(self, context: PageContext) -> None:
         self._context = context
         self._folder = RunsFolder(context.runs)
-        self._turn = 0
+        self._number = 0
         self._place = ui.column().classes("w-full gap-3 scroll-place")
 
     async def open(self, name: str) -> None:
@@ -105,9 +105,8 @@ class RunDetail:
         with self._place, ui.card().classes("w-full"):
             with self._head(section, f"{entry.kind} {entry.state}".strip()):
                 if entry.can_fit:
-                    address = f"/?{urlencode({'tab': 'fit', 'data': name})}"
-                    fit = ui.button("Fit", icon="functions").props("dense no-caps")
-                    fit.on_click(lambda: ui.navigate.to(address))
+                    fit = ui.button("Fit", icon="functions").props("dense")
+                    fit.on_click(lambda: open_tab("fit", data=name))
                 for download in downloads(entry):
                     self._button(download, (name,))
             self._body(section)
@@ -115,7 +114,6 @@ class RunDetail:
                 self._expansion(name, part)
 
     async def compare(self, names: Sequence[str]) -> None:
-        """Show several sweeps in one plot."""
         what = f"comparing {len(names)} sweeps"
         section = await self._read(what, view_comparison, tuple(names))
         if section is None:
@@ -127,8 +125,8 @@ class RunDetail:
 
     async def _read(self, what: str, work: Callable[..., Any], *arguments: Any) -> Any:
         """Return what is to be shown; None where something newer was opened meanwhile."""
-        self._turn += 1
-        turn = self._turn
+        self._number += 1
+        number = self._number
         self._place.clear()
         with self._place:
             show_waiting(what)
@@ -136,17 +134,15 @@ class RunDetail:
         try:
             found = await self._work(DRAWER, work, *arguments)
         finally:
-            if turn == self._turn:
+            if number == self._number:
                 self._place.clear()
-        return found if turn == self._turn else None
+        return found if number == self._number else None
 
     def _head(self, section: PageSection, about: str) -> ui.row:
-        """Make title and stamp, and return the row of buttons below them."""
         with ui.row().classes("items-center w-full gap-3"):
-            ui.label(section.title).classes("card-title").mark("opened")
+            ui.label(section.title).classes("card-title")
             ui.label(about).classes("soft")
-            if section.simulated:
-                ui.label("SIMULATED").classes("stamp")
+            show_stamp(section.simulated)
         return ui.row().classes("w-full gap-2")
 
     def _body(self, section: PageSection) -> None:
@@ -155,7 +151,7 @@ class RunDetail:
         show_section(section, headed=False)
 
     def _button(self, download: Download, names: tuple[str, ...]) -> None:
-        button = ui.button(download.label, icon="download").props("outline dense no-caps")
+        button = ui.button(download.label, icon="download").props("outline dense")
         page = self._place.client
 
         @shows_errors

@@ -10,11 +10,9 @@ from nicegui import ui
 
 from benchtool.data.run.entry import ENTRY_KINDS, Entry, search
 from benchtool.data.run.runs_folder import RunsFolder
-from benchtool.web.context import PageContext
-from benchtool.web.notifications import shows_errors
+from benchtool.web.context import PageContext, RunsListing
 from benchtool.web.tabs.runs.detail import RunDetail
-from benchtool.web.tabs.runs.listing import RunsListing
-from benchtool.web.widgets import STYLE
+from benchtool.web.widgets import STYLE, shows_errors
 
 ROWS = 10
 NOTHING = (
@@ -29,17 +27,17 @@ COLUMNS = (
     ("rig", "Rig or model"),
     ("date", "Date"),
     ("state", "State"),
-    ("said", "What is in it"),
+    ("summary", "What is in it"),
 )
 
 _NAME = """
 <q-td :props="props"><button type="button" class="run-name"
   @click="$parent.$emit('open', props.row.name)">{{ props.row.name }}</button></q-td>
 """
-_SAID = """
-<q-td :props="props"><span :class="props.row.problem ? 'said problem' : 'said'">
+_SUMMARY = """
+<q-td :props="props"><span :class="props.row.problem ? 'summary problem' : 'summary'">
 <q-icon v-if="props.row.problem" name="warning" aria-label="cannot be read" />
-{{ props.row.said }}</span></q-td>
+{{ props.row.summary }}</span></q-td>
 """
 _CHOOSE = """
 <q-checkbox v-model="props.selected" dense :aria-label="'Choose ' + props.row.name" />
@@ -57,12 +55,11 @@ class RunsTab:
             with ui.row().classes("items-end w-full gap-4"):
                 self._words = ui.input("Search name, rig, date, state", on_change=self._fill)
                 self._words.classes("grow").props('debounce=120 clearable type="search"')
-                self._words.mark("search")
                 kinds = {"": "every kind", **{kind: kind for kind in ENTRY_KINDS}}
                 self._kind = ui.select(kinds, value="", label="Kind", on_change=self._fill)
                 self._kind.classes("w-44")
                 self._compare = ui.button("Compare", icon="stacked_line_chart", on_click=self._put)
-            self._count = ui.label().classes("soft").props("role=status").mark("count")
+            self._count = ui.label().classes("soft").props("role=status")
             self._table = self._make_table()
         self._detail = RunDetail(context)
         ui.timer(LOOK_S, self._look)
@@ -80,11 +77,11 @@ class RunsTab:
             pagination=ROWS,
             on_select=self._chosen,
         )  # fmt: skip
-        table.classes("runs-table w-full").props("flat dense wrap-cells").mark("runs")
+        table.classes("runs-table w-full").props("flat dense wrap-cells")
         with table.add_slot("no-data"):
             ui.label(NOTHING).classes("soft q-py-sm")
         table.add_slot("body-cell-name", _NAME)
-        table.add_slot("body-cell-said", _SAID)
+        table.add_slot("body-cell-summary", _SUMMARY)
         table.add_slot("body-selection", _CHOOSE)
         table.add_slot("header-selection", _CHOOSE_ALL)
         table.on("open", lambda event: self.open(str(event.args)))
@@ -92,7 +89,6 @@ class RunsTab:
 
     @shows_errors
     async def open(self, name: str) -> None:
-        """Show one entry below the list."""
         await self._detail.open(name)
         address = json.dumps("?" + urlencode({"tab": "runs", "run": name}))
         ui.run_javascript(f"history.replaceState(null, '', {address})")
@@ -102,7 +98,6 @@ class RunsTab:
         await self._detail.compare(self._sweeps())
 
     def _sweeps(self) -> list[str]:
-        """Return the names of the chosen entries that can be compared."""
         chosen = {str(row.get("name")) for row in self._table.selected}
         return [
             entry.name
@@ -120,9 +115,9 @@ class RunsTab:
         self._table.update_rows([_row(entry) for entry in found], clear_selection=False)
         whole = len(self._listing.entries)
         broken = sum(bool(entry.problem) for entry in found)
-        said = f"{len(found)} of {whole}" if len(found) < whole else f"{whole}"
-        said += f" in {self._listing.folder.root.name}"
-        self._count.set_text(said + (f", {broken} cannot be read" if broken else ""))
+        count = f"{len(found)} of {whole}" if len(found) < whole else f"{whole}"
+        count += f" in {self._listing.folder.root.name}"
+        self._count.set_text(count + (f", {broken} cannot be read" if broken else ""))
         self._chosen()
 
     def _chosen(self) -> None:
@@ -134,9 +129,8 @@ class RunsTab:
 def build(context: PageContext) -> None:
     """Make the tab; ?run=NAME opens one."""
     tab = RunsTab(context)
-    asked = ui.context.client.request.query_params.get("run", "")
-    if asked:
-        ui.timer(0.0, lambda: tab.open(asked), once=True)
+    if name := ui.context.client.request.query_params.get("run", ""):
+        ui.timer(0.0, lambda: tab.open(name), once=True)
 
 
 def _row(entry: Entry) -> dict[str, Any]:
@@ -147,6 +141,6 @@ def _row(entry: Entry) -> dict[str, Any]:
         "rig": entry.rig,
         "date": entry.date,
         "state": state.removeprefix(", "),
-        "said": entry.problem.removeprefix(f"{entry.name}: ") or entry.said,
+        "summary": entry.problem.removeprefix(f"{entry.name}: ") or entry.said,
         "problem": bool(entry.problem),
     }

@@ -17,7 +17,7 @@ from benchtool.data.csv_text import read_csv_text
 from benchtool.data.run.entry import ANSWER_FILE, Entry, entry_of
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.data.run.settings import exported
-from benchtool.web.sections import PageSection
+from benchtool.web.jobs import PageSection
 from benchtool.web.tabs.fit.work import view_fit
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ def view_entry(root: Path, name: str) -> tuple[PageSection, tuple[str, ...]]:
     if entry.said == "no point yet":
         raise FileFormatError(name, "the sweep has measured no point yet; look again later")
     from benchtool.report.page import Facts, Paragraph
-    from benchtool.web.drawing import fragments
+    from benchtool.web.drawing import blocks_html
 
     report = _report(path, entry)
     blocks: list[Block] = [Paragraph(report.summary)]
@@ -58,7 +58,7 @@ def view_entry(root: Path, name: str) -> tuple[PageSection, tuple[str, ...]]:
         blocks.append(Facts(simple_facts(read_json(path / "metadata.json"))))
     section = PageSection(
         title=name,
-        fragments=fragments([*blocks, *report.sections[0].blocks]),
+        html=blocks_html([*blocks, *report.sections[0].blocks]),
         simulated=report.simulated,
         command=("report", str(path)),
     )
@@ -67,14 +67,14 @@ def view_entry(root: Path, name: str) -> tuple[PageSection, tuple[str, ...]]:
 
 def view_part(root: Path, name: str, part: str) -> PageSection:
     """Return one more section of an entry, by its title."""
-    from benchtool.web.drawing import fragments
+    from benchtool.web.drawing import blocks_html
 
     folder = RunsFolder(root)
     report = _report(folder.path_of(name), entry_of(folder, name))
     for section in report.sections:
         if section.title == part:
             return PageSection(
-                title=part, fragments=fragments(section.blocks), simulated=report.simulated
+                title=part, html=blocks_html(section.blocks), simulated=report.simulated
             )
     raise InputError(f"{name} has no part {part!r}; open it again")
 
@@ -83,7 +83,7 @@ def view_comparison(root: Path, names: Sequence[str]) -> PageSection:
     """Return several sweeps in one plot, with the settings that they share."""
     from benchtool.report.sweep.compared import compared_page
     from benchtool.report.sweep.run import read_sweep_run
-    from benchtool.web.drawing import fragments
+    from benchtool.web.drawing import blocks_html
 
     paths = [RunsFolder(root).path_of(name) for name in names]
     if len(paths) < 2:
@@ -91,7 +91,7 @@ def view_comparison(root: Path, names: Sequence[str]) -> PageSection:
     report = compared_page([read_sweep_run(path) for path in paths])
     return PageSection(
         title=f"{len(names)} sweeps compared",
-        fragments=fragments(report.sections[0].blocks),
+        html=blocks_html(report.sections[0].blocks),
         simulated=report.simulated,
         command=("report", *map(str, paths)),
     )
@@ -122,7 +122,7 @@ def _answer(path: Path, name: str) -> PageSection:
     from benchtool.report.answer.overlay import overlay_caption
     from benchtool.report.figure import captions
     from benchtool.report.page import Facts, Paragraph
-    from benchtool.web.drawing import FigureImage, fragments
+    from benchtool.web.drawing import FigureImage, blocks_html
 
     facts = read_json(path / ANSWER_FILE)
     overlay = overlay_caption(float(facts.get("window_s", 0.0)))
@@ -142,7 +142,7 @@ def _answer(path: Path, name: str) -> PageSection:
         shown["next experiment"] = str(following)
     return PageSection(
         title=name,
-        fragments=fragments([Paragraph(str(facts["sentence"])), Facts(shown), *figures]),
+        html=blocks_html([Paragraph(str(facts["sentence"])), Facts(shown), *figures]),
         simulated=bool(facts["simulated"]),
         command=("report", str(path)),
     )
@@ -150,7 +150,7 @@ def _answer(path: Path, name: str) -> PageSection:
 
 def _table(path: Path, name: str) -> PageSection:
     from benchtool.report.page import Paragraph, Table
-    from benchtool.web.drawing import fragments
+    from benchtool.web.drawing import blocks_html
 
     table = read_csv_text(path)
     size = f"{len(table.rows)} rows, {len(table.header)} columns."
@@ -158,7 +158,7 @@ def _table(path: Path, name: str) -> PageSection:
         size += f" Repaired while reading: {'; '.join(table.repairs)}."
     first = f"The first {min(HEAD_ROWS, len(table.rows))} rows."
     rows = Table(first, table.header, table.rows[:HEAD_ROWS], text_columns=0)
-    return PageSection(title=name, fragments=fragments([Paragraph(size), rows]))
+    return PageSection(title=name, html=blocks_html([Paragraph(size), rows]))
 
 
 def report_bytes(root: Path, names: Sequence[str]) -> bytes:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from datetime import datetime
-from urllib.parse import urlencode
 
 from nicegui import ui
 
@@ -12,9 +10,8 @@ from benchtool.commands.simulate_pitch import PitchInputs
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.physics.model_file import model_names
 from benchtool.web.context import PageContext
-from benchtool.web.notifications import shows_errors
 from benchtool.web.tabs.simulate.work import Simulation, command_words, write_into, zipped
-from benchtool.web.widgets import CommandRow
+from benchtool.web.widgets import CommandRow, open_tab, shows_errors, titled_card, today
 
 
 def _bench_of(inputs: PitchInputs) -> tuple[str, dict[str, float]]:
@@ -38,18 +35,16 @@ class SaveCard:
         self._worker = context.worker("simulations")
         self._named = ""
         self._recordings: list[tuple[str, PitchInputs]] = []
-        with ui.card().classes("w-full gap-2"):
-            ui.label("Save").classes("card-title").props("role=heading aria-level=2")
+        with titled_card("Save"):
             with ui.row().classes("items-end w-full gap-3"):
-                self._name = ui.input("Name of the folder", on_change=self._show)
-                self._name.classes("grow").mark("save name")
-                self._keep = ui.button("Save to the runs folder", icon="save", on_click=self._write)
-                self._save = ui.button("Download CSV", icon="download", on_click=self._download)
-                self._save.props("outline").tooltip("the same files as one zip file")
+                self._name = ui.input("Name of the folder", on_change=self._show).classes("grow")
+                self._save = ui.button("Save to the runs folder", icon="save", on_click=self._write)
+                self._zip = ui.button("Download CSV", icon="download", on_click=self._download)
+                self._zip.props("outline").tooltip("the same files as one zip file")
             self._command = CommandRow()
             with ui.row().classes("items-center w-full gap-3") as self._after:
-                self._said = ui.label().classes("grow").props("role=status").mark("saved")
-                self._explain = ui.button("Explain", icon="troubleshoot", on_click=self._go)
+                self._saved = ui.label().classes("grow").props("role=status")
+                self._explain = ui.button("Explain", icon="troubleshoot", on_click=self._open)
                 self._explain.props("outline")
             self._after.set_visibility(False)
 
@@ -61,13 +56,11 @@ class SaveCard:
 
     def _suggest(self) -> None:
         inputs = self._inputs()
-        what = (
-            f"pitch-{inputs.schedule}"
-            if isinstance(inputs, PitchInputs)
-            else f"flight-{inputs.case}"
-        )
-        today = f"{datetime.now().astimezone():%Y-%m-%d}"
-        self._named = self._folder.free_path(today, what).name
+        if isinstance(inputs, PitchInputs):
+            what = f"pitch-{inputs.schedule}"
+        else:
+            what = f"flight-{inputs.case}"
+        self._named = self._folder.free_path(today(), what).name
         self._name.set_value(self._named)
 
     def _show(self) -> None:
@@ -79,30 +72,29 @@ class SaveCard:
     async def _write(self) -> None:
         self._context.claim_control()
         inputs, out = self._inputs(), self._folder.new_path((self._name.value or "").strip())
-        self._keep.props("loading")
+        self._save.props("loading")
         try:
             files = await self._worker.run(write_into, inputs, out)
         finally:
-            self._keep.props(remove="loading")
+            self._save.props(remove="loading")
         self._suggest()
         if isinstance(inputs, PitchInputs):
             self._recordings.append((f"{out.name}/{files[0]}", inputs))
         self._report(out.name)
 
     def _report(self, name: str) -> None:
-        """Show what was saved, and what can be done with it."""
         self._after.set_visibility(True)
         pair = self._pair()
         self._explain.set_visibility(pair is not None)
-        said = f"saved as {name}; it is listed under Runs"
+        text = f"saved as {name}; it is listed under Runs"
         if pair is not None:
-            said = f"saved as {name}: explain {pair[0]}, checked on {pair[1]}"
+            text = f"saved as {name}: explain {pair[0]}, checked on {pair[1]}"
         elif self._recordings:
-            said += (
+            text += (
                 "; to explain it, save a second one to check on: the same bench, another seed, "
                 "another schedule"
             )
-        self._said.set_text(said)
+        self._saved.set_text(text)
 
     def _pair(self) -> tuple[str, str] | None:
         """Return the two newest recordings of one bench, the older one to learn from."""
@@ -110,19 +102,17 @@ class SaveCard:
         same = [name for name, each in earlier if _bench_of(each) == _bench_of(inputs)]
         return (same[-1], newest) if same else None
 
-    def _go(self) -> None:
-        pair = self._pair()
-        if pair is not None:
+    def _open(self) -> None:
+        if (pair := self._pair()) is not None:
             model = f"pitch_{self._recordings[-1][1].rig}"
-            asked = {"tab": "explain", "learn": pair[0], "check": pair[1]}
-            asked |= {"model": model} if model in model_names() else {}
-            ui.navigate.to(f"/?{urlencode(asked)}")
+            more = {"model": model} if model in model_names() else {}
+            open_tab("explain", learn=pair[0], check=pair[1], **more)
 
     @shows_errors
     async def _download(self) -> None:
-        self._save.disable()
+        self._zip.disable()
         try:
             packed = await self._worker.run(zipped, self._inputs())
         finally:
-            self._save.enable()
+            self._zip.enable()
         ui.download.content(packed, "simulation.zip", "application/zip")

@@ -1,4 +1,4 @@
-"""The tab Simulate: what is asked on the left, side views, charts and numbers on the right."""
+"""The tab Simulate: the inputs on the left, side views, charts and numbers on the right."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ from benchtool.simulate.flight.cases import FLIGHTS
 from benchtool.simulate.flight.flight import FlightControl
 from benchtool.simulate.gain_file import gain_names
 from benchtool.web.context import PageContext
-from benchtool.web.tabs.simulate.ranges import (
+from benchtool.web.tabs.simulate.save_card import SaveCard
+from benchtool.web.tabs.simulate.sliders import (
+    Sliders,
     flight_sliders,
     hidden_slider,
     hideable,
     pitch_sliders,
 )
-from benchtool.web.tabs.simulate.save_card import SaveCard
-from benchtool.web.tabs.simulate.sliders import Sliders
 from benchtool.web.tabs.simulate.work import LOOKS, Shown, Simulation, simulated
 from benchtool.web.theme import STATIC
 
@@ -63,7 +63,7 @@ FLIGHT_CONTROLLERS = ("pid", "observer", "feedforward")
 """Chosen at first for a flight, as the command has them."""
 
 STILL_S = 0.25
-"""So long after the last change the whole is worked out: with what lies away from any surface, and
+"""So long after the last change everything is simulated: also the runs away from any surface, and
 the table. A choice."""
 
 FIRST = "simulating; the first time on a machine this compiles, which takes up to a minute"
@@ -94,35 +94,36 @@ class SimulateTab:
         with ui.element("div").classes("simulate-choices"):
             self._rig = self._select("Rig", _pitch_rigs(), "pquad")
             self._schedule = self._select("Schedule", schedule_names(), "plate")
-            self._length = ui.number("Length, s", placeholder="the schedule's own")
-            self._length.on_value_change(self._change)
-            self._length.props("dense stack-label").classes("w-full").mark("length")
+            self._length = self._number("Length, s", placeholder="the schedule's own")
             self._case = self._select("Flight", {n: f.title for n, f in FLIGHTS.items()}, "over")
             self._gains = self._select("Gains", gain_names(), "s3")
-            self._controllers = ui.select(
-                list(PITCH_CONTROLLERS), multiple=True, label="Controllers", on_change=self._other,
-                value=list(PitchInputs().controllers),
-            )  # fmt: skip
-            self._controllers.props("dense use-chips").classes("w-full").mark("controllers")
+            self._controllers = self._select(
+                "Controllers", PITCH_CONTROLLERS, list(PitchInputs().controllers), multiple=True
+            ).props("use-chips")
             self._hidden = self._select("Hidden effect", {"": "none", **hideable()}, "")
             self._hidden.tooltip("what the bench has and its model not, for Explain to find")
-            self._seed = ui.number("Seed of the noise", value=1, min=0, precision=0)
-            self._seed.on_value_change(self._change)
-            self._seed.props("dense").classes("w-full").mark("seed")
+            self._seed = self._number("Seed of the noise", value=1, min=0, precision=0)
         self._sliders = Sliders(lambda: self._change(whole=False))
-        ui.button("Reset", on_click=self._sliders.reset).props("flat dense no-caps")
+        ui.button("Reset", on_click=self._sliders.reset).props("flat dense")
 
-    def _select(self, label: str, options: Iterable[str], value: str) -> ui.select:
+    def _select(
+        self, label: str, options: Iterable[str], value: Any, *, multiple: bool = False
+    ) -> ui.select:
         choices = dict(options) if isinstance(options, Mapping) else list(options)
-        select = ui.select(choices, label=label, value=value, on_change=self._other)
-        return select.props("dense").classes("w-full").mark(label.lower())
+        select = ui.select(
+            choices, label=label, value=value, multiple=multiple, on_change=self._other
+        )
+        return select.props("dense").classes("w-full")
+
+    def _number(self, label: str, **more: Any) -> ui.number:
+        number = ui.number(label, on_change=lambda: self._change(), **more)
+        return number.props("dense stack-label").classes("w-full")
 
     def _other(self) -> None:
         self._offer()
         self._change()
 
     def _offer(self) -> None:
-        """Show what belongs to a pitch bench, or to a flight."""
         flying = self._kind.value == FLIGHT
         for each in (self._schedule, self._length, self._hidden):
             each.set_visibility(not flying)
@@ -148,24 +149,23 @@ class SimulateTab:
         chosen, settings = self._controllers.value, self._sliders.moved
         if not chosen:
             raise InputError("no controller is chosen; choose one or more")
-        flying = self._kind.value == FLIGHT
-        known = get_args(FlightControl) if flying else PITCH_CONTROLLERS
         given: dict[str, Any] = {
             "rig": self._rig.value,
-            "controllers": tuple(name for name in known if name in chosen),
+            "controllers": tuple(name for name in self._controllers.options if name in chosen),
             "gains": (self._gains.value,),
             "seed": int(self._seed.value or 0),
+            "set": settings,
         }
-        if not flying:
+        if self._kind.value == PITCH:
             given |= {"schedule": self._schedule.value, "duration_s": self._length.value}
-            return make(PitchInputs, {**given, "set": settings}, source="label")
-        case = str(self._case.value)
+            return make(PitchInputs, given, source="label")
+        shipped = FLIGHTS[str(self._case.value)]
         given |= {
-            "case": case,
-            "z_over_r": settings.pop("z_over_R", FLIGHTS[case].z_over_R),
-            "speed_m_s": settings.pop("speed_m_s", FLIGHTS[case].speed_m_s),
+            "case": self._case.value,
+            "z_over_r": settings.pop("z_over_R", shipped.z_over_R),
+            "speed_m_s": settings.pop("speed_m_s", shipped.speed_m_s),
         }
-        return make(FlightInputs, {**given, "set": settings}, source="label")
+        return make(FlightInputs, given, source="label")
 
     # --- what is shown --------------------------------------------------------------------------
 
@@ -183,12 +183,12 @@ class SimulateTab:
             ui.html(_legend(), sanitize=False).classes("w-full")
         with ui.card().classes("w-full gap-2"):
             ui.label("Numbers").classes("card-title")
-            self._table = ui.html(sanitize=False).classes("w-full").mark("numbers")
+            self._table = ui.html(sanitize=False).classes("w-full")
             self._warnings = ui.label().classes("warn whitespace-pre-line")
         self._saving = SaveCard(context, self.inputs)
 
     def _change(self, whole: bool = True) -> None:
-        """Note that something is other than it was, and see to it that it is drawn."""
+        """Note that an input has changed, and have it drawn."""
         with suppress(InputError):  # shown where it is drawn
             self._saving.refresh()
         self._whole = self._whole or whole
@@ -198,14 +198,17 @@ class SimulateTab:
             background_tasks.create(self._draw(), name="draw a simulation")
 
     async def _draw(self) -> None:
-        """Draw quickly while sliders move, and the whole once they stand still."""
+        """Draw quickly while sliders move, and everything once they stand still."""
         try:
             while not self._views.is_deleted:
                 quick, self._whole = not self._whole, False
                 self._changes.clear()
                 await self._draw_once(quick)
                 if quick:
-                    self._whole = not await _comes(self._changes, STILL_S)
+                    try:
+                        await asyncio.wait_for(self._changes.wait(), STILL_S)
+                    except TimeoutError:
+                        self._whole = True
                 elif not self._changes.is_set():
                     return
         finally:
@@ -223,21 +226,9 @@ class SimulateTab:
         self._wrong.set_visibility(False)
         self._views.show(shown, quick)
         if not quick:
-            self._table.set_content(_table(shown["lines"]))
+            lines = escape("\n".join(shown["lines"]))
+            self._table.set_content(f'<pre class="simulate-table" tabindex="0">{lines}</pre>')
             self._warnings.set_text("\n".join(shown["warnings"]))
-
-
-async def _comes(event: asyncio.Event, timeout_s: float) -> bool:
-    """Tell whether an event comes within some time."""
-    try:
-        await asyncio.wait_for(event.wait(), timeout_s)
-    except TimeoutError:
-        return False
-    return True
-
-
-def _table(lines: list[str]) -> str:
-    return f'<pre class="simulate-table" tabindex="0">{escape(chr(10).join(lines))}</pre>'
 
 
 def _legend() -> str:
@@ -263,16 +254,11 @@ def _pitch_rigs() -> list[str]:
 
 
 def _flying_rigs() -> list[str]:
-    return [name for name in rig_names() if rig_named(name).n_rotors >= FLYING_ROTORS]
-
-
-FLYING_ROTORS = 4
-"""Fewer cannot make thrust and three torques independently."""
+    """Return rigs with four rotors or more: fewer cannot make thrust and three torques."""
+    return [name for name in rig_names() if rig_named(name).n_rotors >= 4]
 
 
 def build(context: PageContext) -> None:
     """Make the tab's elements in the present slot."""
-    from benchtool.web.tabs.simulate.tab import SimulateTab
-
     ui.add_head_html('<link rel="stylesheet" href="/static/simulate.css">')
     SimulateTab(context)

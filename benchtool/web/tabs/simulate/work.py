@@ -1,8 +1,9 @@
-"""What the process for simulations does: an ask in, what the page shows, saves or keeps out."""
+"""What the process for simulations does: inputs in, what the page shows, saves or downloads out."""
 
 from __future__ import annotations
 
 import shutil
+from dataclasses import fields
 from io import BytesIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -10,17 +11,15 @@ from typing import Any, get_args
 from zipfile import ZIP_DEFLATED, ZipFile
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchtool.commands.simulate_flight import FlightInputs
 from benchtool.commands.simulate_flight import setup_of as flight_setup_of
 from benchtool.commands.simulate_pitch import PitchInputs
 from benchtool.commands.simulate_pitch import setup_of as pitch_setup_of
-from benchtool.core.array import Array
 from benchtool.core.inputs import changed, words
 from benchtool.data.run.recording_file import beside
 from benchtool.report.palette import BLUE, GREEN, GREY, VERMILION
-from benchtool.report.preview import ChartLine, ControllerRun, DrawnMotion, Role, SimulationPreview
+from benchtool.report.preview import ChartLine, DrawnMotion, Role, SimulationPreview
 from benchtool.report.side_view import side_view_svg
 from benchtool.simulate.flight.flight import FlightControl
 from benchtool.web.jobs import complete_folder, partial_folder
@@ -43,11 +42,25 @@ LEAST = 0.1
 """Least width of an axis, in its unit: what moves less lies still. A choice."""
 
 
+DECIMALS = {"up_m": 4, "along_m": 4, "added": 4, "values": 4}
+"""Of what moves and of curves; 3 where nothing is said."""
+
+
 def shown(preview: SimulationPreview) -> Shown:
     """Return what the browser is sent."""
     charts = [chart.label for chart in preview.runs[0].charts]
     return {
-        "lanes": [_controller_run(run) for run in preview.runs],
+        "lanes": [
+            {
+                "label": run.label,
+                "said": run.said,
+                "svg": side_view_svg(run.scene),
+                "motion": _short(run.motion),
+                "panels": [[_short(line) for line in chart.lines] for chart in run.charts],
+                "over": [list(span) for span in run.over],
+            }
+            for run in preview.runs
+        ],
         "panels": [
             {"label": label, "range": _range([run.charts[row].lines for run in preview.runs])}
             for row, label in enumerate(charts)
@@ -59,40 +72,17 @@ def shown(preview: SimulationPreview) -> Shown:
     }
 
 
-def _controller_run(run: ControllerRun) -> Shown:
-    return {
-        "label": run.label,
-        "said": run.said,
-        "svg": side_view_svg(run.scene),
-        "motion": _motion(run.motion),
-        "panels": [[_curve(curve) for curve in chart.lines] for chart in run.charts],
-        "over": [list(span) for span in run.over],
-    }
-
-
-def _motion(motion: DrawnMotion) -> Shown:
-    return {
-        "time_s": _short(motion.time_s, 3),
-        "along_m": _short(motion.along_m, 4),
-        "up_m": _short(motion.up_m, 4),
-        "pitch_deg": _short(motion.pitch_deg, 3),
-        "own": [_short(row, 3) for row in motion.own],
-        "added": [_short(row, 4) for row in motion.added],
-        "shift_m": [_short(row, 3) for row in motion.shift_m],
-    }
-
-
-def _curve(curve: ChartLine) -> Shown:
-    return {
-        "role": curve.role,
-        "time_s": _short(curve.time_s, 3),
-        "values": _short(curve.values, 4),
-    }
-
-
-def _short(values: Array, decimals: int) -> NDArray[np.float32]:
-    """Return numbers that take few characters; a browser's screen has no more digits."""
-    return np.round(values, decimals).astype(np.float32)
+def _short(drawn: DrawnMotion | ChartLine) -> Shown:
+    """Return the arrays with few characters a number; a browser's screen has no more digits."""
+    found: Shown = {}
+    for part in fields(drawn):
+        value, decimals = getattr(drawn, part.name), DECIMALS.get(part.name, 3)
+        if isinstance(value, np.ndarray):
+            rows = np.round(value, decimals).astype(np.float32)
+            found[part.name] = list(rows) if rows.ndim > 1 else rows
+        else:
+            found[part.name] = value
+    return found
 
 
 def _range(runs: list[tuple[ChartLine, ...]]) -> tuple[float, float, float]:

@@ -3,34 +3,55 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
-from nicegui import run, ui
+from nicegui import events, run, ui
 
+from benchtool.acquire.air import Air
 from benchtool.acquire.arming import arming_text
 from benchtool.acquire.check_plan import check_plan
 from benchtool.acquire.inputs import SweepInputs
 from benchtool.acquire.order import expected_duration_s, minutes, settings_of, visits_of
-from benchtool.acquire.plan import Plan
-from benchtool.core.errors import BenchtoolError, InputError
+from benchtool.acquire.plan import Plan, plan_from_toml
+from benchtool.core.errors import BenchtoolError, FileFormatError, InputError
+from benchtool.core.input_text import text_of
+from benchtool.core.inputs import items, values_of
 from benchtool.core.rig import Rig
 from benchtool.data.atomic import read_json
-from benchtool.web.arm_dialog import confirm_arming
-from benchtool.web.bench_process.commands import StartSweep
+from benchtool.data.run.runs_folder import RunsFolder
+from benchtool.web.bench_process.messages import StartSweep
 from benchtool.web.context import PageContext
-from benchtool.web.notifications import shows_errors
-from benchtool.web.tabs.sweep.form import PlanForm
-from benchtool.web.widgets import CommandRow, show_facts, titled_card
+from benchtool.web.form import InputForm
+from benchtool.web.widgets import (
+    CommandRow,
+    confirm_arming,
+    open_dialog,
+    show_facts,
+    shows_errors,
+    titled_card,
+)
 
 SHOWN_VISITS = 400
 """Rows of the order that are shown; a choice."""
 
 COLUMNS = ("visit", "kind", "z/R", "us", "repeat")
 
+LARGEST_BYTES = 100_000
+"""A plan file that is longer is none."""
 
-@dataclass(frozen=True, slots=True)
-class PlanPreview:
+FIRST = (
+    "z_over_r", "pwm", "repeats", "rotors", "tilt", "lateral", "sample_s", "anchor_every", "seed",
+    "order", "name",
+)  # fmt: skip
+"""Inputs of a plan that are always shown; the others can be opened."""
+
+FIELDS = tuple(item.name for item in items(Plan))
+AIR = tuple(item.name for item in items(Air))
+
+
+class PlanPreview(NamedTuple):
     """Hold what is shown of a plan.
 
     Attributes:
@@ -45,28 +66,26 @@ class PlanPreview:
 
 
 def preview_of(plan: Plan, rig: Rig, device_limits: Mapping[str, float] | None) -> PlanPreview:
-    """Return the preview of a plan, not resolved yet.
+    """Return the preview of a resolved plan.
 
     Raises:
         PlanError: the limits of rig or device do not allow it.
     """
-    resolved = plan.resolved(rig)
-    expected = check_plan(resolved, rig, device_limits)
-    visits = visits_of(resolved, rig)
+    expected = check_plan(plan, rig, device_limits)
+    visits = visits_of(plan, rig)
     radius_m = rig.propulsion.radius_m
     kinds = [visit.kind for visit in visits]
-    distances = ", ".join(f"{z_m / radius_m:g}" for z_m in resolved.plate.distances_m)
-    pulses = ", ".join(f"{pulse:g}" for pulse in resolved.throttle.pwm_us)
+    pulses = ", ".join(f"{pulse:g}" for pulse in plan.throttle.pwm_us)
     facts = {
         "rig": f"{rig.name}: {rig.title}",
-        "plate z/R": distances,
+        "plate z/R": ", ".join(f"{z_m / radius_m:g}" for z_m in plan.plate.distances_m),
         "pulses": f"{pulses} us",
         "visits": (
-            f"{len(visits)}, of {len(settings_of(resolved, rig))} settings: "
-            f"{resolved.repeats} repeats, {kinds.count('reference')} references, "
+            f"{len(visits)}, of {len(settings_of(plan, rig))} settings: "
+            f"{plan.repeats} repeats, {kinds.count('reference')} references, "
             f"{kinds.count('anchor')} anchors"
         ),
-        "duration": f"about {minutes(expected_duration_s(resolved, rig, visits))}",
+        "duration": f"about {minutes(expected_duration_s(plan, rig, visits))}",
         "limits hold": (
             f"at most {expected.pwm_us:g} us, about {expected.rpm:.0f} rpm and "
             f"{expected.thrust_N:.1f} N of {rig.limits.thrust_N:g} N"
@@ -78,7 +97,18 @@ def preview_of(plan: Plan, rig: Rig, device_limits: Mapping[str, float] | None) 
         distance = "parked" if place.parked else f"{place.z_m / radius_m:.2f}"
         row = (str(visit.point), visit.kind, distance, level, str(visit.repeat))
         rows.append(dict(zip(COLUMNS, row, strict=True)))
-    return PlanPreview(facts, arming_text(resolved, rig, expected), rows)
+    return PlanPreview(facts, arming_text(plan, rig, expected), rows)
+
+
+def plan_texts(plan: Plan, rig: Rig) -> dict[str, str]:
+    """Return what a plan, resolved for a rig, runs with, by field, as it would be typed."""
+    ratios = tuple(distance_m / rig.propulsion.radius_m for distance_m in plan.plate.distances_m)
+    values = values_of(plan) | {"z_over_r": ratios}
+    return {
+        item.name: ",".join(f"{each:g}" for each in value) if item.many else text_of(value)
+        for item in items(Plan)
+        if not item.choices and item.name != "z_m" and (value := values[item.name]) is not None
+    }
 
 
 class PlanCard:
@@ -88,29 +118,58 @@ class PlanCard:
         self._context = context
         self._session: tuple[int, str] = (-1, "")
         self._preview: PlanPreview | None = None
+        self._base, self._file = SweepInputs(), ""
+        self._form = InputForm(SweepInputs, self._look)
         with titled_card("Plan") as self._card:
-            self._form = PlanForm(self._look)
-            self._facts = ui.element("div").classes("facts-grid").mark("preview")
-            self._problem = ui.label().classes("warn-box w-full").mark("problem")
+            self._show_form()
+            self._facts = ui.element("div").classes("facts-grid")
+            self._problem = ui.label().classes("warn-box w-full")
             with ui.expansion("Order of the visits").classes("w-full").props("dense"):
-                self._order = ui.table(
-                    rows=[],
-                    columns=[
-                        {"name": name, "label": name, "field": name, "align": "right"}
-                        for name in COLUMNS
-                    ],
-                    row_key="visit",
-                    pagination=12,
-                ).props("dense flat")
+                columns = [
+                    {"name": name, "label": name, "field": name, "align": "right"}
+                    for name in COLUMNS
+                ]
+                self._order = ui.table(rows=[], columns=columns, row_key="visit", pagination=12)
+                self._order.props("dense flat")
             with ui.row().classes("items-center w-full"):
-                self._start = ui.button("Start the sweep", icon="play_arrow", on_click=self._ask)
+                self._start = ui.button("Start the sweep", icon="play_arrow", on_click=self._arm)
                 self._resume = ui.button("Resume a stopped run", on_click=self._choose)
                 self._resume.props("outline")
             self._command = CommandRow()
         self._look()
 
+    def _show_form(self) -> None:
+        ui.label("A field that is left empty shows what runs instead.").classes("soft")
+        with ui.element("div").classes("field-grid"):
+            self._form.add(*FIRST)
+        more = ui.expansion("Air, operator, calibration, stage, more of the plan")
+        more.classes("w-full").props("dense")
+        with more, ui.element("div").classes("field-grid"):
+            self._form.add("operator", *AIR, "calibration", "stage")
+            self._form.add(*(name for name in FIELDS if name not in FIRST))
+        with ui.row().classes("items-center"):
+            upload = ui.upload(
+                label="Plan file (TOML)",
+                auto_upload=True,
+                max_file_size=LARGEST_BYTES,
+                on_upload=self._load,
+            )
+            upload.props("accept=.toml flat bordered dense").classes("w-72")
+            self._loaded = ui.label().classes("soft")
+
+    @shows_errors
+    async def _load(self, event: events.UploadEventArguments) -> None:
+        """Take a plan file as what runs where nothing is typed."""
+        name = event.file.name
+        try:
+            text = (await event.file.read()).decode("utf-8-sig")
+        except UnicodeDecodeError as error:
+            raise FileFormatError(name, f"it cannot be read as text ({error})") from error
+        self._base, self._file = SweepInputs(plan=plan_from_toml(text, name)), name
+        self._loaded.set_text(f"{name} is the base; what is typed above replaces parts of it")
+        self._look()
+
     def refresh(self) -> None:
-        """Show what is so now."""
         connection = self._context.bench.connection
         if (connection.session, connection.status) != self._session:
             self._session = connection.session, connection.status
@@ -120,22 +179,16 @@ class PlanCard:
         self._start.set_enabled(idle and self._preview is not None)
         self._resume.set_enabled(idle)
 
-    def _rig(self) -> Rig:
-        rig = self._context.bench.connection.rig
-        if rig is None:
-            raise InputError("no bench is connected, so there is no rig; connect one first")
-        return rig
-
     def _look(self) -> None:
-        """Work out the preview anew."""
-        connection = self._context.bench.connection
-        problem = ""
-        self._preview = None
+        connection, runs = self._context.bench.connection, self._context.runs
+        rig = connection.rig
+        problem, self._preview = "", None
         try:
-            rig = self._rig()
+            if rig is None:
+                raise InputError("no bench is connected, so there is no rig; connect one first")
+            plan = self._form.make(self._base).plan.resolved(rig)
+            self._form.show_empty(plan_texts(plan, rig))
             limits = connection.identity.limits if connection.identity else None
-            plan = self._form.inputs().plan
-            self._form.show_values(plan.resolved(rig), rig)
             self._preview = preview_of(plan, rig, limits)
         except BenchtoolError as error:
             problem = str(error)
@@ -144,15 +197,16 @@ class PlanCard:
         show_facts(self._facts, self._preview.facts if self._preview else {})
         self._order.rows = list(self._preview.order) if self._preview else []
         self._order.update()
-        rig_words = ["--rig", connection.rig.name] if connection.rig else []
-        if connection.address.startswith("sim:"):
-            rig_words = []
-        address = connection.address or "ADDRESS"
-        words = [*rig_words, *self._form.words(), *self._context.runs_words]
-        self._command.show(["sweep", address, *words])
+        given = {
+            "address": connection.address or "ADDRESS",
+            "plan": self._file,
+            "rig": rig.name if rig and not connection.address.startswith("sim:") else None,
+            "runs": None if runs == SweepInputs().runs else runs,
+        }
+        self._command.show(["sweep", *self._form.words(given)])
 
     @shows_errors
-    def _ask(self) -> None:
+    def _arm(self) -> None:
         """Show what will spin, and want a confirmation where a motor turns."""
         self._context.require_control()
         self._look()
@@ -161,29 +215,27 @@ class PlanCard:
         self._confirm(self._preview.arming, None)
 
     def _confirm(self, text: str, resume: Path | None) -> None:
-        confirm_arming(self._context, self._card, text, lambda typed: self._begin(typed, resume))
+        def begin(typed: str) -> None:
+            inputs = SweepInputs() if resume else self._form.make(self._base)
+            inputs = replace(inputs, runs=self._context.runs, resume=resume)
+            self._context.bench.send(StartSweep(inputs, typed))
+            # Its progress stands above.
+            ui.run_javascript("window.scrollTo({top: 0, behavior: 'smooth'})")
 
-    def _begin(self, typed: str, resume: Path | None) -> None:
-        inputs = SweepInputs() if resume else self._form.inputs()
-        inputs = replace(inputs, runs=self._context.runs, resume=resume)
-        self._context.bench.send(StartSweep(inputs, typed))
-        # Its progress stands above.
-        ui.run_javascript("window.scrollTo({top: 0, behavior: 'smooth'})")
+        confirm_arming(self._context, self._card, text, begin)
 
     @shows_errors
     async def _choose(self) -> None:
-        """Offer the runs that were stopped."""
         self._context.require_control()
         names = await run.io_bound(stopped_runs, self._context.runs)
         if not names:
             raise InputError(f"no sweep in {self._context.runs} was stopped before its end")
-        with ui.dialog() as dialog, ui.card().classes("w-96"):
-            ui.label("Resume a run").classes("card-title")
+        with open_dialog("Resume a run") as dialog:
             chosen = ui.select(list(names), value=names[0]).classes("w-full")
 
             @shows_errors
             def resume() -> None:
-                path = self._context.run_path(chosen.value)
+                path = RunsFolder(self._context.runs).path_of(chosen.value)
                 with self._card:
                     self._confirm(f"the rest of {chosen.value} is measured", path)
                 dialog.close()
@@ -191,8 +243,6 @@ class PlanCard:
             with ui.row():
                 ui.button("Resume", on_click=resume)
                 ui.button("Cancel", on_click=dialog.close).props("outline")
-        dialog.on_value_change(lambda change: None if change.value else dialog.delete())
-        dialog.open()
 
 
 def stopped_runs(folder: Path) -> list[str]:

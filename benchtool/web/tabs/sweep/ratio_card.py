@@ -10,21 +10,13 @@ from typing import Any
 from nicegui import ui
 
 from benchtool.core.errors import BenchtoolError
-from benchtool.core.rig import Rig
 from benchtool.data.run.ratios import RATIO_BASES
 from benchtool.physics.model_file import model_names
-from benchtool.report.palette import BLUE, GREY, LOOKS, VERMILION
+from benchtool.report.palette import GREY, LOOKS, VERMILION
 from benchtool.web.bench_process.client import BenchClient
 from benchtool.web.context import PageContext
-from benchtool.web.tabs.sweep.work import (
-    MeasuredRatios,
-    RatioCurve,
-    measured_ratios,
-    model_curves,
-)
+from benchtool.web.tabs.sweep.work import MeasuredRatios, Trace, measured_ratios, model_curves
 from benchtool.web.theme import LIGHT_INK
-
-WORKER = "plots"
 
 BASES = {
     "equal_rpm2": "equal rpm²",
@@ -53,8 +45,6 @@ _EMPTY = {
 }  # fmt: skip
 """Stands in a plot that has nothing to show."""
 
-_ROLES = {"eq. (2)": "formula", "eq. (3)": "quad"}
-
 
 class RatioCard:
     """Show the ratios of the present run over a model of choice."""
@@ -63,8 +53,8 @@ class RatioCard:
         self._context = context
         self._shown: tuple[object, ...] = ()
         self._rig_name = ""
-        self._curves: tuple[RatioCurve, ...] = ()
-        self._curves_of: tuple[str, str] = ("", "")
+        self._curves: tuple[Trace, ...] = ()
+        self._curves_of: tuple[str, ...] = ()
         self._busy = asyncio.Lock()
         with ui.card().classes("w-full"):
             with ui.row().classes("items-end w-full"):
@@ -73,47 +63,43 @@ class RatioCard:
                 self._basis.classes("w-36")
                 models = {"": "no model", **{name: name for name in model_names()}}
                 self._model = ui.select(models, value="", label="Model and its band")
-                self._model.classes("w-52").mark("model")
-            figure = ratio_figure(MeasuredRatios(), (), nothing_yet(context.bench), dark=False)
+                self._model.classes("w-52")
+            figure = ratio_figure(MeasuredRatios(), (), nothing_yet(context.bench), GREY)
             self._plot = ui.plotly(figure).classes("w-full ratio-plot")
             self._why = ui.label().classes("soft")
 
     async def refresh(self) -> None:
-        """Draw anew when there is something new."""
         if self._busy.locked():
             return
         async with self._busy:
             await self._refresh()
 
     async def _refresh(self) -> None:
-        bench, dark = self._context.bench, self._context.dark
+        bench = self._context.bench
         rig, sweep = bench.connection.rig, bench.sweep
+        ink = LIGHT_INK if self._context.dark else LOOKS["measurement"].color
         if rig is not None and rig.name != self._rig_name:
             self._rig_name = rig.name
             self._model.value = STANDARD.get(rig.n_discs, "")
         model, basis, empty = self._model.value, self._basis.value, nothing_yet(bench)
-        wanted = (sweep.run, sweep.done, rig.name if rig else "", model, basis, dark, empty)
+        wanted = (sweep.run, sweep.done, rig.name if rig else "", model, basis, ink, empty)
         if wanted == self._shown:
             return
         self._shown = wanted
+        worker = self._context.worker("plots")
         points = MeasuredRatios()
         if sweep.run and sweep.done and not sweep.pitch:
-            worker = self._context.worker(WORKER)
             points = await worker.run(measured_ratios, Path(sweep.run), basis)
-        if rig is not None and self._curves_of != (rig.name, model):
-            self._curves_of = rig.name, model
-            self._curves, why = await self._curves_for(rig, model)
-            points = points if points.rows else MeasuredRatios(why=why)
-        self._plot.update_figure(ratio_figure(points, self._curves, empty, dark=dark))
+        if rig is not None and self._curves_of != (rig.name, model, ink):
+            self._curves_of = rig.name, model, ink
+            try:
+                self._curves = await worker.run(model_curves, model, rig, SPAN, ink)
+            except BenchtoolError as error:
+                self._curves = await worker.run(model_curves, "", rig, SPAN, ink)
+                points = points if points.rows else MeasuredRatios(why=str(error))
+        self._plot.update_figure(ratio_figure(points, self._curves, empty, ink))
         self._why.set_text(points.why)
         self._why.set_visibility(bool(points.why))
-
-    async def _curves_for(self, rig: Rig, model: str) -> tuple[tuple[RatioCurve, ...], str]:
-        worker = self._context.worker(WORKER)
-        try:
-            return await worker.run(model_curves, model, rig, SPAN), ""
-        except BenchtoolError as error:
-            return await worker.run(model_curves, "", rig, SPAN), str(error)
 
 
 def nothing_yet(bench: BenchClient) -> str:
@@ -126,24 +112,20 @@ def nothing_yet(bench: BenchClient) -> str:
 
 
 def ratio_figure(
-    points: MeasuredRatios, curves: Sequence[RatioCurve], empty_text: str, *, dark: bool
+    points: MeasuredRatios, curves: Sequence[Trace], empty_text: str, ink: str
 ) -> dict[str, Any]:
     """Return the figure as Plotly takes it."""
-    ink = LIGHT_INK if dark else LOOKS["measurement"].color
-    traces = [trace for curve in curves for trace in _curve_traces(curve, ink)]
     x, y, error = map(list, zip(*points.rows, strict=True)) if points.rows else ([], [], [])
-    traces.append(
-        {
-            "type": "scatter", "mode": "markers", "name": "measured", "x": x, "y": y,
-            "error_y": {"type": "data", "array": error, "color": ink, "thickness": 1.2},
-            "marker": {"color": ink, "size": 7, "symbol": "circle-open"},
-        }
-    )  # fmt: skip
+    measured = {
+        "type": "scatter", "mode": "markers", "name": "measured", "x": x, "y": y,
+        "error_y": {"type": "data", "array": error, "color": ink, "thickness": 1.2},
+        "marker": {"color": ink, "size": 7, "symbol": "circle-open"},
+    }  # fmt: skip
     empty = not points.rows and not curves
     axis = {"gridcolor": GREY + "44", "zeroline": False, "linecolor": GREY, "visible": not empty}
     notes = [_STAMP] if points.simulated else [{**_EMPTY, "text": empty_text}] if empty else []
     return {
-        "data": traces,
+        "data": [*curves, measured],
         "layout": {
             "height": 420,
             "margin": {"l": 60, "r": 16, "t": 12, "b": 46},
@@ -158,27 +140,3 @@ def ratio_figure(
         },
         "config": {"displayModeBar": False, "responsive": True},
     }
-
-
-def _curve_traces(curve: RatioCurve, ink: str) -> list[dict[str, Any]]:
-    columns = [list(column) for column in zip(*curve.rows, strict=True)]
-    role = next((role for start, role in _ROLES.items() if curve.label.startswith(start)), None)
-    if role is not None:
-        color = {"formula": ink, "quad": LOOKS["quad"].color}[role]
-        line = {"color": color, "dash": "dash", "width": 1.5}
-        return [_line(curve.label, columns[0], columns[1], line)]
-    traces = []
-    if len(columns) == 4:
-        edge = {"width": 0, "color": VERMILION}
-        low = _line("lower", columns[0], columns[2], edge)
-        high = _line(f"{curve.label}, 95 %", columns[0], columns[3], edge)
-        traces = [
-            {**low, "showlegend": False, "hoverinfo": "skip"},
-            {**high, "fill": "tonexty", "fillcolor": VERMILION + "33"},
-        ]
-    line = {"color": VERMILION if traces else BLUE, "width": 2}
-    return [*traces, _line(curve.label, columns[0], columns[1], line)]
-
-
-def _line(name: str, x: list[float], y: list[float], line: dict[str, Any]) -> dict[str, Any]:
-    return {"type": "scatter", "mode": "lines", "name": name, "x": x, "y": y, "line": line}

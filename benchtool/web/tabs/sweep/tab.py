@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from urllib.parse import urlencode
 
 from nicegui import ui
 
 from benchtool.acquire.order import minutes
-from benchtool.web.bench_process.commands import AnswerQuestion, PauseSweep
+from benchtool.web.bench_process.messages import AnswerQuestion, PauseSweep
 from benchtool.web.context import PageContext
-from benchtool.web.notifications import shows_errors
 from benchtool.web.tabs.sweep.plan_card import PlanCard
 from benchtool.web.tabs.sweep.ratio_card import RatioCard
+from benchtool.web.widgets import open_tab, shows_errors
 
 LOOK_S = 0.5
 """How often points are looked for: the plot changes at most twice a second."""
@@ -31,7 +30,7 @@ class RunCard:
         self._events = -1
         with ui.card().classes("w-full run-card") as self._card:
             with ui.row().classes("items-center w-full"):
-                self._title = ui.label().classes("card-title grow").mark("sweep-state")
+                self._title = ui.label().classes("card-title grow")
                 self._fit = ui.button("Fit", icon="functions", on_click=self._go_fit)
                 self._fit.props("outline")
                 self._pause = ui.button(
@@ -44,7 +43,7 @@ class RunCard:
             self._bar = ui.linear_progress(show_value=False, size="12px")
             self._bar.props('instant-feedback aria-label="Share of the visits that are measured"')
             self._now = ui.label().classes("number")
-            self._reason = ui.label().classes("w-full").mark("reason")
+            self._reason = ui.label().classes("w-full")
             with ui.column().classes("w-full warn-box") as self._asking:
                 self._question = ui.label()
                 with ui.row(wrap=False).classes("items-end w-full"):
@@ -54,7 +53,6 @@ class RunCard:
         self.refresh()
 
     def refresh(self) -> None:
-        """Show what is so now."""
         sweep, events = self._context.bench.sweep, self._context.bench.events
         self._card.set_visibility(sweep.status != "none" and not sweep.pitch)
         self._title.set_text(f"{sweep.status}: {sweep.run}")
@@ -79,18 +77,15 @@ class RunCard:
                     ui.label(f"{event.time_s:8.1f} s  {event.event}: {event.text}")
 
     def _go_fit(self) -> None:
-        name = Path(self._context.bench.sweep.run).name
-        ui.navigate.to(f"/?{urlencode({'tab': 'fit', 'data': name})}")
+        open_tab("fit", data=Path(self._context.bench.sweep.run).name)
 
     @shows_errors
     def _set_pause(self, *, on: bool) -> None:
-        self._context.require_control()
-        self._context.bench.send(PauseSweep(on))
+        self._context.send(PauseSweep(on))
 
     @shows_errors
     def _send(self) -> None:
-        self._context.require_control()
-        self._context.bench.send(AnswerQuestion(self._answer.value))
+        self._context.send(AnswerQuestion(self._answer.value))
         self._answer.value = ""
 
 

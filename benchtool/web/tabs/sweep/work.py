@@ -1,20 +1,24 @@
-"""What the plot shows, worked out in a process of its own: points from the disk, the model."""
+"""What the plot of ratios shows, made in a process of its own: points from the disk, the model."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from benchtool.core.array import Array
 from benchtool.core.errors import BenchtoolError
 from benchtool.core.rig import Rig
+from benchtool.report.palette import BLUE, LOOKS, VERMILION
 
 CURVE_POINTS = 80
 
+Trace = dict[str, Any]
+"""One line or set of markers, as Plotly takes it."""
 
-@dataclass(frozen=True, slots=True)
-class MeasuredRatios:
+
+class MeasuredRatios(NamedTuple):
     """Hold measured ratios.
 
     Attributes:
@@ -23,17 +27,9 @@ class MeasuredRatios:
         simulated: no physical motor turned.
     """
 
-    rows: tuple[tuple[float, float, float], ...] = ()
+    rows: tuple[tuple[float, ...], ...] = ()
     why: str = ""
     simulated: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class RatioCurve:
-    """Hold a curve: rows of z/R and value; with a band also lower and upper of 95 %."""
-
-    label: str
-    rows: tuple[tuple[float, ...], ...]
 
 
 def measured_ratios(run: Path, basis: str) -> MeasuredRatios:
@@ -41,27 +37,31 @@ def measured_ratios(run: Path, basis: str) -> MeasuredRatios:
     from benchtool.data.columns import code_of
     from benchtool.data.run.ratios import ratios
     from benchtool.data.run.read import read_points
+    from benchtool.data.run.run import Run
+    from benchtool.data.run.run_rig import run_rig
 
     try:
         points = read_points(run)
         ratio, ratio_se = ratios(points, basis)
     except BenchtoolError as error:
         return MeasuredRatios(why=str(error))
-    from benchtool.data.run.run import Run
-    from benchtool.data.run.run_rig import run_rig
-
     facts = Run.open(run).metadata
-    rig = run_rig(run, facts)
-    near = points.column("kind") == code_of("kind", "measure")
-    near &= np.isfinite(ratio)
-    z_over_R = points.column("plate_z_m") / rig.propulsion.radius_m
-    rows = zip(z_over_R[near], ratio[near], np.nan_to_num(ratio_se[near]), strict=True)
-    found = tuple((float(a), float(b), float(c)) for a, b, c in rows)
-    return MeasuredRatios(found, simulated=bool(facts.get("simulated")))
+    near = (points.column("kind") == code_of("kind", "measure")) & np.isfinite(ratio)
+    z_over_R = points.column("plate_z_m") / run_rig(run, facts).propulsion.radius_m
+    rows = np.column_stack([z_over_R, ratio, np.nan_to_num(ratio_se)])[near]
+    return MeasuredRatios(tuple(map(tuple, rows.tolist())), simulated=bool(facts.get("simulated")))
 
 
-def model_curves(model: str, rig: Rig, z_over_R: tuple[float, float]) -> tuple[RatioCurve, ...]:
+def model_curves(
+    model: str, rig: Rig, z_over_R: tuple[float, float], ink: str
+) -> tuple[Trace, ...]:
     """Return a model's curve with its band, and the closed formulae, all rotors turning.
+
+    Args:
+        model: name or file; empty for the formulae alone.
+        rig: its radius and rotors.
+        z_over_R: ends of the curves.
+        ink: colour of text and formulae.
 
     Raises:
         BenchtoolError: the model cannot be read, or is of another rig.
@@ -72,20 +72,30 @@ def model_curves(model: str, rig: Rig, z_over_R: tuple[float, float]) -> tuple[R
     low, high = z_over_R
     x = np.geomspace(max(low, 0.5), max(high, low + 0.5), CURVE_POINTS)
     speeds = np.full((rig.n_rotors, 1), 500.0)
-    found = [
-        RatioCurve(curve.label, _rows(curve.z_over_R, curve.ratio))
-        for curve in formula_curves(rig, speeds, x)
-    ]
-    if model:
-        belief = nominal_model(model, rig)
-        middle = np.broadcast_to(np.asarray(factor_over(belief.model, speeds, x), float), x.shape)
-        bands = bands_over(belief.model, speeds, x, belief.draws)
-        wide = bands[-1] if bands else None
-        rows = _rows(x, middle, *((wide.lower, wide.upper) if wide else ()))
-        found.append(RatioCurve(belief.model.name, rows))
-    return tuple(found)
+    found = []
+    for curve in formula_curves(rig, speeds, x):
+        color = LOOKS["quad"].color if curve.role == "quad" else ink
+        line = {"color": color, "dash": "dash", "width": 1.5}
+        found.append(_line(curve.label, curve.z_over_R, curve.ratio, line))
+    if not model:
+        return tuple(found)
+    belief = nominal_model(model, rig)
+    middle = np.broadcast_to(np.asarray(factor_over(belief.model, speeds, x), float), x.shape)
+    bands = bands_over(belief.model, speeds, x, belief.draws)
+    name = belief.model.name
+    if bands:
+        edge = {"width": 0, "color": VERMILION}
+        low_edge = _line("lower", x, bands[-1].lower, edge)
+        high_edge = _line(f"{name}, 95 %", x, bands[-1].upper, edge)
+        found.append({**low_edge, "showlegend": False, "hoverinfo": "skip"})
+        found.append({**high_edge, "fill": "tonexty", "fillcolor": VERMILION + "33"})
+    color = VERMILION if bands else BLUE
+    return (*found, _line(name, x, middle, {"color": color, "width": 2}))
 
 
-def _rows(*columns: object) -> tuple[tuple[float, ...], ...]:
-    table = np.column_stack([np.asarray(column, float) for column in columns])
-    return tuple(tuple(row) for row in table.round(6).tolist())
+def _line(name: str, x: Array, y: Array, line: dict[str, Any]) -> Trace:
+    x, y = np.round(np.asarray(x, float), 6), np.round(np.asarray(y, float), 6)
+    return {
+        "type": "scatter", "mode": "lines", "name": name, "x": x.tolist(), "y": y.tolist(),
+        "line": line,
+    }  # fmt: skip

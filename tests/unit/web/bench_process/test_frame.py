@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from benchtool.web.bench_process.frame import HEAD, Decimator, merged, split
+from benchtool.web.bench_process.publisher import HEAD, Decimator, merged, split
 
 values = arrays(
     float, st.tuples(st.integers(1, 30), st.just(3)),

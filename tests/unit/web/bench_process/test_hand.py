@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from benchtool.web.bench_process.commands import HoldThrottle, ReleaseThrottle
+from benchtool.web.bench_process.messages import HoldThrottle, ReleaseThrottle
 from benchtool.web.bench_process.throttle import SILENCE_S, DeadManSwitch
 
 FIRST, SECOND = HoldThrottle("a", 1, 1300.0, (1, 2)), HoldThrottle("a", 2, 1400.0, (1,))

@@ -17,28 +17,26 @@ from benchtool.acquire.pitch_experiment import PitchExperiment
 from benchtool.acquire.plan import plan_from_toml
 from benchtool.data.run.read import read_pitch, read_points
 from benchtool.data.run.run import Run
-from benchtool.web.bench_process.commands import (
+from benchtool.web.bench_process.messages import (
+    BenchEvent,
     Command,
     Connect,
+    ConnectionStatus,
     Disconnect,
     HoldThrottle,
+    LiveStatus,
+    Notice,
     PauseSweep,
+    PressEnded,
+    RunEvent,
     SetClockSpeed,
     Shutdown,
     StartRecording,
     StartSweep,
     StopMotors,
+    SweepStatus,
     TareLoadCell,
     WeighMass,
-)
-from benchtool.web.bench_process.events import (
-    BenchEvent,
-    ConnectionStatus,
-    LiveStatus,
-    Notice,
-    PressEnded,
-    RunEvent,
-    SweepStatus,
 )
 from benchtool.web.bench_process.process import run_bench_process
 from benchtool.web.bench_process.publisher import FRAME

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from benchtool.core.rig_file import rig_named
-from benchtool.web.bench_process.commands import HoldThrottle
+from benchtool.web.bench_process.messages import HoldThrottle
 from benchtool.web.bench_process.throttle import STEP_S, SLEW_us_s, ThrottleRamp
 
 RIG = rig_named("pquad")

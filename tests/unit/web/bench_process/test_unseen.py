@@ -10,8 +10,7 @@ import pytest
 from benchtool.core.errors import LinkLost, StandstillNotSeen
 from benchtool.web.bench_process import process
 from benchtool.web.bench_process.client import BenchClient
-from benchtool.web.bench_process.commands import Connect
-from benchtool.web.bench_process.events import ConnectionStatus, Notice
+from benchtool.web.bench_process.messages import Connect, ConnectionStatus, Notice
 from benchtool.web.header import known
 
 TURNING = StandstillNotSeen("MOTORS MAY STILL TURN: rpm1 4479, cut the power", 4479.0)

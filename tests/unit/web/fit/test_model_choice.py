@@ -15,10 +15,10 @@ from benchtool.fit.recipe import Recipe
 from benchtool.physics.model_file import load_model, model_to_toml
 from benchtool.web.tabs.fit.model_choice import (
     ParameterChoice,
-    adjustables,
     choice_options,
     model_choices,
     model_path,
+    numbers_of,
 )
 
 
@@ -72,21 +72,21 @@ def test_a_model_may_not_lead_out_either(folder: RunsFolder, line: str) -> None:
 
 
 def test_what_the_form_leaves_alone_needs_no_option() -> None:
-    numbers = adjustables("quad_bench")
-    assert not any(number.name.startswith("noise.") for number in numbers)
-    same = {number.name: ParameterChoice(number.free, number.value) for number in numbers}
+    numbers = numbers_of("quad_bench")
+    assert not any(name.startswith("noise.") for name in numbers)
+    same = {name: ParameterChoice(number.free, number.value) for name, number in numbers.items()}
     assert choice_options(numbers, same) == {"free": [], "hold": [], "fix": {}}
 
 
 def test_the_form_frees_holds_and_fixes() -> None:
-    numbers = {number.name: number for number in adjustables("quad_bench")}
+    numbers = numbers_of("quad_bench")
     fixed = next(name for name, number in numbers.items() if not number.free)
-    wishes = {
+    choices = {
         "body_lift.K_b": ParameterChoice(False, 2.5),
         "R_m": ParameterChoice(False, numbers["R_m"].value),
         fixed: ParameterChoice(True, numbers[fixed].value),
     }
-    options = choice_options(tuple(numbers.values()), wishes)
+    options = choice_options(numbers, choices)
     assert options == {"free": [fixed], "hold": ["R_m"], "fix": {"body_lift.K_b": 2.5}}
     recipe = make(Recipe, options, base=Recipe(name="x", data=("a",), model="quad_bench"))
     parameters = recipe_model(recipe).model.parameters

@@ -14,10 +14,11 @@ from benchtool.data.run.runs_folder import RunsFolder, columns_file
 from benchtool.fit.fit_data import recipe_model
 from benchtool.fit.run_recipe import run_recipe
 from benchtool.report.fit.stored_fit import read_stored
-from benchtool.web.tabs.fit.model_choice import ParameterChoice, adjustables
-from benchtool.web.tabs.fit.request import (
+from benchtool.web.tabs.fit.model_choice import (
     FitRequest,
+    ParameterChoice,
     data_rig,
+    numbers_of,
     recipe_for,
     suggested_name,
     words_for,
@@ -39,7 +40,7 @@ def entries(folder: RunsFolder) -> dict[str, Entry]:
     return {entry.name: entry for entry in list_entries(folder)}
 
 
-def order(**changes: object) -> FitRequest:
+def request(**changes: object) -> FitRequest:
     given: dict[str, object] = {"data": ["one"], "model": "single_bench", "name": "fit-one"}
     return FitRequest(**{**given, **changes})  # type: ignore[arg-type]
 
@@ -47,11 +48,11 @@ def order(**changes: object) -> FitRequest:
 def test_the_form_gives_a_recipe_and_its_words(
     folder: RunsFolder, entries: dict[str, Entry]
 ) -> None:
-    wish = {"R_m": ParameterChoice(False, 0.13)}
-    asked = order(choices=wish, options={"method": ["least_squares", "emcee"], "profile": True})
-    recipe = recipe_for(asked, folder, entries)
+    fixed = {"R_m": ParameterChoice(False, 0.13)}
+    form = request(choices=fixed, options={"method": ["least_squares", "emcee"], "profile": True})
+    recipe = recipe_for(form, folder, entries)
     assert recipe.data == (str(folder.root / "one"),)
-    words = words_for(recipe, asked, folder)
+    words = words_for(recipe, form, folder)
     assert words[:4] == ["fit", str(folder.root / "one"), "--model", "single_bench"]
     assert words[4:] == [
         *("--method", "least_squares", "--method", "emcee", "--fix", "R_m=0.13"),
@@ -68,19 +69,20 @@ def test_the_numbers_shown_are_those_of_the_runs_rig(
     metadata.write_text(json.dumps(facts), "utf-8")
     rig = data_rig(["one", "lab.csv"], folder)
     assert rig is not None
-    numbers = {number.name: number for number in adjustables("single_bench", rig)}
-    own = {number.name: number for number in adjustables("single_bench")}
+    numbers, own = numbers_of("single_bench", rig), numbers_of("single_bench")
     assert numbers["R_m"].value == 0.2 != own["R_m"].value
     # What is shown needs no option; the model file's own number is another here, and does.
     for value, fix in ((0.2, {}), (own["R_m"].value, {"R_m": own["R_m"].value})):
-        recipe = recipe_for(order(choices={"R_m": ParameterChoice(False, value)}), folder, entries)
+        recipe = recipe_for(
+            request(choices={"R_m": ParameterChoice(False, value)}), folder, entries
+        )
         assert recipe.fix == fix
         assert recipe_model(recipe).model.parameters["R_m"].value == value
     assert data_rig(["lab.csv"], folder) is None
 
 
-def test_what_the_form_lacks_is_told(folder: RunsFolder, entries: dict[str, Entry]) -> None:
-    for changes, said in (
+def test_what_the_form_lacks_is_refused(folder: RunsFolder, entries: dict[str, Entry]) -> None:
+    for changes, reason in (
         ({"data": []}, "nothing to fit: choose a run or a table"),
         ({"data": ["../runs/one"]}, "leads out of the runs folder"),
         ({"model": "../model.toml"}, "leads out of the runs folder"),
@@ -88,19 +90,19 @@ def test_what_the_form_lacks_is_told(folder: RunsFolder, entries: dict[str, Entr
         ({"options": {"walkers": 2}}, "Walkers of emcee is 2"),
         ({"data": ["lab.csv"]}, "lab.csv has no column thrust_N; choose its columns above"),
     ):
-        with pytest.raises(InputError, match=said):
-            recipe_for(order(**changes), folder, entries)
+        with pytest.raises(InputError, match=reason):
+            recipe_for(request(**changes), folder, entries)
 
 
 def test_a_tables_own_map_goes_with_it(folder: RunsFolder, entries: dict[str, Entry]) -> None:
     table = folder.path_of("lab.csv")
     columns_file(table).write_text('[columns]\nthrust_N = { column = "F" }\n', "utf-8")
-    recipe = recipe_for(order(data=["lab.csv"]), folder, entries)
+    recipe = recipe_for(request(data=["lab.csv"]), folder, entries)
     assert recipe.columns == str(columns_file(table))
     (folder.root / "two.csv").write_text("thrust_N,rpm1\n1,2\n", "utf-8")
     both = {entry.name: entry for entry in list_entries(folder)}
     with pytest.raises(InputError, match="a fit takes one map"):
-        recipe_for(order(data=["lab.csv", "two.csv"]), folder, both)
+        recipe_for(request(data=["lab.csv", "two.csv"]), folder, both)
 
 
 def test_a_name_is_suggested_that_is_free(folder: RunsFolder) -> None:
@@ -114,30 +116,30 @@ def test_a_name_is_suggested_that_is_free(folder: RunsFolder) -> None:
 def test_the_work_writes_what_the_command_would(
     folder: RunsFolder, entries: dict[str, Entry]
 ) -> None:
-    asked = order()
-    recipe = recipe_for(asked, folder, entries)
-    told: list[tuple[str, float]] = []
+    form = request()
+    recipe = recipe_for(form, folder, entries)
+    stages: list[str] = []
 
-    def tell(what: str, share: float) -> None:
-        told.append((what, share))
+    def report(what: str, share: float) -> None:
+        stages.append(what)
 
     out = folder.new_path("fit-one")
-    words = words_for(recipe, asked, folder)
-    assert fit_into(tell, recipe, out, tuple(words), False) == "fit-one"
-    assert [what for what, _ in told] == ["reading", "least squares", "drawing"]
+    words = words_for(recipe, form, folder)
+    assert fit_into(report, out, tuple(words), recipe, False) == "fit-one"
+    assert stages == ["reading", "least squares", "drawing"]
     expected = run_recipe(recipe).results[0]
     found = read_stored(out).results[0]
     assert found["R_m"] == expected["R_m"]
     assert f"benchtool {' '.join(words)}" in (out / "report.html").read_text("utf-8")
     assert not partial_folder(out).exists()
     with pytest.raises(WouldOverwrite):
-        fit_into(tell, recipe, out, tuple(words), False)
+        fit_into(report, out, tuple(words), recipe, False)
 
 
 def test_data_that_do_not_allow_the_fit_leave_nothing_behind(
     folder: RunsFolder, entries: dict[str, Entry]
 ) -> None:
-    recipe = recipe_for(order(options={"min_z_over_r": 99.0}), folder, entries)
+    recipe = recipe_for(request(options={"min_z_over_r": 99.0}), folder, entries)
     with pytest.raises(BenchtoolError, match="can be fitted"):
-        fit_into(lambda *_: None, recipe, folder.new_path("fit-one"), (), False)
+        fit_into(lambda *_: None, folder.new_path("fit-one"), (), recipe, False)
     assert sorted(item.name for item in folder.root.iterdir()) == ["lab.csv", "one"]

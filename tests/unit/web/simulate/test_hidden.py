@@ -13,7 +13,7 @@ from benchtool.core.inputs import make
 from benchtool.data.run.entry import entry_of
 from benchtool.data.run.recording_file import read_recording
 from benchtool.data.run.runs_folder import RunsFolder
-from benchtool.web.tabs.simulate.ranges import hidden_slider, hideable
+from benchtool.web.tabs.simulate.sliders import hidden_slider, hideable
 from benchtool.web.tabs.simulate.work import command_words, write_into
 
 HIDES = make(

@@ -17,7 +17,7 @@ from benchtool.core.inputs import make
 from benchtool.core.rig_file import rig_names
 from benchtool.core.schedule_file import schedule_names
 from benchtool.simulate.flight.cases import FLIGHTS
-from benchtool.web.tabs.simulate.ranges import flight_sliders, pitch_sliders
+from benchtool.web.tabs.simulate.sliders import flight_sliders, pitch_sliders
 from benchtool.web.tabs.simulate.work import Simulation, command_words, simulated, zipped
 
 SIMULATIONS = [

@@ -14,9 +14,8 @@ from benchtool.core.errors import InputError
 from benchtool.data.run.recording_file import write_recording
 from benchtool.report.flight.pitch_study import pitch_study
 from benchtool.simulate.pitch.setup import changed, pitch_setup
-from benchtool.web.jobs import partial_folder
 from benchtool.web.tabs.explain.sources import command_words
-from benchtool.web.tabs.explain.work import EXPLANATIONS, clear, start
+from benchtool.web.tabs.explain.work import ExplainJob, explain
 
 EXAMPLES = Path(__file__).parents[4] / "datasets"
 MODEL = str(EXAMPLES / "pitch_bench/model.toml")
@@ -42,13 +41,13 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> ExplainInputs:
 
 
 @pytest.mark.slow
-def test_an_effect_is_named_and_kept_in_a_new_model(tmp_path: Path, inputs: ExplainInputs) -> None:
+def test_an_effect_is_named_and_accepted_into_a_new_model(
+    tmp_path: Path, inputs: ExplainInputs
+) -> None:
     out = tmp_path / "runs" / "answer"
     words = command_words(inputs, out)
-    job = start(out.parent, inputs, out, words)
-    with pytest.raises(InputError, match="still runs"):
-        start(out.parent, inputs, out, words)
-    state = job.job.wait(LONG_S)
+    job = ExplainJob(out, words, explain, inputs)
+    state = job.wait(LONG_S)
     assert state.status == "done", state.error
     assert state.stages[0] == "reading the recordings"
     assert state.stages[-1] == "drawing the figures"
@@ -57,9 +56,9 @@ def test_an_effect_is_named_and_kept_in_a_new_model(tmp_path: Path, inputs: Expl
     assert found.named == ("coulomb_friction",)
     assert found.sentence.startswith("The model lacks Coulomb friction")
     assert [part.title for part in found.parts][:4] == ["What now", "Where", "Which", "The gap"]
-    assert "What is different in the new model" in found.parts[0].fragments[0].html
-    assert "Not written yet" not in found.parts[0].fragments[0].html
-    assert all("<img" in part.fragments[-1].html for part in found.parts[1:4])
+    assert "What is different in the new model" in found.parts[0].html
+    assert "Not written yet" not in found.parts[0].html
+    assert all("<img" in part.html for part in found.parts[1:4])
     assert not out.exists()
 
     job.accept(out)
@@ -78,22 +77,17 @@ def test_an_effect_is_named_and_kept_in_a_new_model(tmp_path: Path, inputs: Expl
     with pytest.raises(SystemExit):
         main(command_words(inputs, by_command))
     assert (out / "model.toml").read_text() == (by_command / "model.toml").read_text()
-    with pytest.raises(InputError, match="kept already"):
+    with pytest.raises(InputError, match="accepted already"):
         job.accept(out)
-    assert EXPLANATIONS.of(out.parent) is job
 
 
-def test_what_nobody_keeps_goes_and_what_is_there_stays(tmp_path: Path) -> None:
+def test_an_explanation_that_failed_cannot_be_accepted(tmp_path: Path) -> None:
     out = tmp_path / "runs" / "answer"
     gone = (str(tmp_path / "gone.csv"),)
     bad = ExplainInputs(recordings=gone, check=(str(tmp_path / "check.csv"),), model="pitch_pquad")
-    job = start(out.parent, bad, out, command_words(bad, out))
-    state = job.job.wait(LONG_S)
+    job = ExplainJob(out, command_words(bad, out), explain, bad)
+    state = job.wait(LONG_S)
     assert state.status == "failed"
     assert "there is no such run or file" in state.error
-    with pytest.raises(InputError, match="no answer to keep"):
+    with pytest.raises(InputError, match="no answer to accept"):
         job.accept(out)
-    partial_folder(out).mkdir()
-    clear(out.parent)
-    assert not partial_folder(out).exists()
-    assert EXPLANATIONS.of(out.parent) is None

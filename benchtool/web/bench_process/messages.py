@@ -1,0 +1,287 @@
+"""Messages between the page's server and the bench process: commands one way, events the other.
+
+`StopMotors` is not queued behind other commands. Events are whole snapshots, so that a page that
+is opened late misses nothing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from benchtool.acquire.calibration import Calibration
+from benchtool.acquire.inputs import SweepInputs
+from benchtool.acquire.pitch_experiment import PitchExperiment
+from benchtool.bench.bench import Identity
+from benchtool.core.rig import Rig
+from benchtool.data.run.append import Event
+
+# --- commands -----------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Connect:
+    """Open a bench.
+
+    Attributes:
+        address: as on the command line.
+        rig: may be empty where the address names one.
+        weighs: hold it without the guard's limits, for masses on the load cell; no motor can turn.
+    """
+
+    address: str
+    rig: str = ""
+    weighs: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Disconnect:
+    """Close the bench, motors at zero."""
+
+
+@dataclass(frozen=True, slots=True)
+class StopMotors:
+    """Stop the motors and whatever runs, now."""
+
+    who: str = "the page"
+
+
+@dataclass(frozen=True, slots=True)
+class Shutdown:
+    """Stop, close the bench, and end the process."""
+
+
+@dataclass(frozen=True, slots=True)
+class ArmMotors:
+    """Allow motors to turn by hand, with what the operator typed."""
+
+    typed: str
+
+
+@dataclass(frozen=True, slots=True)
+class HoldThrottle:
+    """Report that the throttle button is still held; sent again and again.
+
+    Attributes:
+        tab: name of the browser's tab.
+        press: number of this press, growing in a tab; one that has ended does not come back.
+        pulse_us: commanded pulse.
+        rotors: numbers of the rotors that shall turn, from 1.
+        age_s: time since the page knew that the button was held.
+    """
+
+    tab: str
+    press: int
+    pulse_us: float
+    rotors: tuple[int, ...]
+    age_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class ReleaseThrottle:
+    """Report that the button was released; with no number, that its page is gone."""
+
+    tab: str
+    press: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class TareLoadCell:
+    """Take the present reading of the load cell as zero."""
+
+
+@dataclass(frozen=True, slots=True)
+class MovePlateTo:
+    """Move the plate to a distance, motors standing."""
+
+    z_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class WeighMass:
+    """Average raw counts under a known mass, for a calibration."""
+
+    mass_kg: float
+    seconds: float = 3.0
+
+
+@dataclass(frozen=True, slots=True)
+class Calibrate:
+    """Fit and store a calibration from the weighed masses; or discard them."""
+
+    store: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class SetClockSpeed:
+    """Run a virtual clock at a multiple of real time."""
+
+    speed: float
+
+
+@dataclass(frozen=True, slots=True)
+class StartSweep:
+    """Start a sweep on the connected bench, or resume the run that its inputs name.
+
+    Attributes:
+        typed: what the operator typed to arm; empty to rely on a simulated or checked bench.
+    """
+
+    inputs: SweepInputs
+    typed: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StartRecording:
+    """Record a pitch experiment; `typed` as for a sweep."""
+
+    experiment: PitchExperiment
+    runs: Path = Path("runs")
+    name: str = "pitch"
+    typed: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class PauseSweep:
+    """Let a sweep wait before its next visit, motors at zero; or continue it."""
+
+    on: bool
+
+
+@dataclass(frozen=True, slots=True)
+class AnswerQuestion:
+    """Answer the question of a sweep (a plate moved by hand)."""
+
+    text: str
+
+
+Command = (
+    Connect | Disconnect | StopMotors | Shutdown | ArmMotors | HoldThrottle | ReleaseThrottle
+    | TareLoadCell | WeighMass | Calibrate | MovePlateTo | SetClockSpeed | StartSweep
+    | StartRecording | PauseSweep | AnswerQuestion
+)  # fmt: skip
+
+
+# --- events -------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ConnectionStatus:
+    """State whether a bench is connected.
+
+    Attributes:
+        session: counts connections; a new number means other channels and a new clock.
+        identity, rig: of the bench; None when off.
+        calibration: stored for this device, None when there is none.
+        weighs: for masses on the load cell only, no motor can turn.
+        reason: why there is none, empty when that was commanded.
+        unseen: why motors may still turn, empty unless they were not seen to stand.
+    """
+
+    status: Literal["off", "opening", "on"] = "off"
+    address: str = ""
+    session: int = 0
+    identity: Identity | None = None
+    rig: Rig | None = None
+    calibration: Calibration | None = None
+    weighs: bool = False
+    reason: str = ""
+    unseen: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class LimitShare:
+    """State how near a reading is to its limit; `share` is 1 at the limit."""
+
+    name: str
+    value: float
+    limit: float
+    share: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LiveStatus:
+    """State what the bench does just now, a few times a second.
+
+    Attributes:
+        pulses_us: commanded, one for each rotor.
+        rate_Hz: samples per second of the bench's clock.
+        samples, lost, corrupt: since the connection.
+        limits: how near each reading has been to its limit since the last of these.
+        armed: motors may be turned by hand.
+        speed: of a virtual clock, 0 where the clock is the wall's.
+        weighed: (mass in kg, counts) so far, for a calibration.
+        busy: what takes a while just now, empty when nothing does.
+        standstill: which rotors were seen to stand since zero was commanded, in a sentence; empty
+            while a motor is driven.
+    """
+
+    pulses_us: tuple[float, ...] = ()
+    rate_Hz: float = 0.0
+    samples: int = 0
+    lost: int = 0
+    corrupt: int = 0
+    limits: tuple[LimitShare, ...] = ()
+    armed: bool = False
+    speed: float = 0.0
+    weighed: tuple[tuple[float, float], ...] = ()
+    busy: str = ""
+    standstill: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SweepStatus:
+    """State how far a sweep or a pitch recording is.
+
+    Attributes:
+        status: "none" before the first one; "closing" while files are finished.
+        pitch: a pitch recording; it has no visits.
+        run: its folder.
+        visits, done, left_s: planned, measured, and how long the rest takes.
+        now: present visit, in words.
+        question: for the operator, empty when there is none.
+        reason: why it ended early, or its summary.
+    """
+
+    status: Literal[
+        "none", "running", "pausing", "paused", "asking", "closing", "ended", "stopped"
+    ] = "none"
+    pitch: bool = False
+    run: str = ""
+    visits: int = 0
+    done: int = 0
+    left_s: float = 0.0
+    now: str = ""
+    question: str = ""
+    reason: str = ""
+
+    @property
+    def active(self) -> bool:
+        return self.status in ("running", "pausing", "paused", "asking", "closing")
+
+
+@dataclass(frozen=True, slots=True)
+class RunEvent:
+    """Report an event of the present run."""
+
+    event: Event
+
+
+@dataclass(frozen=True, slots=True)
+class PressEnded:
+    """Report that a press of the throttle has ended other than by its release."""
+
+    tab: str
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Notice:
+    """Show people something once."""
+
+    text: str
+    is_error: bool = False
+
+
+BenchEvent = ConnectionStatus | LiveStatus | SweepStatus | RunEvent | PressEnded | Notice

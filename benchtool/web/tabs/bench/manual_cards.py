@@ -1,0 +1,171 @@
+"""Work by hand: motors that turn while a button is held; the load cell and the plate."""
+
+from __future__ import annotations
+
+from nicegui import ui
+
+from benchtool.acquire.arming import CONFIRMATION
+from benchtool.acquire.bench_check import low_throttle_us
+from benchtool.core.errors import InputError
+from benchtool.core.rig import Rig
+from benchtool.web.bench_process.messages import (
+    ArmMotors,
+    Calibrate,
+    Connect,
+    Disconnect,
+    MovePlateTo,
+    TareLoadCell,
+    WeighMass,
+)
+from benchtool.web.context import PageContext
+from benchtool.web.widgets import (
+    CommandRow,
+    LocalSlider,
+    show_warnings,
+    shows_errors,
+    titled_card,
+)
+
+
+class ThrottleCard:
+    """Offer a pulse, rotors, and the button that must be held."""
+
+    def __init__(self, context: PageContext) -> None:
+        self._context = context
+        self._shown = -1
+        self._rotors: list[ui.checkbox] = []
+        with titled_card("Throttle by hand") as self._card:
+            self._pulse = ui.number("Pulse, us", value=1000.0, step=10.0, format="%.0f")
+            self._pulse.classes("w-full")
+            self._slider = LocalSlider(min=1000.0, max=2000.0, step=5.0)
+            self._slider.props('aria-label="Pulse"').bind_value(self._pulse)
+            self._names = ui.row().classes("gap-1")
+            with ui.row().classes("items-center w-full"):
+                self._hold = ui.element("button").classes("hold-button grow").props("type=button")
+                with self._hold:
+                    self._commanded = ui.label("Hold to turn")
+                    ui.html('<small class="hold-why" role="status"></small>', sanitize=False)
+            self._warnings = ui.column().classes("gap-1")
+            with ui.row(wrap=False).classes("items-end w-full") as self._arming:
+                self._typed = ui.input(f"Type {CONFIRMATION} to arm").classes("grow")
+                ui.button("Arm", on_click=self._arm).props("outline color=warning")
+        self._pulse.on_value_change(self._show_pulse)
+
+    def refresh(self) -> None:
+        connection, live = self._context.bench.connection, self._context.bench.live
+        identity, rig = connection.identity, connection.rig
+        self._card.set_visibility(
+            identity is not None and rig is not None and not connection.weighs
+        )
+        if identity is None or rig is None:
+            return
+        if connection.session != self._shown:
+            self._shown = connection.session
+            self._fit(rig)
+            self._warnings.clear()
+            with self._warnings:
+                show_warnings(identity, rig)
+        busy = self._context.bench.sweep.active
+        may = live.armed and not busy and self._context.in_control()
+        self._hold.props(add="" if may else "disabled", remove="disabled" if may else "")
+        self._arming.set_visibility(not live.armed)
+        highest = max(live.pulses_us, default=0.0)
+        turns = highest > rig.propulsion.pwm_stop_us
+        self._commanded.set_text(f"{highest:.0f} us commanded" if turns else "Hold to turn")
+
+    def _fit(self, rig: Rig) -> None:
+        stop_us = rig.propulsion.pwm_stop_us
+        most_us = min(rig.limits.pwm_us, rig.propulsion.pwm_max_us)
+        # Not as text: a slider whose bounds are strings fails when it is dragged.
+        self._slider.props.update(min=stop_us, max=most_us)
+        self._slider.update()
+        self._pulse.min, self._pulse.max = stop_us, most_us
+        self._pulse.props(f'hint="{stop_us:g} to {most_us:g}"')
+        self._pulse.value = low_throttle_us(rig)
+        self._names.clear()
+        with self._names:
+            self._rotors = [
+                ui.checkbox(f"{number} {place.name}", value=True, on_change=self._show_pulse)
+                for number, place in enumerate(rig.rotors, 1)
+            ]
+        self._show_pulse()
+
+    def _show_pulse(self) -> None:
+        rotors = [str(i) for i, box in enumerate(self._rotors, 1) if box.value]
+        pulse_us = self._pulse.value or 0.0
+        self._hold.props(f"data-pulse={pulse_us:.0f} data-rotors={','.join(rotors) or 0}")
+
+    @shows_errors
+    def _arm(self) -> None:
+        self._context.send(ArmMotors(self._typed.value))
+        self._typed.value = ""
+
+
+class LoadCellCard:
+    """Offer what is done before a sweep, motors standing: tare, move the plate, calibrate."""
+
+    def __init__(self, context: PageContext) -> None:
+        self._context = context
+        send = shows_errors(context.send)
+        with titled_card("Load cell and plate") as self._card:
+            self._scale = ui.label().classes("soft")
+            with ui.column().classes("w-full") as self._guarded:
+                with ui.row():
+                    ui.button("Tare", icon="exposure_zero", on_click=lambda: send(TareLoadCell()))
+                    begin = ui.button("Calibrate", icon="scale")
+                    begin.on_click(lambda: self._reconnect(weighs=True)).props("outline")
+                with ui.row(wrap=False).classes("items-end w-full") as self._plate:
+                    self._z_mm = ui.number("Plate distance, mm", value=500.0).classes("grow")
+                    ui.button("Move", on_click=self._move).props("outline")
+            with ui.column().classes("w-full") as self._weighs:
+                ui.label(
+                    "Hang a mass, wait until it is still, press Weigh; then the next, up and down "
+                    "again. No motor can turn meanwhile."
+                )
+                with ui.row(wrap=False).classes("items-end w-full"):
+                    mass_kg = ui.number("Mass, kg", value=0.0, step=0.1).classes("grow")
+                    weigh = ui.button("Weigh", icon="scale")
+                    weigh.on_click(lambda: send(WeighMass(float(mass_kg.value or 0.0))))
+                self._weighed = ui.label().classes("number").style("white-space: pre-line")
+                with ui.row():
+                    ui.button("Store the calibration", on_click=lambda: send(Calibrate()))
+                    over = ui.button("Start over", on_click=lambda: send(Calibrate(store=False)))
+                    over.props("outline")
+                    done = ui.button("Done", on_click=lambda: self._reconnect(weighs=False))
+                    done.props("outline")
+                self._command = CommandRow()
+            self._busy = ui.label().classes("soft").props("role=status")
+
+    def refresh(self) -> None:
+        connection, live = self._context.bench.connection, self._context.bench.live
+        identity = connection.identity
+        streams = identity is not None and any(
+            channel.name.startswith("thrust") for channel in identity.channels
+        )
+        self._card.set_visibility(streams)
+        if identity is None:
+            return
+        stored = connection.calibration
+        self._scale.set_text(f"calibration {stored.id}" if stored else "the device's own newtons")
+        self._guarded.set_visibility(not connection.weighs)
+        self._weighs.set_visibility(connection.weighs)
+        self._plate.set_visibility(identity.moves_plate)
+        self._busy.set_text(live.busy)
+        self._weighed.set_text(
+            "\n".join(f"{mass:g} kg: {counts:.1f} counts" for mass, counts in live.weighed)
+        )
+        masses = ",".join(f"{mass:g}" for mass, _ in live.weighed) or "0,0.2,0.5,0.2,0"
+        self._command.show(["calibrate", connection.address, "--masses", masses])
+
+    @shows_errors
+    def _move(self) -> None:
+        if self._z_mm.value is None:
+            raise InputError("no plate distance was given; type one in mm")
+        self._context.send(MovePlateTo(1e-3 * float(self._z_mm.value)))
+
+    @shows_errors
+    def _reconnect(self, *, weighs: bool) -> None:
+        connection = self._context.bench.connection
+        rig = connection.rig.name if connection.rig else ""
+        self._context.send(Disconnect())
+        self._context.send(Connect(address=connection.address, rig=rig, weighs=weighs))
