@@ -75,8 +75,8 @@ def serve(inputs: ServeInputs) -> None:
 
     from benchtool.core.errors import InputError
     from benchtool.core.rig_file import rig_named
+    from benchtool.virtual.devices import stage_option
     from benchtool.virtual.faults import fault_from
-    from benchtool.virtual.grbl import stage_option
 
     faults = [fault_from(text) for text in inputs.fault]
     stands = rig_named(inputs.rig)
@@ -125,7 +125,7 @@ def _carried(path: Path, mode: str) -> ServerLink:
 
 def _carrying(speak: Speak, link: ServerLink, rig: Rig) -> Speak:
     """Return a protocol whose device has its plate on a stage."""
-    from benchtool.virtual.grbl import CarriedPlate
+    from benchtool.virtual.devices import CarriedPlate
 
     return lambda firmware: CarriedPlate(speak(firmware), firmware, link, rig.plate)
 
@@ -165,7 +165,7 @@ def _mavlink(inputs: ServeInputs, rig: Rig) -> tuple[Speak, ServerLink, Callable
     from benchtool.acquire.pitch_experiment import hover_pulse_us
     from benchtool.bench.mavlink.settings import read_key
     from benchtool.virtual.autopilot import VirtualAutopilot
-    from benchtool.virtual.links import autopilot_link, host_address
+    from benchtool.virtual.links import host_address, link_named
 
     pitches, key = inputs.mode == "pitch", inputs.key
     speak = partial(
@@ -176,7 +176,7 @@ def _mavlink(inputs: ServeInputs, rig: Rig) -> tuple[Speak, ServerLink, Callable
         now_s=time(),
         hover_us=hover_pulse_us(rig) if pitches else None,
     )
-    where = autopilot_link(inputs.link.partition(":")[2], inputs.symlink)
+    where = link_named(inputs.link, inputs.symlink)
     options = "&mode=pitch&arm=host" if pitches else ""
     options += f"&key={key}" if key else ""
     return speak, where, lambda: host_address(where, rig.n_rotors, options)

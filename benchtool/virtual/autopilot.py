@@ -1,7 +1,7 @@
 """A virtual autopilot: what ArduPilot or PX4 answers, in front of simulated physics. Pure.
 
-Quiet until it is asked; acknowledges what it does not do; turns motors for as long as a test's
-time-out says, disarmed or not; forgets at a restart what it was asked for. Wall time is handed in;
+Quiet until streams are requested; acknowledges what it does not do; turns motors for as long as a
+test's time-out says, disarmed or not; forgets every request at a restart. Wall time is handed in:
 time-outs run on it, readings on the device's own time. The heartbeat shows "hardware in the loop":
 no motor turns. Three named values are the virtual world's own: `plate_z`, `plate_x`, `plate_tilt`
 sent to it move the plate, `plate_mov` reports how that goes.
@@ -29,11 +29,11 @@ from benchtool.virtual.autopilot_orders import (
     INFO,
     UNSUPPORTED,
     WARNING,
-    StatusText,
     motor_orders,
 )
 from benchtool.virtual.autopilot_streams import Streams
 from benchtool.virtual.firmware import Firmware
+from benchtool.virtual.server import ServedDevice
 
 BEAT_S = 1.0
 
@@ -57,14 +57,10 @@ GROUND_LOST_S = 5.0
 FS_GCS_TIMEOUT)."""
 
 
-class VirtualAutopilot:
+class VirtualAutopilot(ServedDevice):
     """Speak MAVLink for a virtual bench.
 
-    Attributes:
-        host_since_s: wall time of the first message of the present host.
-
     Args:
-        firmware: limits, plate and time of the bench behind it.
         key: 32 bytes that sign every frame; None signs nothing.
         now_s: time since 1970, for signatures.
         hover_us: pulse that a pilot holds once the autopilot is armed, on a pitch bench.
@@ -79,28 +75,22 @@ class VirtualAutopilot:
         now_s: float = 0.0,
         hover_us: float | None = None,
     ) -> None:
-        hello = firmware.hello
-        self.firmware, self.kind, self.speed = firmware, kind, hello.speed
-        self.host_since_s: float | None = None
+        super().__init__(firmware)
+        self.kind, hello = kind, firmware.hello
+        self._beat_s, self._plate_us = -BEAT_S, 0
         self._words = words = dialect()
         self._system = system
-        self._frames = MavlinkFrames(system, AUTOPILOT_COMPONENT, key, now_s)
-        self._orders = motor_orders(kind, hello)
-        silent = (words.MAVLINK_MSG_ID_RPM,)
-        self._streams = Streams(hello.channels, self._orders.outputs, silent)
+        self._key, self._since_1970_s, self._hover_us = key, now_s, hover_us
         self._booted_s: float | None = None
         self._boot_us = 0
-        self._key, self._since_1970_s = key, now_s
-        self._hover_us = hover_us
-        self._armed = self._shows_armed = False
-        self._every_us: dict[int, float] = {}
-        self._due_us: dict[int, float] = {}
-        self._beat_s = -BEAT_S
+        self._forget()
+        silent = (words.MAVLINK_MSG_ID_RPM,)
+        self._streams = Streams(hello.channels, self._orders.outputs, silent)
+        self._shows_armed = False
         self._host_s = 0.0
         self._aside = {"plate_x": 0.0, "plate_tilt": 0.0}
         names = [channel.name for channel in hello.channels]
         self._thrust = names.index("thrust_N") if "thrust_N" in names else None
-        self._plate_us = 0
         self._texts = 0
         self._pending: list[Message] = []
         self._pulses = np.full(hello.n_rotors, hello.pwm_stop_us)
@@ -192,12 +182,15 @@ class VirtualAutopilot:
         given = tuple(getattr(message, f"param{number}") for number in range(1, 8))
         command = message.command
         if command == REBOOT:
-            return self._reboot(now_s)
+            if self._orders.running or self._armed:
+                return FAILED, []
+            self.restart(now_s)
+            return ACCEPTED, []
         if command == SET_INTERVAL:
             return self._set_interval(int(given[0]), given[1])
         if command == REQUEST_MESSAGE:
-            asked = int(given[0]) == self._words.MAVLINK_MSG_ID_AUTOPILOT_VERSION
-            return (ACCEPTED, [self._version()]) if asked else (UNSUPPORTED, [])
+            version = int(given[0]) == self._words.MAVLINK_MSG_ID_AUTOPILOT_VERSION
+            return (ACCEPTED, [self._version()]) if version else (UNSUPPORTED, [])
         if command == ARM_DISARM:
             return self._arm(given[0] > 0.5, now_s)
         if command == MOTOR_TEST and self._booted_s is not None:
@@ -205,29 +198,27 @@ class VirtualAutopilot:
         before = self._orders.running
         result = self._orders.order(command, given, now_s)
         self._shows_armed = self._shows_armed or (self._orders.running and not before)
-        said = self._take_said()
+        texts = self._take_texts()
         self._drive(now_s)
-        return result, said
-
-    def _reboot(self, now_s: float) -> tuple[int, list[Message]]:
-        """Start anew, unless a motor turns."""
-        if self._orders.running or self._armed:
-            return FAILED, []
-        self.restart(now_s)
-        return ACCEPTED, []
+        return result, texts
 
     def restart(self, now_s: float) -> None:
-        """Begin anew as after a loss of power: nothing that was asked for is known any more."""
+        """Begin anew as after a loss of power: no earlier command is known any more."""
+        self._forget()
+        self._booted_s, self._boot_us = now_s, self.firmware.device_time_us
+        self.firmware.execute(StopDevice(), now_s)
+        self._pulses = np.array(self.firmware.pwm_us)
+        self._streams.outputs_us[:] = [0] * 16
+
+    def _forget(self) -> None:
         self._orders = motor_orders(self.kind, self.firmware.hello)
         self._frames = MavlinkFrames(
             self._system, AUTOPILOT_COMPONENT, self._key, self._since_1970_s
         )
-        self._every_us, self._due_us = {}, {}
-        self._booted_s, self._boot_us = now_s, self.firmware.device_time_us
-        self._armed, self._beat_s, self._plate_us = False, -BEAT_S, 0
-        self.firmware.execute(StopDevice(), now_s)
-        self._pulses = np.array(self.firmware.pwm_us)
-        self._streams.outputs_us[:] = [0] * 16
+        self._every_us: dict[int, float] = {}
+        self._due_us: dict[int, float] = {}
+        self._armed = False
+        self._beat_s, self._plate_us = -BEAT_S, 0
 
     def _booting(self, now_s: float, lasts_s: float) -> bool:
         return self._booted_s is not None and now_s - self._booted_s < lasts_s
@@ -274,7 +265,7 @@ class VirtualAutopilot:
             return
         hello = self.firmware.hello
         pulses = self._orders.pulses_us(now_s)
-        self._pending += self._take_said()
+        self._pending += self._take_texts()
         # What reaches an output is not what the bench behind it can do.
         within = np.clip(pulses, hello.pwm_stop_us, hello.limits.get("pwm_us", np.inf))
         within = np.where(self._orders.safe, hello.pwm_stop_us, within)
@@ -299,11 +290,10 @@ class VirtualAutopilot:
         for output, pulse_us in zip(self._orders.outputs, pulses, strict=True):
             shown[output - 1] = round(float(pulse_us))
 
-    def _take_said(self) -> list[Message]:
-        """Return what was said of motors."""
-        said: list[StatusText] = self._orders.texts.copy()
-        self._orders.texts.clear()
-        return [message for severity, text in said for message in self._text(text, severity)]
+    def _take_texts(self) -> list[Message]:
+        """Return what was reported of motors."""
+        texts, self._orders.texts = self._orders.texts, []
+        return [message for severity, text in texts for message in self._text(text, severity)]
 
     def _events(self) -> list[Message]:
         """Return in an autopilot's words what the bench behind it reports."""

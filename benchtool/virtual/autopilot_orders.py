@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from math import inf, isfinite
-from typing import Protocol
 
 import numpy as np
 
@@ -43,7 +43,7 @@ StatusText = tuple[int, str]
 """Severity and words of a text."""
 
 
-class MotorOrders(Protocol):
+class MotorOrders(ABC):
     """Be how one kind of autopilot takes orders and turns motors by them.
 
     Attributes:
@@ -51,33 +51,37 @@ class MotorOrders(Protocol):
         n_outputs: how many outputs are motors', whether or not one hangs there.
         lacks: numbers of the messages that it does not have.
         parameters: by name.
-        safe: whether a safety switch keeps every output without a pulse.
-        said: what it says aloud of its motors, until it is taken.
+        safe: whether a safety switch holds every output without a pulse.
+        texts: what it reports of its motors, until it is taken.
     """
 
     outputs: tuple[int, ...]
     n_outputs: int
     lacks: frozenset[int]
     parameters: dict[str, float]
-    safe: bool
-    texts: list[StatusText]
+
+    def __init__(self, hello: Hello) -> None:
+        self.safe = False
+        self.texts: list[StatusText] = []
+        self._n_rotors = hello.n_rotors
+        self._stopped: Array = np.full(hello.n_rotors, hello.pwm_stop_us)
 
     @property
+    @abstractmethod
     def running(self) -> bool:
         """Whether a motor test runs."""
-        ...
 
+    @abstractmethod
     def order(self, command: int, given: tuple[float, ...], now_s: float) -> int:
         """Take an order; return its MAV_RESULT."""
-        ...
 
+    @abstractmethod
     def pulses_us(self, now_s: float) -> Array:
         """Return the pulse of every motor (n_rotors,) at a wall time: us."""
-        ...
 
+    @abstractmethod
     def end(self) -> None:
         """End every test, as when the bench behind it stops the motors."""
-        ...
 
 
 @dataclass(slots=True)
@@ -90,7 +94,7 @@ class _Test:
     since_s: float
 
 
-class ArduPilotOrders:
+class ArduPilotOrders(MotorOrders):
     """Do with motor tests what ArduCopter 4.6.2 was recorded to do.
 
     One test runs at a time, but its outputs stay as they were written until it ends: an order for
@@ -99,15 +103,13 @@ class ArduPilotOrders:
     """
 
     def __init__(self, hello: Hello) -> None:
+        super().__init__(hello)
         self.outputs = PLUS_ORDER[: hello.n_rotors]
         self.n_outputs = max(4, hello.n_rotors)
         self.lacks = frozenset({251, 339, 290, ESC_STATUS, 375, ACTUATOR_TEST})
-        self.safe = False
-        self.texts: list[StatusText] = []
-        self._stop_us, self._n_rotors = hello.pwm_stop_us, hello.n_rotors
         self._emergency = False
         self._test: _Test | None = None
-        self._pulses: Array = np.full(hello.n_rotors, hello.pwm_stop_us)
+        self._pulses = self._stopped
         high_us = hello.limits.get("pwm_us", 2000.0)
         span_us = max(high_us - hello.pwm_stop_us, 1.0)
         frames = {motors: frame for frame, motors in reversed(MOTORS_OF_FRAME.items())}
@@ -132,8 +134,8 @@ class ArduPilotOrders:
             self._emergency = given[1] == 2.0
             return ACCEPTED
         if command == SET_SERVO:
-            texts = f"ServoRelayEvent: Channel {int(given[0])} is already in use"
-            self.texts.append((INFO, texts))
+            text = f"ServoRelayEvent: Channel {int(given[0])} is already in use"
+            self.texts.append((INFO, text))
             return FAILED
         # Accepted, and no motor test ends by them.
         return ACCEPTED if command in (CAMERA, TERMINATE, SET_MODE) else UNSUPPORTED
@@ -166,7 +168,7 @@ class ArduPilotOrders:
             self.end()
         else:
             # The next motor, after a pause of half the time-out.
-            self._pulses = np.full(self._n_rotors, self._stop_us)
+            self._pulses = self._stopped
             if since_s >= 1.5 * test.timeout_s:
                 test.motor, test.count, test.since_s = test.motor + 1, test.count - 1, now_s
         return self._pulses
@@ -175,7 +177,7 @@ class ArduPilotOrders:
         if self._test is not None:
             self.texts.append((INFO, "finished motor test"))
         self._test = None
-        self._pulses = np.full(self._n_rotors, self._stop_us)
+        self._pulses = self._stopped
 
     def _pulse_us(self, test: _Test) -> float | None:
         """Return the pulse that a test gives, None where it makes no sense."""
@@ -189,16 +191,14 @@ class ArduPilotOrders:
         return whole_us if test.kind == 1.0 and LEAST_US <= whole_us <= LONGEST_US else None
 
 
-class Px4Orders:
+class Px4Orders(MotorOrders):
     """Turn any number of motors by actuator tests."""
 
     def __init__(self, hello: Hello) -> None:
+        super().__init__(hello)
         self.outputs = STRAIGHT_ORDER[: hello.n_rotors]
         self.n_outputs = hello.n_rotors
         self.lacks = frozenset({226, 251, 339, 290, 11030, 11031, 11032})
-        self.safe = False
-        self.texts: list[StatusText] = []
-        self._stop_us, self._n_rotors = hello.pwm_stop_us, hello.n_rotors
         self._running: dict[int, tuple[float, float]] = {}
         self.parameters = {
             "CA_ROTOR_COUNT": float(hello.n_rotors),
@@ -229,7 +229,7 @@ class Px4Orders:
 
     def pulses_us(self, now_s: float) -> Array:
         self._running = {m: test for m, test in self._running.items() if test[1] > now_s}
-        pulses = np.full(self._n_rotors, self._stop_us)
+        pulses = self._stopped.copy()
         for motor, (pulse_us, _) in self._running.items():
             pulses[motor - 1] = pulse_us
         return pulses

@@ -26,6 +26,7 @@ from benchtool.core.counted import counted
 from benchtool.core.errors import InputError
 from benchtool.core.units import from_si
 from benchtool.virtual.firmware import Firmware
+from benchtool.virtual.server import ServedDevice
 
 VIRTUAL_1580 = f"{VIRTUAL_BOARD}, as Series 1580"
 
@@ -40,9 +41,7 @@ READINGS: dict[str, tuple[str, str]] = {
 
 
 class StandReadings:
-    """Turn rows of a plant into the GUI's results.
-
-    Every channel holds its last value, as the GUI shows it.
+    """Turn rows of a plant into the GUI's results; every channel holds its last value.
 
     Args:
         names: (c,) channels of a row.
@@ -59,7 +58,6 @@ class StandReadings:
 
         Args:
             row: (c,) in the channels' units, nan where a channel has no new value.
-            plate_moves: whether the plate is on its way.
         """
         self._held |= {
             name: value for name, value in zip(self._names, row, strict=True) if isfinite(value)
@@ -83,14 +81,10 @@ _WORDS = re.compile(rb"hello|stop|clear|tare|average \d+|virtual plate [^\n]*?(?
 LIMITS = ("thrust_N", "rpm", "current_A", "voltage_min_V")
 
 
-class VirtualBridge:
+class VirtualBridge(ServedDevice):
     """Speak the bridge script's words for a virtual bench with one rotor.
 
-    Attributes:
-        host_since_s: wall time of the last hello, None before the first.
-
-    Args:
-        firmware: limits, watchdog and time of the bench behind it.
+    Lost readings show in their numbers: no event reports them.
     """
 
     def __init__(self, firmware: Firmware) -> None:
@@ -101,8 +95,7 @@ class VirtualBridge:
                 f"{counted(hello.n_rotors, 'rotor')}; take a rig with one rotor, for example "
                 f"pquad_single"
             )
-        self.firmware, self.speed = firmware, hello.speed
-        self.host_since_s: float | None = None
+        super().__init__(firmware)
         self._readings = StandReadings(tuple(item.name for item in hello.channels), hello.speed)
         self._count = 0
         self._now_s = 0.0
@@ -126,14 +119,28 @@ class VirtualBridge:
             made.append(self._line({"n": self._count}, result))
         return b"", made
 
-    def report_dropped(self, count: int) -> bytes:
-        """Return nothing: lost readings show in their numbers."""
-        return b""
-
     def _answer(self, word: str) -> bytes:
-        if word == "hello":
-            return self._hello()
-        return self._line({"to": word, "refused": self._obey(word)})
+        if word != "hello":
+            return self._line({"to": word, "refused": self._obey(word)})
+        hello, limits = self.firmware.hello, self.firmware.limits
+        self.host_since_s = self._now_s
+        self.firmware.note_host(self._now_s)
+        return self._line(
+            {
+                "to": "hello",
+                "refused": "",
+                "board": hello.device_id,
+                "version": VIRTUAL_1580,
+                "firmware": hello.firmware,
+                "output": "esc",
+                "speed": SPEEDS["optical"],
+                "low_us": hello.pwm_stop_us,
+                "high_us": limits["pwm_us"],
+                "silence_ms": SILENCE_MS,
+                "ramp_ms": RAMP_MS,
+                "limits": {name: limits[name] for name in LIMITS},
+            }
+        )
 
     def _obey(self, word: str) -> str:
         """Carry out a word; return why it is refused, nothing when it is done."""
@@ -169,27 +176,6 @@ class VirtualBridge:
                 self.firmware.note_host(self._now_s)
                 return ""
         return reply.reason
-
-    def _hello(self) -> bytes:
-        hello, limits = self.firmware.hello, self.firmware.limits
-        self.host_since_s = self._now_s
-        self.firmware.note_host(self._now_s)
-        return self._line(
-            {
-                "to": "hello",
-                "refused": "",
-                "board": hello.device_id,
-                "version": VIRTUAL_1580,
-                "firmware": hello.firmware,
-                "output": "esc",
-                "speed": SPEEDS["optical"],
-                "low_us": hello.pwm_stop_us,
-                "high_us": limits["pwm_us"],
-                "silence_ms": SILENCE_MS,
-                "ramp_ms": RAMP_MS,
-                "limits": {name: limits[name] for name in LIMITS},
-            }
-        )
 
     def _line(self, entry: dict[str, Any], result: dict[str, Any] | None = None) -> bytes:
         latched = self.firmware.latched

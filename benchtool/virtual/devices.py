@@ -13,7 +13,7 @@ from benchtool import __version__
 from benchtool.bench.serial.hello import LARGEST_SPEED, Hello
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.own_code import CodePermit, refuse_code
-from benchtool.core.rig import Rig
+from benchtool.core.rig import PlateDrive, Rig
 from benchtool.core.schedule_file import schedule_named
 from benchtool.physics.catalogue import effect_named
 from benchtool.physics.model import Model
@@ -27,13 +27,11 @@ from benchtool.simulate.pitch.simulate import PitchController
 from benchtool.simulate.plate_bench import PlateBench
 from benchtool.virtual.faults import Fault, FaultyPlant, LinkFaults
 from benchtool.virtual.firmware import Firmware, Plant
+from benchtool.virtual.grbl import VirtualGrbl
 from benchtool.virtual.links import ServerLink
-from benchtool.virtual.pitch_plant import PitchBenchPlant
+from benchtool.virtual.pitch_plant import PitchBenchPlant, idle_us
 from benchtool.virtual.protocol import DeviceLink
 from benchtool.virtual.server import BenchServer, ServedDevice
-
-IDLE_SHARE = 0.05
-"""Share of the pulse range that counts as idle; an assumption: motors turn slowly or not at all."""
 
 
 def virtual_plant(
@@ -47,31 +45,36 @@ def virtual_plant(
     return PlateBench(rig, truth, np.random.default_rng(seed), imperfections, rate_Hz)
 
 
-def hello_of(plant: PlateBench, truth: Model, seed: int) -> Hello:
-    """Return what the virtual device of that plant says of itself."""
+def _hello(
+    plant: PlateBench | PitchBenchPlant, name: str, seed: int, idle_us: float, **more: Any
+) -> Hello:
     rig = plant.rig
-    pulse = rig.propulsion
-    start_us = max(pulse.pwm_stop_us, pulse.pwm_start_us)
     return Hello(
-        device_id=f"virtual-{rig.name}-{seed}",
-        firmware=f"benchtool virtual bench {__version__}",
+        device_id=f"virtual-{name.replace(' ', '-')}{rig.name}-{seed}",
+        firmware=f"benchtool virtual {name}bench {__version__}",
         n_rotors=rig.n_rotors,
         channels=plant.channels,
         channel_rates_Hz=plant.channel_rates_Hz,
         rate_Hz=plant.rate_Hz,
-        limits=device_limits(rig),
-        pwm_stop_us=pulse.pwm_stop_us,
-        pwm_idle_us=start_us + IDLE_SHARE * (pulse.pwm_max_us - start_us),
+        pwm_stop_us=rig.propulsion.pwm_stop_us,
+        pwm_idle_us=idle_us,
         # Whatever moves the plate of the real rig, nobody else can move that of a virtual one.
         moves_plate=True,
         simulated=True,
-        facts={
-            "rig": rig.name,
-            "truth": truth.name,
-            "seed": str(seed),
-            "thrust_raw_N_per_count": f"{plant.count_N:.9g}",
-        },
+        **more,
     )
+
+
+def hello_of(plant: PlateBench, truth: Model, seed: int) -> Hello:
+    """Return what the virtual device of that plant reports about itself."""
+    rig = plant.rig
+    facts = {
+        "rig": rig.name,
+        "truth": truth.name,
+        "seed": str(seed),
+        "thrust_raw_N_per_count": f"{plant.count_N:.9g}",
+    }
+    return _hello(plant, "", seed, idle_us(rig), limits=device_limits(rig), facts=facts)
 
 
 def device_limits(rig: Rig) -> dict[str, float]:
@@ -147,7 +150,7 @@ def pitch_plant(
         controller: a built-in one, by name; or what `own` is called.
         rate_Hz: stream rate; the control rate when None.
         own: class of the user's own controller; its rate is that of the gains.
-        hidden: effects as `hidden_effect.with_hidden` takes them; none when empty.
+        hidden: effects as `with_hidden` takes them; none when empty.
         change: gives the job with other numbers.
         permit: called with the file of a truth's own effects before it is run.
     """
@@ -166,38 +169,34 @@ def pitch_plant(
 
 
 def pitch_hello(plant: PitchBenchPlant, seed: int) -> Hello:
-    """Return what the virtual pitch bench of that plant says of itself."""
+    """Return what the virtual pitch bench of that plant reports about itself."""
     rig, job = plant.rig, plant.job
     gains = job.control.gains
     families = ("pwm", "rpm", "plate_z")
     limits = {k: v for k, v in device_limits(rig).items() if k.startswith(families)}
     limits |= {"theta_rad": float(PITCH_LIMIT_RAD), "gyro_rad_s": RATE_LIMIT_RAD_S}
-    return Hello(
-        device_id=f"virtual-pitch-{rig.name}-{seed}",
-        firmware=f"benchtool virtual pitch bench {__version__}",
-        n_rotors=rig.n_rotors,
-        channels=plant.channels,
-        channel_rates_Hz=plant.channel_rates_Hz,
-        rate_Hz=plant.rate_Hz,
+    facts = {
+        "mode": "pitch",
+        "rig": rig.name,
+        "truth": job.bench.model.name,
+        "controller": job.control.name,
+        "gains": gains.name if gains is not None else "none",
+        "schedule": plant.schedule.name,
+        "schedule_s": f"{plant.schedule.duration_s:g}",
+        "control_rate_Hz": f"{plant.control_rate_Hz:g}",
+        "seed": str(seed),
+    }
+    # Sequence, time and checksum, then about thirteen characters for each value.
+    size = 26 + 13 * len(plant.channels)
+    return _hello(
+        plant,
+        "pitch ",
+        seed,
+        plant.idle_us,
         limits=limits,
-        pwm_stop_us=rig.propulsion.pwm_stop_us,
-        pwm_idle_us=plant.idle_us,
-        moves_plate=True,
-        simulated=True,
+        facts=facts,
         has_loop=True,
-        # Sequence, time and checksum, then about thirteen characters for each value.
-        frame_bytes=26 + 13 * len(plant.channels),
-        facts={
-            "mode": "pitch",
-            "rig": rig.name,
-            "truth": job.bench.model.name,
-            "controller": job.control.name,
-            "gains": gains.name if gains is not None else "none",
-            "schedule": plant.schedule.name,
-            "schedule_s": f"{plant.schedule.duration_s:g}",
-            "control_rate_Hz": f"{plant.control_rate_Hz:g}",
-            "seed": str(seed),
-        },
+        frame_bytes=size,
     )
 
 
@@ -260,3 +259,37 @@ def device_server(
         plant.begin,
         clock,
     )
+
+
+class CarriedPlate(ServedDevice):
+    """Be another served device, its plate carried by the Z axis of a stage on a link of its own.
+
+    The home switch is at the far end: Z at 0 is the greatest distance.
+    """
+
+    def __init__(
+        self, device: ServedDevice, firmware: Firmware, link: ServerLink, plate: PlateDrive
+    ) -> None:
+        super().__init__(firmware)
+        self._device, self._link, self._plate = device, link, plate
+        firmware.hello = replace(firmware.hello, moves_plate=False)
+        travel_mm = dict.fromkeys("XYZ", 1e3 * plate.z_max_m)
+        self._stage = VirtualGrbl(travel_mm, 1e3 * (plate.z_park_m - plate.z_max_m))
+
+    def receive(self, data: bytes, now_s: float) -> bytes:
+        answer = self._device.receive(data, now_s)
+        self.host_since_s = self._device.host_since_s
+        return answer
+
+    def report_dropped(self, count: int) -> bytes:
+        return self._device.report_dropped(count)
+
+    def tick(self, n: int, now_s: float) -> tuple[bytes, list[bytes]]:
+        self._link.write(self._stage.step(self._link.read(), now_s * self.speed))
+        self.firmware.carry_plate(self._plate.z_max_m + 1e-3 * self._stage.true_mm["Z"])
+        return self._device.tick(n, now_s)
+
+
+def stage_option(path: str, plate: PlateDrive) -> str:
+    """Return the `--stage` of a host for the stage at a path."""
+    return f"grbl:{path}?axis=Z&zero_mm={1e3 * plate.z_max_m:g}&direction=1"

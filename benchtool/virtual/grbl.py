@@ -6,23 +6,324 @@ those of the recordings; arcs, probes, spindles and doors are not there.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections import deque
+from collections.abc import Mapping
 
-from benchtool.core.rig import PlateDrive
-from benchtool.virtual.firmware import Firmware
-from benchtool.virtual.grbl_board import BOOT_S, INCHES, GrblBoard
-from benchtool.virtual.grbl_code import CodeBlock, Refused, block_of, cleaned
-from benchtool.virtual.grbl_motion import homing
-from benchtool.virtual.links import ServerLink
-from benchtool.virtual.server import ServedDevice
+from benchtool.virtual.grbl_code import (
+    AXES,
+    CodeBlock,
+    CodeState,
+    Refused,
+    Reports,
+    VirtualSettings,
+    block_of,
+    cleaned,
+)
+from benchtool.virtual.grbl_motion import Homing, StageHardware, StageMotion, homing
 
+BANNER = "\r\nGrbl 1.1h ['$' for help]"
+LOCKED = "[MSG:'$H'|'$X' to unlock]"
 HELP = "[HLP:$$ $# $G $I $N $x=val $Nx=line $J=line $SLP $C $X $H ~ ! ? ctrl-x]"
 
+PULL_OFF_MM = 1.0
 
-class VirtualGrbl(GrblBoard):
-    """Be a stage: obey lines of G-code and `$` commands on a board."""
+ALARM_S = 0.5
+"""After an alarm it sends nothing for so long, and discards a reset after some."""
+
+BOOT_S = 0.03
+"""From a reset to the banner."""
+
+PLANNER_BLOCKS, BUFFER_BYTES = 15, 128
+
+INCHES = 13
+
+HARD, SOFT, ABORTED, HOMING_ABORTED = 1, 2, 3, 6
+
+NEED_RESET = (HARD, SOFT)
+
+
+class VirtualGrbl:
+    """Move axes X, Y and Z, whose machine positions go from minus their travel to 0.
+
+    Attributes:
+        position_mm: of each axis, as the board counts it.
+        hardware: switches, buttons, lost steps.
+        code: modes and offsets.
+        startup: line of G-code that it obeys by itself after homing.
+
+    Args:
+        travel_mm: of each axis; that of the settings where left out.
+        at_mm: where Z stands when the power comes on.
+        settings: others than those of the stage that was recorded.
+        hardware: switches as they are when the power comes on.
+    """
+
+    def __init__(
+        self,
+        travel_mm: Mapping[str, float] | None = None,
+        at_mm: float = -PULL_OFF_MM,
+        settings: Mapping[int, float] | None = None,
+        hardware: StageHardware | None = None,
+    ) -> None:
+        travels = {130 + AXES.index(axis): mm for axis, mm in (travel_mm or {}).items()}
+        self.settings = VirtualSettings(travels | dict(settings or {}))
+        self.code = CodeState(self.settings)
+        self.position_mm = dict.fromkeys(AXES, 0.0)
+        # Where it stands when the power comes on is not known to the board.
+        self.hardware = hardware or StageHardware()
+        self.hardware.lost_mm = dict.fromkeys(AXES, -PULL_OFF_MM) | {"Z": at_mm}
+        self.startup = ""
+        self._now_s = 0.0
+        self._locked = bool(self.settings[22])
+        self._replies: list[str] = []
+        self._forget()
+        self._send_banner()
+
+    def _forget(self) -> None:
+        """Forget all that a reset forgets."""
+        self._moves: deque[StageMotion] = deque()
+        self._dwell_until_s: float | None = None
+        self._homing: Homing | None = None
+        self._holding = self._jogging = self._checking = self._asleep = False
+        self._alarm: tuple[int, float] | None = None
+        self._soft_pending = False
+        self._boots_s: float | None = None
+        self._received = self._line = b""
+        self._open_line = False
+        self._report_due = False
+        self._reports = Reports(self.settings)
+        self.code.reset()
+
+    def step(self, data: bytes, now_s: float) -> bytes:
+        """Let time pass until `now_s`, take what arrived, and return the answers."""
+        self._advance(now_s)
+        for byte in data:
+            if not self._in_boot_loader:
+                if byte in (0x18, 0x21, 0x3F, 0x7E) or byte >= 0x80:
+                    self._real_time(byte)
+                elif len(self._received) < BUFFER_BYTES:
+                    # CR and LF end a line each.
+                    self._received += b"\n" if byte == 0x0D else bytes([byte])
+            self._work()
+        if self._report_due and not (self._alarm or self._boots_s or self._homing):
+            self._report(self.state)
+        replies, self._replies = self._replies, []
+        return "".join(f"{line}\r\n" for line in replies).encode("ascii")
+
+    @property
+    def true_mm(self) -> dict[str, float]:
+        """Where each axis really stands, with the steps that were lost."""
+        return {axis: mm + self.hardware.lost_mm[axis] for axis, mm in self.position_mm.items()}
+
+    @property
+    def state(self) -> str:
+        """Idle, Run, Jog, Hold:1 (slowing down), Hold:0, Home, Check, Sleep or Alarm."""
+        if self._homing is not None:
+            return "Home"
+        if self._asleep:
+            return "Sleep"
+        if self._locked or self._alarm is not None:
+            return "Alarm"
+        if self._checking:
+            return "Check"
+        if self._holding:
+            return f"Hold:{int(self._speed_mm_s > 0.0)}"
+        if self._moves:
+            return "Jog" if self._jogging else "Run"
+        return "Idle" if self._dwell_until_s is None else "Run"
+
+    def press(self, button: str) -> None:
+        """Press a button: H hold, S start, R abort; it stays pressed until `release`."""
+        self.hardware.pressed.add(button)
+        self._real_time({"H": 0x21, "S": 0x7E, "R": 0x18}[button])
+
+    def release(self) -> None:
+        """Let all buttons go."""
+        self.hardware.pressed.clear()
+
+    def switch(self, axis: str, *, closed: bool) -> None:
+        """Let a limit switch change; with hard limits on, either way is an alarm."""
+        (self.hardware.closed.add if closed else self.hardware.closed.discard)(axis)
+        if self.settings[21] and self._homing is None and self._alarm is None:
+            self._stop_at_once()
+            self._raise_alarm(HARD)
+
+    def restart(self, boot_s: float = BOOT_S) -> None:
+        """Start anew, as after a loss of power: the position is 0 and means nothing.
+
+        Args:
+            boot_s: until the banner; a boot loader takes nothing meanwhile.
+        """
+        self.hardware.lost_mm, self.position_mm = self.true_mm, dict.fromkeys(AXES, 0.0)
+        self._locked = bool(self.settings[22])
+        self._forget()
+        self._boots_s, self._in_boot_loader = self._now_s + boot_s, boot_s > BOOT_S
+
+    @property
+    def _speed_mm_s(self) -> float:
+        return self._moves[0].speed_mm_s if self._moves else 0.0
+
+    @property
+    def _end_mm(self) -> dict[str, float]:
+        """Where it will stand when all that is queued is done."""
+        return self._moves[-1].end_mm if self._moves else self.position_mm
+
+    def _real_time(self, byte: int) -> None:
+        if byte == 0x18:
+            self._reset()
+        elif byte == 0x3F:
+            self._report_due = True
+        elif self._homing is not None or self._alarm is not None:
+            return
+        elif byte in (0x21, 0x85) and self._jogging:
+            self._holding = bool(self._moves)
+        elif byte == 0x21:
+            self._holding |= not (self._locked or self._checking or self._asleep)
+        elif byte == 0x7E:
+            self._holding &= self.state != "Hold:0"
+        elif 0x90 <= byte <= 0x94:
+            change = {0x91: 10, 0x92: -10, 0x93: 1, 0x94: -1}
+            present = self._reports.override
+            self._reports.change_override(present + change[byte] if byte in change else 100)
+
+    def _reset(self) -> None:
+        if self._alarm is not None:
+            number, until_s = self._alarm
+            if number in NEED_RESET and self._now_s >= until_s:
+                self._boot()
+        elif self._homing is not None:
+            gone_mm = (self._now_s - self._homing.begun_s) * self.settings[25] / 60.0
+            self.position_mm["Z"] += min(gone_mm, -self.true_mm["Z"])
+            self._homing = None
+            self._raise_alarm(HOMING_ABORTED)
+        elif self._speed_mm_s > 0.0:
+            self._stop_at_once()
+            self._raise_alarm(ABORTED)
+        else:
+            self._locked = self._locked or self._asleep
+            self._boot()
+
+    def _raise_alarm(self, number: int) -> None:
+        self._locked = True
+        self._replies.append(f"ALARM:{number}")
+        self._alarm = (number, self._now_s + ALARM_S)
+
+    def _boot(self) -> None:
+        """Answer the line at work, if there is one, and start anew."""
+        if self._open_line:
+            self._replies.append("ok")
+        self._forget()
+        self._boots_s = self._now_s + BOOT_S
+
+    def _send_banner(self) -> None:
+        self._boots_s, self._in_boot_loader = None, False
+        self._replies.append(BANNER)
+        if self.settings[21] and self.hardware.closed:
+            self._locked = True
+            self._replies.append("[MSG:Check Limits]")
+        if self._locked:
+            self._replies.append(LOCKED)
+
+    def _stop_at_once(self) -> None:
+        self._moves.clear()
+        self._jogging = False
+
+    def _advance(self, now_s: float) -> None:
+        """Let time pass in pieces that end where something changes."""
+        while self._now_s < now_s:
+            ends = [self._boots_s, self._dwell_until_s, self._homing and self._homing.until_s]
+            ends.append(self._alarm[1] if self._alarm else None)
+            until_s = min([now_s, *(end for end in ends if end and end > self._now_s)])
+            left_s = until_s - self._now_s
+            while self._moves and left_s > 0.0:
+                motion = self._moves[0]
+                override = 0.01 * self._reports.override
+                left_s = motion.advance(left_s, override, holding=self._holding)
+                self.position_mm = motion.place_mm
+                if not motion.done:
+                    break
+                self._moves.popleft()
+            self._now_s = until_s
+            self._work()
+        self._now_s = max(now_s, self._now_s)
+        self._work()
+
+    def _work(self) -> None:
+        """Do what has become due, then obey the lines that wait."""
+        if self._boots_s is not None and self._now_s >= self._boots_s:
+            self._send_banner()
+        # An alarm that was reported to need a reset has the time 0 and waits.
+        if self._alarm is not None and 0.0 < self._alarm[1] <= self._now_s:
+            if self._alarm[0] in NEED_RESET:
+                self._replies.append("[MSG:Reset to continue]")
+                self._alarm = (self._alarm[0], 0.0)
+            else:
+                self._boot()
+        if self._homing is not None and self._now_s >= self._homing.until_s:
+            self._end_homing(self._homing)
+        if self._jogging and (not self._moves or self.state == "Hold:0"):
+            self._stop_at_once()
+            self._holding = False
+        if self._soft_pending and self._speed_mm_s == 0.0:
+            self._soft_pending = self._holding = False
+            self._stop_at_once()
+            self._raise_alarm(SOFT)
+        if self._dwell_until_s is not None and not (self._moves or self._holding or self._alarm):
+            if self._dwell_until_s < 0.0:  # what comes before it has just ended
+                self._dwell_until_s = self._now_s - self._dwell_until_s
+            if self._now_s >= self._dwell_until_s - 1e-9:
+                self._dwell_until_s, self._open_line = None, False
+                self._replies.append("ok")
+        while not self._blocked and self._received:
+            part, ended, self._received = self._received.partition(b"\n")
+            self._line += part
+            if ended:
+                line, self._line = self._line, b""
+                self._obey(line)
+
+    @property
+    def _blocked(self) -> bool:
+        """Whether no line is looked at now."""
+        waits = self._boots_s is not None or self._alarm is not None or self._homing is not None
+        return waits or self._holding or self._asleep or self._open_line
+
+    def _end_homing(self, homing: Homing) -> None:
+        self._homing = None
+        self.position_mm = homing.place_mm
+        if homing.alarm:
+            self._raise_alarm(homing.alarm)
+            return
+        self.hardware.lost_mm = dict.fromkeys(AXES, 0.0)
+        if self._report_due:
+            self._report("Home")
+        self._locked = self._open_line = False
+        if self.startup:
+            self._replies.append(f">{self.startup}:ok")
+        self._replies.append("ok")
+
+    def _report(self, state: str) -> None:
+        """Answer a question for the state."""
+        self._report_due = False
+        text = self._reports.text(
+            state,
+            self.position_mm,
+            self.code.offset_mm,
+            60.0 * self._speed_mm_s,
+            (PLANNER_BLOCKS - len(self._moves), BUFFER_BYTES - len(self._received)),
+            self.hardware.closed | self.hardware.stuck | self.hardware.pressed,
+        )
+        self._replies.append(text)
+
+    def _queue(self, target_mm: Mapping[str, float], feed_mm_min: float) -> None:
+        fastest, accel = self.settings.pace(target_mm)
+        motion = StageMotion(self._end_mm, target_mm, min(feed_mm_min, fastest) / 60.0, accel)
+        if self._moves and self._moves[-1].goes_on(motion):
+            return
+        if not motion.done:
+            self._moves.append(motion)
 
     def _obey(self, line: bytes) -> None:
+        """Answer a whole line of G-code or a `$` command."""
         try:
             text = cleaned(line)
             if text.startswith("$"):
@@ -50,8 +351,15 @@ class VirtualGrbl(GrblBoard):
                 self._locked = False
         elif text == "$G":
             self._replies.append(self.code.modes())
+        elif text == "$C" and state == "Check":
+            self._replies.append("[MSG:Disabled]")
+            self._forget()
+            self._boots_s = self._now_s + BOOT_S
         elif text == "$C":
-            self._check_mode(state)
+            if state != "Idle":
+                raise Refused(8)
+            self._replies.append("[MSG:Enabled]")
+            self._checking = True
         elif text == "$":
             self._replies.append(HELP)
         elif state not in ("Idle", "Alarm", "Check"):
@@ -71,30 +379,14 @@ class VirtualGrbl(GrblBoard):
             self._replies += ["[VER:1.1h.20190830:]", "[OPT:V,15,128]"]
         elif text.startswith("$I="):
             pass  # the build's own note
+        elif text.startswith("$N0="):
+            block_of(text[4:])
+            self.startup = text[4:]
         elif text.startswith("$N"):
-            self._startup_line(text)
-        else:
-            if self.settings.change(text) == INCHES:
-                self._reports.show_offset()
-
-    def _check_mode(self, state: str) -> None:
-        if state == "Check":
-            self._replies.append("[MSG:Disabled]")
-            self._start_anew()
-            self._boots_s = self._now_s + BOOT_S
-            return
-        if state != "Idle":
-            raise Refused(8)
-        self._replies.append("[MSG:Enabled]")
-        self._checking = True
-
-    def _startup_line(self, text: str) -> None:
-        name, equals, line = text.partition("=")
-        if not equals:
-            self._replies += [f"$N0={self.startup}", "$N1="]
-        elif name == "$N0":
-            block_of(line)
-            self.startup = line
+            if "=" not in text:
+                self._replies += [f"$N0={self.startup}", "$N1="]
+        elif self.settings.change(text) == INCHES:
+            self._reports.show_offset()
 
     def _jog(self, text: str) -> None:
         if not text.startswith("$J="):
@@ -125,47 +417,3 @@ class VirtualGrbl(GrblBoard):
             self._work()
         else:
             self._queue(*move)
-
-
-class CarriedPlate:
-    """Be another served device, its plate carried by the Z axis of a stage on a link of its own.
-
-    The home switch is at the far end: Z at 0 is the greatest distance.
-
-    Args:
-        plate: travel and where it is parked.
-    """
-
-    def __init__(
-        self, device: ServedDevice, firmware: Firmware, link: ServerLink, plate: PlateDrive
-    ) -> None:
-        self._device, self._firmware, self._link, self._plate = device, firmware, link, plate
-        firmware.hello = replace(firmware.hello, moves_plate=False)
-        travel_mm = dict.fromkeys("XYZ", 1e3 * plate.z_max_m)
-        self._stage = VirtualGrbl(travel_mm, 1e3 * (plate.z_park_m - plate.z_max_m))
-
-    @property
-    def speed(self) -> float:
-        """Device seconds per wall second, of the stage as well."""
-        return self._device.speed
-
-    @property
-    def host_since_s(self) -> float | None:
-        """Wall time at which the present host came, None before any."""
-        return self._device.host_since_s
-
-    def receive(self, data: bytes, now_s: float) -> bytes:
-        return self._device.receive(data, now_s)
-
-    def tick(self, n: int, now_s: float) -> tuple[bytes, list[bytes]]:
-        self._link.write(self._stage.step(self._link.read(), now_s * self.speed))
-        self._firmware.carry_plate(self._plate.z_max_m + 1e-3 * self._stage.true_mm["Z"])
-        return self._device.tick(n, now_s)
-
-    def report_dropped(self, count: int) -> bytes:
-        return self._device.report_dropped(count)
-
-
-def stage_option(path: str, plate: PlateDrive) -> str:
-    """Return the `--stage` of a host for the stage at a path."""
-    return f"grbl:{path}?axis=Z&zero_mm={1e3 * plate.z_max_m:g}&direction=1"

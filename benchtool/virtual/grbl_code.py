@@ -6,7 +6,7 @@ As much of G-code as a stage needs: straight moves, dwells, offsets, units, dist
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Set
+from collections.abc import Iterable, Mapping, Set
 from dataclasses import dataclass, field
 
 _WORD = re.compile(r"([A-Z])([-+]?(?:\d+\.?\d*|\.\d+))")
@@ -14,23 +14,23 @@ _WORD = re.compile(r"([A-Z])([-+]?(?:\d+\.?\d*|\.\d+))")
 LONGEST = 80
 """Characters of a line without blanks and comments."""
 
-GROUPS: dict[str, frozenset[str]] = {
-    "motion": frozenset(("G0", "G1", "G2", "G3", "G38.2", "G80")),
-    "once": frozenset(("G4", "G10", "G28.1", "G92", "G92.1")),
-    "units": frozenset(("G20", "G21")),
-    "distance": frozenset(("G90", "G91")),
-    "plane": frozenset(("G17",)),
-    "feed": frozenset(("G93", "G94")),
-    "length": frozenset(("G43.1", "G49")),
-    "system": frozenset(("G54",)),
-    "override": frozenset(("G53",)),
-    "path": frozenset(("G61",)),
-    "spindle": frozenset(("M3", "M5")),
-    "coolant": frozenset(("M9",)),
+GROUPS = {
+    "motion": "G0 G1 G2 G3 G38.2 G80",
+    "once": "G4 G10 G28.1 G92 G92.1",
+    "units": "G20 G21",
+    "distance": "G90 G91",
+    "plane": "G17",
+    "feed": "G93 G94",
+    "length": "G43.1 G49",
+    "system": "G54",
+    "override": "G53",
+    "path": "G61",
+    "spindle": "M3 M5",
+    "coolant": "M9",
 }
 """Codes of one group exclude each other in a line."""
 
-_FIRST_OF = {code: group for group, codes in GROUPS.items() for code in codes}
+_GROUP_OF = {code: group for group, codes in GROUPS.items() for code in codes.split()}
 
 
 class Refused(Exception):
@@ -80,7 +80,12 @@ def block_of(text: str) -> CodeBlock:
         letter, number = found[1], float(found[2])
         at = found.end()
         if letter in "GM":
-            _add_code(codes, f"{letter}{number:g}", number)
+            code, whole = f"{letter}{number:g}", f"{letter}{int(number)}"
+            if code not in _GROUP_OF:
+                raise Refused(23 if number % 1.0 and whole in _GROUP_OF and whole != "G61" else 20)
+            if _GROUP_OF[code] in codes:
+                raise Refused(21)
+            codes[_GROUP_OF[code]] = code
         elif letter not in "FIJKLNPRSTXYZ":
             raise Refused(20)
         elif letter in words:
@@ -94,16 +99,6 @@ def block_of(text: str) -> CodeBlock:
             if letter == "T" and number > 255:
                 raise Refused(38)
     return CodeBlock(codes, words)
-
-
-def _add_code(codes: dict[str, str], code: str, number: float) -> None:
-    group = _FIRST_OF.get(code)
-    if group is None:
-        whole = f"{code[0]}{int(number)}"
-        raise Refused(23 if number % 1.0 and whole in _FIRST_OF and whole not in ("G61",) else 20)
-    if group in codes:
-        raise Refused(21)
-    codes[group] = code
 
 
 AXES = "XYZ"
@@ -124,11 +119,7 @@ _MM_PER_INCH = 25.4
 
 
 class VirtualSettings:
-    """Hold settings by number, and what follows from them.
-
-    Attributes:
-        values: by number.
-    """
+    """Hold settings by number, and what follows from them."""
 
     def __init__(self, changed: Mapping[int, float]) -> None:
         self.values = SETTINGS | dict(changed)
@@ -139,6 +130,11 @@ class VirtualSettings:
     def of(self, first: int, axis: str) -> float:
         """Return the setting of an axis in a group that begins at `first`."""
         return self.values[first + AXES.index(axis)]
+
+    def pace(self, axes: Iterable[str]) -> tuple[float, float]:
+        """Return highest feed (mm/min) and acceleration (mm/s2) of axes that move together."""
+        slowest = (min(self.of(group, axis) for axis in axes) for group in (FASTEST, ACCELERATION))
+        return next(slowest), next(slowest)
 
     def on_a_step(self, axis: str, mm: float) -> float:
         """Return the step of an axis that is nearest to a position: mm."""
@@ -199,15 +195,7 @@ _ONCE_WITH_AXES = ("G10", "G92")
 
 
 class CodeState:
-    """Hold modes and offsets.
-
-    Attributes:
-        offsets: by name (G54, G28, G92), of each axis: mm.
-        tool_mm: length of the tool, along Z.
-
-    Args:
-        settings: rates, steps and units.
-    """
+    """Hold modes, offsets by name (G54, G28, G92) of each axis: mm, and the tool's length."""
 
     def __init__(self, settings: VirtualSettings) -> None:
         self.offsets = {name: dict.fromkeys(AXES, 0.0) for name in _SYSTEMS}
@@ -224,11 +212,8 @@ class CodeState:
     @property
     def offset_mm(self) -> dict[str, float]:
         """Work offset of each axis: what is added to work coordinates."""
-        tool = {"Z": self.tool_mm}
-        return {
-            axis: self.offsets["G54"][axis] + self.offsets["G92"][axis] + tool.get(axis, 0.0)
-            for axis in AXES
-        }
+        tool, system, shift = {"Z": self.tool_mm}, self.offsets["G54"], self.offsets["G92"]
+        return {axis: system[axis] + shift[axis] + tool.get(axis, 0.0) for axis in AXES}
 
     def move(
         self, block: CodeBlock, present_mm: Mapping[str, float]
@@ -341,17 +326,10 @@ PINS = "XYZRHS"
 
 
 class Reports:
-    """Make reports; count when the seldom fields are due.
-
-    Attributes:
-        override: of the feed, percent.
-
-    Args:
-        settings: say what a report carries (`$10`) and in which unit (`$13`).
-    """
+    """Make reports as settings say (`$10`, `$13`); count when the seldom fields are due."""
 
     def __init__(self, settings: VirtualSettings) -> None:
-        self.override = 100
+        self.override = 100  # of the feed, percent
         self._settings = settings
         self._wco = self._ov = 0
 

@@ -69,7 +69,9 @@ class StageMotion:
         while left_s > 0.0 and not self.done and not (holding and self.speed_mm_s == 0.0):
             dt_s = min(left_s, STEP_S)
             left_mm = self._length_mm - self._gone_mm
-            wanted = 0.0 if holding else min(self._feed_mm_s * override, self._stopping(left_mm))
+            # Never faster than what it can still stop from.
+            stopping_mm_s = sqrt(2.0 * self._accel * left_mm)
+            wanted = 0.0 if holding else min(self._feed_mm_s * override, stopping_mm_s)
             change = self._accel * dt_s
             before = self.speed_mm_s
             self.speed_mm_s = min(max(wanted, before - change), before + change)
@@ -82,10 +84,6 @@ class StageMotion:
             self._gone_mm += min(step_mm, left_mm)
             left_s -= dt_s
         return left_s
-
-    def _stopping(self, left_mm: float) -> float:
-        """Return the speed from which it can still stop in so much way."""
-        return sqrt(2.0 * self._accel * left_mm)
 
 
 SEARCH = 1.5
@@ -132,9 +130,8 @@ def homing(
     """Return what homing will bring: Z first, then X and Y together.
 
     Args:
-        settings: feeds, pauses, travel.
         counted_mm: position of each axis as the board counts it.
-        around: switches, and where the axes really stand.
+        hardware: switches, and where the axes really stand.
     """
     seek_mm_s, locate_mm_s, pull_off_mm = settings[25] / 60.0, settings[24] / 60.0, settings[27]
     place_mm, until_s = dict(counted_mm), now_s

@@ -5,48 +5,53 @@ from __future__ import annotations
 import errno
 import os
 import socket
-from collections.abc import Callable
-from contextlib import ExitStack, suppress
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Protocol
 
 from benchtool.bench.drivers import LOOPBACK
 from benchtool.bench.mavlink.settings import DEFAULT_BAUD
 from benchtool.bench.serial.commands import DeviceEvent
-from benchtool.core.errors import InputError, LinkError, NoDevice, PortBusy
-from benchtool.virtual.protocol import event_line
+from benchtool.bench.serial.frames import frame_fields
+from benchtool.core.errors import InputError, NoDevice, PortBusy
 
 
-class ServerLink(Protocol):
+def event_line(event: DeviceEvent) -> bytes:
+    """Return the line of the bench protocol that reports an event."""
+    return frame_fields("E", (event.kind, event.text))
+
+
+class ServerLink(ABC):
     """Carry bytes to whoever is connected at the moment."""
 
     @property
+    @abstractmethod
     def address(self) -> str:
         """What a host writes to reach this bench."""
-        ...
 
+    @abstractmethod
     def read(self) -> bytes:
         """Return what has arrived, perhaps nothing; never waits."""
-        ...
 
+    @abstractmethod
     def write(self, data: bytes) -> int:
         """Send what fits at the moment and return how many bytes that were."""
-        ...
 
+    @abstractmethod
     def unplug(self) -> None:
         """Vanish as a pulled cable does."""
-        ...
 
+    @abstractmethod
     def replug(self) -> None:
         """Come back, where possible under the same address."""
-        ...
 
     def close(self) -> None:
         """Stop listening."""
-        ...
+        self.unplug()
 
 
-class PtyLink:
+class PtyLink(ServerLink):
     """Listen on a pseudo-terminal.
 
     Args:
@@ -112,11 +117,34 @@ class PtyLink:
                 f"that exists and may be written"
             ) from error
 
-    def close(self) -> None:
-        self.unplug()
+
+@contextmanager
+def _opened(kind: socket.SocketKind, host: str, port: int) -> Iterator[socket.socket]:
+    """Give a new socket to bind, which does not block afterwards; close it where that fails.
+
+    Raises:
+        InputError: a port that there is not.
+        PortBusy: another program has it.
+        NoDevice: a host that cannot be used.
+    """
+    name = "TCP" if kind is socket.SOCK_STREAM else "UDP"
+    opened = socket.socket(socket.AF_INET, kind)
+    try:
+        yield opened
+        opened.setblocking(False)
+    except (OSError, OverflowError, UnicodeError) as error:
+        opened.close()
+        where = f"{name} {host}:{port}"
+        if isinstance(error, OverflowError):
+            problem = f"{name} port {port} is outside 0 to 65535; choose one in it"
+            raise InputError(problem) from error
+        if isinstance(error, OSError) and error.errno == errno.EADDRINUSE:
+            busy = f"another program listens on {where}; choose another port"
+            raise PortBusy(busy) from error
+        raise NoDevice(f"cannot use {where} ({error}); choose another host or port") from error
 
 
-class TcpLink:
+class TcpLink(ServerLink):
     """Listen on a TCP port for one client at a time; a second one learns who holds the bench."""
 
     def __init__(self, host: str, port: int) -> None:
@@ -165,22 +193,13 @@ class TcpLink:
             self._listener = None
 
     def replug(self) -> None:
-        try:
-            with ExitStack() as on_failure:
-                listener = on_failure.enter_context(socket.socket())
-                if os.name == "posix":
-                    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-                listener.bind((self._host, self._port))
-                listener.listen()
-                listener.setblocking(False)
-                on_failure.pop_all()
-        except (OSError, OverflowError, UnicodeError) as error:
-            raise _listen_error(error, self._host, self._port) from error
+        with _opened(socket.SOCK_STREAM, self._host, self._port) as listener:
+            if os.name == "posix":
+                listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            listener.bind((self._host, self._port))
+            listener.listen()
         self._listener = listener
         self._port = listener.getsockname()[1]
-
-    def close(self) -> None:
-        self.unplug()
 
     def _accept(self) -> None:
         if self._listener is None:
@@ -207,33 +226,6 @@ class TcpLink:
             client.close()
 
 
-def _listen_error(error: Exception, host: str, port: int) -> LinkError | InputError:
-    import errno
-
-    if isinstance(error, OSError) and error.errno == errno.EADDRINUSE:
-        return PortBusy(f"another program listens on {host}:{port}; choose another port")
-    if isinstance(error, OverflowError):
-        return InputError(f"TCP port {port} is outside 0 to 65535; choose one in it")
-    return NoDevice(f"cannot listen on {host}:{port} ({error}); choose another host or port")
-
-
-def link_named(text: str, symlink: Path | None = None) -> ServerLink:
-    """Return the link that `pty`, `tcp:PORT` or `tcp:HOST:PORT` names.
-
-    Raises:
-        InputError: it names none.
-    """
-    scheme, _, place = text.partition(":")
-    if scheme == "pty" and not place:
-        return PtyLink(symlink)
-    host, _, port = place.rpartition(":")
-    if scheme == "tcp" and port.isdecimal():
-        if symlink is not None:
-            raise InputError("--symlink goes with --link pty only; leave it out")
-        return TcpLink(host or "127.0.0.1", int(port))
-    raise InputError(f"link {text!r} is none; known: pty, tcp:PORT, tcp:HOST:PORT")
-
-
 FRAME_START = 0xFD
 
 HEADER_BYTES, SIGNATURE_BYTES = 12, 13
@@ -242,14 +234,33 @@ DATAGRAM_BYTES = 1400
 """Most bytes of whole frames in one datagram: below the usual 1500 of a network's packets."""
 
 
-class UdpLink:
+def whole_frames(data: bytes, start: int) -> int:
+    """Return how many bytes from `start` make whole MAVLink frames that fit one datagram."""
+    at = start
+    while at < len(data):
+        size = 1
+        if data[at] == FRAME_START and at + 2 < len(data):
+            signed = data[at + 2] & 1
+            size = HEADER_BYTES + data[at + 1] + SIGNATURE_BYTES * signed
+        if at > start and at + size - start > DATAGRAM_BYTES:
+            break
+        at += size
+    return min(at, len(data)) - start
+
+
+def one_line(data: bytes, start: int) -> int:
+    """Return how many bytes from `start` make one line, whatever its length."""
+    end = data.find(b"\n", start)
+    return (len(data) if end < 0 else end + 1) - start
+
+
+class UdpLink(ServerLink):
     """Carry frames in datagrams, whole ones only.
 
     Args:
         host: to send to, or to listen on.
         listen: True waits for a host; False sends to it from the start, as autopilots do.
-        fitting: how many bytes of data, from a place in it, go into one datagram; those of whole
-            MAVLink frames when left out.
+        fitting: how many bytes of data, from an index in it, go into one datagram.
     """
 
     def __init__(
@@ -257,10 +268,10 @@ class UdpLink:
         host: str,
         port: int,
         listen: bool,
-        fitting: Callable[[bytes, int], int] | None = None,
+        fitting: Callable[[bytes, int], int] = whole_frames,
     ) -> None:
         self._host, self._port, self._listen = host, port, listen
-        self._fitting = fitting or _whole_frames
+        self._fitting = fitting
         self._socket: socket.socket | None = None
         self._peer: tuple[str, int] | None = None
         self.replug()
@@ -273,7 +284,7 @@ class UdpLink:
     @property
     def address(self) -> str:
         """What follows `mavlink:` in the address of a host."""
-        return f"{'udpout' if self._listen else 'udpin'}:{self._host}:{self._port}"
+        return f"{'udpout' if self._listen else 'udpin'}:{self.place}"
 
     def read(self) -> bytes:
         parts = []
@@ -308,81 +319,47 @@ class UdpLink:
             opened.close()
 
     def replug(self) -> None:
-        try:
-            with ExitStack() as on_failure:
-                opened = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-                on_failure.enter_context(opened)
-                if self._listen:
-                    opened.bind((self._host, self._port))
-                    self._port = opened.getsockname()[1]
-                else:
-                    self._peer = (socket.gethostbyname(self._host), self._port)
-                opened.setblocking(False)
-                on_failure.pop_all()
-        except OverflowError as error:
-            raise InputError(
-                f"UDP port {self._port} is outside 0 to 65535; choose one in it"
-            ) from error
-        except (OSError, UnicodeError) as error:
-            where = f"UDP {self._host}:{self._port}"
-            if isinstance(error, OSError) and error.errno == errno.EADDRINUSE:
-                raise PortBusy(
-                    f"another program listens on {where}; choose another port"
-                ) from error
-            raise NoDevice(f"cannot use {where} ({error}); choose another host or port") from error
+        with _opened(socket.SOCK_DGRAM, self._host, self._port) as opened:
+            if self._listen:
+                opened.bind((self._host, self._port))
+                self._port = opened.getsockname()[1]
+            else:
+                self._peer = (socket.gethostbyname(self._host), self._port)
         self._socket = opened
-
-    def close(self) -> None:
-        self.unplug()
-
-
-def _whole_frames(data: bytes, start: int) -> int:
-    """Return how many bytes from `start` make whole frames that fit one datagram."""
-    at = start
-    while at < len(data):
-        size = 1
-        if data[at] == FRAME_START and at + 2 < len(data):
-            signed = data[at + 2] & 1
-            size = HEADER_BYTES + data[at + 1] + SIGNATURE_BYTES * signed
-        if at > start and at + size - start > DATAGRAM_BYTES:
-            break
-        at += size
-    return min(at, len(data)) - start
-
-
-def one_line(data: bytes, start: int) -> int:
-    """Return how many bytes from `start` make one line, whatever its length."""
-    end = data.find(b"\n", start)
-    return (len(data) if end < 0 else end + 1) - start
 
 
 USUAL_PORT = 14550
 """Where ground stations listen."""
 
 
-def autopilot_link(text: str, symlink: Path | None = None) -> ServerLink:
-    """Return the link that follows `mavlink` in `--link`.
+def link_named(text: str, symlink: Path | None = None) -> ServerLink:
+    """Return the link that `--link` names: `pty`, `tcp:PORT` or `tcp:HOST:PORT`.
 
-    Nothing stands for UDP to port 14550 of this computer; `:pty`, `:tcp:5760`, `:udpout:HOST:PORT`
-    (sends there) and `:udpin:PORT` (waits there) are the others.
+    `mavlink` stands for UDP to port 14550 of this computer; `mavlink:pty`, `mavlink:tcp:5760`,
+    `mavlink:udpout:HOST:PORT` (sends there) and `mavlink:udpin:PORT` (waits there) are the others.
 
     Raises:
         InputError: it names none.
     """
-    kind, _, place = text.removeprefix(":").partition(":")
+    mavlink = text == "mavlink" or text.startswith("mavlink:")
+    kind, _, place = (text[len("mavlink:") :] if mavlink else text).partition(":")
     if kind == "pty" and not place:
         return PtyLink(symlink)
     if symlink is not None:
-        raise InputError("--symlink goes with --link mavlink:pty only; leave it out")
-    host, _, port = (place or f"{LOOPBACK}:{USUAL_PORT}").rpartition(":")
-    if kind in ("", "udpout", "udpin", "tcp") and port.isdecimal():
-        if kind == "tcp":
-            return TcpLink(host or LOOPBACK, int(port))
+        only = "mavlink:pty" if mavlink else "pty"
+        raise InputError(f"--symlink goes with --link {only} only; leave it out")
+    usual = f"{LOOPBACK}:{USUAL_PORT}" if mavlink else ""
+    host, _, port = (place or usual).rpartition(":")
+    if port.isdecimal() and kind == "tcp":
+        return TcpLink(host or LOOPBACK, int(port))
+    if port.isdecimal() and mavlink and kind in ("", "udpout", "udpin"):
         return UdpLink(host or LOOPBACK, int(port), listen=kind == "udpin")
-    raise InputError(
-        f"link 'mavlink:{text.removeprefix(':')}' is none; known: mavlink, mavlink:pty, "
-        f"mavlink:tcp:PORT, mavlink:udpout:HOST:PORT, mavlink:udpin:PORT"
-    )
+    known = "pty, tcp:PORT, tcp:HOST:PORT"
+    if mavlink:
+        known = (
+            "mavlink, mavlink:pty, mavlink:tcp:PORT, mavlink:udpout:HOST:PORT, mavlink:udpin:PORT"
+        )
+    raise InputError(f"link {text!r} is none; known: {known}")
 
 
 def host_address(link: ServerLink, n_rotors: int, options: str = "") -> str:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from benchtool.core.array import Array
 from benchtool.core.channel import Channel
 from benchtool.core.errors import InputError, StageError
+from benchtool.core.rig import Rig
 from benchtool.core.schedule import PARKED_M, Schedule
 from benchtool.simulate.controllers.controller import PitchMeasurement, PitchReference
 from benchtool.simulate.noise import lane_states
@@ -29,7 +30,7 @@ CATCH_RAD_S = 0.5
 """How fast the catch brings the beam back to level; an assumption."""
 
 IDLE_SHARE = 0.05
-"""Share of the pulse range that counts as idle, as on the plate bench; an assumption."""
+"""Share of the pulse range that counts as idle; an assumption: motors turn slowly or not at all."""
 
 SLOWEST_RPM = 60.0
 """Below this a tachometer shows 0, five times the noise of the rigs that ship; an assumption."""
@@ -43,6 +44,13 @@ _CONTROLLER = ("law_state", "command.torque_Nm", "command.difference_us")
 _VISIT = ("setpoint.plate_z_m", "setpoint.plate_share")
 _NOMINAL_VISIT = ("nominal_plate_z_m", "nominal_share")
 """Where the plate is, and where a map has it, in the schedule."""
+
+
+def idle_us(rig: Rig) -> float:
+    """Return the pulse up to which motors of a virtual bench of this rig idle: us."""
+    pulse = rig.propulsion
+    start_us = max(pulse.pwm_stop_us, pulse.pwm_start_us)
+    return start_us + IDLE_SHARE * (pulse.pwm_max_us - start_us)
 
 
 class PitchBenchPlant:
@@ -72,18 +80,17 @@ class PitchBenchPlant:
         held = replace(schedule, duration_s=schedule.duration_s + HOLD_S)
         sampled = held.sampled(self.control_rate_Hz, self.rig.propulsion.radius_m)
         self._hold = round(HOLD_S * self.control_rate_Hz)
-        _hold_end(
-            [
-                sampled.reference_rad,
-                sampled.collective,
-                sampled.dither_us,
-                sampled.plate_z_m,
-                sampled.plate_share,
-                sampled.observer,
-                sampled.feedforward,
-            ],
-            len(sampled) - self._hold,
-        )
+        end = len(sampled) - self._hold
+        for track in (
+            sampled.reference_rad,
+            sampled.collective,
+            sampled.dither_us,
+            sampled.plate_z_m,
+            sampled.plate_share,
+            sampled.observer,
+            sampled.feedforward,
+        ):
+            track[end:] = track[end - 1]
         self._loop = PitchLoop([job], sampled, seed, [IDLE_RUN])
         self._loop.drive(np.zeros((self._loop.n_discs, len(sampled))))
         self._own = own
@@ -96,12 +103,12 @@ class PitchBenchPlant:
         )
         self._tick = 0
         self._plate_m = self._target_m = PARKED_M
-        pulse = self.rig.propulsion
-        start_us = max(pulse.pwm_stop_us, pulse.pwm_start_us)
-        self.idle_us = start_us + IDLE_SHARE * (pulse.pwm_max_us - start_us)
+        self.idle_us = idle_us(self.rig)
         self._armed = False
-        self._rest()
-        self.command_pwm(np.full(self.rig.n_rotors, pulse.pwm_stop_us))
+        # Begin with rotors that stand still.
+        self._loop.turn(0.0)
+        self._loop.view("readings.speed_rad_s")[:] = 0.0
+        self.command_pwm(np.full(self.rig.n_rotors, self.rig.propulsion.pwm_stop_us))
         # Compiles, where it must, before anybody waits for an answer.
         self._run(1)
         if self._own_ticks is not None:
@@ -303,11 +310,6 @@ class PitchBenchPlant:
         theta -= np.clip(theta, -back_rad, back_rad)
         self._loop.view("hinge.rate_rad_s")[:] = 0.0
 
-    def _rest(self) -> None:
-        """Begin with rotors that stand still."""
-        self._loop.turn(0.0)
-        self._loop.view("readings.speed_rad_s")[:] = 0.0
-
     def _jump(self, tick: int) -> None:
         """Go on at another tick of the schedule; what is late or delayed stays in order."""
         loop, shift = self._loop, tick - self._tick
@@ -327,9 +329,3 @@ class _Still:
 
     def step(self, measurement: PitchMeasurement, reference: PitchReference, dt_s: float) -> float:
         return 0.0
-
-
-def _hold_end(tracks: list[Array], ticks: int) -> None:
-    """Hold what stands at the last of so many ticks to the end of every track."""
-    for track in tracks:
-        track[ticks:] = track[ticks - 1]

@@ -38,6 +38,8 @@ from benchtool.bench.serial.frames import (
 from benchtool.bench.serial.hello import hello_lines
 from benchtool.core.errors import BenchtoolError
 from benchtool.virtual.firmware import Firmware
+from benchtool.virtual.links import event_line
+from benchtool.virtual.server import ServedDevice
 
 LAST_NUMBER = TIME_MODULUS_US - 1
 """Largest number of an order; they grow from the hello on and never start over."""
@@ -94,36 +96,23 @@ class OrderCheck:
         return ""
 
 
-class DeviceLink:
-    """Speak the bench protocol for one device.
-
-    Attributes:
-        host_since_s: wall time of the last hello, None before the first.
-        orders: which orders come late, and whether the device is armed.
-    """
+class DeviceLink(ServedDevice):
+    """Speak the bench protocol for one device."""
 
     def __init__(self, firmware: Firmware) -> None:
-        self.firmware = firmware
-        self.host_since_s: float | None = None
+        super().__init__(firmware)
         self.orders = OrderCheck(firmware.hello.speed)
         self._decoder = Decoder()
         self._writer = SampleFramer(len(firmware.hello.channels))
         self._answered = b""
 
-    @property
-    def speed(self) -> float:
-        """Device seconds per wall second."""
-        return self.firmware.hello.speed
-
     def receive(self, data: bytes, now_s: float) -> bytes:
-        """Take what arrived at wall time `now_s` and return the answers."""
         if not data:
             return b""
         self._decoder.feed(data)
         return b"".join(self._answer(line, now_s) for line in self._decoder.take_messages())
 
     def tick(self, n: int, now_s: float) -> tuple[bytes, list[bytes]]:
-        """Run n ticks; return what must get through, and one line per sample of the stream."""
         rows = self.firmware.advance(n, now_s)
         events = b"".join(event_line(event) for event in self.firmware.take_events())
         if self.firmware.rate_Hz <= 0.0:
@@ -131,7 +120,6 @@ class DeviceLink:
         return events, self._writer.frames(rows.device_time_us, rows.values)
 
     def report_dropped(self, count: int) -> bytes:
-        """Return the event that says how many samples were dropped."""
         text = f"{count} samples dropped by the device since the hello; read faster"
         return event_line(DeviceEvent("dropped", text))
 
@@ -159,17 +147,15 @@ class DeviceLink:
         if late := self.orders.refusal(number, time, self.firmware.device_time_us):
             return self._refuse(number, late)
         self.orders.number = number
-        if self._turns(command) and not self.orders.armed:
+        # An armed device only turns or moves anything.
+        moves = isinstance(command, SendPlate)
+        if isinstance(command, SetPwm):
+            moves = any(us > self.firmware.hello.pwm_stop_us for us in command.pwm_us)
+        if moves and not self.orders.armed:
             self._answered = self._refuse(number, "not armed since the last stop; send arm first")
         else:
             self._answered = self._execute(number, command, now_s)
         return self._answered
-
-    def _turns(self, command: Command) -> bool:
-        """Whether something moves by a command, so that it is obeyed by an armed device only."""
-        if isinstance(command, SetPwm):
-            return any(us > self.firmware.hello.pwm_stop_us for us in command.pwm_us)
-        return isinstance(command, SendPlate)
 
     def _execute(self, number: int, command: Command, now_s: float) -> bytes:
         try:
@@ -193,7 +179,7 @@ class DeviceLink:
         self._answered = b""
         self.host_since_s = now_s
         payloads = [
-            payload_of("H", (str(index), *map(_one_field, line)))
+            payload_of("H", (str(index), *(text.replace(",", ";") for text in line)))
             for index, line in enumerate(hello_lines(self.firmware.hello))
         ]
         whole = crc16(b"".join(payload + b"\n" for payload in payloads))
@@ -208,12 +194,3 @@ class DeviceLink:
 
     def _time(self) -> str:
         return str(self.firmware.device_time_us % TIME_MODULUS_US)
-
-
-def event_line(event: DeviceEvent) -> bytes:
-    """Return the line that reports an event."""
-    return frame_fields("E", (event.kind, event.text))
-
-
-def _one_field(text: str) -> str:
-    return text.replace(",", ";")

@@ -3,38 +3,38 @@
 from __future__ import annotations
 
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import Protocol
 
 from benchtool.core.errors import BenchtoolError
 from benchtool.virtual.faults import LinkFaults
+from benchtool.virtual.firmware import Firmware
 from benchtool.virtual.links import ServerLink
 
 
-class ServedDevice(Protocol):
-    """Be a device without a port; wall time is handed in."""
+class ServedDevice(ABC):
+    """Be a device without a port, around a guarded plant; wall time is handed in.
 
-    @property
-    def speed(self) -> float:
-        """Device seconds per wall second."""
-        ...
+    Attributes:
+        speed: device seconds per wall second.
+        host_since_s: wall time at which the present host came, None before any.
+    """
 
-    @property
-    def host_since_s(self) -> float | None:
-        """Wall time at which the present host came, None before any."""
-        ...
+    def __init__(self, firmware: Firmware) -> None:
+        self.firmware, self.speed = firmware, firmware.hello.speed
+        self.host_since_s: float | None = None
 
+    @abstractmethod
     def receive(self, data: bytes, now_s: float) -> bytes:
         """Take what arrived and return the answers."""
-        ...
 
+    @abstractmethod
     def tick(self, n: int, now_s: float) -> tuple[bytes, list[bytes]]:
         """Run n ticks; return what must get through, and frames that may be dropped."""
-        ...
 
     def report_dropped(self, count: int) -> bytes:
         """Return the event that so many frames were dropped since the host came."""
-        ...
+        return b""
 
 
 NAP_S = 0.004
@@ -42,11 +42,11 @@ NAP_S = 0.004
 LONGEST_CATCH_UP_S = 0.5
 """Wall time that the physics makes up for after the process was held; more is left out."""
 
-LAST_WORDS_S = 1.0
-"""A device whose program failed says so for as long before it is gone. A choice."""
+FAILURE_S = 1.0
+"""A device whose program failed reports it for so long before it is gone. A choice."""
 
 OUTBOX_BYTES = 65536
-"""What the device keeps for a host that does not read, on top of what the link holds; samples
+"""What the device holds for a host that does not read, on top of what the link holds; samples
 beyond it are dropped and counted. A choice: 0.6 s of 12 channels at 1 kHz, for busy machines."""
 
 
@@ -83,10 +83,9 @@ class BenchServer:
     """Serve one device over one link, to one host after another.
 
     Args:
-        device: served; its speed sets the pace.
-        tick_Hz: ticks of the plant per second of device time, at present.
+        tick_Hz: gives the ticks of the plant per second of device time, at present.
         faults: what goes wrong on the wire.
-        on_hello: called when a host has said hello.
+        on_hello: called when a host has sent a hello.
     """
 
     def __init__(
@@ -112,7 +111,7 @@ class BenchServer:
         self._host_since_s: float | None = None
 
     def run(self, running: Callable[[], bool] = lambda: True, nap_s: float = NAP_S) -> None:
-        """Serve until `running` says no, or until an exception (Ctrl-C) ends it.
+        """Serve until `running` returns False, or until an exception (Ctrl-C) ends it.
 
         Raises:
             BenchtoolError: what runs on the device failed. The motors stand by then, and a host
@@ -122,7 +121,7 @@ class BenchServer:
             try:
                 self.step()
             except BenchtoolError:
-                until_s = self._clock() + LAST_WORDS_S
+                until_s = self._clock() + FAILURE_S
                 while self._clock() < until_s:
                     self.step()
                     time.sleep(nap_s)
@@ -134,7 +133,7 @@ class BenchServer:
         now_s = self._clock()
         answers = self._device.receive(self._link.read(), now_s)
         self._greet()
-        since_s = self._since_hello_s(now_s)
+        since_s = 0.0 if self._host_since_s is None else now_s - self._host_since_s
         self._plug(since_s)
         self.outbox.add(self._faults.carry(answers, since_s))
         passed_s = min(now_s - self._last_s, LONGEST_CATCH_UP_S)
@@ -149,11 +148,8 @@ class BenchServer:
         self._report_dropped()
         self.outbox.flush(self._link.write)
 
-    def _since_hello_s(self, now_s: float) -> float:
-        return 0.0 if self._host_since_s is None else now_s - self._host_since_s
-
     def _greet(self) -> None:
-        """Start the count of what goes wrong anew with every host that says hello."""
+        """Start the count of what goes wrong anew with every hello."""
         if self._device.host_since_s != self._host_since_s:
             self._host_since_s = self._device.host_since_s
             self._dropped_before, self._report_from = self.outbox.dropped, 1

@@ -10,7 +10,7 @@ from benchtool.bench.serial.commands import Reply, SendPlate
 from benchtool.bench.serial.frames import HEARTBEAT
 from benchtool.core.errors import CommandRefused, DeviceStopped, HostPaused, LinkLost
 from benchtool.testing.loopback_link import LoopbackLink
-from benchtool.virtual.faults import Corrupt, Delay, Drop, Fault, LinkFaults, Silence
+from benchtool.virtual.faults import Fault, LinkFaults, fault_from
 from benchtool.virtual.firmware import Firmware
 from tests.wire.still_plant import StillPlant, still_hello
 
@@ -64,7 +64,7 @@ def test_no_read_no_heartbeat_no_thrust() -> None:
             read_on(bench)
 
 
-@pytest.mark.parametrize("fault", [Corrupt(0.0005), Drop(0.0005)])
+@pytest.mark.parametrize("fault", [fault_from("corrupt:p=0.0005"), fault_from("drop:p=0.0005")])
 @pytest.mark.parametrize("seed", range(5))
 def test_a_bad_wire_costs_samples_but_no_command(fault: Fault, seed: int) -> None:
     bench, link = wired(fault, seed=seed)
@@ -86,7 +86,7 @@ def test_a_bad_wire_costs_samples_but_no_command(fault: Fault, seed: int) -> Non
 
 
 def test_a_silence_shorter_than_a_second_is_lived_through() -> None:
-    bench, link = wired(Silence(1.0, 0.6))
+    bench, link = wired(fault_from("silence:at_s=1,for_s=0.6"))
     with bench:
         lost = 0
         while link.now_s < 3.0:
@@ -95,7 +95,7 @@ def test_a_silence_shorter_than_a_second_is_lived_through() -> None:
 
 
 def test_a_longer_one_is_a_lost_link() -> None:
-    bench, link = wired(Silence(1.0, 5.0))
+    bench, link = wired(fault_from("silence:at_s=1,for_s=5"))
     bench.open()
     with pytest.raises(LinkLost, match="sent nothing"):
         read_on(bench)
@@ -103,7 +103,7 @@ def test_a_longer_one_is_a_lost_link() -> None:
 
 
 def test_delayed_bytes_lose_nothing() -> None:
-    bench, link = wired(Delay(1.0, 0.5))
+    bench, link = wired(fault_from("delay:at_s=1,for_s=0.5"))
     with bench:
         while link.now_s < 3.0:
             readings = bench.read(0.1)

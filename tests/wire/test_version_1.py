@@ -9,7 +9,7 @@ from benchtool.bench.serial.bench import SerialBench
 from benchtool.bench.serial.frames import messages_in
 from benchtool.core.errors import HostPaused, ProtocolError
 from benchtool.testing.loopback_link import LoopbackLink
-from benchtool.virtual.faults import Drop, LinkFaults
+from benchtool.virtual.faults import LinkFaults, fault_from
 from benchtool.virtual.firmware import Firmware
 from benchtool.virtual.protocol import DeviceLink
 from tests.wire.still_plant import StillPlant, still_hello
@@ -21,7 +21,7 @@ def wired(
 ) -> tuple[SerialBench, LoopbackLink, Firmware]:
     plant = StillPlant(200.0)
     firmware = Firmware(plant, still_hello(rate_Hz=200.0))
-    faults = LinkFaults([Drop(drop)], np.random.default_rng(seed))
+    faults = LinkFaults([fault_from(f"drop:p={drop}")], np.random.default_rng(seed))
     link = LoopbackLink(VersionOne(firmware, refuses), lambda: plant.rate_Hz, faults)
     return SerialBench(link, "serial:loop", clock=link.clock), link, firmware
 

@@ -7,17 +7,9 @@ import pytest
 
 from benchtool.core.errors import InputError, StageError, UnknownChoice
 from benchtool.virtual.faults import (
-    FAULTS,
-    Corrupt,
-    Delay,
-    Drop,
+    Fault,
     FaultyPlant,
     LinkFaults,
-    OverThrust,
-    RefuseMove,
-    Silence,
-    Stuck,
-    Unplug,
     fault_from,
 )
 from tests.wire.still_plant import StillPlant
@@ -28,12 +20,12 @@ LINE = b"0123456789" * 1000
 @pytest.mark.parametrize(
     ("text", "fault"),
     [
-        ("corrupt:p=0.001", Corrupt(0.001)),
-        ("silence:at_s=12,for_s=1", Silence(12.0, 1.0)),
-        ("unplug", Unplug()),
-        ("stuck:channel=rpm1,at_s=2", Stuck("rpm1", 2.0)),
-        ("over_thrust:thrust_N=50", OverThrust(thrust_N=50.0)),
-        ("refuse_move:", RefuseMove()),
+        ("corrupt:p=0.01", Fault("corrupt", p=0.01)),
+        ("silence:at_s=12,for_s=2", Fault("silence", at_s=12.0, for_s=2.0)),
+        ("unplug", Fault("unplug", at_s=5.0)),
+        ("stuck:channel=rpm1,at_s=2", Fault("stuck", channel="rpm1", at_s=2.0)),
+        ("over_thrust:thrust_N=50", Fault("over_thrust", at_s=5.0, for_s=1.0, thrust_N=50.0)),
+        ("refuse_move:", Fault("refuse_move")),
     ],
 )
 def test_faults_by_name(text: str, fault: object) -> None:
@@ -58,29 +50,25 @@ def test_unknown_faults_list_the_known(text: str, kind: type[InputError], words:
     assert words in str(caught.value)
 
 
-def test_every_fault_has_defaults() -> None:
-    assert all(fault_from(name) == kind() for name, kind in FAULTS.items())
-
-
 def test_bytes_are_lost_and_turned_with_their_probability() -> None:
-    dropped = LinkFaults([Drop(0.1)], np.random.default_rng(1)).carry(LINE, 0.0)
+    dropped = LinkFaults([fault_from("drop:p=0.1")], np.random.default_rng(1)).carry(LINE, 0.0)
     assert 850 * 10 < len(dropped) < 950 * 10
-    turned = LinkFaults([Corrupt(0.1)], np.random.default_rng(1)).carry(LINE, 0.0)
+    turned = LinkFaults([fault_from("corrupt:p=0.1")], np.random.default_rng(1)).carry(LINE, 0.0)
     differing = sum(a != b for a, b in zip(LINE, turned, strict=True))
     assert 850 < differing < 1150
-    again = LinkFaults([Corrupt(0.1)], np.random.default_rng(1)).carry(LINE, 0.0)
+    again = LinkFaults([fault_from("corrupt:p=0.1")], np.random.default_rng(1)).carry(LINE, 0.0)
     assert again == turned
 
 
 def test_silence_swallows_and_delay_delivers_late() -> None:
-    silent = LinkFaults([Silence(1.0, 0.5)])
+    silent = LinkFaults([fault_from("silence:at_s=1,for_s=0.5")])
     assert [silent.carry(b"x", t) for t in (0.9, 1.0, 1.4, 1.5)] == [b"x", b"", b"", b"x"]
-    late = LinkFaults([Delay(1.0, 0.5)])
+    late = LinkFaults([fault_from("delay:at_s=1,for_s=0.5")])
     assert [late.carry(b"%d" % i, 0.9 + 0.3 * i) for i in range(3)] == [b"0", b"", b"12"]
 
 
 def test_the_cable_is_pulled_once_and_put_back() -> None:
-    faults = LinkFaults([Unplug(1.0, 2.0)])
+    faults = LinkFaults([fault_from("unplug:at_s=1,for_s=2")])
     seen = [faults.plugged(t) for t in (0.5, 1.0, 1.5, 3.0, 3.5, 0.0, 1.0)]
     assert seen == [None, False, None, True, None, None, None]
 
@@ -91,7 +79,7 @@ def test_no_fault_changes_nothing() -> None:
 
 
 def test_a_stuck_channel_repeats_its_value_and_adds_none() -> None:
-    plant = FaultyPlant(StillPlant(), [Stuck("thrust_N", at_s=0.02, for_s=0.06)])
+    plant = FaultyPlant(StillPlant(), [fault_from("stuck:at_s=0.02,for_s=0.06")])
     plant.advance(2)
     plant.command_pwm(np.array([1100.0, 1100.0]))
     first = plant.advance(3)[:, 2]
@@ -100,11 +88,17 @@ def test_a_stuck_channel_repeats_its_value_and_adds_none() -> None:
     np.testing.assert_array_equal(first, [2.0, np.nan, 2.0])
     np.testing.assert_array_equal(second, [np.nan, 2.0, np.nan, 10.0, np.nan])
     with pytest.raises(UnknownChoice, match="known: plate_z_m, pwm1_us"):
-        FaultyPlant(StillPlant(), [Stuck("rpm9")])
+        FaultyPlant(StillPlant(), [fault_from("stuck:channel=rpm9")])
 
 
 def test_over_thrust_and_a_stage_that_refuses() -> None:
-    plant = FaultyPlant(StillPlant(), [OverThrust(0.015, 0.02, 100.0), RefuseMove(0.02)])
+    plant = FaultyPlant(
+        StillPlant(),
+        [
+            fault_from("over_thrust:at_s=0.015,for_s=0.02,thrust_N=100"),
+            fault_from("refuse_move:at_s=0.02"),
+        ],
+    )
     plant.command_plate(0.2, 0.0, 0.0)
     np.testing.assert_array_equal(plant.advance(5)[:, 2], [0.0, np.nan, 100.0, np.nan, 0.0])
     with pytest.raises(StageError, match="stage alarm"):
