@@ -34,7 +34,6 @@ def average(values: Array, quantum: float = 0.0) -> Average:
     """Return the average of samples (n,), nan left out.
 
     Args:
-        values: samples at even spacing.
         quantum: resolution of the sensor. Where the samples scatter less than that, their scatter
             says nothing and the error is that of rounding, quantum/sqrt(12).
     """

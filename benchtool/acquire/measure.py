@@ -44,10 +44,7 @@ def shortage(
     """Return which channel of a point lacks samples, in words; "" where none does.
 
     Args:
-        samples: of the span.
         rates_Hz: how often each channel that the point needs should bring a value.
-        seconds: of the span.
-        share: of the values that it needs.
     """
     for name, rate_Hz in rates_Hz.items():
         expected = seconds * rate_Hz
@@ -73,12 +70,7 @@ def measure(
     """Return the point that a visit's samples make.
 
     Args:
-        samples: of the settled span.
-        visit: what was commanded.
         reached_m: plate distance that the stage reported; used where the stream has none.
-        tared: the last tare.
-        scale: how samples become newtons.
-        settled: whether the settling test passed.
         now_s: time of the point where it has no samples.
     """
     place = visit.setting.place

@@ -162,9 +162,6 @@ def expected_duration_s(
     """Return the time that visits in this order will take: s.
 
     Args:
-        plan: resolved.
-        rig: speed and park position of the plate.
-        visits: those that are left.
         place: where the plate stands; None before a sweep, which then begins with a tare.
     """
     total_s = 0.0

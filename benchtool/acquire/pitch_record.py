@@ -11,8 +11,7 @@ import numpy as np
 
 from benchtool.acquire.motors import Motors, run_to_end
 from benchtool.acquire.pitch_experiment import RATE_LIMIT_RAD_S, PitchExperiment, require_pitch
-from benchtool.acquire.progress import RunProgress, SafeProgress
-from benchtool.acquire.record import Recorder
+from benchtool.acquire.record import Recorder, RunProgress, SafeProgress
 from benchtool.bench.bench import Readings
 from benchtool.bench.guard import GuardedBench
 from benchtool.core.counted import counted
@@ -97,9 +96,6 @@ def record_pitch(
     """Record a checked experiment on an open bench, and end it as `run_to_end` says.
 
     Args:
-        bench: open, within its limits.
-        run: its folder, just created.
-        progress: receives events.
         left: called with the seconds that are left, about every second.
 
     Raises:

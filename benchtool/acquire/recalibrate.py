@@ -27,8 +27,6 @@ def recalibrate(run: Run, calibration: Calibration, *, other_device: bool = Fals
     The folder is read like a run: `benchtool fit RUN/recalibrated-ID`.
 
     Args:
-        run: with raw counts.
-        calibration: of the device that recorded the run.
         other_device: take one of another device all the same; the metadata say so.
 
     Raises:

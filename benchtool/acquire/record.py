@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from benchtool.acquire.progress import RunProgress
+from benchtool.acquire.order import Visit
 from benchtool.bench.bench import Readings
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.standstill import Standstill
@@ -15,6 +16,7 @@ from benchtool.core.channel import Channel
 from benchtool.core.errors import BenchtoolError
 from benchtool.core.recording import Recording
 from benchtool.data.run.append import Event
+from benchtool.data.run.points import Point
 from benchtool.data.run.run import Run
 from benchtool.data.run.run_writer import RunWriter
 
@@ -36,7 +38,6 @@ class Recorder:
     """Own the files of a run while it is measured.
 
     Args:
-        progress: receives events.
         start_s: time of the run at which this part of it begins; above 0 for a resumed one.
         before: what a resumed run has counted so far.
     """
@@ -112,9 +113,6 @@ class Recorder:
     def see_standstill(self, at_least_s: float = 0.0) -> Standstill:
         """Read on until the rotors were seen to stand; put samples and what was seen on the disk.
 
-        Args:
-            at_least_s: read on for so long in any case.
-
         Raises:
             RunStopped, ResourceExhausted: they could not be written; after the look.
         """
@@ -177,3 +175,50 @@ class Recorder:
     def close(self) -> None:
         """Close the files."""
         self._writer.close()
+
+
+class RunProgress:
+    """Receive what a run does, and do nothing with it; displays override what they show.
+
+    Calls come from the run's own thread and must return quickly.
+    """
+
+    def started(self, visits: int, done: int, expected_s: float) -> None:
+        """Receive that a sweep of so many visits begins, some of them done already."""
+
+    def visiting(self, visit: Visit) -> None:
+        """Receive that a visit begins."""
+
+    def measured(self, point: Point, remaining_s: float) -> None:
+        """Receive a point that is on the disk, and the time that is left."""
+
+    def happened(self, event: Event) -> None:
+        """Receive an event that is on the disk."""
+
+
+class SafeProgress(RunProgress):
+    """Forward to another progress until it fails (a closed pipe, a terminal that went).
+
+    A run continues when nobody looks; what it measures is on the disk.
+    """
+
+    def __init__(self, watcher: RunProgress | None) -> None:
+        self._watcher = watcher or RunProgress()
+
+    def _forward(self, method: Callable[..., None], *arguments: Any) -> None:
+        try:
+            method(*arguments)
+        except OSError:
+            self._watcher = RunProgress()
+
+    def started(self, visits: int, done: int, expected_s: float) -> None:
+        self._forward(self._watcher.started, visits, done, expected_s)
+
+    def visiting(self, visit: Visit) -> None:
+        self._forward(self._watcher.visiting, visit)
+
+    def measured(self, point: Point, remaining_s: float) -> None:
+        self._forward(self._watcher.measured, point, remaining_s)
+
+    def happened(self, event: Event) -> None:
+        self._forward(self._watcher.happened, event)

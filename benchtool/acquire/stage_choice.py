@@ -36,9 +36,6 @@ def stage_for(
     Args:
         option: `device`, `hand`, or `grbl:PORT?axis=Z&zero_mm=1500&direction=1`; what the device
             and the rig say when left out.
-        bench: open.
-        rig: travel and feed.
-        ask: puts a question to the operator.
     """
     from benchtool.bench.stage.stage import DeviceStage, HandStage, IdleStage, OneSidedStage
 

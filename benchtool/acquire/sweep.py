@@ -14,8 +14,7 @@ from benchtool.acquire.measure import ThrustScale, measure, shortage
 from benchtool.acquire.motors import Motors, rest_if_needed, run_to_end
 from benchtool.acquire.order import PlatePosition, Visit, expected_duration_s, visits_of
 from benchtool.acquire.plan import Plan
-from benchtool.acquire.progress import RunProgress, SafeProgress
-from benchtool.acquire.record import LinkQuality, Recorder
+from benchtool.acquire.record import LinkQuality, Recorder, RunProgress, SafeProgress
 from benchtool.acquire.tare import Tared, drift_text, tare, tare_point
 from benchtool.bench.bench import Readings
 from benchtool.bench.guard import GuardedBench
@@ -43,10 +42,8 @@ class Start:
     """Say where a sweep begins: at the start, or behind what a resumed run has on disk.
 
     Attributes:
-        done: numbers of the visits that have their points.
         time_s: time of the run at which this part begins.
         unsettled, tares: how many of the visits that are done, and how many tares.
-        link: what was counted so far.
     """
 
     done: frozenset[int] = frozenset()
@@ -83,10 +80,7 @@ def run_sweep(
     """Run a resolved and checked plan on an open bench, and end it as `run_to_end` says.
 
     Args:
-        bench: open, within its limits.
-        stage: moves the plate, open.
         plan: resolved for the rig.
-        run: its folder, created or reopened.
         calibration: applied to raw counts in points.csv; samples.csv stores what the device sent.
         start: where a resumed run goes on.
         waits: called before every visit; while it returns True, motors stand still and the bench
@@ -109,46 +103,44 @@ def run_sweep(
     return run_to_end(sweep.recorder, sweep.motors, sweep.visit_all, sweep.summarise, stage.hold)
 
 
+@dataclass
 class _Sweep:
     """Hold what one sweep remembers between its visits."""
 
-    def __init__(
-        self,
-        bench: GuardedBench,
-        stage: PlateStage,
-        plan: Plan,
-        rig: Rig,
-        run: Run,
-        progress: RunProgress,
-        calibration: Calibration | None,
-        start: Start,
-        waits: Callable[[], bool],
-    ) -> None:
-        self._bench, self._stage, self._plan, self._rig = bench, stage, plan, rig
-        self._run, self._progress, self._start = run, progress, start
-        self._calibration, self._waits = calibration, waits
-        self.recorder = Recorder(bench, run, progress, start.time_s, start.link)
-        self.motors = Motors(self.recorder, rig)
+    bench: GuardedBench
+    stage: PlateStage
+    plan: Plan
+    rig: Rig
+    run: Run
+    progress: RunProgress
+    calibration: Calibration | None
+    start: Start
+    waits: Callable[[], bool]
+
+    def __post_init__(self) -> None:
+        start = self.start
+        self.recorder = Recorder(self.bench, self.run, self.progress, start.time_s, start.link)
+        self.motors = Motors(self.recorder, self.rig)
         self._first_anchor: Point | None = None
         self._place: PlatePosition | None = None
         self._reached_m = nan
-        self._plate = PlateCheck(bench.identity.channels, rig)
+        self._plate = PlateCheck(self.bench.identity.channels, self.rig)
         self._last: Point | None = None
         self._tared: Tared | None = None
         self._measured, self._failed = len(start.done), 0
         self._unsettled, self._tares = start.unsettled, start.tares
-        sensor = rig.sensors.get("thrust_N")
+        sensor = self.rig.sensors.get("thrust_N")
         self._quantum_N = sensor.quantum if sensor else 0.0
 
     def visit_all(self) -> None:
-        visits = visits_of(self._plan, self._rig)
-        left = [visit for visit in visits if visit.point not in self._start.done]
-        left_s = expected_duration_s(self._plan, self._rig, left)
-        self._progress.started(len(visits), len(visits) - len(left), left_s)
+        visits = visits_of(self.plan, self.rig)
+        left = [visit for visit in visits if visit.point not in self.start.done]
+        left_s = expected_duration_s(self.plan, self.rig, left)
+        self.progress.started(len(visits), len(visits) - len(left), left_s)
         self._say_plate()
         for index, visit in enumerate(left):
             self._wait()
-            self._progress.visiting(visit)
+            self.progress.visiting(visit)
             point = self._visit(visit)
             self.recorder.append_point(point)
             self.recorder.sync()
@@ -156,48 +148,48 @@ class _Sweep:
             if point.kind != "failed":
                 self._measured += 1
                 self._unsettled += not point.settled
-            left_s = expected_duration_s(self._plan, self._rig, left[index + 1 :], self._place)
-            self._progress.measured(point, left_s)
+            left_s = expected_duration_s(self.plan, self.rig, left[index + 1 :], self._place)
+            self.progress.measured(point, left_s)
             if point.kind == "anchor":
-                if why := drift_text(self._first_anchor, point, self._plan.tare.drift_N):
+                if why := drift_text(self._first_anchor, point, self.plan.tare.drift_N):
                     self.recorder.note("drift", why, visit.point)
                     self._tared = None
                 self._first_anchor = self._first_anchor or point
 
     def _wait(self) -> None:
-        if not self._waits():
+        if not self.waits():
             return
-        self.motors.stand_still(self._plan.tare.stop_timeout_s, "rest")
+        self.motors.stand_still(self.plan.tare.stop_timeout_s, "rest")
         self.recorder.note("paused", "paused; motors at zero")
         begun_s = self.recorder.now_s
-        while self._waits():
+        while self.waits():
             self.recorder.read("rest")
         self.recorder.note("went_on", f"went on after {self.recorder.now_s - begun_s:.0f} s")
 
     def _visit(self, visit: Visit) -> Point:
         self._tare_if_due()
-        rest_if_needed(self.recorder, self.motors, self._plan.rest, self._last)
+        rest_if_needed(self.recorder, self.motors, self.plan.rest, self._last)
         self._go_to(visit.setting.place)
         pulses_us = np.array(visit.setting.pwm_us)
-        self.motors.ramp_to(pulses_us, self._plan.throttle.ramp_s, "ramp", visit.point)
+        self.motors.ramp_to(pulses_us, self.plan.throttle.ramp_s, "ramp", visit.point)
         assert self._tared is not None
         for attempt in range(1, TRIES + 1):
             settled = self._settle(visit)
-            samples = self.recorder.collect("sample", self._plan.sample_s, visit.point)
+            samples = self.recorder.collect("sample", self.plan.sample_s, visit.point)
             short = shortage(
-                samples, self._rates_Hz(visit), self._plan.sample_s, self._plan.sample_share
+                samples, self._rates_Hz(visit), self.plan.sample_s, self.plan.sample_share
             )
             if not short:
                 break
             then = "measured again" if attempt < TRIES else "marked as failed"
             self.recorder.note("few_samples", f"point {visit.point}: {short}; {then}", visit.point)
-        scale = ThrustScale(self._calibration, self._tared.zero_counts, self._quantum_N)
+        scale = ThrustScale(self.calibration, self._tared.zero_counts, self._quantum_N)
         now_s = self.recorder.now_s
         point = measure(samples, visit, self._reached_m, self._tared, scale, settled, now_s)
         if short:
             self._failed += 1
             return replace(point, kind="failed", settled=False)
-        more_m = self._stage.measures_to_m
+        more_m = self.stage.measures_to_m
         if problem := self._plate.crept(self._reached_m, point.plate_read_z_m, more_m):
             raise problem
         return point
@@ -205,11 +197,11 @@ class _Sweep:
     def _rates_Hz(self, visit: Visit) -> dict[str, float]:
         """Return how often each channel that a visit needs should bring a value."""
         assert self._tared is not None
-        identity = self._bench.identity
+        identity = self.bench.identity
         names = [channel.name for channel in identity.channels]
         # Where the device does not say, thrust comes as often as in the last tare.
         stated_Hz = dict(zip(names, identity.channel_rates_Hz, strict=False))
-        seen_Hz = self._tared.rest_N.n / self._plan.tare.seconds
+        seen_Hz = self._tared.rest_N.n / self.plan.tare.seconds
         rates_Hz = {"thrust_N": stated_Hz.get("thrust_N", seen_Hz)}
         for rotor in np.flatnonzero(visit.setting.pwm_us > self.motors.stop_us) + 1:
             if f"rpm{rotor}" in stated_Hz:
@@ -218,9 +210,9 @@ class _Sweep:
 
     def _say_plate(self) -> None:
         """Put on the disk what moves the plate, and whether anything measures where it stands."""
-        by_hand = self._stage.facts["stage"] == "hand"
-        facts = dict(self._stage.facts) | {"measured": self._plate.measured}
-        self._run.update_metadata(plate=facts | {"tolerance_m": self._plate.tolerance_m})
+        by_hand = self.stage.facts["stage"] == "hand"
+        facts = dict(self.stage.facts) | {"measured": self._plate.measured}
+        self.run.update_metadata(plate=facts | {"tolerance_m": self._plate.tolerance_m})
         if remark := facts.get("remark"):
             self.recorder.note("plate", str(remark))
         if not self._plate.measured:
@@ -229,14 +221,14 @@ class _Sweep:
             self.recorder.note("plate", text)
 
     def _tare_if_due(self) -> None:
-        every_s = 60.0 * self._plan.tare.every_minutes
+        every_s = 60.0 * self.plan.tare.every_minutes
         if self._tared is not None:
             age_s = self.recorder.now_s - self._tared.time_s
             if not every_s or age_s < every_s:
                 return
-        self._tared = tare(self.recorder, self.motors, self._plan.tare, self._rig)
+        self._tared = tare(self.recorder, self.motors, self.plan.tare, self.rig)
         self._tares += 1
-        self.recorder.append_point(tare_point(self._tared, self._rig.n_rotors))
+        self.recorder.append_point(tare_point(self._tared, self.rig.n_rotors))
 
     def _go_to(self, place: PlatePosition) -> None:
         if place == self._place:
@@ -245,22 +237,22 @@ class _Sweep:
         def pause(seconds: float) -> None:
             self.recorder.collect("move", seconds)
 
-        self.motors.stand_still(self._plan.tare.stop_timeout_s, "move")
-        self._reached_m = self._stage.move(place.z_m, place.x_m, radians(place.tilt_deg), pause)
+        self.motors.stand_still(self.plan.tare.stop_timeout_s, "move")
+        self._reached_m = self.stage.move(place.z_m, place.x_m, radians(place.tilt_deg), pause)
         self.recorder.collect("move", CALM_S)
         self._place = place
 
     def _settle(self, visit: Visit) -> bool:
         """Wait until thrust and speeds have settled; say so when they do not in time."""
-        plan, recorder = self._plan.settle, self.recorder
+        plan, recorder = self.plan.settle, self.recorder
         driven = np.flatnonzero(visit.setting.pwm_us > self.motors.stop_us)
         names = ["thrust_N", *(f"rpm{rotor + 1}" for rotor in driven)]
         parts: list[Readings] = []
-        begun_s = self._bench.now_s()
+        begun_s = self.bench.now_s()
         checked_s = begun_s
         while True:
             parts.append(recorder.read("settle", visit.point))
-            now_s = self._bench.now_s()
+            now_s = self.bench.now_s()
             if now_s - checked_s >= SETTLE_CHECK_S and now_s - begun_s >= plan.window_s:
                 checked_s = now_s
                 seen = recorder.joined(parts)

@@ -37,9 +37,8 @@ class MapInputs(Inputs):
 def map_motors(inputs: MapInputs) -> None:
     """Turn each motor of a flight controller alone, slowly, and write down what it drives."""
     from benchtool.acquire.arming import CONFIRMATION
-    from benchtool.acquire.bench_check import low_throttle_us
+    from benchtool.acquire.bench_check import learn_motors, low_throttle_us
     from benchtool.acquire.inputs import rig_for
-    from benchtool.acquire.learn_motors import learn_motors
     from benchtool.bench.drivers import open_bench, parse_address
     from benchtool.bench.guard import GuardedBench
     from benchtool.commands.terminal.announce_code import announce_code

@@ -48,9 +48,7 @@ class MotorOrders(ABC):
 
     Attributes:
         outputs: (n_rotors,) output of each motor, from 1.
-        n_outputs: how many outputs are motors', whether or not one hangs there.
         lacks: numbers of the messages that it does not have.
-        parameters: by name.
         safe: whether a safety switch holds every output without a pulse.
         texts: what it reports of its motors, until it is taken.
     """

@@ -44,7 +44,6 @@ class StandReadings:
     """Turn rows of a plant into the GUI's results; every channel holds its last value.
 
     Args:
-        names: (c,) channels of a row.
         speed: stand seconds per wall second.
     """
 

@@ -147,11 +147,8 @@ def pitch_plant(
 
     Args:
         truth: model or its file; the rig's own pitch model when None.
-        controller: a built-in one, by name; or what `own` is called.
         rate_Hz: stream rate; the control rate when None.
         own: class of the user's own controller; its rate is that of the gains.
-        hidden: effects as `with_hidden` takes them; none when empty.
-        change: gives the job with other numbers.
         permit: called with the file of a truth's own effects before it is run.
     """
     usual = f"pitch_{rig.name}"

@@ -104,7 +104,6 @@ class Firmware:
 
     Args:
         hello: what the device says of itself; its limits hold from the start.
-        now_s: wall time at power-up.
     """
 
     def __init__(self, plant: Plant, hello: Hello, now_s: float = 0.0) -> None:

@@ -48,7 +48,6 @@ class VirtualGrbl:
     Attributes:
         position_mm: of each axis, as the board counts it.
         hardware: switches, buttons, lost steps.
-        code: modes and offsets.
         startup: line of G-code that it obeys by itself after homing.
 
     Args:

@@ -221,7 +221,6 @@ class CodeState:
         """Take a block and return target of each axis and feed of its move, None without one.
 
         Args:
-            block: any but a dwell.
             present_mm: where the moves before it end.
 
         Raises:

@@ -61,11 +61,7 @@ class StageMotion:
         return True
 
     def advance(self, left_s: float, override: float = 1.0, *, holding: bool = False) -> float:
-        """Move on for at most so long and return the time that is left over: s.
-
-        Args:
-            holding: slow down and stand.
-        """
+        """Move on for at most so long and return the time that is left over: s."""
         while left_s > 0.0 and not self.done and not (holding and self.speed_mm_s == 0.0):
             dt_s = min(left_s, STEP_S)
             left_mm = self._length_mm - self._gone_mm

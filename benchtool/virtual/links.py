@@ -258,7 +258,6 @@ class UdpLink(ServerLink):
     """Carry frames in datagrams, whole ones only.
 
     Args:
-        host: to send to, or to listen on.
         listen: True waits for a host; False sends to it from the start, as autopilots do.
         fitting: how many bytes of data, from an index in it, go into one datagram.
     """

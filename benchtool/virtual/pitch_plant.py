@@ -57,7 +57,6 @@ class PitchBenchPlant:
     """Be a pitch bench with its controller, advanced tick by tick.
 
     Args:
-        job: bench and built-in controller.
         schedule: what the controller follows from the moment of arming on.
         seed: of the noise; the n-th arming (from 0) has the noise of run n, as `simulate_pitch`.
         rate_Hz: stream rate, the control rate over a whole number; the control rate when None.

@@ -315,10 +315,3 @@ def test_the_json_beside_a_recording(said: Said, tmp_path: Path, change: dict[st
     code, err = said("report", "r.csv", "--out", "o.html")
     assert code == 2
     assert next(iter(change)) in err
-
-
-def test_a_source_that_is_no_text_counts_as_none(said: Said, tmp_path: Path) -> None:
-    (tmp_path / "rig.toml").write_text("x = { value = 1.0, source = 2.0 }\n")
-    code, err = said("rigs", "rig.toml")
-    assert code == 2
-    assert "x has no source" in err

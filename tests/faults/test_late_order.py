@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.faults.loop import Outcome, plan, sweep
+from tests.faults.loop import Outcome, World, plan, sweep
 from tests.faults.proxy import Fault
 
 
@@ -55,3 +55,61 @@ def test_a_line_with_a_round_trip_of_300_ms_is_driven(tmp_path: Path) -> None:
     assert slow.hit > 500
     assert outcome.code == 0, outcome.said
     assert len(outcome.points()) == 1
+
+
+@pytest.mark.parametrize("phase", ["ramping", "sampling"])
+def test_a_host_that_was_suspended_says_so(tmp_path: Path, phase: str) -> None:
+    paused_s: list[float] = []
+
+    def pause(world: World) -> None:
+        """Let everything but the host go on for two seconds, as SIGSTOP does."""
+        begun_s = world.proxy.seen.phases.get(phase)
+        if not paused_s and begun_s is not None and world.now_s > begun_s + 0.02:
+            paused_s.append(world.now_s)
+            world.wait(2.0)
+
+    outcome = sweep(tmp_path, plan(sample_s=30.0), [], hooks=[pause])
+    assert paused_s
+    assert outcome.code == 5
+    last = outcome.said.strip().splitlines()[-1]
+    assert "this computer did not run benchtool for 2.0 s" in last
+    assert "rpm1" not in last
+    assert "did not run benchtool" in outcome.metadata["reason"]
+    # Motors stood by the device's watchdog, and no order turned them again.
+    assert not outcome.orders_to_turn_after(paused_s[0] + 0.3)
+
+
+def test_a_pause_with_motors_at_zero_ends_nothing(tmp_path: Path) -> None:
+    paused_s: list[float] = []
+
+    def pause(world: World) -> None:
+        begun_s = world.proxy.seen.phases.get("tare")
+        if not paused_s and begun_s is not None and world.now_s > begun_s + 0.02:
+            paused_s.append(world.now_s)
+            world.wait(0.6)
+
+    outcome = sweep(tmp_path, plan(), [], hooks=[pause])
+    assert paused_s
+    assert outcome.code == 0, outcome.said
+
+
+@pytest.mark.parametrize("paused_s", [0.252, 0.26, 0.3])
+def test_a_stop_by_the_watchdog_blames_neither_motor_nor_channel(
+    tmp_path: Path, paused_s: float
+) -> None:
+    """Samples of motors that stand arrive together with the device's word that it stopped them."""
+    begun: list[float] = []
+
+    def pause(world: World) -> None:
+        sampling_s = world.proxy.seen.phases.get("sampling")
+        if not begun and sampling_s is not None and world.now_s > sampling_s + 0.02:
+            begun.append(world.now_s)
+            world.wait(paused_s)
+
+    outcome = sweep(tmp_path, plan(sample_s=30.0), [], hooks=[pause])
+    assert begun
+    assert outcome.code in (4, 5), outcome.said
+    last = outcome.said.strip().splitlines()[-1]
+    assert "watchdog: no line for" in last or "this computer did not run benchtool" in last
+    assert "not seen to stand" not in last
+    assert not outcome.orders_to_turn_after(begun[0] + 0.3)

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import signal
+import socket
 import subprocess
+import sys
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,6 +18,7 @@ import pytest
 
 from benchtool.acquire.order import visits_of
 from benchtool.acquire.plan import plan_from_toml
+from benchtool.bench.serial.frames import frame
 from benchtool.core.rig_file import rig_named
 from benchtool.data.columns import code_of
 from benchtool.data.run.append import read_events
@@ -162,22 +167,43 @@ def test_doctor_names_the_sweep_that_holds_the_port(
     assert f"(pid {process.pid})" in looked.stdout
 
 
-def test_a_link_to_nowhere_is_refused_in_one_sentence(environment: dict[str, str]) -> None:
-    ended = command(["bench", "serve", "--symlink", "/nope/x"], environment)
-    assert ended.returncode == 2
-    assert "--symlink /nope/x cannot be made (No such file or directory)" in ended.stderr
-    assert ended.stderr.count("\n") == 1
+WORDS = ["--rig", "pquad_single", "--z-over-r", "1", "--pwm", "1450", "--repeats", "1", "--yes"]
 
 
-@pytest.mark.real_time(deadline_s=0.1)
-def test_a_second_sweep_on_the_port_is_refused(
-    tmp_path: Path, served: str, environment: dict[str, str]
-) -> None:
-    process = begin(served, tmp_path / "first", environment, points=1)
-    out = tmp_path / "second"
-    second = command(["sweep", served, *SMALL, "--yes", "--out", str(out)], environment)
-    assert second.returncode == 3
-    assert str(process.pid) in second.stderr
-    assert not out.exists()
-    code, _ = end(process, signal.SIGTERM)
-    assert code == 5
+@pytest.mark.skipif(os.name != "posix", reason="needs SIGTERM")
+@pytest.mark.parametrize("said", [b"noise\n", frame(b"H,0,protocol,2"), frame(b"H,speed,-1")])
+def test_sigterm_ends_a_host_that_waits_for_the_hello(tmp_path: Path, said: bytes) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1]
+        words = ["sweep", f"tcp:127.0.0.1:{port}", *WORDS, "--out", "run"]
+        with subprocess.Popen(
+            [sys.executable, "-m", "benchtool", *words],
+            cwd=tmp_path,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        ) as host:
+            try:
+                server.settimeout(60.0)
+                connection, _ = server.accept()
+                ended = threading.Event()
+                with connection:
+                    pouring = threading.Thread(target=pour, args=(connection, said, ended))
+                    pouring.start()
+                    assert connection.recv(100)  # the host asks
+                    host.send_signal(signal.SIGTERM)
+                    code = host.wait(5.0)
+                    ended.set()
+                    pouring.join(5.0)
+            finally:
+                host.kill()
+    assert code != 0
+    assert not (tmp_path / "run").exists()
+
+
+def pour(connection: socket.socket, said: bytes, ended: threading.Event) -> None:
+    """Say the same for ever."""
+    while not ended.wait(0.01):
+        try:
+            connection.sendall(said)
+        except OSError:
+            return

@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchtool.acquire.bench_check import CheckResult, check_bench
-from benchtool.acquire.learn_motors import learn_motors
+from benchtool.acquire.bench_check import CheckResult, check_bench, learn_motors
 from benchtool.bench.bench import Readings
 from benchtool.bench.mavlink.bench import MavlinkBench
 from benchtool.bench.mavlink.drive import kind_of_text

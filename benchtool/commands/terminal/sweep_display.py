@@ -12,7 +12,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 from rich.table import Table
 
 from benchtool.acquire.order import Visit, minutes
-from benchtool.acquire.progress import RunProgress
+from benchtool.acquire.record import RunProgress
 from benchtool.data.run.append import Event
 from benchtool.data.run.points import Point
 

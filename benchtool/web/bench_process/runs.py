@@ -19,7 +19,7 @@ from benchtool.acquire.new_run import new_pitch_run, new_run
 from benchtool.acquire.order import Visit
 from benchtool.acquire.pitch_experiment import expected_on
 from benchtool.acquire.pitch_record import record_pitch, summary_line
-from benchtool.acquire.progress import RunProgress
+from benchtool.acquire.record import RunProgress
 from benchtool.acquire.resume import prepare, require_same_device, unfinished
 from benchtool.acquire.stage_choice import stage_for
 from benchtool.acquire.sweep import Start, run_sweep

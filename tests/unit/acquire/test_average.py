@@ -4,6 +4,9 @@ import numpy as np
 import pytest
 
 from benchtool.acquire.average import average, is_settled, slope_of, statistical_inefficiency
+from benchtool.acquire.measure import shortage
+from benchtool.core.channel import Channel
+from benchtool.core.recording import Recording
 
 
 def autoregressive(rng: np.random.Generator, shape: tuple[int, int], rho: float) -> np.ndarray:
@@ -64,6 +67,8 @@ def test_settled_needs_a_whole_window_and_every_channel() -> None:
     assert not is_settled(time_s[:50], [flat[:50]], 1.0, 0.002)
     assert not is_settled(time_s, [flat, falling], 1.0, 0.002)
     assert not is_settled(np.empty(0), [np.empty(0)], 1.0, 0.002)
+    assert not is_settled(time_s, [np.full(150, np.nan)], 1.0, 0.002)
+    assert not is_settled(time_s, [], 1.0, 0.002)
 
 
 def test_an_exponential_settles_when_its_slope_has_gone() -> None:
@@ -76,3 +81,29 @@ def test_an_exponential_settles_when_its_slope_has_gone() -> None:
     ]
     # 8 exp(-t/0.5) falls to 0.02 per s at t = 3.0 s, in the middle of the window.
     assert 3.0 < settled[0] < 4.5
+
+
+def span(thrust_values: int, rpm_values: int) -> Recording:
+    rows = np.full((200, 2), np.nan)
+    rows[:thrust_values, 0], rows[:rpm_values, 1] = 1.0, 4500.0
+    return Recording((Channel("thrust_N", "N"), Channel("rpm1", "rpm")), rows)
+
+
+@pytest.mark.parametrize(
+    ("thrust", "rpm", "said"),
+    [
+        (160, 200, ""),
+        (127, 200, ""),  # one below 80 %: the span may begin just behind a value
+        (126, 200, "126 of 160 samples of thrust_N came, at least 80 % are needed"),
+        (0, 200, "0 of 160 samples of thrust_N"),
+        (160, 40, "40 of 200 samples of rpm1"),
+    ],
+)
+def test_a_point_needs_its_share(thrust: int, rpm: int, said: str) -> None:
+    text = shortage(span(thrust, rpm), {"thrust_N": 80.0, "rpm1": 100.0}, 2.0, 0.8)
+    assert text.startswith(said)
+    assert bool(text) == bool(said)
+
+
+def test_a_channel_that_never_had_a_value_is_short_whatever_its_rate() -> None:
+    assert "0 of 0 samples of thrust_N" in shortage(span(0, 0), {"thrust_N": 0.0}, 2.0, 0.8)

@@ -1,18 +1,21 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from datetime import date
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from benchtool.acquire.arming import remember_check, require_unattended
+from benchtool.acquire.arming import arming_warnings, remember_check, require_unattended
 from benchtool.acquire.bench_check import check_bench
 from benchtool.bench.bench import Readings
 from benchtool.bench.drivers import open_bench
+from benchtool.bench.serial.hello import UNPROTECTED
 from benchtool.core.errors import BenchError, InputError
 from benchtool.core.rig_file import rig_named
 from tests.unit.acquire.fake_bench import FakeBench
+from tests.wire.still_plant import still_hello
 
 QUAD = rig_named("pquad")
 
@@ -96,3 +99,19 @@ def test_unattended_needs_a_check_of_the_same_day(
         require_unattended(identity, rig_named("pquad"), today)
     with open_bench("sim:pquad") as bench:
         require_unattended(bench.identity, rig_named("pquad_single"), today)
+
+
+def test_what_makes_a_bench_more_dangerous_is_named() -> None:
+    rig = rig_named("pquad")
+    hello = replace(still_hello(version=1), simulated=False)
+    unprotected, unseen, unwatched = arming_warnings(hello.identity("serial:x", 100.0), rig)
+    assert unprotected == UNPROTECTED
+    assert "will not be seen to stand" in unseen
+    assert unwatched.startswith("no channel brings ")
+
+
+def test_a_simulated_bench_that_measures_all_needs_no_warning() -> None:
+    identity = replace(still_hello(), simulated=True).identity("sim:", 100.0)
+    speeds = [replace(identity.channels[0], name=f"rpm{i}") for i in range(1, 5)]
+    seen = replace(identity, channels=(*identity.channels, *speeds))
+    assert arming_warnings(seen, rig_named("pquad")) == ()

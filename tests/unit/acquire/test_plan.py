@@ -11,9 +11,7 @@ import pytest
 from benchtool.acquire.check_plan import check_plan, expected_extremes
 from benchtool.acquire.order import (
     expected_duration_s,
-    least_duration_s,
     settings_of,
-    visit_s,
     visits_of,
 )
 from benchtool.acquire.plan import Plan, plan_from_toml, plan_to_toml
@@ -72,13 +70,6 @@ def test_repeats_are_those_of_the_study() -> None:
 def test_malformed_plans_are_refused(text: str, kind: type[Exception], words: str) -> None:
     with pytest.raises(kind, match=words):
         plan_from_toml(text, "plan.toml")
-
-
-def test_the_same_seed_gives_the_same_order_and_another_one_another() -> None:
-    plan = plan_from_toml("[order]\nseed = 3", "plan").resolved(QUAD)
-    assert visits_of(plan, QUAD) == visits_of(plan, QUAD)
-    other = replace(plan, order=replace(plan.order, seed=4))
-    assert visits_of(plan, QUAD) != visits_of(other, QUAD)
 
 
 @pytest.mark.parametrize("kind", ["randomised", "counterbalanced", "as_given"])
@@ -188,12 +179,3 @@ def test_no_number_of_a_plan_may_be_nan_however_it_was_made() -> None:
     for part, change in spoiled:
         with pytest.raises(InputError, match=f"{next(iter(change))} (is|names) nan"):
             replace(part, **change)
-
-
-def test_the_least_duration_is_below_what_is_expected() -> None:
-    plan = Plan().resolved(QUAD)
-    visits = visits_of(plan, QUAD)
-    planned = [visit for visit in visits if visit.kind != "anchor"]
-    least_s = least_duration_s(plan, QUAD)
-    assert least_s == pytest.approx(len(planned) * visit_s(plan))
-    assert least_s < expected_duration_s(plan, QUAD, visits)

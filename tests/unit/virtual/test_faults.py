@@ -73,11 +73,6 @@ def test_the_cable_is_pulled_once_and_put_back() -> None:
     assert seen == [None, False, None, True, None, None, None]
 
 
-def test_no_fault_changes_nothing() -> None:
-    assert LinkFaults().carry(LINE, 3.0) == LINE
-    assert LinkFaults().plugged(3.0) is None
-
-
 def test_a_stuck_channel_repeats_its_value_and_adds_none() -> None:
     plant = FaultyPlant(StillPlant(), [fault_from("stuck:at_s=0.02,for_s=0.06")])
     plant.advance(2)

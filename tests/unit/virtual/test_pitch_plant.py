@@ -25,9 +25,10 @@ from benchtool.core.errors import (
 )
 from benchtool.core.rig_file import rig_named
 from benchtool.core.units import unit_named
+from benchtool.physics.model_file import load_model
 from benchtool.simulate.controllers.controller import PitchCommand, PitchMeasurement, PitchReference
 from benchtool.simulate.pitch.simulate import simulate_pitch
-from benchtool.virtual.devices import pitch_hello, pitch_plant
+from benchtool.virtual.devices import EXAMPLE, pitch_hello, pitch_plant, with_hidden
 from benchtool.virtual.firmware import Firmware
 from benchtool.virtual.pitch_plant import PitchBenchPlant
 
@@ -117,16 +118,6 @@ def test_pulses_at_idle_go_straight_to_the_motors() -> None:
     assert abs(np.nanmean(column(values[-200:], "rpm2"))) < 5.0
 
 
-def test_more_collective_turns_the_rotors_faster() -> None:
-    _, device = started()
-    device.execute(pulses(1400.0), 0.0)
-    slow = np.nanmean(column(device.advance(500, 0.0).values[250:], "rpm2"))
-    device.execute(pulses(1600.0), 0.0)
-    fast = np.nanmean(column(device.advance(500, 0.0).values[250:], "rpm2"))
-    assert slow == pytest.approx(350.0 * 1.05 * 30.0 / np.pi, rel=0.01)
-    assert fast == pytest.approx(550.0 * 1.05 * 30.0 / np.pi, rel=0.01)
-
-
 def test_behind_its_end_a_schedule_holds() -> None:
     plant, device = started(schedule="steps")
     device.execute(pulses(hover_us()), 0.0)
@@ -154,16 +145,6 @@ def test_an_angle_beyond_its_limit_stops_the_motors_and_the_catch_brings_the_bea
     assert np.nanmax(column(values[-100:], "rpm1")) < 60.0
     device.execute(Clear(), 0.0)
     assert device.execute(pulses(hover_us()), 0.0).ok
-
-
-def test_silence_stops_the_motors() -> None:
-    plant, device = started()
-    device.execute(pulses(hover_us()), 0.0)
-    device.advance(50, 0.2)
-    assert plant.armed
-    device.advance(1, 0.26)
-    assert [event.kind for event in device.take_events()] == ["watchdog"]
-    assert not plant.armed
 
 
 def test_the_plate_is_moved_at_idle_alone_and_acts() -> None:
@@ -322,3 +303,35 @@ def test_a_controller_that_raises_stops_the_motors_and_says_where() -> None:
     values = device.advance(500, 0.0).values
     assert (column(values, "pwm1_us") == 1000.0).all()
     assert not device.execute(pulses(hover_us()), 0.0).ok
+
+
+def test_numbers_are_changed_and_effects_added() -> None:
+    model = load_model("pitch_beam").model
+    hides = with_hidden(model, f"{EXAMPLE},gyro_bias.bias_rad_s:-0.02")
+    assert hides.parameters["coulomb_friction.torque_Nm"].value == 0.012
+    assert hides.parameters["gyro_bias.bias_rad_s"].value == -0.02
+    assert "gyro_bias.bias_rad_s" not in model.parameters
+
+
+def test_the_plant_of_a_device_has_it() -> None:
+    plant = pitch_plant(rig_named("beam"), gains="stiff", hidden=EXAMPLE)
+    assert plant.job.bench.model.parameters["coulomb_friction.torque_Nm"].value == 0.012
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("coulomb.torque_Nm:1", "unknown effect 'coulomb'"),
+        ("coulomb_friction.torque:1", "unknown parameter of effect 'coulomb_friction' 'torque'"),
+        ("coulomb_friction.torque_Nm", "ends in no number; write for example"),
+        ("coulomb_friction.torque_Nm:-1", "outside its bounds"),
+    ],
+)
+def test_what_cannot_be_hidden_is_refused(text: str, said: str) -> None:
+    with pytest.raises(BenchtoolError, match=said):
+        open_bench(f"sim:beam?mode=pitch&hidden={text}")
+
+
+def test_a_thrust_bench_hides_nothing() -> None:
+    with pytest.raises(InputError, match="is for mode=pitch"):
+        open_bench(f"sim:pquad?hidden={EXAMPLE}")
