@@ -78,6 +78,10 @@ class Input:
     hidden: bool = False
 
 
+NO_INPUT = Input("")
+"""Of a field that only a file may give."""
+
+
 class Inputs(FiniteTable):
     """Mark a dataclass of inputs: what it is made with is checked against the fields' types.
 
@@ -216,7 +220,7 @@ def _item(field: Any, hint: Any) -> Item:
 
     kind = plain(hint)
     declared = Annotated[(kind, *metadata)] if metadata else kind
-    about = next((each for each in metadata if isinstance(each, Input)), Input(""))
+    about = next((each for each in metadata if isinstance(each, Input)), NO_INPUT)
     many, count = get_origin(kind) is tuple, None
     if many:
         parts = get_args(kind)
@@ -271,7 +275,7 @@ def _walk(cls: Any, prefix: str) -> Iterator[Item]:
     for item in _fields_of(cls):
         if item.is_part:
             yield from _walk(item.kind, f"{prefix}{item.key}.")
-        elif item.about.help:
+        elif item.about is not NO_INPUT:
             yield replace(item, key=f"{prefix}{item.key}")
 
 

@@ -19,7 +19,14 @@ from benchtool.virtual.grbl_code import (
     block_of,
     cleaned,
 )
-from benchtool.virtual.grbl_motion import Homing, StageHardware, StageMotion, homing
+from benchtool.virtual.grbl_motion import (
+    Homing,
+    StageHardware,
+    StageMotion,
+    homing,
+    queue_move,
+    run_moves,
+)
 
 BANNER = "\r\nGrbl 1.1h ['$' for help]"
 LOCKED = "[MSG:'$H'|'$X' to unlock]"
@@ -33,9 +40,7 @@ ALARM_S = 0.5
 BOOT_S = 0.03
 """From a reset to the banner."""
 
-PLANNER_BLOCKS, BUFFER_BYTES = 15, 128
-
-INCHES = 13
+BUFFER_BYTES, INCHES = 128, 13
 
 HARD, SOFT, ABORTED, HOMING_ABORTED = 1, 2, 3, 6
 
@@ -47,14 +52,13 @@ class VirtualGrbl:
 
     Attributes:
         position_mm: of each axis, as the board counts it.
-        hardware: switches, buttons, lost steps.
         startup: line of G-code that it obeys by itself after homing.
 
     Args:
         travel_mm: of each axis; that of the settings where left out.
         at_mm: where Z stands when the power comes on.
         settings: others than those of the stage that was recorded.
-        hardware: switches as they are when the power comes on.
+        hardware: switches, buttons and lost steps when the power comes on.
     """
 
     def __init__(
@@ -117,14 +121,14 @@ class VirtualGrbl:
     @property
     def state(self) -> str:
         """Idle, Run, Jog, Hold:1 (slowing down), Hold:0, Home, Check, Sleep or Alarm."""
-        if self._homing is not None:
-            return "Home"
-        if self._asleep:
-            return "Sleep"
-        if self._locked or self._alarm is not None:
-            return "Alarm"
-        if self._checking:
-            return "Check"
+        for name, holds in (
+            ("Home", self._homing),
+            ("Sleep", self._asleep),
+            ("Alarm", self._locked or self._alarm),
+            ("Check", self._checking),
+        ):
+            if holds:
+                return name
         if self._holding:
             return f"Hold:{int(self._speed_mm_s > 0.0)}"
         if self._moves:
@@ -148,11 +152,7 @@ class VirtualGrbl:
             self._raise_alarm(HARD)
 
     def restart(self, boot_s: float = BOOT_S) -> None:
-        """Start anew, as after a loss of power: the position is 0 and means nothing.
-
-        Args:
-            boot_s: until the banner; a boot loader takes nothing meanwhile.
-        """
+        """Start anew after a loss of power; a boot loader takes nothing until the banner."""
         self.hardware.lost_mm, self.position_mm = self.true_mm, dict.fromkeys(AXES, 0.0)
         self._locked = bool(self.settings[22])
         self._forget()
@@ -234,14 +234,8 @@ class VirtualGrbl:
             ends.append(self._alarm[1] if self._alarm else None)
             until_s = min([now_s, *(end for end in ends if end and end > self._now_s)])
             left_s = until_s - self._now_s
-            while self._moves and left_s > 0.0:
-                motion = self._moves[0]
-                override = 0.01 * self._reports.override
-                left_s = motion.advance(left_s, override, holding=self._holding)
-                self.position_mm = motion.place_mm
-                if not motion.done:
-                    break
-                self._moves.popleft()
+            override = 0.01 * self._reports.override
+            run_moves(self._moves, self.position_mm, left_s, override, holding=self._holding)
             self._now_s = until_s
             self._work()
         self._now_s = max(now_s, self._now_s)
@@ -283,8 +277,8 @@ class VirtualGrbl:
     @property
     def _blocked(self) -> bool:
         """Whether no line is looked at now."""
-        waits = self._boots_s is not None or self._alarm is not None or self._homing is not None
-        return waits or self._holding or self._asleep or self._open_line
+        waits = self._boots_s or self._alarm or self._homing
+        return bool(waits or self._holding or self._asleep or self._open_line)
 
     def _end_homing(self, homing: Homing) -> None:
         self._homing = None
@@ -308,18 +302,10 @@ class VirtualGrbl:
             self.position_mm,
             self.code.offset_mm,
             60.0 * self._speed_mm_s,
-            (PLANNER_BLOCKS - len(self._moves), BUFFER_BYTES - len(self._received)),
+            (15 - len(self._moves), BUFFER_BYTES - len(self._received)),
             self.hardware.closed | self.hardware.stuck | self.hardware.pressed,
         )
         self._replies.append(text)
-
-    def _queue(self, target_mm: Mapping[str, float], feed_mm_min: float) -> None:
-        fastest, accel = self.settings.pace(target_mm)
-        motion = StageMotion(self._end_mm, target_mm, min(feed_mm_min, fastest) / 60.0, accel)
-        if self._moves and self._moves[-1].goes_on(motion):
-            return
-        if not motion.done:
-            self._moves.append(motion)
 
     def _obey(self, line: bytes) -> None:
         """Answer a whole line of G-code or a `$` command."""
@@ -343,7 +329,13 @@ class VirtualGrbl:
         if text.startswith("$J"):
             if state not in ("Idle", "Jog"):
                 raise Refused(8)
-            self._jog(text)
+            if not text.startswith("$J="):
+                raise Refused(3)
+            move = self.code.jog(block_of(text[3:]), self._end_mm)
+            if self.settings.is_beyond(move[0]):
+                raise Refused(15)
+            self._jogging = True
+            queue_move(self._moves, self._end_mm, *move, self.settings)
         elif text == "$X":
             if self._locked and state == "Alarm":
                 self._replies.append("[MSG:Caution: Unlocked]")
@@ -387,15 +379,6 @@ class VirtualGrbl:
         elif self.settings.change(text) == INCHES:
             self._reports.show_offset()
 
-    def _jog(self, text: str) -> None:
-        if not text.startswith("$J="):
-            raise Refused(3)
-        target_mm, feed_mm_min = self.code.jog(block_of(text[3:]), self._end_mm)
-        if self.settings.is_beyond(target_mm):
-            raise Refused(15)
-        self._jogging = True
-        self._queue(target_mm, feed_mm_min)
-
     def _g_code(self, block: CodeBlock) -> None:
         if block.codes.get("once") == "G4":
             if "P" not in block.words:
@@ -415,4 +398,4 @@ class VirtualGrbl:
             self._open_line = self._soft_pending = self._holding = True
             self._work()
         else:
-            self._queue(*move)
+            queue_move(self._moves, self._end_mm, *move, self.settings)

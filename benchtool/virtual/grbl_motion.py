@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import sqrt
@@ -80,6 +81,38 @@ class StageMotion:
             self._gone_mm += min(step_mm, left_mm)
             left_s -= dt_s
         return left_s
+
+
+def queue_move(
+    moves: deque[StageMotion],
+    start_mm: Mapping[str, float],
+    target_mm: Mapping[str, float],
+    feed_mm_min: float,
+    settings: VirtualSettings,
+) -> None:
+    """Add a move to those that wait, or let the last of them go on to its end."""
+    fastest, accel = settings.pace(target_mm)
+    motion = StageMotion(start_mm, target_mm, min(feed_mm_min, fastest) / 60.0, accel)
+    if not (moves and moves[-1].goes_on(motion)) and not motion.done:
+        moves.append(motion)
+
+
+def run_moves(
+    moves: deque[StageMotion],
+    position_mm: dict[str, float],
+    left_s: float,
+    override: float,
+    *,
+    holding: bool,
+) -> None:
+    """Let moves run for so long, one after another, and write where the axes are."""
+    while moves and left_s > 0.0:
+        motion = moves[0]
+        left_s = motion.advance(left_s, override, holding=holding)
+        position_mm |= motion.place_mm
+        if not motion.done:
+            break
+        moves.popleft()
 
 
 SEARCH = 1.5
