@@ -181,9 +181,8 @@ class VirtualGrbl:
         elif byte == 0x7E:
             self._holding &= self.state != "Hold:0"
         elif 0x90 <= byte <= 0x94:
-            change = {0x91: 10, 0x92: -10, 0x93: 1, 0x94: -1}
-            present = self._reports.override
-            self._reports.change_override(present + change[byte] if byte in change else 100)
+            change = {0x91: 10, 0x92: -10, 0x93: 1, 0x94: -1}.get(byte)
+            self._reports.change_override(change)
 
     def _reset(self) -> None:
         if self._alarm is not None:

@@ -336,9 +336,9 @@ class Reports:
         """Let the next report carry the work offset."""
         self._wco = 0
 
-    def change_override(self, percent: int) -> None:
-        """Take another override of the feed; the next report carries it."""
-        self.override = min(max(percent, 10), 200)
+    def change_override(self, change: int | None) -> None:
+        """Change the override of the feed, None back to 100 %; the next report carries it."""
+        self.override = 100 if change is None else min(max(self.override + change, 10), 200)
         self._ov = 0
 
     def text(
