@@ -5,12 +5,14 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from fractions import Fraction
+from math import isfinite
 
 import numpy as np
 
 from benchtool.core.array import Array
 from benchtool.core.errors import InputError
 from benchtool.core.recording import Recording
+from benchtool.data.columns import speed_columns
 from benchtool.data.repairs.imported import Finding, Imported, Options
 from benchtool.data.repairs.pole_count import speed_doubts
 
@@ -22,7 +24,6 @@ UNTARED_EXTRAPOLATED = 0.1
 """The same for a zero extrapolated along rpm^2: propellers leave that law by some per cent."""
 
 _LIVING = re.compile(r"thrust_N|torque_Nm|rpm\d*(_optical)?|voltage_V|current_A|power_W|distance_m")
-_SPEED = re.compile(r"rpm\d+")
 
 
 def rest_doubts(recording: Recording) -> list[Finding]:
@@ -66,11 +67,11 @@ def zero_of(recording: Recording, name: str) -> Zero | None:
     """Return what a channel reads at rest, or where no row is at rest, extrapolated to it.
 
     Without speeds rest is the lowest throttle. Extrapolated along rpm^2, which thrust and torque
-    follow closely enough to tell an untared cell.
+    follow closely enough to show an untared cell.
     """
     values = recording.column(name)
     known = np.isfinite(values)
-    speeds = [recording.column(item) for item in recording.names if _SPEED.fullmatch(item)]
+    speeds = [recording.column(item) for item in speed_columns(recording.names, "rpm")]
     throttle = next((item for item in ("pwm1_us", "pwm_raw") if item in recording), None)
     if not speeds or not np.any(np.nan_to_num(np.array(speeds)) > 0.0):
         if throttle is None:
@@ -119,58 +120,41 @@ def dead_channels(recording: Recording) -> list[Finding]:
 
 
 def apply_options(read: Imported, options: Options) -> Imported:
-    """Return the import with what the user says about its channels done to them."""
+    """Return the import with the user's repairs of its channels."""
+
+    def repaired(name: str, values: Array, what: str, words: str) -> Imported:
+        finding = Finding("repaired", what, words, name)
+        return read.with_values(name, values).with_findings([finding])
+
     for name in options.flip:
-        read = flipped(read, name)
+        read = repaired(name, -read.recording.column(name), "wrong sign", "sign turned by --flip")
     for name in options.tare:
-        read = tared(read, name)
-    for told in options.scale:
-        read = scaled(read, told)
+        zero = zero_of(read.recording, name)
+        if zero is None:
+            raise InputError(
+                f"--tare {name}: no row is at rest and too few speeds to extrapolate; map the "
+                f"channel with a column map"
+            )
+        words = f"{zero.value:.6g} taken off, what it reads {zero.where} by --tare"
+        read = repaired(name, read.recording.column(name) - zero.value, "untared", words)
+    for text in options.scale:
+        name, sign, ratio = (part.strip() for part in text.partition("="))
+        try:
+            factor = float(Fraction(ratio))
+        except (ValueError, ZeroDivisionError, OverflowError):
+            factor = 0.0
+        if not sign or not isfinite(factor) or factor == 0.0:
+            raise InputError(f"--scale {text!r}: write it as CHANNEL=FACTOR, for example rpm1=1/6")
+        values = factor * read.recording.column(name)
+        read = repaired(name, values, "scale", f"multiplied by {ratio} by --scale")
     return read
-
-
-def flipped(read: Imported, name: str) -> Imported:
-    """Return the import with one channel's sign turned."""
-    words = "sign turned by --flip"
-    turned = read.with_values(name, -read.recording.column(name))
-    return turned.with_findings([Finding("repaired", "wrong sign", words, name)])
-
-
-def tared(read: Imported, name: str) -> Imported:
-    """Return the import with what one channel reads at rest taken off it."""
-    zero = zero_of(read.recording, name)
-    if zero is None:
-        raise InputError(
-            f"--tare {name}: no row is at rest and too few speeds to extrapolate; map the channel "
-            f"with a column map"
-        )
-    words = f"{zero.value:.6g} taken off, what it reads {zero.where} by --tare"
-    values = read.recording.column(name) - zero.value
-    return read.with_values(name, values).with_findings(
-        [Finding("repaired", "untared", words, name)]
-    )
-
-
-def scaled(read: Imported, told: str) -> Imported:
-    """Return the import with one channel multiplied, told as `rpm1=1/6`."""
-    name, sign, text = told.partition("=")
-    try:
-        factor = float(Fraction(text.strip()))
-    except (ValueError, ZeroDivisionError, OverflowError):
-        factor = float("nan")
-    if not sign or not np.isfinite(factor) or factor == 0.0:
-        raise InputError(f"--scale {told!r}: write it as CHANNEL=FACTOR, for example rpm1=1/6")
-    name = name.strip()
-    words = f"multiplied by {text.strip()} by --scale"
-    values = factor * read.recording.column(name)
-    return read.with_values(name, values).with_findings([Finding("repaired", "scale", words, name)])
 
 
 def inspect_stand(read: Imported) -> Imported:
     """Return the import of a stand's log with what could not be mended doubted."""
     recording = read.recording
-    told = {name for name, source in read.sources.items() if source.startswith("constant ")}
-    dead = [item for item in dead_channels(recording) if item.channel not in told]
+    constant = {name for name, source in read.sources.items() if source.startswith("constant ")}
+    dead = [item for item in dead_channels(recording) if item.channel not in constant]
     found = [*rest_doubts(recording), *dead, *speed_doubts(recording)]
     if len(recording) == 1:
         words = "one row is no measurement series; nothing can be held against it"
@@ -183,13 +167,10 @@ def inspect_stand(read: Imported) -> Imported:
 def inspect_log(read: Imported) -> Imported:
     """Return the import of a flight log with its channels doubted."""
     recording = read.recording
-    turned = [
-        name
-        for name in recording.names
-        if re.fullmatch(r"rpm\d+", name) and np.any(np.nan_to_num(recording.column(name)) < 0.0)
-    ]
+    speeds = speed_columns(recording.names, "rpm")
+    negative = [name for name in speeds if np.any(recording.column(name) < 0.0)]
     found = dead_channels(recording)
-    if turned:
-        words = "negative speeds, as ESCs tell the sense of rotation, are left as they are"
-        found.insert(0, Finding("doubt", "sign", words, ", ".join(turned)))
+    if negative:
+        words = "negative speeds, as ESCs report the sense of rotation, are left as they are"
+        found.insert(0, Finding("doubt", "sign", words, ", ".join(negative)))
     return read.with_findings(found)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from fractions import Fraction
 from itertools import combinations
@@ -12,6 +11,7 @@ import numpy as np
 
 from benchtool.core.array import Array
 from benchtool.core.recording import Recording
+from benchtool.data.columns import speed_columns
 from benchtool.data.repairs.imported import Finding
 
 MOST_POLE_PAIRS = 14
@@ -19,8 +19,6 @@ MOST_POLE_PAIRS = 14
 
 LIKELY_EFFICIENCY = 0.9
 """Small brushless motors turn at most about 85 % of the electrical power into shaft power."""
-
-_ROTOR = re.compile(r"rpm\d+")
 
 
 def small_ratio(ratio: float, within: float = 0.03) -> Fraction | None:
@@ -37,10 +35,10 @@ def small_ratio(ratio: float, within: float = 0.03) -> Fraction | None:
 def speed_doubts(recording: Recording) -> list[Finding]:
     """Return the doubts about the speeds of one recording."""
     found = []
-    if {"rpm1", "rpm1_optical"} <= set(recording.names):
+    if "rpm1" in recording and "rpm1_optical" in recording:
         ratio = _ratio(recording.column("rpm1"), recording.column("rpm1_optical"))
         found += _off(ratio, "the optical probe", "rpm1")
-    rotors = [name for name in recording.names if _ROTOR.fullmatch(name)]
+    rotors = speed_columns(recording.names, "rpm")
     if len(rotors) > 1 and not any(name.startswith("pwm2") for name in recording.names):
         for name in rotors:
             others = np.median(
@@ -92,7 +90,7 @@ def _too_efficient(recording: Recording) -> list[Finding]:
 
 
 def compare_speeds(named: Sequence[tuple[str, Recording]]) -> dict[str, list[Finding]]:
-    """Return doubts about files that say another speed at the same pulse and thrust.
+    """Return doubts about files that hold another speed at the same pulse and thrust.
 
     Args:
         named: file and recording.
