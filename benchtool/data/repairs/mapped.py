@@ -147,45 +147,51 @@ def read_columns(
         findings: what the reader of the header found.
         choose: looks at the numbers that were read and returns which columns stay.
     """
-    real = [column for column in columns if column.position is not None]
-    numbers = numbers_of(table, [column.position for column in real if column.position is not None])
-    table = numbers.table
+    positions = [column.position for column in columns if column.position is not None]
+    numbers = numbers_of(table, positions)
+    table, rows = numbers.table, len(numbers.lines)
     found = [*table.findings, *findings, *numbers.findings]
+    read = dict(zip(positions, numbers.columns, strict=True))
     if choose is not None:
-        columns = choose(
-            columns, dict(zip((c.name for c in real), numbers.columns, strict=True)), found
-        )
-    retained: list[tuple[MappedColumn, int | None]] = []
+        named = {c.name: read[c.position] for c in columns if c.position is not None}
+        columns = choose(columns, named, found)
+    stored: list[tuple[MappedColumn, Array]] = []
     empty: list[str] = []
-    rows = len(numbers.lines)
-    at = {column.position: index for index, column in enumerate(real)}
     for column in columns:
-        index = at[column.position] if column.position is not None else None
-        read = np.array([column.constant]) if index is None else numbers.columns[index]
-        blank = int(np.count_nonzero(np.isnan(read)))
-        if blank == read.size:
+        constant = np.broadcast_to(column.constant, rows)
+        values = constant if column.position is None else read[column.position]
+        blank = int(np.count_nonzero(np.isnan(values)))
+        if blank == rows and column.position is not None:
             empty.append(column.source)
             continue
         if blank:
-            found.append(
-                Finding(
-                    "read as", "blank cells",
-                    f"{blank:,} of {counted(rows, 'row')} are blank, as a slower channel leaves "
-                    f"them: no new value, nothing is filled in",
-                    column.name, blank,
-                )
-            )  # fmt: skip
-        retained.append((column, index))
+            words = (
+                f"{blank:,} of {counted(rows, 'row')} are blank, as a slower channel leaves them: "
+                f"no new value, nothing is filled in"
+            )
+            found.append(Finding("read as", "blank cells", words, column.name, blank))
+        stored.append((column, values))
     if empty:
         words = f"{', '.join(empty)}: blank in every row"
         found.append(Finding("lacks", "blank columns", words, count=len(empty)))
-    if not rows or not retained:
+    if not rows or not stored:
         heads = ", ".join(name for name in table.header if name)
         raise FileFormatError(
             table.where, f"no row holds numbers in the columns that are read ({heads})"
         )
+    # Memory for a second table of a million rows takes as long as reading: where every channel has
+    # a column of its own, rows move up in the memory that they were read into.
+    own = len(set(positions)) == len(positions) and all(c.position is not None for c, _ in stored)
+    out = numbers.columns[: len(stored)] if own else np.empty((len(stored), rows))
+    for row, (column, values) in zip(out, stored, strict=True):
+        scale = column.conversion
+        if scale.factor != 1.0 or not np.shares_memory(values, row):
+            np.multiply(values, scale.factor, out=row)
+        if scale.offset:  # added to -0.0, a zero would change it
+            row += scale.offset
+    channels = tuple(Channel(column.name, unit_told_by(column.name)) for column, _ in stored)
     return Imported(
-        recording=_recording(numbers.columns, retained, {**provenance, "rows": str(rows)}),
+        recording=Recording(channels, out.T, {**provenance, "rows": str(rows)}),
         format=format_name,
         findings=tuple(found),
         tally=Tally(
@@ -194,34 +200,9 @@ def read_columns(
             kept=rows,
             refused=sum(item.count for item in found if item.kind == "refused"),
         ),
-        sources={column.name: column.source for column, _ in retained},
+        sources={column.name: column.source for column, _ in stored},
         lines=numbers.lines,
     )
-
-
-def _recording(
-    numbers: Array,
-    retained: Sequence[tuple[MappedColumn, int | None]],
-    provenance: Mapping[str, str],
-) -> Recording:
-    """Return the columns converted, in the memory that they were read into where that is enough.
-
-    A million rows are long, and to be given memory for a second table takes as long as reading.
-    """
-    indices = [index for _, index in retained if index is not None]
-    in_place = len(indices) == len(retained) and indices == sorted(set(indices))
-    table = numbers if in_place else np.empty((len(retained), numbers.shape[1]))
-    for row, (column, index) in enumerate(retained):
-        if index is None:
-            table[row] = column.constant
-            continue
-        scale = column.conversion
-        if row != index or not in_place or scale.factor != 1.0:
-            np.multiply(numbers[index], scale.factor, out=table[row])
-        if scale.offset:
-            table[row] += scale.offset
-    channels = tuple(Channel(column.name, unit_told_by(column.name)) for column, _ in retained)
-    return Recording(channels, table[: len(retained)].T, provenance)
 
 
 def read_by_map(

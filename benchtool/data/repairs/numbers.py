@@ -46,33 +46,24 @@ def numbers_of(table: TextTable, positions: Sequence[int]) -> Numbers:
     """Return the columns at these positions as numbers."""
     import pyarrow as pa
 
+    lines, findings = table.lines, list[Finding]()
     try:
         columns = _floats(table, positions)
-        if table.is_even and np.isnan(columns.sum(axis=1)).all() and _has_empty_row(columns):
+        # A row of blanks makes every column's sum nan, which is quicker to see.
+        no_sums = bool(np.isnan(columns.sum(axis=1)).all())
+        if table.is_even and no_sums and np.isnan(columns).all(axis=0).any():
             return numbers_of(evened(table), positions)
-        findings: list[Finding] = []
-        lines = table.lines
     except pa.ArrowInvalid:
         if table.is_even:
             return numbers_of(evened(table), positions)
         columns, lines, findings = _with_text(table, positions)
-    many = sum(int(np.count_nonzero(np.isinf(column))) for column in columns)
-    if many:
-        endless = np.isinf(columns)
+    endless = np.isinf(columns)
+    if many := int(np.count_nonzero(endless)):
         columns[endless] = nan
-        at = lines[endless.any(axis=0)]
-        findings.append(
-            Finding(
-                "repaired", "infinite numbers",
-                f"{counted(many, 'cell')} that read infinity are blank now",
-                count=many, lines=line_ranges(at),
-            )
-        )  # fmt: skip
+        words = f"{counted(many, 'cell')} that read infinity are blank now"
+        at = line_ranges(lines[endless.any(axis=0)])
+        findings.append(Finding("repaired", "infinite numbers", words, count=many, lines=at))
     return Numbers(table, columns, lines, tuple(findings))
-
-
-def _has_empty_row(columns: Array) -> bool:
-    return bool(np.logical_and.reduce([np.isnan(column) for column in columns]).any())
 
 
 def _floats(table: TextTable, positions: Sequence[int]) -> Array:
@@ -151,44 +142,36 @@ def _with_text(table: TextTable, positions: Sequence[int]) -> tuple[Array, Any, 
 
     read = _reader(table, positions, pa.binary(), _NULLS).read_all()
     texts = [read.column(str(position)).to_pylist() for position in positions]
-    columns = [np.array([_number(cell, table.decimal) for cell in column]) for column in texts]
-    blank = [np.array([cell is None or not cell.strip() for cell in column]) for column in texts]
-    wrong = [np.isnan(c) & ~b for c, b in zip(columns, blank, strict=True)]
-    for column, cells, bad in zip(columns, texts, wrong, strict=True):
-        for row in np.flatnonzero(bad).tolist():
-            bad[row] = cells[row].strip().decode("latin-1") not in _NULLS
-        column[bad] = nan
+    columns = np.array([[_number(cell, table.decimal) for cell in column] for column in texts])
+    wrong = np.array([[_is_text(cell) for cell in column] for column in texts]) & np.isnan(columns)
+    columns[wrong] = nan
     bad_cells = np.sum(wrong, axis=0)
-    good_cells = np.sum([np.isfinite(column) for column in columns], axis=0)
-    refused = (bad_cells > 0) & (bad_cells >= good_cells)
+    refused = (bad_cells > 0) & (bad_cells >= np.sum(np.isfinite(columns), axis=0))
     findings = []
-    if refused.any():
-        findings.append(
-            Finding(
-                "refused", "text rows",
-                f"{counted(int(refused.sum()), 'row')} that hold text where numbers belong, as "
-                f"another script or a second header writes them",
-                count=int(refused.sum()), lines=line_ranges(table.lines[refused]),
-            )
-        )  # fmt: skip
+    if many := int(refused.sum()):
+        words = (
+            f"{counted(many, 'row')} that hold text where numbers belong, as another script or a "
+            f"second header writes them"
+        )
+        at = line_ranges(table.lines[refused])
+        findings.append(Finding("refused", "text rows", words, count=many, lines=at))
     for position, cells, bad in zip(positions, texts, wrong, strict=True):
         left = np.flatnonzero(bad & ~refused)
         if left.size:
             example = cells[left[0]].decode("utf-8", "replace").strip()[:30]
-            findings.append(
-                Finding(
-                    "repaired", "text cells",
-                    f"{counted(left.size, 'cell')} of text, as {example!r}, are blank now",
-                    table.header[position], left.size, line_ranges(table.lines[left]),
-                )
-            )  # fmt: skip
-    return np.array([column[~refused] for column in columns]), table.lines[~refused], findings
+            words = f"{counted(left.size, 'cell')} of text, as {example!r}, are blank now"
+            at, name = line_ranges(table.lines[left]), table.header[position]
+            findings.append(Finding("repaired", "text cells", words, name, left.size, at))
+    return np.ascontiguousarray(columns[:, ~refused]), table.lines[~refused], findings
+
+
+def _is_text(cell: bytes | None) -> bool:
+    """Return whether a cell that is no number is text, and not a word for nothing."""
+    return cell is not None and cell.strip().decode("latin-1") not in _NULLS
 
 
 def _number(cell: bytes | None, decimal: str) -> float:
-    if cell is None:
-        return nan
-    clean = cell.strip()
+    clean = b"" if cell is None else cell.strip()
     if decimal == ",":
         clean = clean.replace(b",", b".")
     return float(clean) if _NUMBER.fullmatch(clean) else nan
