@@ -139,15 +139,33 @@ class LimitCheck:
         if broken.any():
             return self._beyond(seen, broken)
         if self._turning and self._plate >= 0:
-            near = self._too_near(values[:, self._plate])
-            if near is not None:
-                return near
-        self._skip_gap(float(time_s[0]))
+            plate_m = values[:, self._plate]
+            near = plate_m[plate_m < self._nearest_m]
+            if len(near):
+                return LimitExceeded(
+                    CHANNEL,
+                    float(near[0]),
+                    self._rig.plate.z_min_m,
+                    "the plate is nearer than the rig's least gap while motors turn; move it away "
+                    "by hand, then check stage and sensor",
+                )
+        if (gap_s := float(time_s[0]) - self._last_s) > GAP_S:
+            self._fresh_s += gap_s
+            self._plausible_s += gap_s
+            self._same_since_s += gap_s
         self._last_s = float(time_s[-1])
-        self._note_fresh(time_s, seen)
+        newest = np.where(np.isnan(seen), -inf, time_s[:, None]).max(axis=0)
+        np.maximum(self._fresh_s, newest, out=self._fresh_s)
         silent_s = self._last_s - self._fresh_s
         if (silent_s > self._stale_s).any():
-            return self._stale(silent_s)
+            column = int(np.argmax(silent_s > self._stale_s))
+            watched = self._watched[column]
+            return LimitExceeded(
+                f"silence of {watched.name} in s",
+                float(silent_s[column]),
+                watched.stale_s,
+                "the channel brings no new values; check its wiring and its sensor",
+            )
         if len(self._rpm) < self._n_rotors:
             return None
         rpm, self._seen_rpm = _filled(values[:, self._rpm], self._seen_rpm)
@@ -156,31 +174,6 @@ class LimitCheck:
             thrust_N, squares = values[:, self._thrust], np.einsum("ij,ij->i", rpm, rpm)
             error = self._implausible(time_s, squares, thrust_N) or self._stuck(squares, thrust_N)
         return error or self._mismatch(values, rpm)
-
-    def _too_near(self, plate_m: Array) -> LimitExceeded | None:
-        """Return an error when the plate stands inside the least gap while motors turn."""
-        near = plate_m[plate_m < self._nearest_m]
-        if not len(near):
-            return None
-        return LimitExceeded(
-            CHANNEL,
-            float(near[0]),
-            self._rig.plate.z_min_m,
-            "the plate is nearer than the rig's least gap while motors turn; move it away by hand, "
-            "then check stage and sensor",
-        )
-
-    def _skip_gap(self, first_s: float) -> None:
-        gap_s = first_s - self._last_s
-        if gap_s > GAP_S:
-            self._fresh_s += gap_s
-            self._plausible_s += gap_s
-            self._same_since_s += gap_s
-
-    def _note_fresh(self, time_s: Array, seen: Array) -> None:
-        fresh = ~np.isnan(seen)
-        newest = np.where(fresh, time_s[:, None], -inf).max(axis=0)
-        np.maximum(self._fresh_s, newest, out=self._fresh_s)
 
     def _mismatch(self, values: Array, rpm: Array) -> LimitExceeded | None:
         """Return an error when a motor's rpm has not followed its pulse by now.
@@ -251,16 +244,6 @@ class LimitCheck:
         watched, value = self._watched[column], float(seen[row, column])
         limit = watched.high if value > watched.high else watched.low
         return LimitExceeded(watched.name, value, limit, _ADVICE[watched.family])
-
-    def _stale(self, silent_s: Array) -> LimitExceeded:
-        column = int(np.argmax(silent_s > self._stale_s))
-        watched = self._watched[column]
-        return LimitExceeded(
-            f"silence of {watched.name} in s",
-            float(silent_s[column]),
-            watched.stale_s,
-            "the channel brings no new values; check its wiring and its sensor",
-        )
 
 
 def unwatched_limits(channels: Sequence[Channel], n_rotors: int) -> str:

@@ -8,9 +8,8 @@ from __future__ import annotations
 
 import csv
 import os
-from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import NoReturn
 
 import numpy as np
 
@@ -123,29 +122,27 @@ def _read_samples(path: Path, *, follow: bool) -> tuple[list[str], Array]:
     # What follows the last line break was cut short when the run was killed.
     rows = csv.reader(text[: text.rfind("\n") + 1].splitlines())
     names = next(rows, [])
-    table = list(_numbers(rows, names, str(path)))
+    table = []
+    for number, row in enumerate(rows, start=2):
+        where = f"{path}, line {number}"
+        if len(row) != len(names):
+            raise FileFormatError(where, f"{len(row)} cells under {len(names)} columns; mend it")
+        cells = [cell if name != "phase" else "" for name, cell in zip(names, row, strict=True)]
+        try:
+            table.append([float(cell) if cell else np.nan for cell in cells])
+        except ValueError as error:
+            raise FileFormatError(where, f"{error}; mend the cell") from error
     if not table:
         raise FileFormatError(str(path), "it holds no samples; name a run that has some")
     return names, np.array(table, float)
 
 
-def _numbers(rows: Iterator[list[str]], names: list[str], where: str) -> Iterator[list[float]]:
-    words = [index for index, name in enumerate(names) if name == "phase"]
-    for number, row in enumerate(rows, start=2):
-        if len(row) != len(names):
-            raise FileFormatError(
-                f"{where}, line {number}", f"{len(row)} cells under {len(names)} columns; mend it"
-            )
-        for index in words:
-            row[index] = ""
-        try:
-            yield [float(cell) if cell else np.nan for cell in row]
-        except ValueError as error:
-            raise FileFormatError(f"{where}, line {number}", f"{error}; mend the cell") from error
-
-
 def _identity(address: str, path: Path, channels: tuple[Channel, ...], time_s: Array) -> Identity:
-    facts = _metadata(path.parent / "metadata.json")
+    metadata, facts = path.parent / "metadata.json", {}
+    if os.path.lexists(metadata):
+        facts = parse_json(read_text(metadata, MOST_FACTS_BYTES), str(metadata))
+        if not isinstance(facts, dict):
+            raise FileFormatError(str(metadata), "it is not a table of facts; mend or remove it")
     device = facts.get("device_id", "")
     step_s = float(np.median(np.diff(time_s))) if len(time_s) > 1 else 1.0
     return Identity(
@@ -160,12 +157,3 @@ def _identity(address: str, path: Path, channels: tuple[Channel, ...], time_s: A
         moves_plate=False,
         facts={"file": str(path), "metadata": "found" if facts else "none"},
     )
-
-
-def _metadata(path: Path) -> Mapping[str, Any]:
-    if not os.path.lexists(path):
-        return {}
-    facts = parse_json(read_text(path, MOST_FACTS_BYTES), str(path))
-    if not isinstance(facts, dict):
-        raise FileFormatError(str(path), "it is not a table of facts; mend or remove it")
-    return facts

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchtool.bench.rcbenchmark.lines import BridgePlace, bridge_text
+from benchtool.bench.rcbenchmark.lines import bridge_text
 from benchtool.core.errors import BenchtoolError
 from benchtool.core.rig_file import rig_named
 from benchtool.physics.model_file import load_model
@@ -144,8 +144,7 @@ def gui(
     """Give the address of a GUI that runs the bridge script, and the stand behind it."""
     listen, host = free_ports()
     script = folder / "bridge.js"
-    place = BridgePlace(listen_port=listen, host_port=host)
-    script.write_text(bridge_text(RIG, place), encoding="utf-8")
+    script.write_text(bridge_text(RIG, listen_port=listen, host_port=host), encoding="utf-8")
     process = subprocess.Popen(
         ["node", str(GUI), str(script), version],
         stdin=subprocess.PIPE,

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from benchtool.bench.rcbenchmark.lines import RAMP_MS, SILENCE_MS, BridgePlace, bridge_text
+from benchtool.bench.rcbenchmark.lines import RAMP_MS, SILENCE_MS, bridge_text
 from benchtool.virtual.bridge import VIRTUAL_1580
 from tests.rcb.stand import GUI, RIG, needs_node
 
@@ -72,7 +72,7 @@ class Clocked:
 @pytest.fixture
 def script(tmp_path: Path) -> Iterator[Clocked]:
     path = tmp_path / "bridge.js"
-    path.write_text(bridge_text(RIG, BridgePlace(listen_port=1, host_port=2)), encoding="utf-8")
+    path.write_text(bridge_text(RIG, listen_port=1, host_port=2), encoding="utf-8")
     words = ["node", str(GUI), str(path), VIRTUAL_1580, "virtual"]
     with subprocess.Popen(
         words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True

@@ -412,21 +412,6 @@ def test_after_a_hold_the_rest_of_the_move_is_thrown_away_once_it_stands():
     link.check_finished()
 
 
-def test_a_hold_is_resumed_only_when_it_stands():
-    link, stage = opened(
-        Turn(b"!"),
-        Turn(b"?", at(-90.0, b"Hold:1")),
-        Turn(b"?", at(-90.5, b"Hold:1")),
-        Turn(b"?", at(-91.0, b"Hold:0")),
-        Turn(b"~"),
-    )
-    paused = []
-    stage.hold()
-    stage.resume(paused.append)
-    link.check_finished()
-    assert paused == [0.2, 0.2]
-
-
 def test_a_stage_that_stands_elsewhere_is_not_believed():
     _, stage = opened(*MOVED[:2], *on_the_way(-50.0), Turn(b"-"), always=at(-199.5))
     with pytest.raises(StageError, match=r"stands at Z -199\.500 mm instead of -200\.000 mm"):

@@ -5,9 +5,8 @@ from __future__ import annotations
 import errno
 import socket
 from collections.abc import Callable
-from dataclasses import dataclass
 from importlib import resources
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from benchtool.bench.doctor.ports import UDEV_RULE, HostEnvironment
 from benchtool.bench.drivers import DRIVERS, Endpoint, ends_of, parse_address
@@ -46,8 +45,7 @@ State = tuple[Verdict, str, str]
 """Verdict, sentence and fix of one cause."""
 
 
-@dataclass(frozen=True, slots=True)
-class PortFinding:
+class PortFinding(NamedTuple):
     """Say how one thing stands.
 
     Attributes:

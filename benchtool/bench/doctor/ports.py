@@ -114,8 +114,6 @@ UDEV_RULE = Path("/etc/udev/rules.d/60-benchtool.rules")
 
 _USB_SERIAL = Path("/sys/bus/usb-serial/devices")
 
-_TTY = Path("/sys/class/tty")
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HostEnvironment:
@@ -142,7 +140,6 @@ class HostEnvironment:
     groups_on_file: frozenset[str] = frozenset()
     holders: tuple[Holder, ...] | None = None
     programs: frozenset[str] | None = None
-    driver: str | None = None
     latency_ms: int | None = None
     rule_installed: bool | None = None
     on_battery: bool | None = None
@@ -179,7 +176,6 @@ def probe_environment(port: str = "") -> HostEnvironment:
         groups_on_file=frozenset(on_file),
         holders=holders(port) if linux and there else None,
         programs=_programs(),
-        driver=_driver(short) if linux and port else None,
         latency_ms=_number(_USB_SERIAL / short / "latency_timer") if linux and port else None,
         rule_installed=UDEV_RULE.exists() if linux else None,
         on_battery=_on_battery(),
@@ -211,11 +207,6 @@ def _names(port: str) -> tuple[str | None, str, Iterable[str], Iterable[str]]:
 def _programs() -> frozenset[str]:
     names = (process.info["name"] for process in psutil.process_iter(["name"]))
     return frozenset(name.lower() for name in names if name)
-
-
-def _driver(short: str) -> str | None:
-    link = _TTY / short / "device" / "driver"
-    return os.path.basename(os.path.realpath(link)) if os.path.exists(link) else None
 
 
 def _number(path: Path) -> int | None:

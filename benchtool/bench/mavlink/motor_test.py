@@ -152,7 +152,10 @@ class TestDrive(Drive):
 
     def _stop(self, motors: tuple[int, ...]) -> None:
         """Stop motors and wait until the outputs show it: an acknowledgement proves nothing."""
-        self._order(self._autopilot.pilot.stop(motors))
+        for order in self._autopilot.pilot.stop(motors):
+            result = self._link.exchange(order)
+            if result not in (ACCEPTED, IN_PROGRESS):
+                raise CommandRefused(str(order), self._reason(result))
         until_s = self._clock() + STOPPED_S
         while not self._outputs.shown:
             if self._clock() > until_s:
@@ -208,12 +211,6 @@ class TestDrive(Drive):
         if (paused_s := self._link.gaps.longest_s) > TIMEOUT_S:
             self.stop_renewing()
             raise HostPaused(paused_s, TIMEOUT_S)
-
-    def _order(self, orders: tuple[MavCommand, ...]) -> None:
-        for order in orders:
-            result = self._link.exchange(order)
-            if result not in (ACCEPTED, IN_PROGRESS):
-                raise CommandRefused(str(order), self._reason(result))
 
     def _reason(self, result: int) -> str:
         """Return why an order was refused, in the autopilot's own words where it has some."""
@@ -289,7 +286,9 @@ class OutputWatch:
         self._lately = [item for item in self._lately if now_s - item[0] <= SEEN_S]
         self.shown = True
         for rotor, (output, pulse_us) in self._wanted.items():
-            shown = outputs_us[output - 1] if output else _nearest(outputs_us, pulse_us)
+            # Where it is not known which output it is, the one that comes nearest.
+            nearest = min(outputs_us, key=lambda us: abs(us - pulse_us))
+            shown = outputs_us[output - 1] if output else nearest
             self.shown = self.shown and self._fits(shown, pulse_us)
             allowed = [pulse_us, *(us for _, own, us in self._lately if own == rotor)]
             if any(self._fits(shown, us) for us in allowed):
@@ -339,11 +338,8 @@ class OutputWatch:
 
     def _only(self, rotor: int, outputs_us: tuple[int, ...]) -> tuple[int, int] | None:
         """Return a rotor with the one output that is driven, None where several are."""
-        driven = [
-            output
-            for output, shown in enumerate(outputs_us, 1)
-            if shown > self._stop_us + TOLERANCE_US
-        ]
+        least_us = self._stop_us + TOLERANCE_US
+        driven = [output for output, shown in enumerate(outputs_us, 1) if shown > least_us]
         turning = [own for own, (_, pulse_us) in self._wanted.items() if pulse_us > self._stop_us]
         return (rotor, driven[0]) if len(driven) == 1 and turning == [rotor] else None
 
@@ -351,8 +347,3 @@ class OutputWatch:
         if pulse_us <= self._stop_us:
             return shown <= self._stop_us + TOLERANCE_US
         return abs(shown - pulse_us) <= TOLERANCE_US
-
-
-def _nearest(outputs_us: tuple[int, ...], pulse_us: float) -> int:
-    """Return the output that comes nearest to a pulse, where it is not known which one it is."""
-    return min(outputs_us, key=lambda shown: abs(shown - pulse_us))

@@ -204,26 +204,51 @@ class RcbBench(StreamingBench):
 
     def _learn(self, hello: BridgeHello) -> Identity:
         """Listen for a while and return who answers, with the channels that live."""
-        seen: dict[str, int] = {}
         until_s = self._clock() + LEARN_S
         while (left_s := until_s - self._clock()) > 0.0 or not self._rows:
             self._link.pump(max(left_s, 0.02))
             self._note()
             self._check_silence()
-        for _, line in self._rows:
-            for name, value in line.values.items():
-                seen[name] = seen.get(name, 0) + int(value == value)
-        names = [PULSE, *(name for name, count in seen.items() if count and name != PULSE)]
+        lines = [line.values.items() for _, line in self._rows]
+        live = dict.fromkeys(name for line in lines for name, value in line if value == value)
+        names = [
+            PULSE,
+            *(name for name in self._rows[0][1].values if name in live and name != PULSE),
+        ]
         times_us = np.array([time_us for time_us, _ in self._rows], float)
         span_s = 1e-6 * (times_us[-1] - times_us[0])
         self._base_Hz = round((len(times_us) - 1) / span_s, 4) if span_s > 0.0 else LEAST_HZ
         self._names = names
         self._rows.clear()
-        identity = _identity(self.address, hello, names, self._base_Hz, self._settings)
+        settings, virtual = self._settings, hello.is_virtual
+        facts = {
+            "pwm_stop_us": f"{hello.low_us:g}",
+            "output": hello.output,
+            "rpm_from": hello.speed,
+            "ramp_ms": f"{hello.ramp_ms:g}",
+        }
+        if settings.warning:
+            facts["warning"] = settings.warning
+        if settings.thrust_scale != 1.0:
+            facts["thrust_scale"] = f"{settings.thrust_scale:g}"
         if self._speed != 1.0:
-            facts = {**identity.facts, "speed": f"{self._speed:g}"}
-            identity = replace(identity, speed=self._speed, facts=facts)
-        return identity
+            facts["speed"] = f"{self._speed:g}"
+        bridge = f"bridge {hello.bridge}"
+        return Identity(
+            address=self.address,
+            device_id=f"rcb-{hello.board}",
+            firmware=f"RCbenchmark {hello.version}, firmware {hello.firmware}, {bridge}",
+            protocol=f"rcbudp-{hello.bridge}",
+            channels=tuple(Channel(name, unit_told_by(name)) for name in names),
+            rate_Hz=self._base_Hz,
+            n_rotors=1,
+            simulated=virtual,
+            moves_plate=virtual,
+            limits={"pwm_us": hello.high_us, **hello.limits},
+            watchdog_s=1e-3 * hello.silence_ms,
+            speed=self._speed,
+            facts=facts,
+        )
 
     def _note(self) -> None:
         """Sort what has come: readings, losses, why the script stopped the motor."""
@@ -292,37 +317,6 @@ class RcbBench(StreamingBench):
             corrupt=corrupt,
             messages=messages,
         )
-
-
-def _identity(
-    address: str, hello: BridgeHello, names: list[str], rate_Hz: float, settings: RcbSettings
-) -> Identity:
-    """Return who answers."""
-    virtual = hello.is_virtual
-    facts = {
-        "pwm_stop_us": f"{hello.low_us:g}",
-        "output": hello.output,
-        "rpm_from": hello.speed,
-        "ramp_ms": f"{hello.ramp_ms:g}",
-    }
-    if settings.warning:
-        facts["warning"] = settings.warning
-    if settings.thrust_scale != 1.0:
-        facts["thrust_scale"] = f"{settings.thrust_scale:g}"
-    return Identity(
-        address=address,
-        device_id=f"rcb-{hello.board}",
-        firmware=f"RCbenchmark {hello.version}, firmware {hello.firmware}, bridge {hello.bridge}",
-        protocol=f"rcbudp-{hello.bridge}",
-        channels=tuple(Channel(name, unit_told_by(name)) for name in names),
-        rate_Hz=rate_Hz,
-        n_rotors=1,
-        simulated=virtual,
-        moves_plate=virtual,
-        limits={"pwm_us": hello.high_us, **hello.limits},
-        watchdog_s=1e-3 * hello.silence_ms,
-        facts=facts,
-    )
 
 
 def open_rcbudp(address: Address) -> RcbBench:

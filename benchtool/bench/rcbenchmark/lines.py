@@ -274,24 +274,21 @@ SHORTEST_US, LONGEST_US = 700.0, 2300.0
 """Pulses that the GUI puts out; anything else switches the output off (scripting API)."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BridgePlace:
-    """Say between which ports the bridge stands.
-
-    Attributes:
-        host: address of the computer that benchtool runs on, as the GUI's computer sees it.
-    """
-
-    listen_port: int = GUI_PORT
-    host: str = LOOPBACK
-    host_port: int = HOST_PORT
-
-
-def bridge_text(rig: Rig, place: BridgePlace, speed: str = "optical") -> str:
+def bridge_text(
+    rig: Rig,
+    speed: str = "optical",
+    *,
+    listen_port: int = GUI_PORT,
+    host: str = LOOPBACK,
+    host_port: int = HOST_PORT,
+) -> str:
     """Return the script with the numbers of a rig filled in.
 
     Args:
         speed: which reading counts as the rotor's speed, one of `SPEEDS`.
+        listen_port: of the script.
+        host: address of the computer that benchtool runs on, as the GUI's computer sees it.
+        host_port: where benchtool listens.
 
     Raises:
         InputError, UnknownChoice: a rig or a place that no bridge can serve.
@@ -306,7 +303,21 @@ def bridge_text(rig: Rig, place: BridgePlace, speed: str = "optical") -> str:
         )
     range_us = f"the GUI puts out {SHORTEST_US:g} to {LONGEST_US:g} us"
     refuse_pulses_outside(rig, SHORTEST_US, LONGEST_US, range_us)
-    _check_place(place)
+    for what, port in (("GUI", listen_port), ("benchtool", host_port)):
+        if not 0 < port < 65536:
+            raise InputError(f"the port of {what} is {port}, outside 1 to 65535; choose one in it")
+    try:
+        ipaddress.IPv4Address(host)
+    except ValueError:
+        raise InputError(
+            f"{host!r} is no IPv4 address; give the address of the computer that benchtool runs "
+            f"on, {LOOPBACK} when the GUI runs there as well"
+        ) from None
+    if listen_port == host_port and host == LOOPBACK:
+        raise InputError(
+            f"GUI and benchtool cannot both listen on port {host_port} of one computer; choose "
+            f"two ports, for example {GUI_PORT} and {HOST_PORT}"
+        )
     watched = {
         "thrust_N": min(limits.thrust_N, limits.load_cell_rating_N),
         "rpm": limits.rpm,
@@ -316,9 +327,9 @@ def bridge_text(rig: Rig, place: BridgePlace, speed: str = "optical") -> str:
     filled = {
         "VERSION": __version__,
         "RIG": rig.name,
-        "LISTEN_PORT": str(place.listen_port),
-        "HOST": place.host,
-        "HOST_PORT": str(place.host_port),
+        "LISTEN_PORT": str(listen_port),
+        "HOST": host,
+        "HOST_PORT": str(host_port),
         "SPEED": SPEEDS[speed],
         "LOWEST_US": f"{pulse.pwm_stop_us:g}",
         "HIGHEST_US": f"{limits.pwm_us:g}",
@@ -331,21 +342,3 @@ def bridge_text(rig: Rig, place: BridgePlace, speed: str = "optical") -> str:
     return re.sub(
         r"@([A-Z_]+)@", lambda found: filled[found[1]], source.read_text(encoding="utf-8")
     )
-
-
-def _check_place(place: BridgePlace) -> None:
-    for what, port in (("GUI", place.listen_port), ("benchtool", place.host_port)):
-        if not 0 < port < 65536:
-            raise InputError(f"the port of {what} is {port}, outside 1 to 65535; choose one in it")
-    try:
-        ipaddress.IPv4Address(place.host)
-    except ValueError:
-        raise InputError(
-            f"{place.host!r} is no IPv4 address; give the address of the computer that benchtool "
-            f"runs on, {LOOPBACK} when the GUI runs there as well"
-        ) from None
-    if place.listen_port == place.host_port and place.host == LOOPBACK:
-        raise InputError(
-            f"GUI and benchtool cannot both listen on port {place.host_port} of one computer; "
-            f"choose two ports, for example {GUI_PORT} and {HOST_PORT}"
-        )

@@ -9,6 +9,7 @@ from __future__ import annotations
 from binascii import crc_hqx
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,8 +65,7 @@ def frame_version_1(number: int, command: Command) -> bytes:
     return frame_fields("C", (str(number), *fields_of(command)))
 
 
-@dataclass(frozen=True, slots=True)
-class TextMessage:
+class TextMessage(NamedTuple):
     """Hold one line that is no sample: its letter and its text fields."""
 
     letter: str
@@ -113,16 +113,10 @@ class Decoder:
         samples: list[bytes] = []
         corrupt = 0
         for line in lines:
-            payloads: list[bytes] = []
             # The common case first: one whole frame and nothing else.
-            if line[:1] == b"$" and line[-5:-4] == b"*" and len(line) <= MAX_LINE_BYTES:
-                payload = line[1:-5]
-                try:
-                    if crc_hqx(payload, CRC_START) == int(line[-4:], 16):
-                        payloads = [payload]
-                except ValueError:
-                    pass
-            if not payloads:
+            if line[:1] == b"$" and line[-5:-4] == b"*" and _is_valid(line[1:-5], line[-4:]):
+                payloads = [line[1:-5]]
+            else:
                 payloads = _search(line)
             if not payloads:
                 corrupt += self._synchronised and bool(line.strip())
@@ -163,20 +157,23 @@ def messages_in(data: bytes) -> list[TextMessage]:
     return decoder.take_messages()
 
 
+def _is_valid(payload: bytes, digits: bytes) -> bool:
+    try:
+        return len(payload) <= MAX_LINE_BYTES - 6 and crc16(payload) == int(digits, 16)
+    except ValueError:
+        return False
+
+
 def _search(line: bytes) -> list[bytes]:
     """Return the payloads of all valid frames in a line that is not simply one frame."""
     if len(line) > MAX_LINE_BYTES:
         return []
-    found = []
-    for piece in line.removesuffix(b"\r").split(b"$")[1:]:
-        payload, star, digits = piece.rpartition(b"*")
-        if star and len(digits) == 4:
-            try:
-                if crc_hqx(payload, CRC_START) == int(digits, 16):
-                    found.append(payload)
-            except ValueError:
-                continue
-    return found
+    pieces = [piece.rpartition(b"*") for piece in line.removesuffix(b"\r").split(b"$")[1:]]
+    return [
+        payload
+        for payload, star, digits in pieces
+        if star and len(digits) == 4 and _is_valid(payload, digits)
+    ]
 
 
 def _table(samples: Sequence[bytes], width: int) -> Array | None:
@@ -238,8 +235,7 @@ def signed_step(new: int, old: int, modulus: int) -> int:
     return (new - old + half) % modulus - half
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Sorted:
+class Sorted(NamedTuple):
     """Hold which samples of a block are used, in their order.
 
     Attributes:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from math import nan
 
 from benchtool.bench.bench import Identity
@@ -32,41 +32,27 @@ UNPROTECTED = (
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Hello:
-    """Say who the device is and what it streams; see `Identity` for what both have.
+class Hello(Identity):
+    """Say who the device is and what it streams; `rate_Hz` is the stream rate that it proposes.
 
     Attributes:
-        channel_rates_Hz: (c,) how often each channel has a new value.
-        limits: device-side limits by name (`thrust_N`, `rpm`, `voltage_min_V` ...).
         watchdog_s: the motors stop after so long without a valid line, wall time.
         frame_bytes: longest sample frame, for the arithmetic of rate against baud.
         baud: what the device's serial port runs at, 0 where the link has no baud rate.
-        speed: device seconds per wall second; 1 on every physical device.
     """
 
-    device_id: str
-    firmware: str
-    n_rotors: int
-    channels: tuple[Channel, ...]
-    channel_rates_Hz: tuple[float, ...]
-    rate_Hz: float
-    limits: Mapping[str, float]
+    address: str = ""
+    protocol: str = ""
     pwm_stop_us: float
     pwm_idle_us: float
-    watchdog_s: float = 0.25
     moves_plate: bool = True
     simulated: bool = False
     frame_bytes: int = 128
     baud: int = UNLIMITED_BAUD
-    speed: float = 1.0
-    has_loop: bool = False
-    facts: Mapping[str, str] = field(default_factory=dict)
     version: int = PROTOCOL_VERSION
 
-    @property
-    def channel_hash(self) -> str:
-        """The CRC of the channel map, which a device of version 2 repeats when it is armed."""
-        return channel_hash(self.channels)
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "channel_hash", channel_hash(self.channels))
 
     def identity(self, address: str, rate_Hz: float) -> Identity:
         """Return the identity of a bench that was opened at `address`."""
@@ -77,25 +63,12 @@ class Hello:
             facts["warning"] = UNPROTECTED
         facts["pwm_stop_us"] = f"{self.pwm_stop_us:g}"
         facts["pwm_idle_us"] = f"{self.pwm_idle_us:g}"
-        return Identity(
+        return replace(
+            self,
             address=address,
-            device_id=self.device_id,
-            firmware=self.firmware,
             protocol=f"benchtool-{self.version}",
-            channels=self.channels,
             rate_Hz=rate_Hz,
-            n_rotors=self.n_rotors,
-            simulated=self.simulated,
-            moves_plate=self.moves_plate,
-            limits=dict(self.limits),
-            watchdog_s=self.watchdog_s,
-            channel_rates_Hz=self.channel_rates_Hz,
-            has_loop=self.has_loop,
-            pwm_stop_us=self.pwm_stop_us,
-            pwm_idle_us=self.pwm_idle_us,
-            speed=self.speed,
             orders_protected=self.version >= 2,
-            channel_hash=self.channel_hash,
             facts=facts,
         )
 

@@ -14,19 +14,8 @@ from dataclasses import dataclass
 
 from benchtool.core.errors import StageError
 
-RESET = b"\x18"
-
-STATUS = b"?"
-
-HOLD = b"!"
-
-RESUME = b"~"
-
-UNLOCK = b"$X\n"
-
-HOME = b"$H\n"
-
-SETTINGS = b"$$\n"
+RESET, STATUS, HOLD = b"\x18", b"?", b"!"
+UNLOCK, HOME, SETTINGS = b"$X\n", b"$H\n", b"$$\n"
 
 ALARMS: dict[int, str] = {
     1: "a limit switch was hit and the position is lost; free the stage and home it",
@@ -152,11 +141,8 @@ class Other:
 GrblLine = Ok | Error | Alarm | Banner | Note | GrblSetting | StatusReport | Other
 
 _NUMBERED = re.compile(r"(error|ALARM):(\d{1,9})")
-
 _SETTING = re.compile(r"\$(\d{1,9})=(\d{1,15}(?:\.\d*)?)(?: .*)?")
-
 _BANNER = re.compile(r"Grbl(?:HAL)? (\S+) \[", re.IGNORECASE)
-
 _REPORT = re.compile(r"<([A-Za-z]+)(?::(\d{1,9}))?((?:\|[^|>]*)*)>")
 
 
@@ -238,9 +224,7 @@ def move_line(targets_mm: Mapping[str, float], feed_mm_min: float) -> bytes:
 
 
 INCHES, SOFT_LIMITS, HOMING = 13, 20, 22
-
 HOMING_FEED, HOMING_SEEK, HOMING_PAUSE_MS, PULL_OFF = 24, 25, 26, 27
-
 STEPS_PER_MM, FASTEST, ACCELERATION, TRAVEL = 100, 110, 120, 130
 
 AXES = "XYZ"

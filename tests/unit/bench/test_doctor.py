@@ -28,7 +28,6 @@ LINUX = HostEnvironment(
     groups_on_file=frozenset({"dialout"}),
     holders=(),
     programs=frozenset({"systemd", "bash"}),
-    driver="ftdi_sio",
     latency_ms=1,
     rule_installed=True,
     on_battery=False,
