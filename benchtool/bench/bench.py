@@ -85,7 +85,7 @@ class Readings:
         corrupt: frames thrown away for a wrong checksum since the last read.
         repeated: samples left out since the last read because they came twice, or too late to be
             put in order.
-        messages: what the device said of itself (events, warnings), oldest first.
+        messages: the device's own events and warnings, oldest first.
     """
 
     time_s: Array
@@ -134,7 +134,7 @@ class Bench(Protocol):
         """Command every motor's pulse (n_rotors,): us; the acknowledgement has been read.
 
         Raises:
-            CommandRefused: the device said no.
+            CommandRefused: the device refused it.
             LinkLost: no acknowledgement came.
         """
         ...

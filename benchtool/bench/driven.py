@@ -192,7 +192,6 @@ REPEAT_S = 1.0
 """Zero is commanded again so often while a rotor is not seen to stand; a choice."""
 
 LOOK_S = 0.05
-
 FAILURES = 5
 """After so many reads in a row that failed, nothing more can be seen; each failure commands zero
 again, which waits for its answer."""

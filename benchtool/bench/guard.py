@@ -40,7 +40,6 @@ RAMP_S = 0.9
 """A normal end takes this long from any throttle to zero."""
 
 RAMP_STEPS = 10
-
 ANSWER_S = 1.5
 """A command is answered or given up within this, wall time: `where`, `arm` and `pwm`, each waited
 for 5 x 100 ms. A pause of the host within it is noticed by the drivers, who see each round."""
@@ -203,14 +202,14 @@ class GuardedBench(DrivenBench):
             LimitExceeded: a reading beyond its limit; zero was commanded before this was raised.
                 The samples that show it are in `take_unread`.
         """
-        self._signals.raise_if_asked()
+        self._signals.raise_if_requested()
         new = self._read_checked(timeout_s)
         unread, self._unread = self._unread, []
         return joined([*unread, new])
 
     def _read_checked(self, timeout_s: float) -> Readings:
         if self._check is None:
-            raise LinkLost("read was asked of a bench that is not open; open it first")
+            raise LinkLost("a bench that is not open was read; open it first")
         self._end_if_paused()
         self._expect(bench_s=timeout_s)
         try:
@@ -234,11 +233,11 @@ class GuardedBench(DrivenBench):
         return readings
 
     def listen(self, timeout_s: float) -> Readings:
-        """Read and check as `read` does, and keep the samples for the next `read`.
+        """Read and check as `read` does, and hold the samples for the next `read`.
 
         For whoever waits for something else, as for an operator.
         """
-        self._signals.raise_if_asked()
+        self._signals.raise_if_requested()
         readings = self._read_checked(timeout_s)
         self._unread.append(readings)
         return readings
@@ -320,7 +319,7 @@ class GuardedBench(DrivenBench):
         raise paused from error
 
     def _refuse_after_stop(self, command: str) -> None:
-        self._signals.raise_if_asked()
+        self._signals.raise_if_requested()
         if self._stopped:
             raise RunStopped(
                 f"{command} was not sent: the bench was stopped ({self.reason}); open it anew"

@@ -1,6 +1,6 @@
 """Whether the plate may move, and whether it stands where its stage says.
 
-A position is believed only where it is measured: a stage that counts its own steps cannot know that
+A position is trusted only where it is measured: a stage that counts its own steps cannot know that
 it lost some, and a position channel may be frozen.
 """
 
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from benchtool.bench.guard import GuardedBench
 
 CHANNEL = "plate_z_m"
-
 LEAST_M = 0.001
 """Distances closer than this count as one, with a perfect drive and sensor too. A choice: at the
 nearest plates of the rigs shipped, 1 mm changes thrust by less than 2 percent."""
@@ -67,7 +66,7 @@ class PlateCheck:
         self._before_m = self.read_m
 
     def arrives(self) -> None:
-        """Note that the plate is said to have arrived: only later readings count."""
+        """Count only later readings: the stage reports that the plate has arrived."""
         self.read_m = nan
 
     def problem(self, target_m: float, stage_m: float, more_m: float = 0.0) -> StageError | None:
@@ -96,15 +95,15 @@ class PlateCheck:
             )
         if abs(self.read_m - stage_m) <= allowed_m:
             return None
-        said = "" if stage_m == target_m else f", the stage says {stage_m:.4f} m"
+        stage = "" if stage_m == target_m else f", the stage says {stage_m:.4f} m"
         limit = f"tolerance {1e3 * allowed_m:.1f} mm"
         if abs(self.read_m - self._before_m) <= allowed_m < abs(target_m - self._before_m):
             return StageError(
-                f"{CHANNEL} still reads {self.read_m:.4f} m {after}{said}, {limit}: the plate did "
+                f"{CHANNEL} still reads {self.read_m:.4f} m {after}{stage}, {limit}: the plate did "
                 f"not move or its position channel is frozen; look at both before motors turn"
             )
         return StageError(
-            f"{CHANNEL} reads {self.read_m:.4f} m {after}{said}, {limit}; home the stage and "
+            f"{CHANNEL} reads {self.read_m:.4f} m {after}{stage}, {limit}; home the stage and "
             f"measure the distance by hand, then correct zero, sensor or the rig's "
             f"sensors.{CHANNEL} (noise, quantum)"
         )

@@ -49,8 +49,8 @@ class _Handlers:
 class StopSignals(_Handlers):
     """Be the scope, from `install` to `restore`, in which signals are deferred.
 
-    A signal is only noted, and raised by the next `raise_if_asked`; so it can come neither between
-    a sample and the disk nor into a stop. Within `interruptible` it is raised at once: for waits
+    A signal is only noted, and raised by the next `raise_if_requested`: it comes neither between a
+    sample and the disk nor into a stop. Within `interruptible` it is raised at once: for waits
     that call nothing else for long. Each scope raises at most one signal at once.
 
     Outside of the main thread Python allows no handlers; there only exceptions end a run.
@@ -62,39 +62,39 @@ class StopSignals(_Handlers):
     def __init__(self, note: Callable[[str], None]) -> None:
         super().__init__()
         self._note = note
-        self._asked: str | None = None
+        self._requested: str | None = None
         self._raises = False
 
     def install(self) -> None:
         """Take the signals over."""
         if threading.current_thread() is threading.main_thread():
-            self._asked, self._raises = None, False
+            self._requested, self._raises = None, False
         self._take_over(self._handle)
 
     @contextmanager
     def interruptible(self) -> Iterator[None]:
         """Let a signal raise at once within this inner scope, one that was noted on entering it."""
-        self.raise_if_asked()
+        self.raise_if_requested()
         self._raises = True
         try:
-            self.raise_if_asked()
+            self.raise_if_requested()
             yield
         finally:
             self._raises = False
 
-    def raise_if_asked(self) -> None:
+    def raise_if_requested(self) -> None:
         """Raise what a signal has noted, again and again should somebody swallow it."""
-        if self._asked is not None:
-            raise RunStopped(f"{self._asked}; zero was commanded to the motors")
+        if self._requested is not None:
+            raise RunStopped(f"{self._requested}; zero was commanded to the motors")
 
     def _handle(self, number: int, frame: FrameType | None) -> None:
         name = signal.Signals(number).name
-        again = self._asked is not None
-        self._asked = self._asked or _WORDS.get(name, f"stopped by {name}")
-        self._note(self._asked)
+        again = self._requested is not None
+        self._requested = self._requested or _WORDS.get(name, f"stopped by {name}")
+        self._note(self._requested)
         if self._raises and not again:
             self._raises = False
-            self.raise_if_asked()
+            self.raise_if_requested()
 
 
 PATIENCE_S = 10.0
@@ -103,7 +103,7 @@ run of hours takes about a second."""
 
 
 class ClosingSignals(_Handlers):
-    """Keep impatient signals from cutting the closing of a run short.
+    """Prevent impatient signals from cutting the closing of a run short.
 
     Entered before the bench is guarded; a guard's own handlers act while it is there. Until `begin`
     signals mean what they meant before, after it they are ignored.

@@ -116,15 +116,15 @@ class Halts(Protocol):
         ...
 
 
-class AskedToStop(RunStopped):
-    """Somebody asked to stop: the bench may go on when its owner wants it to."""
+class StopRequested(RunStopped):
+    """Report a requested stop: the bench may go on when its owner wants it to."""
 
 
 class StoppableBench(BenchWrapper):
     """Be another bench until somebody asks to stop.
 
-    `ask_to_stop` sends zero from the thread that asks, where the bench can do that, and lets the
-    owner's next call raise AskedToStop once. A pulse that the owner sends in the same moment is
+    `request_stop` sends zero from the thread that asks, where the bench can do that, and lets the
+    owner's next call raise StopRequested once. A pulse that the owner sends in the same moment is
     taken back, or refused by a device that the stop had reached before.
 
     Args:
@@ -138,51 +138,51 @@ class StoppableBench(BenchWrapper):
         if listener is not None and isinstance(bench, Subscribable):
             bench.subscribe(listener)
             self._listener = None
-        self._asked: str | None = None
+        self._requested: str | None = None
 
-    def ask_to_stop(self, reason: str) -> None:
+    def request_stop(self, reason: str) -> None:
         """Stop from any thread; the owner gets the reason."""
-        self._asked = reason
+        self._requested = reason
         if isinstance(self._bench, Halts):
             with suppress(BenchtoolError, OSError):
                 self._bench.halt()
 
     def forget(self) -> None:
         """Forget a request that came when there was nothing to stop."""
-        self._asked = None
+        self._requested = None
 
     def set_pwm(self, pwm_us: Array) -> None:
-        self._raise_if_asked()
+        self._raise_if_requested()
         try:
             self._bench.set_pwm(pwm_us)
         except CommandRefused:
-            self._raise_if_asked()
+            self._raise_if_requested()
             raise
-        if self._asked is not None:
+        if self._requested is not None:
             self._bench.stop()
-            self._raise_if_asked()
+            self._raise_if_requested()
 
     def move_plate(self, z_m: float, x_m: float = 0.0, tilt_rad: float = 0.0) -> None:
-        self._raise_if_asked()
+        self._raise_if_requested()
         try:
             self._bench.move_plate(z_m, x_m, tilt_rad)
         except (CommandRefused, StageError):
-            self._raise_if_asked()
+            self._raise_if_requested()
             raise
 
     def tare(self) -> None:
-        self._raise_if_asked()
+        self._raise_if_requested()
         self._bench.tare()
 
     def read(self, timeout_s: float) -> Readings:
-        self._raise_if_asked()
+        self._raise_if_requested()
         # Not raised behind the read: no sample is lost to a request.
         readings = self._bench.read(min(timeout_s, STOP_SLICE_S))
         if self._listener is not None:
             self._listener(readings)
         return readings
 
-    def _raise_if_asked(self) -> None:
-        reason, self._asked = self._asked, None
+    def _raise_if_requested(self) -> None:
+        reason, self._requested = self._requested, None
         if reason is not None:
-            raise AskedToStop(f"{reason}; zero was commanded to the motors")
+            raise StopRequested(f"{reason}; zero was commanded to the motors")

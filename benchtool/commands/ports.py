@@ -21,7 +21,7 @@ class PortsInputs(Inputs):
 
 def ports(inputs: PortsInputs) -> None:
     """List serial ports and, with --probe, what answers on them."""
-    from benchtool.bench.doctor.ports import ask_port, serial_ports
+    from benchtool.bench.doctor.ports import identify_port, serial_ports
     from benchtool.bench.transport.serial_port import SerialPort
 
     found = serial_ports()
@@ -34,7 +34,7 @@ def ports(inputs: PortsInputs) -> None:
         if port.by_id:
             print(f"    lasting name: serial:{port.by_id}")
         if inputs.probe:
-            answer = ask_port(SerialPort(port.name, inputs.baud), port.name)
+            answer = identify_port(SerialPort(port.name, inputs.baud), port.name)
             print(f"    {answer.kind}: {answer.text}")
     if found and not inputs.probe:
         print("--probe asks each who is there; opening a port resets many boards")

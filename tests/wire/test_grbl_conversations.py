@@ -174,64 +174,6 @@ def test_an_alarm_while_homing_is_left_by_a_reset(number, said):
     link.check_finished()
 
 
-def test_a_soft_limit_is_left_by_a_reset_and_keeps_the_position():
-    link, stage = opened(
-        Turn(b"?", at(-1.0)),
-        Turn(b"G21 G90 G53 G1 Z-900.000 F3000.0\n", b"ALARM:2\r\n[MSG:Reset to continue]\r\n"),
-        Turn(b"\x18", LOCKED),
-        Turn(b"$X\n", b"[MSG:Caution: Unlocked]\r\nok\r\n"),
-        *MOVED,
-    )
-    with pytest.raises(StageError, match="ALARM:2, the target lies outside"):
-        stage.move(0.9, 0.0, 0.0, quiet)
-    assert stage.move(0.2, 0.0, 0.0, quiet) == pytest.approx(0.2)
-    link.check_finished()
-
-
-def test_after_an_alarm_that_loses_the_position_it_is_homed():
-    link, stage = opened(
-        Turn(b"?", at(-1.0)),
-        Turn(MOVE, b"ok\r\n"),
-        Turn(b"?", b"ALARM:1\r\n"),
-        Turn(b"\x18", LOCKED),
-        Turn(b"$H\n", b"ok\r\n"),
-        *MOVED,
-    )
-    with pytest.raises(StageError, match="ALARM:1, a limit switch was hit"):
-        stage.move(0.2, 0.0, 0.0, quiet)
-    stage.move(0.2, 0.0, 0.0, quiet)
-    link.check_finished()
-
-
-def test_a_reset_by_somebody_else_loses_the_position():
-    link, stage = opened(
-        Turn(b"?", at(-1.0)),
-        Turn(MOVE, b"ok\r\n"),
-        Turn(b"?", LOCKED),
-        Turn(b"$H\n", b"ok\r\n"),
-        *MOVED,
-    )
-    with pytest.raises(StageError, match="started anew"):
-        stage.move(0.2, 0.0, 0.0, quiet)
-    stage.move(0.2, 0.0, 0.0, quiet)
-    link.check_finished()
-
-
-@pytest.mark.parametrize(
-    ("answer", "said"),
-    [
-        (b"error:9\r\n", "locked out after an alarm"),
-        (b"error:22\r\n", "no feed rate"),
-        (b"error:2\r\n", "a number cannot be read"),
-    ],
-)
-def test_a_refused_move_says_why(answer, said):
-    link, stage = opened(Turn(b"?", at(-1.0)), Turn(MOVE, answer))
-    with pytest.raises(StageError, match=said):
-        stage.move(0.2, 0.0, 0.0, quiet)
-    link.check_finished()
-
-
 def on_the_way(*places_mm: float, state: bytes = b"Run") -> list[Turn]:
     return [Turn(b"?", at(place, state)) for place in places_mm]
 
@@ -245,6 +187,122 @@ def test_ok_means_queued_so_the_state_is_asked_until_it_has_moved():
     assert len(paused) > 50
 
 
+HOMED = Turn(b"$H\n", b"ok\r\n")
+
+FAILED_MOVES: dict[str, tuple[str, list[Turn], bytes | None]] = {
+    "refused": (r"error:9, .* locked out after", [MOVED[0], Turn(MOVE, b"error:9\r\n")], None),
+    "unreadable": ("a number cannot be read", [MOVED[0], Turn(MOVE, b"error:2\r\n")], None),
+    "off its way": (
+        r"was held: it is at Z -221\.000 mm, outside -1\.000 to",
+        [*MOVED[:2], *on_the_way(-150.0, -199.9, -221.0), Turn(b"!")],
+        None,
+    ),
+    "silent": (
+        r"answered nothing to the move to 0\.2 m for 2 s",
+        [*MOVED[:2], *on_the_way(-20.0), Turn(b"!")],
+        b"",
+    ),
+    "held by its button": (
+        r"it says Hold:0 for 5 s, which its feed-hold button",
+        [*MOVED[:2], *on_the_way(-50.0), Turn(b"!")],
+        at(-90.0, b"Hold:0"),
+    ),
+    "creeping": (
+        "held: it did not arrive within 14 s",
+        [*MOVED[:2], Turn(b"!")],
+        at(-90.0, b"Run"),
+    ),
+} | {
+    f"in state {state}": (
+        f"did not finish .*: it says {state}; reset it",
+        [*MOVED[:2], *on_the_way(-1.0, state=state.encode()), Turn(b"!")],
+        None,
+    )
+    for state in ("Check", "Door:1", "Sleep", "Jog")
+}
+"""What the error says, what happens until then, what every further question gets."""
+
+
+@pytest.mark.parametrize("case", FAILED_MOVES)
+def test_a_move_that_fails_says_why(case):
+    said, turns, always = FAILED_MOVES[case]
+    link, stage = opened(*turns, always=always)
+    with pytest.raises(StageError, match=said):
+        stage.move(0.2, 0.0, 0.0, quiet)
+    link.check_finished()
+
+
+def test_a_stage_that_stands_elsewhere_is_not_believed():
+    _, stage = opened(*MOVED[:2], *on_the_way(-50.0), Turn(b"-"), always=at(-199.5))
+    with pytest.raises(StageError, match=r"stands at Z -199\.500 mm instead of -200\.000 mm"):
+        stage.move(0.2, 0.0, 0.0, quiet)
+
+
+RECOVERIES: dict[str, tuple[str, list[Turn], bytes | None]] = {
+    "a soft limit keeps the position": (
+        "ALARM:2, the target lies outside",
+        [
+            MOVED[0],
+            Turn(MOVE, b"ALARM:2\r\n[MSG:Reset to continue]\r\n"),
+            Turn(b"\x18", LOCKED),
+            Turn(b"$X\n", b"[MSG:Caution: Unlocked]\r\nok\r\n"),
+        ],
+        None,
+    ),
+    "an alarm loses it": (
+        "ALARM:1, a limit switch was hit",
+        [*MOVED[:2], Turn(b"?", b"ALARM:1\r\n"), Turn(b"\x18", LOCKED), HOMED],
+        None,
+    ),
+    "a reset by somebody else loses it": (
+        "started anew",
+        [*MOVED[:2], Turn(b"?", LOCKED), HOMED],
+        None,
+    ),
+    "off its way it is reset and homed": (
+        "was held",
+        [
+            *MOVED[:2],
+            *on_the_way(-221.0),
+            Turn(b"!"),
+            Turn(b"?", at(-230.0, b"Hold:0")),
+            Turn(b"\x18", BANNER),
+            HOMED,
+        ],
+        None,
+    ),
+    "half a line is discarded by a reset": (
+        r"stands at Z -1\.000 mm instead of -200\.000 mm",
+        [MOVED[0], Turn(MOVE), Turn(b"\x18", BANNER), HOMED],
+        at(-1.0),
+    ),
+}
+
+
+@pytest.mark.parametrize("case", RECOVERIES)
+def test_after_a_move_that_failed_the_next_one_is_good(case):
+    said, turns, always = RECOVERIES[case]
+    link, stage = opened(*turns, *MOVED, always=always)
+    with pytest.raises(StageError, match=said):
+        stage.move(0.2, 0.0, 0.0, quiet)
+    assert stage.move(0.2, 0.0, 0.0, quiet) == pytest.approx(0.2)
+    link.check_finished()
+
+
+@pytest.mark.parametrize(
+    "turns",
+    [
+        # One wrong digit in a report at rest does no harm; a question that is lost is asked again.
+        [*MOVED[:2], Turn(b"?", at(-220.0)), Turn(b"?", at(-200.0))],
+        [Turn(b"?"), Turn(b"?", b"<Id#e|MP"), Turn(b"?", b"\r\n"), *MOVED],
+    ],
+)
+def test_noise_does_no_harm(turns):
+    link, stage = opened(*turns)
+    assert stage.move(0.2, 0.0, 0.0, quiet) == pytest.approx(0.2)
+    link.check_finished()
+
+
 @pytest.mark.parametrize("answer", [b"", b"oj\r\n", b"ok\r\nok\r\n"])
 def test_idle_at_the_target_is_arrival_whatever_became_of_the_ok(answer):
     link, stage = opened(
@@ -254,83 +312,6 @@ def test_idle_at_the_target_is_arrival_whatever_became_of_the_ok(answer):
     # What is left of its answers is not taken for that of the next line.
     stage.move(0.2, 0.0, 0.0, quiet)
     link.check_finished()
-
-
-def test_a_report_off_the_way_holds_the_stage_at_once():
-    link, stage = opened(*MOVED[:2], *on_the_way(-150.0, -199.9, -221.0), Turn(b"!"))
-    with pytest.raises(StageError, match=r"was held: it is at Z -221\.000 mm, outside -1\.000 to"):
-        stage.move(0.2, 0.0, 0.0, quiet)
-    link.check_finished()
-
-
-def test_after_it_was_held_off_the_way_it_is_reset_and_homed():
-    link, stage = opened(
-        *MOVED[:2],
-        *on_the_way(-221.0),
-        Turn(b"!"),
-        Turn(b"?", at(-230.0, b"Hold:0")),
-        Turn(b"\x18", BANNER),
-        Turn(b"$H\n", b"ok\r\n"),
-        *MOVED,
-    )
-    with pytest.raises(StageError, match="was held"):
-        stage.move(0.2, 0.0, 0.0, quiet)
-    stage.move(0.2, 0.0, 0.0, quiet)
-    link.check_finished()
-
-
-def test_one_wrong_digit_in_a_report_at_rest_does_no_harm():
-    link, stage = opened(*MOVED[:2], Turn(b"?", at(-220.0)), Turn(b"?", at(-200.0)))
-    assert stage.move(0.2, 0.0, 0.0, quiet) == pytest.approx(0.2)
-    link.check_finished()
-
-
-def test_a_question_that_is_lost_is_asked_again():
-    link, stage = opened(Turn(b"?"), Turn(b"?", b"<Id#e|MP"), Turn(b"?", b"\r\n"), *MOVED)
-    assert stage.move(0.2, 0.0, 0.0, quiet) == pytest.approx(0.2)
-    link.check_finished()
-
-
-def test_a_stage_that_falls_silent_while_moving_is_held_and_given_up():
-    link, stage = opened(*MOVED[:2], *on_the_way(-20.0), Turn(b"!"), always=b"")
-    with pytest.raises(StageError, match=r"answered nothing to the move to 0\.2 m for 2 s"):
-        stage.move(0.2, 0.0, 0.0, quiet)
-    link.check_finished()
-
-
-def test_half_a_line_is_thrown_away_by_a_reset_before_the_next():
-    link, stage = opened(
-        Turn(b"?", at(-1.0)),
-        Turn(MOVE),
-        Turn(b"\x18", BANNER),
-        Turn(b"$H\n", b"ok\r\n"),
-        *MOVED,
-        always=at(-1.0),
-    )
-    with pytest.raises(StageError, match=r"stands at Z -1\.000 mm instead of -200\.000 mm"):
-        stage.move(0.2, 0.0, 0.0, quiet)
-    assert stage.move(0.2, 0.0, 0.0, quiet) == pytest.approx(0.2)
-    link.check_finished()
-
-
-def test_a_feed_hold_that_nobody_lifts_is_named():
-    _, stage = opened(*MOVED[:2], *on_the_way(-50.0), Turn(b"!"), always=at(-90.0, b"Hold:0"))
-    with pytest.raises(StageError, match=r"it says Hold:0 for 5 s, which its feed-hold button"):
-        stage.move(0.2, 0.0, 0.0, quiet)
-
-
-@pytest.mark.parametrize("state", [b"Check", b"Door:1", b"Sleep", b"Jog"])
-def test_a_state_that_somebody_else_brought_about_is_named_at_once(state):
-    link, stage = opened(*MOVED[:2], *on_the_way(-1.0, state=state), Turn(b"!"))
-    with pytest.raises(StageError, match=f"did not finish .*: it says {state.decode()}; reset it"):
-        stage.move(0.2, 0.0, 0.0, quiet)
-    link.check_finished()
-
-
-def test_a_plate_that_creeps_for_ever_is_held():
-    _, stage = opened(*MOVED[:2], Turn(b"!"), always=at(-90.0, b"Run"))
-    with pytest.raises(StageError, match="held: it did not arrive within 14 s"):
-        stage.move(0.2, 0.0, 0.0, quiet)
 
 
 @pytest.mark.parametrize(
@@ -410,12 +391,6 @@ def test_after_a_hold_the_rest_of_the_move_is_thrown_away_once_it_stands():
     stage.hold()
     assert stage.move(0.2, 0.0, 0.0, quiet) == pytest.approx(0.2)
     link.check_finished()
-
-
-def test_a_stage_that_stands_elsewhere_is_not_believed():
-    _, stage = opened(*MOVED[:2], *on_the_way(-50.0), Turn(b"-"), always=at(-199.5))
-    with pytest.raises(StageError, match=r"stands at Z -199\.500 mm instead of -200\.000 mm"):
-        stage.move(0.2, 0.0, 0.0, quiet)
 
 
 def test_the_offset_between_work_and_machine_comes_only_sometimes():

@@ -99,8 +99,8 @@ def _permission(host: HostEnvironment) -> State | None:
         return "ok", f"{host.user} may open {host.port}", ""
     group = host.group or "dialout"
     if group in host.groups_on_file and group not in host.groups:
-        said = f"{host.user} was added to group {group}, but this session began before"
-        return "problem", said, "log out and in again"
+        sentence = f"{host.user} was added to group {group}, but this session began before"
+        return "problem", sentence, "log out and in again"
     fix = f"sudo usermod -aG {group} {host.user}, then log out and in again"
     if host.system == "Linux" and not host.rule_installed:
         fix += f"; or install the udev rule: {INSTALL_RULE}"
@@ -112,16 +112,20 @@ def _rule(host: HostEnvironment) -> State | None:
         return None
     if host.rule_installed:
         return "ok", f"{UDEV_RULE} is installed", ""
-    said = "benchtool's udev rule (access, ModemManager, FTDI latency) is not installed"
-    return "warning", said, INSTALL_RULE
+    sentence = "benchtool's udev rule (access, ModemManager, FTDI latency) is not installed"
+    return "warning", sentence, INSTALL_RULE
 
 
 def _holders(host: HostEnvironment) -> State | None:
     if not host.port:
         return None
     if host.holders is None:
-        said = f"{host.system} does not tell which program has a port open"
-        return "not checked", said, "close terminal programs, the Arduino serial monitor, slicers"
+        sentence = f"{host.system} does not report which program has a port open"
+        return (
+            "not checked",
+            sentence,
+            "close terminal programs, the Arduino serial monitor, slicers",
+        )
     if len(host.holders) == 1 and host.holders[0].is_terminal:
         return "ok", f"the virtual bench behind it is {_listed(host.holders)}", ""
     if host.holders:
@@ -142,8 +146,8 @@ def _probing(host: HostEnvironment) -> State | None:
         fixes.append("install the udev rule, which makes ModemManager leave bench ports alone")
     if "brltty" in running:
         fixes.append("remove brltty (sudo apt remove brltty) unless braille is needed")
-    said = "; ".join(PROBING[program] for program in running)
-    return "warning" if fixes else "ok", said, "; ".join(fixes)
+    sentence = "; ".join(PROBING[program] for program in running)
+    return "warning" if fixes else "ok", sentence, "; ".join(fixes)
 
 
 def _lasting_name(host: HostEnvironment) -> State | None:
@@ -153,12 +157,12 @@ def _lasting_name(host: HostEnvironment) -> State | None:
         return None
     twins = [other for other in host.ports if other.usb == port.usb and other is not port]
     if not port.serial_number:
-        said = (
-            f"its USB adapter ({port.usb}) has no serial number; after a replug it cannot be told "
+        sentence = (
+            f"its USB adapter ({port.usb}) has no serial number; after a replug it cannot be known "
             f"from others"
         )
         others = ", and other adapters out" if twins else ""
-        return "warning", said, f"keep it in the same socket{others}"
+        return "warning", sentence, f"leave it in the same socket{others}"
     if port.by_id and host.port != port.by_id:
         fix = (
             f"use serial:{port.by_id}; a run goes on only with the same serial number "
@@ -173,8 +177,8 @@ def _latency(host: HostEnvironment) -> State | None:
     if host.latency_ms is not None:
         if host.latency_ms <= 2:
             return "ok", f"the latency timer is {host.latency_ms} ms", ""
-        said = f"the latency timer is {host.latency_ms} ms; samples arrive in bursts that late"
-        return "warning", said, f"install the udev rule: {INSTALL_RULE}"
+        sentence = f"the latency timer is {host.latency_ms} ms; samples arrive in bursts that late"
+        return "warning", sentence, f"install the udev rule: {INSTALL_RULE}"
     if port is None or port.vendor != 0x0403:
         return None
     fix = (
@@ -182,29 +186,29 @@ def _latency(host: HostEnvironment) -> State | None:
         if host.system == "Windows"
         else "the driver's default is 16 ms; on macOS it follows the baud rate"
     )
-    return "not checked", f"{host.system} does not tell it here", fix
+    return "not checked", f"{host.system} does not report it here", fix
 
 
 def _reset(host: HostEnvironment) -> State | None:
     port = host.hardware
     if port is None or port.vendor not in RESETTING:
         return None
-    said = (
+    sentence = (
         f"boards with a {RESETTING[port.vendor]} adapter often reset when the port is opened; the "
         f"hello is repeated for 5 s"
     )
-    return "ok", said, ""
+    return "ok", sentence, ""
 
 
 def _sleep(host: HostEnvironment) -> State | None:
     fix = SLEEP_OFF.get(host.system, "switch sleep off while it runs")
     if not host.on_battery:
         return "not checked", "whether this computer falls asleep by itself", fix
-    said = (
+    sentence = (
         "the computer runs on its battery and may fall asleep during a run; the device's "
         "watchdog stops the motors then"
     )
-    return "warning", said, fix
+    return "warning", sentence, fix
 
 
 def _listed(found: tuple[Holder, ...]) -> str:
@@ -264,23 +268,23 @@ def _state(end: Endpoint) -> State:
             return "ok", f"UDP {where} is free", ""
         address = socket.gethostbyname(end.place)
         if end.kind == "sends":
-            said = f"whether anybody listens on UDP {where} shows only when it answers"
-            return "not checked", said, "name the address to benchtool bench check"
+            sentence = f"whether anybody listens on UDP {where} shows only when it answers"
+            return "not checked", sentence, "name the address to benchtool bench check"
         socket.create_connection((address, end.port), CONNECT_S).close()
         return "ok", f"something listens at TCP {where}", ""
     except (OSError, OverflowError, UnicodeError) as error:
-        said, fix = _problem(end, where, error)
-        return "problem", said, fix
+        sentence, fix = _problem(end, where, error)
+        return "problem", sentence, fix
 
 
 def _problem(end: Endpoint, where: str, error: Exception) -> tuple[str, str]:
     if end.kind == "listens":
         if getattr(error, "errno", None) == errno.EADDRINUSE:
-            said = f"another program listens on UDP {where} (a ground station, another run?)"
-            return said, "end it, or choose another port at both ends"
-        said = f"this computer cannot listen on UDP {where} ({error})"
-        return said, "listen on 127.0.0.1 or on an address of this computer"
+            sentence = f"another program listens on UDP {where} (a ground station, another run?)"
+            return sentence, "end it, or choose another port at both ends"
+        sentence = f"this computer cannot listen on UDP {where} ({error})"
+        return sentence, "listen on 127.0.0.1 or on an address of this computer"
     if isinstance(error, socket.gaierror | UnicodeError):
         return f"the host {end.place!r} is not known", "correct its name"
-    said = f"nobody answers at TCP {where} ({error})"
-    return said, "start the bench there, or correct the address"
+    sentence = f"nobody answers at TCP {where} ({error})"
+    return sentence, "start the bench there, or correct the address"

@@ -1,4 +1,4 @@
-"""Serial ports: which there are, and what answers on them when asked."""
+"""Serial ports: which there are, and what answers on them."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Port:
 
 @dataclass(frozen=True, slots=True)
 class PortAnswer:
-    """Say what answered on a port when it was asked for a hello."""
+    """Say what answered a hello on a port."""
 
     kind: Literal["bench", "other", "silent", "busy", "denied"]
     text: str
@@ -83,7 +83,7 @@ def by_id_names(folder: Path = BY_ID) -> dict[str, str]:
     return {os.path.realpath(link): str(link) for link in sorted(folder.iterdir())}
 
 
-def ask_port(
+def identify_port(
     transport: Transport, name: str, clock: Callable[[], float] = time.monotonic
 ) -> PortAnswer:
     """Open a port and ask who is there; opening resets many boards, and motors stay untouched."""

@@ -289,7 +289,7 @@ class MavlinkBench(StreamingBench):
         return self._autopilot
 
     def _choose_channels(self, autopilot: AutopilotInfo) -> None:
-        """Keep the channels that live; say which messages do not come.
+        """Choose the channels that live; note which messages do not come.
 
         Raises:
             ProtocolError: no outputs are reported, so that nothing could be read back.

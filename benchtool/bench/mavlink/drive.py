@@ -209,7 +209,7 @@ class Drive(ABC):
         """Command the pulse of every rotor: us.
 
         Raises:
-            CommandRefused: the autopilot said no.
+            CommandRefused: the autopilot refused it.
             InputError: it cannot turn these together.
             LinkLost: no acknowledgement came.
         """

@@ -15,9 +15,7 @@ GROUND_SYSTEM, GROUND_COMPONENT = 255, 190
 """How a ground station names itself (MAVLink's conventions: system 255, mission planner)."""
 
 AUTOPILOT_COMPONENT = 1
-
 SEQUENCE_MODULUS = 256
-
 WINDOW = 64
 """A frame may come so many frames late and is still that one: a link that reorders is off by a few,
 an autopilot that started again by any number. A choice, a quarter of the modulus."""
@@ -217,7 +215,6 @@ class MavlinkQuality:
 
 
 MODULUS = 1 << 32
-
 REBOOT_US = 2_000_000
 """A clock that goes back by more has begun anew; reordered datagrams are off by less. A choice."""
 

@@ -45,19 +45,11 @@ def _esc_status(parent: Any) -> Any:
         crc_extra = 10
         unpacker = struct.Struct("<Q4i4f4fB")
 
-        def __init__(
-            self,
-            index: int,
-            time_usec: int,
-            rpm: list[int],
-            voltage: list[float],
-            current: list[float],
-        ) -> None:
+        def __init__(self, *values: Any) -> None:
             parent.__init__(self, self.id, self.msgname)
             self._fieldnames = list(self.fieldnames)
             self._instance_field, self._instance_offset = "index", -1
-            self.index, self.time_usec = index, time_usec
-            self.rpm, self.voltage, self.current = rpm, voltage, current
+            self.index, self.time_usec, self.rpm, self.voltage, self.current = values
 
         def pack(self, mav: Any, force_mavlink1: bool = False) -> bytes:
             payload = self.unpacker.pack(
@@ -76,7 +68,6 @@ ACCEPTED, IN_PROGRESS = 0, 5
 """MAV_RESULT of an order that is carried out."""
 
 ARM_DISARM = 400
-
 FORCE_DISARM = 21196.0
 """Second parameter of ARM_DISARM that disarms whatever the vehicle does (MAVLink common.xml)."""
 

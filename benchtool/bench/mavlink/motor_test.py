@@ -230,7 +230,7 @@ UNREPORTED_S = 1.0
 """Motors do not turn for longer without their outputs being reported; a choice."""
 
 UNREPORTED_AT_REST_S = 3.0
-"""The same at rest: an autopilot that has started anew has forgotten what it was asked for."""
+"""The same at rest: an autopilot that has started anew has forgotten what was requested."""
 
 
 class OutputWatch:

@@ -1,4 +1,4 @@
-"""How each autopilot is commanded to turn motors, what it allows, and what it says when asked.
+"""How each autopilot is commanded to turn motors, what it allows, and what it reports of itself.
 
 A pilot is chosen by the heartbeat. Every command dies by itself after `TIMEOUT_S`, so that motors
 stand still soon after the host has died; it is sent again every `RESEND_S`.

@@ -22,7 +22,6 @@ UNKNOWN_U16 = 65535
 """What batteries say of a voltage that nobody measures."""
 
 OUTPUTS = 16
-
 DISTANCES = ("virtual world", "DISTANCE_SENSOR", "RANGEFINDER")
 """What reports the plate's distance, the best first."""
 

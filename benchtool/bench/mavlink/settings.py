@@ -175,12 +175,11 @@ DEFAULT_BAUD = 115_200
 """Usual rate of a telemetry port over USB; radios have 57600."""
 
 KEY_BYTES = 32
-
 MOST_KEY_BYTES = 4096
 """Longest pass phrase; a choice."""
 
 LEAST_HZ, MOST_HZ = 10.0, 1000.0
-"""Rates at which outputs are asked for: too rarely, and nobody sees soon what they do."""
+"""Rates at which outputs are requested: too rarely, and nobody sees soon what they do."""
 
 RATE_HZ, PITCH_HZ = 50.0, 250.0
 """By default. A loop on board moves its outputs some hundred times a second; what is not reported
@@ -200,7 +199,7 @@ class MavlinkSettings:
         key: 32 bytes for MAVLink 2 signing; None signs nothing.
         orientation: of that sensor (MAV_SENSOR_ORIENTATION), others are left aside.
         cell: port and baud rate of a load cell beside the autopilot; None where there is none.
-        warning: what must be said aloud before it is opened, or nothing.
+        warning: shown before it is opened, or empty.
     """
 
     system: int | None = None
@@ -314,12 +313,12 @@ def _port_and_baud(text: str) -> tuple[str, int]:
 
 
 def _wide(place: str) -> str:
-    """Return what must be said of an address that listens beyond this computer."""
+    """Return the warning of an address that listens beyond this computer, or nothing."""
     kind, _, rest = place.partition(":")
     host = rest.rpartition(":")[0] or LOOPBACK
     if kind != "udpin" or is_loopback(host):
         return ""
     return (
-        f"listening on {host}: any computer that reaches this one can send, and MAVLink believes "
+        f"listening on {host}: any computer that reaches this one can send, and MAVLink accepts "
         f"whoever sends unless key= signs it; mavlink:udpin:{LOOPBACK} listens to this one alone"
     )

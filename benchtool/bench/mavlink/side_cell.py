@@ -18,7 +18,6 @@ FIRST_S = 5.0
 """A board that resets when its port opens has booted by then; as for the hello of a bench."""
 
 LONGEST_LINE = 512
-
 _NUMBER = re.compile(rb"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
 
 

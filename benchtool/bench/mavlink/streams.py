@@ -34,7 +34,7 @@ FRAME_BYTES, SIGNATURE_BYTES = 12, 13
 OUTPUT_MESSAGES = ("SERVO_OUTPUT_RAW", "ACTUATOR_OUTPUT_STATUS")
 
 RATES_HZ = (200.0, 125.0, 100.0, 50.0, 40.0, 25.0, 20.0, LEAST_HZ)
-"""Rates that are tried where a slow line does not carry what was asked for; a choice."""
+"""Rates that are tried where a slow line does not carry what was requested; a choice."""
 
 UNBIDDEN = {"HEARTBEAT", "STATUSTEXT", "COMMAND_ACK", "PARAM_VALUE", "AUTOPILOT_VERSION",
             "TIMESYNC", "SYSTEM_TIME", *THRUST_MESSAGES}  # fmt: skip
@@ -82,7 +82,7 @@ def stream_requests(settings: MavlinkSettings, n_rotors: int) -> tuple[StreamReq
 def fitted(
     settings: MavlinkSettings, n_rotors: int, baud: int
 ) -> tuple[MavlinkSettings, list[str]]:
-    """Return the settings with a rate that fits a serial line, and what must be said of that.
+    """Return the settings with a rate that fits a serial line, and remarks on that.
 
     Raises:
         InputError: not even the slowest fits, with the arithmetic.
@@ -117,7 +117,7 @@ def check_fit(settings: MavlinkSettings, rate_Hz: float, n_rotors: int, baud: in
 
 
 def fits(settings: MavlinkSettings, rate_Hz: float, n_rotors: int, baud: int) -> bool:
-    """Return whether everything that is asked for fits a serial line."""
+    """Return whether everything that is requested fits a serial line."""
     return not baud or BITS_PER_BYTE * _bytes_per_s(settings, rate_Hz, n_rotors) <= baud
 
 

@@ -2,7 +2,7 @@
 
 The GUI runs benchtool's bridge script, which takes pulses only while it is spoken to. As on every
 bench whoever reads speaks, never a thread: a host whose control loop hangs falls silent, and the
-script brings the motor down. The pulse itself, said again, is the heartbeat.
+script brings the motor down. The pulse itself, sent again, is the heartbeat.
 """
 
 from __future__ import annotations
@@ -44,7 +44,6 @@ TARE_S = 20.0
 """Longest tare (wall time); a guess, the GUI takes a few seconds."""
 
 ARRIVE_S = 120.0
-
 LEAST_HZ = 1.0
 
 

@@ -23,14 +23,12 @@ from benchtool.core.toml_text import build
 from benchtool.core.units import from_si, to_si, unit_named
 
 BRIDGE_VERSION = 1
-
 VIRTUAL_BOARD = "benchtool virtual stand"
 """How the board version of a virtual stand begins."""
 
 LONGEST_LINE = 65536
-
 LARGEST_SPEED = 1000.0
-"""Most stand seconds per wall second that a virtual stand is believed."""
+"""Most stand seconds per wall second that are accepted of a virtual stand."""
 
 SPEED, PULSE = "rpm1", "pwm1_us"
 
@@ -167,14 +165,14 @@ class BridgeDecoder:
             return None
         try:
             # The GUI's helper cuts every letter to a byte: the degree sign comes as Latin 1.
-            said = parse_json(text.decode("latin-1"), "a line of the bridge script")
+            parsed = parse_json(text.decode("latin-1"), "a line of the bridge script")
         except FileFormatError:
             self.corrupt += 1
             return None
-        entry = said.get("benchtool") if isinstance(said, dict) else None
+        entry = parsed.get("benchtool") if isinstance(parsed, dict) else None
         if not isinstance(entry, dict):
-            self.foreign += isinstance(said, dict)
-            self.corrupt += not isinstance(said, dict)
+            self.foreign += isinstance(parsed, dict)
+            self.corrupt += not isinstance(parsed, dict)
             return None
         if entry.get("bridge") != BRIDGE_VERSION:
             raise ProtocolError(
@@ -189,27 +187,27 @@ class BridgeDecoder:
         if read.n is None:
             return BridgeLine(entry=read)
         values = {
-            channel.name: _reading(said, name, channel.unit) for name, channel in CHANNELS.items()
+            channel.name: _reading(parsed, name, channel.unit) for name, channel in CHANNELS.items()
         }
-        values[SPEED] = _reading(said, self.speed, "rpm")
+        values[SPEED] = _reading(parsed, self.speed, "rpm")
         values[PULSE] = read.us
-        speed = _reading(said, "simulationSpeed", "1")
+        speed = _reading(parsed, "simulationSpeed", "1")
         return BridgeLine(
             entry=read,
             values=values,
-            time_s=_reading(said, "time", "s"),
-            plate_moves=_reading(said, "plateMoving", "1") == 1.0,
+            time_s=_reading(parsed, "time", "s"),
+            plate_moves=_reading(parsed, "plateMoving", "1") == 1.0,
             speed=speed if 0.0 < speed <= LARGEST_SPEED else 1.0,
         )
 
 
-def _reading(said: Mapping[str, Any], name: str, unit: str) -> float:
+def _reading(parsed: Mapping[str, Any], name: str, unit: str) -> float:
     """Return one reading in a channel's unit, nan where there is none.
 
     Raises:
         ProtocolError: in a unit that is none of that dimension.
     """
-    entry = said.get(name)
+    entry = parsed.get(name)
     value = entry.get("workingValue") if isinstance(entry, dict) else None
     if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
         return nan
@@ -219,7 +217,7 @@ def _reading(said: Mapping[str, Any], name: str, unit: str) -> float:
     ours = UNITS.get(unit_text.lower())
     if ours is None or unit_named(ours).dimension != unit_named(unit).dimension:
         raise ProtocolError(
-            f"the stand tells {name} in {unit_text!r}, which is no known unit of it; known: "
+            f"the stand reports {name} in {unit_text!r}, which is no known unit of it; known: "
             f"{', '.join(sorted(UNITS))}"
         )
     return from_si(to_si(float(value), ours), unit)
@@ -258,7 +256,6 @@ class StandClock:
 
 
 FILE_NAME = "rcbudp_bridge.js"
-
 LOOPBACK = "127.0.0.1"
 GUI_PORT, HOST_PORT = 55047, 64126
 """Ports of the maker's own UDP example: where the GUI listens, and where it sends to."""
@@ -268,7 +265,7 @@ SILENCE_MS, RAMP_MS = 250, 500
 supplies that take no current back (the API's own warning) are spared a sudden stop. Choices."""
 
 SPEEDS = {"optical": "motorOpticalSpeed", "electrical": "motorElectricalSpeed"}
-"""Readings of the GUI that tell a speed: of its optical probe, or of the motor's wires."""
+"""Readings of the GUI that give a speed: of its optical probe, or of the motor's wires."""
 
 SHORTEST_US, LONGEST_US = 700.0, 2300.0
 """Pulses that the GUI puts out; anything else switches the output off (scripting API)."""

@@ -20,14 +20,11 @@ from benchtool.bench.transport.transport import LinkEnd, Transport
 from benchtool.core.errors import CommandRefused, LinkLost, NoDevice, ProtocolError
 
 HELLO_S = 5.0
-
 HELLO_TRY_S = 0.25
-
 ANSWER_S = 0.15
 """How long one try of a word waits: GUI and script hand it on several times."""
 
 TRIES = 5
-
 HEARTBEAT_S = 0.08
 """A third of the script's 250 ms: two heartbeats may get lost."""
 
@@ -74,7 +71,7 @@ class BridgeLink(LinkEnd):
         """Say a word until it is answered; the script may carry it out more than once.
 
         Raises:
-            CommandRefused: the script said no.
+            CommandRefused: the script refused it.
             LinkLost: no answer to any try.
         """
         if word[:1].isdigit() or word == b"stop":
@@ -109,7 +106,7 @@ class BridgeLink(LinkEnd):
         return bool(data)
 
     def take_lines(self) -> list[BridgeLine]:
-        """Return what the script said since the last call, oldest first."""
+        """Return the script's lines since the last call, oldest first."""
         lines, self._lines = self._lines, []
         return lines
 
@@ -155,13 +152,13 @@ class RcbSettings:
 
     @property
     def warning(self) -> str:
-        """What must be said aloud of an end that listens beyond this computer, or nothing."""
+        """Warning of an end that listens beyond this computer, or nothing."""
         if is_loopback(self.host):
             return ""
         return (
             f"listening on UDP port {self.listen} of every network of this computer for "
-            f"{self.host}: neither end can tell who sends, anybody there can turn the motor; use a "
-            f"network of the two computers alone, or run benchtool beside the GUI"
+            f"{self.host}: neither end can check who sends, anybody there can turn the motor; use "
+            f"a network of the two computers alone, or run benchtool beside the GUI"
         )
 
 

@@ -52,8 +52,8 @@ DEFAULT_BAUD = 2_000_000
 STALE_S = 1.0
 """A stream that brings nothing for so long is lost (wall time); a choice, four watchdogs."""
 
-ASK_PLATE_S = 0.5
-"""How often a moving plate is asked whether it stands, should the `arrived` line get lost."""
+POLL_PLATE_S = 0.5
+"""How often a moving plate's state is requested, should the `arrived` line get lost."""
 
 HALT_TRIES = 3
 
@@ -165,7 +165,7 @@ class SerialBench(StreamingBench):
             if reply.reason.startswith(LATE):  # No fault of the stage.
                 raise _refused(SendPlate(z_m, x_m, tilt_rad), reply.reason)
             raise StageError(f"the stage refused to move to {z_m:g} m: {reply.reason}")
-        started_s = asked_s = self._clock()
+        started_s = requested_s = self._clock()
         while not self._arrived:
             self._conversation.pump(0.05)
             self._note()
@@ -179,8 +179,8 @@ class SerialBench(StreamingBench):
                     f"the plate did not reach {z_m:g} m within {self._arrive_s:g} s and was "
                     f"halted; look for what blocks it"
                 )
-            if now_s - asked_s > ASK_PLATE_S and not self._arrived:
-                asked_s = now_s
+            if now_s - requested_s > POLL_PLATE_S and not self._arrived:
+                requested_s = now_s
                 moving = self._conversation.exchange(RequestPlate()).fields
                 if moving[:1] == ("0",):
                     self._arrived = True
@@ -260,7 +260,7 @@ class SerialBench(StreamingBench):
             self.stop()
             raise ProtocolError(
                 f"{self.address} has a channel map of hash {''.join(reply.fields) or 'none'}, at "
-                f"its hello {hello.channel_hash}; its channels cannot be told apart; open it anew"
+                f"its hello {hello.channel_hash}; its channels cannot be assigned; open it anew"
             )
         self._armed = True
 

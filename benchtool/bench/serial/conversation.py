@@ -40,12 +40,10 @@ HELLO_S = 5.0
 """How long the hello is repeated: boards that reset when their port is opened boot meanwhile."""
 
 HELLO_TRY_S = 0.25
-
 ANSWER_S = 0.1
 """How long one try of a command waits: six latency periods (16 ms) of an FTDI adapter."""
 
 TRIES = 5
-
 HEARTBEAT_S = 0.08
 """A third of the 250 ms watchdog: two heartbeats may get lost."""
 
@@ -100,7 +98,7 @@ class Conversation(LinkEnd):
         self._hello, self._opened_s = None, self.clock()
         self.transport.open()
         self._gaps.begin(self.clock())
-        self._hello = hello = self._ask_hello()
+        self._hello = hello = self._request_hello()
         self._version = hello.version
         self._decoder.expect(len(hello.channels))
         self._events = []
@@ -205,7 +203,7 @@ class Conversation(LinkEnd):
         if (paused_s := self._gaps.longest_s) > OLDEST_S:
             raise HostPaused(paused_s, OLDEST_S)
 
-    def _ask_hello(self) -> Hello:
+    def _request_hello(self) -> Hello:
         deadline_s = self.clock() + HELLO_S
         version = PROTOCOL_VERSION
         while self.clock() < deadline_s:

@@ -23,7 +23,7 @@ CRC_START = 0xFFFF
 """Start value of CRC-16/CCITT-FALSE (polynomial 0x1021, no reflection, no final xor)."""
 
 MAX_LINE_BYTES = 512
-"""Longest line that a receiver keeps; a longer one is thrown away as a whole."""
+"""Longest line that a receiver buffers; a longer one is discarded as a whole."""
 
 
 def crc16(payload: bytes) -> int:
@@ -217,11 +217,9 @@ class SampleFramer:
 
 
 SEQUENCE_MODULUS = 1 << 16
-
 TIME_MODULUS_US = 1 << 32
-
 WINDOW = 64
-"""A sample that comes so many places late is out of order; an earlier one is not believed at once.
+"""A sample that comes so many places late is out of order; an earlier one is not accepted at once.
 A choice: radios and UDP reorder neighbours."""
 
 LEAP = 4096
@@ -328,7 +326,7 @@ class SampleOrder:
         return step + SEQUENCE_MODULUS * round((expected - step) / SEQUENCE_MODULUS)
 
     def _follows_doubted(self, number: int, time_us: int) -> bool:
-        """Whether a second sample stands for one that was not believed."""
+        """Whether a second sample confirms one that was not accepted."""
         if self._doubted is None:
             return False
         step = signed_step(number, self._doubted[0], SEQUENCE_MODULUS)

@@ -1,4 +1,4 @@
-"""What a device says of itself when it is asked: as a value, as text lines."""
+"""A device's description of itself: as a value, as text lines."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ UNPROTECTED = (
     "link holds back may turn its motors again after a stop; stay clear until its power is off, "
     "or update its firmware"
 )
-"""What is said before such a device is armed."""
+"""Warning before such a device is armed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -243,7 +243,7 @@ class HelloReader:
             self._listed.append(line)
 
     def hello(self, answer: Sequence[str]) -> Hello | None:
-        """Return the hello when it is whole, None when it must be asked for again.
+        """Return the hello when it is whole, None when it must be requested again.
 
         Args:
             answer: what the answer carries beyond the device time.

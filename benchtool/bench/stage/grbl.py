@@ -16,7 +16,7 @@ from benchtool.bench.stage.grbl_lines import (
     StatusReport,
     move_line,
 )
-from benchtool.bench.stage.grbl_link import ANSWER_S, ASK_S, GrblLink
+from benchtool.bench.stage.grbl_link import ANSWER_S, POLL_S, GrblLink
 from benchtool.bench.stage.stage import Pause
 from benchtool.bench.transport.transport import Transport
 from benchtool.core.errors import BenchtoolError, StageError
@@ -163,7 +163,7 @@ class GrblStage:
     def _make_ready(self, pause: Pause) -> None:
         """Leave a hold, half a line, a lock, or a lost position behind."""
         if self._held:
-            # A reset throws the rest of the move away and keeps the position, once all stands.
+            # A reset discards the rest of the move and holds the position, once all stands.
             self._until_held(pause)
         if self._held or self._link.unanswered:
             self._link.wake()
@@ -184,7 +184,7 @@ class GrblStage:
                     f"{self._link.name} still says {report.words} {longest_s:.0f} s after the "
                     f"hold; switch its power off"
                 )
-            pause(ASK_S)
+            pause(POLL_S)
 
     def _allowed_mm_min(self) -> float:
         """Return the feed at which the stage really moves."""
@@ -208,7 +208,7 @@ class GrblStage:
             targets[self._lateral.letter] = self._lateral.to_mm(x_m)
         elif x_m:
             raise StageError(
-                f"{self._link.name} has no lateral axis, but {x_m:g} m were asked for; name its "
+                f"{self._link.name} has no lateral axis, but {x_m:g} m were requested; name its "
                 f"axis or plan without lateral positions"
             )
         return targets

@@ -139,7 +139,6 @@ class Other:
 
 
 GrblLine = Ok | Error | Alarm | Banner | Note | GrblSetting | StatusReport | Other
-
 _NUMBERED = re.compile(r"(error|ALARM):(\d{1,9})")
 _SETTING = re.compile(r"\$(\d{1,9})=(\d{1,15}(?:\.\d*)?)(?: .*)?")
 _BANNER = re.compile(r"Grbl(?:HAL)? (\S+) \[", re.IGNORECASE)
@@ -228,7 +227,6 @@ HOMING_FEED, HOMING_SEEK, HOMING_PAUSE_MS, PULL_OFF = 24, 25, 26, 27
 STEPS_PER_MM, FASTEST, ACCELERATION, TRAVEL = 100, 110, 120, 130
 
 AXES = "XYZ"
-
 SEARCH = 1.5
 """Grbl seeks a switch over this many times the travel (HOMING_AXIS_SEARCH_SCALAR)."""
 
@@ -316,20 +314,20 @@ class GrblSettings:
 
     def remarks(self, letters: str, feed_mm_min: float, step_mm: float) -> str:
         """Return what a person should know of a stage that may be used: slow axes, coarse steps."""
-        said = []
+        remarks = []
         for letter in letters:
             index = AXES.index(letter)
             if (fastest := self.of(FASTEST + index)) < feed_mm_min:
-                said.append(
+                remarks.append(
                     f"${FASTEST + index} allows {fastest:g} mm/min where the rig's "
                     f"plate.speed_m_s asks for {feed_mm_min:g}, so moves take longer"
                 )
             if (step := self.steps_mm(letter)) > step_mm:
-                said.append(
+                remarks.append(
                     f"{letter} stands only on multiples of {step:g} mm "
                     f"(${STEPS_PER_MM + index}={1.0 / step:g})"
                 )
-        return "; ".join(said)
+        return "; ".join(remarks)
 
     def _of_axis(self, first: int, letter: str) -> float:
         return self.of(first + AXES.index(letter))

@@ -1,4 +1,4 @@
-"""One conversation with a GRBL 1.1 stage: lines answered by `ok`, states asked for, silences."""
+"""One conversation with a GRBL 1.1 stage: lines answered by `ok`, states requested, silences."""
 
 from __future__ import annotations
 
@@ -30,19 +30,15 @@ WAKE_S = 5.0
 """Boards that reset when their port is opened take 1 to 2 s to boot; a margin on that."""
 
 WAKE_TRY_S = 1.0
-
 ANSWER_S = 2.0
 """GRBL answers in milliseconds (95 % in 13 ms) except while homing; a longer silence is a fault."""
 
 LISTEN_S = 0.02
-
 AFTER_BANNER_S = 0.1
 """The word that G-code is locked follows the banner at once."""
 
-ASK_S = 0.2
-
+POLL_S = 0.2
 SETTINGS_TRIES = 3
-
 MOST_REPORTS = 40
 """The work offset comes in every 10th to 30th report (Grbl 1.1 configuration)."""
 
@@ -67,7 +63,7 @@ class GrblLink:
         self._received = b""
 
     def open(self) -> None:
-        """Open the port; nothing is said yet."""
+        """Open the port; nothing is sent yet."""
         self._transport.open()
         self.locked = self.homed = self.unanswered = False
 
@@ -104,7 +100,7 @@ class GrblLink:
         )
 
     def settings(self, pause: Pause) -> GrblSettings:
-        """Return the numbered settings; asked again where noise has eaten a line."""
+        """Return the numbered settings; requested again where noise has eaten a line."""
         found: dict[int, float] = {}
         for tries_left in reversed(range(SETTINGS_TRIES)):
             try:
@@ -119,7 +115,7 @@ class GrblLink:
         return GrblSettings(found)
 
     def order(self, line: bytes, what: str, longest_s: float, pause: Pause) -> list[GrblLine]:
-        """Send a line and return all that is said until its `ok`, in silence if need be."""
+        """Send a line and return all lines until its `ok`, however long it is silent."""
         self._discard(what)
         self.unanswered = True
         self._transport.write(line)
@@ -146,13 +142,13 @@ class GrblLink:
         """
         self.unanswered = True
         self._transport.write(line)
-        report_s = asked_s = self._clock()
+        report_s = requested_s = self._clock()
         while True:
             if self._clock() - report_s > ANSWER_S:
                 self._transport.write(HOLD)  # it may receive what it cannot answer
                 raise self.given_up(what, ANSWER_S)
-            if self._clock() - asked_s >= ASK_S:
-                asked_s = self._clock()
+            if self._clock() - requested_s >= POLL_S:
+                requested_s = self._clock()
                 self._transport.write(STATUS)
             pause(LISTEN_S)
             for word in self._receive():
@@ -164,7 +160,7 @@ class GrblLink:
                     yield word
 
     def listen(self, seconds: float, what: str, pause: Pause) -> None:
-        """Raise for what is said of alarms and restarts within so long."""
+        """Raise for alarms and restarts that are reported within so long."""
         until_s = self._clock() + seconds
         while self._clock() < until_s:
             pause(LISTEN_S)
@@ -172,13 +168,13 @@ class GrblLink:
                 self._raise_for(word, what)
 
     def request_report(self, pause: Pause) -> StatusReport:
-        """Return a status report; asked again every `ASK_S`, as a byte may be lost."""
+        """Return a status report; requested again every `POLL_S`, as a byte may be lost."""
         what = "a question for its state"
         self._discard(what)
         deadline_s = self._clock() + ANSWER_S
-        while (asked_s := self._clock()) < deadline_s:
+        while (requested_s := self._clock()) < deadline_s:
             self._transport.write(STATUS)
-            while self._clock() - asked_s < ASK_S:
+            while self._clock() - requested_s < POLL_S:
                 for word in self._receive():
                     self._raise_for(word, what)
                     if isinstance(word, StatusReport):

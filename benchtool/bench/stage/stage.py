@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from benchtool.bench.bench import Bench
 from benchtool.core.errors import StageError
 from benchtool.core.rig import PlateDrive
+
+if TYPE_CHECKING:
+    from benchtool.bench.guard import GuardedBench
 
 Pause = Callable[[float], None]
 """pause(s): wait about so long; whoever moves the plate calls it instead of sleeping, so that the
@@ -84,8 +87,8 @@ class HandStage:
     """Let the operator move the plate and check what they say.
 
     Args:
-        tolerance_m: how far the distance typed in may be from the one asked for.
-        tries: how often a wrong answer is asked again.
+        tolerance_m: how far the distance typed in may be from the requested one.
+        tries: how often the question is repeated after a wrong answer.
     """
 
     facts: Mapping[str, str | float] = MappingProxyType({"stage": "hand"})
@@ -136,31 +139,19 @@ class HandStage:
     def close(self) -> None:
         """Do nothing, as in `open`."""
 
-    def _problem(self, measured_m: float, asked_m: float) -> str:
+    def _problem(self, measured_m: float, target_m: float) -> str:
         low_m, high_m = self._plate.z_min_m, self._plate.z_max_m
         if not low_m <= measured_m <= high_m:
             return (
                 f"{1e3 * measured_m:.1f} mm is outside {1e3 * low_m:.1f} to {1e3 * high_m:.1f} mm. "
             )
-        off_m = measured_m - asked_m
+        off_m = measured_m - target_m
         if abs(off_m) > self._tolerance_m:
             return (
                 f"{1e3 * measured_m:.1f} mm is {1e3 * abs(off_m):.1f} mm off, tolerance "
                 f"{1e3 * self._tolerance_m:.1f} mm. "
             )
         return ""
-
-
-class PlateGuard(Protocol):
-    """Be asked before a move and after it (`GuardedBench`)."""
-
-    def ready_for_move(self, z_m: float, x_m: float = 0.0, tilt_rad: float = 0.0) -> None:
-        """Raise when the plate must stay."""
-        ...
-
-    def confirm_plate(self, target_m: float, stage_m: float, more_m: float = 0.0) -> None:
-        """Raise when the bench reads another position than the stage says."""
-        ...
 
 
 class _StageWrapper:
@@ -190,7 +181,7 @@ class _StageWrapper:
 class IdleStage(_StageWrapper):
     """Be another stage that asks first whether the plate may move, and then whether it did."""
 
-    def __init__(self, stage: PlateStage, guard: PlateGuard) -> None:
+    def __init__(self, stage: PlateStage, guard: GuardedBench) -> None:
         super().__init__(stage)
         self._guard = guard
 

@@ -12,7 +12,6 @@ from benchtool.bench.transport.transport import first_bytes, lost_error, opening
 from benchtool.core.errors import LinkLost, NoDevice, PortBusy
 
 CONNECT_S = 3.0
-
 WRITE_TIMEOUT_S = 0.2
 
 
@@ -103,9 +102,8 @@ MOST_PEERS = 8
 """Senders that are answered; a choice. Beyond it the oldest is forgotten."""
 
 DATAGRAM_BYTES = 65536
-
 BUFFER_BYTES = 1 << 20
-"""What the system keeps while nobody reads: seconds of telemetry instead of a fraction of one."""
+"""What the system buffers while nobody reads: seconds of telemetry instead of a fraction of one."""
 
 
 class UdpSocket(SocketTransport):

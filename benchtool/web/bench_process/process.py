@@ -121,7 +121,7 @@ class BenchProcess:
     def _stop(self, reason: str) -> None:
         self._dead_man.end_press(reason)
         if (bench := self._bench) is not None:
-            bench.ask_to_stop(reason)
+            bench.request_stop(reason)
 
     def _hold(self, connect: Connect) -> None:
         """Open a bench and hold it until it is disconnected or something ends it."""

@@ -19,7 +19,7 @@ from benchtool.acquire.calibration import (
 )
 from benchtool.bench.bench import Bench, Identity
 from benchtool.bench.guard import GuardedBench
-from benchtool.bench.wrappers import AskedToStop
+from benchtool.bench.wrappers import StopRequested
 from benchtool.core.errors import BenchError, BenchtoolError, InputError
 from benchtool.core.rig import Rig
 from benchtool.core.units import STANDARD_GRAVITY_M_S2
@@ -104,7 +104,7 @@ class Session:
                 bench.read(READ_S)
                 if guarded is not None:
                     guarded.check_standstill()
-            except AskedToStop as stopped:
+            except StopRequested as stopped:
                 self._dead_man.end_press(str(stopped))
                 bench.stop()
                 self._publisher.publish(Notice(text=str(stopped)))
@@ -127,7 +127,7 @@ class Session:
                 raise InputError("this bench is held for masses only; connect it anew")
             else:
                 self._act(guarded, command)
-        except AskedToStop:
+        except StopRequested:
             raise
         except BenchtoolError as error:
             if isinstance(error, BenchError) and guarded is not None and guarded.reason:

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from benchtool.bench.doctor.ports import ask_port, by_id_names, serial_ports
+from benchtool.bench.doctor.ports import by_id_names, identify_port, serial_ports
 from benchtool.core.errors import PortBusy, PortDenied
 from benchtool.core.rig_file import rig_named
 from benchtool.physics.model_file import load_model
@@ -69,7 +69,7 @@ def test_a_bench_that_answers_is_named():
     truth = load_model("quad_body_lift", rig).model
     plant = virtual_plant(rig, truth, 4)
     link = LoopbackLink(Firmware(plant, hello_of(plant, truth, 4)), lambda: plant.rate_Hz)
-    answer = ask_port(link, "COM3", link.clock)
+    answer = identify_port(link, "COM3", link.clock)
     assert answer.kind == "bench"
     assert answer.text.startswith("virtual-pquad-4, benchtool virtual bench")
     assert answer.text.endswith("4 rotors, virtual")
@@ -85,7 +85,7 @@ def test_a_bench_that_answers_is_named():
     ],
 )
 def test_whatever_else_happens_is_an_answer_too(link, kind, said):
-    answer = ask_port(link, "COM3", link.clock)
+    answer = identify_port(link, "COM3", link.clock)
     assert answer.kind == kind
     assert said in answer.text
     assert link.closed == 1

@@ -26,7 +26,7 @@ def test_a_signal_is_noted_and_raised_when_asked_for(signals: StopSignals) -> No
     signal.raise_signal(signal.SIGTERM)
     for _ in range(2):
         with pytest.raises(RunStopped, match="stopped by SIGTERM; zero was commanded"):
-            signals.raise_if_asked()
+            signals.raise_if_requested()
 
 
 def test_within_the_inner_scope_it_is_raised_at_once(signals: StopSignals) -> None:

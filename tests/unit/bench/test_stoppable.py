@@ -10,7 +10,7 @@ import pytest
 from benchtool.bench.drivers import open_bench
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.serial.bench import SerialBench
-from benchtool.bench.wrappers import AskedToStop, PacedBench, StoppableBench
+from benchtool.bench.wrappers import PacedBench, StoppableBench, StopRequested
 from benchtool.core.errors import LinkLost
 from benchtool.core.rig_file import rig_named
 from benchtool.testing.loopback_link import LoopbackLink
@@ -36,9 +36,9 @@ class Haltable(FakeBench):
 def test_zero_goes_out_at_once_and_the_owner_hears_it_once() -> None:
     bench = Haltable()
     stoppable = StoppableBench(bench)
-    stoppable.ask_to_stop("stopped by me")
+    stoppable.request_stop("stopped by me")
     assert bench.halts == 1
-    with pytest.raises(AskedToStop, match="stopped by me; zero was commanded"):
+    with pytest.raises(StopRequested, match="stopped by me; zero was commanded"):
         stoppable.read(0.1)
     assert len(stoppable.read(0.1)) > 0
 
@@ -47,14 +47,14 @@ def test_zero_goes_out_at_once_and_the_owner_hears_it_once() -> None:
 def test_nothing_is_commanded_after_a_request(call: str) -> None:
     bench = FakeBench()
     stoppable = StoppableBench(bench)
-    stoppable.ask_to_stop("stopped")
+    stoppable.request_stop("stopped")
     orders: dict[str, Callable[[], None]] = {
         "pwm": lambda: stoppable.set_pwm(np.array([1500.0])),
         "plate": lambda: stoppable.move_plate(0.2),
         "tare": stoppable.tare,
     }
     before = len(bench.log)
-    with pytest.raises(AskedToStop):
+    with pytest.raises(StopRequested):
         orders[call]()
     assert len(bench.log) == before
 
@@ -62,12 +62,12 @@ def test_nothing_is_commanded_after_a_request(call: str) -> None:
 def test_a_pulse_that_crosses_the_request_is_taken_back() -> None:
     class Crossing(FakeBench):
         def set_pwm(self, pwm_us: object) -> None:
-            stoppable.ask_to_stop("stopped")
+            stoppable.request_stop("stopped")
             super().set_pwm(pwm_us)
 
     bench = Crossing()
     stoppable = StoppableBench(bench)
-    with pytest.raises(AskedToStop):
+    with pytest.raises(StopRequested):
         stoppable.set_pwm(np.array([1500.0]))
     assert bench.log[-1][0] == "stop"
 
@@ -86,7 +86,7 @@ def test_an_order_that_a_stopped_device_refuses_is_a_stop_and_no_refusal(order: 
         def halt_before(data: bytes) -> None:
             """Let another thread stop in the moment in which the order is sent."""
             link.write = take  # type: ignore[method-assign]
-            stoppable.ask_to_stop("stopped")
+            stoppable.request_stop("stopped")
             take(data)
 
         link.write = halt_before  # type: ignore[method-assign]
@@ -94,7 +94,7 @@ def test_an_order_that_a_stopped_device_refuses_is_a_stop_and_no_refusal(order: 
             "pwm": lambda: stoppable.set_pwm(np.array([1300.0, 1300.0])),
             "plate": lambda: stoppable.move_plate(0.2),
         }
-        with pytest.raises(AskedToStop):
+        with pytest.raises(StopRequested):
             orders[order]()
         assert plant.pwm_us.max() == 1000.0
         assert not plant.plate_moving
@@ -105,8 +105,8 @@ def test_an_order_that_a_stopped_device_refuses_is_a_stop_and_no_refusal(order: 
 
 def test_a_link_that_is_gone_does_not_hide_the_request() -> None:
     stoppable = StoppableBench(Haltable(LinkLost("gone")))
-    stoppable.ask_to_stop("stopped")
-    with pytest.raises(AskedToStop):
+    stoppable.request_stop("stopped")
+    with pytest.raises(StopRequested):
         stoppable.read(0.1)
 
 
@@ -114,8 +114,8 @@ def test_a_request_does_not_end_a_guarded_bench_for_good() -> None:
     stoppable = StoppableBench(open_bench("sim:pquad_single"))
     with GuardedBench(stoppable, rig_named("pquad_single")) as bench:
         bench.set_pwm(np.array([1400.0]))
-        stoppable.ask_to_stop("stopped")
-        with pytest.raises(AskedToStop):
+        stoppable.request_stop("stopped")
+        with pytest.raises(StopRequested):
             bench.read(0.1)
         bench.stop()
         bench.set_pwm(np.array([1300.0]))
