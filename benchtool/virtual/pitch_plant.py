@@ -97,7 +97,7 @@ class PitchBenchPlant:
         self._own_ticks = None if own is None else own_ticks(self._loop)
         self._ticks_armed = 0
         self._visits, self._nominal_visits = (
-            [self._loop.wish(field)[0].copy() for field in fields]
+            [self._loop.planned(field)[0].copy() for field in fields]
             for fields in (_VISIT, _NOMINAL_VISIT)
         )
         self._tick = 0
@@ -105,7 +105,7 @@ class PitchBenchPlant:
         self.idle_us = idle_us(self.rig)
         self._armed = False
         # Begin with rotors that stand still.
-        self._loop.turn(0.0)
+        self._loop.set_speeds(0.0)
         self._loop.view("readings.speed_rad_s")[:] = 0.0
         self.command_pwm(np.full(self.rig.n_rotors, self.rig.propulsion.pwm_stop_us))
         # Compiles, where it must, before anybody waits for an answer.
@@ -169,15 +169,15 @@ class PitchBenchPlant:
             nominal = self.job.nominal_model
             speed_rad_s = pulse.speed_per_us_rad_s * (mean_us - pulse.pwm_start_us)
             thrust_N = nominal.parameters["k"].value * speed_rad_s**2
-            loop.wish("setpoint.collective_N")[0] = loop.schedule.collective * thrust_N
+            loop.planned("setpoint.collective_N")[0] = loop.schedule.collective * thrust_N
             return
         if self._armed:
             self._armed = False
-            loop.let(r.PULSES)
+            loop.set_driver(r.PULSES)
             self._restart_controller()
             self._jump(0)
         for rotor, disc in enumerate(self.rig.disc_of_rotor):
-            loop.wish("pwm_us")[disc] = pwm_us[rotor]
+            loop.planned("pwm_us")[disc] = pwm_us[rotor]
 
     def command_plate(self, z_m: float, x_m: float, tilt_rad: float) -> None:
         """Start moving the plate under the first disc to a distance; `PARKED_M` or more is away."""
@@ -281,8 +281,8 @@ class PitchBenchPlant:
         ):
             visiting = (visit[block] > 0.0) & self._armed
             placed_m = np.where(visiting, visit_m[block], stands_m + error_m)
-            self._loop.wish(z_field)[0, block] = placed_m
-            self._loop.wish(share_field)[0, block] = np.where(visiting, visit[block], under)
+            self._loop.planned(z_field)[0, block] = placed_m
+            self._loop.planned(share_field)[0, block] = np.where(visiting, visit[block], under)
 
     def _arm(self) -> None:
         """Close the loop at the schedule's beginning, with noise of its own for every arming."""
@@ -290,9 +290,9 @@ class PitchBenchPlant:
         loop.states[:] = lane_states(self._seed, [self._armings])
         self._armings += 1
         self._restart_controller()
-        loop.let(r.BUILT_IN)
+        loop.set_driver(r.BUILT_IN)
         if self._own is not None:
-            loop.let(r.CALLER)
+            loop.set_driver(r.CALLER)
             self._controller = made(self._own, self.job.control.name)
             self._ticks_armed = 0
         self._jump(0)

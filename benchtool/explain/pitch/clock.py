@@ -19,8 +19,8 @@ from benchtool.core.array import Array
 from benchtool.core.counted import counted
 from benchtool.core.errors import InputError
 from benchtool.core.recording import Recording
-from benchtool.simulate.pitch import track as t
-from benchtool.simulate.pitch.replay import PARKED_FROM_M
+from benchtool.simulate.pitch import filter_ticks as t
+from benchtool.simulate.pitch.filter_log import PARKED_FROM_M
 
 Mask = NDArray[np.bool_]
 
@@ -49,7 +49,7 @@ class EvenRows:
 
     Attributes:
         recording: the rows; a channel is nan where it was not read.
-        mode: (n,) what a filter does at each, see `pitch_track`.
+        mode: (n,) what a filter does at each, see `simulate.pitch.filter_ticks`.
         rate_Hz: rows per second.
         remarks: what was repaired.
     """

@@ -24,7 +24,7 @@ from benchtool.physics.catalogue import candidates
 from benchtool.physics.effects.effect import Effect
 from benchtool.physics.model import Model
 from benchtool.simulate.pitch.bench import STEPS_PER_LAG, PitchBench, rig_sensors
-from benchtool.simulate.pitch.follow import Followed, LoggedPitch, follow
+from benchtool.simulate.pitch.filter_log import LoggedPitch, Predictions, filter_log
 
 PLANT_HZ = 500.0
 """Least plant steps per second; a motor lag of 20 ms then takes ten of them."""
@@ -151,10 +151,10 @@ class PitchEvidence:
 
     def _of_log(self, log: FilteredLog, scaled: Array) -> tuple[Array, ...]:
         benches = [self.bench(one, log.logged.rate_Hz) for one in scaled]
-        found = follow(benches, log.logged, log.filter.gains)
+        found = filter_log(benches, log.logged, log.filter.gains)
         return self.whitened(log, found)
 
-    def whitened(self, log: FilteredLog, found: Followed) -> tuple[Array, ...]:
+    def whitened(self, log: FilteredLog, found: Predictions) -> tuple[Array, ...]:
         """Return residuals of pitch, gyro and speeds that were read, (n_counted, n_sets) each."""
         logged, counted = log.logged, log.counted
         pitch = (logged.theta_rad[:, None] - found.theta_rad)[counted]

@@ -17,9 +17,14 @@ from numpy.typing import NDArray
 from benchtool.core.array import Array
 from benchtool.explain.pitch.evidence import SETTLING_S, FilteredLog
 from benchtool.explain.pitch.filter import reading_sd
-from benchtool.simulate.pitch import track as t
+from benchtool.simulate.pitch import filter_ticks as t
 from benchtool.simulate.pitch.bench import PitchBench, PitchSensor, rig_sensors
-from benchtool.simulate.pitch.follow import Followed, LoggedPitch, follow, follow_windows
+from benchtool.simulate.pitch.filter_log import (
+    LoggedPitch,
+    Predictions,
+    filter_log,
+    predict_windows,
+)
 
 UNITS = {"theta_rad": "rad", "gyro_rad_s": "rad/s", "rpm": "rpm"}
 """Channels that a gap is reported for."""
@@ -49,7 +54,7 @@ def read_channels(logged: LoggedPitch) -> dict[str, Array]:
     }
 
 
-def predicted_channels(run: Followed) -> dict[str, Array]:
+def predicted_channels(run: Predictions) -> dict[str, Array]:
     """Return predictions (n, lanes) by channel, of speeds (n, n_discs, lanes)."""
     return {
         "theta_rad": run.theta_rad,
@@ -96,7 +101,7 @@ class Windows:
         block = max(1, round(BLOCK_S * logged.rate_Hz / hop))
         return cls(log=log, starts=np.array(sorted(starts), np.intp), rows=rows, block=block)
 
-    def predicted(self, benches: Sequence[PitchBench]) -> list[Followed]:
+    def predicted(self, benches: Sequence[PitchBench]) -> list[Predictions]:
         """Return what each bench (a lane) predicts in each window, from its own estimate on."""
         return self._run(benches, self._states(benches))
 
@@ -173,7 +178,7 @@ class Windows:
                 mode=mode,
                 speed_rad_s=np.ascontiguousarray(run.speed_rad_s[:, :, 0].T),
             )
-            again = follow(
+            again = filter_log(
                 [bench], read, filter_.gains, start_s=start / logged.rate_Hz, states=state
             )
             missed = [theta - again.theta_rad[:, 0], gyro - again.gyro_rad_s[:, 0]]
@@ -185,16 +190,16 @@ class Windows:
 
         The state at a row is that of the row before, run on for one tick: as it was predicted.
         """
-        whole = follow(benches, self.log.logged, self.log.filter.gains)
+        whole = filter_log(benches, self.log.logged, self.log.filter.gains)
         rows = (whole.pitch_rad, whole.rate_rad_s, whole.wake_Nm)
         return [
-            np.vstack([*(one[row] for one in rows), whole.turning_rad_s[row]])
+            np.vstack([*(one[row] for one in rows), whole.state_speed_rad_s[row]])
             for row in self.starts
         ]
 
     def _disturbed(
         self, benches: Sequence[PitchBench], states: Sequence[Array], rng: np.random.Generator
-    ) -> list[Followed]:
+    ) -> list[Predictions]:
         """Run from states as uncertain as the filter says (changed in place), with wake torque."""
         for state in states:
             state[:3] += self.log.filter.state_root @ rng.standard_normal((3, len(benches)))
@@ -202,7 +207,7 @@ class Windows:
 
     def _run(
         self, benches: Sequence[PitchBench], states: Sequence[Array], seed: int | None = None
-    ) -> list[Followed]:
+    ) -> list[Predictions]:
         logged = self.log.logged
         lead = round(LEAD_S * logged.rate_Hz)
-        return follow_windows(benches, logged, self.starts, self.rows, lead, states, seed)
+        return predict_windows(benches, logged, self.starts, self.rows, lead, states, seed)

@@ -28,9 +28,8 @@ from benchtool.explain.pitch.clock import (
 )
 from benchtool.explain.pitch.sanity_checks import refuse_inconsistent, standing_still
 from benchtool.physics.rotor_count import refuse_other_rotors
-from benchtool.simulate.pitch import track as t
-from benchtool.simulate.pitch.follow import LoggedPitch
-from benchtool.simulate.pitch.replay import PARKED_FROM_M
+from benchtool.simulate.pitch import filter_ticks as t
+from benchtool.simulate.pitch.filter_log import PARKED_FROM_M, LoggedPitch
 
 PLATE_SMOOTHING_S = 0.2
 """Width of the median over plate readings: a plate moves slowly and its sensor is noisy, and near
@@ -151,7 +150,7 @@ def pitch_log(
         gyro_rad_s=gyro,
         speed_rad_s=speeds,
         mode=mode,
-        turned=not pulsed,
+        from_speeds=not pulsed,
     )
     refuse_inconsistent(logged, rig, name)
     remarks += filter(None, [standing_still(logged, rig)])

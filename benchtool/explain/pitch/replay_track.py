@@ -13,7 +13,7 @@ from benchtool.core.counted import counted
 from benchtool.core.errors import InputError
 from benchtool.core.recording import Recording
 from benchtool.core.schedule import PARKED_M
-from benchtool.simulate.pitch.replay import PARKED_FROM_M
+from benchtool.simulate.pitch.filter_log import PARKED_FROM_M
 
 LONGEST_GAP_S = 1.0
 """A silence of the attitude for longer is left blank, and nothing is simulated across it. As for

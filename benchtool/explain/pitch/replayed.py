@@ -22,7 +22,7 @@ from benchtool.physics.model_file import load_model
 from benchtool.simulate.controllers.pitch import PitchControl, pitch_controller
 from benchtool.simulate.gain_file import gains_named
 from benchtool.simulate.pitch.bench import PitchBench
-from benchtool.simulate.pitch.follow import LoggedPitch, follow_windows
+from benchtool.simulate.pitch.filter_log import LoggedPitch, predict_windows
 from benchtool.simulate.pitch.run import PitchJob
 from benchtool.simulate.pitch.simulate import simulate_pitch
 
@@ -309,7 +309,7 @@ def _by_pulses(track: PitchTrack, bench: PitchBench, plate_z_m: Array, pulses: A
         gyro_rad_s=track.gyro_rad_s,
         speed_rad_s=np.tile(nothing, (rig.n_discs, 1)),
         mode=np.zeros(len(track)),
-        turned=not len(track.pwm_us),
+        from_speeds=not len(track.pwm_us),
     )
     rows = max(2, round(WINDOW_S * track.rate_Hz))
     rates = _start_rates(track)
@@ -324,7 +324,7 @@ def _by_pulses(track: PitchTrack, bench: PitchBench, plate_z_m: Array, pulses: A
     ]
     theta = nothing.copy()
     lead = round(LEAD_S * track.rate_Hz)
-    found = follow_windows([bench], logged, starts, rows, lead, states)
+    found = predict_windows([bench], logged, starts, rows, lead, states)
     for start, run in zip(starts, found, strict=True):
         # The last row of a window stays blank: lines break there.
         theta[start : start + rows - 1] = run.theta_rad[:-1, 0]

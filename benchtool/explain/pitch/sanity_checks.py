@@ -13,7 +13,7 @@ from benchtool.core.array import Array
 from benchtool.core.errors import InputError
 from benchtool.core.rig import Rig
 from benchtool.physics.mixer import pitch_moment_Nm
-from benchtool.simulate.pitch.follow import LoggedPitch
+from benchtool.simulate.pitch.filter_log import LoggedPitch
 
 STEEPEST_RAD = 1.6
 """No beam on a hinge turns farther; an angle in degrees does at once."""
@@ -147,7 +147,7 @@ def _thrusts(logged: LoggedPitch, rig: Rig) -> Array:
     """Return the thrust of each disc (n_discs, n), out of ground effect, lag as the rig's: N."""
     p = rig.propulsion
     speed = p.speed_per_us_rad_s * np.maximum(logged.pwm_us - p.pwm_start_us, 0.0)
-    late = round(p.lag_s * logged.rate_Hz) if not logged.turned else 0
+    late = round(p.lag_s * logged.rate_Hz) if not logged.from_speeds else 0
     if late:
         speed = np.concatenate([np.repeat(speed[:, :1], late, axis=1), speed[:, :-late]], axis=1)
     thrust: Array = p.thrust_coefficient_N_s2 * speed**2

@@ -10,20 +10,20 @@ from benchtool.physics.effects.effect import HOOKS, Effect
 from benchtool.physics.expression import compiled_closure
 from benchtool.physics.fold import identity
 from benchtool.simulate.controllers.controller import PitchLaw
+from benchtool.simulate.pitch.filter_ticks import filter_ticks
 from benchtool.simulate.pitch.hooks import joined_hooks
 from benchtool.simulate.pitch.kernel import Build, run_ticks, unpacked_arrays
 from benchtool.simulate.pitch.records import Layout, geometry_slot
-from benchtool.simulate.pitch.track import track_ticks
 
 
 class Loops(NamedTuple):
     """Hold compiled loops: run(arrays, plan, first, last), tick(block, places, plan, number), and
-    track(arrays, plan, first, last, seen, gains, before).
+    filter(arrays, plan, first, last, logged, gains, before).
     """
 
     run: Any
     tick: Any
-    track: Any
+    filter: Any
 
 
 @lru_cache(maxsize=64)
@@ -67,12 +67,12 @@ def pitch_loops(
         arrays = unpacked_arrays(block, places)
         run_ticks(arrays, plan, number, number + 1, build, step, hooks())
 
-    def track(
-        arrays: Any, plan: Any, first: Any, last: Any, seen: Any, gains: Any, before: Any
+    def filter_(
+        arrays: Any, plan: Any, first: Any, last: Any, logged: Any, gains: Any, before: Any
     ) -> None:
-        track_ticks(arrays, plan, first, last, seen, gains, before, build, hooks())
+        filter_ticks(arrays, plan, first, last, logged, gains, before, build, hooks())
 
-    return Loops(*(compiled_closure(loop, key) for loop in (run, tick, track)))
+    return Loops(*(compiled_closure(loop, key) for loop in (run, tick, filter_)))
 
 
 def _refuse_nameless(hook: Any) -> None:

@@ -69,11 +69,11 @@ LOGGED = (
 )  # fmt: skip
 """Records' fields that a run logs, in the order of `PitchRun`."""
 
-FOLLOWED = (
+FILTERED = (
     "readings.theta_rad", "readings.gyro_rad_s", "hinge.theta_rad", "hinge.rate_rad_s",
     "hinge.wake_Nm", "readings.speed_rad_s", "rotors.speed_rad_s",
 )  # fmt: skip
-"""Records' fields that following a log gives: predicted readings, then the state."""
+"""Records' fields that filtering a log gives, in the order of `Predictions`."""
 
 
 def _row_numbers(layout: r.Layout, fields: Sequence[str]) -> NDArray[np.int64]:
@@ -91,7 +91,7 @@ class PitchLoop:
         schedule: commands, the same for all.
         seed, runs: of the noise; the number of each lane's run under the seed.
         external: the controller is the caller's, tick by tick.
-        neutral_too: spell out effects that cannot act too, see `loop_effects`.
+        neutral_too: compile effects that cannot act too, see `loop_effects`.
         log: (n_ticks, n_rows, n_lanes) to log into; a new one when None or of another shape.
     """
 
@@ -159,7 +159,7 @@ class PitchLoop:
         """Begin at rest, at level, with the rotors at the first collective and sensors read."""
         start_N = self.schedule.collective[0] * job.bench.hover_N
         speed_rad_s = np.sqrt(start_N / self.view("body.k"))
-        self.turn(speed_rad_s)
+        self.set_speeds(speed_rad_s)
         self.view("readings.speed_rad_s")[:] = speed_rad_s
         for field in ("setpoint.plate_z_m", "delayed.plate_z_m", "readings.plate_z_m"):
             self.view(field)[:] = self.schedule.plate_z_m[0]
@@ -169,12 +169,12 @@ class PitchLoop:
         """Return a record or its field, as "hinge.theta_rad", to read or write (n, n_lanes)."""
         return self.w.reshape(-1, self.lanes)[self.layout.rows(field)]
 
-    def wish(self, field: str) -> Array:
+    def planned(self, field: str) -> Array:
         """Return a field of the schedule's `Tick`, to read or write (n, n_ticks)."""
         return self.table[r.rows_in(self.layout.tick, field)]
 
-    def turn(self, speed_rad_s: Array | float) -> None:
-        """Let every rotor turn at these speeds (n_discs, n_lanes), with no other on its way."""
+    def set_speeds(self, speed_rad_s: Array | float) -> None:
+        """Give every rotor these speeds (n_discs, n_lanes), with no other on its way."""
         for field in ("rotors.speed", "targets.sent", "targets.old", "targets.new"):
             self.view(f"{field}_rad_s")[:] = speed_rad_s
         self.sent[:] = self.view("rotors.speed_rad_s")[:, None, :]
@@ -190,33 +190,31 @@ class PitchLoop:
             self.geometry,
         )  # fmt: skip
 
-    def let(self, driver: int) -> None:
-        """Say who controls: `BUILT_IN`, `CALLER` or `PULSES`."""
+    def set_driver(self, driver: int) -> None:
+        """Set who controls: `BUILT_IN`, `CALLER` or `PULSES`."""
         self.plan[r.Plan._fields.index("driver")] = driver
 
     def drive(self, pwm_us: Array) -> None:
         """Take the pulses (n_discs, n_ticks) from a log; no controller runs."""
         self.table = self.table.copy()
-        self.wish("pwm_us")[:] = pwm_us
-        self.let(r.PULSES)
+        self.planned("pwm_us")[:] = pwm_us
+        self.set_driver(r.PULSES)
 
-    def follow(
-        self, seen: Array, gains: Array, first_tick: int = 0, span: tuple[int, int] | None = None
-    ) -> Array:
-        """Follow a log and return its rows (n_ticks, n_rows, n_lanes), see `FOLLOWED`.
+    def filter(self, logged: Array, gains: Array, before: int, span: tuple[int, int]) -> Array:
+        """Filter a log and return its rows (n_ticks, n_rows, n_lanes), see `FILTERED`.
 
         Args:
-            seen: (3 + n_discs, n_ticks) what was read, see `pitch_track`.
-            gains: (7,) of the filter.
-            first_tick: how many ticks of the experiment lie before the log's first row.
-            span: the first row to follow, and the one to stop before; the whole log when None.
+            logged: (3 + n_discs, n_ticks), a `filter_ticks.LoggedTick` per column.
+            gains: (7,), `filter_ticks.FilterGains`.
+            before: how many ticks of the experiment lie before the log's first row.
+            span: the first row to filter, and the one to stop before.
         """
-        first, last = span if span is not None else (0, len(self.schedule))
-        rows = _row_numbers(self.layout, FOLLOWED)
+        rows = _row_numbers(self.layout, FILTERED)
         log = np.empty((len(self.schedule), len(rows), self.lanes))
         arrays = self._arrays()._replace(log=log, logged=rows)
-        self._loops.track(arrays, self.plan, first, last, seen, gains, first_tick)
-        return log[first:last] if span is None else np.array(log[first:last])
+        self._loops.filter(arrays, self.plan, *span, logged, gains, before)
+        part = log[slice(*span)]
+        return part if len(part) == len(log) else part.copy()
 
     def stepper(self) -> Callable[[int], None]:
         """Return a function that runs one control tick, as quickly as it can be called.
@@ -251,7 +249,7 @@ def scheduled(
     shift = round(known.late_s * schedule.rate_Hz)
     source = np.clip(np.arange(len(schedule)) - shift, 0, len(schedule) - 1)
     still = np.zeros(len(schedule))
-    wish = r.Tick(
+    tick = r.Tick(
         r.Setpoint(
             schedule.reference_rad, schedule.collective * hover_N, schedule.plate_z_m,
             schedule.plate_share,
@@ -263,7 +261,7 @@ def scheduled(
         dither_us=schedule.dither_us,
         pwm_us=(still,) * n_discs,
     )  # fmt: skip
-    return np.array(numbers_of(wish), float)
+    return np.array(numbers_of(tick), float)
 
 
 @lru_cache(maxsize=4)

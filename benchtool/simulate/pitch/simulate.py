@@ -86,7 +86,7 @@ def own_ticks(loop: PitchLoop) -> Callable[[PitchController, int, int, int], Non
 
     Its arguments: the controller, the first tick, the tick to stop before, and how many ticks
     of the controller's run lie before the first. It raises InputError where the controller raised,
-    or returned what is no finite number. The loop's plan must say that the caller controls.
+    or returned what is no finite number. The loop's driver must be the caller.
     """
     advance = loop.stepper()
     rate_Hz, dt_s = loop.schedule.rate_Hz, 1.0 / loop.schedule.rate_Hz
@@ -95,14 +95,14 @@ def own_ticks(loop: PitchLoop) -> Callable[[PitchController, int, int, int], Non
 
     def run(controller: PitchController, first: int, last: int, before: int) -> None:
         step = controller.step
-        wishes = zip(
+        references = zip(
             *(
-                loop.wish(field)[0, first:last].tolist()
+                loop.planned(field)[0, first:last].tolist()
                 for field in ("setpoint.reference_rad", "setpoint.collective_N", "observer")
             ),
             strict=True,
         )
-        for number, wish in enumerate(wishes):
+        for number, planned in enumerate(references):
             time_s = (before + number) / rate_Hz
             read = readings.tolist()
             measured = new(
@@ -110,7 +110,7 @@ def own_ticks(loop: PitchLoop) -> Callable[[PitchController, int, int, int], Non
                 (time_s, read[0], read[1], read[2], tuple(read[3:])),
             )
             try:
-                command = step(measured, new(PitchReference, wish), dt_s)
+                command = step(measured, new(PitchReference, planned), dt_s)
             except (Exception, SystemExit) as error:
                 raise raised(controller, error, time_s) from error
             try:

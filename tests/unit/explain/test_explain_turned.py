@@ -11,7 +11,7 @@ from benchtool.explain.pitch.log import PitchLog, pitch_log
 from benchtool.explain.pitch.subject import PitchSubject
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import load_model
-from benchtool.simulate.pitch.follow import follow
+from benchtool.simulate.pitch.filter_log import filter_log
 from tests.unit.explain.pitch_made import recorded, without
 
 BEFORE_SPEED = ("motor_lag", "transport_delay", "battery_sag")
@@ -56,10 +56,10 @@ def test_what_lies_before_the_speeds_is_never_named(model: Model) -> None:
 
 def test_rotors_pass_through_every_measured_speed(model: Model) -> None:
     log = turned(model.fixed("motor_lag.tau_s", 0.035), 3).logged
-    assert log.turned
+    assert log.from_speeds
     subject = PitchSubject(model, [turned(model, 1)], [turned(model, 2)])
     bench = subject.evidence.bench(np.zeros(len(subject.evidence.parameters)), log.rate_Hz)
-    found = follow([bench], log, np.zeros(7)).speed_rad_s[:, :, 0].T
+    found = filter_log([bench], log, np.zeros(7)).speed_rad_s[:, :, 0].T
     p = model.rig.propulsion
     measured = (log.pwm_us - p.pwm_start_us) * p.speed_per_us_rad_s
     np.testing.assert_allclose(found, measured, rtol=1e-6)

@@ -46,7 +46,7 @@ def recording(**changed: Array | None) -> Recording:
 def test_a_whole_recording_needs_no_words(rig: Rig) -> None:
     log = pitch_log(recording(), rig)
     assert log.remarks == ()
-    assert not log.logged.turned
+    assert not log.logged.from_speeds
     assert log.logged.rate_Hz == pytest.approx(100.0)
     assert len(log.logged) == 1000
     assert log.logged.pwm_us[0, 0] == 1450.0
@@ -70,7 +70,7 @@ def test_what_it_lacks_is_said(rig: Rig, left_out: dict[str, None], words: str) 
 
 def test_without_pulses_the_plant_is_driven_by_speeds(rig: Rig) -> None:
     log = pitch_log(recording(pwm1_us=None, pwm2_us=None), rig)
-    assert log.logged.turned
+    assert log.logged.from_speeds
     p = rig.propulsion
     settled = p.speed_per_us_rad_s * (log.logged.pwm_us[:, 0] - p.pwm_start_us)
     np.testing.assert_allclose(settled, np.array([5400.0, 5520.0]) * np.pi / 30.0)

@@ -14,7 +14,8 @@ import numpy as np
 from benchtool.core.rig_file import rig_named
 from benchtool.physics.model import Model
 from benchtool.simulate.pitch.bench import PitchBench
-from benchtool.simulate.pitch.replay import replay_pulses
+from benchtool.simulate.pitch.filter_log import PARKED_FROM_M, LoggedPitch, predict_windows
+from benchtool.simulate.pitch.filter_ticks import FREE
 
 WINDOW, TICKS = 250, 7500
 
@@ -45,23 +46,28 @@ def test_logged_pulses_predict_the_encoder(reference_data: Path) -> None:
     bench = PitchBench.of(
         Model.single(rig_named("beam")), sensors={}, inertia_kgm2=0.03096, pwm_quantum_us=0.0
     )
-    pwm = np.array([table["pwm1"], table["pwm2"]])
-    rate = table["gyro"]
+    rate, theta = table["gyro"], table["theta"]
     speed = np.array([table["rpm1"], table["rpm2"]]) * np.pi / 30.0
-    errors = []
-    for start in range(250, TICKS - WINDOW, WINDOW):
-        now = slice(start, start + WINDOW)
-        fit = np.polyfit(np.arange(-12, 1), table["theta"][start - 12 : start + 1], 2)
-        predicted = replay_pulses(
-            bench,
-            pwm[:, now],
-            plate_z_m=table["plate_z"][now],
-            rate_Hz=250.0,
-            theta_rad=float(fit[-1]),
-            rate_rad_s=float(0.5 * fit[-2] * 250.0 + 0.5 * rate[start - 1 : start + 2].mean()),
-            speed_rad_s=speed[:, start],
-        )
-        errors.append(predicted - table["theta"][now])
+    logged = LoggedPitch(
+        rate_Hz=250.0,
+        pwm_us=np.array([table["pwm1"], table["pwm2"]]),
+        plate_z_m=table["plate_z"],
+        plate_share=(table["plate_z"] < PARKED_FROM_M).astype(float),
+        theta_rad=theta,
+        gyro_rad_s=rate,
+        speed_rad_s=speed,
+        mode=np.full(len(theta), float(FREE)),
+    )
+    starts, states = range(250, TICKS - WINDOW, WINDOW), []
+    for start in starts:
+        fit = np.polyfit(np.arange(-12, 1), theta[start - 12 : start + 1], 2)
+        began_rad_s = 0.5 * fit[-2] * 250.0 + 0.5 * rate[start - 1 : start + 2].mean()
+        states.append(np.array([[fit[-1], began_rad_s, 0.0, *speed[:, start]]]).T)
+    predicted = predict_windows([bench], logged, starts, WINDOW, 0, states)
+    errors = [
+        run.pitch_rad[:, 0] - theta[start : start + WINDOW]
+        for start, run in zip(starts, predicted, strict=True)
+    ]
     rms = float(np.sqrt(np.mean(np.square(errors))))
     moved = np.array([table["theta"][s : s + WINDOW] for s in range(250, TICKS - WINDOW, WINDOW)])
     motion = float(np.sqrt(np.mean((moved - moved[:, :1]) ** 2)))

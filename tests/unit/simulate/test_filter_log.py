@@ -1,4 +1,4 @@
-"""Following a log with the very plant that made it leaves white innovations of the stated size."""
+"""Filtering a log with the very plant that made it leaves white innovations of the stated size."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from benchtool.physics.model_file import load_model
 from benchtool.simulate.controllers.pitch import PitchControl
 from benchtool.simulate.gain_file import gains_named
 from benchtool.simulate.pitch.bench import PitchBench
-from benchtool.simulate.pitch.follow import LoggedPitch, follow, follow_windows
+from benchtool.simulate.pitch.filter_log import LoggedPitch, filter_log, predict_windows
+from benchtool.simulate.pitch.filter_ticks import FREE, WAIT
 from benchtool.simulate.pitch.run import PitchJob
 from benchtool.simulate.pitch.simulate import simulate_pitch
-from benchtool.simulate.pitch.track import FREE, WAIT
 
 RATE_HZ = 250.0
 
@@ -47,7 +47,7 @@ def logged_from(model: Model, seed: int) -> LoggedPitch:
 def whitened(model: Model, logged: LoggedPitch) -> tuple[np.ndarray, np.ndarray]:
     bench = PitchBench.of(model, plant_rate_Hz=1000.0)
     filter_ = pitch_filter(bench, RATE_HZ, gyro=True, speeds=True)
-    found = follow([bench], logged, filter_.gains)
+    found = filter_log([bench], logged, filter_.gains)
     innovation = np.array(
         [logged.theta_rad - found.theta_rad[:, 0], logged.gyro_rad_s - found.gyro_rad_s[:, 0]]
     )
@@ -86,10 +86,10 @@ def test_lanes_do_not_see_each_other(true_model: Model) -> None:
     bench = PitchBench.of(true_model)
     heavy = replace(bench, inertia_kgm2=0.05)
     gains = pitch_filter(bench, RATE_HZ, gyro=True, speeds=True).gains
-    alone = follow([heavy], logged, gains)
-    among = follow([bench, heavy, bench], logged, gains)
+    alone = filter_log([heavy], logged, gains)
+    among = filter_log([bench, heavy, bench], logged, gains)
     np.testing.assert_allclose(among.theta_rad[:, 1], alone.theta_rad[:, 0], rtol=1e-12)
-    many = follow([bench] * 39 + [heavy], logged, gains)
+    many = filter_log([bench] * 39 + [heavy], logged, gains)
     np.testing.assert_allclose(many.theta_rad[:, 39], alone.theta_rad[:, 0], rtol=1e-12)
     np.testing.assert_allclose(many.theta_rad[:, 38], among.theta_rad[:, 2], rtol=1e-12)
 
@@ -98,13 +98,13 @@ def test_a_part_of_a_log_goes_on_where_the_whole_was(true_model: Model) -> None:
     logged = logged_from(true_model, seed=6)
     bench = PitchBench.of(true_model.with_effect("battery_sag", rate_per_s=0.002))
     gains = pitch_filter(bench, RATE_HZ, gyro=True, speeds=True).gains
-    whole = follow([bench], logged, gains)
+    whole = filter_log([bench], logged, gains)
     start = 2000
     state = np.vstack([whole.pitch_rad[start], whole.rate_rad_s[start], whole.wake_Nm[start],
-                       whole.turning_rad_s[start]])  # fmt: skip
+                       whole.state_speed_rad_s[start]])  # fmt: skip
     rest = logged.between(start, 3000)
     rest = replace(rest, mode=np.append(0.0, rest.mode[1:]))
-    part = follow([bench], rest, gains, start_s=start / RATE_HZ, states=state)
+    part = filter_log([bench], rest, gains, start_s=start / RATE_HZ, states=state)
     np.testing.assert_allclose(part.theta_rad[1:], whole.theta_rad[start + 1 : 3000], atol=1e-9)
 
 
@@ -112,7 +112,7 @@ def test_a_log_of_other_rotors_is_refused(true_model: Model) -> None:
     logged = logged_from(true_model, seed=7).between(0, 300)
     gains = np.zeros(7)
     with pytest.raises(InputError, match="drives 2 discs, but rig 'pquad'"):
-        follow([PitchBench.of(Model.single(rig_named("pquad")))], logged, gains)
+        filter_log([PitchBench.of(Model.single(rig_named("pquad")))], logged, gains)
     with pytest.raises(InputError, match="theta_rad has the shape"):
         replace(logged, theta_rad=np.zeros(5))
 
@@ -125,14 +125,14 @@ def test_windows_of_a_log_are_what_its_parts_are_alone(true_model: Model) -> Non
     for state in states:
         state[3:] = 600.0
     starts, rows, lead = (400, 900), 60, 25
-    found = follow_windows(benches, logged, starts, rows, lead, states)
+    found = predict_windows(benches, logged, starts, rows, lead, states)
     for start, state, run in zip(starts, states, found, strict=True):
         part = logged.between(start - lead, start + rows)
         mode = np.full(lead + rows, float(FREE))
         mode[:lead] = WAIT
-        alone = follow(
+        alone = filter_log(
             benches, replace(part, mode=mode), np.zeros(7),
             start_s=(start - lead) / RATE_HZ, states=state,
         )  # fmt: skip
         np.testing.assert_array_equal(run.theta_rad, alone.theta_rad[lead:])
-        np.testing.assert_array_equal(run.turning_rad_s, alone.turning_rad_s[lead:])
+        np.testing.assert_array_equal(run.state_speed_rad_s, alone.state_speed_rad_s[lead:])

@@ -1,8 +1,8 @@
-"""Follow a logged pitch experiment: the plant driven by logged pulses, corrected by the readings.
+"""Filter a logged pitch experiment: the plant driven by logged pulses, corrected by the readings.
 
 The same plant as in a closed loop, with a filter of constant gain around it. What the readings
 show beyond the prediction of one tick is the innovation; with the right model it is white noise of
-known size, whatever controller made the pulses. Every lane follows the same log with parameters
+known size, whatever controller made the pulses. Every lane filters the same log with parameters
 of its own, so that a derivative costs no more than a run.
 """
 
@@ -19,7 +19,7 @@ FREE, CORRECT, RESTART, WAIT = range(4)
 only send its pulses, so that a delay has them when the plant begins to move."""
 
 
-class Seen(NamedTuple):
+class LoggedTick(NamedTuple):
     """What was read at a tick: what to do with it, pitch (rad), gyro (rad/s), and the speed of each
     disc (rad/s); nan where nothing was.
     """
@@ -48,25 +48,25 @@ GAINS = Slot(0, FilterGains())
 
 
 @loop_part
-def track_ticks(
+def filter_ticks(
     a: Any,
     plan: Any,
     first: Any,
     last: Any,
-    seen: Any,
+    logged: Any,
     gains: Any,
     before: Any,
     build: Any,
     hooks: Any,
 ) -> None:
-    """Follow a log with every lane.
+    """Filter a log with every lane.
 
     Args:
         a: `kernel.LoopArrays`.
         plan: `Plan`, as integers.
         first: row to begin with.
         last: row to stop before.
-        seen: (3 + n, n_ticks) a `Seen` per column.
+        logged: (3 + n, n_ticks) a `LoggedTick` per column.
         gains: `FilterGains` (7,), the same for all lanes.
         before: how many ticks of the experiment lie before the first row.
         build: `kernel.Build`.
@@ -75,12 +75,12 @@ def track_ticks(
     w, to, at = a.w, build.to, len(build.lanes)
     now = read_record(plan, PLAN, 0, 1)
     discs = read_record(a.geometry, build.geometry, 0, 1)
-    by, shown = read_record(gains, GAINS, 0, 1), Slot(0, Seen(0.0, 0.0, 0.0, discs.x_m))
+    by, shown = read_record(gains, GAINS, 0, 1), Slot(0, LoggedTick(0.0, 0.0, 0.0, discs.x_m))
     dt_s, substeps, n_ticks = discs.dt_s, now.substeps, a.schedule.shape[1]
     for tick in range(first, last):
         time_s = (before + tick) * substeps * dt_s
         wish = read_record(a.schedule, build.tick, tick, n_ticks)
-        read = read_record(seen, shown, tick, n_ticks)
+        read = read_record(logged, shown, tick, n_ticks)
         for lane in range(at):
             write_record(w, to.setpoint, lane, at, wish.setpoint)
             held = read_record(w, to.command, lane, at)
@@ -95,9 +95,9 @@ def track_ticks(
 
 @loop_part
 def correct_lane(
-    w: Any, lane: Any, at: Any, seen: Any, by: Any, discs: Any, to: Any, hooks: Any
+    w: Any, lane: Any, at: Any, logged: Any, by: Any, discs: Any, to: Any, hooks: Any
 ) -> None:
-    """Predict the readings of a tick and correct one lane's state by what was seen."""
+    """Predict the readings of a tick and correct one lane's state by what was read."""
     hinge, rotors = read_record(w, to.hinge, lane, at), read_record(w, to.rotors, lane, at)
     shown = read_record(w, to.readings, lane, at)
     p = read_record(w, to.effects, lane, at)
@@ -106,23 +106,23 @@ def correct_lane(
     gyro = hooks.gyro(0, hinge.rate_rad_s, flow, p)
     predicted = Readings(hinge.theta_rad, gyro, shown.plate_z_m, rotors.speed_rad_s)
     write_record(w, to.readings, lane, at, predicted)
-    pitch_error, rate_error = seen.theta_rad - hinge.theta_rad, seen.gyro_rad_s - gyro
+    pitch_error, rate_error = logged.theta_rad - hinge.theta_rad, logged.gyro_rad_s - gyro
     pitch_error = pitch_error if pitch_error == pitch_error else 0.0
     rate_error = rate_error if rate_error == rate_error else 0.0
     theta, rate, wake = hinge.theta_rad, hinge.rate_rad_s, hinge.wake_Nm
-    if seen.mode == CORRECT:
+    if logged.mode == CORRECT:
         theta = theta + (by.theta_by_theta * pitch_error + by.theta_by_gyro * rate_error)
         rate = rate + (by.rate_by_theta * pitch_error + by.rate_by_gyro * rate_error)
         wake = wake + (by.wake_by_theta * pitch_error + by.wake_by_gyro * rate_error)
-    elif seen.mode == RESTART:
+    elif logged.mode == RESTART:
         theta, rate, wake = theta + pitch_error, rate + rate_error, 0.0
     speeds = rotors.speed_rad_s
     for i in range(len(speeds)):
-        error = seen.speed_rad_s[i] - speeds[i]
+        error = logged.speed_rad_s[i] - speeds[i]
         error = error if error == error else 0.0
-        if seen.mode == CORRECT:
+        if logged.mode == CORRECT:
             speeds = replaced(speeds, i, speeds[i] + by.speed * error)
-        elif seen.mode == RESTART:
+        elif logged.mode == RESTART:
             speeds = replaced(speeds, i, speeds[i] + error)
     corrected = Hinge(theta, rate, wake, hinge.clamped_steps, hinge.stopped_steps)
     write_record(w, to.hinge, lane, at, corrected)
