@@ -12,16 +12,7 @@ uses the torque components.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
-import numpy as np
-
-from benchtool.core.array import Array
-from benchtool.core.errors import InputError
 from benchtool.physics.expression import Quantity, expression
-
-COMPONENTS = ("force_x_N", "force_y_N", "force_z_N", "roll_Nm", "pitch_Nm", "yaw_Nm")
-"""The six components of the estimate, as in eq. (12)."""
 
 
 @expression
@@ -51,41 +42,3 @@ def next_explained(
         dt_s: control period: s.
     """
     return on * (explained + (known + estimate) * dt_s) + (1.0 - on) * momentum
-
-
-@dataclass(slots=True)
-class DisturbanceObserver:
-    """Run the observer on six components outside of a compiled loop.
-
-    Attributes:
-        rates_per_s: L of each component (6,): 1/s; 0 leaves a component out.
-        explained: z (6,).
-    """
-
-    rates_per_s: Array
-    explained: Array = field(default_factory=lambda: np.zeros(6))
-
-    def __post_init__(self) -> None:
-        self.rates_per_s = np.asarray(self.rates_per_s, float)
-        if self.rates_per_s.shape != (6,) or not np.all(self.rates_per_s >= 0.0):
-            raise InputError(
-                f"an observer needs six rates of 0 or more in 1/s, got {self.rates_per_s.tolist()}"
-            )
-
-    def restart(self, momentum: Array) -> None:
-        """Begin anew with an estimate of zero at this momentum (6,)."""
-        self.explained = np.asarray(momentum, float).copy()
-
-    def step(self, momentum: Array, known: Array, dt_s: float) -> Array:
-        """Return the estimate (6,) for this instant and go one period on.
-
-        Args:
-            momentum: linear (N s) and angular (N m s) momentum (6,).
-            known: forces (N) and torques (N m) that the model knows about (6,).
-            dt_s: control period: s.
-        """
-        estimate: Array = observed(momentum, self.explained, self.rates_per_s)
-        self.explained = next_explained(
-            momentum, self.explained, np.asarray(known, float), estimate, 1.0, dt_s
-        )
-        return estimate

@@ -196,7 +196,8 @@ def _filtered(
     for k in range(0, len(benches), LANES[-1]):
         some = benches[k : k + LANES[-1]]
         loop = _loop(some, logged, None if seed is None else seed + k)
-        ticks = np.vstack([logged.mode, logged.theta_rad, logged.gyro_rad_s, logged.speed_rad_s])
+        read = (logged.mode, logged.theta_rad, logged.gyro_rad_s, *logged.speed_rad_s)
+        ticks = np.array(read, float)
         found = []
         for (first, start, stop), begun in zip(windows, states, strict=True):
             if begun is not None:
