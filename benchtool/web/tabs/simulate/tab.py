@@ -97,8 +97,9 @@ class SimulateTab:
             self._length = self._number("Length, s", placeholder="the schedule's own")
             self._case = self._select("Flight", {n: f.title for n, f in FLIGHTS.items()}, "over")
             self._gains = self._select("Gains", gain_names(), "s3")
+            controllers = list(PitchInputs().controllers)
             self._controllers = self._select(
-                "Controllers", PITCH_CONTROLLERS, list(PitchInputs().controllers), multiple=True
+                "Controllers", list(PITCH_CONTROLLERS), controllers, multiple=True
             ).props("use-chips")
             self._hidden = self._select("Hidden effect", {"": "none", **hideable()}, "")
             self._hidden.tooltip("what the bench has and its model not, for Explain to find")
