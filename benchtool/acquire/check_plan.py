@@ -92,7 +92,7 @@ def check_plan(plan: Plan, rig: Rig, device_limits: Mapping[str, float] | None =
     if len(on) > together:
         listed = ", ".join(map(str, on))
         raise PlanError(
-            f"throttle.rotors_on asks for rotors {listed} together, but this autopilot's motor "
+            f"throttle.rotors_on turns rotors {listed} together, but this autopilot's motor "
             f"test turns {together:g} at a time; name one with --rotors {on[0]}"
         )
     highest_us = min(rig.limits.pwm_us, rig.propulsion.pwm_max_us, device.get("pwm_us", np.inf))
@@ -100,7 +100,7 @@ def check_plan(plan: Plan, rig: Rig, device_limits: Mapping[str, float] | None =
     for level_us in plan.throttle.pwm_us:
         if not stop_us < level_us <= highest_us:
             raise PlanError(
-                f"throttle.pwm_us asks for {level_us:g} us, allowed are {stop_us:g} to "
+                f"throttle.pwm_us names {level_us:g} us, allowed are {stop_us:g} to "
                 f"{highest_us:g} us; change that level or the rig's limits.pwm_us"
             )
     for setting in settings:
@@ -128,7 +128,7 @@ def check_plan(plan: Plan, rig: Rig, device_limits: Mapping[str, float] | None =
 def _check_lists(plan: Plan, rig: Rig) -> None:
     if not plan.plate.distances_m:
         raise PlanError(
-            f"no plate distance is left between the minimum gap of {rig.plate.z_min_m:g} m and the "
+            f"no plate distance is left between the least of {rig.plate.z_min_m:g} m and the "
             f"park position at {rig.plate.z_park_m:g} m; give plate.distances_m"
         )
     unknown = [rotor for rotor in plan.throttle.rotors_on if rotor > rig.n_rotors]
@@ -180,6 +180,6 @@ def _check_place(setting: Setting, rig: Rig, device: Mapping[str, float]) -> Non
         most = degrees(atan2(place.z_m - low_m, reach_m))
         raise PlanError(
             f"at {place.z_m:g} m a tilt of {place.tilt_deg:g} deg brings the plate to "
-            f"{nearest_m:.3g} m of the blade tips, minimum gap {low_m:g} m; tilt at most "
+            f"{nearest_m:.3g} m of the blade tips, minimum distance {low_m:g} m; tilt at most "
             f"{most:.1f} deg there or give a greater distance"
         )

@@ -90,7 +90,7 @@ class Motors:
         try:
             self._recorder.bench.set_pwm(pulses_us)
         except CommandRefused:
-            # A device that has stopped by itself says why in its stream; that is the better error.
+            # A device that stopped by itself reports why in its stream; that is the better error.
             for _ in range(2):
                 self._recorder.read("end", timeout_s=RAMP_STEP_S)
             raise
@@ -176,7 +176,7 @@ LOOK_S = 1.0
 
 
 def rest_if_needed(recorder: Recorder, motors: Motors, plan: RestPart, last: Point | None) -> None:
-    """Rest where temperature or voltage of the last point asks for it; look when there is none.
+    """Rest where temperature or voltage of the last point requires it; look when there is none.
 
     Raises:
         RunStopped: the rest took longer than the plan allows.

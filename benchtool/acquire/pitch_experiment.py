@@ -122,7 +122,7 @@ def check_experiment(
 
 
 def expected_on(identity: Identity, experiment: PitchExperiment, rig: Rig) -> Expected:
-    """Return what `check_experiment` returns, with what an open bench says of itself.
+    """Return what `check_experiment` returns, with what an open bench reports about itself.
 
     Raises:
         InputError: it is no pitch bench.

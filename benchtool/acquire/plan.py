@@ -26,7 +26,7 @@ Seconds = Annotated[float, Gt(0.0), Le(3600.0)]
 Distance = Annotated[float, Gt(0.0), Le(1000.0)]
 Offset = Annotated[float, Ge(-1000.0), Le(1000.0)]
 Tilt = Annotated[float, Ge(-89.0), Le(89.0)]
-"""A plate on edge is none; the minimum gap allows far less. A choice."""
+"""A plate on edge is none; the minimum distance allows far less. A choice."""
 
 Pulse = Annotated[float, Gt(0.0), Le(1e4)]
 MOST_LISTED = 1000

@@ -27,7 +27,7 @@ def recalibrate(run: Run, calibration: Calibration, *, other_device: bool = Fals
     The folder is read like a run: `benchtool fit RUN/recalibrated-ID`.
 
     Args:
-        other_device: take one of another device all the same; the metadata say so.
+        other_device: take one of another device all the same; the metadata record it.
 
     Raises:
         CalibrationError: the calibration belongs to another device, the run has no raw counts,

@@ -28,10 +28,10 @@ BREAK_S = 1.0
 
 @dataclass(frozen=True, slots=True)
 class Unfinished:
-    """Hold what a run on disk says of how to go on.
+    """Hold what a run on disk holds for going on.
 
     Attributes:
-        stage: the `--stage` that moved the plate; None where the run does not say.
+        stage: the `--stage` that moved the plate; None where the run does not name it.
     """
 
     run: Run
@@ -130,7 +130,7 @@ def _points_on_disk(run: Run) -> set[int]:
 
     Raises:
         FileFormatError: a line that cannot be read; to take its visit for not done would throw
-            away what it says, so a person has to look.
+            away what it holds, so a person has to look.
     """
     path = run.path / "points.csv"
     if not os.path.lexists(path):

@@ -137,7 +137,7 @@ class _Sweep:
         left = [visit for visit in visits if visit.point not in self.start.done]
         left_s = expected_duration_s(self.plan, self.rig, left)
         self.progress.started(len(visits), len(visits) - len(left), left_s)
-        self._say_plate()
+        self._record_plate()
         for index, visit in enumerate(left):
             self._wait()
             self.progress.visiting(visit)
@@ -199,7 +199,7 @@ class _Sweep:
         assert self._tared is not None
         identity = self.bench.identity
         names = [channel.name for channel in identity.channels]
-        # Where the device does not say, thrust comes as often as in the last tare.
+        # Where the device does not state it, thrust comes as often as in the last tare.
         stated_Hz = dict(zip(names, identity.channel_rates_Hz, strict=False))
         seen_Hz = self._tared.rest_N.n / self.plan.tare.seconds
         rates_Hz = {"thrust_N": stated_Hz.get("thrust_N", seen_Hz)}
@@ -208,7 +208,7 @@ class _Sweep:
                 rates_Hz[f"rpm{rotor}"] = stated_Hz[f"rpm{rotor}"]
         return {name: min(rate_Hz, identity.rate_Hz) for name, rate_Hz in rates_Hz.items()}
 
-    def _say_plate(self) -> None:
+    def _record_plate(self) -> None:
         """Put on the disk what moves the plate, and whether anything measures where it stands."""
         by_hand = self.stage.facts["stage"] == "hand"
         facts = dict(self.stage.facts) | {"measured": self._plate.measured}
@@ -243,7 +243,7 @@ class _Sweep:
         self._place = place
 
     def _settle(self, visit: Visit) -> bool:
-        """Wait until thrust and speeds have settled; say so when they do not in time."""
+        """Wait until thrust and speeds have settled; record it when they do not in time."""
         plan, recorder = self.plan.settle, self.recorder
         driven = np.flatnonzero(visit.setting.pwm_us > self.motors.stop_us)
         names = ["thrust_N", *(f"rpm{rotor + 1}" for rotor in driven)]

@@ -364,6 +364,6 @@ class VirtualAutopilot(ServedDevice):
         known = {**self._orders.parameters, "SIM_SPEEDUP": self.speed}
         if name not in known:
             return []
-        # As a float (9), and with the index of a parameter that was asked for by name.
+        # As a float (9), and with the index of a parameter that was requested by name.
         made = self._words.MAVLink_param_value_message
         return [made(name.encode(), known[name], 9, len(known), 65535)]

@@ -237,5 +237,5 @@ class Px4Orders(MotorOrders):
 
 
 def motor_orders(kind: str, hello: Hello) -> MotorOrders:
-    """Return how that autopilot takes orders, in front of a bench that says this hello."""
+    """Return how that autopilot takes orders, in front of a bench that sends this hello."""
     return Px4Orders(hello) if kind == "px4" else ArduPilotOrders(hello)

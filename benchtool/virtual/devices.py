@@ -1,4 +1,4 @@
-"""The virtual benches as devices: simulated physics, what each says of itself, its server."""
+"""The virtual benches as devices: simulated physics, what each reports about itself, its server."""
 
 from __future__ import annotations
 

@@ -84,7 +84,7 @@ def _number(text: str, key: str, value: str) -> float:
 
 
 class LinkFaults:
-    """Do to a device's bytes what the faults of the link among `faults` say."""
+    """Apply the faults of the link among `faults` to a device's bytes."""
 
     def __init__(
         self, faults: Iterable[Fault] = (), rng: np.random.Generator | None = None

@@ -103,7 +103,7 @@ class Firmware:
     """Guard a plant: accept commands, check limits on every tick, stop when the host is silent.
 
     Args:
-        hello: what the device says of itself; its limits hold from the start.
+        hello: what the device reports about itself; its limits hold from the start.
     """
 
     def __init__(self, plant: Plant, hello: Hello, now_s: float = 0.0) -> None:

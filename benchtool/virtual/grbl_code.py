@@ -63,7 +63,7 @@ def cleaned(line: bytes) -> str:
 
 
 def block_of(text: str) -> CodeBlock:
-    """Return what a cleaned line says.
+    """Return the codes and words of a cleaned line.
 
     Raises:
         Refused: which error it is answered by.
@@ -159,7 +159,7 @@ class VirtualSettings:
         return ",".join(self.length(place_mm[axis]) for axis in AXES)
 
     def lines(self) -> list[str]:
-        """Return what `$$` says."""
+        """Return the answer to `$$`."""
         return [
             f"${number}={value:.3f}" if number in _WITH_DECIMALS else f"${number}={value:.0f}"
             for number, value in sorted(self.values.items())
@@ -271,14 +271,14 @@ class CodeState:
         return self._target(block, modal, present_mm), block.words["F"]
 
     def lines(self) -> list[str]:
-        """Return what `$#` says."""
+        """Return the answer to `$#`."""
         settings = self._settings
         shown = [f"[{name}:{settings.places(self.offsets[name])}]" for name in _SYSTEMS]
         probe = settings.places(dict.fromkeys(AXES, 0.0))
         return [*shown, f"[TLO:{settings.length(self.tool_mm)}]", f"[PRB:{probe}:0]"]
 
     def modes(self) -> str:
-        """Return what `$G` says."""
+        """Return the answer to `$G`."""
         return (
             f"[GC:{self._modal['motion']} G54 G17 {self._modal['units']} "
             f"{self._modal['distance']} G94 M5 M9 T0 F{self._feed_mm_min:g} S0]"

@@ -125,7 +125,7 @@ class PitchBenchPlant:
             *(Channel(f"pwm{k + 1}_us", "pwm_us", "pulse") for k in range(n)),
             *(Channel(f"rpm{k + 1}", "rpm", "rotor speed") for k in range(n)),
             Channel("plate_z_m", "m", "distance with the beam level; 1 or more is parked"),
-            Channel("torque_Nm", "N m", "torque that the controller asks for"),
+            Channel("torque_Nm", "N m", "torque that the controller commands"),
             Channel("disturbance_Nm", "N m", "torque that the observer sees"),
         )
 

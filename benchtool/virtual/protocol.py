@@ -67,7 +67,7 @@ class OrderCheck:
         self._stopped_us = -inf
 
     def greet(self, number: int, now_us: int) -> None:
-        """Begin anew with a host that says hello."""
+        """Begin anew with a host that sends a hello."""
         self.stop(now_us)
         self.number = number
 

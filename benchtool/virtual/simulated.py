@@ -7,7 +7,7 @@ here, because host and device are one process.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -44,10 +44,6 @@ from benchtool.virtual.devices import (
 )
 from benchtool.virtual.firmware import Firmware, Rows
 from benchtool.virtual.pitch_plant import PitchBenchPlant
-
-if TYPE_CHECKING:
-    from benchtool.virtual.pitch_plant import PitchBenchPlant
-
 
 MOVE_STEP_S = 0.1
 """While the plate moves, time passes in steps of this length, to stop soon after it has arrived."""
@@ -194,7 +190,7 @@ class SimulatedBench(Opened):
         )
 
     def _pass(self, duration_s: float) -> None:
-        """Let time pass and keep the samples that fall into it."""
+        """Let time pass and hold the samples that fall into it."""
         until_s = self._now_s + duration_s
         while True:
             # A tick that falls on the end of the span belongs to it, rounding or not.
@@ -240,7 +236,7 @@ class SimulatedBench(Opened):
 
     def _need_open(self, what: str) -> None:
         if not self._open:
-            raise LinkLost(f"{what} was asked of a bench that is not open; open it first")
+            raise LinkLost(f"{what} was requested of a bench that is not open; open it first")
 
 
 LOOK_S = 0.02

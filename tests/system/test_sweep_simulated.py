@@ -222,7 +222,7 @@ def test_a_dry_run_makes_nothing(capsys: pytest.CaptureFixture[str]) -> None:
         (["sim:pquad", "--sample-s", "1e9"], "--sample-s is 1e+09 s, allowed"),
         (["sim:pquad?seed=x", "--dry-run"], "option seed of address"),
         (["sim:pquad", "--stage", "grbl:X?zero_mm=nan"], "option zero_mm of --stage is 'nan'"),
-        (["sim:pquad", "--pwm", "2500"], "asks for 2500 us"),
+        (["sim:pquad", "--pwm", "2500"], "names 2500 us"),
         (["sim:pquad", "--order", "shuffled"], "unknown --order 'shuffled'"),
         (["sim:pquad", "--repeats", "0"], "--repeats is 0"),
         (["sim:pquad", "--rotors", "1.5"], "whole numbers between commas are needed"),
