@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from math import nan
 
 import numpy as np
@@ -12,30 +11,8 @@ from benchtool.acquire.average import Average, average
 from benchtool.acquire.calibration import Calibration
 from benchtool.acquire.order import Visit
 from benchtool.acquire.tare import Tared
-from benchtool.core.array import Array
 from benchtool.core.recording import Recording
 from benchtool.data.run.points import Point
-
-
-@dataclass(frozen=True, slots=True)
-class ThrustScale:
-    """Say how samples become newtons.
-
-    Attributes:
-        calibration: applied to raw counts; None takes the device's own newtons.
-        zero_counts: raw reading of the unloaded cell, from the last tare.
-        quantum_N: resolution of thrust.
-    """
-
-    calibration: Calibration | None = None
-    zero_counts: float = nan
-    quantum_N: float = 0.0
-
-    def thrust_N(self, samples: Recording) -> Array:
-        """Return thrust of every sample (n,): N."""
-        if self.calibration is None:
-            return samples.column("thrust_N")
-        return self.calibration.newtons(samples.column("thrust_raw"), self.zero_counts)
 
 
 def shortage(
@@ -63,7 +40,8 @@ def measure(
     visit: Visit,
     reached_m: float,
     tared: Tared,
-    scale: ThrustScale,
+    calibration: Calibration | None,
+    quantum_N: float,
     settled: bool,
     now_s: float = nan,
 ) -> Point:
@@ -74,7 +52,11 @@ def measure(
         now_s: time of the point where it has no samples.
     """
     place = visit.setting.place
-    thrust = average(scale.thrust_N(samples), scale.quantum_N)
+    if calibration is None:
+        thrust_N = samples.column("thrust_N")
+    else:
+        thrust_N = calibration.newtons(samples.column("thrust_raw"), tared.zero_counts)
+    thrust = average(thrust_N, quantum_N)
     times_s = samples.column("time_s")
     time_s = float(times_s.mean()) if len(times_s) else now_s
 

@@ -136,14 +136,6 @@ def visit_s(plan: Plan) -> float:
     return plan.throttle.ramp_s + settle_s + plan.sample_s
 
 
-def move_s(plan: Plan, rig: Rig, start: PlatePosition | None, end: PlatePosition) -> float:
-    """Return the time of a move with the rotors stopped before it: s."""
-    if start == end:
-        return 0.0
-    z_m, x_m = (start.z_m, start.x_m) if start else (rig.plate.z_park_m, 0.0)
-    return STOP_S + hypot(end.z_m - z_m, end.x_m - x_m) / rig.plate.speed_m_s
-
-
 def least_duration_s(plan: Plan, rig: Rig) -> float:
     """Return a time that every order of a resolved plan takes at least: s.
 
@@ -167,8 +159,12 @@ def expected_duration_s(
     total_s = 0.0
     tares = 1 if place is None else 0
     for visit in visits:
-        total_s += visit_s(plan) + move_s(plan, rig, place, visit.setting.place)
-        place = visit.setting.place
+        end = visit.setting.place
+        total_s += visit_s(plan)
+        if place != end:
+            z_m, x_m = (place.z_m, place.x_m) if place else (rig.plate.z_park_m, 0.0)
+            total_s += STOP_S + hypot(end.z_m - z_m, end.x_m - x_m) / rig.plate.speed_m_s
+        place = end
     tare_s = plan.tare.seconds + STOP_S
     if plan.tare.every_minutes:
         tares += int(total_s // (60.0 * plan.tare.every_minutes))

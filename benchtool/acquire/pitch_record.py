@@ -61,28 +61,18 @@ class PitchRecorder(Recorder):
         Raises:
             LimitExceeded: the samples that show it are on the disk, or wait for `rescue`.
         """
-        breach = self._breach(readings)
-        if breach is None:
-            return super().store(readings, phase, point)
-        self.watch_no_more()
-        with suppress(Exception):
-            self.bench.stop()
-        with suppress(Exception):
-            super().store(readings, phase, point)
-        raise breach
-
-    def _breach(self, readings: Readings) -> LimitExceeded | None:
         for index, name in self._watched:
-            column = readings.values[:, index]
-            beyond = column[np.abs(column) > self._limits[name]]
+            limit, column = self._limits[name], readings.values[:, index]
+            beyond = column[np.abs(column) > limit]
             if len(beyond):
-                return LimitExceeded(
-                    name,
-                    float(beyond[0]),
-                    self._limits[name],
-                    "look at gains and mechanics, or raise --limit-deg",
-                )
-        return None
+                self.watch_no_more()
+                with suppress(Exception):
+                    self.bench.stop()
+                with suppress(Exception):
+                    super().store(readings, phase, point)
+                remedy = "look at gains and mechanics, or raise --limit-deg"
+                raise LimitExceeded(name, float(beyond[0]), limit, remedy)
+        return super().store(readings, phase, point)
 
 
 def record_pitch(

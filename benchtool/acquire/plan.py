@@ -32,6 +32,8 @@ Pulse = Annotated[float, Gt(0.0), Le(1e4)]
 MOST_LISTED = 1000
 """Most distances, tilts, offsets or levels of a plan. A choice."""
 
+Distances = Annotated[tuple[Distance, ...], Len(0, MOST_LISTED)]
+
 REPEATS_SINGLE = 9
 """Tests per distance with one rotor on (paper, section 2.1)."""
 
@@ -47,8 +49,7 @@ class PlatePart(Inputs):
     """Say where the plate goes: every combination of distance, tilt and lateral position."""
 
     distances_m: Annotated[
-        tuple[Distance, ...],
-        Len(0, MOST_LISTED),
+        Distances,
         Input(
             "Plate distances from the rotor plane: 0.06,0.12,0.24.",
             "m",
@@ -57,8 +58,7 @@ class PlatePart(Inputs):
         ),
     ] = ()
     distances_over_R: Annotated[
-        tuple[Distance, ...],
-        Len(0, MOST_LISTED),
+        Distances,
         Input(
             "Plate distances in rotor radii: 0.5,1,2.",
             option="z_over_r",

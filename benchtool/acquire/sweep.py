@@ -10,7 +10,7 @@ import numpy as np
 
 from benchtool.acquire.average import is_settled
 from benchtool.acquire.calibration import Calibration
-from benchtool.acquire.measure import ThrustScale, measure, shortage
+from benchtool.acquire.measure import measure, shortage
 from benchtool.acquire.motors import Motors, rest_if_needed, run_to_end
 from benchtool.acquire.order import PlatePosition, Visit, expected_duration_s, visits_of
 from benchtool.acquire.plan import Plan
@@ -183,9 +183,16 @@ class _Sweep:
                 break
             then = "measured again" if attempt < TRIES else "marked as failed"
             self.recorder.note("few_samples", f"point {visit.point}: {short}; {then}", visit.point)
-        scale = ThrustScale(self.calibration, self._tared.zero_counts, self._quantum_N)
-        now_s = self.recorder.now_s
-        point = measure(samples, visit, self._reached_m, self._tared, scale, settled, now_s)
+        point = measure(
+            samples,
+            visit,
+            self._reached_m,
+            self._tared,
+            self.calibration,
+            self._quantum_N,
+            settled,
+            self.recorder.now_s,
+        )
         if short:
             self._failed += 1
             return replace(point, kind="failed", settled=False)

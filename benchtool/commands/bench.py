@@ -215,7 +215,7 @@ def _pitch(
     from benchtool.simulate.controllers.pitch import PITCH_CONTROLLERS
     from benchtool.simulate.own_controller import controller_class
     from benchtool.simulate.pitch.setup import changed_job
-    from benchtool.virtual.devices import pitch_plant, pitch_server
+    from benchtool.virtual.devices import device_server, pitch_hello, pitch_plant
 
     controller = inputs.controller
     plant = pitch_plant(
@@ -234,8 +234,14 @@ def _pitch(
         change=lambda job: changed_job(job, inputs.settings),
         permit=announce_code,
     )
-    server = pitch_server(
-        plant, link, seed=inputs.seed, speed=inputs.speed, faults=faults, speak=speak
+    server = device_server(
+        plant,
+        pitch_hello(plant, inputs.seed),
+        link,
+        seed=inputs.seed,
+        speed=inputs.speed,
+        faults=faults,
+        speak=speak,
     )
     return server, (
         f"pitch bench of {rig.name}, truth {plant.job.bench.model.name}, {controller} with gains "

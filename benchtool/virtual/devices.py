@@ -219,13 +219,6 @@ def virtual_server(
     return device_server(plant, hello, link, seed=seed, **more)
 
 
-def pitch_server(
-    physics: PitchBenchPlant, link: ServerLink, *, seed: int = 0, **more: Any
-) -> BenchServer:
-    """Return a server whose device is a virtual pitch bench; see `device_server`."""
-    return device_server(physics, pitch_hello(physics, seed), link, seed=seed, **more)
-
-
 def device_server(
     physics: Plant,
     hello: Hello,

@@ -50,25 +50,20 @@ class Plant(Protocol):
     @property
     def channels(self) -> tuple[Channel, ...]:
         """What a row of `advance` holds, in order."""
-        ...
 
     @property
     def rate_Hz(self) -> float:
         """Ticks per second of device time."""
-        ...
 
     @property
     def plate_moving(self) -> bool:
         """Whether the plate is still on its way."""
-        ...
 
     def set_rate(self, rate_Hz: float) -> None:
         """Take this many ticks per second from now on."""
-        ...
 
     def command_pwm(self, pwm_us: Array) -> None:
         """Apply pulses (n_rotors,): us."""
-        ...
 
     def command_plate(self, z_m: float, x_m: float, tilt_rad: float) -> None:
         """Start moving the plate at stage speed.
@@ -76,19 +71,15 @@ class Plant(Protocol):
         Raises:
             StageError: the stage refuses; the device answers nak with this message.
         """
-        ...
 
     def halt_plate(self) -> None:
         """Stop the plate where it is."""
-        ...
 
     def tare(self) -> None:
         """Take the present load-cell reading as zero thrust."""
-        ...
 
     def advance(self, n: int) -> Array:
         """Return the next n ticks (n, c), nan where a channel has no new value."""
-        ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -66,11 +66,6 @@ class OrderCheck:
         self._speed = speed
         self._stopped_us = -inf
 
-    def greet(self, number: int, now_us: int) -> None:
-        """Begin anew with a host that sends a hello."""
-        self.stop(now_us)
-        self.number = number
-
     def stop(self, now_us: int) -> None:
         """Note a stop: what was ordered before it is refused from now on."""
         self.armed = False
@@ -175,7 +170,8 @@ class DeviceLink(ServedDevice):
             reason = f"this device speaks protocol version {PROTOCOL_VERSION}; update benchtool"
             return self._refuse(number, reason)
         self.firmware.execute(RequestHello(), now_s)
-        self.orders.greet(number, self.firmware.device_time_us)
+        self.orders.stop(self.firmware.device_time_us)
+        self.orders.number = number
         self._answered = b""
         self.host_since_s = now_s
         payloads = [
