@@ -153,25 +153,6 @@ def test_plans_out_of_range(said: Said, tmp_path: Path, text: str) -> None:
     assert any(words in err for words in ("input should be", "limit 100,000", "limit 48 h"))
 
 
-@pytest.mark.parametrize(
-    "words",
-    [
-        ["simulate", "flight", "--goal-m", "1e308,1", "--duration-s", "1"],
-        ["simulate", "flight", "--map-offset-m", "0,1e308,0", "--duration-s", "1"],
-        ["simulate", "flight", "--duration-s", "1e308"],
-        ["simulate", "flight", "--speed-m-s", "1e308"],
-        ["simulate", "flight", "--z-over-r", "1e308"],
-        ["simulate", "pitch", "--duration-s", "1e308"],
-        ["record", "sim:pquad?mode=pitch", "--seconds", "1e308", "--yes"],
-        [*SWEEP, "--sample-s", "1e308", "--dry-run"],
-        ["sweep", "sim:pquad_single", "--z-m", "1e308", "--dry-run"],
-    ],
-    ids=" ".join,
-)
-def test_options_out_of_range(said: Said, words: list[str]) -> None:
-    assert said(*words)[0] == 2
-
-
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a small run."""

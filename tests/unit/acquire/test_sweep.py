@@ -329,16 +329,6 @@ def test_a_run_is_recalibrated_beside_its_raw_data(tmp_path: Path) -> None:
         recalibrate(plain, COUNTS)
 
 
-def test_a_calibration_of_another_device_is_refused_unless_asked_for(tmp_path: Path) -> None:
-    _, run = sweep(FakeBench(), tmp_path / "run")
-    other = replace(COUNTS, device_id="fake-2", id="other")
-    with pytest.raises(CalibrationError, match=r"made on device 'fake-2', but run .* is 'fake-1'"):
-        recalibrate(run, other)
-    assert Run.open(recalibrate(run, other, other_device=True)).metadata[
-        "calibration_of_other_device"
-    ]
-
-
 def test_a_run_without_raw_counts_cannot_be_recalibrated(tmp_path: Path) -> None:
     _, run = sweep(FakeBench(), tmp_path / "run")
     path = run.path / "samples.csv"
