@@ -88,7 +88,7 @@ class LoadedModel:
         imperfections: numbers of a virtual bench, when the file describes a truth.
         rig_name: how the file names its rig; empty for a model that no file describes.
         effects_file: Python file with effects of the user's own; empty without.
-        plate_slide_s: how long the bench's plate takes to slide in or out; None: not said.
+        plate_slide_s: how long the plate takes to slide in or out; None where not stated.
         notes: what a user should know of how the file was read.
     """
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Hashable
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any, get_type_hints
@@ -116,20 +116,34 @@ class Gains(FiniteTable):
     assumed: tuple[str, ...] = ()
 
     def with_values(self, **values: float) -> Gains:
-        """Return the set with some numbers changed, by dotted key ("attitude.k_q_per_s")."""
-        changed = self
+        """Return the set with some numbers changed, by dotted key ("attitude.k_q_per_s").
+
+        A table's name alone ("attitude") takes a factor on its gains and leaves limits alone.
+        """
+        tables = [item.name for item in fields(self) if is_dataclass(getattr(self, item.name))]
+        changed: Gains = self
+        owner: Any
         for key, value in values.items():
             table, _, name = key.rpartition(".")
-            owner: Any = getattr(changed, _known(self, table, "gain table")) if table else changed
-            if not isinstance(getattr(owner, _known(owner, name, "gain"), None), float):
-                raise InputError(f"{key} is no single gain; name one, as attitude.k_q_per_s")
+            if key in tables:
+                owner = getattr(changed, key)
+                names = (item.name for item in fields(owner))
+                gains = [each for each in names if each.startswith("k_") or each == "rate_per_s"]
+                scaled = {f"{key}.{each}": value * getattr(owner, each) for each in gains}
+                changed = changed.with_values(**scaled)
+                continue
+            if table not in tables and key != "control_rate_Hz":
+                raise UnknownChoice("table of gains", table or name, [*tables, "control_rate_Hz"])
+            owner = getattr(changed, table) if table else changed
+            known = [item.name for item in fields(owner)]
+            if name not in known:
+                raise UnknownChoice(f"gain of {table}", name, known)
             positive = name in _positive(owner.__class__)
             if not 0.0 <= float(value) < float("inf") or (positive and not value):
                 bound = "above 0" if positive else "0 or more"
                 raise InputError(f"gain {key} is {value}; give a finite number, {bound}")
             numbers: dict[str, Any] = {name: float(value)}
-            tables: dict[str, Any] = {table: replace(owner, **numbers)} if table else numbers
-            changed = replace(changed, **tables)
+            changed = replace(changed, **({table: replace(owner, **numbers)} if table else numbers))
         return changed
 
 
@@ -140,13 +154,6 @@ def _positive(table: Hashable) -> frozenset[str]:
     return frozenset(
         name for name, hint in hints.items() if Gt(0.0) in getattr(hint, "__metadata__", ())
     )
-
-
-def _known(owner: Any, name: str, kind: str) -> str:
-    known = [item.name for item in fields(owner)]
-    if name not in known:
-        raise UnknownChoice(kind, name, known)
-    return name
 
 
 def gain_names() -> tuple[str, ...]:

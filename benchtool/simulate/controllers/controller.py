@@ -60,7 +60,7 @@ class PitchReference(NamedTuple):
 
 
 class PitchCommand(NamedTuple):
-    """What a pitch bench is told.
+    """What a pitch bench is commanded to do.
 
     Attributes:
         torque_Nm: wanted torque about the pitch axis, positive nose down; the mixer shares it out.

@@ -55,8 +55,8 @@ def attitude_step(
     on, before = reference.observer, state.integrals
     momentum = p.pid.inertia_kgm2 * rate
     estimate = on * observed(momentum, state.explained_Nms, p.observer_rate_per_s)
-    asked = attitude_torque(wanted, angle, rate, before, p.pid) - estimate
-    torque = limited(asked, p.pid.torque_limit_Nm)
+    wanted_Nm = attitude_torque(wanted, angle, rate, before, p.pid) - estimate
+    torque = limited(wanted_Nm, p.pid.torque_limit_Nm)
     after = next_pid_state(wanted, angle, rate, before, p.pid, dt_s)
     explained = next_explained(momentum, state.explained_Nms, torque, estimate, on, dt_s)
     error = wanted - angle

@@ -12,7 +12,6 @@ from benchtool.simulate.environment import Environment
 from benchtool.simulate.flight.cases import FLIGHTS, flight_case
 from benchtool.simulate.flight.flight import FlightCase, Goal
 from benchtool.simulate.flight.vehicle import FlightVehicle
-from benchtool.simulate.gain_changes import changed_gains
 from benchtool.simulate.gain_file import Gains
 from benchtool.simulate.sensible import refuse_outside
 
@@ -164,7 +163,7 @@ def changed(setup: FlightSetup, values: Mapping[str, float]) -> FlightSetup:
 def _changed(setup: FlightSetup, name: str, value: float) -> FlightSetup:
     numbers: dict[str, Any] = {name: value}
     if name.startswith("gains."):
-        gains = changed_gains(setup.gains, name.removeprefix("gains."), value)
+        gains = setup.gains.with_values(**{name.removeprefix("gains."): value})
         return replace(setup, gains=gains)
     if name in VEHICLE_NUMBERS:
         return replace(setup, vehicle=replace(setup.vehicle, **numbers))

@@ -13,19 +13,22 @@ from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
 from benchtool.core.schedule import PARKED_M
 
-COLUMNS = (
-    "reference_rad",
-    "theta_rad",
-    "gyro_rad_s",
-    "plate_z_m",
-    "plate_read_m",
-    "plate_share",
-    "torque_Nm",
-    "estimate_Nm",
-    "true_theta_rad",
-    "true_rate_rad_s",
-)
-"""Columns of a log before those of the discs, in the order of `pitch_run.log_rows`."""
+COLUMNS = {
+    "reference_rad": "setpoint.reference_rad",
+    "theta_rad": "readings.theta_rad",
+    "gyro_rad_s": "readings.gyro_rad_s",
+    "plate_z_m": "setpoint.plate_z_m",
+    "plate_read_m": "readings.plate_z_m",
+    "plate_share": "setpoint.plate_share",
+    "torque_Nm": "command.torque_Nm",
+    "estimate_Nm": "law_state.estimate_Nm",
+    "true_theta_rad": "hinge.theta_rad",
+    "true_rate_rad_s": "hinge.rate_rad_s",
+}
+"""Columns of a log before those of the discs, with the records' fields that they hold."""
+
+LOGGED = (*COLUMNS.values(), "command.pwm_us", "readings.speed_rad_s")
+"""Records' fields that a run logs."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -58,7 +61,7 @@ class PitchRun:
 
     def column(self, name: str) -> Array:
         """Return one of `COLUMNS` (n_ticks,)."""
-        return self.log[:, COLUMNS.index(name)]
+        return self.log[:, [*COLUMNS].index(name)]
 
     @property
     def pwm_us(self) -> Array:
@@ -92,7 +95,7 @@ class PitchRun:
         return Recording.from_columns(pairs, provenance, simulated=True)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class PlateNumbers:
     """Sum up what a visit of the plate did to the attitude; angles in rad, errors are true ones.
 
@@ -129,14 +132,8 @@ def plate_numbers(run: PitchRun, in_s: float, out_s: float, move_s: float) -> Pl
     after = t >= out_s
     quiet = float(np.sqrt(np.mean(error[before] ** 2))) if before.any() else float("nan")
     if not during.any():
-        nothing = float("nan")
-        return PlateNumbers(
-            quiet_rms_rad=quiet,
-            peak_rad=nothing,
-            settling_s=nothing,
-            residual_rad=nothing,
-            rebound_rad=nothing,
-        )
+        nan = float("nan")
+        return PlateNumbers(quiet, nan, nan, nan, nan)
     visit, times = error[during], t[during] - in_s
     peak = float(visit[np.argmax(np.abs(visit))])
     residual = float(np.mean(error[late]))
@@ -146,10 +143,4 @@ def plate_numbers(run: PitchRun, in_s: float, out_s: float, move_s: float) -> Pl
         settled = float("nan")
     back = error[after] * -np.sign(peak) if after.any() else np.zeros(1)
     rebound = float(max(back.max(), 0.0)) * -float(np.sign(peak))
-    return PlateNumbers(
-        quiet_rms_rad=quiet,
-        peak_rad=peak,
-        settling_s=settled,
-        residual_rad=residual,
-        rebound_rad=rebound,
-    )
+    return PlateNumbers(quiet, peak, settled, residual, rebound)

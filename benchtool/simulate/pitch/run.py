@@ -24,6 +24,7 @@ from benchtool.simulate.pitch.bench import SENSOR_NAMES, PitchBench, PitchSensor
 from benchtool.simulate.pitch.kernel import LoopArrays
 from benchtool.simulate.pitch.loops import pitch_loops
 from benchtool.simulate.pitch.pack import geometry_of, loop_effects, pack
+from benchtool.simulate.pitch.result import LOGGED
 
 PAST = 64
 """Control ticks that delayed sensors may look back."""
@@ -61,13 +62,6 @@ def shared_key(job: PitchJob) -> tuple[object, ...]:
         tuple((sensor.rate_Hz, sensor.delay_s) for sensor in sensors),
     )
 
-
-LOGGED = (
-    "setpoint.reference_rad", "readings.theta_rad", "readings.gyro_rad_s", "setpoint.plate_z_m",
-    "readings.plate_z_m", "setpoint.plate_share", "command.torque_Nm", "law_state.estimate_Nm",
-    "hinge.theta_rad", "hinge.rate_rad_s", "command.pwm_us", "readings.speed_rad_s",
-)  # fmt: skip
-"""Records' fields that a run logs, in the order of `PitchRun`."""
 
 FILTERED = (
     "readings.theta_rad", "readings.gyro_rad_s", "hinge.theta_rad", "hinge.rate_rad_s",

@@ -16,7 +16,6 @@ from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import load_model, model_names
 from benchtool.simulate.controllers.pitch import Feedforward, PitchControl, pitch_controller
-from benchtool.simulate.gain_changes import changed_gains
 from benchtool.simulate.gain_file import gains_named
 from benchtool.simulate.pitch.bench import STEPS_PER_LAG, PitchBench
 from benchtool.simulate.pitch.run import PitchJob, substeps_of
@@ -38,7 +37,7 @@ FEEDFORWARD_NUMBERS = {
 }  # fmt: skip
 """Numbers of a feedforward with what they may be: beyond anything a map does (a guess)."""
 
-SENSIBLE = {
+RANGES = {
     "inertia_kgm2": (1e-6, 1e4), "pwm_quantum_us": (0.0, 1e3), "stop_rad": (1e-3, 1.5),
 }  # fmt: skip
 """Numbers of a bench with what they may be: from an insect to a helicopter (a guess)."""
@@ -53,7 +52,7 @@ class PitchSetup:
     Attributes:
         bench: the plant.
         controls: built-in controllers.
-        schedule: what they are told.
+        schedule: reference, collective, dither and plate over time.
         nominal: the model that mixer and feedforward take for true; the bench's when None.
         notes: how the model's file was read.
         rate_Hz: control rate.
@@ -117,56 +116,57 @@ def changed(setup: PitchSetup, values: Mapping[str, float]) -> PitchSetup:
     the distance of every visit of the plate ("plate.z_over_R").
     """
     for name, value in values.items():
-        setup = _changed(setup, name, float(value))
+        if name == PLATE_DISTANCE:
+            setup = replace(setup, schedule=_with_plate_at(setup.schedule, float(value)))
+        else:
+            bench, controls = _changed(setup.bench, setup.controls, name, float(value))
+            setup = replace(setup, bench=bench, controls=controls)
     return setup
 
 
 def changed_job(job: PitchJob, values: Mapping[str, float]) -> PitchJob:
     """Return a single job with some numbers changed, by the names of `changed`."""
-    none = Schedule(name="none", title="no number stands in a schedule", duration_s=1.0)
-    setup = PitchSetup(bench=job.bench, controls=(job.control,), schedule=none, nominal=job.nominal)
-    new = changed(setup, values)
-    return replace(job, bench=new.bench, control=new.controls[0])
+    for name, value in values.items():
+        if name == PLATE_DISTANCE:
+            raise InputError(f"{name} belongs to a schedule, which places the plate; leave it out")
+        bench, (control,) = _changed(job.bench, (job.control,), name, float(value))
+        job = replace(job, bench=bench, control=control)
+    return job
 
 
-def _changed(setup: PitchSetup, name: str, value: float) -> PitchSetup:
+def _changed(
+    bench: PitchBench, controls: tuple[PitchControl, ...], name: str, value: float
+) -> tuple[PitchBench, tuple[PitchControl, ...]]:
     head, _, rest = name.partition(".")
+    number: dict[str, Any] = {rest: value}
     if head == "gains" and rest:
-        return replace(
-            setup, controls=tuple(_with_gain(each, rest, value) for each in setup.controls)
+        return bench, tuple(
+            each if each.gains is None else replace(each, gains=each.gains.with_values(**number))
+            for each in controls
         )
-    if name == "bench.inertia_kgm2":
-        name = rest
-    elif head == "bench":
+    if head == "feedforward":
+        if rest not in FEEDFORWARD_NUMBERS:
+            raise UnknownChoice("number of the feedforward", rest, FEEDFORWARD_NUMBERS)
+        refuse_outside(name, value, *FEEDFORWARD_NUMBERS[rest])
+        return bench, tuple(
+            replace(each, feedforward=replace(each.feedforward, **number))
+            if each.feedforward.strength > 0.0
+            else each
+            for each in controls
+        )
+    if head == "bench" and rest != "inertia_kgm2":
         if rest not in BENCH_NUMBERS:
             raise UnknownChoice("number of the bench", rest, BENCH_NUMBERS)
         if rest == "plant_rate_Hz" and value > FASTEST_PLANT_HZ:
             raise InputError(
                 f"bench.plant_rate_Hz is {value:g}; give at most {FASTEST_PLANT_HZ:g} Hz"
             )
-        if rest in SENSIBLE:
-            refuse_outside(name, value, *SENSIBLE[rest])
-        numbers: dict[str, Any] = {rest: value}
-        return replace(setup, bench=replace(setup.bench, **numbers))
-    if name == PLATE_DISTANCE:
-        return replace(setup, schedule=_with_plate_at(setup.schedule, value))
-    if head == "feedforward":
-        if rest not in FEEDFORWARD_NUMBERS:
-            raise UnknownChoice("number of the feedforward", rest, FEEDFORWARD_NUMBERS)
-        refuse_outside(name, value, *FEEDFORWARD_NUMBERS[rest])
-        known: dict[str, Any] = {rest: value}
-        return replace(
-            setup,
-            controls=tuple(
-                replace(each, feedforward=replace(each.feedforward, **known))
-                if each.feedforward.strength > 0.0
-                else each
-                for each in setup.controls
-            ),
-        )
-    model = _with_parameter(setup.bench.model, name, value)
+        if rest in RANGES:
+            refuse_outside(name, value, *RANGES[rest])
+        return replace(bench, **number), controls
+    model = _with_parameter(bench.model, rest if head == "bench" else name, value)
     inertia_kgm2 = model.parameters["inertia_kgm2"].value
-    return replace(setup, bench=replace(setup.bench, model=model, inertia_kgm2=inertia_kgm2))
+    return replace(bench, model=model, inertia_kgm2=inertia_kgm2), controls
 
 
 def _with_plate_at(schedule: Schedule, z_over_R: float) -> Schedule:
@@ -184,16 +184,10 @@ def _with_plate_at(schedule: Schedule, z_over_R: float) -> Schedule:
     return replace(schedule, plate=plate)
 
 
-def _with_gain(control: PitchControl, name: str, value: float) -> PitchControl:
-    if control.gains is None:
-        return control
-    return replace(control, gains=changed_gains(control.gains, name, value))
-
-
 def _with_parameter(model: Model, name: str, value: float) -> Model:
     full = _full_name(model, name)
-    if full in SENSIBLE:
-        refuse_outside(full, value, *SENSIBLE[full])
+    if full in RANGES:
+        refuse_outside(full, value, *RANGES[full])
     owner = EFFECTS.get(full.partition(".")[0])
     lags = owner is not None and owner.hooks.lag_s is not None
     if lags and 0.0 < value < LEAST_LAG_S:
@@ -201,8 +195,7 @@ def _with_parameter(model: Model, name: str, value: float) -> Model:
             f"{full} is {value:g} s; give at least {LEAST_LAG_S:g} s, or 0 for motors without lag"
         )
     if full not in model.parameters:
-        effect = full.partition(".")[0]
-        model = model.with_effect(effect)
+        model = model.with_effect(full.partition(".")[0])
     return model.fixed(full, value)
 
 
