@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import re
+from importlib import import_module
 from pathlib import Path
+from pkgutil import iter_modules
 
 import numpy as np
 import pytest
 
+from benchtool.simulate import controllers
 from benchtool.simulate.controllers.controller import (
     LawController,
+    PitchLaw,
     PitchMeasurement,
     PitchPlant,
     PitchReference,
 )
-from benchtool.simulate.controllers.pitch import PITCH_CONTROLLERS, pitch_controller
+from benchtool.simulate.controllers.pitch import LAWS, PITCH_CONTROLLERS, pitch_controller
 from benchtool.simulate.gain_file import gain_names, gains_named
 from benchtool.simulate.pitch.pack import torque_limit_Nm
 from benchtool.simulate.pitch.run import PitchJob
@@ -85,3 +90,15 @@ def test_it_holds_the_reference_out_of_ground_effect(name: str, gains: str) -> N
 def test_it_has_a_row_on_the_page_of_controllers(name: str) -> None:
     title = PITCH_CONTROLLERS[name]
     assert f"| `{name}` | {title} |" in PAGE.read_text(encoding="utf-8")
+
+
+def test_the_page_has_no_row_of_an_unknown_controller() -> None:
+    table = PAGE.read_text(encoding="utf-8").partition("| controller | what it does |")[2]
+    rows = re.findall(r"^\| `([\w+]+)` \|", table, re.MULTILINE)
+    assert set(rows) == set(PITCH_CONTROLLERS)
+
+
+def test_every_law_in_the_folder_is_registered() -> None:
+    names = [info.name for info in iter_modules(controllers.__path__, f"{controllers.__name__}.")]
+    found = (getattr(import_module(name), "LAW", None) for name in names)
+    assert {law.name for law in found if isinstance(law, PitchLaw)} == {law.name for law in LAWS}
