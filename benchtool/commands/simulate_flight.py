@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, get_args
 
@@ -153,13 +153,15 @@ def _vehicle(inputs: FlightInputs) -> FlightVehicle:
     from benchtool.simulate.flight.vehicle import FlightVehicle
 
     rig = rig_named(inputs.rig)
-    vehicle = FlightVehicle(rig=rig)
+    vehicle = FlightVehicle.of_rig(rig)
     if inputs.model:
         loaded = load_model(inputs.model, rig, announce_code)
         print_notes(loaded.notes)
-        vehicle = FlightVehicle.of_model(loaded.model)
+        vehicle = FlightVehicle(model=loaded.model)
     turned_deg = 45.0 if inputs.layout == "cross" else 0.0
-    return replace(vehicle, lag_s=inputs.lag_s, turned_deg=turned_deg)
+    if inputs.lag_s or not inputs.model:
+        vehicle = vehicle.with_numbers(lag_s=inputs.lag_s)
+    return vehicle.with_numbers(turned_deg=turned_deg)
 
 
 command = declared(FlightInputs, flight)

@@ -28,9 +28,8 @@ from benchtool.report.preview import (
 )
 from benchtool.report.side_view import Scene, Surface
 from benchtool.simulate.campaign import results_in_order
-from benchtool.simulate.environment import Block
+from benchtool.simulate.flight.environment import Block
 from benchtool.simulate.flight.flight import FlightCase, FlightControl
-from benchtool.simulate.flight.law import AT_X, AT_Y
 from benchtool.simulate.flight.setup import FlightSetup
 from benchtool.simulate.flight.study import Flown, fly_and_measure, name_of, verdict
 from benchtool.simulate.flight.warnings import warnings_of
@@ -75,7 +74,7 @@ def flight_preview(
 
 def _with_long_steps(case: FlightCase) -> FlightCase:
     """Return a case in as long steps as controller and motors allow, where it has not longer."""
-    lag_s = case.vehicle.lag_s or inf
+    lag_s = case.vehicle.model.lag_s or inf
     longest_s = min(QUICK_STEP_S, 1.0 / case.gains.control_rate_Hz, 0.5 * lag_s)
     return replace(case, step_s=max(case.step_s, longest_s))
 
@@ -159,7 +158,7 @@ def _shift_m(case: FlightCase, block: Block, time_s: Array) -> Array:
 
 def _scene(case: FlightCase) -> Scene:
     vehicle = case.vehicle
-    rotors = vehicle.airframe().rotors
+    craft = vehicle.craft()
     radius_m, reach_m = vehicle.rig.propulsion.radius_m, vehicle.reach_m
     begin_m, end_m = _way_m(case)
     bottom_m = min([0.0, *(block.top_m for block in case.below.blocks)]) - 2.5 * radius_m
@@ -173,7 +172,7 @@ def _scene(case: FlightCase) -> Scene:
         surfaces.append(Surface(outline_m=ends))
     return Scene(
         title=f"{vehicle.rig.name} seen from its right side: {case.title}",
-        rotors_m=tuple((float(row[AT_X]), float(row[AT_Y])) for row in rotors),
+        rotors_m=tuple(zip(craft.x_m, craft.y_m, strict=True)),
         radius_m=radius_m,
         surfaces=tuple(surfaces),
         width_m=5.0 * reach_m,

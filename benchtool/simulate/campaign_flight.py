@@ -10,7 +10,7 @@ from typing import NamedTuple
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.simulate.campaign import Campaign, Measure, Point, Row, at_point, results_in_order
 from benchtool.simulate.design import Design
-from benchtool.simulate.environment import Environment
+from benchtool.simulate.flight.environment import Environment
 from benchtool.simulate.flight.flight import FlightCase, fly
 from benchtool.simulate.flight.measures import measure
 from benchtool.simulate.flight.setup import FlightSetup, changed
@@ -57,7 +57,7 @@ def flight_campaign(setups: Mapping[str, FlightSetup], controllers: tuple[str, .
         fixed={
             "z_over_R": f"{first.z_over_R:g}",
             "speed_m_s": f"{flown.goals[-1].speed_m_s:g}",
-            "K_b": f"{first.vehicle.K_b:g}",
+            "K_b": f"{first.vehicle.number('K_b'):g}",
             "gyro_noise_rad_s": f"{first.gyro_noise_rad_s:g}",
         },
         setups=setups,

@@ -25,7 +25,7 @@ TARGET = Path(__file__).parent / "flight-campaign"
 
 FLIGHT = FlightSetup(
     case="over",
-    vehicle=FlightVehicle(rig=rig_named("pquad")),
+    vehicle=FlightVehicle.of_rig(rig_named("pquad")),
     gains=gains_named("s3"),
     duration_s=120.0,
     gyro_noise_rad_s=GYRO_NOISE_RAD_S,

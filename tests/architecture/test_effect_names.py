@@ -27,7 +27,6 @@ REMAINING = {
     "report/fit/page.py": "the parameters shown first",
     "report/ratio.py": "the curve of eq. (3)",
     "report/sweep/figures.py": "the role of a curve",
-    "simulate/flight/vehicle.py": "a flight follows three effects only",
     "web/tabs/simulate/sliders.py": "the field of K_b",
 }
 """Files that still name one, and why; this list only gets shorter."""

@@ -41,7 +41,7 @@ def campaign(kind: str) -> Campaign:
         return pitch_campaign({"s3": short})
     flight = FlightSetup(
         case="over",
-        vehicle=FlightVehicle(rig=rig_named("pquad")),
+        vehicle=FlightVehicle.of_rig(rig_named("pquad")),
         gains=gains_named("s3"),
         speed_m_s=1.0,
         duration_s=5.0,

@@ -24,8 +24,8 @@ from benchtool.simulate.controllers.controller import (
     FlightMeasurement,
     FlightReference,
 )
-from benchtool.simulate.environment import Environment
 from benchtool.simulate.flight.cases import flight_case
+from benchtool.simulate.flight.environment import Environment
 from benchtool.simulate.flight.flight import FlightCase, fly
 from benchtool.simulate.flight.height_grid import HeightGrid
 from benchtool.simulate.flight.own import fly_own
@@ -44,7 +44,7 @@ def grid() -> Environment:
 
 def cases() -> dict[str, FlightCase]:
     """Return the flights by name."""
-    vehicle = FlightVehicle(rig=rig_named("pquad"), lag_s=0.02)
+    vehicle = FlightVehicle.of_rig(rig_named("pquad"), lag_s=0.02)
     base = flight_case(
         "over", vehicle, gains_named("s3"), duration_s=OURS_S, gyro_noise_rad_s=0.015, log_Hz=250.0
     )

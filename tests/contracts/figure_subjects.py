@@ -144,7 +144,7 @@ def flights() -> list[Flown]:
 @cache
 def flown(z_over_R: float | None) -> Flown:
     """Fly a plate under the front rotor for a second."""
-    vehicle = FlightVehicle(rig=rig_named("pquad"))
+    vehicle = FlightVehicle.of_rig(rig_named("pquad"))
     case = flight_case("plate", vehicle, gains_named("s3"), z_over_R=z_over_R)
     return fly_and_measure(replace(case, duration_s=1.0))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from textwrap import wrap
 from typing import Any
 
@@ -70,14 +70,14 @@ class Flights:
         **changes: Any,
     ) -> Flown:
         """Return a flight of a shipped case, flown when it is asked for the first time."""
-        craft = vehicle or FlightVehicle(rig=self.rig)
+        craft = vehicle or FlightVehicle.of_rig(self.rig)
         set_ = gains_named(gains) if isinstance(gains, str) else gains
         case = flight_case(
             name, craft, set_, z_over_R=z_over_R, speed_m_s=speed_m_s, control=control, **changes
         )
         plain = {key: value for key, value in changes.items() if key != "below"}
         below = repr(case.below.blocks)
-        craft_key = repr(replace(craft, rig=self.rig)) + repr(craft.rig.disc_positions_m.tolist())
+        craft_key = repr(craft.identity)
         asked = (name, control, z_over_R, speed_m_s, repr(set_), craft_key, repr(plain), below)
         if asked not in self.flown:
             if self.tell is not None:

@@ -114,7 +114,7 @@ def _number(gains: Gains, key: str) -> float:
 
 
 def _row(flights: Flights, change: Change, gains: Gains, rig: Rig | None = None) -> Claim:
-    vehicle = replace(FlightVehicle(rig=rig or flights.rig), **change.vehicle)
+    vehicle = FlightVehicle.of_rig(rig or flights.rig, **change.vehicle)
     over = flights.measure("over", gains=gains, vehicle=vehicle, **change.case)
     edge = flights.measure("edge", gains=gains, vehicle=vehicle, **change.case)
     helped = flights.measure("over", "observer", gains=gains, vehicle=vehicle, **change.case)

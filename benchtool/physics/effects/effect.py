@@ -58,9 +58,10 @@ class Flow(NamedTuple):
         time_s: time since the run began (...).
         pitch_rad, rate_rad_s: attitude and rate about the y axis (...): rad, rad/s; zero on a bench
             that is held.
-        cos_pitch: cosine of the pitch, worked out once for all hooks (...).
-        weight_N: weight that the hinge carries (...), in flight what the rotors carry; zero where
-            nothing turns.
+        cos_pitch: share of `weight_N` along the body's own vertical (...): the cosine of the pitch
+            on a hinge, 1 in flight.
+        weight_N: weight that the hinge carries (...), in flight the rotors' thrust, which carries
+            it along the body's own vertical; zero where nothing turns.
         thrust_N: thrust of each disc (n, ...), for torque hooks; empty elsewhere.
         load_direction: +1 where the load cell's load was approached from below, -1 from above, 0
             where nobody knows (...).

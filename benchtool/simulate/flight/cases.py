@@ -14,7 +14,7 @@ from math import cos, pi, radians, sin
 from typing import Any
 
 from benchtool.core.errors import InputError, UnknownChoice
-from benchtool.simulate.environment import Block, Environment
+from benchtool.simulate.flight.environment import Block, Environment
 from benchtool.simulate.flight.flight import FlightCase, Goal, Gust
 from benchtool.simulate.flight.vehicle import FlightVehicle
 from benchtool.simulate.gain_file import Gains

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import lru_cache
 from math import inf, isfinite
 from typing import Literal, get_args
 
@@ -10,30 +11,44 @@ import numpy as np
 
 from benchtool.core.array import Array
 from benchtool.core.errors import InputError, UnknownChoice
-from benchtool.simulate.controllers.cascade import PositionLoop
-from benchtool.simulate.controllers.pid import AttitudePid
-from benchtool.simulate.environment import Environment
-from benchtool.simulate.flight.ground import FACTOR, NEAREST, look_down, new_ground
-from benchtool.simulate.flight.kernel import (
-    ENDING,
-    HELD_TICKS,
-    LAST,
-    LOG_EVERY,
-    LOGGED,
-    LOST,
-    N_PLAN,
-    ROWS,
-    STRUCK,
-    TICKS,
-    fly_loop,
-)
-from benchtool.simulate.flight.law import AT_X, AT_Y, DISC, N_MEMORY, N_SEEN, Law
+from benchtool.physics.expression import numbers_of
+from benchtool.physics.rotor import ground_effect_thrust_N
+from benchtool.simulate.controllers.controller import FlightReference
+from benchtool.simulate.controllers.flight_law import FlightLawState, flight_numbers, flight_step
+from benchtool.simulate.flight import records as r
+from benchtool.simulate.flight.environment import Environment
+from benchtool.simulate.flight.ground import DiscBelow
+from benchtool.simulate.flight.loops import flight_loops
 from benchtool.simulate.flight.rigid_body import at_rest
 from benchtool.simulate.flight.vehicle import FlightVehicle
 from benchtool.simulate.gain_file import Gains
+from benchtool.simulate.hooks import loop_effects, loop_numbers
+from benchtool.simulate.kernel import BUILT_IN, CALLER, LoopPlan
+from benchtool.simulate.layout import zeroed
+from benchtool.simulate.motors import Rotors, motion_of
+from benchtool.simulate.noise import lane_states
 
 FlightControl = Literal["pid", "observer", "feedforward", "both"]
 Ending = Literal["flown", "struck", "lost"]
+
+LOGGED = {
+    "time_s": "measured.time_s", "x_m": "body.x_m", "y_m": "body.y_m", "z_m": "body.z_m",
+    "vx_m_s": "body.vx_m_s", "vy_m_s": "body.vy_m_s", "vz_m_s": "body.vz_m_s",
+    "roll_rad": "measured.roll_rad", "pitch_rad": "measured.pitch_rad",
+    "yaw_rad": "measured.yaw_rad",
+    "p_rad_s": "body.p_rad_s", "q_rad_s": "body.q_rad_s", "r_rad_s": "body.r_rad_s",
+    "roll_ref_rad": "law_state.attitude.roll_rad", "pitch_ref_rad": "law_state.attitude.pitch_rad",
+    "yaw_ref_rad": "law_state.attitude.yaw_rad",
+    "roll_estimate_Nm": "law_state.estimate.roll_Nm",
+    "pitch_estimate_Nm": "law_state.estimate.pitch_Nm",
+    "yaw_estimate_Nm": "law_state.estimate.yaw_Nm",
+    "force_z_estimate_N": "law_state.estimate.force_z_N",
+    "roll_ground_Nm": "", "pitch_ground_Nm": "",
+    "x_goal_m": "wanted.goal_x_m", "y_goal_m": "wanted.goal_y_m", "z_goal_m": "wanted.goal_z_m",
+}  # fmt: skip
+"""First columns of a log, and the records' fields that they show; the ground effect's torques are
+worked out afterwards. Coverage, height and factor of every disc and the speed of every rotor
+follow."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -125,11 +140,11 @@ class FlightCase:
         places += [value for goal in self.goals for value in (goal.x_m, goal.y_m, goal.z_m)]
         if not all(map(isfinite, places)):
             raise InputError(f"start, goals and map offset must be finite, got {places}")
-        if 0.0 < self.vehicle.lag_s < 2.0 * self.step_s:
+        lag_s = self.vehicle.model.lag_s
+        if 0.0 < lag_s < 2.0 * self.step_s:
             raise InputError(
-                f"step_s is {self.step_s:g}, too large for a motor lag of "
-                f"{self.vehicle.lag_s:g} s; "
-                f"give at most {self.vehicle.lag_s / 2.0:g}"
+                f"step_s is {self.step_s:g}, too large for a motor lag of {lag_s:g} s; "
+                f"give at most {lag_s / 2.0:g}"
             )
 
     def path_m(self) -> Array:
@@ -190,50 +205,90 @@ class FlightLoop:
 
     Args:
         case: what is flown.
-        charted: the map of the case is read whether or not its own controller does.
+        external: the controller is the caller's, tick by tick; the map is read for it.
     """
 
-    def __init__(self, case: FlightCase, charted: bool = False) -> None:
+    def __init__(self, case: FlightCase, external: bool = False) -> None:
         vehicle, gains = case.vehicle, case.gains
-        self.case, self.discs = case, vehicle.discs()
-        self.frame, self.known = vehicle.airframe(), vehicle.airframe(as_known=True)
-        radius = self.discs.radius_m
+        model, rig, radius_m = vehicle.model, vehicle.rig, vehicle.rig.propulsion.radius_m
+        self.case = case
         case.below.refuse_uncovered(case.path_m(), vehicle.reach_m, "the path")
-        self.below = case.below.tables(radius)
-        self.law = law_of(case)
-        read = charted or self.law.feedforward > 0.0
-        self.chart = case.chart().tables(radius) if read else self.below
-        self.n_periods = round(case.duration_s * gains.control_rate_Hz)
-        every = max(1, round(gains.control_rate_Hz / case.log_Hz))
-        self.plan = np.zeros(N_PLAN, np.int64)
-        self.plan[LAST] = self.n_periods
-        self.plan[TICKS] = max(1, int(np.ceil(self.law.period_s / case.step_s - 1e-9)))
-        self.plan[LOG_EVERY] = every
-        n, n_discs = vehicle.rig.n_rotors, vehicle.rig.n_discs
-        self.state = np.concatenate([at_rest(case.start_m, case.yaw_rad), np.zeros(n)])
-        self.ground, self.guess = new_ground(n_discs), new_ground(n_discs)
-        self.memory, self.seen, self.speeds = np.zeros(N_MEMORY), np.zeros(N_SEEN), np.zeros(n)
-        rows = (self.n_periods + every - 1) // every
-        self.log = np.zeros((rows, len(LOGGED) + 3 * n_discs + n))
-        first = Goal(x_m=case.start_m[0], y_m=case.start_m[1], z_m=case.start_m[2])
-        self.goals = np.array(
-            [[g.from_s, g.x_m, g.y_m, g.z_m, g.speed_m_s] for g in (first, *case.goals)], float
+        period_s = 1.0 / gains.control_rate_Hz
+        self.n_ticks = round(case.duration_s * gains.control_rate_Hz)
+        substeps = max(1, int(np.ceil(period_s / case.step_s - 1e-9)))
+        self.log_every = max(1, round(gains.control_rate_Hz / case.log_Hz))
+        dt_s = period_s / substeps
+        effects, craft = loop_effects(model, in_flight=True), vehicle.craft()
+        watched = case.control in ("observer", "both")
+        law = flight_numbers(gains, rig.body, watched, case.compensation_from_s, case.ramp)
+        n_numbers = sum(len(effect.parameters) for effect in effects)
+        disc_of = tuple(int(disc) for disc in rig.disc_of_rotor)
+        self.layout = r.flight_layout(
+            rig.n_discs, rig.n_rotors, n_numbers, zeroed(law), FlightLawState()
         )
-        self.goals[0, 0] = -1.0
+        self.loops = flight_loops(
+            effects, self.layout, disc_of, model.wake_rule, len(model.body_arms_m), flight_step
+        )
+        helped = case.control in ("feedforward", "both")
+        chart = r.MapUse(
+            case.map_strength if helped and not external else 0.0,
+            -inf if external else case.compensation_from_s,
+            float(case.whole_discs),
+            float(external or (helped and case.map_strength > 0.0)),
+        )
+        hover_rad_s = (vehicle.hover_thrust_N / craft.k_N_s2) ** 0.5
+        motion = motion_of(model, dt_s)
+        w = self.layout.column(
+            body=at_rest(case.start_m, case.yaw_rad),
+            rotors=Rotors((hover_rad_s,) * rig.n_rotors),
+            outcome=r.FlightOutcome(),
+            craft=craft,
+            chart=chart,
+            motion=motion,
+            law=law,
+            effects=loop_numbers(model, effects),
+        )
+        rows = (self.n_ticks + self.log_every - 1) // self.log_every
+        fields = [field or "outcome.ending" for field in LOGGED.values()]
+        fields += ["below.coverage", "below.height_m", "below.factor", "rotors.speed_rad_s"]
+        logged = [row for field in fields for row in range(len(w))[self.layout.rows(field)]]
         gusts = np.array([[g.from_s, g.length_s, *g.wind_m_s] for g in case.gusts], float)
-        self.gusts = gusts.reshape(-1, 5)
-        self.noise = np.zeros((1, 3))
+        noise = np.zeros((3, 1))
         if case.gyro_noise_rad_s:
             rng = np.random.default_rng(case.seed)
-            self.noise = rng.normal(0.0, case.gyro_noise_rad_s, (self.n_periods, 3))
+            noise = rng.normal(0.0, case.gyro_noise_rad_s, (self.n_ticks, 3)).T.copy()
+        below = case.below.tables(radius_m)
+        self.arrays = r.FlightArrays(
+            w=w,
+            states=lane_states(case.seed, [0]),
+            sent=np.zeros((rig.n_rotors, int(motion.delay_steps) // substeps + 3, 1)),
+            log=np.zeros((rows, len(logged), 1)),
+            logged=np.array(logged, np.int64),
+            schedule=schedule_of(
+                (Goal(x_m=case.start_m[0], y_m=case.start_m[1], z_m=case.start_m[2]), *case.goals),
+                self.n_ticks, gains.control_rate_Hz, case.ramp, float(case.yaw_rad),
+                vehicle.hover_thrust_N * rig.n_rotors,
+            ),
+            noise=noise,
+            gusts=gusts.reshape(-1, 5).T.copy(),
+            scratch=np.zeros((len(DiscBelow._fields), rig.n_discs)),
+            geometry=vehicle.geometry(dt_s),
+            below=below,
+            chart=case.chart().tables(radius_m) if chart.read else below,
+        )  # fmt: skip
+        late = bool(motion.delay_steps or motion.first.old or motion.second.old)
+        driver = CALLER if external else BUILT_IN
+        self.plan = np.array(LoopPlan(substeps, driver, late, self.log_every), np.int64)
+        self.ended = self.n_ticks
+
+    def view(self, field: str) -> Array:
+        """Return a record or its field, as "body.x_m", to read or write (n,)."""
+        found: Array = self.arrays.w[self.layout.rows(field)]
+        return found
 
     def run(self) -> None:
         """Fly with the controller of the case."""
-        fly_loop(
-            self.state, self.law, self.frame, self.known, self.discs, self.below, self.chart,
-            self.goals, float(self.case.yaw_rad), self.gusts, self.noise, self.plan, self.log,
-            self.ground, self.guess, self.memory, self.speeds, self.seen,
-        )  # fmt: skip
+        self.ended = self.loops.run(self.arrays, self.plan, -1, self.n_ticks)
 
     def flight(self, own: str = "") -> Flight:
         """Return what has been flown; `own` names the user's controller.
@@ -241,19 +296,73 @@ class FlightLoop:
         Raises:
             InputError: the start touches something.
         """
-        case, rows, ending = self.case, int(self.plan[ROWS]), self.plan[ENDING]
-        if rows <= 1 and ending == STRUCK:
+        case, rig = self.case, self.case.vehicle.rig
+        rows = min(self.ended // self.log_every + 1, len(self.arrays.log))
+        ending, held, nearest_m = self.view("outcome").tolist()
+        if rows <= 1 and ending == r.STRUCK:
             raise InputError(
                 f"the vehicle touches something where it starts, at {case.start_m} m; "
                 f"start elsewhere"
             )
-        word: Ending = "struck" if ending == STRUCK else "lost" if ending == LOST else "flown"
-        kept = self.log[:rows]
-        end_s = case.duration_s if word == "flown" else float(kept[-1, 0])
-        rig = case.vehicle.rig
-        names = column_names(rig.n_discs, rig.n_rotors)
-        held, nearest_m = int(self.plan[HELD_TICKS]), float(self.ground[NEAREST].min())
-        return Flight(case, names, kept, word, end_s, held, nearest_m, own)
+        word: Ending = "struck" if ending == r.STRUCK else "lost" if ending == r.LOST else "flown"
+        log = self.arrays.log[:rows, :, 0]
+        flight = Flight(
+            case, column_names(rig.n_discs, rig.n_rotors), log, word,
+            case.duration_s if word == "flown" else float(log[-1, 0]), int(held), nearest_m, own,
+        )  # fmt: skip
+        flight["roll_ground_Nm"][:], flight["pitch_ground_Nm"][:] = _ground_moments(flight)
+        return flight
+
+
+def _ground_moments(flight: Flight) -> tuple[Array, Array]:
+    """Return the torques about roll and pitch (rows,) of the thrust that is added below: N m."""
+    craft = flight.case.vehicle.craft()
+    roll, pitch = np.zeros(len(flight.log)), np.zeros(len(flight.log))
+    for i, disc in enumerate(flight.case.vehicle.rig.disc_of_rotor):
+        speed, gain = flight[f"speed{i + 1}_rad_s"], flight[f"factor{disc + 1}"] - 1.0
+        more = ground_effect_thrust_N(speed, craft.k_N_s2, gain)
+        roll += craft.y_m[i] * more
+        pitch -= craft.x_m[i] * more
+    return roll, pitch
+
+
+@lru_cache(maxsize=4)
+def schedule_of(
+    goals: tuple[Goal, ...], ticks: int, rate_Hz: float, ramp: bool, yaw_rad: float, hover_N: float
+) -> Array:
+    """Return what is wanted in every control period, a `FlightTick` per column (n_numbers, ticks).
+
+    Args:
+        goals: the first is where the flight begins.
+        ticks: control periods.
+        rate_Hz: of control.
+        ramp: lead the place to steer to along from goal to goal, at the goal's speed.
+        yaw_rad: heading to hold.
+        hover_N: thrust that carries the weight.
+    """
+    x, y, z, speed, issued = (
+        np.array([getattr(goal, name) for goal in goals], float)
+        for name in ("x_m", "y_m", "z_m", "speed_m_s", "from_s")
+    )
+    issued[0] = -1.0
+    time_s = np.arange(ticks) * (1.0 / rate_Hz)
+    at = np.zeros(ticks, int)
+    for k in range(1, len(goals)):  # in their order: one that is issued late holds up the next
+        at[(at == k - 1) & (time_s >= issued[k])] = k
+    to_x, to_y = x[at], y[at]
+    if ramp:
+        before = np.maximum(at - 1, 0)
+        dx, dy = x[at] - x[before], y[at] - y[before]
+        length = np.sqrt(dx * dx + dy * dy)
+        led = speed[at] * (time_s - issued[at]) / np.where(length > 0.0, length, 1.0)
+        share = np.where(length > 0.0, np.minimum(led, 1.0), 1.0)
+        to_x, to_y = x[before] + share * dx, y[before] + share * dy
+    same = np.ones(ticks)
+    reference = FlightReference._make(
+        (to_x, to_y, z[at], yaw_rad * same, speed[at], hover_N * same)
+    )
+    wanted = r.FlightTick(reference, x[at], y[at], z[at])
+    return np.array(numbers_of(wanted), float)
 
 
 def column_names(n_discs: int, n_rotors: int) -> tuple[str, ...]:
@@ -265,71 +374,3 @@ def column_names(n_discs: int, n_rotors: int) -> tuple[str, ...]:
         *(f"factor{i + 1}" for i in range(n_discs)),
         *(f"speed{i + 1}_rad_s" for i in range(n_rotors)),
     )
-
-
-def law_of(case: FlightCase) -> Law:
-    """Return the controller of a case as the loop's numbers."""
-    gains, body = case.gains, case.vehicle.rig.body
-    a, y, p = gains.attitude, gains.yaw, gains.position
-
-    def tilt(inertia_kgm2: float) -> AttitudePid:
-        return AttitudePid(
-            a.k_theta_per_s,
-            a.k_i_theta_per_s2,
-            a.theta_integral_limit_rad_s,
-            a.rate_limit_rad_s,
-            a.k_q_per_s,
-            a.k_i_q_per_s2,
-            a.q_integral_limit_rad_s2,
-            inertia_kgm2,
-            inf,
-        )
-
-    heading = AttitudePid(
-        y.k_psi_per_s, 0.0, 1.0, a.rate_limit_rad_s, y.k_r_per_s, 0.0, 1.0,
-        body.inertia_zz_kgm2, inf,
-    )  # fmt: skip
-    return Law(
-        PositionLoop(
-            p.k_x_per_s,
-            p.k_v_per_s,
-            p.k_iv_per_s2,
-            p.integral_limit_m_s2,
-            p.slew_limit_m_s2,
-            p.pitch_limit_rad,
-        ),
-        tilt(body.inertia_xx_kgm2),
-        tilt(body.inertia_yy_kgm2),
-        heading,
-        gains.altitude.k_z_per_s2,
-        gains.altitude.k_vz_per_s,
-        gains.altitude.k_iz_per_s3,
-        gains.altitude.limit_m_s2,
-        gains.observer.rate_per_s,
-        1.0 if case.control in ("observer", "both") else 0.0,
-        case.map_strength if case.control in ("feedforward", "both") else 0.0,
-        case.whole_discs,
-        case.compensation_from_s,
-        1.0 if case.ramp else 0.0,
-        1.0 / gains.control_rate_Hz,
-    )
-
-
-def static_moment_Nm(vehicle: FlightVehicle, below: Environment, places_m: Array) -> Array:
-    """Return roll and pitch moment (m, 2) of the ground effect on a level vehicle at hover thrust.
-
-    Args:
-        vehicle: what flies.
-        below: what it is over.
-        places_m: x, y, z of its centre (m, 3).
-    """
-    discs, tables = vehicle.discs(), below.tables(vehicle.rig.propulsion.radius_m)
-    frame = vehicle.airframe()
-    ground = new_ground(vehicle.rig.n_discs)
-    moments = np.empty((len(places_m), 2))
-    for row, place in enumerate(places_m):
-        look_down(0.0, at_rest(tuple(place)), discs, tables, ground, False)
-        factor = ground[FACTOR, frame.rotors[:, DISC].astype(int)]
-        more = vehicle.hover_thrust_N * (factor - 1.0)
-        moments[row] = frame.rotors[:, AT_Y] @ more, -frame.rotors[:, AT_X] @ more
-    return moments

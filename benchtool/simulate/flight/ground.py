@@ -1,111 +1,100 @@
-"""Ground effect of every disc of a vehicle in the air, over everything that is below it.
+"""What is below the discs of a vehicle in the air, and what it does to their thrust.
 
-For each surface apart (`environment`): the fraction a_i of each disc over it (exact for blocks,
-from the samples of a grid), the disc's own height over it, and with these the sum of images as on
-a bench. A disc's thrust factor is 1 + sum over surfaces of a_i (F_i - 1), the factor F_i seeing of
-the neighbours only what lies over the same surface. The floor takes what the others leave.
-Where the height is below the validity of the formulae it is held there, and that is counted.
+For each surface apart (`environment`): the fraction of each disc over it (exact for blocks, from
+the samples of a grid) and the disc's own height over it. With these the terms of eqs. (2) to (4)
+are summed as for a sweep and a pitch bench (`physics.disc_thrust`), the images of the neighbours
+and of the body being those over the same surface. A disc's factor is 1 + the sum over surfaces of
+a (F - 1), times the effects' factors; those see what covers most of the disc. The floor takes what
+the other surfaces leave. Below the validity of the formulae a height is held, and that is counted.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from benchtool.core.array import Array
-from benchtool.physics.body_lift import body_images, body_term
+from benchtool.physics.conditions import FAR_AWAY_M
 from benchtool.physics.coverage import half_plane_coverage, rectangle_coverage
-from benchtool.physics.expression import Quantity, loop_part
-from benchtool.physics.images import neighbour_images, partial_factor, self_image, thrust_factor
-from benchtool.physics.validity import clamped_height
-from benchtool.physics.wake_rules import (
-    full_weight,
-    mean_weight,
-    notes_weight,
-    pairs_weight,
-    product_weight,
+from benchtool.physics.effects.effect import Flow
+from benchtool.physics.expression import (
+    Slot,
+    expression,
+    loop_part,
+    read_record,
+    replaced,
+    write_record,
 )
-from benchtool.simulate.environment import Tables
+from benchtool.physics.fold import each
+from benchtool.simulate.flight.environment import BLOCK, MAP
+from benchtool.simulate.hooks import LoopHooks
 
-RULES = ("notes", "full", "mean", "product", "pairs")
-"""The wake rules in the order of their numbers here."""
 
+class Below(NamedTuple):
+    """What is below: per disc T_IGE/T_OGE, the fraction over blocks and grid, and the height over
+    what covers most of it (m, infinite over nothing, held where the formulae end).
 
-class Discs(NamedTuple):
-    """Hold what the aerodynamics need of a vehicle.
-
-    Attributes:
-        table: (3 + n, n) disc centres x and y in the body, c_j of the body term, and the distances
-            between axes: m.
-        radius_m: rotor radius, for areas.
-        effective_radius_m: the R of the images' strength.
-        neighbours: strength of the neighbours' images; 1 as in eq. (3).
-        K_b: body lift coefficient; 0 without.
-        rule: number of the wake rule in `RULES`.
-        depth_m: how far hub and undercarriage reach below the discs, everywhere under them; 0
-            leaves them out, so that only the discs touch.
+    `nearest_m` is the least height of any disc over what it covers, before it is held; `touching`
+    and `held` are 1 where a disc touches something and where a height was held.
     """
 
-    table: Array
-    radius_m: float
-    effective_radius_m: float
-    neighbours: float
-    K_b: float
-    rule: int
-    depth_m: float
+    factor: Any
+    coverage: Any
+    height_m: Any
+    nearest_m: Any = np.inf
+    touching: Any = 0.0
+    held: Any = 0.0
 
 
-(
-    PLACE_X, PLACE_Y, PLACE_Z, FACTOR, COVERAGE, HEIGHT, SHARE, OVER, REST, TOUCHES, HELD, NEAREST,
-) = range(12)  # fmt: skip
-"""Rows of what is found below the discs (12, n), written by `look_down`: disc centres in the world
-(m), T_IGE/T_OGE, fraction over blocks and grid together, height over what covers most of the disc
-(m, infinite over nothing); scratch: fraction and height on one surface, fraction that nothing
-covers yet; 1 where the disc touches something, 1 where a height was held; and, over all calls, the
-least height over anything (m)."""
+class DiscBelow(NamedTuple):
+    """A disc over one surface: its centre in the world (m), the share of it over the surface, its
+    height over that (m); and the share that no surface covers yet.
+    """
+
+    x_m: Any = 0.0
+    y_m: Any = 0.0
+    z_m: Any = 0.0
+    share: Any = 0.0
+    height_m: Any = 1.0
+    rest: Any = 1.0
 
 
-def new_ground(n_discs: int) -> Array:
-    """Return room for the findings below n discs (12, n)."""
-    ground = np.zeros((12, n_discs))
-    ground[NEAREST] = np.inf
-    return ground
+DISC = Slot(0, DiscBelow())
+"""One column of the scratch of a look: a disc."""
 
-
-@loop_part
-def wake_weight(rule: int, share: Array) -> Quantity:
-    """Return the share of the body term that a wake rule grants."""
-    if rule == 0:
-        return notes_weight(share)
-    if rule == 1:
-        return full_weight(share)
-    if rule == 2:
-        return mean_weight(share)
-    if rule == 3:
-        return product_weight(share)
-    return pairs_weight(share)
+HEIGHT_OVER_NOTHING_M = 1.0
+"""Stands for the height of a disc that has no share in a surface, which makes it act on nothing."""
 
 
 @loop_part
-def place_discs(state: Array, table: Array, ground: Array) -> None:
+def place_discs(body: Any, discs: Any, scratch: Any) -> None:
     """Write where the disc centres are in the world."""
-    w, x, y, z = state[6], state[7], state[8], state[9]
-    for i in range(table.shape[1]):
-        a, b = table[0, i], table[1, i]
-        ground[PLACE_X, i] = (
-            state[0] + (1.0 - 2.0 * (y * y + z * z)) * a + 2.0 * (x * y - w * z) * b
+    w, x, y, z = body.qw, body.qx, body.qy, body.qz
+    n = len(discs.x_m)
+    for i in range(n):
+        a, b = discs.x_m[i], discs.y_m[i]
+        placed = DiscBelow(
+            body.x_m + (1.0 - 2.0 * (y * y + z * z)) * a + 2.0 * (x * y - w * z) * b,
+            body.y_m + 2.0 * (x * y + w * z) * a + (1.0 - 2.0 * (x * x + z * z)) * b,
+            body.z_m + 2.0 * (x * z - w * y) * a + 2.0 * (y * z + w * x) * b,
+            0.0,
+            HEIGHT_OVER_NOTHING_M,
+            1.0,
         )
-        ground[PLACE_Y, i] = (
-            state[1] + 2.0 * (x * y + w * z) * a + (1.0 - 2.0 * (x * x + z * z)) * b
-        )
-        ground[PLACE_Z, i] = state[2] + 2.0 * (x * z - w * y) * a + 2.0 * (y * z + w * x) * b
+        write_record(scratch, DISC, i, n, placed)
 
 
 @loop_part
-def disc_on_rectangle(
-    x: float, y: float, radius: float, x1: float, x2: float, y1: float, y2: float
-) -> Quantity:
+def cover(scratch: Any, i: Any, n: Any, share: Any, height_m: Any) -> None:
+    """Write the share of a disc over the present surface and its height over that."""
+    disc = read_record(scratch, DISC, i, n)
+    covered = DiscBelow(disc.x_m, disc.y_m, disc.z_m, share, height_m, disc.rest)
+    write_record(scratch, DISC, i, n, covered)
+
+
+@loop_part
+def disc_on_rectangle(x: Any, y: Any, radius: Any, x1: Any, x2: Any, y1: Any, y2: Any) -> Any:
     """Return `rectangle_coverage`, worked out only where an edge cuts the disc.
 
     Where that is one edge alone, the area over its half plane is the same and costs a quarter.
@@ -124,70 +113,66 @@ def disc_on_rectangle(
 
 
 @loop_part
-def away(time_s: float, begins: float, there: float, leaves: float, gone: float) -> float:
+def away(time_s: Any, block: Any) -> Any:
     """Return how far a plate is out of its place: 1 before and after, 0 while it is there."""
-    if time_s < there:
-        if time_s <= begins:
+    if time_s < block.there_s:
+        if time_s <= block.begins_s:
             return 1.0
-        return (there - time_s) / (there - begins)
-    if time_s > leaves:
-        if time_s >= gone:
+        return (block.there_s - time_s) / (block.there_s - block.begins_s)
+    if time_s > block.leaves_s:
+        if time_s >= block.gone_s:
             return 1.0
-        return (time_s - leaves) / (gone - leaves)
+        return (time_s - block.leaves_s) / (block.gone_s - block.leaves_s)
     return 0.0
 
 
 @loop_part
 def over_blocks(
-    surface: int, time_s: float, discs: Discs, blocks: Array, ground: Array, whole: bool
-) -> float:
+    surface: Any, time_s: Any, radius_m: Any, tables: Any, scratch: Any, n: Any, whole: Any
+) -> Any:
     """Write share and height of every disc over one surface of blocks; return the summed share."""
-    total = 0.0
-    for i in range(ground.shape[1]):
-        ground[SHARE, i] = 0.0
-        ground[OVER, i] = 1.0
-    for b in range(len(blocks)):
-        if blocks[b, 13] != surface:
+    total, n_blocks = 0.0, tables.blocks.shape[1]
+    for i in range(n):
+        cover(scratch, i, n, 0.0, HEIGHT_OVER_NOTHING_M)
+    for b in range(n_blocks):
+        block = read_record(tables.blocks, BLOCK, b, n_blocks)
+        if block.surface != surface:
             continue
-        out = away(time_s, blocks[b, 7], blocks[b, 8], blocks[b, 9], blocks[b, 10])
-        dx, dy = out * blocks[b, 11], out * blocks[b, 12]
-        x1, x2 = blocks[b, 0] + dx, blocks[b, 1] + dx
-        y1, y2 = blocks[b, 2] + dy, blocks[b, 3] + dy
-        sx, sy = blocks[b, 5], blocks[b, 6]
-        for i in range(ground.shape[1]):
-            x, y = ground[PLACE_X, i], ground[PLACE_Y, i]
-            if whole:  # a map that knows only whether a rotor's centre is over something
+        out = away(time_s, block)
+        dx, dy = out * block.slide_x_m, out * block.slide_y_m
+        x1, x2, y1, y2 = block.x1_m + dx, block.x2_m + dx, block.y1_m + dy, block.y2_m + dy
+        for i in range(n):
+            disc = read_record(scratch, DISC, i, n)
+            x, y = disc.x_m, disc.y_m
+            if whole > 0.0:  # a map that knows only whether a rotor's centre is over something
                 share = 1.0 if x1 <= x <= x2 and y1 <= y <= y2 else 0.0
             else:
-                share = disc_on_rectangle(x, y, discs.radius_m, x1, x2, y1, y2)
+                share = disc_on_rectangle(x, y, radius_m, x1, x2, y1, y2)
             if share <= 0.0:
                 continue
-            top = blocks[b, 4]
-            steep = 1.0
-            if sx != 0.0:
-                top += sx * (min(max(x, x1), x2) - x1)
-                steep += sx * sx
-            if sy != 0.0:
-                top += sy * (min(max(y, y1), y2) - y1)
-                steep += sy * sy
-            height = (ground[PLACE_Z, i] - top) / np.sqrt(steep)
-            ground[OVER, i] = (ground[SHARE, i] * ground[OVER, i] + share * height) / (
-                ground[SHARE, i] + share
-            )
-            ground[SHARE, i] += share
+            top, steep = block.top_m, 1.0
+            if block.slope_x != 0.0:
+                top += block.slope_x * (min(max(x, x1), x2) - x1)
+                steep += block.slope_x * block.slope_x
+            if block.slope_y != 0.0:
+                top += block.slope_y * (min(max(y, y1), y2) - y1)
+                steep += block.slope_y * block.slope_y
+            height = (disc.z_m - top) / np.sqrt(steep)
+            both = disc.share + share
+            cover(scratch, i, n, both, (disc.share * disc.height_m + share * height) / both)
             total += share
     return total
 
 
 @loop_part
-def over_grid(discs: Discs, tables: Tables, ground: Array) -> float:
+def over_grid(seen: Any, map_: Any, scratch: Any, n: Any) -> Any:
     """Write share and height of every disc over the grid's rise; return the summed share."""
-    seen = tables.seen
     nx, ny = seen.shape[1], seen.shape[2]
     total = 0.0
-    for i in range(ground.shape[1]):
-        u = (ground[PLACE_X, i] - tables.grid_x_m) / tables.step_x_m
-        v = (ground[PLACE_Y, i] - tables.grid_y_m) / tables.step_y_m
+    for i in range(n):
+        disc = read_record(scratch, DISC, i, n)
+        u = (disc.x_m - map_.grid_x_m) / map_.step_x_m
+        v = (disc.y_m - map_.grid_y_m) / map_.step_y_m
         u = min(max(u, 0.0), nx - 1.0)
         v = min(max(v, 0.0), ny - 1.0)
         j, k = min(int(u), nx - 2), min(int(v), ny - 2)
@@ -197,77 +182,101 @@ def over_grid(discs: Discs, tables: Tables, ground: Array) -> float:
         share += w10 * seen[0, j + 1, k] + w11 * seen[0, j + 1, k + 1]
         top = w00 * seen[1, j, k] + w01 * seen[1, j, k + 1]
         top += w10 * seen[1, j + 1, k] + w11 * seen[1, j + 1, k + 1]
-        ground[SHARE, i] = share
-        ground[OVER, i] = ground[PLACE_Z, i] - top
+        cover(scratch, i, n, share, disc.z_m - top)
         total += share
     return total
 
 
 @loop_part
-def add_surface(discs: Discs, ground: Array) -> None:
-    """Add what one surface gives to the factors, from the shares and heights just written."""
-    n = ground.shape[1]
-    for i in range(n):
-        if ground[SHARE, i] > 0.0:
-            ground[NEAREST, i] = min(ground[NEAREST, i], ground[OVER, i])
-            if ground[OVER, i] <= discs.depth_m:
-                ground[TOUCHES, i] = 1.0
-            held = clamped_height(ground[OVER, i], discs.radius_m)
-            if held > ground[OVER, i]:
-                ground[HELD, i] = 1.0
-            ground[OVER, i] = held
-    weight = wake_weight(discs.rule, ground[SHARE])
-    square = discs.effective_radius_m * discs.effective_radius_m
-    shares, heights = ground[SHARE], ground[OVER]
-    arms, distances = discs.table[2], discs.table[3:]
-    for i in range(n):
-        share = ground[SHARE, i]
-        if share > 0.0:
-            height = ground[OVER, i]
-            images = self_image(height)
-            if discs.neighbours != 0.0:
-                images += discs.neighbours * neighbour_images(i, heights, shares, distances)
-            total = square * images
-            if discs.K_b * weight != 0.0:
-                body = body_images(height, arms)
-                total += body_term(discs.K_b, weight, discs.effective_radius_m, body)
-            ground[FACTOR, i] += partial_factor(thrust_factor(total), share) - 1.0
-            if share >= 0.5 or ground[HEIGHT, i] == np.inf:
-                ground[HEIGHT, i] = height
-        ground[REST, i] -= share
-
-
-@loop_part
-def look_down(
-    time_s: float, state: Array, discs: Discs, tables: Tables, ground: Array, whole: bool
-) -> None:
-    """Write the factor, coverage and height of every disc at one instant.
-
-    Args:
-        time_s: since the flight began; moves plates.
-        state: of the body (13, or more).
-        discs: of the vehicle.
-        tables: of the environment, or of a map of it.
-        ground: is written to.
-        whole: count a disc as covered whole or not at all, by its centre.
-    """
-    n = ground.shape[1]
-    place_discs(state, discs.table, ground)
-    for i in range(n):
-        ground[FACTOR, i] = 1.0
-        ground[REST, i] = 1.0
-        ground[TOUCHES, i] = 0.0
-        ground[HELD, i] = 0.0
-        ground[HEIGHT, i] = np.inf
-    for surface in range(tables.n_planes):
-        if over_blocks(surface, time_s, discs, tables.blocks, ground, whole) > 0.0:
-            add_surface(discs, ground)
-    if tables.step_x_m > 0.0 and over_grid(discs, tables, ground) > 0.0:
-        add_surface(discs, ground)
-    for i in range(n):
-        ground[COVERAGE, i] = 1.0 - ground[REST, i]
-    if tables.floor_m > -np.inf:
+def over_floor(floor_m: Any, scratch: Any, n: Any) -> Any:
+    """Write share and height of every disc over the floor; return the summed share."""
+    total = 0.0
+    if floor_m > -np.inf:
         for i in range(n):
-            ground[SHARE, i] = max(ground[REST, i], 0.0)
-            ground[OVER, i] = ground[PLACE_Z, i] - tables.floor_m
-        add_surface(discs, ground)
+            disc = read_record(scratch, DISC, i, n)
+            share = max(disc.rest, 0.0)
+            cover(scratch, i, n, share, disc.z_m - floor_m)
+            total += share
+    return total
+
+
+@expression
+def coverage_of(rest: Any) -> Any:
+    """Return the fraction of each disc over something: what is left uncovered, from one."""
+    found = rest
+    for i in range(len(rest)):
+        found = replaced(found, i, 1.0 - rest[i])
+    return found
+
+
+def surround(n: int, hooks: Callable[[], LoopHooks]) -> Callable[..., tuple[Below, Flow]]:
+    """Return the function that looks below n discs, with the sum of a set of effects in it.
+
+    It is called as f(time_s, pitch_rad, body, craft, discs, speed, p, tables, whole, scratch): the
+    body and its pitch, a `Craft`, a `Geometry`, the discs' speeds (n,), the effects' numbers, the
+    tables of an environment or of a map of it, 1 to count a disc as covered whole or not at all by
+    its centre, and room for n columns of `DISC`. It returns what is below, and the flow that
+    effects see which act on the disc as a whole.
+    """
+    shares = each(n, expression(lambda i, scratch: read_record(scratch, DISC, i, n).share))
+    heights = each(n, expression(lambda i, scratch: read_record(scratch, DISC, i, n).height_m))
+    rests = each(n, expression(lambda i, scratch: read_record(scratch, DISC, i, n).rest))
+    ones, nothing = (1.0,) * n, (np.inf,) * n
+
+    @loop_part
+    def look_below(
+        time_s: Any, pitch_rad: Any, body: Any, craft: Any, discs: Any, speed: Any, p: Any,
+        tables: Any, whole: Any, scratch: Any,
+    ) -> tuple[Below, Flow]:  # fmt: skip
+        parts, map_ = hooks(), read_record(tables.numbers, MAP, 0, 1)
+        n_planes = int(map_.n_planes)
+        place_discs(body, discs, scratch)
+        factor, coverage, height = ones, ones, nothing
+        over_all, nearest, touching, held = coverage_of(ones), np.inf, 0.0, 0.0
+        for surface in range(n_planes + 2):
+            total = 0.0
+            if surface < n_planes:
+                total = over_blocks(surface, time_s, craft.radius_m, tables, scratch, n, whole)
+            elif surface == n_planes:
+                if map_.step_x_m > 0.0:
+                    total = over_grid(tables.seen, map_, scratch, n)
+            else:
+                coverage = coverage_of(rests(scratch))
+                total = over_floor(map_.floor_m, scratch, n)
+            if total <= 0.0:
+                continue
+            share = shares(scratch)
+            flow = parts.bare(
+                craft.effective_radius_m, discs.x_m, discs.y_m, heights(scratch), share, speed,
+                time_s, pitch_rad, body.q_rad_s, 1.0, 0.0,
+            )  # fmt: skip
+            flow = parts.with_images(flow, discs.distances_m, discs.arms_m, p)
+            given = parts.image_factors(flow, p)
+            for i in range(n):
+                factor = replaced(factor, i, factor[i] + (given[i] - 1.0))
+                over_all = replaced(over_all, i, over_all[i] + flow.coverage[i])
+                disc = read_record(scratch, DISC, i, n)
+                if disc.share > 0.0:
+                    nearest = min(nearest, disc.height_m)
+                    if disc.height_m <= craft.depth_m:
+                        touching = 1.0
+                    least_m = 0.5 * craft.effective_radius_m
+                    if flow.height_m[i] <= least_m and flow.height_m[i] != disc.height_m:
+                        held = 1.0
+                    if disc.share >= 0.5 or height[i] == np.inf:
+                        height = replaced(height, i, flow.height_m[i])
+                left = DiscBelow(
+                    disc.x_m, disc.y_m, disc.z_m, disc.share, disc.height_m, disc.rest - disc.share
+                )
+                write_record(scratch, DISC, i, n, left)
+        seen = height
+        for i in range(n):
+            seen = replaced(seen, i, min(height[i], FAR_AWAY_M))
+        flow = parts.bare(
+            craft.effective_radius_m, discs.x_m, discs.y_m, seen, over_all, speed, time_s,
+            pitch_rad, body.q_rad_s, 1.0, 0.0,
+        )  # fmt: skip
+        factor = parts.scaled(factor, flow, p)
+        return Below(factor, coverage, height, nearest, touching, held), flow
+
+    return look_below

@@ -32,7 +32,7 @@ from benchtool.core.parsed_text import parse_toml
 from benchtool.core.toml_text import FileTable, build
 from benchtool.core.user_file import read_text
 from benchtool.data.csv_text import read_csv_text
-from benchtool.simulate.environment import ALWAYS, Block, Environment
+from benchtool.simulate.flight.environment import ALWAYS, Block, Environment
 from benchtool.simulate.flight.height_grid import HeightGrid
 
 COLUMNS = ("x_m", "y_m", "height_m")

@@ -1,8 +1,8 @@
 """A rigid body that moves freely: attitude as a quaternion, steps that keep what is conserved.
 
-Axes: world x, y horizontal and z up; body x forward, y left, z up. The quaternion (w, x, y, z)
-turns body vectors into world vectors. Euler angles are yaw, pitch, roll in that order; positive
-pitch is nose down, positive roll lifts the left side (as the rows of `aero.mixer`).
+Axes: world x, y horizontal and z up; body x forward, y left, z up. The quaternion turns body
+vectors into world vectors. Euler angles are yaw, pitch, roll in that order; positive pitch is nose
+down, positive roll lifts the left side (as the rows of `physics.mixer`).
 
 A step is drift, kick, drift (Strang's splitting): places and attitude move for half a step at
 constant velocities, velocities change for a whole step under the forces found there, and the second
@@ -12,28 +12,42 @@ half follows. Second order, time-reversible, one evaluation of the forces.
 from __future__ import annotations
 
 import math
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from benchtool.core.array import Array
-from benchtool.physics.expression import loop_part
-
-X, Y, Z, VX, VY, VZ, QW, QX, QY, QZ, P, Q, R = range(13)
-"""Places in the state: position m, velocity m/s, quaternion, body rates rad/s."""
-
-N_STATES = 13
-"""How many come before the rotors' speeds (rad/s) in the state."""
+from benchtool.physics.expression import expression, loop_part
 
 GRAVITY_M_S2 = 9.81
 """Standard gravity rounded as in the notes' prototype: m/s2."""
 
 
-def at_rest(position_m: tuple[float, float, float], yaw_rad: float = 0.0) -> Array:
-    """Return the state (13,) of a body that stands level at a place."""
-    state = np.zeros(N_STATES)
-    state[:3] = position_m
-    state[QW], state[QZ] = math.cos(0.5 * yaw_rad), math.sin(0.5 * yaw_rad)
-    return state
+class FreeBody(NamedTuple):
+    """State of a body: position (m) and velocity (m/s) in the world, attitude, body rates (rad/s).
+
+    A vehicle's simulation adds the random torque about its pitch axis (N m).
+    """
+
+    x_m: Any = 0.0
+    y_m: Any = 0.0
+    z_m: Any = 0.0
+    vx_m_s: Any = 0.0
+    vy_m_s: Any = 0.0
+    vz_m_s: Any = 0.0
+    qw: Any = 1.0
+    qx: Any = 0.0
+    qy: Any = 0.0
+    qz: Any = 0.0
+    p_rad_s: Any = 0.0
+    q_rad_s: Any = 0.0
+    r_rad_s: Any = 0.0
+    wake_Nm: Any = 0.0
+
+
+def at_rest(position_m: tuple[float, float, float], yaw_rad: float = 0.0) -> FreeBody:
+    """Return a body that stands level at a place."""
+    return FreeBody(*position_m, qw=math.cos(0.5 * yaw_rad), qz=math.sin(0.5 * yaw_rad))
 
 
 def from_euler(roll_rad: float, pitch_rad: float, yaw_rad: float) -> Array:
@@ -64,74 +78,86 @@ def rotation_matrix(quaternion: Array) -> Array:
 
 
 @loop_part
-def roll_of(w: float, x: float, y: float, z: float) -> float:
-    """Return the roll of a quaternion: rad."""
+def roll_of(body: Any) -> Any:
+    """Return the roll: rad."""
+    w, x, y, z = body.qw, body.qx, body.qy, body.qz
     return math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
 
 
 @loop_part
-def pitch_of(w: float, x: float, y: float, z: float) -> float:
-    """Return the pitch of a quaternion, nose down: rad."""
-    return math.asin(min(max(2.0 * (w * y - z * x), -1.0), 1.0))
+def pitch_of(body: Any) -> Any:
+    """Return the pitch, nose down: rad."""
+    return math.asin(min(max(2.0 * (body.qw * body.qy - body.qz * body.qx), -1.0), 1.0))
 
 
 @loop_part
-def yaw_of(w: float, x: float, y: float, z: float) -> float:
-    """Return the yaw of a quaternion: rad."""
+def yaw_of(body: Any) -> Any:
+    """Return the yaw: rad."""
+    w, x, y, z = body.qw, body.qx, body.qy, body.qz
     return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
 
 
+@expression
+def upward(body: Any) -> Any:
+    """Return the body's z axis in world axes (3,): where its rotors push."""
+    w, x, y, z = body.qw, body.qx, body.qy, body.qz
+    return 2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)
+
+
 @loop_part
-def drift(state: Array, dt_s: float) -> None:
-    """Move place and attitude at constant velocities; exact for a constant body rate."""
-    for axis in range(3):
-        state[axis] += state[3 + axis] * dt_s
-    p, q, r = state[10], state[11], state[12]
+def drift(body: Any, dt_s: Any) -> Any:
+    """Return the body moved at constant velocities; exact for a constant body rate."""
+    p, q, r = body.p_rad_s, body.q_rad_s, body.r_rad_s
     rate = math.sqrt(p * p + q * q + r * r)
     half = 0.5 * rate * dt_s
-    if half > 1e-8:
-        along = math.sin(half) / rate
-    else:
-        along = 0.5 * dt_s
+    along = math.sin(half) / rate if half > 1e-8 else 0.5 * dt_s
     cosine = math.cos(half)
     a, b, c = p * along, q * along, r * along
-    w, x, y, z = state[6], state[7], state[8], state[9]
-    state[6] = w * cosine - x * a - y * b - z * c
-    state[7] = w * a + x * cosine + y * c - z * b
-    state[8] = w * b - x * c + y * cosine + z * a
-    state[9] = w * c + x * b - y * a + z * cosine
+    w, x, y, z = body.qw, body.qx, body.qy, body.qz
+    return FreeBody(
+        body.x_m + body.vx_m_s * dt_s,
+        body.y_m + body.vy_m_s * dt_s,
+        body.z_m + body.vz_m_s * dt_s,
+        body.vx_m_s,
+        body.vy_m_s,
+        body.vz_m_s,
+        w * cosine - x * a - y * b - z * c,
+        w * a + x * cosine + y * c - z * b,
+        w * b - x * c + y * cosine + z * a,
+        w * c + x * b - y * a + z * cosine,
+        p,
+        q,
+        r,
+        body.wake_Nm,
+    )
 
 
 @loop_part
-def kick_linear(state: Array, ax_m_s2: float, ay_m_s2: float, az_m_s2: float, dt_s: float) -> None:
-    """Change the velocity under an acceleration in world axes, gravity included."""
-    state[3] += dt_s * ax_m_s2
-    state[4] += dt_s * ay_m_s2
-    state[5] += dt_s * az_m_s2
-
-
-@loop_part
-def kick_angular(
-    state: Array,
-    roll_Nm: float,
-    pitch_Nm: float,
-    yaw_Nm: float,
-    jx: float,
-    jy: float,
-    jz: float,
-    dt_s: float,
-) -> None:
-    """Change the body rates under a torque in body axes, with the gyroscopic coupling.
+def kicked_rates(body: Any, torque_Nm: Any, inertia_kgm2: Any, dt_s: Any) -> Any:
+    """Return the body rates (3,) after a torque in body axes (3,), with the gyroscopic coupling.
 
     J dw/dt = tau - w x J w by the implicit midpoint rule, four fixed-point iterations: it keeps
     the energy and the magnitude of the momentum of a free body to the order of the iterations.
-    jx, jy and jz are the principal moments of inertia (kg m2).
+    `inertia_kgm2` (3,) are the principal moments.
     """
-    p0, q0, r0 = state[10], state[11], state[12]
+    roll_Nm, pitch_Nm, yaw_Nm = torque_Nm
+    jx, jy, jz = inertia_kgm2
+    p0, q0, r0 = body.p_rad_s, body.q_rad_s, body.r_rad_s
     dp, dq, dr = dt_s * roll_Nm / jx, dt_s * pitch_Nm / jy, dt_s * yaw_Nm / jz
     cx, cy, cz = dt_s * (jy - jz) / jx, dt_s * (jz - jx) / jy, dt_s * (jx - jy) / jz
     p, q, r = p0 + dp, q0 + dq, r0 + dr
     for _ in range(4):
         pm, qm, rm = 0.5 * (p0 + p), 0.5 * (q0 + q), 0.5 * (r0 + r)
         p, q, r = p0 + dp + cx * qm * rm, q0 + dq + cy * rm * pm, r0 + dr + cz * pm * qm
-    state[10], state[11], state[12] = p, q, r
+    return p, q, r
+
+
+@loop_part
+def kicked(body: Any, velocity_m_s: Any, rates_rad_s: Any, wake_Nm: Any) -> Any:
+    """Return the body where it is with other velocities (3,), body rates (3,) and wake torque."""
+    vx, vy, vz = velocity_m_s
+    p, q, r = rates_rad_s
+    return FreeBody(
+        body.x_m, body.y_m, body.z_m, vx, vy, vz,
+        body.qw, body.qx, body.qy, body.qz, p, q, r, wake_Nm,
+    )  # fmt: skip

@@ -8,8 +8,8 @@ from typing import Any
 
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.schedule import LONGEST_S
-from benchtool.simulate.environment import Environment
 from benchtool.simulate.flight.cases import FLIGHTS, flight_case
+from benchtool.simulate.flight.environment import Environment
 from benchtool.simulate.flight.flight import FlightCase, Goal
 from benchtool.simulate.flight.vehicle import FlightVehicle
 from benchtool.simulate.gain_file import Gains
@@ -109,7 +109,7 @@ class FlightSetup:
 
     def _step_s(self) -> float:
         """Return the step of the plant, or refuse what cannot be simulated with any."""
-        rate_Hz, lag_s = self.gains.control_rate_Hz, self.vehicle.lag_s
+        rate_Hz, lag_s = self.gains.control_rate_Hz, self.vehicle.model.lag_s
         refuse_outside("control_rate_Hz", rate_Hz, *CONTROL_HZ)
         if 0.0 < lag_s < 2.0 * LEAST_STEP_S:
             raise InputError(
@@ -126,7 +126,7 @@ class FlightSetup:
 
     def words(self) -> dict[str, str]:
         """Return the numbers asked for as text by name."""
-        vehicle = {name: getattr(self.vehicle, name) for name in VEHICLE_NUMBERS}
+        vehicle = {name: self.vehicle.number(name) for name in VEHICLE_NUMBERS}
         own = {name: getattr(self, name) for name in FLIGHT_NUMBERS}
         offsets = dict(zip(MAP_OFFSETS, self.map_offset_m, strict=True))
         numbers = {**own, **vehicle, **offsets, "duration_s": self.duration_s}
@@ -166,7 +166,7 @@ def _changed(setup: FlightSetup, name: str, value: float) -> FlightSetup:
         gains = setup.gains.with_values(**{name.removeprefix("gains."): value})
         return replace(setup, gains=gains)
     if name in VEHICLE_NUMBERS:
-        return replace(setup, vehicle=replace(setup.vehicle, **numbers))
+        return replace(setup, vehicle=setup.vehicle.with_numbers(**numbers))
     if name in MAP_OFFSETS:
         x_m, y_m, z_m = (
             value if each == name else old

@@ -8,7 +8,7 @@ import numpy as np
 
 from benchtool.core.channel import Channel
 from benchtool.core.recording import Recording
-from benchtool.simulate.environment import Environment
+from benchtool.simulate.flight.environment import Environment
 from benchtool.simulate.flight.flight import Flight, FlightCase, fly
 from benchtool.simulate.flight.measures import Measures, measure
 

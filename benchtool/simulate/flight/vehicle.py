@@ -1,25 +1,37 @@
-"""A vehicle for the flight simulator, from a rig and its ground-effect model."""
+"""A vehicle for the flight simulator: a model of its ground effect, and what flying adds to it."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from math import cos, radians, sin
+from typing import Any
 
 import numpy as np
 
 from benchtool.core.array import Array
 from benchtool.core.errors import InputError
+from benchtool.core.parameter import Parameter, full_name
 from benchtool.core.rig import Rig
-from benchtool.physics.body_lift import BodyDistance, centre_distances_m
+from benchtool.physics.catalogue import EFFECTS
+from benchtool.physics.effects.effect import Effect
 from benchtool.physics.mixer import mixer_matrix
-from benchtool.physics.model import OWN_IMAGES, Model
-from benchtool.physics.wake_rules import wake_rule
-from benchtool.simulate.flight.ground import RULES, Discs
-from benchtool.simulate.flight.law import Airframe
+from benchtool.physics.model import Model
+from benchtool.simulate.flight.records import Craft
 from benchtool.simulate.flight.rigid_body import GRAVITY_M_S2
+from benchtool.simulate.sensible import refuse_outside
 
-FLYING_EFFECTS = ("rotor_images", "neighbour_images", "body_lift")
-"""Effects of a model that the flight simulator has; others belong to a bench."""
+SHORT_NAMES = {"K_b": "K_b", "neighbours": "strength", "lag_s": "tau_s"}
+"""What a flight calls some effects' numbers, and their own names."""
+
+RANGES = {
+    "K_b": (0.0, 50.0),
+    "neighbours": (0.0, 10.0),
+    "lag_s": (0.0, 10.0),
+    "drag_N_s_m": (0.0, 1e3),
+    "turned_deg": (-360.0, 360.0),
+    "inertia_scale": (0.01, 100.0),
+    "undercarriage_m": (0.0, 10.0),
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,12 +39,7 @@ class FlightVehicle:
     """Describe a vehicle in the air.
 
     Attributes:
-        rig: rotors, propulsion, body.
-        K_b: body lift coefficient (eq. 4); 0 leaves the body out.
-        neighbours: strength of the neighbours' images; 1 as in eq. (3).
-        body_distance: which b of eq. (4).
-        wake_rule: how partly covered discs share the body term.
-        lag_s: time constant of the motors' speed; the notes' table has none.
+        model: rig and effects; those that belong to a bench do not act (`idle_effects`).
         drag_N_s_m: force per velocity against the air; 0 leaves wind without effect.
         turned_deg: layout turned to the left: 45 makes a plus layout a cross.
         inertia_scale: true over known inertia; the controller keeps the known one.
@@ -40,58 +47,75 @@ class FlightVehicle:
             the discs; 0 leaves them out, as no rig file has them.
     """
 
-    rig: Rig
-    K_b: float = 2.0
-    neighbours: float = 1.0
-    body_distance: BodyDistance = "half_diagonal"
-    wake_rule: str = "notes"
-    lag_s: float = 0.0
+    model: Model
     drag_N_s_m: float = 0.0
     turned_deg: float = 0.0
     inertia_scale: float = 1.0
     undercarriage_m: float = 0.0
 
     def __post_init__(self) -> None:
-        wake_rule(self.wake_rule)
-        for name, value, low, high in (
-            ("K_b", self.K_b, 0.0, 50.0),
-            ("neighbours", self.neighbours, 0.0, 10.0),
-            ("lag_s", self.lag_s, 0.0, 10.0),
-            ("drag_N_s_m", self.drag_N_s_m, 0.0, 1e3),
-            ("turned_deg", self.turned_deg, -360.0, 360.0),
-            ("inertia_scale", self.inertia_scale, 0.01, 100.0),
-            ("undercarriage_m", self.undercarriage_m, 0.0, 10.0),
-        ):
-            if not low <= value <= high:
-                raise InputError(f"{name} is {value:g}; give {low:g} to {high:g}")
+        for item in fields(self)[1:]:
+            refuse_outside(item.name, getattr(self, item.name), *RANGES[item.name])
 
     @classmethod
-    def of_model(cls, model: Model) -> FlightVehicle:
-        """Return the vehicle of a model's rig, with the model's ground effect."""
-        parameters = model.parameters
-        present = {effect.name for effect in model.present_effects}
-        if others := sorted(present - set(FLYING_EFFECTS)):
-            raise InputError(
-                f"model {model.name!r} has the effect {others[0]!r}, which only a bench has; "
-                f"leave it out of a model for flight (known: {', '.join(FLYING_EFFECTS)})"
-            )
-        full = f"{OWN_IMAGES}.own_strength"
-        if full not in parameters or parameters[full].value != 1.0:
-            raise InputError(
-                f"model {model.name!r} has no eq. (2) of full strength, which a flight has; fly "
-                f"a model with {full} = 1"
-            )
-        return cls(
-            rig=model.rig,
-            K_b=parameters["body_lift.K_b"].value if "body_lift" in present else 0.0,
-            neighbours=(
-                parameters["neighbour_images.strength"].value
-                if "neighbour_images" in present
-                else 0.0
-            ),
-            body_distance=model.body_distance,
-            wake_rule=model.wake_rule,
-        )
+    def of_rig(cls, rig: Rig, **numbers: float) -> FlightVehicle:
+        """Return a rig's vehicle with eq. (4): the effects that act at their default values."""
+        model = Model.single(rig)
+        usual = (effect for effect in EFFECTS.values() if _acts_by_default(effect))
+        for effect in usual:
+            if all(effect.name != present.name for present in model.effects):
+                model = model.with_effect(effect)
+        return cls(model=model).with_numbers(**numbers)
+
+    def with_numbers(self, **numbers: Any) -> FlightVehicle:
+        """Return the vehicle with some numbers changed.
+
+        A name is a field of the vehicle, `wake_rule` or `body_distance` of its model, one of
+        `SHORT_NAMES`, or an effect's number as in `full_name`; an effect that the model lacks is
+        put in.
+
+        Raises:
+            InputError: a number outside its range.
+            UnknownChoice: no such number.
+        """
+        own = {item.name for item in fields(self)}
+        changed = self
+        for name, value in numbers.items():
+            if name in own:
+                changed = replace(changed, **{name: value})
+            elif name in ("wake_rule", "body_distance"):
+                changed = replace(changed, model=replace(changed.model, **{name: value}))
+            else:
+                changed = replace(changed, model=_at(changed.model, name, float(value)))
+        return changed
+
+    def number(self, name: str) -> float:
+        """Return a number by a name as in `with_numbers`; neutral where its effect is absent."""
+        if name in RANGES and name not in SHORT_NAMES:
+            return float(getattr(self, name))
+        effect, item = owner_of(self.model, name)
+        if (full := f"{effect.name}.{item.name}") in self.model.parameters:
+            return self.model.parameters[full].value
+        return item.value if item.neutral is None else item.neutral
+
+    @property
+    def rig(self) -> Rig:
+        """Rotors, propulsion, body."""
+        return self.model.rig
+
+    @property
+    def identity(self) -> tuple[Any, ...]:
+        """What tells the vehicle from others, as something that can be compared."""
+        values = {name: item.value for name, item in self.model.parameters.items()}
+        places = self.rig.disc_positions_m.tolist()
+        own = [getattr(self, item.name) for item in fields(self)[1:]]
+        return (self.rig.name, places, self.model.wake_rule, self.model.body_distance, values, own)
+
+    @property
+    def idle_effects(self) -> tuple[Effect, ...]:
+        """Effects of the model that cannot act in flight: of a hinge, a load cell, a stage."""
+        present = self.model.present_effects
+        return tuple(effect for effect in present if not effect.acts_in_flight)
 
     @property
     def hover_thrust_N(self) -> float:
@@ -104,58 +128,83 @@ class FlightVehicle:
         places = self.rig.disc_positions_m
         return float(np.hypot(places[:, 0], places[:, 1]).max() + self.rig.propulsion.radius_m)
 
-    def _turned(self, x: Array, y: Array) -> tuple[Array, Array]:
+    def turned(self, x_m: Array, y_m: Array) -> tuple[Array, Array]:
+        """Return places of the rig in the layout as it is turned."""
         if not self.turned_deg:
-            return x, y
+            return x_m, y_m
         c, s = cos(radians(self.turned_deg)), sin(radians(self.turned_deg))
-        return c * x - s * y, s * x + c * y
+        return c * x_m - s * y_m, s * x_m + c * y_m
 
-    def discs(self) -> Discs:
-        """Return what the aerodynamics need."""
+    def geometry(self, dt_s: float) -> Array:
+        """Return plant step, places and distances as the loop takes them, see `FlightGeometry`."""
         places = self.rig.disc_positions_m
-        x, y = self._turned(places[:, 0].copy(), places[:, 1].copy())
-        radius = self.rig.propulsion.radius_m
-        arms = centre_distances_m(x, y, self.body_distance)
-        return Discs(
-            np.ascontiguousarray(np.vstack([x, y, arms, self.rig.disc_distances_m])),
-            radius,
-            radius,
-            float(self.neighbours),
-            float(self.K_b),
-            RULES.index(self.wake_rule),
-            float(self.undercarriage_m),
-        )
+        x, y = self.turned(places[:, 0], places[:, 1])
+        parts: list[Any] = [dt_s, x, y, self.rig.disc_distances_m, self.model.body_arms_m]
+        return np.concatenate([np.ravel(part) for part in parts])
 
-    def airframe(self, *, as_known: bool = False) -> Airframe:
-        """Return what the motion needs; `as_known` gives it as the controller knows it."""
-        body, propulsion = self.rig.body, self.rig.propulsion
-        x, y = self._turned(
-            np.array([rotor.x_m for rotor in self.rig.rotors], float),
-            np.array([rotor.y_m for rotor in self.rig.rotors], float),
+    def craft(self) -> Craft:
+        """Return the vehicle's numbers, with what the mixer shares out to each rotor."""
+        rig, values = self.rig, self.model.parameters
+        x, y = self.turned(
+            np.array([rotor.x_m for rotor in rig.rotors], float),
+            np.array([rotor.y_m for rotor in rig.rotors], float),
         )
-        spin = np.array([rotor.spin for rotor in self.rig.rotors], float)
-        k, c = propulsion.thrust_coefficient_N_s2, propulsion.drag_coefficient_Nm_s2
+        spin = np.array([rotor.spin for rotor in rig.rotors], float)
+        propulsion = rig.propulsion
+        k, c = values["k"].value, propulsion.drag_coefficient_Nm_s2
         matrix = mixer_matrix(x, y, spin, k, c)
         largest = np.abs(matrix).max(axis=1, keepdims=True)
         if not largest.all() or np.linalg.matrix_rank(matrix / largest) < 4:
             raise InputError(
-                f"the rotors of rig {self.rig.name!r} ({self.rig.n_rotors}) cannot make thrust and "
+                f"the rotors of rig {rig.name!r} ({rig.n_rotors}) cannot make thrust and "
                 f"three torques independently; fly a rig with four rotors or more"
             )
-        scale = 1.0 if as_known else self.inertia_scale
-        speed = propulsion.speed_per_us_rad_s * (propulsion.pwm_max_us - propulsion.pwm_start_us)
         shares = k * np.linalg.pinv(matrix)
-        disc = self.rig.disc_of_rotor.astype(float)
-        return Airframe(
-            np.ascontiguousarray(np.column_stack([x, y, spin, disc, shares])),
+        body, scale = rig.body, self.inertia_scale
+        pitch_inertia_kgm2 = values["inertia_kgm2"].value
+        inertia = (body.inertia_xx_kgm2, pitch_inertia_kgm2, body.inertia_zz_kgm2)
+        top_us = propulsion.pwm_max_us - propulsion.pwm_start_us
+        return Craft(
             body.mass_kg,
-            scale * body.inertia_xx_kgm2,
-            scale * body.inertia_yy_kgm2,
-            scale * body.inertia_zz_kgm2,
+            tuple(scale * each for each in inertia),
             k,
             c,
-            speed,
-            float(self.lag_s),
+            propulsion.speed_per_us_rad_s * top_us,
             float(self.drag_N_s_m),
             GRAVITY_M_S2,
+            propulsion.radius_m,
+            values["R_m"].value,
+            float(self.undercarriage_m),
+            *(tuple(row.tolist()) for row in (x, y, spin, *shares.T)),
         )
+
+
+def owner_of(model: Model, name: str) -> tuple[Effect, Parameter]:
+    """Return the effect that has a number of that name, and the number as it is or would be."""
+    effects = {effect.name: effect for effect in (*EFFECTS.values(), *model.effects)}
+    known = {
+        f"{one.name}.{item.name}": (one, item)
+        for one in effects.values()
+        for item in one.parameters
+    }
+    full = full_name(SHORT_NAMES.get(name, name), known, "number of a vehicle")
+    return known[full]
+
+
+def _at(model: Model, name: str, value: float) -> Model:
+    effect, item = owner_of(model, name)
+    low, high = RANGES.get(name, (item.lower, item.upper))
+    refuse_outside(name, value, low, high)
+    full = f"{effect.name}.{item.name}"
+    if full not in model.parameters:
+        if value == item.neutral:
+            return model
+        model = model.with_effect(effect)
+    set_to = replace(
+        model.parameters[full], value=value, lower=min(item.lower, low), upper=max(item.upper, high)
+    )
+    return model.at(model.parameters.replaced(full, set_to))
+
+
+def _acts_by_default(effect: Effect) -> bool:
+    return any(item.neutral is not None and not item.is_neutral for item in effect.parameters)

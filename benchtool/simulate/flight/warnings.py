@@ -10,7 +10,7 @@ import numpy as np
 
 from benchtool.core.array import Array
 from benchtool.core.counted import counted
-from benchtool.simulate.environment import Block
+from benchtool.simulate.flight.environment import Block
 from benchtool.simulate.flight.flight import FlightCase
 from benchtool.simulate.flight.measures import NEAR_M
 from benchtool.simulate.flight.study import Flown, name_of
@@ -53,6 +53,9 @@ def warnings_of(flights: Sequence[Flown]) -> list[str]:
     for flown in flights:
         name = f"{name_of(flown)} OGE" if flown is flights[0] else name_of(flown)
         out += [f"{name}: {text}" for text in _warnings_of_one(flown)]
+    if idle := case.vehicle.idle_effects:
+        names = ", ".join(effect.name for effect in idle)
+        out.append(f"{names}: of the model, but not of a vehicle in flight; left out")
     if nothing := _nothing_acts(flights[1:]):
         out.append(nothing)
     mapped = [flown for flown in flights if flown.case.control in ("feedforward", "both")]

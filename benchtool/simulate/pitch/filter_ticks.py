@@ -11,8 +11,9 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from benchtool.physics.expression import Slot, loop_part, read_record, replaced, write_record
+from benchtool.simulate.motors import Rotors
 from benchtool.simulate.pitch.kernel import move_all, send_all
-from benchtool.simulate.pitch.records import PLAN, Command, Hinge, Readings, Rotors
+from benchtool.simulate.pitch.records import PLAN, Command, Hinge, Readings
 
 FREE, CORRECT, RESTART, WAIT = range(4)
 """What to do with a tick: run on without its readings, correct by them, begin anew from them, or

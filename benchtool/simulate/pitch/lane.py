@@ -14,8 +14,9 @@ import numpy as np
 from benchtool.physics.expression import expression, loop_part, read_record, replaced, write_record
 from benchtool.physics.mixer import pitch_moment_Nm
 from benchtool.simulate.controllers.limits import limited
+from benchtool.simulate.motors import Rotors, lagged
 from benchtool.simulate.noise import next_state, normal
-from benchtool.simulate.pitch.records import Hinge, Readings, Rotors, Targets
+from benchtool.simulate.pitch.records import Hinge, Readings
 from benchtool.simulate.trigonometry import cosine, sine
 
 SMALLEST = 1e-300
@@ -33,15 +34,6 @@ def rounded(value: Any, quantum: Any) -> Any:
 def read(true: Any, draw: Any, sensor: Any) -> Any:
     """Return a sensor's reading: bias and white noise on the true value, in whole quanta."""
     return rounded(true + sensor.bias + sensor.noise * draw, sensor.quantum)
-
-
-@expression
-def lagged(lag: Any, speed: Any, old: Any, new: Any) -> Any:
-    """Return the speed of each disc half a plant step on: rad/s."""
-    found = speed
-    for i in range(len(speed)):
-        found = replaced(found, i, lag.remains * speed[i] + lag.old * old[i] + lag.new * new[i])
-    return found
 
 
 @expression
@@ -113,19 +105,6 @@ def step_lane(
         inside, (1.0 - hit) * rate, wake, hinge.clamped_steps + low, hinge.stopped_steps + hit
     )
     write_record(w, to.hinge, lane, at, moved)
-
-
-@loop_part
-def arrive_lane(w: Any, lane: Any, at: Any, sent: Any, step: Any, substeps: Any, to: Any) -> None:
-    """Look up which commands are in force at the two ends of a plant step, after the delay."""
-    motion, targets = read_record(w, to.motion, lane, at), read_record(w, to.targets, lane, at)
-    late, ring = step - int(motion.delay_steps), sent.shape[1]
-    before, after = ((late - 1) // substeps) % ring, (late // substeps) % ring
-    old, new = targets.old_rad_s, targets.new_rad_s
-    for i in range(len(old)):
-        old = replaced(old, i, sent[i, before, lane])
-        new = replaced(new, i, sent[i, after, lane])
-    write_record(w, to.targets, lane, at, Targets(targets.sent_rad_s, old, new))
 
 
 @loop_part

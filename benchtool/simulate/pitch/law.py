@@ -10,8 +10,9 @@ from benchtool.physics.expression import loop_part, read_record, replaced, write
 from benchtool.physics.rotor import pwm_from_speed, speed_from_pwm, speed_from_thrust
 from benchtool.simulate.controllers.controller import PitchMeasurement, PitchReference
 from benchtool.simulate.controllers.feedforward import compensated_thrust, expected_factor
+from benchtool.simulate.motors import Targets
 from benchtool.simulate.pitch.lane import heights_over, rounded, scaled
-from benchtool.simulate.pitch.records import Command, Targets
+from benchtool.simulate.pitch.records import Command
 
 
 @loop_part

@@ -5,15 +5,15 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import Any, NamedTuple
 
-from benchtool.core.errors import InputError
-from benchtool.physics.effects.effect import HOOKS, Effect
+from benchtool.physics.effects.effect import Effect
 from benchtool.physics.expression import compiled_closure
 from benchtool.physics.fold import identity
 from benchtool.simulate.controllers.controller import PitchLaw
+from benchtool.simulate.hooks import identities, joined_hooks
+from benchtool.simulate.layout import Layout
 from benchtool.simulate.pitch.filter_ticks import filter_ticks
-from benchtool.simulate.pitch.hooks import joined_hooks
 from benchtool.simulate.pitch.kernel import Build, run_ticks, unpacked_arrays
-from benchtool.simulate.pitch.records import Layout, geometry_slot
+from benchtool.simulate.pitch.records import geometry_slot, tick_slot
 
 
 class Loops(NamedTuple):
@@ -30,6 +30,7 @@ class Loops(NamedTuple):
 def pitch_loops(
     effects: tuple[Effect, ...],
     layout: Layout,
+    n_discs: int,
     lanes: int,
     rule: str,
     n_arms: int,
@@ -40,25 +41,18 @@ def pitch_loops(
     Args:
         effects: whose hooks are called, from `loop_effects`.
         layout: where records stand.
+        n_discs: of the rig.
         lanes: how many benches run side by side.
         rule: wake rule.
         n_arms: how many images of eq. (4) the body has.
         law: what controls.
     """
-    n_discs = layout.n_discs
-    for effect in effects:
-        for name in HOOKS:
-            _refuse_nameless(getattr(effect.hooks, name))
     build = Build(
-        tuple(range(lanes)), layout.places, layout.tick, geometry_slot(n_discs, n_arms),
+        tuple(range(lanes)), layout.places, tick_slot(n_discs), geometry_slot(n_discs, n_arms),
         (1.0,) * n_discs,
     )  # fmt: skip
     hooks, step = joined_hooks(effects, n_discs, rule, n_arms), law.step
-    sources = [
-        (len(effect.parameters), [identity(getattr(effect.hooks, name)) for name in HOOKS])
-        for effect in effects
-    ]
-    key = repr((n_discs, lanes, rule, n_arms, identity(step), layout.records, sources))
+    key = repr((n_discs, lanes, rule, n_arms, identity(step), layout.records, identities(effects)))
 
     def run(arrays: Any, plan: Any, first: Any, last: Any) -> None:
         run_ticks(arrays, plan, first, last, build, step, hooks())
@@ -73,12 +67,3 @@ def pitch_loops(
         filter_ticks(arrays, plan, first, last, logged, gains, before, build, hooks())
 
     return Loops(*(compiled_closure(loop, key) for loop in (run, tick, filter_)))
-
-
-def _refuse_nameless(hook: Any) -> None:
-    """Refuse a function that its name and file do not tell from others of the same file."""
-    if hook is not None and ("." in hook.__qualname__ or "<" in hook.__qualname__):
-        raise InputError(
-            f"the hook {hook.__qualname__} of {hook.__module__} is no function of its module; "
-            f"simulations need hooks that can be imported"
-        )

@@ -9,11 +9,13 @@ import numpy as np
 
 from benchtool.core.array import Array
 from benchtool.core.errors import InputError
-from benchtool.physics.catalogue import EFFECTS
-from benchtool.physics.effects.effect import HOOKS, Effect
+from benchtool.physics.effects.effect import Effect
 from benchtool.physics.model import Model
 from benchtool.simulate.controllers.controller import PitchPlant
 from benchtool.simulate.controllers.pitch import PitchControl
+from benchtool.simulate.hooks import loop_numbers
+from benchtool.simulate.layout import Layout
+from benchtool.simulate.motors import motion_of
 from benchtool.simulate.pitch import records as r
 from benchtool.simulate.pitch.bench import GRAVITY_M_S2, SENSOR_NAMES, PitchBench, PitchSensor
 
@@ -43,32 +45,12 @@ def geometry_of(model: Model, dt_s: float) -> Array:
     return np.concatenate([np.ravel(part) for part in parts])
 
 
-def loop_effects(*models: Model, neutral_too: bool = False) -> tuple[Effect, ...]:
-    """Return the effects whose hooks a loop for these models calls, in catalogue order.
-
-    Those that cannot act are left out, but for those that stand in every loop; with `neutral_too`
-    every effect of the models stands in it, so that one compilation serves all values of their
-    numbers. Lag, delay and random torque act through numbers of their own, see `_motion`.
-    """
-    found = {name: effect for name, effect in EFFECTS.items() if effect.always_compiled}
-    for model in models:
-        for effect in model.effects:
-            hooks = effect.hooks
-            outside = (hooks.lag_s, hooks.delay_s, hooks.random_torque)
-            if any(outside) and sum(getattr(hooks, name) is not None for name in HOOKS) == 1:
-                continue
-            if neutral_too or effect.name in found or model.is_present(effect):
-                found[effect.name] = effect
-    order = [*EFFECTS, *(name for name in found if name not in EFFECTS)]
-    return tuple(found[name] for name in order if name in found)
-
-
 def pack(
     bench: PitchBench,
     control: PitchControl,
     nominal: Model,
     effects: Sequence[Effect],
-    layout: r.Layout,
+    layout: Layout,
 ) -> Array:
     """Return one lane's column of the work space (n_rows,).
 
@@ -79,7 +61,8 @@ def pack(
         effects: from `loop_effects`.
         layout: where records stand.
     """
-    model, discs = bench.model, (0.0,) * layout.n_discs
+    model = bench.model
+    discs = (0.0,) * model.rig.n_discs
     values, sensors = model.parameters, bench.sensors
     shown = [
         r.Sensor(sensor.noise, sensor.bias, sensor.quantum)
@@ -95,48 +78,21 @@ def pack(
         ),
         pulses=_pulse_map(model),
         limits=r.PulseLimits(bench.pwm_min_us, bench.pwm_max_us, bench.pwm_quantum_us),
-        motion=_motion(bench),
+        motion=motion_of(model, 1.0 / bench.plant_rate_Hz),
         sensors=r.Sensors(*shown),
         nominal=r.Nominal(
             nominal.parameters["k"].value, nominal.parameters["R_m"].value, _pulse_map(nominal),
             control.feedforward.strength,
         ),
         law=control.law.numbers(control, plant),
-        effects=_numbers(model, effects),
-        nominal_effects=_numbers(nominal, effects),
+        effects=loop_numbers(model, effects),
+        nominal_effects=loop_numbers(nominal, effects),
     )  # fmt: skip
 
 
 def _pulse_map(model: Model) -> r.PulseMap:
     propulsion = model.rig.propulsion
     return r.PulseMap(propulsion.speed_per_us_rad_s, propulsion.pwm_start_us)
-
-
-def _motion(bench: PitchBench) -> r.Motion:
-    """Return lag, delay and random torque for steps of the plant."""
-    dt_s = 1.0 / bench.plant_rate_Hz
-    tau_s, wait_s = bench.model.lag_s, bench.model.delay_s
-    steps = int(np.floor(wait_s / dt_s + 1e-9))
-    late_s, half = max(wait_s - steps * dt_s, 0.0), 0.5 * dt_s
-
-    def remains(duration_s: float) -> float:
-        """Return the share of the distance to a command that is left after some time."""
-        if duration_s <= 0.0:
-            return 1.0
-        return float(np.exp(-duration_s / tau_s)) if tau_s > 0.0 else 0.0
-
-    def over(old_s: float) -> r.Lag:
-        """Return the lag over half a step, the first `old_s` of it on the command before."""
-        before, after = remains(old_s), remains(half - old_s)
-        return r.Lag(before * after, (1.0 - before) * after, 1.0 - after)
-
-    wake_remains = wake_kick = 0.0
-    if bench.model.random_torque is not None:
-        sd, correlation_s = bench.model.random_torque
-        wake_remains = np.exp(-dt_s / correlation_s)
-        wake_kick = sd * np.sqrt(1.0 - wake_remains**2)
-    first, second = over(min(late_s, half)), over(max(late_s - half, 0.0))
-    return r.Motion(first, second, wake_remains, wake_kick, float(steps))
 
 
 def torque_limit_Nm(bench: PitchBench, nominal: Model) -> float:
@@ -150,14 +106,3 @@ def torque_limit_Nm(bench: PitchBench, nominal: Model) -> float:
     )
     room = min(bench.hover_N, max(top - bench.hover_N, 0.0))
     return float(room * np.sum(x * x) / np.max(np.abs(x)))
-
-
-def _numbers(model: Model, effects: Sequence[Effect]) -> tuple[float, ...]:
-    """Return the effects' numbers in a model, neutral where it lacks them; one zero without any."""
-    out = []
-    for effect in effects:
-        for item in effect.parameters:
-            full = f"{effect.name}.{item.name}"
-            neutral = item.value if item.neutral is None else item.neutral
-            out.append(model.parameters[full].value if full in model.parameters else neutral)
-    return tuple(out) or (0.0,)

@@ -10,10 +10,9 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import Any, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
-from benchtool.physics.expression import Slot, numbers_of
+from benchtool.physics.expression import Slot
+from benchtool.simulate.layout import Layout
+from benchtool.simulate.motors import Motion, Rotors, Targets
 
 
 class Hinge(NamedTuple):
@@ -26,22 +25,6 @@ class Hinge(NamedTuple):
     wake_Nm: Any = 0.0
     clamped_steps: Any = 0.0
     stopped_steps: Any = 0.0
-
-
-class Rotors(NamedTuple):
-    """Per disc: rotor speed (rad/s)."""
-
-    speed_rad_s: Any
-
-
-class Targets(NamedTuple):
-    """Per disc: the speed commanded last, and those in force at the beginning and the end of a
-    plant step (rad/s).
-    """
-
-    sent_rad_s: Any
-    old_rad_s: Any
-    new_rad_s: Any
 
 
 class Delayed(NamedTuple):
@@ -109,28 +92,6 @@ class PulseLimits(NamedTuple):
     least_us: Any = 0.0
     most_us: Any = 0.0
     quantum_us: Any = 0.0
-
-
-class Lag(NamedTuple):
-    """Over half a plant step: what remains of a speed, and the shares of the targets in force at
-    the step's beginning and end.
-    """
-
-    remains: Any = 0.0
-    old: Any = 0.0
-    new: Any = 0.0
-
-
-class Motion(NamedTuple):
-    """Over a plant step: lag of both halves, what remains of the random torque and what a normal
-    draw adds (N m), and the delay of commands in whole steps.
-    """
-
-    first: Any = Lag()
-    second: Any = Lag()
-    wake_remains: Any = 0.0
-    wake_kick_Nm: Any = 0.0
-    delay_steps: Any = 0.0
 
 
 class Sensor(NamedTuple):
@@ -234,71 +195,31 @@ class Places(NamedTuple):
     nothing: Slot
 
 
-class Layout:
-    """Know where the records of a bench stand: `places` for the loop, rows by name for Python."""
-
-    def __init__(self, n_discs: int, n_numbers: int, law: Any, law_state: Any) -> None:
-        self.n_discs, discs, numbers = n_discs, (0.0,) * n_discs, (0.0,) * max(n_numbers, 1)
-        self.records = {
-            "hinge": Hinge(),
-            "rotors": Rotors(discs),
-            "targets": Targets(discs, discs, discs),
-            "delayed": Delayed(),
-            "readings": Readings(0.0, 0.0, 0.0, discs),
-            "setpoint": Setpoint(),
-            "command": Command(0.0, 0.0, discs, discs),
-            "law_state": law_state,
-            "body": Body(0.0, 0.0, 0.0, 0.0, 0.0, discs),
-            "pulses": PulseMap(),
-            "limits": PulseLimits(),
-            "motion": Motion(),
-            "sensors": Sensors(),
-            "nominal": Nominal(),
-            "law": law,
-            "effects": numbers,
-            "nominal_effects": numbers,
-            "nothing": 0.0,
-        }
-        first, slots = 0, {}
-        for name, like in self.records.items():
-            slots[name] = Slot(first, like)
-            first += len(numbers_of(like))
-        self.places, self.tick, self.n_rows = Places(**slots), tick_slot(n_discs), first
-        self._rows: dict[str, slice] = {}
-
-    def rows(self, path: str) -> slice:
-        """Return the rows of a record, or of a field of it, as "hinge.theta_rad"."""
-        if path not in self._rows:
-            record, _, field = path.partition(".")
-            self._rows[path] = rows_in(getattr(self.places, record), field)
-        return self._rows[path]
-
-    def column(self, **records: Any) -> NDArray[np.float64]:
-        """Return one lane's block (n_rows,) with these records; as at the beginning elsewhere."""
-        return np.array(numbers_of(tuple({**self.records, **records}.values())), float)
-
-
 @lru_cache(maxsize=64)
 def layout_for(n_discs: int, n_numbers: int, law: Any, law_state: Any) -> Layout:
     """Return the layout for so many discs and effects' numbers; a law's numbers as an example."""
-    return Layout(n_discs, n_numbers, law, law_state)
-
-
-def zeroed(record: Any) -> Any:
-    """Return a record of the same type with zeros for numbers."""
-    if not isinstance(record, tuple):
-        return 0.0
-    parts = [zeroed(part) for part in record]
-    return type(record)(*parts) if hasattr(record, "_fields") else tuple(parts)
-
-
-def rows_in(slot: Slot, path: str) -> slice:
-    """Return the rows of a field of a slot's record, as "setpoint.plate_z_m"; of all of it, ""."""
-    first, like = slot
-    for name in filter(None, path.split(".")):
-        k = like._fields.index(name)
-        first, like = first + len(numbers_of(like[:k])), like[k]
-    return slice(first, first + len(numbers_of(like)))
+    discs, numbers = (0.0,) * n_discs, (0.0,) * max(n_numbers, 1)
+    return Layout(
+        Places,
+        hinge=Hinge(),
+        rotors=Rotors(discs),
+        targets=Targets(discs, discs, discs),
+        delayed=Delayed(),
+        readings=Readings(0.0, 0.0, 0.0, discs),
+        setpoint=Setpoint(),
+        command=Command(0.0, 0.0, discs, discs),
+        law_state=law_state,
+        body=Body(0.0, 0.0, 0.0, 0.0, 0.0, discs),
+        pulses=PulseMap(),
+        limits=PulseLimits(),
+        motion=Motion(),
+        sensors=Sensors(),
+        nominal=Nominal(),
+        law=law,
+        effects=numbers,
+        nominal_effects=numbers,
+        nothing=0.0,
+    )
 
 
 def tick_slot(n_discs: int) -> Slot:

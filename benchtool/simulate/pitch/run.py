@@ -16,14 +16,15 @@ from benchtool.physics.expression import numbers_of
 from benchtool.physics.model import Model
 from benchtool.simulate.controllers.controller import PitchPlant
 from benchtool.simulate.controllers.pitch import Feedforward, PitchControl
-from benchtool.simulate.gathered import gathered
+from benchtool.simulate.hooks import loop_effects
 from benchtool.simulate.imperfections import due
+from benchtool.simulate.layout import Layout, gathered, rows_in, zeroed
 from benchtool.simulate.noise import lane_states
 from benchtool.simulate.pitch import records as r
 from benchtool.simulate.pitch.bench import SENSOR_NAMES, PitchBench, PitchSensor
 from benchtool.simulate.pitch.kernel import LoopArrays
 from benchtool.simulate.pitch.loops import pitch_loops
-from benchtool.simulate.pitch.pack import geometry_of, loop_effects, pack
+from benchtool.simulate.pitch.pack import geometry_of, pack
 from benchtool.simulate.pitch.result import LOGGED
 
 PAST = 64
@@ -70,7 +71,7 @@ FILTERED = (
 """Records' fields that filtering a log gives, in the order of `Predictions`."""
 
 
-def _row_numbers(layout: r.Layout, fields: Sequence[str]) -> NDArray[np.int64]:
+def _row_numbers(layout: Layout, fields: Sequence[str]) -> NDArray[np.int64]:
     if not hasattr(layout.places.law_state.like, "estimate_Nm"):
         fields = ["nothing" if field == "law_state.estimate_Nm" else field for field in fields]
     found = [row for field in fields for row in range(layout.n_rows)[layout.rows(field)]]
@@ -115,9 +116,11 @@ class PitchLoop:
         control, law = first.control, first.control.law
         n_numbers = sum(len(effect.parameters) for effect in effects)
         like = law.numbers(control, PitchPlant(1.0, 1.0))
-        self.layout = r.layout_for(self.n_discs, n_numbers, r.zeroed(like), law.state)
+        self.layout = r.layout_for(self.n_discs, n_numbers, zeroed(like), law.state)
         arms = len(model.body_arms_m)
-        self._loops = pitch_loops(effects, self.layout, self.lanes, model.wake_rule, arms, law)
+        self._loops = pitch_loops(
+            effects, self.layout, self.n_discs, self.lanes, model.wake_rule, arms, law
+        )
         packed = {
             id(job): pack(job.bench, job.control, job.nominal_model, effects, self.layout)
             for job in jobs
@@ -165,7 +168,7 @@ class PitchLoop:
 
     def planned(self, field: str) -> Array:
         """Return a field of the schedule's `Tick`, to read or write (n, n_ticks)."""
-        return self.table[r.rows_in(self.layout.tick, field)]
+        return self.table[rows_in(r.tick_slot(self.n_discs), field)]
 
     def set_speeds(self, speed_rad_s: Array | float) -> None:
         """Give every rotor these speeds (n_discs, n_lanes), with no other on its way."""

@@ -14,7 +14,7 @@ from benchtool.core.schedule_file import schedule_named
 from benchtool.core.toml_text import read_strict
 from benchtool.fit.recipe import read_recipe
 from benchtool.physics.model_file import model_from_toml, read_columns
-from benchtool.simulate.environment import Block, Environment
+from benchtool.simulate.flight.environment import Block, Environment
 from benchtool.simulate.flight.map import read_map
 from benchtool.simulate.gain_file import gains_from_toml
 from benchtool.simulate.imperfections import Imperfections

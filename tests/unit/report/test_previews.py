@@ -27,7 +27,7 @@ def short_pitch(**names: str) -> PitchSetup:
 
 
 def flight(case: str, **numbers: float) -> FlightSetup:
-    vehicle = FlightVehicle(rig=rig_named("pquad"))
+    vehicle = FlightVehicle.of_rig(rig_named("pquad"))
     return FlightSetup(
         case=case, vehicle=vehicle, gains=gains_named("s3"), duration_s=13.0, **numbers
     )
@@ -105,7 +105,7 @@ def test_a_quick_flight_differs_from_the_whole_by_less_than_a_screen_shows(case:
 
 def test_a_quick_flight_takes_no_step_that_its_motors_cannot_follow() -> None:
     setup = flight("edge")
-    slow = replace(setup, vehicle=replace(setup.vehicle, lag_s=0.003))
+    slow = replace(setup, vehicle=setup.vehicle.with_numbers(lag_s=0.003))
     quick, whole = (flight_preview(slow, ["pid"], 1, quick=each) for each in (True, False))
     few, many = (each.runs[0].motion for each in (quick, whole))
     _, at, where = np.intersect1d(few.time_s, many.time_s, return_indices=True)

@@ -8,12 +8,17 @@ from math import acos, cos, exp, pi, radians, sin, sqrt
 import numpy as np
 
 from benchtool.core.rig_file import rig_named
+from benchtool.physics.expression import read_record
 from benchtool.simulate.flight.cases import flight_case
-from benchtool.simulate.flight.flight import Flight, FlightCase, fly
+from benchtool.simulate.flight.environment import Environment
+from benchtool.simulate.flight.flight import Flight, FlightCase, FlightLoop, fly
+from benchtool.simulate.flight.ground import Below
+from benchtool.simulate.flight.records import geometry_slot
+from benchtool.simulate.flight.rigid_body import at_rest, from_euler
 from benchtool.simulate.flight.vehicle import FlightVehicle
 from benchtool.simulate.gain_file import gains_named
 
-PQUAD = FlightVehicle(rig=rig_named("pquad"))
+PQUAD = FlightVehicle.of_rig(rig_named("pquad"))
 
 
 def case(name: str = "over", gains: str = "s3", **numbers: object) -> FlightCase:
@@ -22,6 +27,46 @@ def case(name: str = "over", gains: str = "s3", **numbers: object) -> FlightCase
 
 def flown(name: str = "over", gains: str = "s3", **numbers: object) -> Flight:
     return fly(case(name, gains, **numbers))
+
+
+def look_below(
+    vehicle: FlightVehicle, environment: Environment, place: tuple[float, float, float],
+    time_s: float = 0.0, attitude: tuple[float, float, float] = (0.0, 0.0, 0.0),
+) -> Below:  # fmt: skip
+    """Return what a flight finds below a vehicle at a place (m) in an attitude (rad)."""
+    stands = FlightCase(
+        name="", vehicle=vehicle, gains=gains_named("s3"), below=environment, start_m=place
+    )
+    loop = FlightLoop(stands)
+    turned = dict(zip(("qw", "qx", "qy", "qz"), from_euler(*attitude), strict=True))
+    body = at_rest(place)._replace(**turned)
+    places, w, model = loop.layout.places, loop.arrays.w, vehicle.model
+    geometry = read_record(
+        loop.arrays.geometry, geometry_slot(model.rig.n_discs, len(model.body_arms_m)), 0, 1
+    )
+    found: Below = loop.loops.look(
+        time_s, attitude[1], body, read_record(w, places.craft, 0, 1), geometry,
+        (550.0,) * model.rig.n_discs, read_record(w, places.effects, 0, 1), loop.arrays.below, 0.0,
+        loop.arrays.scratch,
+    )[0]  # fmt: skip
+    return found
+
+
+def static_moments_Nm(vehicle: FlightVehicle, below: Environment, places: np.ndarray) -> np.ndarray:
+    """Return roll and pitch moment (m, 2) of the ground effect on a level vehicle at hover thrust.
+
+    Args:
+        vehicle: what flies.
+        below: what it is over.
+        places: x, y, z of its centre (m, 3): m.
+    """
+    craft, disc_of = vehicle.craft(), vehicle.rig.disc_of_rotor
+    moments = []
+    for place in places:
+        factor = np.array(look_below(vehicle, below, tuple(place)).factor)[disc_of]
+        more = vehicle.hover_thrust_N * (factor - 1.0)
+        moments.append((np.array(craft.y_m) @ more, -np.array(craft.x_m) @ more))
+    return np.array(moments)
 
 
 @dataclass

@@ -15,7 +15,7 @@ from benchtool.data.run import campaign as store
 from benchtool.simulate.campaign import Campaign, write_campaign
 from benchtool.simulate.campaign_flight import OGE, flight_campaign
 from benchtool.simulate.design import Design
-from benchtool.simulate.environment import Environment
+from benchtool.simulate.flight.environment import Environment
 from benchtool.simulate.flight.flight import fly
 from benchtool.simulate.flight.measures import measure
 from benchtool.simulate.flight.setup import FlightSetup, changed
@@ -24,7 +24,7 @@ from benchtool.simulate.gain_file import gains_named
 
 SETUP = FlightSetup(
     case="over",
-    vehicle=FlightVehicle(rig=rig_named("pquad")),
+    vehicle=FlightVehicle.of_rig(rig_named("pquad")),
     gains=gains_named("s3"),
     gyro_noise_rad_s=0.015,
 )

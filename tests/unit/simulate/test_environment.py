@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import lru_cache
 from math import inf
 
 import numpy as np
@@ -11,42 +10,21 @@ import pytest
 
 from benchtool.core.errors import InputError
 from benchtool.physics.coverage import rectangle_coverage
-from benchtool.simulate.environment import Block, Environment, Tables
-from benchtool.simulate.flight.flight import static_moment_Nm
-from benchtool.simulate.flight.ground import (
-    COVERAGE,
-    FACTOR,
-    HEIGHT,
-    HELD,
-    NEAREST,
-    TOUCHES,
-    disc_on_rectangle,
-    look_down,
-    new_ground,
-)
+from benchtool.simulate.flight.environment import Block, Environment
+from benchtool.simulate.flight.ground import Below, disc_on_rectangle
 from benchtool.simulate.flight.height_grid import HeightGrid
-from benchtool.simulate.flight.rigid_body import at_rest, from_euler
+from benchtool.simulate.flight.vehicle import FlightVehicle
 from tests.unit.physics.general_sum import multirotor_factors
-from tests.unit.simulate.flying import PQUAD
+from tests.unit.simulate.flying import PQUAD, look_below, static_moments_Nm
 
 OBSTACLE = Environment(blocks=(Block(x_m=(3.0, 5.0)),))
-DISCS = PQUAD.discs()
 
 
 def below(
     environment: Environment, x: float, y: float = 0.0, z: float = 0.24, time_s: float = 0.0,
-    attitude: tuple[float, float, float] = (0.0, 0.0, 0.0),
-) -> np.ndarray:  # fmt: skip
-    ground = new_ground(4)
-    state = at_rest((x, y, z))
-    state[6:10] = from_euler(*attitude)
-    look_down(time_s, state, DISCS, tables_of(environment), ground, False)
-    return ground
-
-
-@lru_cache(maxsize=4)
-def tables_of(environment: Environment) -> Tables:
-    return environment.tables(0.12)
+    attitude: tuple[float, float, float] = (0.0, 0.0, 0.0), vehicle: FlightVehicle = PQUAD,
+) -> Below:  # fmt: skip
+    return look_below(vehicle, environment, (x, y, z), time_s, attitude)
 
 
 def grid_of(step_m: float, floor: float = np.nan) -> HeightGrid:
@@ -58,7 +36,7 @@ def grid_of(step_m: float, floor: float = np.nan) -> HeightGrid:
 def test_wall_of_the_notes() -> None:
     places = [2.8, 2.9, 3.0, 3.05, 3.1, 3.15, 3.2, 3.25, 3.3, 3.4]
     at = np.array([[x, 0.0, 0.24] for x in places])
-    moments = static_moment_Nm(PQUAD, OBSTACLE, at) * 1e3
+    moments = static_moments_Nm(PQUAD, OBSTACLE, at) * 1e3
     backward = [7.7, 14.8, 45.5, 63.7, 78.6, 74.4, 58.4, 37.0, 14.0, 0.0]
     np.testing.assert_allclose(-moments[:, 1], backward, atol=0.06)
     np.testing.assert_allclose(moments[:, 0], 0.0, atol=1e-13)
@@ -69,8 +47,8 @@ def test_level_over_everything_is_the_bench_formula() -> None:
     expected = multirotor_factors(
         0.12, np.full(4, 0.24), np.ones(4), PQUAD.rig.disc_positions_m, 2.0
     )
-    np.testing.assert_allclose(ground[FACTOR], expected, rtol=1e-13)
-    assert ground[COVERAGE].tolist() == [1.0] * 4
+    np.testing.assert_allclose(ground.factor, expected, rtol=1e-13)
+    assert ground.coverage == (1.0,) * 4
 
 
 def test_coverage_over_an_edge_and_a_corner_is_exact() -> None:
@@ -78,7 +56,7 @@ def test_coverage_over_an_edge_and_a_corner_is_exact() -> None:
     ground = below(box, 0.95, 0.45)
     places = PQUAD.rig.disc_positions_m
     exact = [rectangle_coverage(0.95 + x, 0.45 + y, 0.12, 1.0, 2.0, 0.5, 2.0) for x, y in places]
-    np.testing.assert_allclose(ground[COVERAGE], exact, atol=1e-15)
+    np.testing.assert_allclose(ground.coverage, exact, atol=1e-15)
     assert 0.0 < max(exact) < 1.0
 
 
@@ -86,52 +64,48 @@ def test_coverage_over_an_edge_and_a_corner_is_exact() -> None:
 def test_a_box_in_two_pieces_is_the_same_box(cut_m: float) -> None:
     pieces = Environment(blocks=(Block(x_m=(3.0, cut_m)), Block(x_m=(cut_m, 5.0))))
     for x in (2.9, 3.1, 3.3):
-        np.testing.assert_allclose(below(pieces, x)[FACTOR], below(OBSTACLE, x)[FACTOR], rtol=1e-12)
+        np.testing.assert_allclose(below(pieces, x).factor, below(OBSTACLE, x).factor, rtol=1e-12)
 
 
 def test_each_rotor_has_its_own_height() -> None:
     ground = below(OBSTACLE, 4.0, attitude=(0.05, 0.1, 0.0))
     lower = PQUAD.rig.disc_positions_m[:, 0] * np.sin(0.1)
     raised = PQUAD.rig.disc_positions_m[:, 1] * np.cos(0.1) * np.sin(0.05)
-    np.testing.assert_allclose(ground[HEIGHT], 0.24 - lower + raised, atol=1e-14)
+    np.testing.assert_allclose(ground.height_m, 0.24 - lower + raised, atol=1e-14)
 
 
 def test_an_undercarriage_touches_before_the_discs_do() -> None:
-    assert below(OBSTACLE, 4.0, z=0.1)[TOUCHES].tolist() == [0.0] * 4
-    legs = replace(PQUAD, undercarriage_m=0.11).discs()
-    for x, touching in ((4.0, 4), (2.8, 1), (2.6, 0)):
-        ground = new_ground(4)
-        look_down(0.0, at_rest((x, 0.0, 0.1)), legs, tables_of(OBSTACLE), ground, False)
-        assert ground[TOUCHES].sum() == touching
+    assert below(OBSTACLE, 4.0, z=0.1).touching == 0.0
+    legs = replace(PQUAD, undercarriage_m=0.11)
+    touching = [below(OBSTACLE, x, z=0.1, vehicle=legs).touching for x in (4.0, 2.8, 2.6)]
+    assert touching == [1.0, 1.0, 0.0]
 
 
-def test_the_nearest_approach_is_kept_and_unheld() -> None:
-    ground = new_ground(4)
-    for z in (0.3, 0.03, 0.2):
-        look_down(0.0, at_rest((2.8, 0.0, z)), DISCS, tables_of(OBSTACLE), ground, False)
-    assert ground[NEAREST].tolist() == [0.03, inf, inf, inf]
+def test_the_nearest_approach_is_unheld() -> None:
+    found = below(OBSTACLE, 2.8, z=0.03)
+    assert (found.nearest_m, found.height_m) == (0.03, (0.06, inf, inf, inf))
 
 
 def test_a_ramp_is_met_at_right_angles() -> None:
     ramp = Environment(blocks=(Block(x_m=(0.0, 4.0), top_m=-0.5, slope_x=0.2),))
     ground = below(ramp, 2.0)
     at = 2.0 + PQUAD.rig.disc_positions_m[:, 0]
-    np.testing.assert_allclose(ground[HEIGHT], (0.24 + 0.5 - 0.2 * at) / np.sqrt(1.04), atol=1e-14)
+    np.testing.assert_allclose(ground.height_m, (0.24 + 0.5 - 0.2 * at) / np.sqrt(1.04), atol=1e-14)
 
 
 def test_a_floor_takes_what_the_obstacle_leaves() -> None:
     far = below(Environment(blocks=OBSTACLE.blocks, floor_m=-40.0), 3.1)
-    np.testing.assert_allclose(far[FACTOR], below(OBSTACLE, 3.1)[FACTOR], atol=1e-5)
+    np.testing.assert_allclose(far.factor, below(OBSTACLE, 3.1).factor, atol=1e-5)
     only_floor = below(Environment(floor_m=0.0), 3.1)
-    np.testing.assert_allclose(only_floor[FACTOR], below(OBSTACLE, 4.0)[FACTOR], rtol=1e-13)
-    assert only_floor[COVERAGE].tolist() == [0.0] * 4  # no rotor is over an obstacle
+    np.testing.assert_allclose(only_floor.factor, below(OBSTACLE, 4.0).factor, rtol=1e-13)
+    assert only_floor.coverage == (0.0,) * 4  # no rotor is over an obstacle
 
 
 def test_a_plate_slides_in_and_out() -> None:
     plate = Environment(
         blocks=(Block(x_m=(0.1, 1.0), times_s=(10.0, 10.5, 30.0, 30.5), slide_m=(1.0, 0.0)),)
     )
-    covered = [below(plate, 0.0, time_s=t)[COVERAGE, 0] for t in (0.0, 10.45, 20.0, 30.05, 40.0)]
+    covered = [below(plate, 0.0, time_s=t).coverage[0] for t in (0.0, 10.45, 20.0, 30.05, 40.0)]
     assert covered[0] == covered[4] == 0.0
     assert covered[2] == 1.0
     assert 0.0 < covered[1] < 1.0
@@ -143,12 +117,12 @@ def test_a_fine_grid_comes_near_the_box() -> None:
     for step in (0.04, 0.02):
         environment = Environment(grid=grid_of(step))
         differences = [
-            np.abs(below(environment, x)[FACTOR] - below(OBSTACLE, x)[FACTOR]).max()
+            np.abs(np.subtract(below(environment, x).factor, below(OBSTACLE, x).factor)).max()
             for x in np.linspace(2.7, 3.4, 15)
         ]
         errors.append(max(differences))
         np.testing.assert_allclose(
-            below(environment, 4.0)[FACTOR], below(OBSTACLE, 4.0)[FACTOR], rtol=1e-9
+            below(environment, 4.0).factor, below(OBSTACLE, 4.0).factor, rtol=1e-9
         )
     assert errors[1] < 0.011
     assert errors[1] < errors[0]
@@ -157,14 +131,14 @@ def test_a_fine_grid_comes_near_the_box() -> None:
 def test_low_cells_of_a_grid_are_floor() -> None:
     grid = Environment(grid=grid_of(0.04, floor=-1.0))
     np.testing.assert_allclose(
-        below(grid, 3.1)[FACTOR], below(Environment(grid=grid_of(0.04)), 3.1)[FACTOR], rtol=1e-12
+        below(grid, 3.1).factor, below(Environment(grid=grid_of(0.04)), 3.1).factor, rtol=1e-12
     )
 
 
 def test_touching_is_reported_and_low_heights_are_held() -> None:
-    assert below(OBSTACLE, 4.0, z=0.05)[[TOUCHES, HELD]].sum(axis=1).tolist() == [0.0, 4.0]
-    assert below(OBSTACLE, 4.0, z=-0.01)[TOUCHES].max() == 1.0
-    assert below(OBSTACLE, 2.0, z=-0.01)[TOUCHES].max() == 0.0
+    assert below(OBSTACLE, 4.0, z=0.05)[-2:] == (0.0, 1.0)  # touching, held
+    assert below(OBSTACLE, 4.0, z=-0.01).touching == 1.0
+    assert below(OBSTACLE, 2.0, z=-0.01).touching == 0.0
 
 
 @pytest.mark.parametrize(

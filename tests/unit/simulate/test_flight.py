@@ -10,13 +10,14 @@ import pytest
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.rig_file import rig_named
 from benchtool.physics.model_file import load_model
-from benchtool.simulate.environment import Block, Environment
-from benchtool.simulate.flight import flight as flight_module
 from benchtool.simulate.flight.cases import FLIGHTS, flight_case
-from benchtool.simulate.flight.flight import FlightCase, Goal, fly
+from benchtool.simulate.flight.environment import Block, Environment
+from benchtool.simulate.flight.flight import FlightCase, FlightLoop, Goal, fly
 from benchtool.simulate.flight.height_grid import HeightGrid
 from benchtool.simulate.flight.measures import arrival_s, count_push_backs, measure
+from benchtool.simulate.flight.study import fly_and_measure
 from benchtool.simulate.flight.vehicle import FlightVehicle
+from benchtool.simulate.flight.warnings import warnings_of
 from benchtool.simulate.gain_file import gains_named
 from tests.unit.simulate.flight_table import TABLE, Row
 from tests.unit.simulate.flying import PQUAD, Slice, case, flown
@@ -52,7 +53,7 @@ def test_in_the_plane_it_is_the_planar_model(lag_s: float, rounding: float) -> N
     The lag acts on speeds and the drag on their squares: while the speeds of the front and rear
     pair change, the squares do not add up, and the body yaws by microradians.
     """
-    vehicle = replace(PQUAD, lag_s=lag_s)
+    vehicle = PQUAD.with_numbers(lag_s=lag_s)
     flight = fly(
         flight_case(
             "edge", vehicle, gains_named("s3"), speed_m_s=1.0, duration_s=12.0, log_Hz=250.0
@@ -93,7 +94,7 @@ def test_a_cross_over_an_edge_has_two_rotors_in_front() -> None:
 
 
 def test_eight_rotors_fly() -> None:
-    amuse = FlightVehicle(rig=rig_named("amuse"))
+    amuse = FlightVehicle.of_rig(rig_named("amuse"))
     flight = fly(flight_case("over", amuse, gains_named("s3"), control="feedforward"))
     assert flight["speed8_rad_s"][0] == pytest.approx(418.9, rel=0.01)
     assert flight["coverage4"].max() == 1.0
@@ -145,7 +146,7 @@ def test_past_a_low_edge_the_height_integral_drops_the_vehicle_under_pid_and_obs
 
 
 def test_slower_motors_and_wrong_inertia_change_little() -> None:
-    for vehicle in (replace(PQUAD, lag_s=0.02), replace(PQUAD, inertia_scale=1.3)):
+    for vehicle in (PQUAD.with_numbers(lag_s=0.02), replace(PQUAD, inertia_scale=1.3)):
         found = measure(fly(flight_case("over", vehicle, gains_named("s3"), control="observer")))
         assert found.arrives_s == pytest.approx(38.1, abs=0.5)
 
@@ -197,11 +198,17 @@ def test_the_step_is_fine_enough() -> None:
 
 
 def test_a_vehicle_comes_from_a_model() -> None:
-    vehicle = FlightVehicle.of_model(load_model("quad_body_lift").model)
-    assert (vehicle.K_b, vehicle.neighbours) == (2.0, 1.0)
-    assert FlightVehicle.of_model(load_model("quad").model).K_b == 0.0
-    with pytest.raises(InputError, match="which only a bench has"):
-        FlightVehicle.of_model(load_model("quad").model.with_effect("plate_offset", dz_m=0.01))
+    """With what it states; what belongs to a bench does not act, and the warnings say so."""
+    vehicle = FlightVehicle(model=load_model("quad_body_lift").model)
+    assert (vehicle.number("K_b"), vehicle.number("neighbours")) == (2.0, 1.0)
+    quad = load_model("quad").model
+    assert FlightVehicle(model=quad).number("K_b") == 0.0
+    hinged = FlightVehicle(model=quad.with_effect("coulomb_friction", torque_Nm=0.1))
+    short = replace(case(duration_s=4.0), vehicle=FlightVehicle(model=quad))
+    beside = replace(short, vehicle=hinged)
+    np.testing.assert_array_equal(fly(beside).log, fly(short).log)
+    said = warnings_of([fly_and_measure(beside)] * 2)
+    assert "coulomb_friction: of the model, but not of a vehicle in flight; left out" in said
 
 
 def test_measures_of_simple_traces() -> None:
@@ -220,7 +227,7 @@ def test_measures_of_simple_traces() -> None:
         ({"gyro_noise_rad_s": -1.0}, "gyro_noise_rad_s is -1"),
         ({"start_m": (0.0, np.inf, 0.2)}, "must be finite"),
         ({"goals": (Goal(x_m=1.0, speed_m_s=-1.0),)}, "goal speed_m_s is -1"),
-        ({"vehicle": replace(PQUAD, lag_s=0.001)}, "too large for a motor lag"),
+        ({"vehicle": PQUAD.with_numbers(lag_s=0.001)}, "too large for a motor lag"),
         ({"start_m": (4.0, 0.0, -0.1)}, "touches something where it starts"),
         (
             {
@@ -245,17 +252,22 @@ def test_bad_names_and_vehicles_are_refused() -> None:
     with pytest.raises(UnknownChoice, match="oblique"):
         flight_case("obliqe", PQUAD, gains_named("s3"))
     with pytest.raises(InputError, match="K_b is nan"):
-        FlightVehicle(rig=PQUAD.rig, K_b=np.nan)
+        PQUAD.with_numbers(K_b=np.nan)
     with pytest.raises(InputError, match="four rotors or more"):
-        FlightVehicle(rig=rig_named("pquad_single")).airframe()
+        FlightVehicle.of_rig(rig_named("pquad_single")).craft()
     with pytest.raises(UnknownChoice, match="column"):
         flown(duration_s=1.0)["nothing"]
+
+
+def run_as_it_stands(loop: FlightLoop) -> None:
+    """Run a loop without its compiled form."""
+    loop.ended = loop.loops.run.py_func(loop.arrays, loop.plan, -1, loop.n_ticks)
 
 
 def test_without_a_compiler_the_same_source_flies(monkeypatch: pytest.MonkeyPatch) -> None:
     short = case("oblique", control="both", start_m=(2.75, 0.0, 0.24), duration_s=1.0)
     compiled = fly(short)
-    monkeypatch.setattr(flight_module, "fly_loop", flight_module.fly_loop.__wrapped__)
+    monkeypatch.setattr(FlightLoop, "run", run_as_it_stands)
     plain = fly(short)
     assert compiled["coverage1"].max() > 0.05
     np.testing.assert_allclose(plain.log, compiled.log, rtol=0.0, atol=1e-10)

@@ -15,7 +15,7 @@ from benchtool.simulate.controllers.controller import (
     FlightMeasurement,
     FlightReference,
 )
-from benchtool.simulate.environment import Environment
+from benchtool.simulate.flight.environment import Environment
 from benchtool.simulate.flight.flight import FlightCase, Goal, fly
 from benchtool.simulate.flight.own import fly_own
 from benchtool.simulate.gain_file import gains_named

@@ -13,7 +13,7 @@ from benchtool.simulate.flight.setup import CHANGEABLE, FlightSetup, changed, fu
 from benchtool.simulate.flight.vehicle import FlightVehicle
 from benchtool.simulate.gain_file import gains_named
 
-VEHICLE = FlightVehicle(rig=rig_named("pquad"))
+VEHICLE = FlightVehicle.of_rig(rig_named("pquad"))
 SETUP = FlightSetup(case="over", vehicle=VEHICLE, gains=gains_named("s3"))
 
 
@@ -36,8 +36,8 @@ def test_every_name_changes_its_number() -> None:
     assert case.duration_s == 60.0
     assert (case.gyro_noise_rad_s, case.map_strength) == (0.01, 0.5)
     assert case.map_offset_m == (0.0, 0.1, 0.0)
-    vehicle = replace(VEHICLE, K_b=1.5, lag_s=0.02, neighbours=0.5, drag_N_s_m=0.1)
-    assert case.vehicle == vehicle
+    vehicle = VEHICLE.with_numbers(K_b=1.5, lag_s=0.02, neighbours=0.5, drag_N_s_m=0.1)
+    assert case.vehicle.identity == vehicle.identity
     assert case.gains.attitude.k_q_per_s == pytest.approx(14.8)
     assert case.gains.position.k_x_per_s == 0.9
 

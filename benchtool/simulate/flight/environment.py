@@ -3,7 +3,7 @@
 A block is a rectangle in plan with a flat or sloping top; its sides fall straight down. Blocks in
 one plane make one surface, whatever pieces they come in. A height grid is one more surface, and the
 floor below all is the last. Each surface acts on its own, with the heights over it and the discs'
-fractions on it; what the surfaces add to a rotor's thrust is summed (`flight_ground`).
+fractions on it; what the surfaces add to a rotor's thrust is summed (`flight.ground`).
 """
 
 from __future__ import annotations
@@ -12,12 +12,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from math import inf, isfinite
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from benchtool.core.array import Array
 from benchtool.core.errors import InputError
+from benchtool.physics.expression import Slot
 from benchtool.simulate.flight.height_grid import DiscGrid, HeightGrid
 
 ALWAYS = (-1e9, -1e9, 1e9, 1e9)
@@ -74,10 +75,12 @@ class Block:
         at_origin = self.top_m - self.slope_x * x - self.slope_y * y
         return (round(at_origin, 9), self.slope_x, self.slope_y)
 
-    def row(self, surface: int) -> tuple[float, ...]:
-        """Return the block's line of `Tables.blocks`."""
-        shape = (*self.x_m, *self.y_m, self.top_m, self.slope_x, self.slope_y)
-        return (*shape, *self.times_s, *self.slide_m, float(surface))
+    def row(self, surface: int) -> BlockRow:
+        """Return the block's column of `Tables.blocks`."""
+        return BlockRow(
+            *self.x_m, *self.y_m, self.top_m, self.slope_x, self.slope_y,
+            *self.times_s, *self.slide_m, surface,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -135,36 +138,67 @@ class Environment:
         """Return the numbers that the compiled loop reads, for discs of that radius."""
         planes = list(dict.fromkeys(block.plane for block in self.blocks))
         rows = [block.row(planes.index(block.plane)) for block in self.blocks]
-        blocks = np.array(rows, float).reshape(len(rows), BLOCK_COLUMNS)
+        blocks = np.array(rows, float).reshape(len(rows), len(BlockRow._fields)).T.copy()
         grid = DiscGrid.none() if self.grid is None else self.grid.averaged(radius_m)
-        return Tables(blocks, *grid, self.floor_m, len(planes))
+        seen, *places = grid
+        return Tables(blocks, seen, np.array([*places, self.floor_m, len(planes)], float))
 
 
-BLOCK_COLUMNS = 14
-"""x1, x2, y1, y2, top, slope x, slope y, four times, slide x, slide y, surface."""
+class BlockRow(NamedTuple):
+    """A block as the compiled loop reads it: extent, top and slopes, times at which it begins to
+    come, is there, leaves and is gone, its slide, and the number of its surface.
+    """
+
+    x1_m: Any = 0.0
+    x2_m: Any = 0.0
+    y1_m: Any = 0.0
+    y2_m: Any = 0.0
+    top_m: Any = 0.0
+    slope_x: Any = 0.0
+    slope_y: Any = 0.0
+    begins_s: Any = 0.0
+    there_s: Any = 0.0
+    leaves_s: Any = 0.0
+    gone_s: Any = 0.0
+    slide_x_m: Any = 0.0
+    slide_y_m: Any = 0.0
+    surface: Any = 0.0
+
+
+BLOCK = Slot(0, BlockRow())
+"""One column of `Tables.blocks`."""
+
+
+class MapNumbers(NamedTuple):
+    """Place of a grid's first node and the steps between nodes (m; 0 where there is no grid), the
+    height of the floor (m, -inf without), and how many surfaces the blocks make.
+    """
+
+    grid_x_m: Any = 0.0
+    grid_y_m: Any = 0.0
+    step_x_m: Any = 0.0
+    step_y_m: Any = 0.0
+    floor_m: Any = 0.0
+    n_planes: Any = 0.0
+
+
+MAP = Slot(0, MapNumbers())
+"""`Tables.numbers`."""
 
 
 class Tables(NamedTuple):
     """Hold an environment as the compiled loop reads it.
 
     Attributes:
-        blocks: (b, 14) as `BLOCK_COLUMNS` says.
+        blocks: (n_numbers, b), a `BlockRow` per column.
         seen: (2, nx, ny) what a disc centred on a node of the grid sees: the fraction of it that
             lies over the grid's rise, and the mean height of that rise.
-        grid_x_m, grid_y_m: place of the first node.
-        step_x_m, step_y_m: between nodes; 0 where there is no grid.
-        floor_m: height of the floor, -inf without.
-        n_planes: how many surfaces the blocks make.
+        numbers: a `MapNumbers`.
     """
 
     blocks: Array
     seen: Array
-    grid_x_m: float
-    grid_y_m: float
-    step_x_m: float
-    step_y_m: float
-    floor_m: float
-    n_planes: int
+    numbers: Array
 
 
 def _overlap(a: Sequence[float], b: Sequence[float]) -> bool:

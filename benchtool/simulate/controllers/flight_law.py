@@ -1,0 +1,255 @@
+"""The built-in flight law: position, velocity, attitude and rate in a cascade; an observer.
+
+The same laws on both horizontal axes, height and three attitude angles. The observer watches all
+six components and compensates the torques, as the paper's controller does. The feedforward, which
+divides each rotor's thrust by the factor that a map gives, is the loop's.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from benchtool.core.rig import Body
+from benchtool.physics.expression import expression, loop_part
+from benchtool.physics.fold import each
+from benchtool.simulate.controllers.cascade import (
+    PositionLoop,
+    acceleration_command,
+    climb_command,
+    lifting_thrust,
+    next_velocity_integral,
+    pitch_command,
+    velocity_command,
+)
+from benchtool.simulate.controllers.controller import FlightCommand
+from benchtool.simulate.controllers.limits import integrated
+from benchtool.simulate.controllers.observer import next_explained, observed
+from benchtool.simulate.controllers.pid import (
+    AttitudePid,
+    PidState,
+    attitude_torque,
+    next_pid_state,
+)
+from benchtool.simulate.flight.rigid_body import GRAVITY_M_S2
+from benchtool.simulate.gain_file import Gains
+
+FREE_M_S = 3.0
+"""Speed limit while a ramp leads the way, so that the ramp alone sets the pace; assumed."""
+
+
+class FlightNumbers(NamedTuple):
+    """Numbers of the law.
+
+    Attributes:
+        position: the horizontal loops.
+        roll, pitch, yaw: the attitude loops.
+        k_z_per_s2, k_vz_per_s, k_iz_per_s3, climb_limit_m_s2: the height loop.
+        observer_per_s: bandwidth of the observer.
+        compensate: 1 to subtract the observed torque, 0 only to watch.
+        from_s: when the observer is switched on.
+        ramp: 1 where the reference leads along, in place of a limit of the speed.
+        mass_kg, gravity_m_s2: of the vehicle as it is known.
+    """
+
+    position: Any
+    roll: Any
+    pitch: Any
+    yaw: Any
+    k_z_per_s2: Any
+    k_vz_per_s: Any
+    k_iz_per_s3: Any
+    climb_limit_m_s2: Any
+    observer_per_s: Any
+    compensate: Any
+    from_s: Any
+    ramp: Any
+    mass_kg: Any
+    gravity_m_s2: Any
+
+
+class Wrench(NamedTuple):
+    """Force in world axes (N) and torque in body axes (N m), or their momenta."""
+
+    force_x_N: Any = 0.0
+    force_y_N: Any = 0.0
+    force_z_N: Any = 0.0
+    roll_Nm: Any = 0.0
+    pitch_Nm: Any = 0.0
+    yaw_Nm: Any = 0.0
+
+
+class HorizontalState(NamedTuple):
+    """Of one horizontal axis: velocity command (m/s) and velocity integral (m/s2)."""
+
+    velocity_m_s: Any = 0.0
+    integral_m_s2: Any = 0.0
+
+
+class Attitude(NamedTuple):
+    """Angles, or what is commanded of them: rad."""
+
+    roll_rad: Any = 0.0
+    pitch_rad: Any = 0.0
+    yaw_rad: Any = 0.0
+
+
+class FlightLawState(NamedTuple):
+    """Horizontal axes, climb integral (m/s2), integrals of the attitude loops, momentum that the
+    observer explained, estimate, and attitude commanded last.
+    """
+
+    x: Any = HorizontalState()
+    y: Any = HorizontalState()
+    climb_m_s2: Any = 0.0
+    roll: Any = PidState(0.0, 0.0)
+    pitch: Any = PidState(0.0, 0.0)
+    yaw: Any = PidState(0.0, 0.0)
+    explained: Any = Wrench()
+    estimate: Any = Wrench()
+    attitude: Any = Attitude()
+
+
+@expression
+def _estimate(c: int, momentum: Any, explained: Any, rate_per_s: Any, on: Any) -> Any:
+    return on * observed(momentum[c], explained[c], rate_per_s)
+
+
+@expression
+def _explained(
+    c: int, momentum: Any, before: Any, known: Any, estimate: Any, on: Any, dt_s: Any
+) -> Any:
+    return next_explained(momentum[c], before[c], known[c], estimate[c], on, dt_s)
+
+
+_estimates, _explained_next = each(6, _estimate), each(6, _explained)
+
+
+@loop_part
+def _wanted_acceleration(
+    error_m: Any, limit_m_s: Any, velocity_m_s: Any, before: Any, p: PositionLoop, dt_s: Any
+) -> Any:
+    """Return the state of one horizontal axis and the acceleration that it asks for."""
+    command = velocity_command(error_m, before.velocity_m_s, limit_m_s, p, dt_s)
+    error = command - velocity_m_s
+    integral = next_velocity_integral(error, before.integral_m_s2, p, dt_s)
+    return HorizontalState(command, integral), acceleration_command(error, integral, p)
+
+
+@loop_part
+def _attitude(
+    wanted: Any, angle: Any, rate: Any, before: PidState, pid: AttitudePid, dt_s: Any
+) -> Any:
+    """Return the state of one attitude loop and the torque that it asks for."""
+    after = next_pid_state(wanted, angle, rate, before, pid, dt_s)
+    return after, attitude_torque(wanted, angle, rate, after, pid)
+
+
+@loop_part
+def flight_step(
+    p: FlightNumbers, state: FlightLawState, measured: Any, reference: Any, dt_s: Any
+) -> Any:
+    """Return state and command of the control period that begins now."""
+    roll, pitch, yaw = measured.roll_rad, measured.pitch_rad, measured.yaw_rad
+    ex, ey = reference.x_m - measured.x_m, reference.y_m - measured.y_m
+    away_m = math.sqrt(ex * ex + ey * ey)
+    limit = reference.speed_m_s if p.ramp == 0.0 else FREE_M_S
+    limit_x, limit_y = limit, limit
+    if away_m > 0.0:
+        limit_x, limit_y = limit * abs(ex) / away_m, limit * abs(ey) / away_m
+    x, ax = _wanted_acceleration(ex, limit_x, measured.vx_m_s, state.x, p.position, dt_s)
+    y, ay = _wanted_acceleration(ey, limit_y, measured.vy_m_s, state.y, p.position, dt_s)
+    cosine, sine = math.cos(yaw), math.sin(yaw)
+    forward, left = cosine * ax + sine * ay, cosine * ay - sine * ax
+    pitch_wanted = pitch_command(forward, p.gravity_m_s2, p.position)
+    roll_wanted = -pitch_command(left, p.gravity_m_s2, p.position)
+    turn = reference.yaw_rad - yaw
+    turn -= 2.0 * math.pi * math.floor(turn / (2.0 * math.pi) + 0.5)
+    wanted = Attitude(roll_wanted, pitch_wanted, yaw + turn)
+    roll_rate, pitch_rate, yaw_rate = measured.p_rad_s, measured.q_rad_s, measured.r_rad_s
+    roll_loop, asked_x = _attitude(wanted.roll_rad, roll, roll_rate, state.roll, p.roll, dt_s)
+    pitch_loop, asked_y = _attitude(wanted.pitch_rad, pitch, pitch_rate, state.pitch, p.pitch, dt_s)
+    yaw_loop, asked_z = _attitude(wanted.yaw_rad, yaw, yaw_rate, state.yaw, p.yaw, dt_s)
+    ez = reference.z_m - measured.z_m
+    climb_integral = integrated(state.climb_m_s2, p.k_iz_per_s3 * ez, np.inf, dt_s)
+    climb = climb_command(
+        ez, measured.vz_m_s, climb_integral, p.k_z_per_s2, p.k_vz_per_s, p.climb_limit_m_s2
+    )
+    cos_roll, cos_pitch = math.cos(roll), math.cos(pitch)
+    thrust = lifting_thrust(climb, p.mass_kg, p.gravity_m_s2, cos_pitch * cos_roll)
+
+    on = 1.0 if p.observer_per_s > 0.0 and measured.time_s >= p.from_s else 0.0
+    jx, jy, jz = p.roll.inertia_kgm2, p.pitch.inertia_kgm2, p.yaw.inertia_kgm2
+    momentum = (
+        p.mass_kg * measured.vx_m_s, p.mass_kg * measured.vy_m_s, p.mass_kg * measured.vz_m_s,
+        jx * roll_rate, jy * pitch_rate, jz * yaw_rate,
+    )  # fmt: skip
+    estimate = Wrench(*_estimates(momentum, state.explained, p.observer_per_s, on))
+    undone = on * p.compensate
+    tx = asked_x - undone * estimate.roll_Nm
+    ty = asked_y - undone * estimate.pitch_Nm
+    tz = asked_z - undone * estimate.yaw_Nm
+    sin_roll, sin_pitch = math.sin(roll), math.sin(pitch)
+    known = (
+        thrust * (cosine * sin_pitch * cos_roll + sine * sin_roll),
+        thrust * (sine * sin_pitch * cos_roll - cosine * sin_roll),
+        thrust * cos_pitch * cos_roll - p.mass_kg * p.gravity_m_s2,
+        tx + (jy - jz) * pitch_rate * yaw_rate,
+        ty + (jz - jx) * yaw_rate * roll_rate,
+        tz + (jx - jy) * roll_rate * pitch_rate,
+    )
+    explained = _explained_next(momentum, state.explained, known, estimate, on, dt_s)
+    after = FlightLawState(
+        x, y, climb_integral, roll_loop, pitch_loop, yaw_loop, Wrench(*explained), estimate, wanted
+    )
+    return after, FlightCommand(thrust, tx, ty, tz, ())
+
+
+def flight_numbers(
+    gains: Gains, body: Body, compensate: bool, from_s: float, ramp: bool
+) -> FlightNumbers:
+    """Return the law's numbers for gains and the body as it is known; see `FlightNumbers`."""
+    a, y, p = gains.attitude, gains.yaw, gains.position
+
+    def tilt(inertia_kgm2: float) -> AttitudePid:
+        return AttitudePid(
+            a.k_theta_per_s,
+            a.k_i_theta_per_s2,
+            a.theta_integral_limit_rad_s,
+            a.rate_limit_rad_s,
+            a.k_q_per_s,
+            a.k_i_q_per_s2,
+            a.q_integral_limit_rad_s2,
+            inertia_kgm2,
+            math.inf,
+        )
+
+    heading = AttitudePid(
+        y.k_psi_per_s, 0.0, 1.0, a.rate_limit_rad_s, y.k_r_per_s, 0.0, 1.0,
+        body.inertia_zz_kgm2, math.inf,
+    )  # fmt: skip
+    return FlightNumbers(
+        PositionLoop(
+            p.k_x_per_s,
+            p.k_v_per_s,
+            p.k_iv_per_s2,
+            p.integral_limit_m_s2,
+            p.slew_limit_m_s2,
+            p.pitch_limit_rad,
+        ),
+        tilt(body.inertia_xx_kgm2),
+        tilt(body.inertia_yy_kgm2),
+        heading,
+        gains.altitude.k_z_per_s2,
+        gains.altitude.k_vz_per_s,
+        gains.altitude.k_iz_per_s3,
+        gains.altitude.limit_m_s2,
+        gains.observer.rate_per_s,
+        float(compensate),
+        from_s,
+        float(ramp),
+        body.mass_kg,
+        GRAVITY_M_S2,
+    )

@@ -1,0 +1,157 @@
+"""The hooks of a set of effects, joined into what a simulation's loop calls."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+from benchtool.core.errors import InputError
+from benchtool.physics.catalogue import EFFECTS
+from benchtool.physics.disc_thrust import disc_thrust, owned
+from benchtool.physics.effects.effect import HOOKS, Effect, Flow
+from benchtool.physics.expression import expression, replaced
+from benchtool.physics.fold import chained, identity, summed
+from benchtool.physics.model import Model
+
+
+class LoopHooks(NamedTuple):
+    """Hold the joined functions of a set of effects over so many discs.
+
+    Attributes:
+        bare: a Flow of given heights and coverages, without images.
+        with_images, image_factors, scaled, factors, speeds: see `DiscThrust`.
+        with_thrust: with_thrust(flow, rate, k, factor) -> the Flow with thrusts, at another rate.
+        torque, dry_friction, dry_width: f(i, flow, p), of the hinge, summed over effects.
+        gyro: gyro(i, reading, flow, p) -> the gyro's reading, changed by effects.
+    """
+
+    bare: Any
+    with_images: Any
+    image_factors: Any
+    scaled: Any
+    factors: Any
+    speeds: Any
+    with_thrust: Any
+    torque: Any
+    dry_friction: Any
+    dry_width: Any
+    gyro: Any
+
+
+def joined_hooks(
+    effects: tuple[Effect, ...], n_discs: int, rule: str, n_arms: int
+) -> Callable[[], LoopHooks]:
+    """Return a function that gives the hooks of effects, joined for so many discs.
+
+    A compiled loop knows a function by its name, and cannot be handed a tuple of them: it calls
+    this one.
+    """
+    zeros, ones = (0.0,) * n_discs, (1.0,) * n_discs
+    thrust = disc_thrust(effects, n_discs, rule, n_arms, clamped=True)
+
+    @expression
+    def bare(
+        radius_m: Any,
+        x_m: Any,
+        y_m: Any,
+        height: Any,
+        coverage: Any,
+        speed: Any,
+        time_s: Any,
+        pitch: Any,
+        rate: Any,
+        cosine: Any,
+        weight_N: Any,
+    ) -> Flow:
+        return Flow(
+            radius_m, x_m, y_m, height, coverage, ones, speed, zeros, zeros, 0.0, 0.0, 0.0, time_s,
+            pitch, rate, cosine, weight_N, zeros, 0.0, 0.0,
+        )  # fmt: skip
+
+    @expression
+    def with_thrust(flow: Any, rate: Any, k: Any, factor: Any) -> Flow:
+        speed, thrusts = flow.speed_rad_s, factor
+        for i in range(n_discs):
+            thrusts = replaced(thrusts, i, k * speed[i] * speed[i] * factor[i])
+        return Flow(
+            flow.radius_m, flow.position_x_m, flow.position_y_m, flow.height_m, flow.coverage,
+            flow.active, flow.speed_rad_s, flow.neighbour_images, flow.body_images,
+            flow.body_weight, 0.0, 0.0, flow.time_s, flow.pitch_rad, rate, flow.cos_pitch,
+            flow.weight_N, thrusts, 0.0, 0.0,
+        )  # fmt: skip
+
+    with_images, factors, speeds = thrust.with_images, thrust.factors, thrust.speeds
+    image_factors, scaled = thrust.image_factors, thrust.scaled
+    torque, dry_friction, dry_width = (
+        summed(owned(effects, hook)) for hook in ("torque", "dry_friction", "dry_width")
+    )
+    gyro = chained(owned(effects, "gyro_reading"))
+    return expression(
+        lambda: LoopHooks(
+            bare,
+            with_images,
+            image_factors,
+            scaled,
+            factors,
+            speeds,
+            with_thrust,
+            torque,
+            dry_friction,
+            dry_width,
+            gyro,
+        )
+    )
+
+
+def loop_effects(
+    *models: Model, neutral_too: bool = False, in_flight: bool = False
+) -> tuple[Effect, ...]:
+    """Return the effects whose hooks a loop for these models calls, in catalogue order.
+
+    Those that cannot act are left out, but for those that stand in every loop; with `neutral_too`
+    every effect of the models stands in it, so that one compilation serves all values of their
+    numbers; with `in_flight` only those that act there. Lag, delay and random torque act through
+    numbers of their own, see `motion_of`.
+    """
+    found = {name: effect for name, effect in EFFECTS.items() if effect.always_compiled}
+    for model in models:
+        for effect in model.effects:
+            hooks = effect.hooks
+            outside = (hooks.lag_s, hooks.delay_s, hooks.random_torque)
+            if any(outside) and sum(getattr(hooks, name) is not None for name in HOOKS) == 1:
+                continue
+            if neutral_too or effect.name in found or model.is_present(effect):
+                found[effect.name] = effect
+    order = [*EFFECTS, *(name for name in found if name not in EFFECTS)]
+    acting = (found[name] for name in order if name in found)
+    return tuple(effect for effect in acting if effect.acts_in_flight or not in_flight)
+
+
+def loop_numbers(model: Model, effects: Sequence[Effect]) -> tuple[float, ...]:
+    """Return the effects' numbers in a model, neutral where it lacks them; one zero without any."""
+    out = []
+    for effect in effects:
+        for item in effect.parameters:
+            full = f"{effect.name}.{item.name}"
+            neutral = item.value if item.neutral is None else item.neutral
+            out.append(model.parameters[full].value if full in model.parameters else neutral)
+    return tuple(out) or (0.0,)
+
+
+def identities(effects: Sequence[Effect]) -> list[Any]:
+    """Return what tells the hooks of effects from all others, for the key of a compiled loop.
+
+    Raises:
+        InputError: a hook is a function that its name and file do not tell from others.
+    """
+    hooks = [[getattr(effect.hooks, name) for name in HOOKS] for effect in effects]
+    for hook in (hook for own in hooks for hook in own if hook is not None):
+        if "." in hook.__qualname__ or "<" in hook.__qualname__:
+            raise InputError(
+                f"the hook {hook.__qualname__} of {hook.__module__} is no function of its module; "
+                f"simulations need hooks that can be imported"
+            )
+    return [
+        (len(effect.parameters), [identity(hook) for hook in own])
+        for effect, own in zip(effects, hooks, strict=True)
+    ]
