@@ -1,4 +1,5 @@
 """The page in the browser; the only async code.
 
-The server here asks and watches. Whatever turns motors lives in a process of its own (`desk`).
+The server sends commands and shows events. What turns motors runs in a process of its own
+(`bench_process`).
 """

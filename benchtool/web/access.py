@@ -1,4 +1,4 @@
-"""Who may ask the server: host names, origins and the token. Pure."""
+"""Which requests the server answers: host names, origins and the token. Pure."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ LOOPBACK = frozenset({"127.0.0.1", "localhost", "::1"})
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RequestFacts:
-    """Hold what a browser says of a request; an empty string where it says nothing.
+    """Hold what a browser states about a request; empty strings where it states nothing.
 
     Attributes:
         host: header Host.
@@ -39,10 +39,10 @@ class Access:
     """Judge requests.
 
     Attributes:
-        names: host names that are ours; another name may be a page elsewhere whose name was bent
-            to our address (DNS rebinding).
+        names: host names that are ours; another name may be a page elsewhere whose name was pointed
+            at our address (DNS rebinding).
         any_address: take every numeric address for ours, for a server on all interfaces. An
-            address cannot be bent.
+            address cannot be pointed elsewhere.
         token: that a browser must have shown; None where only this machine can reach the server.
     """
 
@@ -55,14 +55,16 @@ class Access:
         host = host_name(request.host)
         if host not in self.names and not (self.any_address and _is_address(host)):
             return (
-                f"this page was asked for as {request.host!r}, which is none of its names; open "
+                f"the request names the host {request.host!r}, which is none of its names; open "
                 f"the address that benchtool web has printed"
             )
         if request.origin:
             if request.origin not in (f"http://{request.host}", f"https://{request.host}"):
                 return f"a page of {request.origin!r} may not use this one; open this one by itself"
         elif request.is_socket or (not request.reads_only and request.site != "same-origin"):
-            return "a request that does not say from which page it comes is refused; use a browser"
+            return (
+                "a request that does not state from which page it comes is refused; use a browser"
+            )
         if request.site in ("cross-site", "same-site") and request.mode != "navigate":
             return "another site's page may not use this one; open this one by itself"
         if self.token is not None and not self.is_token(request.token):
@@ -73,7 +75,7 @@ class Access:
         return None
 
     def is_token(self, given: str) -> bool:
-        """Tell whether this is the token, in a time that says nothing about it."""
+        """Return whether this is the token; the time taken does not depend on it."""
         return self.token is not None and compare_digest(given.encode(), self.token.encode())
 
 
@@ -95,5 +97,5 @@ def host_name(host: str) -> str:
 
 
 def is_loopback(host: str) -> bool:
-    """Tell whether a server bound to this host can only be reached from the same machine."""
+    """Return whether a server bound to this host can only be reached from the same machine."""
     return host == "localhost" or (_is_address(host) and ip_address(host).is_loopback)

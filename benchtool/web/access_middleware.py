@@ -1,4 +1,4 @@
-"""Stand before every request and websocket: refuse what `access` refuses, hand out the cookie."""
+"""Check every request and websocket before the application; set the cookie of the token."""
 
 from __future__ import annotations
 
@@ -22,8 +22,7 @@ HEADERS = (
     (b"referrer-policy", b"no-referrer"),
     (b"x-content-type-options", b"nosniff"),
 )
-"""Nobody puts this page into a frame and lets people press what they do not see; nobody is told
-its address."""
+"""No other site can frame this page, nor learn its address."""
 
 POLICY = (
     "default-src 'none'; script-src 'self' 'unsafe-inline' 'unsafe-eval'; worker-src 'self'; "
@@ -56,7 +55,7 @@ class AccessMiddleware:
     Args:
         app: what is guarded.
         access: the rules.
-        cookie: name of the cookie that keeps the token. With the port in it: browsers share
+        cookie: name of the cookie that holds the token. With the port in it: browsers share
             cookies between the ports of a host.
         sleep: waits for some seconds.
     """
@@ -110,22 +109,22 @@ class AccessMiddleware:
             # The token leaves the address bar, and with it the history and what people copy.
             rest = urlencode(query, doseq=True)
             target = escape("/" + scope["path"].lstrip("/") + (f"?{rest}" if rest else ""))
-            # From a page of our own: a browser that came from elsewhere keeps a strict cookie back
-            # where it is merely redirected.
+            # From a page of our own: a browser that came from another site
+            # does not send a strict cookie where it is merely redirected.
             answer = HTMLResponse(
                 f'<!doctype html><meta http-equiv="refresh" content="0; url={target}">',
                 headers={"cache-control": "no-store"},
             )
             answer.set_cookie(self._cookie, shown, httponly=True, samesite="strict")
         policy = POLICY.format(host=request.host) if refusal is None else "default-src 'none'"
-        body = Body(receive, _with_headers(send, policy))
+        body = CountedBody(receive, _with_headers(send, policy))
         try:
             await (answer or self._app)(scope, body.receive, body.send)
         except BodyTooLarge:
             pass
 
     async def _slow_down(self) -> bool:
-        """Wait for the turn of a wrong token; tell whether there was room to wait."""
+        """Wait until a wrong token is answered; return whether there was room to wait."""
         if self._waiting >= MOST_WAITING:
             return False
         self._waiting += 1
@@ -141,7 +140,7 @@ class BodyTooLarge(Exception):
     """Break off an application that reads a body beyond its bound."""
 
 
-class Body:
+class CountedBody:
     """Count a request's body while it arrives; beyond the bound the answer is ours."""
 
     def __init__(self, receive: Receive, send: Send) -> None:

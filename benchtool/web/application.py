@@ -40,7 +40,7 @@ def run_application(
     Args:
         runs: folder of runs, the only one that the page reads and writes.
         listening: where browsers may be waiting already.
-        access: who may ask.
+        access: which requests are answered.
         process: of the bench, started.
     """
     port = listening.getsockname()[1]
@@ -53,7 +53,7 @@ def run_application(
     serve_control_line(server)
     serve_stream(server.bench)
     serve_page(server)
-    # A name that a browser may ask for is settled by us, not by the environment of a test.
+    # NiceGUI answers differently under pytest; here the server decides.
     os.environ.pop("PYTEST_CURRENT_TEST", None)
     guarded = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
     guarded.add_middleware(AccessMiddleware, access=access, cookie=f"benchtool-{port}")

@@ -31,7 +31,7 @@ class InputForm(Generic[T]):
 
         Args:
             names: of the inputs.
-            options: choices with their words, where the input's own do not say enough.
+            options: choices with labels, where the input's own are too short.
         """
         for name in names:
             item = self._items[name]

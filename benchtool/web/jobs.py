@@ -33,7 +33,7 @@ ReportProgress = Callable[[str, float], None]
 """report(what is being done, share of the whole from 0 to 1)"""
 
 NICENESS = 5
-"""Of a job, where the system knows such a thing; a guess that keeps a page and a bench smooth."""
+"""Of a job, on POSIX systems; a guess that leaves processor time to the page and the bench."""
 
 GRACE_S = 2.0
 """How long a cancelled job may take to end before it is killed; a guess."""
@@ -65,7 +65,7 @@ class WorkerProcess:
             if self._pool is pool:
                 self.close()
             raise RunStopped(
-                f"the process for {self._name} ended before it was done; ask again"
+                f"the process for {self._name} ended before it was done; try again"
             ) from None
         if status == "failed":
             raise BenchtoolError(result)
@@ -130,7 +130,7 @@ class Job(Generic[T]):
     """Make a folder in a new process.
 
     Args:
-        out: the folder, there once it is whole.
+        out: the folder, there once it is complete.
         words: behind `benchtool` that do the same.
         work: called as work(report, out, words, *arguments); calls report(what, share) whenever it
             likes.
@@ -192,7 +192,7 @@ class Job(Generic[T]):
         self._change(
             status="failed",
             error=f"the work ended without an answer (exit code {self._process.exitcode}), as "
-            f"when memory runs out; ask for less, or close other programs",
+            f"when memory runs out; request less, or close other programs",
         )
 
     def _change(self, **changes: Any) -> bool:

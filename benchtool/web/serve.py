@@ -73,7 +73,7 @@ def serve(
         runs: folder of runs, the only one that the page reads and writes.
         host: address to bind to.
         port: to bind to; PORT or else a free one when None, a free one when 0.
-        announce: is given the address of the page as soon as a browser may ask for it; the answer
+        announce: is given the address of the page as soon as a browser may open it; the answer
             comes a moment later.
         wants_token: demand the token of this machine's users, too.
 
@@ -100,7 +100,9 @@ def serve(
 
 
 def access_for(host: str, *, wants_token: bool = False) -> Access:
-    """Return who may ask a server bound to a host; a token is made unless only this machine can."""
+    """Return the rules of a server bound to a host; with a token unless only this machine can
+    reach it.
+    """
     if is_loopback(host):
         token = secrets.token_urlsafe(TOKEN_BYTES) if wants_token else None
         return Access(names=LOOPBACK | {host}, token=token)

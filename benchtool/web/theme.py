@@ -12,7 +12,7 @@ STATIC = Path(__file__).parent / "static"
 
 ACCENT = "#0072b2"
 STOP = "#b00020"
-"""A red of its own, kept for Stop alone; white on it has a contrast of 7.3 to 1."""
+"""A red used for Stop alone; white on it has a contrast of 7.3 to 1."""
 
 LIGHT_INK = "#e8eaed"
 """Stands for black on a dark ground."""

@@ -33,7 +33,7 @@ def today() -> str:
 
 
 def open_tab(tab: str, **query: str) -> None:
-    """Leave for another tab, with what its address asks for."""
+    """Open another tab, with parameters in its address."""
     ui.navigate.to(f"/?{urlencode({'tab': tab, **query})}")
 
 

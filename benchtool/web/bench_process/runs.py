@@ -224,8 +224,8 @@ class RunSupervisor(RunProgress):
     def _close(self, run: Run, status: str, reason: str) -> None:
         """Finish the files beside the bench, which goes on being read.
 
-        In a process of its own: a thread's share of this work (pandas, Parquet) kept the loop that
-        reads from doing so for longer than the device's watchdog waits.
+        In a process of its own: in a thread this work (pandas, Parquet) stopped the loop
+        that reads the bench for longer than the device's watchdog waits.
         """
         self._change(status="closing", run=str(run.path), question="", reason=reason)
 

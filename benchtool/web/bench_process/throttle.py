@@ -12,7 +12,7 @@ from benchtool.core.rig import Rig
 from benchtool.web.bench_process.messages import HoldThrottle, ReleaseThrottle
 
 SILENCE_S = 0.5
-"""Dead-man time: motors go to zero so long after the page's last word that the button is held."""
+"""Dead-man time: motors go to zero so long after the page's last report that the button is held."""
 
 
 class DeadManSwitch:
@@ -71,7 +71,7 @@ class DeadManSwitch:
             return hold
         where = "the page is too busy" if hold.age_s > line_s else "no beat came from the browser"
         self.end_press(
-            f"the button was not heard of for {1e3 * silent_s:.0f} ms, allowed are "
+            f"no report of the button for {1e3 * silent_s:.0f} ms, allowed are "
             f"{1e3 * self._silence_s:.0f} ms: {where}"
         )
         return None

@@ -1,6 +1,6 @@
 // Beats of the button that is held, from a thread that the page cannot hold up. A beat carries the
-// age of the main thread's last word that the hand is there, so that silence of the page, of this
-// thread and of the line count together. Without such a word nothing is sent.
+// age of the main thread's last report that the button is held, so that silence of the page, of this
+// thread and of the line count together. Without such a report nothing is sent.
 "use strict";
 const BEAT_MS = 25, RETRY_MS = 500;
 const now = () => performance.timeOrigin + performance.now();
@@ -20,7 +20,7 @@ function beat() {
   if (socket.readyState !== WebSocket.OPEN) end("the line to the server is lost");
   else if (age <= silenceMs) {
     socket.send(`hold ${held.press} ${held.pulse} ${held.rotors} ${Math.max(0, age).toFixed(0)}`);
-    postMessage({ asks: held.press });
+    postMessage({ sent: held.press });
   }
 }
 

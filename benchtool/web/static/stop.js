@@ -22,7 +22,7 @@
     socket.onopen = () => {
       unanswered = 0;
       dark = undefined;
-      sayDark();
+      sendDark();
       ping();
     };
     socket.onmessage = ({ data }) => {
@@ -49,7 +49,7 @@
     if (document.body.classList.contains("server-lost")) return;
     document.body.classList.add("server-lost");
     const before = (sessionStorage.benchtoolLost = `at ${new Date().toLocaleTimeString()}. Last known: ${known()}`);
-    say(`No connection to benchtool since ${before.slice(3)} If benchtool web has ended, its bench process orders ` +
+    showNote(`No connection to benchtool since ${before.slice(3)} If benchtool web has ended, its bench process orders ` +
       "the motors to zero and closes the run, which can be gone on with. If only the line is cut, a run goes on without this page, and STOP " +
       "here does not reach it. Look at the motors; if they turn, cut the power.", Infinity);
   }
@@ -59,7 +59,7 @@
     const before = sessionStorage.benchtoolLost;
     if (!before || !known()) return;
     delete sessionStorage.benchtoolLost;
-    say(`The connection to benchtool was lost ${before} Now: ${known()}`, 30000);
+    showNote(`The connection to benchtool was lost ${before} Now: ${known()}`, 30000);
   }
 
   function stop(event) {
@@ -70,7 +70,7 @@
     release("STOP was pressed");
     if (!send("stop")) fetch("/stop", { method: "POST", keepalive: true })
       .then((reply) => reply.ok && flash())
-      .catch(() => say("STOP did not reach benchtool. Cut the power.", Infinity));
+      .catch(() => showNote("STOP did not reach benchtool. Cut the power.", Infinity));
   }
 
   // By place, not by target: whatever lies over the button, or takes pointers away from everything
@@ -93,7 +93,7 @@
     confirm();
   }
 
-  // Tell the worker that the button is held; only this thread knows.
+  // Report to the worker that the button is held; only this thread knows.
   function confirm() {
     const { pulse, rotors } = held.dataset;
     if (held.isConnected) worker.postMessage({ press, pulse, rotors, at: performance.timeOrigin + performance.now() });
@@ -101,7 +101,7 @@
   }
 
   worker.onmessage = ({ data }) => {
-    if (held && data.asks === press) confirm();
+    if (held && data.sent === press) confirm();
     else if (held && data.ended === press) release(data.why);
   };
 
@@ -124,18 +124,18 @@
     setTimeout(() => mark("pressed", false), 400);
   }
 
-  // Say something beside the button, at once.
-  function say(text, milliseconds = NOTE_MS) {
+  // Show a note beside the button, at once.
+  function showNote(text, milliseconds = NOTE_MS) {
     document.querySelectorAll(".stop-note").forEach((note) => (note.textContent = text));
     clearTimeout(noted);
-    if (text && milliseconds < Infinity) noted = setTimeout(() => say(""), milliseconds);
+    if (text && milliseconds < Infinity) noted = setTimeout(() => showNote(""), milliseconds);
   }
 
   function mark(name, on) {
     document.querySelectorAll(".stop-button").forEach((button) => button.classList.toggle(name, on));
   }
 
-  function sayDark() {
+  function sendDark() {
     const now = document.body.classList.contains("body--dark");
     if (now !== dark && send(`dark ${Number(now)}`)) dark = now;
   }
@@ -168,7 +168,7 @@
       if (event.repeat && stopping === event.key) return;
       stopping = event.key;
       stop(event);
-      say(stopping === " " ? SPACE : ESC);
+      showNote(stopping === " " ? SPACE : ESC);
     }
   });
   on(["keypress", "keyup"], (event) => {
@@ -187,8 +187,8 @@
   on(["blur"], (event) => event.target === window && release("the window lost the focus"));
   document.addEventListener("visibilitychange", () => release("the page was hidden"));
   addEventListener("DOMContentLoaded", () => {
-    new MutationObserver(sayDark).observe(document.body, { attributeFilter: ["class"] });
-    sayDark();
+    new MutationObserver(sendDark).observe(document.body, { attributeFilter: ["class"] });
+    sendDark();
   });
   connect();
   setInterval(ping, PING_MS);

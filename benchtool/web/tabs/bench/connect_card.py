@@ -43,7 +43,7 @@ class ConnectCard:
                 with ui.button("Find", icon="search").props("outline"), ui.menu() as self._menu:
                     pass
                 self._menu.on("before-show", self._find)
-                rigs = {"": "as the address says", **{rig: rig for rig in rig_names()}}
+                rigs = {"": "from the address", **{rig: rig for rig in rig_names()}}
                 self._rig = ui.select(rigs, value="", label="Rig")
                 self._rig.classes("w-44").on_value_change(self._show_command)
                 self._on = ui.button("Connect", icon="power", on_click=self._connect)

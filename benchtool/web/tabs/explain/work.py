@@ -111,7 +111,7 @@ def explain(
     write_folder(aside, answer, request.effects_file, called=out)
     figures = drawn("answer", answer)
     page = answer_page(answer, figures, next_file(answer)[0])
-    # Whether it is written changes under the page, which says so beside its own button.
+    # Whether it is written changes while the page is open; the page shows it beside its button.
     left_out = [Paragraph(added_sentence(answer))] if answer.has_model else []
     files = {id(block.figure): aside / f"{name}.svg" for name, block in figures.items()}
 

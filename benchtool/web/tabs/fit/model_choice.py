@@ -37,7 +37,7 @@ class ParameterChoice(NamedTuple):
 
 @dataclass(slots=True, kw_only=True)
 class FitRequest:
-    """Hold what the form says.
+    """Hold the contents of the form.
 
     Attributes:
         data: names of runs and tables.

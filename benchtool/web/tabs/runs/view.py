@@ -104,7 +104,7 @@ def _report(path: Path, entry: Entry) -> Report:
 
 @lru_cache(maxsize=2)
 def _made(path: Path, kind: str, stamp: int) -> Report:
-    """Return the report of a run; its figures are drawn when they are asked for."""
+    """Return the report of a run; its figures are drawn when they are shown."""
     del stamp  # another one after every change on the disk
     if kind == "sweep":
         from benchtool.report.sweep.page import sweep_page
@@ -126,8 +126,8 @@ def _answer(path: Path, name: str) -> PageSection:
 
     facts = read_json(path / ANSWER_FILE)
     overlay = overlay_caption(float(facts.get("window_s", 0.0)))
-    said = captions("answer") | {"which": WHICH}
-    images = {path / f"{key}.svg": said[key] for key in ("gap", "where", "parameters", "which")}
+    known = captions("answer") | {"which": WHICH}
+    images = {path / f"{key}.svg": known[key] for key in ("gap", "where", "parameters", "which")}
     images |= dict.fromkeys(sorted(path.glob("which_*.svg")), WHICH_OF_SEVERAL)
     images |= dict.fromkeys(sorted(path.glob("overlay_*.svg")), overlay)
     figures = [

@@ -48,7 +48,7 @@ class SideViews(Element, component=STATIC / "side_views.js"):
         self.on("ready", self._send, [])
 
     def show(self, shown: Shown, quick: bool) -> None:
-        """Show another simulation; a quick one keeps the lines that it lacks."""
+        """Show another simulation; the lines that a quick one lacks stay."""
         self._sent = {**shown, "quick": quick, "key": next(self._keys)}
         self._send()
 

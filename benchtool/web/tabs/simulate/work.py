@@ -30,7 +30,7 @@ Shown = dict[str, Any]
 LOOKS: dict[Role, dict[str, Any]] = {
     "shown": {"name": "with the surface", "color": VERMILION, "width": 2.2, "dash": "solid"},
     "away": {"name": "out of ground effect", "color": BLUE, "width": 1.6, "dash": "solid"},
-    "wanted": {"name": "asked for", "color": GREY, "width": 1.4, "dash": "dashed"},
+    "wanted": {"name": "commanded", "color": GREY, "width": 1.4, "dash": "dashed"},
     "goal": {"name": "goal", "color": GREEN, "width": 1.4, "dash": "dotted"},
 }
 """Lines of the charts, as the figures of pitch have them."""
@@ -43,7 +43,7 @@ LEAST = 0.1
 
 
 DECIMALS = {"up_m": 4, "along_m": 4, "added": 4, "values": 4}
-"""Of what moves and of curves; 3 where nothing is said."""
+"""Of what moves and of curves; 3 for what is not listed."""
 
 
 def shown(preview: SimulationPreview) -> Shown:

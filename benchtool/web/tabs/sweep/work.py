@@ -79,10 +79,10 @@ def model_curves(
         found.append(_line(curve.label, curve.z_over_R, curve.ratio, line))
     if not model:
         return tuple(found)
-    belief = nominal_model(model, rig)
-    middle = np.broadcast_to(np.asarray(factor_over(belief.model, speeds, x), float), x.shape)
-    bands = bands_over(belief.model, speeds, x, belief.draws)
-    name = belief.model.name
+    nominal = nominal_model(model, rig)
+    middle = np.broadcast_to(np.asarray(factor_over(nominal.model, speeds, x), float), x.shape)
+    bands = bands_over(nominal.model, speeds, x, nominal.draws)
+    name = nominal.model.name
     if bands:
         edge = {"width": 0, "color": VERMILION}
         low_edge = _line("lower", x, bands[-1].lower, edge)
