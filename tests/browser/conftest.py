@@ -1,7 +1,7 @@
 """A real browser, the page's server, and a virtual bench on a pseudo-terminal.
 
 A tab's tests take `page` (a page at the controls), `web` (the server and its folder of runs) and,
-where a bench is needed, `device`; `connect` brings page and device together.
+where a bench is needed, `device`. `connect` joins page and device, `begin` starts a sweep.
 """
 
 from __future__ import annotations
@@ -19,10 +19,12 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from benchtool.data.run.run import Run
 from tests.browser.device import Device, served_device
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Locator, LocatorAssertions, Page
+
 
 CHROMIUM = next(
     (
@@ -51,7 +53,7 @@ class Web:
 def browser() -> Iterator[Browser]:
     """Give a headless browser, or skip where none is installed.
 
-    Not kept for the session: its event loop would run under the tests of other folders.
+    Not for the whole session: its event loop would run under the tests of other folders.
     """
     if os.name != "posix":
         pytest.skip("the virtual bench of these tests needs pseudo-terminals")
@@ -173,3 +175,40 @@ def connect(page: Page, address: str, rig: str = "pquad") -> None:
 def go_to(page: Page, tab: str) -> None:
     """Open a tab."""
     page.get_by_role("tab", name=tab).click()
+
+
+SWEEP_MS = 60_000
+
+
+def begin(page: Page, device: Device, repeats: int = 1, distances: str = "0.6,1") -> None:
+    """Connect and start a sweep of one pulse."""
+    connect(page, device.address)
+    start(page, repeats, distances)
+
+
+def start(page: Page, repeats: int, distances: str) -> None:
+    """Start a sweep of one pulse on the bench that is connected."""
+    go_to(page, "Sweep")
+    for label, text in (
+        ("Plate distances, z/R", distances),
+        ("Pulses, us", "1500"),
+        ("Repeats", str(repeats)),
+        ("Samples of a point, s", "1"),
+    ):
+        page.get_by_label(label).fill(text)
+    page.get_by_text(f"settings: {repeats} repeats").wait_for()
+    page.get_by_role("button", name="Start the sweep").click()
+    page.get_by_text("expected thrust: about").wait_for()
+    page.get_by_role("button", name="Start", exact=True).click()
+
+
+def only_run(web: Web) -> Run:
+    """Return the run that was made."""
+    (path,) = web.runs.iterdir()
+    return Run.open(path)
+
+
+def wait_for_points(page: Page, count: int) -> None:
+    """Wait until so many visits are done."""
+    done = r"Number(document.body.innerText.match(/(\d+) of \d+ visits/)?.[1])"
+    page.wait_for_function(f"{done} >= {count}", timeout=SWEEP_MS)

@@ -1,4 +1,4 @@
-"""A virtual bench on a pseudo-terminal that tells, with the time of day, what its motors were told.
+"""A virtual bench on a pseudo-terminal that prints, with the time of day, each order to its motors.
 
 Run as a script it is the device; imported it gives the fixture's end of it.
 """
@@ -37,7 +37,7 @@ ORDER = re.compile(rb"\$C,\d+,(stop|pwm)(?:,\d+)?((?:,[\d.]+)*)\*")
 NAP_S = 0.001
 
 
-class TellingLink(DeviceLink):
+class PrintingLink(DeviceLink):
     """Print every order to the motors as it is taken from the wire."""
 
     def __init__(self, firmware: Firmware) -> None:
@@ -70,7 +70,7 @@ class LoadedCell(LoadCell):
 
 @dataclass
 class Device:
-    """Hold the address of a device and what its motors were told: time of day, word, pulse.
+    """Hold the address of a device and the orders to its motors: time of day, word, pulse.
 
     `rate_Hz` is that of its samples; `hang` pulls at its load cell with a mass in kg."""
 
@@ -106,7 +106,7 @@ class Device:
 def served_device(
     rig: str = "pquad", speed: float = 1.0, rate_Hz: float = 200.0, version: int = 2
 ) -> Iterator[Device]:
-    """Give a device in a process of its own; one of protocol version 1 tells no orders."""
+    """Give a device in a process of its own; one of protocol version 1 prints no orders."""
     process = subprocess.Popen(
         [sys.executable, "-m", "tests.browser.device", rig, str(speed), str(rate_Hz), str(version)],
         stdin=subprocess.PIPE,
@@ -140,7 +140,7 @@ def served_device(
         process.stdin.close()
 
 
-def hear_of_masses() -> None:
+def read_masses() -> None:
     for line in sys.stdin:
         LoadedCell.mass_kg = float(line)
     # Whoever ran the test is gone, killed perhaps: nobody else would end this process.
@@ -158,9 +158,9 @@ def main(rig_name: str, speed: str, rate_Hz: str, version: str) -> None:
             link,
             speed=float(speed),
             rate_Hz=float(rate_Hz),
-            speak=TellingLink if version == "2" else VersionOne,
+            speak=PrintingLink if version == "2" else VersionOne,
         )
-    threading.Thread(target=hear_of_masses, daemon=True).start()
+    threading.Thread(target=read_masses, daemon=True).start()
     print(link.address, flush=True)
     server.run(nap_s=NAP_S)
 

@@ -114,11 +114,11 @@ def test_a_fit_gives_the_numbers_of_the_command(filled: Web, open_page: Opens) -
     page.get_by_label("body_lift.K_b is free").wait_for()
     wait_for_controls(page)
     name = page.get_by_label("Name of the fit's folder")
-    for taken, said in (("../evil", "cannot name a run"), ("quad", "quad exists already")):
+    for taken, reason in (("../evil", "cannot name a run"), ("quad", "quad exists already")):
         name.fill(taken)
         page.locator(".command-text", has_text=taken).wait_for()
         page.get_by_role("button", name="Fit", exact=True).click()
-        page.locator(".q-notification__message", has_text=said).wait_for()
+        page.locator(".q-notification__message", has_text=reason).wait_for()
     name.fill("fit-here")
     command = page.locator(".command-text", has_text="fit-here")
     command.wait_for()

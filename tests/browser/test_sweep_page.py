@@ -8,9 +8,17 @@ from typing import TYPE_CHECKING
 import pytest
 
 from benchtool.data.run.read import read_points
-from tests.browser.conftest import Web, connect, expect, go_to
+from tests.browser.conftest import (
+    SWEEP_MS,
+    Web,
+    begin,
+    connect,
+    expect,
+    go_to,
+    only_run,
+    wait_for_points,
+)
 from tests.browser.device import Device, served_device
-from tests.browser.sweeping import SWEEP_MS, begin, only_run, wait_for_points
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -84,13 +92,15 @@ def test_a_paused_sweep_stands_still_and_goes_on(
 def test_the_arming_dialog_names_what_the_bench_does_not_protect_from(page: Page) -> None:
     with served_device(version=1) as device:
         connect(page, device.address)
-        said = page.get_by_text("Warning: the device speaks protocol version 1 and is unprotected")
-        said.wait_for()  # beside the throttle
+        warning = page.get_by_text(
+            "Warning: the device speaks protocol version 1 and is unprotected"
+        )
+        warning.wait_for()  # beside the throttle
         go_to(page, "Sweep")
         page.get_by_label("Pulses, us").fill("1500")
         page.get_by_role("button", name="Start the sweep").click()
         page.get_by_text("About to spin").wait_for()
-        expect(page.get_by_role("dialog").locator(said)).to_be_visible()
+        expect(page.get_by_role("dialog").locator(warning)).to_be_visible()
         page.get_by_role("button", name="Cancel").click()
 
 

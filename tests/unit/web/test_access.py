@@ -1,15 +1,18 @@
 from __future__ import annotations
 
+import os
+from pathlib import Path
+
 import pytest
 
 from benchtool.web.access import Access, RequestFacts, host_name, is_loopback
-from benchtool.web.serve import access_for
+from benchtool.web.serve import access_for, open_page
 
 HERE = "127.0.0.1:8460"
 
 
 @pytest.mark.parametrize(
-    "asked",
+    "facts",
     [
         RequestFacts(host=HERE),
         RequestFacts(host="localhost:8460", site="none", mode="navigate"),
@@ -21,12 +24,12 @@ HERE = "127.0.0.1:8460"
         RequestFacts(host=HERE, site="same-origin", reads_only=False),
     ],
 )
-def test_the_page_itself_and_a_typed_address_are_let_in(asked: RequestFacts) -> None:
-    assert Access().refusal(asked) is None
+def test_the_page_itself_and_a_typed_address_are_let_in(facts: RequestFacts) -> None:
+    assert Access().refusal(facts) is None
 
 
 @pytest.mark.parametrize(
-    ("asked", "why"),
+    ("facts", "why"),
     [
         (RequestFacts(host="evil.example:8460"), "none of its names"),
         (RequestFacts(host="127.0.0.1.evil.example"), "none of its names"),
@@ -46,14 +49,14 @@ def test_the_page_itself_and_a_typed_address_are_let_in(asked: RequestFacts) -> 
         ),
         (RequestFacts(host=HERE, origin="null", is_socket=True), "may not use this one"),
         (RequestFacts(host=HERE, origin=f"ftp://{HERE}", is_socket=True), "may not use this one"),
-        (RequestFacts(host=HERE, is_socket=True, reads_only=False), "does not say from which page"),
-        (RequestFacts(host=HERE, reads_only=False), "does not say from which page"),
+        (RequestFacts(host=HERE, is_socket=True, reads_only=False), "does not state"),
+        (RequestFacts(host=HERE, reads_only=False), "does not state"),
         (RequestFacts(host=HERE, site="cross-site", mode="no-cors"), "another site's page"),
         (RequestFacts(host=HERE, site="same-site", mode="cors"), "another site's page"),
     ],
 )
-def test_other_names_and_other_pages_are_refused(asked: RequestFacts, why: str) -> None:
-    refusal = Access().refusal(asked)
+def test_other_names_and_other_pages_are_refused(facts: RequestFacts, why: str) -> None:
+    refusal = Access().refusal(facts)
     assert refusal is not None
     assert why in refusal
 
@@ -62,8 +65,8 @@ def test_another_bind_wants_the_token_and_takes_numeric_addresses() -> None:
     access = access_for("0.0.0.0")
     assert access.token is not None
     assert len(access.token) >= 32
-    asked = RequestFacts(host="192.168.1.5:8460")
-    assert "token is missing or wrong" in str(access.refusal(asked))
+    facts = RequestFacts(host="192.168.1.5:8460")
+    assert "token is missing or wrong" in str(access.refusal(facts))
     for token in ("x", access.token[:-1], access.token + "x", "ü"):
         wrong = RequestFacts(host="192.168.1.5:8460", token=token)
         assert "token is missing or wrong" in str(access.refusal(wrong))
@@ -99,3 +102,28 @@ def test_a_host_header_is_taken_apart() -> None:
     assert host_name("Bench.Local:80") == "bench.local"
     assert host_name("[::1]:8460") == "::1"
     assert host_name("a b") == host_name("a/b") == host_name("") == ""
+
+
+PLAIN = "http://127.0.0.1:8460/"
+
+
+@pytest.mark.skipif(os.name != "posix", reason="permissions of files are those of POSIX")
+def test_a_token_stands_in_a_file_of_this_user_and_on_no_command_line(tmp_path: Path) -> None:
+    opened: list[str] = []
+    old = os.umask(0)
+    try:
+        file = open_page(f"{PLAIN}?token=secret", tmp_path, opened.append)
+    finally:
+        os.umask(old)
+    assert file is not None
+    assert opened == [file.as_uri()]
+    assert "secret" not in opened[0]
+    assert file.stat().st_mode & 0o777 == 0o600
+    assert f"url={PLAIN}?token=secret" in file.read_text("utf-8")
+
+
+def test_an_address_without_a_token_is_opened_as_it_is(tmp_path: Path) -> None:
+    opened: list[str] = []
+    assert open_page(PLAIN, tmp_path, opened.append) is None
+    assert opened == [PLAIN]
+    assert list(tmp_path.iterdir()) == []

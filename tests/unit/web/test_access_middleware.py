@@ -19,7 +19,7 @@ async def slept(seconds: float) -> None:
 
 
 def ask(access: Access, scope: dict[str, Any]) -> tuple[list[dict[str, Any]], list[str]]:
-    """Return what is sent for a request, and which paths the application behind was asked for."""
+    """Return what is sent for a request, and which paths reached the application."""
     sent: list[dict[str, Any]] = []
     behind: list[str] = []
 

@@ -55,8 +55,8 @@ def test_a_sweep_shows_its_numbers_and_offers_its_tables(root: Path) -> None:
     html = shown.html
     assert shown.simulated
     assert shown.command == ("report", str(root / "quad"))
-    for said in ("pquad: PQUAD quadrotor", "T_IGE/T_OGE", "80 visits of 16 settings", "1.8089"):
-        assert said in html
+    for text in ("pquad: PQUAD quadrotor", "T_IGE/T_OGE", "80 visits of 16 settings", "1.8089"):
+        assert text in html
     assert html.count("data:image/svg+xml") == 2
     assert "Plan" in parts
     assert "distances" in view_part(root, "quad", "Plan").html
@@ -74,8 +74,8 @@ def test_a_fit_shows_what_the_command_prints(root: Path) -> None:
     shown, parts = view_entry(root, "fit")
     html = shown.html
     assert parts == ()
-    for said in ("1.891 ± 0.012", "1.867 … 1.916", "95 % interval", "quad is clearly behind"):
-        assert said in html
+    for text in ("1.891 ± 0.012", "1.867 … 1.916", "95 % interval", "quad is clearly behind"):
+        assert text in html
     assert html.count("data:image/svg+xml") == 2
     assert report_bytes(root, ("fit",)) == b"<!doctype html><p>as written</p>"
 

@@ -146,9 +146,9 @@ def test_asks_that_do_not_fit_are_refused_with_a_sentence(bench: Server) -> None
     bench.send(
         StartSweep(SweepInputs(plan=plan_from_toml("[throttle]\npwm_us = [9000.0]", "plan")))
     )
-    said = bench.wait_for(Notice)
-    assert said.is_error
-    assert "asks for 9000 us" in said.text
+    refused = bench.wait_for(Notice)
+    assert refused.is_error
+    assert "asks for 9000 us" in refused.text
 
 
 def test_a_hand_turns_motors_only_while_it_is_heard_of(bench: Server) -> None:

@@ -1,3 +1,5 @@
+"""The dead-man switch and the ramp of the throttle, on a clock that is handed in."""
+
 from __future__ import annotations
 
 from typing import Any
@@ -5,8 +7,98 @@ from typing import Any
 import numpy as np
 
 from benchtool.core.rig_file import rig_named
-from benchtool.web.bench_process.messages import HoldThrottle
-from benchtool.web.bench_process.throttle import STEP_S, SLEW_us_s, ThrottleRamp
+from benchtool.web.bench_process.messages import HoldThrottle, ReleaseThrottle
+from benchtool.web.bench_process.throttle import (
+    SILENCE_S,
+    STEP_S,
+    DeadManSwitch,
+    SLEW_us_s,
+    ThrottleRamp,
+)
+
+FIRST, SECOND = HoldThrottle("a", 1, 1300.0, (1, 2)), HoldThrottle("a", 2, 1400.0, (1,))
+
+
+def test_a_hand_that_is_heard_of_holds_on() -> None:
+    switch = DeadManSwitch()
+    assert switch.wanted(0.0) is None
+    for beat in range(20):
+        switch.hold(FIRST, 0.05 * beat)
+        assert switch.wanted(0.05 * beat + 0.04) is FIRST
+
+
+def test_silence_lets_go_and_a_late_beat_of_that_press_does_not_come_back() -> None:
+    ended: list[tuple[str, str]] = []
+    switch = DeadManSwitch(lambda tab, reason: ended.append((tab, reason)))
+    switch.hold(FIRST, 0.0)
+    assert switch.wanted(0.99 * SILENCE_S) is FIRST
+    assert ended == []
+    assert switch.wanted(1.5 * SILENCE_S) is None
+    switch.hold(FIRST, 2.0 * SILENCE_S)
+    assert switch.wanted(2.0 * SILENCE_S) is None
+    ((tab, reason),) = ended
+    assert tab == "a"
+    assert f"for {1500.0 * SILENCE_S:.0f} ms" in reason
+    assert "no beat came from the browser" in reason
+    switch.hold(SECOND, 3.0 * SILENCE_S)
+    assert switch.wanted(3.0 * SILENCE_S) is SECOND
+
+
+def test_a_stop_ends_the_press_that_is_still_held() -> None:
+    ended: list[tuple[str, str]] = []
+    switch = DeadManSwitch(lambda tab, reason: ended.append((tab, reason)))
+    switch.hold(FIRST, 0.0)
+    switch.end_press("stopped from the page")
+    switch.end_press("stopped from the page")
+    switch.hold(FIRST, 0.05)
+    assert switch.wanted(0.06) is None
+    assert ended == [("a", "stopped from the page")]
+
+
+def test_a_hand_that_lets_go_by_itself_is_not_cut() -> None:
+    ended: list[tuple[str, str]] = []
+    switch = DeadManSwitch(lambda tab, reason: ended.append((tab, reason)))
+    switch.hold(FIRST, 0.0)
+    switch.release(ReleaseThrottle("a", 1))
+    assert switch.wanted(0.01) is None
+    assert ended == []
+
+
+def test_a_beat_is_as_old_as_the_page_says() -> None:
+    reasons: list[str] = []
+    switch = DeadManSwitch(lambda tab, reason: reasons.append(reason), silence_s=0.5)
+    switch.hold(HoldThrottle("a", 1, 1300.0, (1,), age_s=0.4), 10.0)
+    assert switch.wanted(10.09) is not None
+    assert switch.wanted(10.11) is None
+    assert "for 510 ms, allowed are 500 ms: the page is too busy" in reasons[0]
+
+
+def test_a_press_that_was_let_go_never_turns_a_motor_however_late_its_beats_come() -> None:
+    switch = DeadManSwitch()
+    switch.release(ReleaseThrottle("a", 1))
+    switch.hold(FIRST, 0.0)
+    assert switch.wanted(0.0) is None
+    switch.hold(SECOND, 0.1)
+    # The word of the first release comes again, by the other line.
+    switch.release(ReleaseThrottle("a", 1))
+    assert switch.wanted(0.1) is SECOND
+    switch.release(ReleaseThrottle("a", 2))
+    switch.release(ReleaseThrottle("a", 1))
+    switch.hold(SECOND, 0.2)
+    switch.hold(FIRST, 0.2)
+    assert switch.wanted(0.2) is None
+
+
+def test_a_page_that_is_gone_ends_its_own_press_only() -> None:
+    switch = DeadManSwitch()
+    switch.hold(FIRST, 0.0)
+    switch.release(ReleaseThrottle("b"))
+    assert switch.wanted(0.0) is FIRST
+    switch.release(ReleaseThrottle("a"))
+    assert switch.wanted(0.0) is None
+    switch.hold(FIRST, 0.1)
+    assert switch.wanted(0.1) is None
+
 
 RIG = rig_named("pquad")
 STOP_US = RIG.propulsion.pwm_stop_us

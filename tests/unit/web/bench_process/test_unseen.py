@@ -1,4 +1,4 @@
-"""Motors that were not seen to stand are said on every page until somebody has looked."""
+"""Motors that were not seen to stand are reported on every page until somebody has looked."""
 
 from __future__ import annotations
 

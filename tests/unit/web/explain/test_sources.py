@@ -94,7 +94,7 @@ def test_the_command_names_everything(sources: RecordingSources) -> None:
 
 
 @pytest.mark.parametrize(
-    ("learn", "check", "model", "said"),
+    ("learn", "check", "model", "reason"),
     [
         ([], ["table.csv"], "pitch_pquad", "no recording to learn from is chosen"),
         (["table.csv"], [], "pitch_pquad", "no recording to check on is chosen"),
@@ -103,9 +103,9 @@ def test_the_command_names_everything(sources: RecordingSources) -> None:
     ],
 )
 def test_what_is_missing_is_said(
-    sources: RecordingSources, learn: list[str], check: list[str], model: str, said: str
+    sources: RecordingSources, learn: list[str], check: list[str], model: str, reason: str
 ) -> None:
-    with pytest.raises(InputError, match=said):
+    with pytest.raises(InputError, match=reason):
         inputs_of(sources, learn, check, model)
 
 

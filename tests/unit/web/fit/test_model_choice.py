@@ -1,4 +1,4 @@
-"""Which models the page fits, and what its form asks of their numbers."""
+"""Which models the page fits, and how its form changes their numbers."""
 
 from __future__ import annotations
 

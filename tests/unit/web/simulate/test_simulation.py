@@ -1,9 +1,10 @@
-"""What the page asks is what its command asks."""
+"""What the page simulates is what its command simulates; what a bench can hide; what is saved."""
 
 from __future__ import annotations
 
 import io
 import zipfile
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,14 +12,29 @@ import pytest
 from benchtool.commands.app import main
 from benchtool.commands.simulate_flight import FlightInputs
 from benchtool.commands.simulate_flight import setup_of as flight_setup_of
-from benchtool.commands.simulate_pitch import PitchInputs
+from benchtool.commands.simulate_pitch import PitchInputs, setup_of
 from benchtool.commands.simulate_pitch import setup_of as pitch_setup_of
+from benchtool.core.errors import WouldOverwrite
 from benchtool.core.inputs import make
 from benchtool.core.rig_file import rig_names
 from benchtool.core.schedule_file import schedule_names
+from benchtool.data.run.entry import entry_of
+from benchtool.data.run.recording_file import read_recording
+from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.simulate.flight.cases import FLIGHTS
-from benchtool.web.tabs.simulate.sliders import flight_sliders, pitch_sliders
-from benchtool.web.tabs.simulate.work import Simulation, command_words, simulated, zipped
+from benchtool.web.tabs.simulate.sliders import (
+    flight_sliders,
+    hidden_slider,
+    hideable,
+    pitch_sliders,
+)
+from benchtool.web.tabs.simulate.work import (
+    Simulation,
+    command_words,
+    simulated,
+    write_into,
+    zipped,
+)
 
 SIMULATIONS = [
     make(
@@ -107,3 +123,48 @@ def test_sliders_of_a_flight_can_be_moved_to_both_ends(case: str) -> None:
 
 def test_a_value_shows_as_many_digits_as_its_step() -> None:
     assert [slider.decimals for slider in flight_sliders("over")] == [2, 2, 1, 2, 2, 2]
+
+
+HIDES = make(
+    PitchInputs,
+    {
+        "controllers": ("pid",),
+        "schedule": "steps",
+        "seed": 4,
+        "set": {"coulomb_friction.torque_Nm": 0.0145},
+    },
+)
+
+
+@pytest.mark.parametrize("rig", ["beam", "pquad", "amuse"])
+@pytest.mark.parametrize("effect", hideable())
+def test_every_effect_can_be_hidden_as_far_as_its_slider_goes(rig: str, effect: str) -> None:
+    slider = hidden_slider(rig, effect)
+    assert slider.first is not None
+    assert abs(slider.first - slider.start) > 5.0 * slider.step
+    assert 10 <= (slider.high - slider.low) / slider.step <= 200
+    for value in (slider.low, slider.first, slider.high):
+        assert slider.low <= value <= slider.high
+        inputs = make(PitchInputs, {"rig": rig, "set": {slider.name: value}})
+        assert setup_of(inputs, "s3").bench.model.parameters[slider.name].value == value
+
+
+def test_what_is_saved_is_what_the_command_writes(tmp_path: Path) -> None:
+    assert write_into(HIDES, tmp_path / "saved") == ["pid.csv"]
+    with pytest.raises(SystemExit) as left:
+        main([*command_words(HIDES), "--out", str(tmp_path / "printed")])
+    assert left.value.code == 0
+    ours, printed = (tmp_path / name for name in ("saved", "printed"))
+    assert [path.name for path in sorted(ours.iterdir())] == [
+        path.name for path in sorted(printed.iterdir())
+    ]
+    assert (ours / "pid.csv").read_bytes() == (printed / "pid.csv").read_bytes()
+    assert read_recording(ours / "pid.csv").simulated
+    assert entry_of(RunsFolder(tmp_path), "saved/pid.csv").kind == "recording"
+
+
+def test_nothing_that_is_there_is_written_over(tmp_path: Path) -> None:
+    (tmp_path / "saved").mkdir()
+    with pytest.raises(WouldOverwrite):
+        write_into(HIDES, tmp_path / "saved")
+    assert not list((tmp_path / "saved").iterdir())

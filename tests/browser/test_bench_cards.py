@@ -1,8 +1,9 @@
-"""Calibrate as somebody does it beside the bench: masses hang, counts come, a line is stored."""
+"""Cards of the Bench tab: a calibration beside the bench; a pitch recording up to Explain."""
 
 from __future__ import annotations
 
 import json
+import re
 from typing import TYPE_CHECKING
 
 import pytest
@@ -10,10 +11,10 @@ import pytest
 from benchtool.core.rig_file import rig_named
 from benchtool.core.units import STANDARD_GRAVITY_M_S2
 from benchtool.data.run.read import read_points
+from benchtool.data.run.run import Run
 from benchtool.simulate.imperfections import Imperfections
-from tests.browser.conftest import Web, connect, expect
+from tests.browser.conftest import SWEEP_MS, Web, connect, expect, only_run, start
 from tests.browser.device import Device
-from tests.browser.sweeping import SWEEP_MS, only_run, start
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -69,3 +70,29 @@ def test_masses_make_a_line_that_later_runs_take(page: Page, web: Web, fast_devi
     page.get_by_text("ended: ").first.wait_for(timeout=SWEEP_MS)
     points = read_points(only_run(web).path)
     assert points.provenance["calibration"] == stored["id"]
+
+
+BENCH = "sim:beam?mode=pitch&schedule=identify&gains=stiff&hidden=coulomb_friction.torque_Nm:0.012"
+
+
+def test_a_pitch_recording_goes_from_the_bench_to_explain(page: Page, web: Web) -> None:
+    connect(page, BENCH)
+    page.get_by_label("Virtual clock").click()
+    page.get_by_text("20 times faster").click()
+    page.get_by_label("Length, s").fill("8")
+    record = page.get_by_role("button", name="Record", exact=True)
+    record.click()
+    page.get_by_text("the beam is free to turn").wait_for()
+    command = page.locator(".command-text", has_text="--seconds")
+    expect(command).to_have_text(
+        re.compile(re.escape(f"benchtool record '{BENCH}' --seconds 8") + r"(\s|$)")
+    )
+    page.get_by_role("button", name="Start", exact=True).click()
+    page.get_by_text("ended: ").wait_for()
+    (path,) = web.runs.iterdir()
+    run = Run.open(path)
+    assert run.metadata["seconds"] == 8.0
+    assert run.metadata["samples"]["parquet_sha256"]
+    page.get_by_role("button", name="Explain", exact=True).click()
+    page.get_by_text(f"{path.name} (pitch recording").wait_for()
+    page.get_by_text("no recording to check on is chosen").wait_for()
