@@ -41,7 +41,9 @@ class ConnectCard:
                 self._address = ui.input("Address of the bench", value=FIRST)
                 self._address.classes("grow address").on_value_change(self._show_command)
                 with ui.button("Find", icon="search").props("outline"), ui.menu() as self._menu:
-                    pass
+                    # Filled instead of the menu: an update of the menu itself that comes late
+                    # carries that it is closed still, and closes it.
+                    self._found = ui.element("div")
                 self._menu.on("before-show", self._find)
                 rigs = {"": "from the address", **{rig: rig for rig in rig_names()}}
                 self._rig = ui.select(rigs, value="", label="Rig")
@@ -90,12 +92,12 @@ class ConnectCard:
     async def _find(self) -> None:
         from benchtool.bench.doctor.ports import serial_ports
 
-        self._menu.clear()
+        self._found.clear()
         try:
             ports = await run.io_bound(serial_ports)
         except BenchtoolError:
             ports = ()
-        with self._menu:
+        with self._found:
             for port in ports or ():
                 name = port.by_id or port.name
                 self._offer(f"serial:{name}", port.description or "serial port")
@@ -107,8 +109,7 @@ class ConnectCard:
             for name, driver in DRIVERS.items():
                 if name not in ("sim", "serial"):
                     self._offer(driver.example, "an example to change")
-        # Filled late, its update may carry that it is closed still.
-        self._menu.open()
+        self._menu.run_method("updatePosition")
 
     def _offer(self, address: str, what: str) -> None:
         item = ui.menu_item(on_click=lambda: self._address.set_value(address))
