@@ -17,7 +17,7 @@ from benchtool.core.table_bounds import check_columns, check_decoded
 from benchtool.core.user_file import open_file
 from benchtool.data.atomic import replacing
 from benchtool.data.columns import WORDS, channel_called
-from benchtool.data.run.sample_stream import WholeLines, codes_of, sample_batches
+from benchtool.data.run.sample_stream import WholeLines, codes_of, numbers_of, sample_batches
 
 _BATCH_ROWS = 1 << 13
 
@@ -88,24 +88,17 @@ def read_parquet(path: Path, names: Sequence[str] | None = None) -> Recording:
             present = [name for name in schema.names if names is None or name in names]
             for name in present:
                 _check_type(schema.field(name), where)
-            check_decoded(file.metadata.num_rows, len(present), where)
-            values = np.empty((file.metadata.num_rows, len(present)))
-            at = 0
-            for batch in file.iter_batches(_BATCH_ROWS, columns=present, use_threads=False):
-                end = at + batch.num_rows
-                for column, name in enumerate(present):
-                    cells = batch.column(column)
-                    if name in WORDS:
-                        cells = codes_of(name, cells.cast(pa.string()), path)
-                    values[at:end, column] = cells.to_numpy(zero_copy_only=False)
-                at = end
+            rows = file.metadata.num_rows
+            check_decoded(rows, len(present), where)
+            batches = file.iter_batches(_BATCH_ROWS, columns=present, use_threads=False)
+            values = numbers_of(batches, present, rows, path)
     except MemoryError:
         raise
     except (pa.ArrowException, KeyError, OSError, ValueError) as error:
         problem = " ".join(str(error).split())[:200]
         problem = f"it cannot be read as Parquet ({problem}); restore it from a copy"
         raise FileFormatError(where, problem) from error
-    return Recording(tuple(channel_called(name) for name in present), values[:at])
+    return Recording(tuple(channel_called(name) for name in present), values)
 
 
 def parquet_names(path: Path) -> tuple[str, ...]:

@@ -28,7 +28,7 @@ from benchtool.data.repairs.pole_count import compare_speeds
 from benchtool.data.repairs.time_order import mend_spikes, mend_time
 
 HEAD_BYTES = 1 << 16
-"""A file's beginning tells its format: a header and some rows."""
+"""A file's beginning shows its format: a header and some rows."""
 
 LISTED = 8
 """So many files are named; a sentence holds no more. A choice."""
@@ -51,7 +51,7 @@ class FormatReader(Protocol):
             data: the whole file.
             where: its path as given, for people.
             provenance: facts for the recording.
-            options: what the user says about the file.
+            options: the user's.
 
         Raises:
             FileFormatError: nothing readable in it.
@@ -63,10 +63,10 @@ class Format:
     """Register a format.
 
     Attributes:
-        name: for people; what is imported says it, and docs/reference/import.md has a row for it.
+        name: for people; imports show it, and docs/reference/import.md has a row for it.
         kind: "log" of a flight, or "table" of a stand, whose rows are put in order and searched
             for what stands get wrong.
-        recognizes: tells by a file's first bytes whether it has the format.
+        recognizes: returns for a file's first bytes whether it has the format.
         reader: "module:function", a `FormatReader`; imported only for files that have the format,
             because pyulog and pymavlink take their time.
     """
@@ -126,8 +126,7 @@ def import_file(path: str | Path, options: Options | None = None) -> Imported:
     """
     where, options = Path(path), options or Options()
     if os.path.isdir(where):
-        words = explain_folder(where, lambda head, name: _can_import(head, name, options))
-        raise FileFormatError(str(path), words)
+        raise FileFormatError(str(path), _explain_folder(where, options))
     return import_bytes(read_file(where, MOST_LOG_BYTES), str(path), options)
 
 
@@ -165,32 +164,12 @@ def _reader_of(head: bytes, options: Options) -> tuple[Kind, FormatReader]:
     return ("table", read_named) if found is None else (found.kind, found.load())
 
 
-def _can_import(head: bytes, where: str, options: Options) -> bool:
-    """Tell whether a file that begins like this is a log or a table with columns that are known."""
-    kind, reader = _reader_of(head, options)
-    if kind == "log":
-        return True
-    try:
-        reader(head, where, {}, options)
-    except InputError:
-        return False
-    return True
-
-
-def explain_folder(folder: Path, can_import: Callable[[bytes, str], bool]) -> str:
-    """Return what to do with a folder in words, with the command where files can be imported.
-
-    Args:
-        folder: that was named in a file's place.
-        can_import: tells it of a file's first bytes and its path.
-    """
-    found = [
-        path
-        for path in sorted(folder.iterdir())
-        if path.is_file() and can_import(_head_of(path), str(path))
-    ]
+def _explain_folder(folder: Path, options: Options) -> str:
+    """Return what to do with a folder, with the command where files in it can be imported."""
+    inside = sorted(folder.iterdir())
+    found = [path for path in inside if path.is_file() and _can_import(path, options)]
     if not found:
-        inner = [f"{path}/" for path in sorted(folder.iterdir()) if path.is_dir()][:LISTED]
+        inner = [f"{path}/" for path in inside if path.is_dir()][:LISTED]
         instead = f"look into {', '.join(inner)}" if inner else "name the file of a log or a table"
         return f"this is a folder, and none of its files is known; {instead}"
     names = [shlex.quote(str(path)) for path in found[:LISTED]]
@@ -198,12 +177,16 @@ def explain_folder(folder: Path, can_import: Callable[[bytes, str], bool]) -> st
     return f"this is a folder; name files in it: benchtool import {' '.join(names)}{rest}"
 
 
-def _head_of(path: Path) -> bytes:
+def _can_import(path: Path, options: Options) -> bool:
+    """Return whether a file begins as a log, or as a table with columns that are known."""
     try:
         with open_file(path) as file:
             head = file.read(HEAD_BYTES)
-    except (OSError, FileFormatError):
-        return b""
-    if len(head) < HEAD_BYTES:
-        return head
-    return head[: head.rfind(b"\n") + 1] or head
+        if len(head) == HEAD_BYTES:
+            head = head[: head.rfind(b"\n") + 1] or head
+        kind, reader = _reader_of(head, options)
+        if kind == "table":
+            reader(head, str(path), {}, options)
+    except (OSError, InputError):
+        return False
+    return True

@@ -1,4 +1,4 @@
-"""Mark when a rotor is over a surface: by what the user says, by what a distance sensor reads."""
+"""Mark when a rotor is over a surface: by the user's windows, by a distance sensor."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def parse_window(text: str) -> Window:
     parts = text.split(":")
     wrong = ""
     try:
-        start_s, end_s = float(parts[0]), float(parts[1])
+        start_s, end_s = (float(part) for part in parts[:2])
         rotor = 0 if parts[2].strip().lower() == "all" else int(parts[2])
     except (ValueError, IndexError):
         start_s = end_s = rotor = -1
@@ -42,21 +42,21 @@ def parse_window(text: str) -> Window:
     return Window(start_s=start_s, end_s=end_s, rotor=rotor, source="user")
 
 
-def mark_windows(read: Imported, told: Sequence[Window], near_m: float | None) -> Imported:
+def mark_windows(read: Imported, given: Sequence[Window], near_m: float | None) -> Imported:
     """Return the import with its windows, and with channels coverage1, ... that hold them.
 
     coverage is 1 where the rotor is over the surface and 0 elsewhere; how much of its disc is over
     it, neither the user's window nor a sensor says.
     """
     recording = read.recording
-    if not told and near_m is None:
+    if not given and near_m is None:
         return read
     if "time_s" not in recording:
         raise InputError(
             f"{recording.provenance.get('file', 'the file')} has no time, so --over and --near-m "
             f"mark nothing in it; leave them out"
         )
-    windows, findings = list(told), []
+    windows, findings = list(given), []
     if near_m is not None:
         if "distance_m" not in recording:
             words = "--near-m was given, but no distance sensor stands in the file"

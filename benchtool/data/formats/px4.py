@@ -39,16 +39,8 @@ MOTORS = {101 + i: 1 + i for i in range(12)}
 """Motor number by output function."""
 
 _FAULTS = (
-    struct.error,
-    IndexError,
-    KeyError,
-    ValueError,
-    TypeError,
-    AttributeError,
-    OverflowError,
-    RecursionError,
-    MemoryError,
-    EOFError,
+    *(struct.error, IndexError, KeyError, ValueError, TypeError, AttributeError, OverflowError),
+    *(RecursionError, MemoryError, EOFError),
 )
 """What pyulog lets through on broken files, beside its own exceptions."""
 

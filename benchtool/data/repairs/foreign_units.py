@@ -12,24 +12,13 @@ from benchtool.core.errors import InputError
 from benchtool.core.units import STANDARD_GRAVITY_M_S2, UNITS, unit_named
 
 _SPELLINGS: dict[str, str] = {
-    "µs": "us",
-    "μs": "us",
-    "usec": "us",
-    "sec": "s",
-    "RPM": "rpm",
-    "Rpm": "rpm",
-    "N·m": "N m",
-    "N⋅m": "N m",
-    "N*m": "N m",
-    "Nm": "N m",
-    "N.m": "N m",
-    "N-m": "N m",
-    "ºC": "degC",
-    "°C": "degC",
-    "C": "degC",
+    **dict.fromkeys(("µs", "μs", "usec"), "us"),
+    **dict.fromkeys(("RPM", "Rpm"), "rpm"),
+    **dict.fromkeys(("N·m", "N⋅m", "N*m", "Nm", "N.m", "N-m"), "N m"),
+    **dict.fromkeys(("ºC", "°C", "C"), "degC"),
+    **dict.fromkeys(("º", "°"), "deg"),
     "°F": "degF",
-    "º": "deg",
-    "°": "deg",
+    "sec": "s",
     "": "1",
 }
 """Spellings seen in real headers (RCbenchmark writes µs, N·m and ºC) and what they stand for."""
@@ -54,8 +43,6 @@ _FOR_PINT: dict[str, str] = {
     "kg m2": "kilogram * meter ** 2",
     "kg/m3": "kilogram / meter ** 3",
     "m/s2": "meter / second ** 2",
-    "degC": "degC",
-    "degF": "degF",
 }
 
 
@@ -67,19 +54,14 @@ class Conversion:
     offset: float = 0.0
 
 
-def spelled(text: str) -> str:
-    """Return a unit as benchtool spells it, where it is only another spelling."""
-    clean = " ".join(text.split())
-    return _SPELLINGS.get(clean, clean)
-
-
 def conversion(text: str, target: str) -> Conversion:
     """Return how numbers in the unit `text` become numbers in our unit `target`.
 
     Raises:
         InputError: a unit that pint does not know, or one that measures something else.
     """
-    unit = spelled(text)
+    unit = " ".join(text.split())
+    unit = _SPELLINGS.get(unit, unit)
     dimension = unit_named(target).dimension
     if dimension == "force":
         unit = _FORCE_OF_MASS.get(unit, unit)
@@ -120,18 +102,11 @@ def _through_pint(unit: str, target: str, text: str) -> Conversion:
 
 
 _PINT_FAULTS = (
-    AttributeError,  # pint's UndefinedUnitError is one
-    ValueError,
-    TypeError,
-    KeyError,
-    SyntaxError,
-    AssertionError,
-    ArithmeticError,
-    RecursionError,
-    NotImplementedError,
-    tokenize.TokenError,
+    *(AttributeError, ValueError, TypeError, KeyError, SyntaxError, AssertionError),
+    *(ArithmeticError, RecursionError, NotImplementedError, tokenize.TokenError),
 )
-"""What pint raises on text that is no unit; its own errors are of several trees."""
+"""What pint raises on text that is no unit: its own errors are of several trees (UndefinedUnitError
+is an AttributeError)."""
 
 
 @cache

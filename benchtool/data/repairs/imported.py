@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
+from annotated_types import Ge
 from numpy.typing import NDArray
 
 from benchtool.core.recording import Recording
+
+Count = Annotated[int, Ge(0)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,14 +29,14 @@ class Tally:
     """
 
     unit: str
-    total: int
-    kept: int
-    refused: int = 0
-    not_needed: int = 0
+    total: Count
+    kept: Count
+    refused: Count = 0
+    not_needed: Count = 0
 
     @property
     def balanced(self) -> bool:
-        """Tell whether nothing was lost without a word."""
+        """Whether nothing was lost without a finding."""
         return self.total == self.kept + self.refused + self.not_needed
 
 
@@ -49,7 +52,7 @@ class Window:
 
     start_s: float
     end_s: float
-    rotor: int
+    rotor: Count
     source: str
 
 
@@ -63,7 +66,7 @@ class Imported:
         findings: repairs, doubts, refusals and lacks, in the order of the reading.
         tally: the account of rows or messages.
         sources: for each channel, the file's own column or message.
-        windows: stretches in which a rotor is over a surface.
+        windows: when a rotor is over a surface.
         lines: (n,) line of the file that each row of the recording stands in; None for logs.
     """
 
@@ -95,7 +98,7 @@ Kind = Literal["repaired", "refused", "doubt", "left out", "lacks", "read as"]
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """Tell one thing about a file that its reader must know.
+    """Report one thing about a file that its reader must know.
 
     Attributes:
         kind: "repaired" (mended as the words say), "refused" (rows or bytes that are not in the
@@ -123,21 +126,19 @@ class Finding:
         return f"{self.kind}: {self.what}{about}: {self.words}"
 
 
-def line_ranges(lines: Iterable[int] | NDArray[np.intp]) -> str:
+def line_ranges(lines: Sequence[int] | NDArray[np.intp]) -> str:
     """Return line numbers as ranges: 3, 7-12."""
-    numbers = np.unique(np.asarray(list(lines), np.int64))
+    numbers = np.unique(np.array(lines, np.int64))
     if not numbers.size:
         return ""
     breaks = np.flatnonzero(np.diff(numbers) > 1)
-    firsts = numbers[np.concatenate([[0], breaks + 1])]
-    lasts = numbers[np.concatenate([breaks, [numbers.size - 1]])]
-    pairs = zip(firsts.tolist(), lasts.tolist(), strict=True)
-    return ", ".join(str(first) if first == last else f"{first}-{last}" for first, last in pairs)
+    runs = np.split(numbers, breaks + 1)
+    return ", ".join(f"{run[0]}-{run[-1]}" if run.size > 1 else f"{run[0]}" for run in runs)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Options:
-    """Hold what an import is told.
+    """Hold the options of an import.
 
     Attributes:
         columns: column map for a CSV; None lets the header speak.

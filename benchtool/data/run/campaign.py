@@ -7,7 +7,6 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.errors import WouldOverwrite
@@ -80,9 +79,3 @@ def campaign_batches(path: Path, columns: Sequence[str]) -> Iterator[dict[str, N
     with pq.ParquetFile(path) as file:
         for batch in file.iter_batches(batch_size=ROWS_AT_ONCE, columns=list(columns)):
             yield {name: batch.column(name).to_numpy(zero_copy_only=False) for name in columns}
-
-
-def read_campaign(path: Path, columns: Sequence[str]) -> dict[str, NDArray[Any]]:
-    """Return some columns of a whole table, each (n_rows,)."""
-    batches = list(campaign_batches(path, columns))
-    return {name: np.concatenate([batch[name] for batch in batches]) for name in columns}

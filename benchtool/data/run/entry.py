@@ -1,6 +1,6 @@
-"""One thing in a runs folder as a list tells it: what it is, of which rig, when, how it ended.
+"""What a list shows of each thing in a runs folder: kind, rig, date, how it ended.
 
-What cannot be read is told with the sentence that says why.
+What cannot be read is listed with the sentence that says why.
 """
 
 from __future__ import annotations
@@ -41,23 +41,23 @@ ENTRY_KINDS: tuple[str, ...] = (
 """What an entry may be. A recording is one file with its JSON beside it, a table any CSV."""
 
 HEAD_BYTES = 65_536
-"""As much of a table is read to tell its columns; a choice."""
+"""As much of a table is read for the names of its columns; a choice."""
 
 _RUN_FILES = ("metadata.json", "plan.toml", "points.csv", "samples.csv", "samples.parquet")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Entry:
-    """Hold what a list tells of one thing in the runs folder.
+    """Hold what a list shows of one thing in the runs folder.
 
     Attributes:
         name: by which `RunsFolder.path_of` finds it.
         kind: one of `ENTRY_KINDS`.
         rig: name of the rig, or for a fit and an explanation of the model.
-        started: when the run began, or when a result was written; None where nothing tells.
+        started: when the run began, or when a result was written; None where it is not known.
         state: "ended", "stopped", "running"; a fit's outcome; an explanation's verdict.
-        simulated: whether no physical bench made the data; None where nothing tells.
-        said: a few words on what is in it.
+        simulated: whether no physical bench made the data; None where it is not known.
+        summary: a few words on what is in it.
         problem: one sentence on why it cannot be read; empty where it can.
     """
 
@@ -67,12 +67,12 @@ class Entry:
     started: datetime | None = None
     state: str = ""
     simulated: bool | None = None
-    said: str = ""
+    summary: str = ""
     problem: str = ""
 
     @property
     def date(self) -> str:
-        """Day and time for people, empty where nothing tells."""
+        """Day and time for people, empty where it is not known."""
         return f"{self.started:%Y-%m-%d %H:%M}" if self.started else ""
 
     @property
@@ -80,15 +80,15 @@ class Entry:
         """Whether `benchtool fit` takes it."""
         return not self.problem and self.kind in ("sweep", "table")
 
-    def answers(self, words: str) -> bool:
-        """Tell whether every one of some words stands anywhere in the entry, in any case."""
-        shown = (self.name, self.kind, self.rig, self.date, self.state, self.said, self.problem)
+    def matches(self, words: str) -> bool:
+        """Return whether each of some words stands anywhere in the entry, in any case."""
+        shown = (self.name, self.kind, self.rig, self.date, self.state, self.summary, self.problem)
         text = " ".join((*shown, "simulated" if self.simulated else "")).lower()
         return all(word in text for word in words.lower().split())
 
 
 def entry_of(folder: RunsFolder, name: str) -> Entry:
-    """Return what a list tells of one thing; a fault of its files is told, not raised.
+    """Return what a list shows of one thing; a fault of its files is its `problem`, not raised.
 
     Raises:
         InputError: a name that leads out of the folder, or that is not there.
@@ -150,7 +150,7 @@ def _written(path: Path) -> datetime | None:
 def _run(entry: Entry, path: Path) -> Entry:
     if not is_run(path):
         raise FileFormatError(
-            entry.name, "there is no metadata.json in it, so nothing tells its rig; restore it"
+            entry.name, "there is no metadata.json in it, so nothing names its rig; restore it"
         )
     facts = read_metadata(path)
     if facts.get("format") != RUN_FORMAT:
@@ -169,20 +169,19 @@ def _run(entry: Entry, path: Path) -> Entry:
     )
     reason = str(facts.get("reason", ""))
     if pitch:
-        held = [name for name in ("samples.csv", "samples.parquet") if (path / name).is_file()]
-        if not held:
-            problem = "there are no samples in it; record it again"
-            return replace(entry, problem=f"{entry.name}: {problem}")
+        if not any((path / name).is_file() for name in ("samples.csv", "samples.parquet")):
+            problem = f"{entry.name}: there are no samples in it; record it again"
+            return replace(entry, problem=problem)
         count = _table(facts, "link").get("samples")
-        said = counted(int(count), "sample") if count is not None else ""
-        return replace(entry, said="; ".join(filter(None, (said, reason))))
+        stored = counted(int(count), "sample") if count is not None else ""
+        return replace(entry, summary="; ".join(filter(None, (stored, reason))))
     if not (path / "points.csv").is_file() and entry.state == "running":
-        return replace(entry, said="no point yet")
+        return replace(entry, summary="no point yet")
     try:
-        count = len(read_points(path, KINDS[:3]))
+        points = counted(len(read_points(path, KINDS[:3])), "point")
     except BenchtoolError as error:
         return replace(entry, problem=str(error))
-    return replace(entry, said="; ".join(filter(None, (counted(count, "point"), reason))))
+    return replace(entry, summary="; ".join(filter(None, (points, reason))))
 
 
 def _fit(entry: Entry, path: Path) -> Entry:
@@ -198,7 +197,7 @@ def _fit(entry: Entry, path: Path) -> Entry:
         rig=str(facts["model"]),
         state=state,
         simulated=bool(facts["simulated"]),
-        said=f"{', '.join(map(str, recipe['data']))}; "
+        summary=f"{', '.join(map(str, recipe['data']))}; "
         f"{counted(_table(facts, 'points')['used'], 'point')}",
     )
 
@@ -210,15 +209,15 @@ def _explanation(entry: Entry, path: Path) -> Entry:
         rig=str(facts["model"]),
         state=str(facts["verdict"]),
         simulated=bool(facts["simulated"]),
-        said=str(facts["sentence"]),
+        summary=str(facts["sentence"]),
     )
 
 
 def _recording(entry: Entry, path: Path) -> Entry:
     facts = read_recording_facts(beside(path), RECORDING_FORMAT)
     rig = str(_table(facts, "provenance").get("rig", ""))
-    said = counted(facts["rows"], "row")
-    return replace(entry, rig=rig, simulated=bool(facts["simulated"]), said=said)
+    rows = counted(facts["rows"], "row")
+    return replace(entry, rig=rig, simulated=bool(facts["simulated"]), summary=rows)
 
 
 def _csv(entry: Entry, path: Path) -> Entry:
@@ -227,7 +226,7 @@ def _csv(entry: Entry, path: Path) -> Entry:
     if b"\n" in beginning:
         beginning = beginning[: beginning.rindex(b"\n") + 1]
     header = parse_csv(beginning, entry.name).header
-    return replace(entry, said=", ".join(header[:8]) + (", ..." if len(header) > 8 else ""))
+    return replace(entry, summary=", ".join(header[:8]) + (", ..." if len(header) > 8 else ""))
 
 
 _READERS: dict[str, Callable[[Entry, Path], Entry]] = {
@@ -264,21 +263,21 @@ def list_entries(folder: RunsFolder, seen: Seen | None = None) -> tuple[Entry, .
 
     Args:
         folder: of runs.
-        seen: kept between calls, so that only what has changed is read again.
+        seen: passed again to the next call, so that only what has changed is read again.
     """
     if not folder.root.is_dir():
         return ()
     found = list(_in_folder(folder, folder.root, DEEPEST, {} if seen is None else seen))
     dated = [entry for entry in found if entry.started is not None]
-    dated.sort(key=_age, reverse=True)
+    dated.sort(key=lambda entry: entry.started.timestamp() if entry.started else 0.0, reverse=True)
     undated = sorted((entry for entry in found if entry.started is None), key=lambda e: e.name)
     return (*dated, *undated)
 
 
 def search(entries: Iterable[Entry], words: str = "", kind: str = "") -> tuple[Entry, ...]:
-    """Return the entries that answer to some words and are of a kind; of any where none is said."""
+    """Return the entries that match some words and are of a kind; "" matches any."""
     return tuple(
-        entry for entry in entries if (not kind or entry.kind == kind) and entry.answers(words)
+        entry for entry in entries if (not kind or entry.kind == kind) and entry.matches(words)
     )
 
 
@@ -311,7 +310,3 @@ def _entry(folder: RunsFolder, path: Path, seen: Seen) -> Entry:
     if name not in seen or seen[name][0] != stamp:
         seen[name] = (stamp, entry_of(folder, name))
     return seen[name][1]
-
-
-def _age(entry: Entry) -> float:
-    return entry.started.timestamp() if entry.started else 0.0

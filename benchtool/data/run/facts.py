@@ -17,8 +17,8 @@ from benchtool.core.errors import FileFormatError
 from benchtool.core.rig import Body, PlateDrive, Propulsion, RotorPlace, Sensor
 from benchtool.core.toml_text import build
 from benchtool.data.atomic import read_json
+from benchtool.data.repairs.imported import Count, Finding, Tally, Window
 
-Count = Annotated[int, Ge(0)]
 Row = Annotated[tuple[float, float], Len(2)]
 
 
@@ -125,31 +125,6 @@ class _Channel(_Facts):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Finding(_Facts):
-    kind: str
-    what: str
-    words: str
-    channel: str = ""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Window(_Facts):
-    start_s: float
-    end_s: float
-    rotor: Count
-    source: str
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Tally(_Facts):
-    unit: str
-    total: Count
-    kept: Count
-    refused: Count
-    not_needed: Count
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class _Recording(_Facts):
     format: str
     sha256: str
@@ -160,9 +135,9 @@ class _Recording(_Facts):
     imported_as: str = ""
     software: str = ""
     versions: Mapping[str, str] | None = None
-    findings: tuple[_Finding, ...] | None = None
-    windows: tuple[_Window, ...] | None = None
-    tally: _Tally | None = None
+    findings: tuple[Finding, ...] | None = None
+    windows: tuple[Window, ...] | None = None
+    tally: Tally | None = None
 
 
 def read_metadata(folder: Path) -> dict[str, Any]:

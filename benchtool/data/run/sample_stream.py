@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.errors import FileFormatError
 from benchtool.core.table_bounds import check_columns, check_decoded
 from benchtool.core.user_file import open_file
@@ -104,6 +104,7 @@ def codes_of(name: str, words: Any, path: Path) -> Any:
     import pyarrow as pa
     from pyarrow import compute
 
+    words = words.cast(pa.string())
     codes = compute.index_in(words, value_set=pa.array(WORDS[name]))
     if codes.null_count:
         strange = words.filter(compute.is_null(codes))[0].as_py()
@@ -113,7 +114,22 @@ def codes_of(name: str, words: Any, path: Path) -> Any:
     return codes
 
 
-def read_stream(path: Path, names: Sequence[str] | None) -> tuple[tuple[str, ...], Any, bool]:
+def numbers_of(batches: Iterable[Any], names: Sequence[str], rows: int, path: Path) -> Array:
+    """Return the columns of record batches (n, c), at most `rows`; words become their positions."""
+    values = np.empty((rows, len(names)))
+    at = 0
+    for batch in batches:
+        end = at + batch.num_rows
+        for column, name in enumerate(names):
+            cells = batch.column(column)
+            if name in WORDS:
+                cells = codes_of(name, cells, path)
+            values[at:end, column] = cells.to_numpy(zero_copy_only=False)
+        at = end
+    return values[:at]
+
+
+def read_stream(path: Path, names: Sequence[str] | None) -> tuple[tuple[str, ...], Array, bool]:
     """Return names and numbers (n, c) of some columns, and whether the last line was cut.
 
     Args:
@@ -122,16 +138,8 @@ def read_stream(path: Path, names: Sequence[str] | None) -> tuple[tuple[str, ...
     """
     with WholeLines(path) as lines:
         present = tuple(name for name in lines.names if names is None or name in names)
+        rows = max(lines.lines, 0)
         check_columns(len(lines.names), str(path))
-        check_decoded(max(lines.lines, 0), len(present), str(path))
-        values: NDArray[np.float64] = np.empty((max(lines.lines, 0), len(present)))
-        at = 0
-        for batch in sample_batches(lines, path, present):
-            end = at + batch.num_rows
-            for column, name in enumerate(present):
-                cells = batch.column(column)
-                if name in WORDS:
-                    cells = codes_of(name, cells, path)
-                values[at:end, column] = cells.to_numpy(zero_copy_only=False)
-            at = end
-        return present, values[:at], lines.cut
+        check_decoded(rows, len(present), str(path))
+        values = numbers_of(sample_batches(lines, path, present), present, rows, path)
+        return present, values, lines.cut

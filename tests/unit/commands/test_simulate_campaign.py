@@ -8,11 +8,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from benchtool.commands.app import main
 from benchtool.core.errors import WouldOverwrite
-from benchtool.data.run.campaign import CampaignWriter, read_campaign, unfinished
+from benchtool.data.run.campaign import CampaignWriter, unfinished
 from benchtool.simulate.campaign import Row, write_campaign
 from benchtool.simulate.campaign_pitch import pitch_campaign
 from benchtool.simulate.design import Design
@@ -47,10 +48,8 @@ def test_the_command_writes_a_tidy_table_and_a_map(
         main([*WORDS, *vary, "--out", str(out)])
     assert left.value.code == 0
     assert "24 runs in" in capsys.readouterr().out
-    table = read_campaign(
-        out / "campaign.parquet", ["gains.attitude", "K_b", "controller", "seed", "peak_deg"]
-    )
-    assert {len(column) for column in table.values()} == {24}
+    table = pd.read_parquet(out / "campaign.parquet")
+    assert len(table) == 24
     pid = table["controller"] == "pid"
     soft = pid & (table["gains.attitude"] == 0.8)
     stiff = pid & (table["gains.attitude"] == 1.2)
@@ -123,7 +122,7 @@ def test_a_campaign_that_is_broken_off_keeps_its_rows_and_is_not_written_over(
     with pytest.raises(KeyboardInterrupt):
         write_campaign(rows(), path, {}, lambda _: None)
     assert not path.exists()
-    assert read_campaign(unfinished(path), ["K_b"])["K_b"].tolist() == list(range(10))
+    assert pd.read_parquet(unfinished(path))["K_b"].tolist() == list(range(10))
     with pytest.raises(WouldOverwrite, match=r"campaign\.parquet\.part exists already"):
         CampaignWriter(path, {})
 

@@ -44,12 +44,12 @@ def test_everything_is_listed_with_what_it_is(folder: RunsFolder) -> None:
     assert not any(entry.problem for entry in found.values())
     quad = found["quad"]
     assert (quad.rig, quad.state, quad.simulated) == ("pquad", "ended", True)
-    assert quad.said == "96 points"
-    assert found["one"].said == "4 points; Ctrl-C"
+    assert quad.summary == "96 points"
+    assert found["one"].summary == "4 points; Ctrl-C"
     assert found["one"].date.startswith("2026-03-02")
     assert (found["fits/quad"].rig, found["fits/quad"].state) == ("quad_bench", "converged")
-    assert found["answer"].said == "A cable pulls."
-    assert found["lab.csv"].said == "gap_mm, F_gf"
+    assert found["answer"].summary == "A cable pulls."
+    assert found["lab.csv"].summary == "gap_mm, F_gf"
 
 
 def test_the_newest_comes_first(folder: RunsFolder) -> None:
@@ -118,14 +118,14 @@ def test_a_run_that_has_just_begun_is_not_broken(folder: RunsFolder) -> None:
     run.update_metadata(state="running")
     (run.path / "points.csv").unlink()
     begun = entry_of(folder, "begun")
-    assert (begun.problem, begun.said, begun.state) == ("", "no point yet", "running")
+    assert (begun.problem, begun.summary, begun.state) == ("", "no point yet", "running")
 
 
 def test_a_pitch_recording_is_told_by_its_channels(folder: RunsFolder) -> None:
     run = small_run(folder.root / "pitch")
     run.update_metadata(device={"channels": {"theta_rad": "rad"}}, link={"samples": 1375})
     found = entry_of(folder, "pitch")
-    assert (found.kind, found.said, found.can_fit) == ("pitch recording", "1,375 samples", False)
+    assert (found.kind, found.summary, found.can_fit) == ("pitch recording", "1,375 samples", False)
     (run.path / "samples.csv").unlink()
     assert "no samples in it" in entry_of(folder, "pitch").problem
 

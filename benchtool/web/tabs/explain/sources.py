@@ -138,11 +138,12 @@ class RecordingSources(NamedTuple):
 
 def _recordings(entries: Iterable[Entry]) -> dict[str, str]:
     """Return what can be explained, name to words."""
-    return {
-        entry.name: f"{entry.name} ({', '.join(filter(None, (entry.kind, entry.rig, entry.said)))})"
-        for entry in entries
-        if entry.kind in RECORDED and not entry.problem
-    }
+    found = {}
+    for entry in entries:
+        if entry.kind in RECORDED and not entry.problem:
+            about = ", ".join(filter(None, (entry.kind, entry.rig, entry.summary)))
+            found[entry.name] = f"{entry.name} ({about})"
+    return found
 
 
 def _model_files(folder: RunsFolder) -> list[str]:

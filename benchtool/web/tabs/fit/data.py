@@ -131,7 +131,7 @@ class DataCard:
     def _offer(self) -> None:
         self.entries = {entry.name: entry for entry in self._listing.entries if entry.can_fit}
         offered = {
-            name: f"{name} ({', '.join(filter(None, (entry.rig, entry.said)))})"
+            name: f"{name} ({', '.join(filter(None, (entry.rig, entry.summary)))})"
             for name, entry in self.entries.items()
         }
         if offered != self._choice.options:

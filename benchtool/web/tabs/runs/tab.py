@@ -141,6 +141,6 @@ def _row(entry: Entry) -> dict[str, Any]:
         "rig": entry.rig,
         "date": entry.date,
         "state": state.removeprefix(", "),
-        "summary": entry.problem.removeprefix(f"{entry.name}: ") or entry.said,
+        "summary": entry.problem.removeprefix(f"{entry.name}: ") or entry.summary,
         "problem": bool(entry.problem),
     }

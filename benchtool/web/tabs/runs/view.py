@@ -45,7 +45,7 @@ def view_entry(root: Path, name: str) -> tuple[PageSection, tuple[str, ...]]:
         return _answer(path, name), ()
     if entry.kind == "table":
         return _table(path, name), ()
-    if entry.said == "no point yet":
+    if entry.summary == "no point yet":
         raise FileFormatError(name, "the sweep has measured no point yet; look again later")
     from benchtool.report.page import Facts, Paragraph
     from benchtool.web.drawing import blocks_html
