@@ -6,7 +6,7 @@ import pytest
 
 from benchtool.core.column_source import ColumnSource
 from benchtool.core.errors import FileFormatError
-from benchtool.data.run import upload
+from benchtool.data.run import runs_folder
 from benchtool.data.run.runs_folder import RunsFolder, checked_table, columns_file, keep_table
 from benchtool.physics.model_file import columns_to_toml, read_columns
 
@@ -61,7 +61,7 @@ def test_what_is_no_table_is_refused_and_not_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, data: bytes, said: str
 ) -> None:
     if data == b"x" * 1001:
-        monkeypatch.setattr(upload, "MOST_BYTES", 1000)
+        monkeypatch.setattr(runs_folder, "MOST_BYTES", 1000)
     with pytest.raises(FileFormatError, match=said):
         keep_table(RunsFolder(tmp_path / "runs"), "t.csv", data, "2026-01-02")
     assert not (tmp_path / "runs").exists()
