@@ -16,7 +16,7 @@ import numpy as np
 from benchtool.bench.bench import Identity, Opened, Readings
 from benchtool.bench.drivers import Address
 from benchtool.core.array import Array
-from benchtool.core.channel import Channel, unit_told_by
+from benchtool.core.channel import Channel, unit_in_name
 from benchtool.core.counted import counted
 from benchtool.core.errors import CommandRefused, FileFormatError, LinkLost
 from benchtool.core.parsed_text import parse_json
@@ -58,7 +58,7 @@ class ReplayBench(Opened):
             if name not in columns:
                 raise FileFormatError(str(path), f"it has no column {name}; name a run's samples")
         channels = tuple(
-            Channel(name, unit_told_by(name)) for name in names if name not in _NOT_STREAMED
+            Channel(name, unit_in_name(name)) for name in names if name not in _NOT_STREAMED
         )
         time_s = columns["time_s"]
         identity = _identity(address, path, channels, time_s)

@@ -51,7 +51,7 @@ def require_known_channel(name: str) -> None:
         raise UnknownChoice("channel", name, (item.replace("#", "1") for item in CHANNEL_NAMES))
 
 
-def unit_told_by(name: str) -> str:
+def unit_in_name(name: str) -> str:
     """Return the unit that a column name of ours carries; "1" when it carries none."""
     if _RPM.fullmatch(name):
         return "rpm"

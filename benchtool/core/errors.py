@@ -14,7 +14,7 @@
     │   │   ├── NoDevice           3   nothing there, or nothing that answers
     │   │   └── LinkLost           3   it answered and went silent
     │   ├── ProtocolError          3   an answer that makes no sense
-    │   ├── CommandRefused         3   the device said no
+    │   ├── CommandRefused         3   the device refused
     │   ├── LimitExceeded          4   a reading beyond its limit
     │   ├── StageError             3   the plate's stage
     │   ├── DeviceStopped          4   the device stopped its motors by itself
@@ -215,7 +215,7 @@ class StageError(BenchError):
 
 
 class DeviceStopped(BenchError):
-    """The device stopped its motors by itself and said why."""
+    """The device stopped its motors by itself and gave the reason."""
 
     exit_code = 4
 

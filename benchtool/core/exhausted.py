@@ -35,12 +35,12 @@ def exhaustion(error: OSError | MemoryError) -> tuple[str, str]:
     """Return what is used up, refused or failed, and what to do."""
     if isinstance(error, MemoryError):
         return _WORDS[errno.ENOMEM]
-    said = (error.strerror or str(error) or type(error).__name__).lower()
-    return _WORDS.get(error.errno or 0, (said, "look at the disk and its permissions"))
+    reason = (error.strerror or str(error) or type(error).__name__).lower()
+    return _WORDS.get(error.errno or 0, (reason, "look at the disk and its permissions"))
 
 
 def is_exhaustion(error: OSError | MemoryError) -> bool:
-    """Tell whether something is used up or refused, not merely wrong (a folder for a file)."""
+    """Return whether something is used up or refused, not merely wrong (a folder for a file)."""
     return isinstance(error, MemoryError) or error.errno in _WORDS
 
 

@@ -94,7 +94,7 @@ class Inputs(FiniteTable):
     def __post_init__(self) -> None:
         own: Any = type(self)
         for item in _fields_of(own):
-            # Defaults are not checked here: that would import pydantic before anything is asked.
+            # Defaults are not checked here: that would import pydantic before anything is needed.
             value = getattr(self, item.key)
             if value is not item.default and value != {}:
                 object.__setattr__(self, item.key, item.read(value, item.key))

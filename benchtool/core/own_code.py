@@ -87,7 +87,7 @@ def _search_here() -> None:
 
 def _where(error: BaseException) -> str:
     """Return file and line of the last frame that stands in a file, as text."""
-    if isinstance(error, SyntaxError):  # tells file and line itself
+    if isinstance(error, SyntaxError):  # names file and line itself
         return ""
     frames = traceback.extract_tb(error.__traceback__)
     written = [frame for frame in frames if not frame.filename.startswith("<")]

@@ -1,4 +1,4 @@
-"""Schedules: what a pitch experiment is told to do, as values and as samples in time."""
+"""Schedules: the commands of a pitch experiment, as values and as samples in time."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ NotNegative = Annotated[float, Ge(0.0)]
 Positive = Annotated[float, Gt(0.0)]
 
 LONGEST_S = 3600.0
-"""Longest run asked for by hand; its recording fills some hundred megabytes of memory (a guess)."""
+"""Longest run that may be started; its recording fills some hundred megabytes (a guess)."""
 
 FARTHEST_PLATE = 100.0
 """In rotor radii; a plate farther away does nothing that anybody could see."""

@@ -1,4 +1,4 @@
-"""How large a table from outside may be, said in one sentence where one is larger."""
+"""Bounds on tables from outside, and the refusals of larger ones."""
 
 from __future__ import annotations
 

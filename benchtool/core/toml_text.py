@@ -162,9 +162,7 @@ def check_value(declared: Any, value: Any) -> Any:
     """
     from pydantic import ValidationError
 
-    text = json.dumps(
-        value, default=lambda each: each.tolist() if hasattr(each, "tolist") else str(each)
-    )
+    text = json.dumps(value, default=_plain)
     try:
         return _value_checker(declared).validate_json(text, strict=True)
     except ValidationError as error:

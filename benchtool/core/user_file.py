@@ -124,5 +124,5 @@ def _reason(error: OSError | ValueError, path: str | Path) -> str:
         is_link = os.path.islink(path)
         link = "this is a symbolic link, which is not followed here"
         return f"{link if is_link else 'its links lead in a circle'}; name the file itself"
-    said = (error.strerror or "it cannot be read").lower()
-    return _REASONS.get(error.errno or 0, f"{said}; check the file")
+    reason = (error.strerror or "it cannot be read").lower()
+    return _REASONS.get(error.errno or 0, f"{reason}; check the file")

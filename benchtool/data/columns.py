@@ -1,4 +1,4 @@
-"""What the columns of our own files are called, which unit a name tells, and the words in them."""
+"""Columns of our own files: names, the unit that a name carries, and the words in them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from benchtool.core.channel import Channel, unit_told_by
+from benchtool.core.channel import Channel, unit_in_name
 from benchtool.core.errors import FileFormatError, UnknownChoice
 from benchtool.core.recording import Recording
 
@@ -99,7 +99,7 @@ def channel_called(name: str) -> Channel:
     if name in WORDS:
         words = ", ".join(f"{index} {word}" for index, word in enumerate(WORDS[name]))
         return Channel(name, "1", words)
-    return Channel(name, unit_told_by(name))
+    return Channel(name, unit_in_name(name))
 
 
 def code_of(column: str, word: str) -> float:

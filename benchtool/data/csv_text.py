@@ -308,7 +308,7 @@ def evened(table: TextTable) -> TextTable:
     separators = int(np.count_nonzero(~stored & (counts > 1)))
     while len(names) > 1 and not names[-1]:
         names.pop()
-    # A reader that asks to even a table knows its columns already.
+    # A reader that evens a table knows its columns already.
     width = len(table.header) if table.is_even else _width(used, len(names))
     short, long, blank = [], [], []
     for i in np.flatnonzero(stored & (counts != width)).tolist():

@@ -21,7 +21,7 @@ from benchtool.bench.rcbenchmark.link import BridgeLink, RcbSettings, rcb_settin
 from benchtool.bench.transport.sockets import UdpSocket
 from benchtool.bench.transport.transport import Transport
 from benchtool.core.array import Array
-from benchtool.core.channel import Channel, unit_told_by
+from benchtool.core.channel import Channel, unit_in_name
 from benchtool.core.errors import (
     BenchError,
     CommandRefused,
@@ -238,7 +238,7 @@ class RcbBench(StreamingBench):
             device_id=f"rcb-{hello.board}",
             firmware=f"RCbenchmark {hello.version}, firmware {hello.firmware}, {bridge}",
             protocol=f"rcbudp-{hello.bridge}",
-            channels=tuple(Channel(name, unit_told_by(name)) for name in names),
+            channels=tuple(Channel(name, unit_in_name(name)) for name in names),
             rate_Hz=self._base_Hz,
             n_rotors=1,
             simulated=virtual,

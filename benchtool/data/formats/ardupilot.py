@@ -47,8 +47,8 @@ def _read(log: MessageLog, name: str, where: str, provenance: Mapping[str, str])
         *battery.stream({"voltage_V": ("Volt", 1.0), "current_A": ("Curr", 1.0)}),
         *_distance(log),
     ]
-    said = log["MSG"].texts("Message") if log["MSG"].has("Message") else []
-    firmware = next((text for text in said if text.startswith(("Ardu", "APM"))), "ArduPilot")
+    texts = log["MSG"].texts("Message") if log["MSG"].has("Message") else []
+    firmware = next((text for text in texts if text.startswith(("Ardu", "APM"))), "ArduPilot")
     return flight_import(log, streams, name, where, {**provenance, "device": firmware})
 
 

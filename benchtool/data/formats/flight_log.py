@@ -24,7 +24,11 @@ _NEEDS: tuple[tuple[str, str, str], ...] = (
     ("rates", r"gyro_rad_s", "no rates stand in it; differences of the attitude are all there is"),
     ("reference", r"theta_ref_rad", "no wanted pitch stands in it"),
     ("outputs", r"pwm\d+_us|motor\d+_share", "no motor outputs stand in it"),
-    ("rpm", r"rpm\d+", "no ESC or tachometer tells speeds; they can only be modelled from outputs"),
+    (
+        "rpm",
+        r"rpm\d+",
+        "no ESC or tachometer gives speeds; they can only be modelled from outputs",
+    ),
     ("distance", r"distance_m", "no distance sensor stands in it; --over says what it flew over"),
 )
 """What a pitch recording is made of, the channels that hold it, and what its lack means."""

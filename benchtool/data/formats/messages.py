@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.array import Array
-from benchtool.core.channel import Channel, unit_told_by
+from benchtool.core.channel import Channel, unit_in_name
 from benchtool.core.counted import counted
 from benchtool.core.recording import Recording
 from benchtool.data.repairs.imported import Finding
@@ -195,7 +195,7 @@ def merged(streams: Sequence[Stream]) -> tuple[Recording, int]:
             values[rows, column] = channel_values
             column += 1
     channels = tuple(
-        Channel(name, unit_told_by(name)) for name in ("time_s", "device_time_us", *names)
+        Channel(name, unit_in_name(name)) for name in ("time_s", "device_time_us", *names)
     )
     disordered = sum(int(np.count_nonzero(np.diff(stream.time_us) < 0)) for stream in streams)
     return Recording(channels, values), disordered

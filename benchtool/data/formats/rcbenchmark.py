@@ -71,11 +71,11 @@ def _one_speed(
     lives = {
         name: bool(np.any(read[name] > 0.0)) for name in ("rpm1", "rpm1_optical") if name in read
     }
-    kept: list[MappedColumn] = []
+    stored: list[MappedColumn] = []
     for column in columns:
         if lives.get(column.name, True):
             optical_only = column.name == "rpm1_optical" and not lives.get("rpm1")
-            kept.append(replace(column, name="rpm1") if optical_only else column)
+            stored.append(replace(column, name="rpm1") if optical_only else column)
             continue
         words = f"{column.source} is 0 or blank in every row and left out"
         count = len(read[column.name])
@@ -83,4 +83,4 @@ def _one_speed(
     if not any(lives.values()):
         words = "no speed was measured; thrust can only be held against the ESC signal"
         findings.append(Finding("lacks", "rpm", words))
-    return kept
+    return stored

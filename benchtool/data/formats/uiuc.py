@@ -24,7 +24,7 @@ _SIZE = re.compile(r"_(?P<diameter>\d+(?:\.\d+)?)x(?P<pitch>\d+(?:\.\d+)?)")
 
 
 def is_uiuc(head: bytes) -> bool:
-    """Tell whether a header is that of a static run of the database."""
+    """Return whether a header is that of a static run of the database."""
     return head.split(maxsplit=3)[:3] == [b"RPM", b"CT", b"CP"]
 
 

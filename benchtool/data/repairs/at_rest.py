@@ -127,7 +127,7 @@ def apply_options(read: Imported, options: Options) -> Imported:
         return read.with_values(name, values).with_findings([finding])
 
     for name in options.flip:
-        read = repaired(name, -read.recording.column(name), "wrong sign", "sign turned by --flip")
+        read = repaired(name, -read.recording.column(name), "wrong sign", "sign reversed by --flip")
     for name in options.tare:
         zero = zero_of(read.recording, name)
         if zero is None:

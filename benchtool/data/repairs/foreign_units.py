@@ -1,4 +1,4 @@
-"""Units as other people's files write them, turned into ours; pint where our own list ends."""
+"""Units as other people's files write them, converted to ours; pint where our own list ends."""
 
 from __future__ import annotations
 

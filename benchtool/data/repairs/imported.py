@@ -142,7 +142,7 @@ class Options:
 
     Attributes:
         columns: column map for a CSV; None lets the header speak.
-        flip: channels whose sign is turned.
+        flip: channels whose sign is reversed.
         tare: channels whose reading at rest is taken off.
         scale: factors as CHANNEL=FACTOR.
         air_density_kg_m3: for files that hold coefficients.

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from benchtool.core.array import Array
-from benchtool.core.channel import Channel, require_known_channel, unit_told_by
+from benchtool.core.channel import Channel, require_known_channel, unit_in_name
 from benchtool.core.column_source import ColumnSource
 from benchtool.core.counted import counted
 from benchtool.core.errors import FileFormatError, InputError, UnknownChoice
@@ -53,7 +53,7 @@ def has_columns(*names: str, any_of: Collection[str] = ()) -> Callable[[bytes], 
 
     Args:
         names: columns that must all be there.
-        any_of: columns of which one must be there; empty asks for none.
+        any_of: columns of which one must be there; empty where none must.
     """
 
     def recognizes(head: bytes) -> bool:
@@ -96,7 +96,7 @@ def map_header(
             if head.name:
                 (computed if head.name in derived else others).append(cell)
             continue
-        ours = unit_told_by(name)
+        ours = unit_in_name(name)
         theirs = head.unit if head.unit is not None else (units or {}).get(name, ours)
         try:
             scale = conversion(theirs, ours)
@@ -189,7 +189,7 @@ def read_columns(
             np.multiply(values, scale.factor, out=row)
         if scale.offset:  # added to -0.0, a zero would change it
             row += scale.offset
-    channels = tuple(Channel(column.name, unit_told_by(column.name)) for column, _ in stored)
+    channels = tuple(Channel(column.name, unit_in_name(column.name)) for column, _ in stored)
     return Imported(
         recording=Recording(channels, out.T, {**provenance, "rows": str(rows)}),
         format=format_name,
@@ -244,7 +244,7 @@ def _mapped(table: TextTable, name: str, entry: Any, path: Path) -> MappedColumn
         entry = {"column": entry}
     if not isinstance(entry, dict):
         raise FileFormatError(where, "write it as { column = 'their name', unit = 'gf' }")
-    ours = unit_told_by(name)
+    ours = unit_in_name(name)
     theirs = entry.get("unit", ours)
     if not isinstance(theirs, str):
         raise FileFormatError(where, f"unit is {theirs!r}, but a text is needed")

@@ -31,8 +31,8 @@ class Numbers:
 
     Attributes:
         table: as it was read: evened, where it was not even.
-        columns: (c, n) a row per asked column; nan where a cell is blank.
-        lines: (n,) line of each kept row.
+        columns: (c, n) a row for each column that is read; nan where a cell is blank.
+        lines: (n,) line of each stored row.
         findings: what was blanked or refused.
     """
 
@@ -100,7 +100,7 @@ def _fill(values: Array, reader: Any, positions: Sequence[int]) -> None:
 def _reader(
     table: TextTable, positions: Sequence[int], cell_type: Any, blank: Sequence[str]
 ) -> Any:
-    """Return pyarrow's reader of the asked columns, which rounds decimals correctly."""
+    """Return pyarrow's reader of these columns, which rounds decimals correctly."""
     import pyarrow as pa
     from pyarrow import csv
 

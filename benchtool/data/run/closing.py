@@ -83,15 +83,15 @@ def _state(run: Run, facts: dict[str, Any], visits: int | None, log: EventLog) -
         return {}
     done = _visits_done(run.path)
     if planned and done >= int(planned):
-        said = f"closed afterwards; all is measured: {counted(done, 'visit')}"
+        text = f"closed afterwards; all is measured: {counted(done, 'visit')}"
         changes: dict[str, Any] = {"state": "ended"}
     elif state == "running":
-        said, changes = f"closed afterwards; {DIED}", {"state": "stopped", "reason": DIED}
+        text, changes = f"closed afterwards; {DIED}", {"state": "stopped", "reason": DIED}
     else:
         return {}
     events = read_events(log.path)
-    if not events or events[-1].text != said:
-        log.append(Event(events[-1].time_s if events else 0.0, "closed", said))
+    if not events or events[-1].text != text:
+        log.append(Event(events[-1].time_s if events else 0.0, "closed", text))
     return changes
 
 
@@ -120,7 +120,7 @@ def _seal(folder: Path, facts: dict[str, Any]) -> dict[str, Any]:
 
 
 def has_rows(path: Path) -> bool:
-    """Tell whether a table of a run has a whole row below its header."""
+    """Return whether a table of a run has a whole row below its header."""
     if not path.is_file():
         return False
     with WholeLines(path) as lines:

@@ -82,7 +82,7 @@ def relative_speed_error(points: Recording) -> Array:
     """Return the relative error (n,) that the speeds' errors make in k times the sum of w^2.
 
     Thrust is compared at measured speeds, and those have errors too: 2 sqrt(sum (w se)^2) over
-    sum w^2; 0 where no errors of speed are told.
+    sum w^2; 0 where no errors of speed are given.
     """
     names = speed_columns(points.names, "rpm")
     if not names or any(f"{name}_se" not in points for name in names):

@@ -26,7 +26,7 @@ from benchtool.data.table import columns_of
 
 
 def is_run(path: str | Path) -> bool:
-    """Tell whether a path is a run folder."""
+    """Return whether a path is a run folder."""
     return os.path.lexists(Path(path) / "metadata.json")
 
 
@@ -60,7 +60,7 @@ def read_samples(path: str | Path, names: Sequence[str] | None = None) -> Record
     """Return every sample of a run folder, or of any samples.csv.
 
     The hashed Parquet of a closed run is preferred; where it does not match what the metadata
-    say, the CSV is read in its place and a warning tells so. Of an hour at 1 kHz each column takes
+    say, the CSV is read in its place and a warning says so. Of an hour at 1 kHz each column takes
     29 MB.
 
     Args:
@@ -78,8 +78,8 @@ def read_samples(path: str | Path, names: Sequence[str] | None = None) -> Record
             return _with_provenance(recording, parquet, path, ())
         warnings.warn(f"{parquet}: {problem}; samples.csv was read instead", stacklevel=2)
         recording = _read_samples(path / "samples.csv", path, names)
-        said = "; ".join(filter(None, (recording.provenance["repairs"], problem)))
-        return replace(recording, provenance={**recording.provenance, "repairs": said})
+        repairs = "; ".join(filter(None, (recording.provenance["repairs"], problem)))
+        return replace(recording, provenance={**recording.provenance, "repairs": repairs})
     return _read_samples(_file(path, "samples.csv"), path, names)
 
 
@@ -196,7 +196,7 @@ def read_pitch(path: str | Path) -> Recording:
 
 
 def is_pitch_run(path: str | Path) -> bool:
-    """Tell whether a run folder holds a pitch experiment, by the channels of its samples."""
+    """Return whether a run folder holds a pitch experiment, by the channels of its samples."""
     file = Path(path) / "samples.csv"
     if not os.path.lexists(file):
         return False

@@ -57,13 +57,13 @@ def rig_of_data(paths: Sequence[str]) -> Rig | None:
 
 def differences(one: Rig, other: Rig) -> tuple[str, ...]:
     """Return in which numbers that a model takes from a rig two rigs differ, in words."""
-    told = []
+    found = []
     if one.n_rotors != other.n_rotors:
-        told.append(f"{one.n_rotors} rotors against {other.n_rotors}")
+        found.append(f"{one.n_rotors} rotors against {other.n_rotors}")
     elif any(
         (a.x_m, a.y_m) != (b.x_m, b.y_m) for a, b in zip(one.rotors, other.rotors, strict=True)
     ):
-        told.append(f"rotors elsewhere on {one.name!r} and {other.name!r}")
+        found.append(f"rotors elsewhere on {one.name!r} and {other.name!r}")
     pairs = {
         "rotor radius": (one.propulsion.radius_m, other.propulsion.radius_m, "m"),
         "thrust coefficient": (
@@ -73,12 +73,12 @@ def differences(one: Rig, other: Rig) -> tuple[str, ...]:
         ),
         "half diagonal": (one.body.half_diagonal_m, other.body.half_diagonal_m, "m"),
     }
-    told += [
+    found += [
         f"{what} {_shown(a, unit)} against {_shown(b, unit)}"
         for what, (a, b, unit) in pairs.items()
         if a != b
     ]
-    return tuple(told)
+    return tuple(found)
 
 
 def _shown(value: float | None, unit: str) -> str:

@@ -1,4 +1,4 @@
-"""The folder that runs are kept in, and the one way from a name that a stranger gave to a path.
+"""The folder of runs, and the one way from a name that somebody typed to a path in it.
 
 A name never leads out of the folder: not by "..", not by an absolute path, not by a link on the way
 or inside what is named. What is named is checked whole before anything of it is opened.
@@ -116,7 +116,7 @@ class RunsFolder:
 
 
 def _is_below(path: Path, root: Path) -> bool:
-    """Tell whether a path, every link followed, lies below a folder."""
+    """Return whether a path, every link followed, lies below a folder."""
     try:
         real, top = path.resolve(), root.resolve()
     except (OSError, RuntimeError):  # a ring of links
@@ -125,7 +125,7 @@ def _is_below(path: Path, root: Path) -> bool:
 
 
 def _everything(path: Path, depth: int) -> Iterator[Path]:
-    """Yield a path and all below it; links are told and not followed."""
+    """Yield a path and all below it; links are named and not followed."""
     yield path
     if depth and path.is_dir():
         for item in sorted(path.iterdir()):

@@ -101,7 +101,7 @@ def test_motors_speeds_and_distance_find_their_channels() -> None:
     assert recording.provenance["device"] == "ArduCopter V4.5.7"
 
 
-def test_a_motor_without_pulses_is_told() -> None:
+def test_a_motor_without_pulses_is_reported() -> None:
     records = [
         (name, (values[0], 1500, 1510, 0, 1530) if name == "RCOU" else values)
         for name, values in hop()
@@ -149,9 +149,9 @@ def test_corrupt_bytes_are_passed_over_and_counted() -> None:
     np.testing.assert_array_equal(
         read.recording.values, import_bytes(data, "hop.bin", Options()).recording.values
     )
-    (told,) = found(read, "corrupt bytes")
-    assert "37 bytes in 1 place" in told.words
-    assert f"byte {middle:,}" in told.words
+    (finding,) = found(read, "corrupt bytes")
+    assert "37 bytes in 1 place" in finding.words
+    assert f"byte {middle:,}" in finding.words
 
 
 def test_a_records_head_inside_a_body_is_no_record() -> None:

@@ -105,7 +105,7 @@ def test_numbers_are_mavutils(reference_data: Path) -> None:
     np.testing.assert_array_equal(np.sort(known(read, "pwm1_us")), np.sort(outputs))
 
 
-def test_a_motor_without_pulses_is_told(reference_data: Path) -> None:
+def test_a_motor_without_pulses_is_reported(reference_data: Path) -> None:
     read = import_file(reference_data / "logs" / "uavlogviewer_vtol.tlog")
     assert "motor 7 on channel 11" in found(read, "motor channels")[0].words
     (lack,) = found(read, "outputs")
@@ -137,7 +137,7 @@ def test_a_wrong_checksum_is_refused() -> None:
     assert found(read, "corrupt frames")[0].count == 1
 
 
-def test_the_vehicle_is_told_from_others() -> None:
+def test_the_vehicle_is_known_from_others() -> None:
     other = tlog([(6_000_000 + 1000 * i, attitude(6000 + i, 0.9)) for i in range(5)], system=9)
     read = import_bytes(tlog(hop()) + other, "two.tlog", Options())
     assert read.recording.provenance["device"] == "MAVLink system 1, component 1"

@@ -74,7 +74,7 @@ def test_a_cut_log_gives_what_is_whole(path: Path) -> None:
     np.testing.assert_array_equal(known(read, "theta_rad"), known(whole, "theta_rad")[:rows])
 
 
-def test_corrupt_bytes_are_told(path: Path) -> None:
+def test_corrupt_bytes_are_reported(path: Path) -> None:
     data = bytearray(path.read_bytes())
     middle = len(data) // 2
     data[middle : middle + 300] = b"\x00" * 300

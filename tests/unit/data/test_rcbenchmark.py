@@ -53,8 +53,8 @@ def test_blank_cells_of_a_slower_channel_stay_blank() -> None:
     thrust[1::2] = np.nan
     read = imported(log_text(steps_1580(**{"Thrust (gf)": thrust})))
     assert np.count_nonzero(np.isnan(read.recording.column("thrust_N"))) == 10
-    (told,) = found(read, "blank cells")
-    assert (told.channel, told.count) == ("thrust_N", 10)
+    (finding,) = found(read, "blank cells")
+    assert (finding.channel, finding.count) == ("thrust_N", 10)
 
 
 def test_the_first_row_is_stamped_late() -> None:
@@ -62,17 +62,17 @@ def test_the_first_row_is_stamped_late() -> None:
     time_s[0] = 0.6
     read = imported(log_text(steps_1580(**{"Time (s)": time_s})))
     assert read.recording.column("time_s")[:3].tolist() == [0.5, 0.5, 1.0]
-    (told,) = found(read, "time goes backwards")
-    assert told.lines == "2"
+    (finding,) = found(read, "time goes backwards")
+    assert finding.lines == "2"
 
 
 def test_time_that_starts_anew_follows_on() -> None:
     time_s = np.concatenate([np.arange(12) * 0.5, np.arange(8) * 0.5])
     read = imported(log_text(steps_1580(**{"Time (s)": time_s})))
     np.testing.assert_allclose(read.recording.column("time_s"), np.arange(20) * 0.5)
-    (told,) = found(read, "time starts anew")
-    assert told.lines == "14"
-    assert told.count == 8
+    (finding,) = found(read, "time starts anew")
+    assert finding.lines == "14"
+    assert finding.count == 8
 
 
 def test_small_disorder_is_sorted() -> None:
@@ -108,15 +108,15 @@ def test_rows_of_other_lengths_and_of_text() -> None:
     assert found(read, "empty rows")[0].count == 1
 
 
-def test_a_text_cell_is_blanked_and_told() -> None:
+def test_a_text_cell_is_blanked_and_reported() -> None:
     lines = log_text(steps_1580()).splitlines()
     cells = lines[6].split(",")
     cells[9] = "#DIV/0!"
     lines[6] = ",".join(cells)
     read = imported("\n".join(lines) + "\n")
     assert np.isnan(read.recording.column("thrust_N")[5])
-    (told,) = found(read, "text cells")
-    assert (told.lines, told.channel) == ("7", "Thrust (gf)")
+    (finding,) = found(read, "text cells")
+    assert (finding.lines, finding.channel) == ("7", "Thrust (gf)")
 
 
 def test_script_columns_without_a_name() -> None:
@@ -167,8 +167,8 @@ def test_an_rpm_spike_is_blanked() -> None:
     columns = steps_1580(40, **{"Motor Electrical Speed (RPM)": rpm})
     read = imported(log_text(columns))
     assert np.flatnonzero(np.isnan(read.recording.column("rpm1"))).tolist() == [17]
-    (told,) = found(read, "spikes")
-    assert (told.lines, told.kind) == ("19", "repaired")
+    (finding,) = found(read, "spikes")
+    assert (finding.lines, finding.kind) == ("19", "repaired")
 
 
 def test_a_step_up_and_down_of_the_throttle_is_no_spike() -> None:
@@ -247,7 +247,7 @@ def test_what_cannot_be_read_is_refused_in_a_sentence(text: str, said: str) -> N
         imported(text)
 
 
-def test_what_is_told_must_make_sense() -> None:
+def test_what_is_known_must_make_sense() -> None:
     with pytest.raises(InputError, match="CHANNEL=FACTOR"):
         imported(log_text(steps_1580()), scale=("rpm1",))
     with pytest.raises(InputError, match="known: "):

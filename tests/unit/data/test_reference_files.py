@@ -82,11 +82,11 @@ def test_every_file_imports_and_nothing_is_lost(reference_data: Path, tmp_path: 
             data_lines = [line for line in path.read_bytes().split(b"\n")[1:] if line.strip(b"\r")]
             assert read.tally.total == len(data_lines), name
             assert read.tally.refused == 0, name
-        told = {f"{item.kind} {item.what}" for item in read.findings}
-        assert EXPECTED.get(name, set()) <= told, (name, told)
+        stated = {f"{item.kind} {item.what}" for item in read.findings}
+        assert EXPECTED.get(name, set()) <= stated, (name, stated)
         finite = np.isfinite(read.recording.values).any(axis=0)
         assert finite.all(), name
-        listed = ", ".join(sorted(told)) or "nothing"
+        listed = ", ".join(sorted(stated)) or "nothing"
         table.append(f"{name} | {read.tally.kept} of {read.tally.total} | {listed}")
     print("\n".join(table))  # shown with -s
     assert len(table) == len(measured)
@@ -99,9 +99,9 @@ def test_no_column_of_a_table_is_dropped_without_a_word(
     assert len(tables) > 20
     for path in tables:
         read = read_one(path, tmp_path)
-        told = " ".join([*read.sources.values(), *(item.words for item in read.findings)])
+        stated = " ".join([*read.sources.values(), *(item.words for item in read.findings)])
         for cell in lay_out(path.read_bytes(), path.name).header:
-            assert head_of(cell).name in told, (path.name, cell, told)
+            assert head_of(cell).name in stated, (path.name, cell, stated)
 
 
 def is_table(path: Path) -> bool:

@@ -170,7 +170,7 @@ def test_the_hash_names_the_data(tmp_path: Path) -> None:
         data_hash(tmp_path)
 
 
-def test_metadata_that_is_no_json_is_told(tmp_path: Path) -> None:
+def test_metadata_that_is_no_json_is_reported(tmp_path: Path) -> None:
     run = small_run(tmp_path / "run")
     (run.path / "metadata.json").write_text("{")
     with pytest.raises(FileFormatError, match="not valid JSON"):

@@ -121,7 +121,7 @@ def test_a_run_that_has_just_begun_is_not_broken(folder: RunsFolder) -> None:
     assert (begun.problem, begun.summary, begun.state) == ("", "no point yet", "running")
 
 
-def test_a_pitch_recording_is_told_by_its_channels(folder: RunsFolder) -> None:
+def test_a_pitch_recording_is_known_by_its_channels(folder: RunsFolder) -> None:
     run = small_run(folder.root / "pitch")
     run.update_metadata(device={"channels": {"theta_rad": "rad"}}, link={"samples": 1375})
     found = entry_of(folder, "pitch")

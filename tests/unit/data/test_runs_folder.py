@@ -125,7 +125,7 @@ def test_nothing_is_written_over(folder: RunsFolder) -> None:
     assert not (folder.root / "2026-01-02-x-2").exists()
 
 
-def test_what_is_not_there_is_told(folder: RunsFolder) -> None:
+def test_what_is_not_there_is_reported(folder: RunsFolder) -> None:
     with pytest.raises(FileFormatError, match="not in the runs folder"):
         folder.path_of("none")
     with pytest.raises(FileFormatError, match="no file"):

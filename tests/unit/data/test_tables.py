@@ -80,7 +80,7 @@ def test_units(text: str, target: str, factor: float) -> None:
     assert conversion(text, target).factor == pytest.approx(factor, rel=1e-12)
 
 
-def test_known_names_are_read_and_missing_units_told() -> None:
+def test_known_names_are_read_and_missing_units_are_reported() -> None:
     read = imported("t,Thrust (kgf),pwm1,colour\n0,1,1500,red\n1,2,1600,blue\n")
     np.testing.assert_allclose(read.recording.column("thrust_N"), [9.80665, 19.6133])
     assert found(read, "units")[0].words == "the header names none; read t as s, pwm1 as pwm_us"

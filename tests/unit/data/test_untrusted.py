@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from benchtool.core.channel import unit_told_by
+from benchtool.core.channel import unit_in_name
 from benchtool.core.errors import InputError
 from benchtool.data.formats.formats import import_bytes
 from benchtool.data.repairs.foreign_units import Conversion, conversion
@@ -55,7 +55,7 @@ def check_import(data: bytes, name: str) -> Imported | None:
     if read.tally.unit == "row":
         assert read.tally.kept == len(read.recording)
     for channel in read.recording.channels:
-        assert channel.unit == unit_told_by(channel.name)
+        assert channel.unit == unit_in_name(channel.name)
     for item in read.findings:
         assert item.sentence
     return read

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from nicegui import ui
 
-from benchtool.core.channel import unit_told_by
+from benchtool.core.channel import unit_in_name
 from benchtool.core.column_source import ColumnSource
 from benchtool.core.errors import InputError
 from benchtool.core.units import UNITS, unit_named
@@ -46,7 +46,7 @@ NONE, CONSTANT = "", "\0constant"
 
 def units_for(channel: str) -> tuple[str, ...]:
     """Return the units that a column of a channel may have, ours first."""
-    own = unit_told_by(channel)
+    own = unit_in_name(channel)
     dimension = unit_named(own).dimension
     others = (symbol for symbol, unit in UNITS.items() if unit.dimension == dimension)
     return (own, *(symbol for symbol in others if symbol != own))
@@ -196,7 +196,7 @@ def _column_fields(
     channel: str, source: ColumnSource | None, header: tuple[str, ...]
 ) -> Callable[[], ColumnSource | None]:
     """Make the fields of one channel, and return what reads them."""
-    own = unit_told_by(channel)
+    own = unit_in_name(channel)
     choices = {NONE: "–", CONSTANT: "one number for all rows"}
     choices |= {cell: cell for cell in header if cell}
     value = NONE if source is None else source.column or CONSTANT
