@@ -149,7 +149,7 @@ class Rig(FiniteTable):
 
     @property
     def plate_x_max_m(self) -> float:
-        """Lateral travel of the plate to either side; if not stated, where it leaves every rotor."""
+        """Lateral travel of the plate to either side; if not stated, until it leaves each rotor."""
         if self.plate.x_max_m is not None:
             return self.plate.x_max_m
         reach_m = max(abs(place.x_m) for place in self.rotors) + self.propulsion.radius_m

@@ -187,19 +187,9 @@ class Run:
         return EventLog(self.path / "events.jsonl")
 
     def close(self, visits: int | None = None) -> bool:
-        """Mend what a killed process left, and write settings.csv and the hashed Parquet.
-
-        Safe to call again and to kill anywhere; see `closing.close_run`.
-
-        Args:
-            visits: how many the plan has; as the metadata say where left out.
-
-        Returns:
-            Whether anything was missing.
+        """Close the run and return whether anything was missing; see `closing.close_run`.
 
         Raises:
-            InputError: another process measures or closes it.
-            FileFormatError: a file of it cannot be read.
             ResourceExhausted: it cannot be written.
         """
         try:
