@@ -9,6 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from benchtool.bench.clocks import DeviceClock
+from benchtool.bench.serial.bench import check_rate, highest_rate_Hz
 from benchtool.bench.serial.commands import RequestHello, SetPwm
 from benchtool.bench.serial.frames import (
     HEARTBEAT,
@@ -22,6 +24,7 @@ from benchtool.bench.serial.frames import (
     frame_version_1,
     messages_in,
 )
+from benchtool.core.errors import InputError
 
 
 def test_checksum_of_the_test_vector() -> None:
@@ -194,3 +197,50 @@ def test_whole_frames_are_found_in_any_garbage(pieces: list[tuple[bytes, bool]])
     ]
     expected = [str(i) for i, whole in enumerate(followed_by_dollar) if whole]
     assert set(expected) <= {message.fields[1] for message in found}
+
+
+def test_the_refusal_shows_the_arithmetic() -> None:
+    with pytest.raises(InputError) as caught:
+        check_rate(1000.0, 101, 921_600)
+    assert str(caught.value) == (
+        "1000 frames/s x 101 bytes x 10 bits = 1,010,000 baud, but the link runs at 921,600 baud; "
+        "ask for at most 912 Hz or raise baud on both ends"
+    )
+
+
+def test_what_fits_passes() -> None:
+    check_rate(912.0, 101, 921_600)
+    check_rate(1e6, 101, 0)
+    assert highest_rate_Hz(100, 1_000_000) == 1000.0
+
+
+@pytest.mark.parametrize("rate_Hz", [-1.0, float("nan")])
+def test_a_rate_that_is_none(rate_Hz: float) -> None:
+    with pytest.raises(InputError, match="makes no sense"):
+        check_rate(rate_Hz, 101, 0)
+
+
+def test_host_time_is_right_to_the_smallest_delay(rng: np.random.Generator) -> None:
+    clock = DeviceClock()
+    drift = 1.0 + 50e-6
+    device_us = np.arange(0, 120_000_000, 5_000)
+    true_s = 1000.0 + device_us * 1e-6 * drift
+    arrived_s = true_s + 0.001 + rng.exponential(0.004, len(true_s))
+    host_s = np.empty_like(true_s)
+    for i in range(0, len(device_us), 4):
+        part = slice(i, i + 4)
+        clock.learn(int(device_us[part][-1]), float(arrived_s[part][-1]))
+        host_s[part] = clock.host_time_s(device_us[part])
+    error_s = (host_s - true_s)[len(host_s) // 4 :]
+    assert np.all(np.diff(host_s) > 0.0)
+    # One millisecond of delay is always there; the window lets drift add half of one.
+    assert np.all(error_s > -0.001)
+    assert np.all(error_s < 0.002)
+
+
+def test_a_late_first_line_is_made_up_for() -> None:
+    clock = DeviceClock()
+    clock.learn(0, 0.05)
+    for step in range(1, 60_000):
+        clock.learn(5_000 * step, 0.005 * step)
+    assert abs(float(clock.host_time_s(np.array([0]))[0])) < 1e-9

@@ -3,10 +3,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchtool.bench.clocks import DeviceClock
 from benchtool.bench.mavlink.messages import ESC_STATUS, dialect
-from benchtool.bench.mavlink.rows import MavlinkRows
+from benchtool.bench.mavlink.rows import MavlinkRows, SpeedSources
 from benchtool.bench.mavlink.settings import ThrustSource, Wiring, channels_of
-from benchtool.core.errors import InputError
+from benchtool.bench.mavlink.side_cell import CellLines, SideCell, in_order
+from benchtool.core.errors import InputError, NoDevice
+from benchtool.testing.scripted_link import ScriptedLink
 
 W = dialect()
 TWO = {"motors": (1, 2), "outputs": (3, 1), "escs": (3, 1)}
@@ -143,3 +146,101 @@ def test_a_rotor_changes_places_when_its_output_is_found() -> None:
         rows.take(message)
     _, values = rows.take_rows()
     assert values[0, :4].tolist() == [1500.0, 1000.0, 4000.0, 0.0]
+
+
+STEP_US = 50_000
+
+
+def run(sources: SpeedSources, source: str, rpm: float, begin: int, driven: bool = True) -> list:
+    """Tell 40 readings, two seconds long; return which were taken."""
+    return [sources.take(source, 0, rpm, driven, begin + STEP_US * step) for step in range(40)]
+
+
+def test_a_speed_that_changes_is_taken() -> None:
+    sources = SpeedSources(1)
+    assert all(run(sources, "ESC_TELEMETRY", 0.0, 0, driven=False))
+    assert all(run(sources, "ESC_TELEMETRY", 3000.0, 2_000_000))
+    assert sources.take_messages() == []
+
+
+def test_a_constant_zero_while_driven_is_a_dead_channel() -> None:
+    sources = SpeedSources(1)
+    taken = run(sources, "ESC_TELEMETRY", 0.0, 0)
+    assert taken == [True] * 20 + [False] * 20
+    (told,) = sources.take_messages()
+    assert told.startswith(
+        "rpm1 of ESC_TELEMETRY reads 0 while its motor is driven: a dead channel"
+    )
+
+
+def test_another_message_that_lives_takes_its_place() -> None:
+    sources = SpeedSources(1)
+    taken = []
+    for step in range(40):
+        sources.take("ESC_TELEMETRY", 0, 0.0, True, STEP_US * step)
+        taken.append(sources.take("RPM", 0, 3000.0 + step, True, STEP_US * step))
+    assert taken == [False] * 20 + [True] * 20
+    assert sources.take_messages()[-1] == "rpm1 is taken from RPM now"
+
+
+def test_the_more_trusted_message_is_chosen_while_nothing_turns() -> None:
+    sources = SpeedSources(1)
+    assert sources.take("RPM", 0, 0.0, False, 0)
+    assert sources.take("ESC_STATUS", 0, 0.0, False, 0)
+    assert not sources.take("RPM", 0, 0.0, False, 0)
+
+
+def test_a_dead_channel_that_wakes_up_is_taken_again() -> None:
+    sources = SpeedSources(1)
+    run(sources, "ESC_TELEMETRY", 0.0, 0)
+    assert sources.take("ESC_TELEMETRY", 0, 2000.0, True, 3_000_000)
+
+
+def test_hx711_examples_are_read_in_pieces() -> None:
+    lines = CellLines()
+    text = b"ading: 1\r\nHX711 reading: 124006\r\none reading:\t16.1\t| average:\t4.2\r\n"
+    text += b"ready\r\n-3.5\n"
+    readings = [value for at in range(0, len(text), 5) for value in lines.feed(text[at : at + 5])]
+    assert readings == [124006.0, 16.1, -3.5]
+
+
+def test_a_line_without_an_end_is_not_kept_for_ever() -> None:
+    lines = CellLines()
+    assert lines.feed(b"x" * 100_000) == []
+    assert lines.feed(b"\nHX711 reading: 7\n") == [7.0]
+
+
+class Text(ScriptedLink):
+    """A port that says one line at every read."""
+
+    def read(self, timeout_s: float) -> bytes:
+        self.now_s += max(timeout_s, 1e-3)
+        return b"HX711 reading: 5\n"
+
+
+def test_readings_stand_on_the_autopilots_clock() -> None:
+    link = Text()
+    cell = SideCell(link, "/dev/cell", link.clock)
+    cell.open()
+    clock = DeviceClock()
+    # At 100 s of ours the autopilot had been up for 7 s.
+    clock.learn(7_000_000, 100.0)
+    times_us, values = cell.rows(lambda wall_s: wall_s, clock, 3, [0, 1])
+    assert times_us[-1] == round(7e6 + 1e6 * (link.now_s - 100.0))
+    np.testing.assert_array_equal(values[-1], [5.0, 5.0, np.nan])
+    assert len(cell.rows(lambda wall_s: wall_s, clock, 3, [0, 1])[0]) == 0
+
+
+def test_a_silent_cell_is_named() -> None:
+    link = ScriptedLink()
+    with pytest.raises(NoDevice, match="the load cell on /dev/cell sent nothing for 5 s"):
+        SideCell(link, "/dev/cell", link.clock).open()
+    assert link.opened == 1
+
+
+def test_rows_of_two_sources_come_in_order_and_never_twice_at_one_time() -> None:
+    first = np.array([10, 20, 30]), np.full((3, 2), 1.0)
+    second = np.array([5, 20, 31]), np.full((3, 2), 2.0)
+    times_us, values = in_order(first, second, after_us=7)
+    assert times_us.tolist() == [8, 10, 20, 21, 30, 31]
+    assert values[:, 0].tolist() == [2.0, 1.0, 1.0, 2.0, 1.0, 2.0]

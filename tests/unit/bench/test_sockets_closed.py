@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from benchtool.bench.transport.sockets import TcpSocket, UdpSocket
+from benchtool.bench.transport.sockets import BUFFER_BYTES, TcpSocket, UdpSocket
 from benchtool.core.errors import InputError, LinkError
 from benchtool.virtual.links import TcpLink, UdpLink
 
@@ -88,3 +88,49 @@ def test_a_client_that_left_at_once_is_closed(monkeypatch: pytest.MonkeyPatch) -
             gc.collect()
         assert [str(item.message) for item in seen] == []
     link.close()
+
+
+TIMEOUT_S = 1.0
+
+
+def _bound() -> socket.socket:
+    opened = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    opened.bind(("127.0.0.1", 0))
+    opened.settimeout(TIMEOUT_S)
+    return opened
+
+
+@pytest.fixture
+def peer() -> Iterator[socket.socket]:
+    with _bound() as opened:
+        yield opened
+
+
+@pytest.mark.parametrize("own_port", [None, 0], ids=["mavlink:udpout", "rcbudp"])
+def test_a_stranger_on_the_same_host_is_not_heard(
+    peer: socket.socket, own_port: int | None
+) -> None:
+    link = UdpSocket("127.0.0.1", peer.getsockname()[1], listen=False, own_port=own_port)
+    link.open()
+    try:
+        link.write(b"hello")
+        said, ours = peer.recvfrom(64)
+        assert said == b"hello"
+        with _bound() as stranger:
+            stranger.sendto(b"from a stranger", ours)
+            peer.sendto(b"from the peer", ours)
+            assert link.read(TIMEOUT_S) == b"from the peer"
+            stranger.sendto(b"again", ours)
+            assert link.read(0.05) == b""
+    finally:
+        link.close()
+
+
+def test_a_flood_does_not_hold_the_reader(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Flood:
+        def recvfrom(self, size: int) -> tuple[bytes, tuple[str, int]]:
+            return b"x" * 1000, ("127.0.0.1", 9)
+
+    link = UdpSocket("127.0.0.1", 9, listen=True)
+    monkeypatch.setattr(link, "_socket", Flood())
+    assert BUFFER_BYTES <= len(link.read(TIMEOUT_S)) + 2000 < 2 * BUFFER_BYTES

@@ -2,6 +2,7 @@
 
 # ruff: noqa: PT012 -- what happens after a signal needs the whole body inside `raises`
 
+import os
 import signal
 from collections.abc import Iterator
 
@@ -9,7 +10,7 @@ import numpy as np
 import pytest
 
 from benchtool.bench.guard import GuardedBench
-from benchtool.bench.signals import StopSignals
+from benchtool.bench.signals import PATIENCE_S, ClosingSignals, StopSignals
 from benchtool.core.errors import RunStopped
 from tests.unit.bench.guarded_fake import RIG
 
@@ -86,3 +87,27 @@ def test_a_move_of_the_plate_is_interrupted(fake) -> None:
     with pytest.raises(RunStopped), GuardedBench(fake, RIG) as guard:
         guard.move_plate(0.5)
     assert fake.did[-2:] == ["stop", "close"]
+
+
+posix = pytest.mark.skipif(os.name != "posix", reason="needs POSIX signals")
+
+
+@posix
+def test_signals_are_ignored_once_begun_and_told_once(capfd: pytest.CaptureFixture[str]) -> None:
+    now_s = 0.0
+    before = signal.getsignal(signal.SIGINT)
+    with ClosingSignals(lambda: now_s) as closing:
+        closing.begin()
+        for number in (signal.SIGINT, signal.SIGINT, signal.SIGTERM, signal.SIGINT):
+            signal.raise_signal(number)
+        now_s = PATIENCE_S
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+    assert signal.getsignal(signal.SIGINT) is before
+    assert capfd.readouterr().err.count("the run is being closed") == 1
+
+
+@posix
+def test_before_there_is_a_run_signals_mean_what_they_did() -> None:
+    with ClosingSignals(), pytest.raises(KeyboardInterrupt):
+        signal.raise_signal(signal.SIGINT)

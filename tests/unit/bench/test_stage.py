@@ -6,8 +6,12 @@ from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
+import pytest
 
-from benchtool.bench.stage.stage import DeviceStage, OneSidedStage
+from benchtool.bench.drivers import open_bench
+from benchtool.bench.guard import GuardedBench
+from benchtool.bench.stage.stage import DeviceStage, HandStage, IdleStage, OneSidedStage
+from benchtool.core.errors import StageError
 from benchtool.core.rig import PlateDrive
 from benchtool.core.rig_file import rig_named
 from benchtool.physics.model_file import load_model
@@ -88,3 +92,76 @@ def test_a_distance_reads_the_same_from_either_side() -> None:
 
     assert np.ptp(thrusts(one_sided=False)) > 0.03
     assert np.ptp(thrusts(one_sided=True)) < 1e-6
+
+
+def test_it_stays_above_idle_and_inside_the_gap() -> None:
+    rig = rig_named("pquad")
+    bare = SimulatedBench("sim:pquad", rig, load_model("quad_body_lift").model)
+    inner = Listed()
+    with GuardedBench(bare, rig) as bench:
+        stage = IdleStage(inner, bench)
+        bare.move_plate(0.3)
+        assert stage.move(0.3, 0.0, 0.0, pause) == 0.3
+        with pytest.raises(StageError, match=r"outside 0\.05 to 1\.5 m"):
+            stage.move(0.04, 0.0, 0.0, pause)
+        with pytest.raises(StageError, match=r"sideways to 1 m, limit 0\.945 m"):
+            stage.move(0.3, 1.0, 0.0, pause)
+        bench.set_pwm(np.full(4, 1500.0))
+        with pytest.raises(StageError, match="above idle"):
+            stage.move(0.3, 0.0, 0.0, pause)
+    assert inner.sent == [0.3]
+
+
+def test_a_device_may_be_its_own_stage():
+    device = open_bench("sim:pquad_single")
+    with device:
+        reached_m = DeviceStage(device).move(0.9, 0.0, 0.0, lambda duration_s: None)
+        shown = device.read(0.1)
+    names = [channel.name for channel in device.identity.channels]
+    assert reached_m == shown.values[-1, names.index("plate_z_m")] == 0.9
+
+
+PLATE = rig_named("pquad_single").plate
+
+
+def stage(*answers):
+    asked = []
+    left = list(answers)
+
+    def ask(question):
+        asked.append(question)
+        return left.pop(0)
+
+    return HandStage(ask, PLATE), asked
+
+
+def move(hand, z_m=0.24, x_m=0.0, tilt_rad=0.0):
+    return hand.move(z_m, x_m, tilt_rad, lambda duration_s: None)
+
+
+@pytest.mark.parametrize("answer", ["241.5", " 241.5 mm", "241,5"])
+def test_the_measured_distance_is_what_counts(answer):
+    hand, asked = stage(answer)
+    assert move(hand) == pytest.approx(0.2415)
+    assert asked == ["Move the plate to 240.0 mm, then type the distance that you measure in mm: "]
+
+
+def test_a_wrong_answer_is_asked_again_with_what_is_wrong():
+    hand, asked = stage("", "0.24", "262", "240")
+    hand = HandStage(hand._ask, PLATE, tries=4)
+    assert move(hand) == pytest.approx(0.24)
+    assert "'' is not a number" in asked[1]
+    assert "0.2 mm is outside 50.0 to 1500.0 mm" in asked[2]
+    assert "262.0 mm is 22.0 mm off, tolerance 5.0 mm" in asked[3]
+
+
+def test_it_is_given_up_after_three_wrong_answers():
+    hand, _ = stage("1", "2", "300")
+    with pytest.raises(StageError, match=r"after 3 tries: 300\.0 mm is 60\.0 mm off"):
+        move(hand)
+
+
+def test_lateral_position_and_tilt_are_told():
+    hand, asked = stage("240")
+    move(hand, 0.24, -0.05, 0.1)
+    assert "240.0 mm, -50.0 mm sideways, tilted +5.7 degrees" in asked[0]
