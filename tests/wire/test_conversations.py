@@ -457,11 +457,3 @@ def test_opening_twice_is_opening_once() -> None:
     bench, link = opened()
     bench.open()
     assert link.opened == 1
-
-
-def test_a_closed_bench_says_so() -> None:
-    bench = bench_on(ScriptedLink())
-    with pytest.raises(LinkLost, match="open it first"):
-        bench.read(0.1)
-    with pytest.raises(LinkLost, match="open it first"):
-        bench.stop()
