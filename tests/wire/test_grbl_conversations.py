@@ -393,6 +393,21 @@ def test_after_a_hold_the_rest_of_the_move_is_thrown_away_once_it_stands():
     link.check_finished()
 
 
+def test_a_hold_is_resumed_only_when_it_stands():
+    link, stage = opened(
+        Turn(b"!"),
+        Turn(b"?", at(-90.0, b"Hold:1")),
+        Turn(b"?", at(-90.5, b"Hold:1")),
+        Turn(b"?", at(-91.0, b"Hold:0")),
+        Turn(b"~"),
+    )
+    paused = []
+    stage.hold()
+    stage.resume(paused.append)
+    link.check_finished()
+    assert paused == [0.2, 0.2]
+
+
 def test_the_offset_between_work_and_machine_comes_only_sometimes():
     work = b"<Idle|WPos:0.000,0.000,%.3f|FS:0,0%s>\r\n"
     link, stage = opened(

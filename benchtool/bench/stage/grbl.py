@@ -11,6 +11,7 @@ from benchtool.bench.stage.grbl_lines import (
     HOLD,
     HOME,
     RESET,
+    RESUME,
     UNLOCK,
     GrblSettings,
     StatusReport,
@@ -130,6 +131,12 @@ class GrblStage:
         self._held = True
         self._link.send(HOLD)
 
+    def resume(self, pause: Pause = _no_pause) -> None:
+        """Go on with the move after a hold; `~` is ignored until the stage stands still."""
+        self._until_held(pause)
+        self._link.send(RESUME)
+        self._held = False
+
     def _until_there(self, way: PlatePath, what: str, pause: Pause) -> dict[str, float]:
         """Send the plate on its way and return where it stands at the end: Idle at the target."""
         line = move_line(way.target_mm, self._feed_mm_min)
@@ -175,7 +182,7 @@ class GrblStage:
             self._link.locked = False
 
     def _until_held(self, pause: Pause) -> None:
-        """Ask for the state until a hold stands: a reset before loses steps."""
+        """Ask for the state until a hold stands; `~` is ignored until then, a reset loses steps."""
         longest_s = STILL_S + self._stopping_s()
         deadline_s = self._clock() + longest_s
         while (report := self._link.request_report(pause)).words in ("Run", "Hold:1"):

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 from benchtool.core.errors import StageError
 
-RESET, STATUS, HOLD = b"\x18", b"?", b"!"
+RESET, STATUS, HOLD, RESUME = b"\x18", b"?", b"!", b"~"
 UNLOCK, HOME, SETTINGS = b"$X\n", b"$H\n", b"$$\n"
 
 ALARMS: dict[int, str] = {
