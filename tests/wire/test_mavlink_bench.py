@@ -163,6 +163,20 @@ def test_link_quality_counts_messages_and_losses() -> None:
     assert float(facts["link_jitter_ms"]) > 0.0
 
 
+def test_losses_that_show_before_any_sample_come_with_the_next_samples() -> None:
+    made = Bench(motor_map=PLUS)
+    with made.bench as bench:
+        made.read(0.5)
+        tick, frames = made.autopilot.tick, made.autopilot._frames
+        made.autopilot.tick = lambda n, now_s: (b"", [])
+        frames._mav.seq = (frames._mav.seq + 7) % 256
+        made.link._answer += frames.pack(made.autopilot._heartbeat())
+        lost = bench.read(0.05).lost
+        made.autopilot.tick = tick
+        lost += sum(bench.read(0.05).lost for _ in range(5))
+    assert lost == 7
+
+
 def test_a_load_cell_beside_the_autopilot_is_laid_on_its_time() -> None:
     made = Bench(motor_map=PLUS, cell=("/dev/cell", 57600), thrust_scale_N=0.1)
     with made.bench as bench:

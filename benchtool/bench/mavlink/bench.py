@@ -271,6 +271,8 @@ class MavlinkBench(StreamingBench):
             left_s = deadline_s - self._clock()
             if left_s <= 0.0:
                 return readings
+            if readings.lost or readings.corrupt:
+                self._ahead.hold(readings)
             self._watch.pump(left_s)
             if self._cell is not None:
                 self._cell.poll()
