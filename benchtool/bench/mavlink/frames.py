@@ -256,11 +256,11 @@ class BootTime:
         return self.last_us if stamp == 0 or stamp >= EPOCH_US else self._nearest(stamp, 1 << 64)
 
     def of(self, message: Message) -> int:
-        """Return when a message was made, by whatever stamp it bears."""
+        """Return when a message was made: by its stamp, else at the last one."""
         if (boot_ms := getattr(message, "time_boot_ms", None)) is not None:
             return self.ms32(boot_ms)
         if (stamp := getattr(message, "time_usec", None)) is not None:
-            return self.us32(stamp) if message.msgname == "SERVO_OUTPUT_RAW" else self.us64(stamp)
+            return self.us64(stamp)
         return self.last_us
 
     def _nearest(self, stamp: int, modulus: int, whole: bool = True) -> int:

@@ -118,7 +118,10 @@ class MavlinkRows:
                 autopilot's own, whose stamps are its time.
         """
         name, time = message.msgname, self.time.of
-        if name == self._wiring.thrust.message or (
+        if name == "SERVO_OUTPUT_RAW":
+            if arrived_us is None and message.port == 0:
+                self._outputs(self.time.us32(message.time_usec), _RAW(message))
+        elif name == self._wiring.thrust.message or (
             name == "DISTANCE_SENSOR" and self._wiring.orientation is not None
         ):
             at_us = None if arrived_us is None else self._companion_us(message, arrived_us)
@@ -129,9 +132,6 @@ class MavlinkRows:
             time_us = time(message)
             for channel, value in VALUES[name](message).items():
                 self._put(time_us, self._at[channel], value)
-        elif name == "SERVO_OUTPUT_RAW":
-            if message.port == 0:
-                self._outputs(time(message), _RAW(message))
         elif name == "ACTUATOR_OUTPUT_STATUS":
             self._outputs(time(message), tuple(map(round, message.actuator[:OUTPUTS])))
         elif name == "NAMED_VALUE_FLOAT":
