@@ -88,9 +88,9 @@ class ServerState:
         """End the processes, and delete what jobs have not completed."""
         for worker in self.workers.values():
             worker.close()
+        self.bench.close()  # before jobs, which may take seconds: it stops the motors
         for job in self.jobs.values():
             job.cancel()
-        self.bench.close()
 
     def start_job(self, kind: str, begin: Callable[[], J]) -> J:
         """Start a job, one of a kind at a time; what the one before left incomplete is deleted.
