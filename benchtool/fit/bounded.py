@@ -125,26 +125,14 @@ class BoundedSearch:
 
     def __init__(self, residuals: Residuals, limits: tuple[Array, Array]) -> None:
         self._residuals = residuals
-        self._lower, self._upper = limits
-        self.evaluations = 0
-
-    def data_costs(self, sets: Array) -> Array:
-        """Return the sum of squares of each set (n_sets, n), without penalties."""
-        rows = self._residuals(sets)
-        self.evaluations += len(sets)
-        total: Array = np.einsum("ij,ij->j", rows, rows)
-        return np.where(np.isfinite(total), total, np.inf)
+        self._upper = limits[1]
 
     def linearised(self, at: Array) -> Linearised:
         """Return the neighbourhood of a point, by differences that stay within the limits."""
-        n = len(at)
         steps = np.where(at + STEP <= self._upper, STEP, -STEP)
         rows = self._residuals(np.vstack([at, at + np.diag(steps)]))
-        self.evaluations += n + 1
         jacobian = (rows[:, 1:] - rows[:, :1]) / steps
-        jacobian = np.where(
-            np.isfinite(jacobian), jacobian, 0.0
-        )  # no slope where there is no value
+        jacobian = np.where(np.isfinite(jacobian), jacobian, 0.0)  # no value, no slope
         return Linearised(
             at=np.array(at),
             cost=float(rows[:, 0] @ rows[:, 0]),
@@ -183,7 +171,9 @@ class BoundedSearch:
                 return best
             inside = region.clipped(here.at)
             sets = np.array([inside + part * (aim - inside) for part in LENGTHS])
-            costs = self.data_costs(sets) + region.cost_of(sets)
+            rows = self._residuals(sets)
+            costs = np.einsum("ij,ij->j", rows, rows)
+            costs = np.where(np.isfinite(costs), costs, np.inf) + region.cost_of(sets)
             winner = int(np.argmin(costs))
             gain = best.cost - float(costs[winner])
             if gain > 0.0:

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.special import chdtrc, ndtr, stdtr
+from scipy.stats import rankdata
 
 from benchtool.core.array import Array
 from benchtool.core.counted import counted
@@ -14,17 +17,12 @@ from benchtool.core.errors import BenchtoolError, EstimationError, ModelRejected
 from benchtool.core.fit_result import FitResult
 from benchtool.fit.identifiability import Confusion, confusions
 from benchtool.fit.problem import NOISE_SCALE, Problem
-from benchtool.fit.residual_structure import (
-    UNLIKELY,
-    bend_along,
-    chi2_chance,
-    outliers,
-    runs_along,
-    trend_along,
-)
 from benchtool.physics.catalogue import EFFECTS
 
 Verdict = Literal["consistent", "scatter", "rejected", "errors_too_large", "no_verdict"]
+
+UNLIKELY = 1e-3
+"""A chance below this is reported."""
 
 SCATTER = 4.0
 """Up to so many stated errors, what is left over may be scatter that they do not know of (between
@@ -62,7 +60,7 @@ def diagnose(problem: Problem, result: FitResult) -> Diagnosis:
     _, noise = problem.split(result.values)
     rows = problem.residuals(result.values) / problem.sigma(noise)
     rows_alone = rows * np.sqrt(len(problem) / result.dof) if result.dof > 0 else rows
-    chance = chi2_chance(result.chi2, result.dof)
+    chance = float(chdtrc(result.dof, result.chi2)) if result.dof > 0 else float("nan")
     verdict = _verdict(problem, result, chance)
     # Outliers are far out against the scatter that is there, be it the stated one or not.
     spread = max(1.0, float(1.4826 * np.median(np.abs(rows_alone))))
@@ -74,19 +72,13 @@ def diagnose(problem: Problem, result: FitResult) -> Diagnosis:
         *_of_structure(_columns(problem), rows, problem.parameters.free_names),
         *_of_outliers(problem, rows_alone / spread, far),
     )
-    return Diagnosis(
-        verdict=verdict,
-        chance=chance,
-        confusions=confused,
-        outliers=far,
-        sentences=tuple(sentences),
-    )
+    return Diagnosis(verdict, chance, confused, far, sentences)
 
 
 def _columns(problem: Problem) -> dict[str, Array]:
     """Return the covariates, and the order of the points where it is not one of them."""
     order = np.arange(len(problem), dtype=float)
-    same = [abs(trend_along(n, c, order).correlation) for n, c in problem.covariates.items()]
+    same = [abs(trend_along(column, order).size) for column in problem.covariates.values()]
     return {**({} if max(same, default=0.0) > 0.9 else {"order": order}), **problem.covariates}
 
 
@@ -177,30 +169,97 @@ def lacks_something(result: FitResult) -> bool:
     return result.chi2_per_dof > TOO_MUCH**2
 
 
+class Pattern(NamedTuple):
+    """What residuals do along a column, and the chance that noise alone does as much."""
+
+    size: float
+    chance: float
+    expected: float = 0.0  # of noise
+
+
+def bend_along(order: Array, rows: Array) -> Pattern:
+    """Return the curvature of weighted residuals (m,) over a column (m,): above 0 for a U.
+
+    It is that of a parabola through them, over the half width of the column; the chance is that of
+    Student's t for its last coefficient. Counting runs cannot see a U in ten points; this can.
+    """
+    width = 0.5 * np.ptp(order) if len(order) else 0.0
+    if len(rows) < 5 or width == 0.0 or len(np.unique(order)) < 4:
+        return Pattern(0.0, 1.0)
+    x = (order - order.min()) / width - 1.0
+    powers = np.stack([np.ones_like(x), x, x * x], axis=1)
+    inverse = np.linalg.pinv(powers.T @ powers)
+    found = inverse @ (powers.T @ rows)
+    left = rows - powers @ found
+    dof = len(rows) - 3
+    size, sd = float(found[2]), float(np.sqrt(left @ left / dof * inverse[2, 2]))
+    if sd <= 1e-12 * abs(size):
+        return Pattern(size, 0.0 if abs(size) > 1e-9 else 1.0)
+    return Pattern(size, 2.0 * float(stdtr(dof, -abs(size) / sd)))
+
+
+def runs_along(order: Array, rows: Array) -> Pattern:
+    """Count runs of equal sign of weighted residuals (m,) along a column (m,).
+
+    Fewer than chance gives mean a missed curve. Points of equal column value stand for one, by
+    their mean. The chance is that of so few runs (Wald and Wolfowitz, Ann. Math. Stat. 11, 1940),
+    normal approximation.
+    """
+    values, place = np.unique(order, return_inverse=True)
+    positive = np.bincount(place, rows) > 0.0
+    up, down = int(positive.sum()), int((~positive).sum())
+    n = len(values)
+    runs = 1 + int((positive[1:] != positive[:-1]).sum()) if n else 0
+    if up < 3 or down < 3:
+        return Pattern(runs, 1.0, runs)
+    expected = 1.0 + 2.0 * up * down / n
+    variance = 2.0 * up * down * (2.0 * up * down - n) / (n * n * (n - 1.0))
+    return Pattern(runs, float(ndtr((runs + 0.5 - expected) / np.sqrt(variance))), expected)
+
+
+def trend_along(order: Array, rows: Array) -> Pattern:
+    """Return Spearman's rank correlation of weighted residuals (m,) with a column (m,)."""
+    m = len(rows)
+    if m < 5 or np.ptp(order) == 0.0 or np.ptp(rows) == 0.0:
+        return Pattern(0.0, 1.0)
+    r = float(np.corrcoef(rankdata(order), rankdata(rows))[0, 1])
+    t = abs(r) * np.sqrt((m - 2.0) / max(1.0 - r * r, 1e-12))
+    return Pattern(r, 2.0 * float(stdtr(m - 2, -t)))
+
+
+def outliers(rows: Array) -> NDArray[np.intp]:
+    """Return points (k,) so far out that fewer than 0.05 of their kind were expected (Chauvenet).
+
+    The worst comes first.
+    """
+    chance = 2.0 * ndtr(-np.abs(rows)) * len(rows)
+    far = np.flatnonzero(chance < 0.05)
+    return far[np.argsort(-np.abs(rows[far]))].astype(np.intp)
+
+
 def _of_structure(columns: Mapping[str, Array], rows: Array, free: tuple[str, ...]) -> list[str]:
-    runs = [runs_along(name, column, rows) for name, column in columns.items()]
-    trends = [trend_along(name, column, rows) for name, column in columns.items()]
-    bends = [bend_along(name, column, rows) for name, column in columns.items()]
-    bent = [bend for bend in bends if bend.chance < UNLIKELY]
-    curved = [
-        f"residuals form {'a U' if bend.curvature > 0.0 else 'an arch'} over {bend.column}: the "
-        f"model is {'below' if bend.curvature > 0.0 else 'above'} the points at both ends and "
-        f"{'above' if bend.curvature > 0.0 else 'below'} them between, so it misses a curve in "
-        f"{bend.column}; {_hint(bend.column, free)}"
-        for bend in bent
-    ]
-    curves = [
-        f"residuals keep their sign along {run.column}: {run.runs} runs where "
-        f"{run.expected:.0f} are expected; the model misses a curve in {run.column}"
-        for run in runs
-        if run.chance < UNLIKELY and run.column not in {bend.column for bend in bent}
-    ]
-    slopes = [
-        f"residuals {'rise' if trend.correlation > 0 else 'fall'} with {trend.column} "
-        f"(rank correlation {trend.correlation:+.2f}); {_hint(trend.column, free)}"
-        for trend in trends
-        if trend.chance < UNLIKELY
-    ]
+    curved, curves, slopes = [], [], []
+    for name, column in columns.items():
+        bend, runs = bend_along(column, rows), runs_along(column, rows)
+        trend = trend_along(column, rows)
+        if bend.chance < UNLIKELY:
+            shape, ends, between = ("a U", "below", "above")
+            if bend.size <= 0.0:
+                shape, ends, between = ("an arch", "above", "below")
+            curved.append(
+                f"residuals form {shape} over {name}: the model is {ends} the points at both ends "
+                f"and {between} them between, so it misses a curve in {name}; {_hint(name, free)}"
+            )
+        elif runs.chance < UNLIKELY:
+            curves.append(
+                f"residuals keep their sign along {name}: {runs.size} runs where "
+                f"{runs.expected:.0f} are expected; the model misses a curve in {name}"
+            )
+        if trend.chance < UNLIKELY:
+            slopes.append(
+                f"residuals {'rise' if trend.size > 0 else 'fall'} with {name} "
+                f"(rank correlation {trend.size:+.2f}); {_hint(name, free)}"
+            )
     return curved + curves + slopes
 
 

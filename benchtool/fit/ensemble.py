@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
 import numpy as np
 from emcee import EnsembleSampler
+from emcee.autocorr import integrated_time
 
 from benchtool.core.array import Array
 from benchtool.core.errors import EstimationError, InputError
 from benchtool.core.fit_result import Estimate, FitResult, Outcome
-from benchtool.fit.convergence import RHAT_LIMIT, TAU_LENGTHS, Convergence, convergence_of
 from benchtool.fit.interval import from_draws
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.problem import Problem
@@ -40,7 +41,7 @@ def fit_ensemble(
     walkers: int = 32,
     max_steps: int = 20_000,
     seed: int = 1,
-    progress: Progress | None = None,
+    progress: Progress = lambda done, expected: None,
 ) -> FitResult:
     """Sample the posterior until four independently started ensembles agree.
 
@@ -64,7 +65,10 @@ def fit_ensemble(
             f"{walkers} walkers for {n} free parameters; give an even number from {2 * n + 2} on"
         )
     rng = np.random.default_rng(seed)
-    near = _least_squares_or_none(problem)
+    try:
+        near = fit_least_squares(problem)
+    except EstimationError:
+        near = None
     probability = log_probability(problem)
     with np.errstate(all="ignore"):
         start = start_walkers(problem, near, probability, ENSEMBLES, walkers, rng)
@@ -101,20 +105,13 @@ def advance(
     return state
 
 
-def _least_squares_or_none(problem: Problem) -> FitResult | None:
-    try:
-        return fit_least_squares(problem)
-    except EstimationError:
-        return None
-
-
 def _run(
-    sampler: Any, start: Array, walkers: int, max_steps: int, progress: Progress | None
+    sampler: Any, start: Array, walkers: int, max_steps: int, progress: Progress
 ) -> tuple[Array, Convergence]:
     done, target = 0, min(FIRST_STEPS, max_steps)
     state: Any = start
     while True:
-        report = None if progress is None else partial(_report, progress, done, target)
+        report = partial(_report, progress, done, target)
         state = advance(sampler, state, target - done, report)
         done = target
         chain = sampler.get_chain()[int(DISCARDED * done) :]
@@ -238,4 +235,76 @@ def _outcome(
         f"{said}; allow more than {max_steps} steps, or fix a parameter or state a prior where "
         f"least squares says that parameters cannot be told apart",
         evaluations,
+    )
+
+
+TAU_LENGTHS = 50
+"""A chain must be this many autocorrelation times long (emcee's own advice)."""
+
+RHAT_LIMIT = 1.01
+"""Largest split R-hat (Vehtari et al., Bayesian Analysis 16, 2021, section 4)."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Convergence:
+    """Hold what the chains say.
+
+    Attributes:
+        tau_steps: (n,) integrated autocorrelation time of each parameter.
+        rhat: (n,) split R-hat over the ensembles.
+        steps: steps after the discarded ones, which both were taken from.
+    """
+
+    tau_steps: Array
+    rhat: Array
+    steps: int
+
+    @property
+    def slowest_tau_steps(self) -> float:
+        """Largest autocorrelation time; inf when it could not be estimated."""
+        largest = float(np.max(self.tau_steps))
+        return largest if np.isfinite(largest) else float("inf")
+
+    @property
+    def long_enough(self) -> bool:
+        """Whether the steps are `TAU_LENGTHS` autocorrelation times."""
+        return self.steps >= TAU_LENGTHS * self.slowest_tau_steps
+
+    @property
+    def mixed(self) -> bool:
+        """Whether the ensembles agree."""
+        return bool(np.all(self.rhat < RHAT_LIMIT))
+
+    @property
+    def reached(self) -> bool:
+        """Whether both tests are met."""
+        return self.long_enough and self.mixed
+
+
+def split_rhat(chains: Array) -> Array:
+    """Return split R-hat (n,) of chains (steps, ensembles, walkers, n).
+
+    Each ensemble is cut into an early and a late half, pooled over its walkers: walkers of one
+    ensemble move together and are not chains of their own.
+    """
+    steps, ensembles, walkers, n = chains.shape
+    half = steps // 2
+    parts = chains[: 2 * half].reshape(2, half, ensembles, walkers, n)
+    pooled = parts.transpose(0, 2, 1, 3, 4).reshape(2 * ensembles, half * walkers, n)
+    within = pooled.var(axis=1, ddof=1).mean(axis=0)
+    between = pooled.mean(axis=1).var(axis=0, ddof=1)
+    length = half * walkers
+    with np.errstate(all="ignore"):
+        rhat: Array = np.sqrt((length - 1.0) / length + between / within)
+    return np.where(np.isfinite(rhat), rhat, np.inf)
+
+
+def convergence_of(chains: Array) -> Convergence:
+    """Judge chains (steps, ensembles, walkers, n)."""
+    steps, ensembles, walkers, n = chains.shape
+    with np.errstate(all="ignore"):
+        tau = integrated_time(chains.reshape(steps, ensembles * walkers, n), tol=0, quiet=True)
+    usable = np.isfinite(tau) & (tau > 0.0)
+    return Convergence(
+        tau_steps=np.where(usable, tau, np.inf), rhat=split_rhat(chains), steps=steps
     )

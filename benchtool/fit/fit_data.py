@@ -14,7 +14,7 @@ from benchtool.core.column_source import ColumnSource
 from benchtool.core.counted import counted
 from benchtool.core.errors import InputError
 from benchtool.core.own_code import CodePermit, refuse_code
-from benchtool.core.parameter import Parameters, full_name
+from benchtool.core.parameter import full_name
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
 from benchtool.core.rig_file import rig_named
@@ -82,7 +82,12 @@ def recipe_model(recipe: Recipe, permit: CodePermit = refuse_code) -> LoadedMode
         InputError: runs of two vehicles, or a model that holds numbers of another one.
     """
     loaded = load_model(recipe.model, rig_of_recipe(recipe), permit=permit)
-    _refuse_twice(recipe, loaded.model.parameters)
+    named: set[str] = set()
+    for typed in (*recipe.free, *recipe.fix, *recipe.hold):
+        name = full_name(typed, loaded.model.parameters)
+        if name in named:
+            raise InputError(f"{name} is named twice; free it, or fix it at one value")
+        named.add(name)
     model = loaded.model.freed(*recipe.free)
     for name, value in recipe.fix.items():
         model = model.fixed(name, value)
@@ -92,16 +97,6 @@ def recipe_model(recipe: Recipe, permit: CodePermit = refuse_code) -> LoadedMode
         # A ratio does not know the thrust coefficient, nor what a load cell adds.
         model = model.fixed("k")
     return replace(loaded, model=model)
-
-
-def _refuse_twice(recipe: Recipe, parameters: Parameters) -> None:
-    """Refuse a parameter that a recipe both frees and holds, or holds twice."""
-    named: set[str] = set()
-    for typed in (*recipe.free, *recipe.fix, *recipe.hold):
-        name = full_name(typed, parameters)
-        if name in named:
-            raise InputError(f"{name} is named twice; free it, or fix it at one value")
-        named.add(name)
 
 
 def rig_of_recipe(recipe: Recipe) -> Rig | None:
@@ -127,7 +122,11 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
     hashes = _hashes(recipe.data)
     parts = [_read_one(path, recipe, loaded) for path in recipe.data]
     points = _joined(parts)
-    _need_thrust(points)
+    if "thrust_N" not in points:
+        raise InputError(
+            f"there is no thrust_N to fit, only {', '.join(points.names)}; map it in [columns] of "
+            f"the model: thrust_N = {{ column = 'their name', unit = 'gf' }}"
+        )
     model = loaded.model
     for path, part in zip(recipe.data, parts, strict=True):
         refuse_other_rotors(part, model.rig, path)
@@ -141,14 +140,29 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
         error = np.concatenate([ratio_error for _, ratio_error in pairs])
         errors = "within" if np.isfinite(error).any() else "none"
         error = np.where(np.isfinite(error), error, np.nan if errors == "within" else 1.0)
-    _refuse_dead_speed(points, conditions)
+    if not np.any(conditions.speed_rad_s > 0.0):
+        most = float(np.nanmax(np.abs(points.si("thrust_N"))))
+        raise InputError(
+            f"no rotor turns in {counted(len(points), 'point')} while thrust reaches {most:.3g} N: "
+            f"the speed channel is dead, or another column holds the speed; map that one to rpm1"
+        )
     z_over_R = model.z_over_R(conditions)
     used, left_out = _selected(observed, error, conditions.known, z_over_R, recipe)
-    parked_m = None
+    reference, groups = None, None
     if recipe.basis != "joint":
         parked_m = np.concatenate([_parked_m(part) for part in parts])
+        reference = Conditions.of(
+            model.rig,
+            speed_rad_s=conditions.speed_rad_s,
+            plate_z_m=parked_m,
+            voltage_V=conditions.voltage_V,
+            elapsed_s=conditions.elapsed_s,
+            time_s=conditions.time_s,
+        )
         # A reference over itself is 1 by arithmetic and says nothing.
         used = used & (points.column("kind") != code_of("kind", "reference"))
+    if "setting" in points and np.isfinite(points.column("setting")).all():
+        groups = points.column("setting").astype(np.intp)
     return FitData(
         points=points,
         conditions=conditions,
@@ -158,9 +172,9 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
         used=used,
         left_out=left_out,
         z_over_R=z_over_R,
-        groups=_settings(points),
+        groups=groups,
         hashes=hashes,
-        reference=None if parked_m is None else _parked(parked_m, conditions, model.rig),
+        reference=reference,
         calibration_sd=_calibration_sd(parts, recipe.data),
     )
 
@@ -213,14 +227,6 @@ def _joined(parts: Sequence[Recording]) -> Recording:
     )
 
 
-def _need_thrust(points: Recording) -> None:
-    if "thrust_N" not in points:
-        raise InputError(
-            f"there is no thrust_N to fit, only {', '.join(points.names)}; map it in [columns] of "
-            f"the model: thrust_N = {{ column = 'their name', unit = 'gf' }}"
-        )
-
-
 def _thrust_with_error(points: Recording, is_whole_run: bool) -> tuple[Array, Array, str]:
     thrust = points.si("thrust_N")
     for name in ("thrust_se_N", "thrust_sd_N"):
@@ -228,15 +234,6 @@ def _thrust_with_error(points: Recording, is_whole_run: bool) -> tuple[Array, Ar
             error = np.hypot(points.si(name), thrust * relative_speed_error(points))
             return thrust, error, "within" if is_whole_run else "stated"
     return thrust, np.ones(len(points)), "none"
-
-
-def _refuse_dead_speed(points: Recording, conditions: Conditions) -> None:
-    if not np.any(conditions.speed_rad_s > 0.0):
-        most = float(np.nanmax(np.abs(points.si("thrust_N"))))
-        raise InputError(
-            f"no rotor turns in {counted(len(points), 'point')} while thrust reaches {most:.3g} N: "
-            f"the speed channel is dead, or another column holds the speed; map that one to rpm1"
-        )
 
 
 def _calibration_sd(parts: Sequence[Recording], paths: Sequence[str]) -> float:
@@ -260,18 +257,6 @@ def _parked_m(part: Recording) -> Array:
     return np.full(len(part), float(part.si("plate_z_m")[parked].mean()))
 
 
-def _parked(parked_m: Array, conditions: Conditions, rig: Rig) -> Conditions:
-    """Return the conditions with the plate where each point's references were measured."""
-    return Conditions.of(
-        rig,
-        speed_rad_s=conditions.speed_rad_s,
-        plate_z_m=parked_m,
-        voltage_V=conditions.voltage_V,
-        elapsed_s=conditions.elapsed_s,
-        time_s=conditions.time_s,
-    )
-
-
 def _selected(
     observed: Array, error: Array, known: NDArray[np.bool_], z_over_R: Array, recipe: Recipe
 ) -> tuple[NDArray[np.bool_], tuple[str, ...]]:
@@ -281,7 +266,8 @@ def _selected(
     if not finite.all():
         said.append(
             f"{np.count_nonzero(~finite)} of {len(observed)} points have an empty cell in thrust, "
-            f"its error, speed or plate and were left out (the first: {_row(~finite)})"
+            f"its error, speed or plate and were left out (the first: data row "
+            f"{int(np.argmax(~finite)) + 1})"
         )
     if near.any():
         said.append(
@@ -300,13 +286,3 @@ def _selected(
             f"none of {len(observed)} points can be fitted: {'; '.join(said) or 'there is none'}"
         )
     return used, tuple(said)
-
-
-def _row(rows: NDArray[np.bool_]) -> str:
-    return f"data row {int(np.argmax(rows)) + 1}"
-
-
-def _settings(points: Recording) -> NDArray[np.intp] | None:
-    if "setting" not in points or not np.isfinite(points.column("setting")).all():
-        return None
-    return points.column("setting").astype(np.intp)

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 from scipy.special import chdtri, ndtri, stdtrit
 
 from benchtool.core.array import Array
-from benchtool.core.fit_result import Estimate
+from benchtool.core.errors import EstimationError
+from benchtool.core.fit_result import Estimate, FitResult
 from benchtool.core.parameter import Parameter
+from benchtool.fit.jacobian import central_differences, complex_step, way_for
+from benchtool.physics.effects.effect import Derived
 
 PROBABILITIES = (0.6827, 0.95)
 """The 68 % interval is one standard deviation of a normal distribution."""
@@ -67,3 +74,75 @@ def from_draws(name: str, unit: str, draws: Array, bound: str = "") -> Estimate:
     levels = [0.5 + 0.5 * sign * p for p in PROBABILITIES for sign in (-1.0, 1.0)]
     median, a, b, c, d = (float(q) for q in np.quantile(draws, [0.5, *levels]))
     return Estimate(name, unit, median, float(np.std(draws, ddof=1)), (a, b), (c, d), bound)
+
+
+def with_derived(result: FitResult, quantities: Sequence[Derived]) -> FitResult:
+    """Return the result with further quantities.
+
+    Least squares carries its covariance through the exact derivative (delta method); emcee
+    evaluates every draw.
+    """
+    names = [estimate.name for estimate in result.estimates]
+    own = tuple(
+        _from_draws(quantity, names, result)
+        if len(result.samples)
+        else _from_covariance(quantity, names, result)
+        for quantity in quantities
+    )
+    said = (_bounds_of(quantity, result) for quantity in quantities)
+    cut = (replace(item, bound=bound) for item, bound in zip(own, said, strict=True))
+    return replace(result, derived=(*result.derived, *cut))
+
+
+class _Looked(dict[str, float]):
+    """Remember which values a quantity is computed from."""
+
+    def __init__(self, values: Mapping[str, float]) -> None:
+        super().__init__(values)
+        self.names: set[str] = set()
+
+    def __getitem__(self, name: str) -> float:
+        self.names.add(name)
+        return super().__getitem__(name)
+
+
+def _bounds_of(quantity: Derived, result: FitResult) -> str:
+    """Return which estimates behind a quantity ended at a bound, in words."""
+    values = _Looked({item.name: item.value for item in result.estimates})
+    quantity.function(values)
+    hit = [item for item in result.estimates if item.bound and item.name in values.names]
+    return "; ".join(f"{item.name} {item.bound}" for item in hit)
+
+
+def _from_draws(quantity: Derived, names: Sequence[str], result: FitResult) -> Estimate:
+    draws = quantity.function(dict(zip(names, result.samples.T, strict=True)))
+    finite = np.broadcast_to(np.asarray(draws, float), (len(result.samples),))
+    if not np.all(np.isfinite(finite)):
+        raise EstimationError(
+            f"{quantity.name} has no finite value for {np.sum(~np.isfinite(finite))} of "
+            f"{len(finite)} draws; narrow the bounds of its parameters"
+        )
+    return from_draws(quantity.name, quantity.unit, finite)
+
+
+def _from_covariance(quantity: Derived, names: Sequence[str], result: FitResult) -> Estimate:
+    def predict(values: Any) -> Any:
+        return np.asarray(quantity.function(dict(zip(names, values, strict=True))))
+
+    values = result.values
+    unbounded = np.full(len(values), np.inf)
+    if way_for(predict, values, 1, -unbounded, unbounded) == "complex_step":
+        gradient = complex_step(predict, values, 1)[0]
+    else:
+        gradient = central_differences(predict, values, 1, -unbounded, unbounded)[0]
+    used = gradient != 0.0
+    covariance = result.covariance[np.ix_(used, used)]
+    sd = float(np.sqrt(gradient[used] @ covariance @ gradient[used]))
+    dof = result.dof if any(name.startswith("noise.") for name in names) else None
+    return around(
+        quantity.name,
+        Parameter(quantity.name, quantity.unit, 0.0),
+        float(predict(values)),
+        sd,
+        half_widths(dof),
+    )

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Any, get_args
 
 import numpy as np
 
 from benchtool.core.array import Array
 from benchtool.core.errors import InputError, UnknownChoice
-from benchtool.core.parameter import Parameters
 from benchtool.fit.problem import IntArray, Problem
 from benchtool.fit.recipe import Basis
 from benchtool.physics import VALIDITY_Z_OVER_R
@@ -32,9 +31,7 @@ def problem_from_model(
     *,
     basis: Basis = "joint",
     nearest_z_over_R: float | None = VALIDITY_Z_OVER_R,
-    labels: Sequence[str] = (),
     groups: IntArray | None = None,
-    covariates: Mapping[str, Array] | None = None,
     reference: Conditions | None = None,
 ) -> Problem:
     """Return the problem of fitting a model's free parameters to a settled bench.
@@ -50,9 +47,7 @@ def problem_from_model(
         standard_error: (m,) of the observed; without it they are taken as equal and unknown.
         basis: what is held equal where thrusts are compared; "joint" fits newtons.
         nearest_z_over_R: points below are left out; None keeps all.
-        labels: (m,) names of the points.
         groups: (m,) settings; by the plate's position when left out.
-        covariates: further columns (m,) to look at residuals against.
         reference: (m,) what each point was divided by, for a ratio: a parked plate is far, not
             gone, and its own few per mille would go into R and K_b; no plate when left out.
     """
@@ -82,24 +77,23 @@ def problem_from_model(
     if basis != "joint":
         model, held = _without_reading(model)
         facts["held"] = ", ".join(held)
+    speed = conditions.speed_rad_s.max(axis=0)
+    step = SAME_LEVEL * float(speed.max()) or 1.0
     columns = {
         "z_over_R": distance[used],
-        "speed_rad_s": _levels(conditions.speed_rad_s.max(axis=0)),
+        "speed_rad_s": np.round(speed / step) * step,
         "time_s": conditions.time_s,
     }
-    columns |= {name: column[used] for name, column in (covariates or {}).items()}
     return Problem(
         model=model.name,
         parameters=model.parameters,
-        predict=_thrust(model, conditions) if basis == "joint" else _ratio(model, conditions, far),
+        predict=_prediction(model, conditions, None if basis == "joint" else far),
         observed=np.asarray(observed, float)[used],
         standard_error=np.asarray(standard_error, float)[used],
         basis=basis,
-        labels=tuple(labels[int(i)] for i in used)
-        if labels
-        else _labels(conditions, distance[used]),
+        labels=_labels(conditions, distance[used]),
         groups=plate_settings(conditions) if groups is None else groups[used],
-        covariates=_telling(columns),
+        covariates=_varying(columns),
         facts=facts,
     )
 
@@ -121,13 +115,7 @@ SAME_LEVEL = 0.02
 put the speeds of a level in the order of time."""
 
 
-def _levels(speed_rad_s: Array) -> Array:
-    """Return speeds (m,) rounded to throttle levels."""
-    step = SAME_LEVEL * float(speed_rad_s.max()) or 1.0
-    return np.asarray(np.round(speed_rad_s / step) * step, float)
-
-
-def _telling(columns: Mapping[str, Array]) -> dict[str, Array]:
+def _varying(columns: Mapping[str, Array]) -> dict[str, Array]:
     """Return the columns that vary, plates far away cut off at ten times the farthest near one."""
     out = {}
     for name, column in columns.items():
@@ -158,41 +146,27 @@ def _without_reading(model: Model) -> tuple[Model, list[str]]:
     return model, held
 
 
-def _thrust(model: Model, conditions: Conditions) -> Callable[[Any], Any]:
-    prepared = Prepared(model, conditions)
-    fill = _filler(model.parameters)
+def _prediction(
+    model: Model, conditions: Conditions, reference: Conditions | None
+) -> Callable[[Any], Any]:
+    """Return the function from free shape values to thrust in N, or to its ratio to a reference.
 
-    def predict(values: Any) -> Any:
-        return prepared.thrust_N(fill(values))
-
-    return predict
-
-
-def _ratio(model: Model, conditions: Conditions, reference: Conditions) -> Callable[[Any], Any]:
-    """Return the thrust ratio at equal speeds, which the law takes for equal pwm and power too."""
-    near, far = Prepared(model, conditions), Prepared(model, reference)
-    fill = _filler(model.parameters)
-
-    def predict(values: Any) -> Any:
-        full = fill(values)
-        return near.thrust_N(full) / far.thrust_N(full)
-
-    return predict
-
-
-def _filler(parameters: Parameters) -> Callable[[Any], list[Any]]:
-    """Return the function from free shape values to all values, in order."""
-    template: list[Any] = [item.value for item in parameters.values()]
+    The ratio is that at equal speeds, which the law takes for equal pwm and power too.
+    """
+    near = Prepared(model, conditions)
+    far = None if reference is None else Prepared(model, reference)
+    template: list[Any] = [item.value for item in model.parameters.values()]
     places = [
         position
-        for position, (name, item) in enumerate(parameters.items())
+        for position, (name, item) in enumerate(model.parameters.items())
         if item.free and not name.startswith("noise.")
     ]
 
-    def fill(values: Any) -> list[Any]:
+    def predict(values: Any) -> Any:
         full = template.copy()
         for place, value in zip(places, values, strict=True):
             full[place] = value
-        return full
+        thrust = near.thrust_N(full)
+        return thrust if far is None else thrust / far.thrust_N(full)
 
-    return fill
+    return predict

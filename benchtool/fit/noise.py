@@ -9,7 +9,7 @@ where chi2 meets its own quantiles.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -29,21 +29,13 @@ Refit = Callable[[float, Solution], Solution]
 """refit(noise, near) -> the solution with the standard errors of that noise value."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Noise:
-    """Hold the fitted noise, and the shape's solution at it.
+def fit_noise(
+    problem: Problem, first: Solution, refit: Refit, robust: bool
+) -> tuple[Estimate, Solution]:
+    """Return the fitted noise with its intervals, and the shape's solution at it.
 
-    Attributes:
-        estimate: value and intervals.
-        solution: with rows weighted by the fitted noise.
+    It starts from the solution at the noise's present value.
     """
-
-    estimate: Estimate
-    solution: Solution
-
-
-def fit_noise(problem: Problem, first: Solution, refit: Refit, robust: bool) -> Noise:
-    """Return the fitted noise, starting from the solution at the noise's present value."""
     name = problem.noise_name
     assert name is not None
     if problem.dof < 1:
@@ -57,7 +49,9 @@ def fit_noise(problem: Problem, first: Solution, refit: Refit, robust: bool) -> 
     return _searched(problem, name, first, refit)
 
 
-def _scale(problem: Problem, first: Solution, refit: Refit, robust: bool) -> Noise:
+def _scale(
+    problem: Problem, first: Solution, refit: Refit, robust: bool
+) -> tuple[Estimate, Solution]:
     """Return the scale in closed form, or by the median absolute residual under a robust loss."""
     item = problem.parameters[NOISE_SCALE]
     value, solution = item.value, first
@@ -71,29 +65,24 @@ def _scale(problem: Problem, first: Solution, refit: Refit, robust: bool) -> Noi
                 break
     else:
         value *= float(np.sqrt(solution.chi2 / problem.dof))
-        solution = _reweighted(solution, item.value / value if value > 0.0 else 1.0)
+        factor = item.value / value if value > 0.0 else 1.0
+        solution = replace(
+            solution,
+            rows=solution.rows * factor,
+            jacobian=solution.jacobian * factor,
+            cost=solution.cost * factor**2,
+        )
     one, two = (
         (value * float(np.sqrt(problem.dof / high)), value * float(np.sqrt(problem.dof / low)))
         for low, high in chi2_limits(problem.dof)
     )
     sd = value / float(np.sqrt(2.0 * problem.dof))
-    return Noise(Estimate(NOISE_SCALE, item.unit, value, sd, one, two), solution)
+    return Estimate(NOISE_SCALE, item.unit, value, sd, one, two), solution
 
 
-def _reweighted(solution: Solution, factor: float) -> Solution:
-    """Return a solution without priors as it is with all standard errors divided by `factor`."""
-    return Solution(
-        shape=solution.shape,
-        rows=solution.rows * factor,
-        jacobian=solution.jacobian * factor,
-        cost=solution.cost * factor**2,
-        finished=solution.finished,
-        evaluations=solution.evaluations,
-        way=solution.way,
-    )
-
-
-def _searched(problem: Problem, name: str, first: Solution, refit: Refit) -> Noise:
+def _searched(
+    problem: Problem, name: str, first: Solution, refit: Refit
+) -> tuple[Estimate, Solution]:
     item = problem.parameters[name]
     typical = float(np.sqrt(np.mean(problem.standard_error**2)))
     unit = 1.0 if name == NOISE_SCALE else typical
@@ -122,4 +111,4 @@ def _searched(problem: Problem, name: str, first: Solution, refit: Refit) -> Noi
     one, two = ((low, high) for low, high in ends)
     sd = 0.5 * (one[1] - one[0])
     hit = bound_hit(replace(item, lower=lower), value, sd)
-    return Noise(Estimate(name, item.unit, value, sd, one, two, hit), solution)
+    return Estimate(name, item.unit, value, sd, one, two, hit), solution

@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from benchtool.core.errors import BenchtoolError, EstimationError, ModelRejected
+from benchtool.core.errors import EstimationError, ModelRejected
 from benchtool.core.fit_result import FitResult
 from benchtool.core.rig_file import rig_beside
 from benchtool.data.atomic import json_ready, replace_json, replace_text
@@ -24,12 +24,20 @@ Answer = Literal["given", "model rejected", "none"]
 
 def result_tables(output: FitOutput) -> dict[str, Any]:
     """Return the contents of result.json."""
+    # Data are named as given, without folders of one machine.
+    recipe = asdict(output.recipe)
+    recipe["data"] = [Path(name).name for name in output.recipe.data]
+    recipe["model"] = Path(output.recipe.model).name
+    recipe["compare"] = [Path(name).name for name in output.recipe.compare]
     problem = refusal(output.results)
+    answer: Answer = "model rejected" if isinstance(problem, ModelRejected) else "given"
+    if isinstance(problem, EstimationError):
+        answer = "none"
     tables: dict[str, Any] = {
         "format": FIT_FORMAT,
-        "answer": _answer(problem),
+        "answer": answer,
         "problem": "" if problem is None else str(problem),
-        "recipe": _paths_as_names(output),
+        "recipe": recipe,
         "model": output.loaded.model.name,
         "rig": output.loaded.model.rig.name,
         "basis": output.recipe.basis,
@@ -69,12 +77,6 @@ def write_result(folder: Path, output: FitOutput) -> None:
             np.savetxt(path, result.samples, delimiter=",", header=header, comments="", fmt="%.9g")
 
 
-def _answer(problem: BenchtoolError | None) -> Answer:
-    if isinstance(problem, EstimationError):
-        return "none"
-    return "model rejected" if isinstance(problem, ModelRejected) else "given"
-
-
 def _write_model(folder: Path, output: FitOutput) -> None:
     problem = refusal(output.results)
     model = output.fitted
@@ -90,22 +92,13 @@ def _write_model(folder: Path, output: FitOutput) -> None:
 
 
 def _result(result: FitResult) -> dict[str, Any]:
-    def estimates(items: Any) -> dict[str, Any]:
-        return {
-            item.name: {
-                "unit": item.unit,
-                "value": item.value,
-                "sd": item.sd,
-                "interval_68": list(item.interval_68),
-                "interval_95": list(item.interval_95),
-                "bound": item.bound,
-            }
-            for item in items
-        }
-
+    tables = asdict(result)
+    estimates, derived = (
+        {item.pop("name"): item for item in tables[key]} for key in ("estimates", "derived")
+    )
     return {
-        "estimates": estimates(result.estimates),
-        "derived": estimates(result.derived),
+        "estimates": estimates,
+        "derived": derived,
         "order": [item.name for item in result.estimates],
         "covariance": result.covariance.tolist(),
         "chi2": result.chi2,
@@ -116,12 +109,3 @@ def _result(result: FitResult) -> dict[str, Any]:
         "warnings": list(result.warnings),
         "facts": dict(result.facts),
     }
-
-
-def _paths_as_names(output: FitOutput) -> dict[str, Any]:
-    """Return the recipe with its data named as given, without folders of one machine."""
-    recipe = asdict(output.recipe)
-    recipe["data"] = [Path(name).name for name in output.recipe.data]
-    recipe["model"] = Path(output.recipe.model).name
-    recipe["compare"] = [Path(name).name for name in output.recipe.compare]
-    return recipe

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -13,10 +14,10 @@ from benchtool.core.fit_result import FitResult
 from benchtool.core.own_code import CodePermit, refuse_code
 from benchtool.core.rig import Rig
 from benchtool.fit.compare import Comparison, compare
-from benchtool.fit.derived import with_derived
 from benchtool.fit.diagnose import with_diagnosis
 from benchtool.fit.ensemble import fit_ensemble
 from benchtool.fit.fit_data import FitData, read_fit_data, recipe_model, rig_of_recipe
+from benchtool.fit.interval import with_derived
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.model_problem import problem_from_model
 from benchtool.fit.problem import Problem
@@ -76,7 +77,7 @@ class FitOutput:
 
 def run_recipe(
     recipe: Recipe,
-    progress: Progress | None = None,
+    progress: Progress = lambda what, done, expected: None,
     *,
     profile: bool = False,
     permit: CodePermit = refuse_code,
@@ -98,25 +99,15 @@ def run_recipe(
     loaded = replace(loaded, model=_with_noise(loaded.model, recipe, data.errors))
     problem = _problem(loaded.model, recipe, data)
     assumed = (*_assumed_rig(recipe, loaded.model.rig), *loaded.notes)
-    results = tuple(
-        _named(
-            loaded.model,
-            data,
-            problem,
-            _estimate(problem, recipe, method, progress, profile),
-            assumed,
-        )
-        for method in recipe.methods
-    )
+    estimates = (_estimate(problem, recipe, one, progress, profile) for one in recipe.methods)
+    results = tuple(_named(loaded.model, data, problem, one, assumed) for one in estimates)
     comparison = None
     if recipe.compare:
-        names = list(dict.fromkeys((recipe.model, *recipe.compare)))
-        rig = loaded.model.rig
-        others = [
-            _as_compared(load_model(name, rig, permit=permit).model, loaded.model, recipe)
-            for name in names[1:]
-        ]
-        problems = [problem, *(_problem(other, recipe, data) for other in others)]
+        model, problems = loaded.model, [problem]
+        for name in dict.fromkeys(recipe.compare):
+            if name != recipe.model:
+                other = load_model(name, model.rig, permit=permit).model
+                problems.append(_problem(_as_compared(other, model, recipe), recipe, data))
         comparison = compare(problems, seed=recipe.seed)
     return FitOutput(
         recipe=recipe,
@@ -179,25 +170,18 @@ def _as_compared(other: Model, model: Model, recipe: Recipe) -> Model:
 
 
 def _estimate(
-    problem: Problem, recipe: Recipe, method: str, progress: Progress | None, profile: bool
+    problem: Problem, recipe: Recipe, method: str, progress: Progress, profile: bool
 ) -> FitResult:
     if method == "least_squares":
-        if progress is not None:
-            progress("least squares", 0, 1)
-        result = fit_least_squares(problem, loss=recipe.loss, seed=recipe.seed)
+        progress("least squares", 0, 1)
+        result = fit_least_squares(problem, loss=recipe.loss)
         return with_profile(problem, result) if profile else result
-    report = None
-    if progress is not None:
-
-        def report(done: int, expected: int) -> None:
-            progress("emcee", done, expected)
-
     return fit_ensemble(
         problem,
         walkers=recipe.walkers,
         max_steps=recipe.max_steps,
         seed=recipe.seed,
-        progress=report,
+        progress=partial(progress, "emcee"),
     )
 
 

@@ -171,17 +171,13 @@ def start_walkers(
         drawn = centre[bad] * shrink + rng.standard_normal((int(bad.sum()), n))
         starts[bad] = middle + shrink * drawn @ root.T
         if attempt > TRIES // 4:
-            starts = np.clip(starts, *_inner(lower, upper, middle, np.diag(root @ root.T)))
+            width = np.where(upper - lower > 0.0, upper - lower, 1.0)
+            margin = 1e-3 * np.minimum(np.sqrt(np.diag(root @ root.T)), width)
+            starts = np.clip(starts, lower + margin, upper - margin)
     raise EstimationError(
         "no starting points of finite probability were found around the starting values; "
         "move the values away from their bounds"
     )
-
-
-def _inner(lower: Array, upper: Array, middle: Array, variance: Array) -> tuple[Array, Array]:
-    """Return bounds a little inside the given ones."""
-    margin = 1e-3 * np.minimum(np.sqrt(variance), np.where(upper - lower > 0.0, upper - lower, 1.0))
-    return lower + margin, upper - margin
 
 
 def _root(problem: Problem, near: FitResult | None) -> Array:
@@ -195,7 +191,11 @@ def _root(problem: Problem, near: FitResult | None) -> Array:
         if not (np.isfinite(covariance[i, i]) and covariance[i, i] > 0.0):
             covariance[i, :] = covariance[:, i] = 0.0
             covariance[i, i] = widths[i] ** 2
-    sd = np.minimum(np.sqrt(np.diag(covariance)), [_widest(item) for item in items])
+    # The largest width that leaves starts within finite bounds.
+    within = np.array([item.upper - item.lower for item in items])
+    sd = np.minimum(
+        np.sqrt(np.diag(covariance)), np.where(np.isfinite(within), 0.25 * within, np.inf)
+    )
     scale = 1.0 / np.sqrt(np.diag(covariance))
     values, vectors = np.linalg.eigh(covariance * np.outer(scale, scale))
     root: Array = sd[:, None] * vectors * np.sqrt(np.maximum(values, 1e-12))
@@ -209,12 +209,6 @@ def _width(item: Parameter) -> float:
     if np.isfinite(item.upper - item.lower):
         return 0.1 * (item.upper - item.lower)
     return 0.1 * abs(item.value) or item.tolerance or 0.1
-
-
-def _widest(item: Parameter) -> float:
-    """Return the largest width that leaves starts within finite bounds."""
-    width = item.upper - item.lower
-    return 0.25 * width if np.isfinite(width) else float("inf")
 
 
 STRETCH = 2.0

@@ -41,7 +41,9 @@ class Story:
     eq4: FitOutput
 
 
-def fit_both(single_run: Path, quad_run: Path, progress: Progress | None = None) -> Story:
+def fit_both(
+    single_run: Path, quad_run: Path, progress: Progress = lambda what, done, expected: None
+) -> Story:
     """Fit the demo's two runs."""
     both: tuple[Method, ...] = ("least_squares", "emcee")
     single = Recipe(name="one rotor", data=(str(single_run),), model="single_bench", methods=both)

@@ -13,7 +13,7 @@ from matplotlib.ticker import ScalarFormatter
 
 from benchtool.core.array import Array
 from benchtool.core.fit_result import FitResult
-from benchtool.fit.convergence import convergence_of
+from benchtool.fit.ensemble import convergence_of
 from benchtool.fit.run_recipe import FitOutput
 from benchtool.report.figure import figure
 from benchtool.report.numbers import unit_for_people, value_with_sd

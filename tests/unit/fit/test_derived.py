@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from benchtool.core.errors import EstimationError
-from benchtool.fit.derived import with_derived
 from benchtool.fit.ensemble import fit_ensemble
+from benchtool.fit.interval import with_derived
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.problem import function_problem
 from benchtool.fit.profile import with_profile

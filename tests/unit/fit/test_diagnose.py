@@ -8,12 +8,19 @@ import numpy as np
 import pytest
 from scipy.special import stdtr
 
-from benchtool.fit.diagnose import _hint, diagnose, with_diagnosis
+from benchtool.fit.diagnose import (
+    _hint,
+    bend_along,
+    diagnose,
+    outliers,
+    runs_along,
+    trend_along,
+    with_diagnosis,
+)
 from benchtool.fit.ensemble import fit_ensemble
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.model_problem import problem_from_model
 from benchtool.fit.problem import Problem
-from benchtool.fit.residual_structure import bend_along, outliers, runs_along, trend_along
 from benchtool.physics.model import Model
 from tests.unit.fit.cases import (
     line_problem,
@@ -168,15 +175,15 @@ def test_both_estimators_are_diagnosed_alike() -> None:
 
 def test_runs_are_counted_as_by_hand() -> None:
     rows = np.array([1.0, 2.0, -1.0, -1.0, -2.0, 1.0, 1.0, -1.0])
-    found = runs_along("x", np.arange(8.0), rows)
-    assert (found.runs, found.expected) == (4, 5.0)
-    curved = runs_along("x", np.arange(40.0), np.cos(np.linspace(0.0, np.pi, 40)))
-    assert curved.runs == 2
+    found = runs_along(np.arange(8.0), rows)
+    assert (found.size, found.expected) == (4, 5.0)
+    curved = runs_along(np.arange(40.0), np.cos(np.linspace(0.0, np.pi, 40)))
+    assert curved.size == 2
     assert curved.chance < 1e-6
     # Repeats at one value count once, by their mean.
-    repeated = runs_along("x", np.repeat(np.arange(8.0), 5), np.repeat(rows, 5))
-    assert repeated.runs == 4
-    assert runs_along("x", np.arange(4.0), np.ones(4)).chance == 1.0
+    repeated = runs_along(np.repeat(np.arange(8.0), 5), np.repeat(rows, 5))
+    assert repeated.size == 4
+    assert runs_along(np.arange(4.0), np.ones(4)).chance == 1.0
 
 
 def test_a_bend_is_the_last_coefficient_of_a_parabola_with_students_chance() -> None:
@@ -184,26 +191,26 @@ def test_a_bend_is_the_last_coefficient_of_a_parabola_with_students_chance() -> 
     x = np.linspace(2.0, 6.0, 14)
     rows = 0.4 * (x - 4.0) ** 2 + rng.standard_normal(14)
     coefficients, covariance = np.polyfit((x - 4.0) / 2.0, rows, 2, cov=True)
-    bend = bend_along("x", x, rows)
-    assert bend.curvature == pytest.approx(coefficients[0])
+    bend = bend_along(x, rows)
+    assert bend.size == pytest.approx(coefficients[0])
     t = coefficients[0] / np.sqrt(covariance[0, 0])
     assert bend.chance == pytest.approx(2.0 * stdtr(11, -abs(t)), rel=1e-6)
     # A U in ten points is seen, which no count of runs can see; noise alone is told as it should.
     u = (np.arange(10.0) - 4.5) ** 2 - 8.25 + 0.5 * rng.standard_normal(10)
-    assert bend_along("x", np.arange(10.0), u).chance < 1e-6
-    assert runs_along("x", np.arange(10.0), u).chance > 1e-3
-    noise = [bend_along("x", x, rng.standard_normal(14)).chance for _ in range(2000)]
+    assert bend_along(np.arange(10.0), u).chance < 1e-6
+    assert runs_along(np.arange(10.0), u).chance > 1e-3
+    noise = [bend_along(x, rng.standard_normal(14)).chance for _ in range(2000)]
     assert np.mean(np.array(noise) < 0.05) == pytest.approx(0.05, abs=0.015)
-    assert bend_along("x", np.repeat([1.0, 2.0, 3.0], 4), np.tile([1.0, -1.0], 6)).chance == 1.0
+    assert bend_along(np.repeat([1.0, 2.0, 3.0], 4), np.tile([1.0, -1.0], 6)).chance == 1.0
 
 
 def test_rank_correlation_follows_ranks_not_values() -> None:
     x = np.linspace(0.0, 3.0, 20)
-    assert trend_along("x", x, np.exp(x)).correlation == pytest.approx(1.0)
-    assert trend_along("x", x, np.exp(x)).chance < 1e-6
-    ties = trend_along("x", np.array([1.0, 1, 2, 2, 3, 3]), np.array([1.0, 2, 3, 4, 5, 6]))
-    assert ties.correlation == pytest.approx(0.9561828874675149)  # by hand, mid-ranks
-    assert trend_along("x", np.ones(9), x[:9]).chance == 1.0
+    assert trend_along(x, np.exp(x)).size == pytest.approx(1.0)
+    assert trend_along(x, np.exp(x)).chance < 1e-6
+    ties = trend_along(np.array([1.0, 1, 2, 2, 3, 3]), np.array([1.0, 2, 3, 4, 5, 6]))
+    assert ties.size == pytest.approx(0.9561828874675149)  # by hand, mid-ranks
+    assert trend_along(np.ones(9), x[:9]).chance == 1.0
 
 
 def test_few_points_are_outliers_in_pure_noise() -> None:

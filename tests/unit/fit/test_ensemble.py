@@ -10,9 +10,8 @@ import pytest
 from numpy.typing import NDArray
 
 from benchtool.core.errors import EstimationError, InputError, NotConverged
-from benchtool.fit.convergence import convergence_of, split_rhat
 from benchtool.fit.diagnose import refusal
-from benchtool.fit.ensemble import fit_ensemble
+from benchtool.fit.ensemble import convergence_of, fit_ensemble, split_rhat
 from benchtool.fit.problem import NOISE_SCALE, Problem, function_problem
 from benchtool.fit.sampling import IslandStretch, log_probability
 from tests.unit.fit.cases import SMALL, X, free, line_problem, scaled_line

@@ -185,21 +185,6 @@ def test_more_parameters_than_points_are_told_not_fatal() -> None:
         fit_least_squares(scaled_line().subset(np.array([4])))
 
 
-def test_several_starts_leave_a_local_minimum() -> None:
-    def wave(v: Any) -> Any:
-        return np.sin(v[0] * X)
-
-    observed = np.sin(25.0 * X) + 0.05 * noise(1)
-    problem = function_problem(
-        "wave", {"w": free("w", 5.0, 0.0, 40.0)}, wave, observed, np.full(len(X), 0.05)
-    )
-    assert fit_least_squares(problem).chi2_per_dof > 50.0
-    result = fit_least_squares(problem, starts=20, seed=1)
-    assert result["w"].value == pytest.approx(25.0, abs=0.1)
-    assert result.facts["starts"] == 20
-    assert 1 <= int(str(result.facts["starts_agreeing"])) < 20
-
-
 def test_a_start_without_a_prediction_names_the_point() -> None:
     def pole(v: Any) -> Any:
         return v[0] / (X - X[3])
