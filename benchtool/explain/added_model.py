@@ -34,7 +34,7 @@ def added_model(answer: Answer, rig: str = "", effects_file: str = "") -> str:
         rig: how the new file names the rig; as the parent did when empty.
         effects_file: file of the user's own effects, beside the new file.
     """
-    loaded = answer.loaded
+    loaded = answer.request.loaded
     named = added_effects(answer)
     words = ", ".join(effect.name for effect in named)
     model = replace(
@@ -56,7 +56,7 @@ def added_model(answer: Answer, rig: str = "", effects_file: str = "") -> str:
 
 def updated_model(answer: Answer) -> Model:
     """Return the model with the effects that are added, each number where the recordings put it."""
-    model = _calibrated(answer, answer.loaded.model)
+    model = _calibrated(answer, answer.request.loaded.model)
     for effect in added_effects(answer):
         model = _with(answer, model, effect)
     return model
@@ -74,7 +74,7 @@ def added_effects(answer: Answer) -> tuple[NamedEffect, ...]:
 
 
 def _effect(answer: Answer, name: str) -> Effect:
-    known = {effect.name: effect for effect in answer.own_effects}
+    known = {effect.name: effect for effect in answer.request.own}
     return known.get(name) or EFFECTS[name]
 
 
@@ -106,7 +106,7 @@ def _calibrated(answer: Answer, model: Model) -> Model:
 def _with(answer: Answer, model: Model, effect: NamedEffect) -> Model:
     if all(present.name != effect.name for present in model.effects):
         model = model.with_effect(_effect(answer, effect.name))
-    learned = ", ".join(source.name for source in answer.learn)
+    learned = ", ".join(source.name for source in answer.request.learn)
     found = answer.verdict.parameters
     for own in _effect(answer, effect.name).parameters:  # what shapes its law comes along
         name = f"{effect.name}.{own.name}"
@@ -148,11 +148,11 @@ def _changed(model: Model, name: str, **changes: Any) -> Model:
 
 def _provenance(answer: Answer, named: tuple[NamedEffect, ...]) -> dict[str, str]:
     verdict = answer.verdict
-    facts = {f"parent.{key}": text for key, text in answer.loaded.model.provenance.items()}
+    facts = {f"parent.{key}": text for key, text in answer.request.loaded.model.provenance.items()}
     facts |= {
         "made_by": f"benchtool {__version__}, benchtool explain, seed {answer.seed}",
-        "parent": f"{answer.loaded.model.name} ({answer.model_file})",
-        "parent_sha256": answer.model_sha256,
+        "parent": f"{answer.request.loaded.model.name} ({answer.request.model_file})",
+        "parent_sha256": answer.request.model_sha256,
         "verdict": verdict.sentence,
     }
     for effect in named:

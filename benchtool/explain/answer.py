@@ -10,10 +10,7 @@ from benchtool.core.counted import counted
 from benchtool.explain.engine.explain import Explanation, explain
 from benchtool.explain.engine.search import Progress
 from benchtool.explain.engine.verdict import Verdict
-from benchtool.explain.recordings import Source
 from benchtool.explain.request import Request
-from benchtool.physics.effects.effect import Effect
-from benchtool.physics.model_file import LoadedModel
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -22,30 +19,17 @@ class Answer:
 
     Attributes:
         explanation: the verdict with its curves.
-        loaded: the model in question, with its columns.
-        model_file: how the user named it, without folders of one machine.
-        model_given: as it was typed, for the next command; `model_file` when empty.
-        effects_given: where the user's own effects are, as it was typed; empty without.
-        model_sha256: of its file; empty for a shipped one.
-        learn, check: recordings.
+        request: the recordings and the model in question.
         seed: of everything random.
         seconds: how long it took.
         commands: as they were typed.
-        own_effects: candidates of the user's own.
     """
 
     explanation: Explanation
-    loaded: LoadedModel
-    model_file: str
-    learn: tuple[Source, ...]
-    check: tuple[Source, ...]
+    request: Request
     seed: int
     seconds: float
-    model_sha256: str = ""
-    model_given: str = ""
-    effects_given: str = ""
     commands: tuple[str, ...] = ()
-    own_effects: tuple[Effect, ...] = ()
 
     @property
     def verdict(self) -> Verdict:
@@ -55,7 +39,7 @@ class Answer:
     @property
     def simulated(self) -> bool:
         """Whether any recording says that no physical bench made it."""
-        return any(source.simulated for source in (*self.learn, *self.check))
+        return any(source.simulated for source in self.request.sources)
 
     @property
     def has_model(self) -> bool:
@@ -65,8 +49,8 @@ class Answer:
     @property
     def remarks(self) -> tuple[str, ...]:
         """What was repaired in the recordings, what they lack, how the model's file was read."""
-        found = [line for source in (*self.learn, *self.check) for line in source.remarks]
-        return tuple(dict.fromkeys((*found, *self.verdict.remarks, *self.loaded.notes)))
+        found = [line for source in self.request.sources for line in source.remarks]
+        return tuple(dict.fromkeys((*found, *self.verdict.remarks, *self.request.loaded.notes)))
 
     @property
     def caution(self) -> str:
@@ -80,7 +64,7 @@ class Answer:
     @property
     def hashes(self) -> Mapping[str, str]:
         """SHA-256 of each recording by its name."""
-        return {source.name: source.sha256 for source in (*self.learn, *self.check)}
+        return {source.name: source.sha256 for source in self.request.sources}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -117,7 +101,7 @@ def channel_words(channel: str, unit: str) -> ChannelWords:
 
 
 def answer_request(
-    question: Request,
+    request: Request,
     *,
     commands: Sequence[str] = (),
     seed: int = 0,
@@ -125,30 +109,16 @@ def answer_request(
     bootstrap: int = 0,
     progress: Progress = lambda what, share: None,
 ) -> Answer:
-    """Return the answer to a question; whoever has a clock says how long it took.
+    """Return the answer to a request; whoever has a clock sets how long it took.
 
     Args:
-        question: everything read that it names.
+        request: everything read that it names.
         commands: as they were typed.
-        seed: of everything random.
-        draws: of the noise behind the floor.
-        bootstrap: simulated records behind p-values; asymptotic ones when 0.
-        progress: called with what is being done.
+        seed, draws, bootstrap, progress: see `explain`.
     """
     found = explain(
-        question.subject(), seed=seed, draws=draws, bootstrap=bootstrap, progress=progress
+        request.subject(), seed=seed, draws=draws, bootstrap=bootstrap, progress=progress
     )
     return Answer(
-        explanation=found,
-        loaded=question.loaded,
-        model_file=question.model_file,
-        model_sha256=question.model_sha256,
-        model_given=question.model_given,
-        effects_given=question.effects_given,
-        learn=question.learn,
-        check=question.check,
-        seed=seed,
-        seconds=0.0,
-        commands=tuple(commands),
-        own_effects=question.own,
+        explanation=found, request=request, seed=seed, seconds=0.0, commands=tuple(commands)
     )

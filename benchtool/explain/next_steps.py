@@ -75,7 +75,7 @@ def next_steps(answer: Answer, folder: str = "") -> tuple[Step, ...]:
             return ()
         parts = {"the new model": answer.has_model, "the next experiment": bool(name)}
         what = " and ".join(part for part, there in parts.items() if there)
-        return (Step(f"write {what}", _explain(answer, _model(answer), out="found")),)
+        return (Step(f"write {what}", _explain(answer, answer.request.model_given, out="found")),)
     new = str(Path(folder) / MODEL)
     if name:
         return _experiment(answer, str(Path(folder) / name), new, folder)
@@ -86,8 +86,8 @@ def next_steps(answer: Answer, folder: str = "") -> tuple[Step, ...]:
     if answer.verdict.bench == "pitch":
         words = ["simulate", "pitch", "--model", new, "--out", f"{folder}-simulated"]
         return (again, Step("simulate with the new model", _typed(words)))
-    fit = ["fit", *_paths(answer.learn), "--model", new, "--out", f"{folder}-fit"]
-    rig, own = rig_beside(answer.loaded.model.rig)
+    fit = ["fit", *_paths(answer.request.learn), "--model", new, "--out", f"{folder}-fit"]
+    rig, own = rig_beside(answer.request.loaded.model.rig)
     place = str(Path(folder) / rig) if own else rig
     sweep = ["sweep", f"sim:{place}?truth={new}", "--z-over-r", "0.6,1,2,4", "--pwm", "1500,1600"]
     return (
@@ -104,7 +104,7 @@ def lines(steps: Sequence[Step]) -> list[str]:
 
 def _experiment(answer: Answer, file: str, new: str, folder: str) -> tuple[Step, ...]:
     """Return the steps of a next experiment: try it, do it, explain with it."""
-    model = new if answer.has_model else _model(answer)
+    model = new if answer.has_model else answer.request.model_given
     run = f"{folder}-next"
     if answer.verdict.bench == "pitch":
         tried = [
@@ -125,22 +125,18 @@ def _experiment(answer: Answer, file: str, new: str, folder: str) -> tuple[Step,
     else:
         planned = ["sweep", "ADDRESS", "--plan", file, "--out", run]
         steps = [Step("do the experiment (ADDRESS: your bench)", _typed(planned))]
-    last = _explain(answer, _model(answer), more=[run], out=f"{folder}-again")
+    last = _explain(answer, answer.request.model_given, more=[run], out=f"{folder}-again")
     return (*steps, Step("explain with what it recorded", last))
-
-
-def _model(answer: Answer) -> str:
-    return answer.model_given or answer.model_file
 
 
 def _explain(
     answer: Answer, model: str, out: str, more: Sequence[str] = (), *, own: bool = True
 ) -> str:
     """Return the command; `own` where the model does not bring the user's own effects itself."""
-    words = ["explain", *_paths(answer.learn), *more, "--model", model]
-    words += ["--check", *_paths(answer.check)]
-    if answer.effects_given and own:
-        words += ["--effects", answer.effects_given]
+    words = ["explain", *_paths(answer.request.learn), *more, "--model", model]
+    words += ["--check", *_paths(answer.request.check)]
+    if answer.request.effects_given and own:
+        words += ["--effects", answer.request.effects_given]
     return _typed([*words, "--out", out])
 
 

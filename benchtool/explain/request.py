@@ -29,12 +29,12 @@ from benchtool.physics.model_file import LoadedModel, load_model, model_names
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Request:
-    """Hold a question with everything read that it names.
+    """Hold recordings, a model and effects of the user's own, all read.
 
     Attributes:
         loaded: the model.
         model_file: its shipped name, or its file's own name.
-        model_given: as it was typed.
+        model_given: as it was typed, for the next command.
         effects_given: where the user's own effects are, as it was typed; empty without.
         model_sha256: of its file; empty for a shipped one.
         effects_file: Python file of the user's own effects, where it is one.
@@ -51,6 +51,11 @@ class Request:
     own: tuple[Effect, ...]
     learn: tuple[Source, ...]
     check: tuple[Source, ...]
+
+    @property
+    def sources(self) -> tuple[Source, ...]:
+        """All recordings."""
+        return (*self.learn, *self.check)
 
     @property
     def kind(self) -> BenchKind:

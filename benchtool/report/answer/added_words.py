@@ -44,7 +44,7 @@ def changes(answer: Answer) -> tuple[Change, ...]:
     """Return where the new model differs from the old, what was found first; none without one."""
     if not answer.has_model:
         return ()
-    old = answer.loaded.model.parameters
+    old = answer.request.loaded.model.parameters
     named = {effect.name for effect in added_effects(answer)}
 
     def change(name: str, item: Parameter) -> Change:
@@ -52,7 +52,7 @@ def changes(answer: Answer) -> tuple[Change, ...]:
         return Change(name, before, item.value, item.unit, name.partition(".")[0] in named)
 
     new = updated_model(answer)
-    fresh = answer.loaded.model
+    fresh = answer.request.loaded.model
     for effect in new.effects:
         if all(present.name != effect.name for present in fresh.effects):
             fresh = fresh.with_effect(effect)
@@ -91,7 +91,7 @@ def added_sentence(answer: Answer, folder: str = "") -> str:
         folder: that the answer is written to; empty where it is not.
     """
     kind = answer.verdict.kind
-    old = answer.loaded.model.name
+    old = answer.request.loaded.model.name
     if not answer.has_model:
         why = "nothing is missing" if kind == "none" else "no effect is named"
         return f"No new model: {why}, so {old} stays as it is."

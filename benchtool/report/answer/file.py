@@ -73,10 +73,10 @@ def answer_tables(answer: Answer, written: Written) -> dict[str, Any]:
         "draws": verdict.draws,
         "seed": answer.seed,
         "simulated": answer.simulated,
-        "model": answer.loaded.model.name,
+        "model": answer.request.loaded.model.name,
         "data": {
-            "learn": {source.name: source.sha256 for source in answer.learn},
-            "check": {source.name: source.sha256 for source in answer.check},
+            "learn": {source.name: source.sha256 for source in answer.request.learn},
+            "check": {source.name: source.sha256 for source in answer.request.check},
         },
         "software": f"benchtool {__version__}",
     }

@@ -53,7 +53,7 @@ def write_folder(
         own = effects_file if own_names(answer) else None
         if own is not None:
             write_whole(folder / own.name, own.read_bytes())
-        rig, rig_text = rig_beside(answer.loaded.model.rig)
+        rig, rig_text = rig_beside(answer.request.loaded.model.rig)
         if rig_text:
             replace_text(folder / rig, rig_text)
         replace_text(folder / MODEL, added_model(answer, rig, own.name if own is not None else ""))

@@ -98,13 +98,13 @@ def _not_judged(answer: Answer) -> list[Block]:
 
 
 def _facts(answer: Answer) -> list[Block]:
-    verdict, model = answer.verdict, answer.loaded.model
+    verdict, model = answer.verdict, answer.request.loaded.model
     facts = {
-        "model": f"{model.name} ({answer.model_file})",
+        "model": f"{model.name} ({answer.request.model_file})",
         "rig": f"{model.rig.name}: {model.rig.title}",
         "bench": verdict.bench,
-        "learned from": ", ".join(source.name for source in answer.learn),
-        "checked on": ", ".join(source.name for source in answer.check),
+        "learned from": ", ".join(source.name for source in answer.request.learn),
+        "checked on": ", ".join(source.name for source in answer.request.check),
         "seed": str(answer.seed),
         "took": f"{answer.seconds:.1f} s",
         "software": f"benchtool {__version__}",
@@ -153,12 +153,12 @@ def answer_page(
         folder: of the page, as it was typed; empty where nothing is written yet.
     """
     return Report(
-        title=f"Explanation: {answer.loaded.model.name}",
+        title=f"Explanation: {answer.request.loaded.model.name}",
         summary=f"{answer.verdict.sentence} {answer.caution}".strip(),
         sections=[
             Section("What now", _now(answer, next_name, folder)),
             *ANSWER.sections(answer, figures),
-            *run_sections(source.path for source in (*answer.learn, *answer.check)),
+            *run_sections(source.path for source in answer.request.sources),
             Section("Made with", [Commands(answer.commands)]),
         ],
         simulated=answer.simulated,

@@ -29,6 +29,7 @@ from benchtool.explain.engine.verdict import (
     WhereShown,
 )
 from benchtool.explain.recordings import Source
+from benchtool.explain.request import Request
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.model_file import LoadedModel, load_model
 from benchtool.physics.tolerances import tolerances
@@ -185,13 +186,21 @@ def source(path: str, sha256: str) -> Source:
 def answer(kind: Kind = "effect", loaded: LoadedModel | None = None, **changes: Any) -> Answer:
     """Make an answer of that kind about the pitch bench."""
     assert all(name in EFFECTS for name in verdict(kind).names)
-    given = Answer(
-        explanation=explanation(kind),
+    request = Request(
         loaded=loaded or load_model(MODEL),
         model_file="model.toml",
+        model_given="model.toml",
         model_sha256="c0ffee",
+        effects_given="",
+        effects_file=None,
+        own=(),
         learn=(source("learn.csv", "1" * 64),),
         check=(source("check.csv", "2" * 64),),
+    )
+    asked = {name: changes.pop(name) for name in [*changes] if hasattr(request, name)}
+    given = Answer(
+        explanation=explanation(kind),
+        request=replace(request, **asked),
         seed=0,
         seconds=4.2,
         commands=("benchtool explain learn.csv --model model.toml --check check.csv",),
