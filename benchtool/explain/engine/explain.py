@@ -115,6 +115,7 @@ def explain(
             NamedEffect(
                 name=name,
                 title=effect.title,
+                phrase=effect.phrase,
                 stage=effect.subsystem,
                 probability=weights[place][name],
                 parameters=found_parameters(subject, hypotheses, one, name),
@@ -130,7 +131,7 @@ def explain(
         worst = max(gaps, key=lambda gap: gap.before / gap.floor)
         effect = effect_of(subject, search.slots[0].name)
         share = max(0.0, worst.share_closed)
-        nearest = Nearest(name=effect.name, title=effect.title, share_closed=share)
+        nearest = Nearest(name=effect.name, phrase=effect.phrase, share_closed=share)
     if not effects:
         after, best = before, null
         gaps = tuple(

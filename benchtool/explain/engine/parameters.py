@@ -61,6 +61,16 @@ class ScaledParameter:
         return self.start + self.scale * scaled
 
 
+def owner_parameter(
+    name: str, item: Parameter, sd: float, lower: float, first: float = 0.0
+) -> ScaledParameter:
+    """Return the parameter of a number that only its prior holds, known to a standard error."""
+    return ScaledParameter(
+        name=name, unit=item.unit, effect="", start=item.value, scale=sd, lower=lower,
+        upper=item.upper, held=True, first=first,
+    )  # fmt: skip
+
+
 def parameters_at(
     parameters: Parameters, moved: Sequence[ScaledParameter], scaled: Array
 ) -> Parameters:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import inf
 from typing import Literal
 
+from benchtool.core.array import Array
 from benchtool.core.parameter import Parameters
 from benchtool.core.schedule import Schedule
 from benchtool.physics.effects.effect import BenchKind, Subsystem
@@ -76,6 +77,7 @@ class NamedEffect:
     Attributes:
         name: as in the catalogue.
         title: for people.
+        phrase: the title as it stands within a sentence.
         stage: of the chain.
         probability: that this effect is there, beyond its tolerance.
         parameters: its numbers.
@@ -85,6 +87,7 @@ class NamedEffect:
 
     name: str
     title: str
+    phrase: str
     stage: Subsystem
     probability: float
     parameters: tuple[FoundParameter, ...]
@@ -164,7 +167,7 @@ class Nearest:
     """Say which named effect comes nearest to something unknown, and how much it explains."""
 
     name: str
-    title: str
+    phrase: str
     share_closed: float
 
 
@@ -209,6 +212,28 @@ class NextExperiment:
     plan_toml: str
     expected: Mapping[str, float]
 
+    @classmethod
+    def between(
+        cls,
+        rivals: Sequence[tuple[str, Array]],
+        expected: Mapping[str, float],
+        title: str,
+        reason: str,
+        *,
+        schedule: Schedule | None = None,
+        plan_toml: str = "",
+    ) -> NextExperiment:
+        """Return the one that is to separate rivals, likeliest first."""
+        names = tuple(name for name, _ in rivals)
+        return cls(
+            candidates=names,
+            title=title,
+            reason=f"{reason}; expected to tell {names[0]} from {names[1]}",
+            schedule=schedule,
+            plan_toml=plan_toml,
+            expected=dict(sorted(expected.items(), key=lambda item: -item[1])),
+        )
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verdict:
@@ -250,10 +275,16 @@ class Verdict:
     draws: int = field(default=0)
 
     @property
+    def tried_and_blind(self) -> tuple[int, int]:
+        """How many effects were tried, and how many of those could not be judged."""
+        tried = {name.partition(".")[0] for name in self.tolerances}
+        return len(tried), len(tried & set(self.not_judged))
+
+    @property
     def mostly_blind(self) -> bool:
         """Whether most of the effects could not be judged."""
-        tried = {name.partition(".")[0] for name in self.tolerances}
-        return 2 * len(tried & set(self.not_judged)) > len(tried)
+        tried, blind = self.tried_and_blind
+        return 2 * blind > tried
 
     @property
     def is_sure(self) -> bool:
@@ -273,23 +304,14 @@ class Verdict:
         return _SENTENCES[self.kind](self)
 
 
-def _number(item: FoundParameter) -> str:
-    unit = "" if item.unit == "1" else f" {item.unit}"
-    return f"{item.value:.4g} ± {item.std:.2g}{unit}"
-
-
 def _effect(effect: NamedEffect) -> str:
-    numbers = (f"{effect.name}.{item.name} = {_number(item)}" for item in effect.parameters)
-    return f"{in_sentence(effect.title)}: {', '.join(numbers)}"
-
-
-SURNAMES = ("Coulomb", "Stribeck")
-"""Words that begin a title and keep their capital within a sentence."""
-
-
-def in_sentence(title: str) -> str:
-    """Return an effect's title as it stands within a sentence."""
-    return title if title.startswith(SURNAMES) else title[:1].lower() + title[1:]
+    numbers = (
+        f"{effect.name}.{item.name} = {item.value:.4g} ± {item.std:.2g} {item.unit}".removesuffix(
+            " 1"
+        )
+        for item in effect.parameters
+    )
+    return f"{effect.phrase}: {', '.join(numbers)}"
 
 
 def _lacks(probability: float) -> str:
@@ -299,21 +321,20 @@ def _lacks(probability: float) -> str:
 
 
 def _named(verdict: Verdict) -> str:
-    """Tell each effect with its probability, with "lacks" once for those as sure."""
-    text, said = "", ""
+    """State each effect with its probability; the verb once for those as sure."""
+    before, parts = "", list[str]()
     for one in verdict.effects:
-        shown = f"{one.probability:.2f}"
-        verb = _lacks(one.probability)
-        text += "; and " if text else ""
-        text += f"{_effect(one)}" if verb == said else f"{verb} {_effect(one)}"
-        text += f", probability {'above 0.99' if shown == '1.00' else shown}"
-        said = verb
-    return f"The model {text}."
+        shown, verb = f"{one.probability:.2f}", _lacks(one.probability)
+        shown = "above 0.99" if shown == "1.00" else shown
+        stated = f"{'' if verb == before else f'{verb} '}{_effect(one)}, probability {shown}"
+        parts.append(stated)
+        before = verb
+    return f"The model {'; and '.join(parts)}."
 
 
 def _class(verdict: Verdict) -> str:
     together = sum(one.probability for one in verdict.effects)
-    members = ", ".join(in_sentence(one.title) for one in verdict.effects)
+    members = ", ".join(one.phrase for one in verdict.effects)
     return (
         f"The model {_lacks(together)} one of {members}; this data cannot tell them apart; most "
         f"likely is {_effect(verdict.effects[0])}."
@@ -321,30 +342,24 @@ def _class(verdict: Verdict) -> str:
 
 
 def _none(verdict: Verdict) -> str:
-    tried = {name.partition(".")[0] for name in verdict.tolerances}
-    blind = len(tried & set(verdict.not_judged))
+    tried, blind = verdict.tried_and_blind
     if verdict.mostly_blind:
         return (
-            f"This data can show only {len(tried) - blind} of {len(tried)} effects, and none of "
+            f"This data can show only {tried - blind} of {tried} effects, and none of "
             f"those is missing from the model beyond its tolerance."
         )
-    limits = f"; {blind} of {len(tried)} effects were not judged" if blind else ""
+    limits = f"; {blind} of {tried} effects were not judged" if blind else ""
     return f"Nothing beyond the stated tolerances is missing from the model{limits}."
 
 
 def _unknown(verdict: Verdict) -> str:
-    near = verdict.nearest
-    where = verdict.where
-    place = ""
-    if where is not None:
-        spread = where.regime == EVERYWHERE
-        place = f" {PLACES[where.stage]}" + ("" if spread else f" ({where.regime})")
-    nearest = (
-        f"; the nearest is {in_sentence(near.title)}, which closes "
-        f"{100.0 * near.share_closed:.0f} % of the gap"
-        if near is not None
-        else ""
-    )
+    place = nearest = ""
+    if (where := verdict.where) is not None:
+        everywhere = where.regime == EVERYWHERE
+        place = f" {PLACES[where.stage]}" + ("" if everywhere else f" ({where.regime})")
+    if (near := verdict.nearest) is not None:
+        share = f"{100.0 * near.share_closed:.0f} % of the gap"
+        nearest = f"; the nearest is {near.phrase}, which closes {share}"
     return f"Something is missing{place} that no named effect explains{nearest}."
 
 

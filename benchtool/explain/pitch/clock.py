@@ -7,7 +7,6 @@ and clocks scatter; where rows are even already nothing is touched.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -101,7 +100,16 @@ def even_rows(recording: Recording, name: str) -> EvenRows:
     backward, gaps = steps <= 0.0, steps > max(HELD_S, BRIDGED * usual)
     if not seen.all():  # rows of other messages may share a time with these
         backward = steps < 0.0
-    _tell(time_s, steps, backward, gaps, remarks)
+    if backward.any():
+        at, times = float(time_s[1:][backward][0]), int(backward.sum())
+        often = "once" if times == 1 else f"{times} times"
+        remarks.append(f"the clock jumps back {often}, first to {at:.3f} s; judged in parts")
+    if gaps.any():
+        at, wide = float(time_s[:-1][gaps][0]), float(steps[gaps].max())
+        many = counted(int(gaps.sum()), "gap")
+        remarks.append(
+            f"{many} in time, the first at {at:.3f} s, the longest {wide:.3f} s; judged in parts"
+        )
     edges = [0, *(1 + np.flatnonzero(backward | gaps)), len(time_s)]
     parts = [slice(first, last) for first, last in pairwise(edges)]
     within = steps[~(backward | gaps)]
@@ -126,21 +134,6 @@ def blank_for(values: Array, rate_Hz: float, seconds: float) -> Mask:
     return mask
 
 
-def _tell(time_s: Array, steps: Array, backward: Mask, gaps: Mask, remarks: list[str]) -> None:
-    if backward.any():
-        at = float(time_s[1:][backward][0])
-        remarks.append(
-            f"the clock jumps back {_times(int(backward.sum()))}, first to {at:.3f} s; "
-            f"judged in parts"
-        )
-    if gaps.any():
-        at, wide = float(time_s[:-1][gaps][0]), float(steps[gaps].max())
-        many = counted(int(gaps.sum()), "gap")
-        remarks.append(
-            f"{many} in time, the first at {at:.3f} s, the longest {wide:.3f} s; judged in parts"
-        )
-
-
 def _laid(
     recording: Recording, time_s: Array, parts: list[slice], step_s: float
 ) -> tuple[Recording, list[slice]]:
@@ -154,7 +147,9 @@ def _laid(
         first, last = times[inside[0]], times[inside[-1]]
         clock = first + step_s * np.arange(int((last - first) / step_s + 1e-6) + 1)
         read = [
-            _how(name)(clock, times, recording.column(name)[part], step_s)
+            (_read if READINGS.fullmatch(name) else _held)(
+                clock, times, recording.column(name)[part], step_s
+            )
             for name in recording.names
         ]
         clocks.append(clock)
@@ -167,10 +162,6 @@ def _laid(
     ]
     whole = Recording.from_columns(columns, recording.provenance, recording.simulated)
     return whole, [slice(first, last) for first, last in pairwise(places)]
-
-
-def _how(name: str) -> Callable[[Array, Array, Array, float], Array]:
-    return _read if READINGS.fullmatch(name) else _held
 
 
 def _read(clock: Array, times: Array, values: Array, step_s: float) -> Array:
@@ -209,10 +200,6 @@ def _held(clock: Array, times: Array, values: Array, step_s: float) -> Array:
     age = middle - at[np.maximum(newest, 0)]
     fresh = (newest >= 0) & (age <= max(HELD_S, step_s) + 0.5 * step_s)
     return np.where(fresh, np.diff(total) / step_s, np.nan)
-
-
-def _times(n: int) -> str:
-    return "once" if n == 1 else f"{n} times"
 
 
 READ_S = 0.1

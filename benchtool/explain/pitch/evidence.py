@@ -15,6 +15,7 @@ from benchtool.explain.engine.parameters import (
     ScaledParameter,
     all_shape_names,
     effect_parameters,
+    owner_parameter,
     parameters_at,
     with_every_effect,
 )
@@ -62,8 +63,14 @@ class PitchEvidence:
         names = {effect.name for effect in (*candidates("pitch"), *extra)}
         self.logs = [self._prepared(log) for log in logs]
         self.n_discs = logs[0].n_discs
+        # Below these the plant's steps cannot follow a lag.
+        shortest = {
+            f"{effect.name}.{effect.parameters[0].name}": LEAST_LAG_S
+            for effect in self.model.effects
+            if effect.hooks.lag_s is not None
+        }
         self.parameters = (
-            *effect_parameters(self.model, names, "pitch", _shortest(self.model)),
+            *effect_parameters(self.model, names, "pitch", shortest),
             *self._owner_parameters(),
         )
 
@@ -72,28 +79,17 @@ class PitchEvidence:
     def _owner_parameters(self) -> list[ScaledParameter]:
         items = self.model.parameters
         radius, inertia = items["R_m"], items["inertia_kgm2"]
-        out = [
-            ScaledParameter(
-                name="inertia_kgm2", unit="kg m2", effect="", start=inertia.value,
-                scale=inertia.prior.sd, lower=0.2 * inertia.value, held=True,
+        known = RADIUS_KNOWN * radius.value
+        radius_sd = radius.prior.sd if radius.prior.kind == "normal" else known
+        return [
+            owner_parameter("inertia_kgm2", inertia, inertia.prior.sd, 0.2 * inertia.value),
+            owner_parameter("R_m", radius, radius_sd, 0.2 * radius.value),
+            *(
+                owner_parameter(name, item, item.prior.sd, item.lower, item.lower == item.value)
+                for name in all_shape_names(self.model, "pitch", self._extra)
+                for item in [items[name]]
             ),
-            ScaledParameter(
-                name="R_m", unit="m", effect="", start=radius.value,
-                scale=radius.prior.sd if radius.prior.kind == "normal"
-                else RADIUS_KNOWN * radius.value,
-                lower=0.2 * radius.value, held=True,
-            ),
-        ]  # fmt: skip
-        for name in all_shape_names(self.model, "pitch", self._extra):
-            item = items[name]
-            out.append(
-                ScaledParameter(
-                    name=name, unit=item.unit, effect="", start=item.value, scale=item.prior.sd,
-                    lower=item.lower, upper=item.upper, held=True,
-                    first=1.0 if item.lower == item.value else 0.0,
-                )
-            )  # fmt: skip
-        return out
+        ]
 
     # --- data -----------------------------------------------------------------------------
 
@@ -124,9 +120,11 @@ class PitchEvidence:
 
     def residuals(self, scaled: Array) -> Array:
         """Return whitened residuals (n_rows, n_sets) for sets (n_sets, n_parameters)."""
-        return np.concatenate(
-            [np.concatenate(self._of_log(log, np.atleast_2d(scaled))) for log in self.logs]
-        )
+        rows: list[Array] = []
+        for log in self.logs:
+            benches = [self.bench(one, log.logged.rate_Hz) for one in np.atleast_2d(scaled)]
+            rows += self.whitened(log, filter_log(benches, log.logged, log.filter.gains))
+        return np.concatenate(rows)
 
     def groups(self) -> RowGroups:
         """Return labels of the rows: which stage they show, which part of the recording."""
@@ -134,7 +132,8 @@ class PitchEvidence:
         regimes: dict[str, list[NDArray[np.bool_]]] = {}
         for log in self.logs:
             found = pitch_regimes(log.logged, self.model.rig.propulsion.radius_m)
-            for of_speed in self._channels(log):
+            read = np.isfinite(log.logged.speed_rad_s[:, log.counted]).any(axis=1).sum()
+            for of_speed in [False] * (1 + _has_gyro(log)) + [True] * int(read):
                 speeds.append(np.full(int(log.counted.sum()), of_speed))
                 for name, mask in found.items():
                     regimes.setdefault(name, []).append(mask[log.counted])
@@ -143,16 +142,6 @@ class PitchEvidence:
             stages={"pwm_to_rpm": turning, "hinge": ~turning},
             regimes={name: np.concatenate(parts) for name, parts in regimes.items()},
         )
-
-    def _channels(self, log: FilteredLog) -> list[bool]:
-        """Return whether each channel of a log's residuals is a rotor's speed."""
-        read = sum(bool(np.isfinite(row[log.counted]).any()) for row in log.logged.speed_rad_s)
-        return [False] * (1 + _has_gyro(log)) + [True] * read
-
-    def _of_log(self, log: FilteredLog, scaled: Array) -> tuple[Array, ...]:
-        benches = [self.bench(one, log.logged.rate_Hz) for one in scaled]
-        found = filter_log(benches, log.logged, log.filter.gains)
-        return self.whitened(log, found)
 
     def whitened(self, log: FilteredLog, found: Predictions) -> tuple[Array, ...]:
         """Return residuals of pitch, gyro and speeds that were read, (n_counted, n_sets) each."""
@@ -172,21 +161,10 @@ class PitchEvidence:
         return tuple(rows)
 
 
-def _shortest(model: Model) -> dict[str, float]:
-    """Return bounds of time constants, below which the plant's steps cannot follow a lag."""
-    return {
-        f"{effect.name}.{effect.parameters[0].name}": LEAST_LAG_S
-        for effect in model.effects
-        if effect.hooks.lag_s is not None
-    }
-
-
 def _has_gyro(log: FilteredLog) -> bool:
     """Whether a log has rates; rows without any would make all others look like less than noise."""
     return bool(np.isfinite(log.logged.gyro_rad_s[log.counted]).any())
 
-
-Mask = NDArray[np.bool_]
 
 NEAR_Z_OVER_R = 2.0
 """Below this distance over radius the plate is near; a choice."""
@@ -198,7 +176,7 @@ AROUND_S = 0.15
 """How long before and after a change of sign a reversal lasts; a choice."""
 
 
-def pitch_regimes(logged: LoggedPitch, radius_m: float) -> dict[str, Mask]:
+def pitch_regimes(logged: LoggedPitch, radius_m: float) -> dict[str, NDArray[np.bool_]]:
     """Return masks (n,) by the words that a report uses."""
     n = len(logged)
     rate = np.nan_to_num(logged.gyro_rad_s)

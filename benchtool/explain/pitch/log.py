@@ -7,7 +7,6 @@ from itertools import pairwise
 from math import hypot
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 from scipy.signal import savgol_filter
 
@@ -89,7 +88,7 @@ def pitch_log(
     """
     name = name or recording.provenance.get("file", "the recording")
     for needed, why in (("time_s", "when"), ("theta_rad", "how far the beam turned")):
-        if needed not in recording or not np.isfinite(recording.si(needed)).any():
+        if not _has(recording, needed):
             raise InputError(
                 f"{name} has no {needed}, so nothing tells {why}; map a column to it in the "
                 f"model's [columns], or record with benchtool record"
@@ -139,11 +138,11 @@ def pitch_log(
     if not np.isfinite(plate).any():
         remarks.append("no plate_z_m: the plate is taken to be parked")
         plate = np.full(n, PARKED_M)
-    plate = _smooth(_held(plate), rate_Hz)
+    plate = _smooth(last_known(plate), rate_Hz)
     share = optional("coverage1")
     logged = LoggedPitch(
         rate_Hz=rate_Hz,
-        pwm_us=np.array([_held(row) for row in pulses]),
+        pwm_us=np.array([last_known(row) for row in pulses]),
         plate_z_m=plate,
         plate_share=np.where(np.isfinite(share), share, plate < PARKED_FROM_M),
         theta_rad=recording.si("theta_rad"),
@@ -160,8 +159,7 @@ def pitch_log(
 def _drive(recording: Recording, rig: Rig, pattern: str) -> tuple[str, ...]:
     """Return the channels that drive every disc; none where one is missing."""
     names = tuple(pattern.format(rotor + 1) for rotor in rig.first_rotors)
-    whole = all(name in recording and np.isfinite(recording.column(name)).any() for name in names)
-    return names if whole else ()
+    return names if all(_has(recording, name) for name in names) else ()
 
 
 def _sparse(recording: Recording, drive: tuple[str, ...], rig: Rig, name: str) -> list[str]:
@@ -220,7 +218,12 @@ def _followed(
             f"{blank.sum() / rows.rate_Hz:.2f} s without an angle, or without what drives the "
             f"plant, left out; judged in parts"
         )
-    sliding, times = _sliding(rows, plate_slide_s)
+    sliding, times = np.zeros(len(blank), bool), 0
+    covered = _has(rows.recording, "coverage1") or not _has(rows.recording, "plate_z_m")
+    if plate_slide_s != 0.0 and not covered:  # in what rows nobody knows the coverage
+        reach_s = TRANSIT_S if plate_slide_s is None else plate_slide_s + READ_S
+        plate_m = last_known(rows.recording.si("plate_z_m"))
+        sliding, times = on_its_way(plate_m, rows.rate_Hz, reach_s)
     if times:
         remarks.append(
             f"{(sliding & ~blank).sum() / rows.rate_Hz:.2f} s left out in which the plate slides "
@@ -250,18 +253,8 @@ def _followed(
     return rows
 
 
-def _sliding(rows: EvenRows, slide_s: float | None) -> tuple[NDArray[np.bool_], int]:
-    """Return the rows in which the plate slides in or out, coverage unknown, and how often."""
-    recording = rows.recording
-    none = np.zeros(len(recording), bool), 0
-    if slide_s == 0.0:
-        return none
-    if "coverage1" in recording and np.isfinite(recording.si("coverage1")).any():
-        return none
-    if "plate_z_m" not in recording or not np.isfinite(recording.si("plate_z_m")).any():
-        return none
-    reach_s = TRANSIT_S if slide_s is None else slide_s + READ_S
-    return on_its_way(_held(recording.si("plate_z_m")), rows.rate_Hz, reach_s)
+def _has(recording: Recording, name: str) -> bool:
+    return name in recording and bool(np.isfinite(recording.si(name)).any())
 
 
 def _turned(speeds: Array, mode: Array, rate_Hz: float) -> Array:
@@ -279,7 +272,7 @@ def _turned(speeds: Array, mode: Array, rate_Hz: float) -> Array:
     return np.maximum(out, 0.0)
 
 
-def _held(values: Array) -> Array:
+def last_known(values: Array) -> Array:
     """Return values with each gap filled by the last known one, the first by the next."""
     known = np.flatnonzero(np.isfinite(values))
     if not len(known):

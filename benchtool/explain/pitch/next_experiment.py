@@ -91,15 +91,10 @@ def next_pitch_experiment(
         for schedule, _ in OPTIONS
     }
     chosen, reason = max(OPTIONS, key=lambda option: expected[option[0].name])
-    names = tuple(name for name, _ in rivals)
-    return NextExperiment(
-        candidates=names,
-        title=f"{chosen.title}, {chosen.duration_s:g} s",
-        reason=f"{reason}; expected to tell {names[0]} from {names[1]}",
-        schedule=replace(chosen, title=f"{chosen.title}: to tell {' from '.join(names)}"),
-        plan_toml="",
-        expected=dict(sorted(expected.items(), key=lambda item: -item[1])),
-    )
+    names = " from ".join(name for name, _ in rivals)
+    schedule = replace(chosen, title=f"{chosen.title}: to tell {names}")
+    title = f"{chosen.title}, {chosen.duration_s:g} s"
+    return NextExperiment.between(rivals, expected, title, reason, schedule=schedule)
 
 
 def _evidence(evidence: PitchEvidence, at: Array, schedule: Schedule, seed: int) -> PitchEvidence:

@@ -34,8 +34,8 @@ def on_log_clock(track: PitchTrack, time_s: Array, theta_rad: Array) -> Array:
     return np.where(at < len(theta_rad), theta, np.nan)
 
 
-def miss_told(track: PitchTrack, time_s: Array, theta_rad: Array, by: str) -> str:
-    """Return in a sentence that a simulated run does not follow its log; empty where it does.
+def mismatch(track: PitchTrack, time_s: Array, theta_rad: Array, by: str) -> str:
+    """Return a sentence saying that a simulated run does not follow its log; empty where it does.
 
     It is held against the whole log, and against what lies over a surface.
 
@@ -54,25 +54,18 @@ def miss_told(track: PitchTrack, time_s: Array, theta_rad: Array, by: str) -> st
         missed_rad, swing_rad = _rms(apart[rows]), _rms(swing[rows])
         limit_rad = max(FARTHEST[by] * swing_rad, LEAST_RAD)
         if missed_rad > limit_rad:
+            reason = f"there the log swings by {np.degrees(swing_rad):.1f}° about its mean"
+            if limit_rad == LEAST_RAD:
+                reason += f", and up to {np.degrees(LEAST_RAD):.0f}° may be noise"
+            elif by == "pulses":
+                reason += ", so that a line at its mean is nearer to it"
+            else:
+                reason += ", and the same swing the opposite way is twice that away"
             return (
                 f"The simulated run does not follow the log, so it is no result: it misses it by "
                 f"{np.degrees(missed_rad):.1f}° RMS{where}, above {np.degrees(limit_rad):.1f}° "
-                f"({_reason(swing_rad, limit_rad, by)}); {_CHECK}."
+                f"({reason}); {_CHECK}."
             )
-    return _strayed(track, theta_rad)
-
-
-def _reason(swing_rad: float, limit_rad: float, by: str) -> str:
-    reason = f"there the log swings by {np.degrees(swing_rad):.1f}° about its mean"
-    if limit_rad == LEAST_RAD:
-        return f"{reason}, and up to {np.degrees(LEAST_RAD):.0f}° may be noise"
-    if by == "pulses":
-        return f"{reason}, so that a line at its mean is nearer to it"
-    return f"{reason}, and the same swing the opposite way is twice that away"
-
-
-def _strayed(track: PitchTrack, theta_rad: Array) -> str:
-    """Say when the simulated run (m,) goes where the recorded vehicle never was."""
     known = theta_rad[np.isfinite(theta_rad)]
     seen = np.concatenate([track.theta_rad, track.reference_rad])
     seen = seen[np.isfinite(seen)]

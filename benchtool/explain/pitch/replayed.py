@@ -14,7 +14,10 @@ from benchtool.core.errors import InputError
 from benchtool.core.own_code import CodePermit, refuse_code
 from benchtool.core.rig import Rig
 from benchtool.core.schedule import PARKED_M, SampledSchedule
-from benchtool.explain.pitch.replay_judged import miss_told
+from benchtool.explain.pitch.evidence import PLANT_HZ
+from benchtool.explain.pitch.gap import LEAD_S
+from benchtool.explain.pitch.log import last_known
+from benchtool.explain.pitch.replay_judged import mismatch
 from benchtool.explain.pitch.replay_track import PitchTrack
 from benchtool.fit.nominal import model_file
 from benchtool.physics.model import Model
@@ -34,12 +37,6 @@ RATE_SMOOTHING_S = 0.05
 """Width of the mean over readings of the rate where a window begins. A gyro's noise of 0.015 rad/s
 would turn a single reading into a drift of most of a degree within a window; wider means lag behind
 what the rate does."""
-
-LEAD_S = 0.1
-"""How much of the pulses before a window a delay may still hold."""
-
-PLANT_HZ = 500.0
-"""Least plant steps per second."""
 
 LONGEST_S = 1200.0
 """A longer recording is drawn without a simulated run; flights last less. A choice."""
@@ -164,7 +161,7 @@ def replayed(
         remarks.append(f"Rotors are numbered in the rig's order: these are the log's {order}.")
     if not np.isfinite(run.theta_rad).any():
         return None, ["No stretch of the recording is whole enough for a simulated run."]
-    missed = miss_told(track, run.time_s, run.theta_rad, run.by)
+    missed = mismatch(track, run.time_s, run.theta_rad, run.by)
     return replace(run, missed=missed), [*filter(None, [missed]), *remarks]
 
 
@@ -207,15 +204,8 @@ def _rig_pulses(track: PitchTrack, model: Model) -> Array | None:
             pulses = rows
             if rows is track.rpm:
                 pulses = p.pwm_start_us + rows * np.pi / 30.0 / p.speed_per_us_rad_s
-            return np.array([_filled(row) for row in pulses])
+            return np.array([last_known(row) for row in pulses])
     return None
-
-
-def _filled(values: Array) -> Array:
-    known = np.flatnonzero(np.isfinite(values))
-    last = np.searchsorted(known, np.arange(len(values)), side="right") - 1
-    out: Array = values[known[np.maximum(last, 0)]]
-    return out
 
 
 def _bench(track: PitchTrack, model: Model) -> tuple[PitchBench, list[str]]:
@@ -249,13 +239,21 @@ def _by_controller(
     ticks = max(2, int(len(track) / track.rate_Hz * rate_Hz))
     at = track.time_s[0] + np.arange(ticks) / rate_Hz
     rows = np.clip(np.round((at - track.time_s[0]) * track.rate_Hz).astype(int), 0, len(track) - 1)
-    reference = np.nan_to_num(_filled(track.reference_rad)) if _any(track.reference_rad) else None
+    reference = None
+    if np.isfinite(track.reference_rad).any():
+        reference = np.nan_to_num(last_known(track.reference_rad))
     ones = np.ones(ticks)
+    collective = 1.0  # in thrusts of hover, as it was flown
+    if pulses is not None:
+        p = bench.model.rig.propulsion
+        speed = p.speed_per_us_rad_s * np.maximum(pulses - p.pwm_start_us, 0.0)
+        thrust_N = bench.model.parameters["k"].value * speed**2
+        collective = float(np.clip(np.median(thrust_N.mean(axis=0)) / bench.hover_N, 0.05, 3.0))
     schedule = SampledSchedule(
         rate_Hz=rate_Hz,
         time_s=np.arange(ticks) / rate_Hz,
         reference_rad=np.zeros(ticks) if reference is None else reference[rows],
-        collective=_collective(bench, pulses) * ones,
+        collective=collective * ones,
         dither_us=np.zeros(ticks),
         plate_z_m=plate_z_m[rows],
         plate_share=track.any_over[rows],
@@ -276,22 +274,11 @@ def _by_controller(
         pwm_us=run.pwm_us[discs],
         disturbance_Nm=run.column("estimate_Nm"),
         words=(
-            f"closed loop: controller {control.name} with gains {gains}, told {given} and the same "
-            f"surface windows, with noise of its own"
+            f"closed loop: controller {control.name} with gains {gains}, given {given} and the "
+            f"same surface windows, with noise of its own"
         ),
         by="controller",
     )
-
-
-def _collective(bench: PitchBench, pulses: Array | None) -> float:
-    """Return the collective that was flown, in thrusts of hover; hover itself without pulses."""
-    if pulses is None:
-        return 1.0
-    rig = bench.model.rig
-    p = rig.propulsion
-    speed = p.speed_per_us_rad_s * np.maximum(pulses - p.pwm_start_us, 0.0)
-    thrust_N = bench.model.parameters["k"].value * speed**2
-    return float(np.clip(np.median(thrust_N.mean(axis=0)) / bench.hover_N, 0.05, 3.0))
 
 
 def _by_pulses(track: PitchTrack, bench: PitchBench, plate_z_m: Array, pulses: Array) -> Replay:
@@ -312,7 +299,12 @@ def _by_pulses(track: PitchTrack, bench: PitchBench, plate_z_m: Array, pulses: A
         from_speeds=not len(track.pwm_us),
     )
     rows = max(2, round(WINDOW_S * track.rate_Hz))
-    rates = _start_rates(track)
+    rates = track.gyro_rad_s
+    if not np.isfinite(rates).any():
+        rates = np.gradient(track.theta_rad, 1.0 / track.rate_Hz)
+    width = 2 * round(0.5 * RATE_SMOOTHING_S * track.rate_Hz) + 1
+    smooth = uniform_filter1d(rates, width, mode="nearest")
+    rates = np.where(np.isfinite(smooth), smooth, rates)
     starts = [
         start
         for start in range(0, len(track) - rows + 1, rows)
@@ -328,13 +320,12 @@ def _by_pulses(track: PitchTrack, bench: PitchBench, plate_z_m: Array, pulses: A
     for start, run in zip(starts, found, strict=True):
         # The last row of a window stays blank: lines break there.
         theta[start : start + rows - 1] = run.theta_rad[:-1, 0]
-    none = np.empty((0, len(track)))
     return Replay(
         model=bench.model.name,
         rig=rig.name,
         time_s=track.time_s,
         theta_rad=theta,
-        pwm_us=none,
+        pwm_us=np.empty((0, len(track))),
         disturbance_Nm=np.empty(0),
         words=(
             f"open loop: the plant under the logged pulses, begun anew every {WINDOW_S:g} s from "
@@ -342,16 +333,6 @@ def _by_pulses(track: PitchTrack, bench: PitchBench, plate_z_m: Array, pulses: A
         ),
         by="pulses",
     )
-
-
-def _start_rates(track: PitchTrack) -> Array:
-    """Return rates to begin with (n,): readings averaged about each row, their noise taken down."""
-    rate = track.gyro_rad_s
-    if not _any(rate):
-        rate = np.gradient(track.theta_rad, 1.0 / track.rate_Hz)
-    width = 2 * round(0.5 * RATE_SMOOTHING_S * track.rate_Hz) + 1
-    smooth: Array = uniform_filter1d(rate, width, mode="nearest")
-    return np.where(np.isfinite(smooth), smooth, rate)
 
 
 def _speeds(track: PitchTrack, logged: LoggedPitch, rig: Rig, row: int) -> list[list[float]]:
@@ -363,10 +344,6 @@ def _speeds(track: PitchTrack, logged: LoggedPitch, rig: Rig, row: int) -> list[
         settled = p.speed_per_us_rad_s * max(logged.pwm_us[disc, row] - p.pwm_start_us, 0.0)
         out.append([float(read) if np.isfinite(read) else float(settled)])
     return out
-
-
-def _any(values: Array) -> bool:
-    return bool(np.isfinite(values).any())
 
 
 def provenance_of_run(metadata: Mapping[str, object]) -> dict[str, str]:

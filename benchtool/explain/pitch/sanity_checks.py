@@ -56,19 +56,19 @@ def refuse_inconsistent(logged: LoggedPitch, rig: Rig, name: str) -> None:
             f"{STEEPEST_RAD:g}; state the column's unit in the model's [columns], unit = \"deg\" "
             f"perhaps"
         )
-    slope = _slope_of(_change(theta, logged.rate_Hz), logged.gyro_rad_s)
-    if slope is not None and not 1.0 / FACTOR < slope < FACTOR:
+    change, gyro = _change(theta, logged.rate_Hz), logged.gyro_rad_s
+    both = np.isfinite(change) & np.isfinite(gyro)
+    related = abs(_correlation(change, gyro)) >= SURE
+    slope = change[both] @ gyro[both] / (change[both] @ change[both]) if related else 1.0
+    if not 1.0 / FACTOR < slope < FACTOR:
         raise InputError(
             f"gyro_rad_s of {name} is {slope:.2g} times the change of theta_rad and should be "
             f"once; mend the sign or the unit of one of them in the model's [columns]"
         )
-    rate = logged.gyro_rad_s if np.isfinite(logged.gyro_rad_s).any() else None
-    acceleration = (
-        _change(rate, logged.rate_Hz)
-        if rate is not None
-        else _change(_change(theta, logged.rate_Hz), logged.rate_Hz)
-    )
-    turned = _correlation(_pushed(logged, rig), acceleration)
+    rate = gyro if np.isfinite(gyro).any() else change
+    acceleration = _change(rate, logged.rate_Hz)
+    moment = pitch_moment_Nm(_thrusts(logged, rig), rig.disc_positions_m[:, 0])
+    turned = _correlation(np.asarray(moment, float), acceleration)
     alike, first, second = _followed(logged, rig, acceleration)
     if abs(alike) < ALIKE:
         outer = np.argsort(-np.abs(_arms(rig)), kind="stable")[:2]
@@ -137,12 +137,6 @@ def _change(values: Array, rate_Hz: float) -> Array:
     return out
 
 
-def _pushed(logged: LoggedPitch, rig: Rig) -> Array:
-    """Return the torque of the rotors (n,), out of ground effect, lag as the rig's: N m."""
-    moment = pitch_moment_Nm(_thrusts(logged, rig), rig.disc_positions_m[:, 0])
-    return np.asarray(moment, float)
-
-
 def _thrusts(logged: LoggedPitch, rig: Rig) -> Array:
     """Return the thrust of each disc (n_discs, n), out of ground effect, lag as the rig's: N."""
     p = rig.propulsion
@@ -162,14 +156,6 @@ def _detrended(rows: Array, logged: LoggedPitch) -> Array:
     held, _ = np.linalg.qr(np.column_stack([np.ones(len(angle)), angle]))
     out: Array = rows - (rows @ held) @ held.T
     return out
-
-
-def _slope_of(x: Array, y: Array) -> float | None:
-    """Return how many times x the readings y are; None where they are unrelated."""
-    if abs(_correlation(x, y)) < SURE:
-        return None
-    both = np.isfinite(x) & np.isfinite(y)
-    return float(x[both] @ y[both] / (x[both] @ x[both]))
 
 
 def _correlation(x: Array, y: Array) -> float:

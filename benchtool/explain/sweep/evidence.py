@@ -8,19 +8,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.array import Array
-from benchtool.core.parameter import Parameter
 from benchtool.explain.engine.parameters import (
     ScaledParameter,
     all_shape_names,
     effect_parameters,
     known_prior,
+    owner_parameter,
     with_every_effect,
 )
 from benchtool.explain.engine.subject import RowGroups
-from benchtool.explain.sweep.log import SweepLog, sweep_regimes
+from benchtool.explain.sweep.log import Mask, SweepLog, sweep_regimes
 from benchtool.physics.catalogue import candidates
 from benchtool.physics.conditions import Conditions
-from benchtool.physics.effects.effect import Effect
+from benchtool.physics.effects.effect import Effect, Subsystem
 from benchtool.physics.model import Model
 
 
@@ -92,7 +92,12 @@ class SweepEvidence:
     def _owner_parameters(self) -> list[ScaledParameter]:
         items = self.model.parameters
         shapes = all_shape_names(self.model, "sweep", self._given[1])
-        out = [_held(name, items[name]) for name in ("k", "R_m", *shapes)]
+        out = []
+        for name in ("k", "R_m", *shapes):
+            item, prior = items[name], known_prior(name, items[name])
+            lower = max(item.lower, 0.2 * item.value) if item.value > 0.0 else item.lower
+            sd = item.value if prior is None else prior.sd
+            out.append(owner_parameter(name, item, sd, lower))
         if any(log.power is not None for log in self.logs):
             out += SUPPLY_PARAMETERS
         return out
@@ -186,32 +191,16 @@ class SweepEvidence:
                     regimes.append({name: mask[running][rows] for name, mask in found.items()})
         labels = np.concatenate(turning)
         names = dict.fromkeys(name for part in regimes for name in part)
+        stages: dict[Subsystem, Mask] = {"rpm_to_thrust": ~labels}
+        if labels.any():
+            stages = {"pwm_to_rpm": labels, **stages}
+        masks = {
+            name: [
+                part.get(name, np.zeros(len(rows), bool))
+                for part, rows in zip(regimes, turning, strict=True)
+            ]
+            for name in names
+        }
         return RowGroups(
-            stages={"pwm_to_rpm": labels, "rpm_to_thrust": ~labels}
-            if labels.any()
-            else {"rpm_to_thrust": ~labels},
-            regimes={
-                name: np.concatenate(
-                    [
-                        part.get(name, np.zeros(len(rows), bool))
-                        for part, rows in zip(regimes, turning, strict=True)
-                    ]
-                )
-                for name in names
-            },
+            stages=stages, regimes={name: np.concatenate(parts) for name, parts in masks.items()}
         )
-
-
-def _held(name: str, item: Parameter) -> ScaledParameter:
-    """Return the parameter of a number that only its prior holds; its own value without one."""
-    prior = known_prior(name, item)
-    return ScaledParameter(
-        name=name,
-        unit=item.unit,
-        effect="",
-        start=item.value,
-        scale=item.value if prior is None else prior.sd,
-        lower=max(item.lower, 0.2 * item.value) if item.value > 0.0 else item.lower,
-        upper=item.upper,
-        held=True,
-    )

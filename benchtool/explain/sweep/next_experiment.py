@@ -256,22 +256,13 @@ def next_sweep_experiment(
     if len(rivals) < 2:
         return None
     expected: dict[str, float] = {}
-    sweeps: dict[str, ProposedSweep] = {}
-    for option in OPTIONS:
-        sweep = proposed(option, evidence)
-        sweeps[option.name] = sweep
+    sweeps = {option.name: proposed(option, evidence) for option in OPTIONS}
+    for name, sweep in sweeps.items():
         log = as_read(points_of(sweep, evidence), evidence, rivals[0][1])
-        expected[option.name] = ratio_of(evidence.of(log), rivals)
-    best = max(expected, key=lambda name: expected[name])
-    chosen = sweeps[best].option
-    names = tuple(name for name, _ in rivals)
-    return NextExperiment(
-        candidates=names,
-        title=chosen.title,
-        reason=f"{chosen.reason}; expected to tell {names[0]} from {names[1]}",
-        schedule=None,
-        plan_toml=sweeps[best].toml(),
-        expected=dict(sorted(expected.items(), key=lambda item: -item[1])),
+        expected[name] = ratio_of(evidence.of(log), rivals)
+    best = sweeps[max(expected, key=expected.__getitem__)]
+    return NextExperiment.between(
+        rivals, expected, best.option.title, best.option.reason, plan_toml=best.toml()
     )
 
 

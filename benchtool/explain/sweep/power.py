@@ -203,9 +203,10 @@ def _late(level: NDArray[np.intp]) -> Mask:
 
 
 def _rows(recording: Recording, pattern: str, n: int) -> Array:
+    """Return a channel of every rotor (n, m), the first one's (1, m), or none (0,)."""
     names = [pattern.format(i + 1) for i in range(n)]
     if any(name not in recording for name in names):
-        names = [names[0]] if names[0] in recording else []
+        names = [name for name in names[:1] if name in recording]
     return np.array([recording.si(name) for name in names])
 
 

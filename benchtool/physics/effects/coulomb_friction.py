@@ -24,6 +24,7 @@ def dry_width(p: Any, i: int, flow: Flow) -> Quantity:
 EFFECT = Effect(
     name="coulomb_friction",
     title="Coulomb friction",
+    proper_noun=True,
     description="The hinge holds up to a torque at rest and opposes motion with the same torque.",
     subsystem="hinge",
     order=10,

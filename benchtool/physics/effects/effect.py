@@ -166,6 +166,7 @@ class Effect:
     Attributes:
         name: as in files and on the command line.
         title: for people, three or four words.
+        proper_noun: whether the title begins with a person's name, which keeps its capital.
         description: what it is, one or two sentences.
         subsystem: which link of the chain it sits in.
         order: place among the effects of its subsystem, ties by name.
@@ -202,6 +203,7 @@ class Effect:
 
     name: str
     title: str
+    proper_noun: bool = False
     description: str
     subsystem: Subsystem
     order: int = 50
@@ -233,6 +235,11 @@ class Effect:
                 f"effect {self.name!r}: its numbers are {', '.join(named)}, its parameters "
                 f"{', '.join(names)}; give both the same names in the same order"
             )
+
+    @property
+    def phrase(self) -> str:
+        """The title as it stands within a sentence."""
+        return self.title if self.proper_noun else self.title[:1].lower() + self.title[1:]
 
     @property
     def makes_p(self) -> Callable[..., Any]:

@@ -18,6 +18,7 @@ def dry_friction(p: Any, i: int, flow: Flow) -> Quantity:
 EFFECT = Effect(
     name="stribeck",
     title="Stribeck friction",
+    proper_noun=True,
     description="Near standstill the hinge holds more than it drags with when it moves.",
     subsystem="hinge",
     order=20,

@@ -9,7 +9,6 @@ from pathlib import Path
 from benchtool.core.parameter import Parameter
 from benchtool.explain.added_model import MODEL, NOTHING, added_effects, updated_model
 from benchtool.explain.answer import Answer
-from benchtool.explain.engine.verdict import in_sentence
 from benchtool.report.numbers import unit_for_people
 from benchtool.report.page import Table
 
@@ -95,7 +94,7 @@ def added_sentence(answer: Answer, folder: str = "") -> str:
     if not answer.has_model:
         why = "nothing is missing" if kind == "none" else "no effect is named"
         return f"No new model: {why}, so {old} stays as it is."
-    names = " and ".join(in_sentence(effect.title) for effect in added_effects(answer))
+    names = " and ".join(effect.phrase for effect in added_effects(answer))
     guess = ", the likeliest of the class," if kind == "class" else ""
     if not folder:
         return f"Not written yet: a model that is {old} with {names}{guess} in it."

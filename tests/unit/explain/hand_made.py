@@ -39,6 +39,7 @@ MODEL = Path(__file__).parents[3] / "datasets" / "pitch_bench" / "model.toml"
 FRICTION = NamedEffect(
     name="coulomb_friction",
     title="Coulomb friction",
+    phrase="Coulomb friction",
     stage="hinge",
     probability=0.984,
     parameters=(
@@ -54,6 +55,7 @@ FRICTION = NamedEffect(
 OFFSET = NamedEffect(
     name="cog_offset",
     title="Centre-of-gravity offset",
+    phrase="centre-of-gravity offset",
     stage="hinge",
     probability=0.6,
     parameters=(
@@ -128,7 +130,7 @@ def verdict(kind: Kind = "effect", **changes: Any) -> Verdict:
             gap("rpm", "rpm", 31.0, 30.0 if named else 31.0, 29.0),
         ),
         nearest=Nearest(
-            name="coulomb_friction", title="Coulomb friction", share_closed=0.61
+            name="coulomb_friction", phrase="Coulomb friction", share_closed=0.61
         ) if kind == "unknown" else None,
         tolerances=tolerances(model, "pitch"),
         not_judged={"partial_coverage": NotJudged(reason="too_weak", size=4.2)},

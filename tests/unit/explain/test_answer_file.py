@@ -136,7 +136,7 @@ def test_recordings_of_one_name_stand_apart_in_every_list() -> None:
     names = names_of(paths)
     learn = tuple(replace(source(path, path[:3]), name=names[path]) for path in paths[:2])
     check = (replace(source(paths[2], "che"), name=names[paths[2]]),)
-    twice = replace(answer("effect"), learn=learn, check=check)
+    twice = answer("effect", learn=learn, check=check)
     assert twice.hashes == {"one/pid.csv": "one", "two/pid.csv": "two", "check.csv": "che"}
     data = answer_tables(twice, Written())["data"]
     assert data == {

@@ -135,7 +135,7 @@ def test_the_page_has_it_all_in_its_first_section() -> None:
 
 def test_what_an_optimiser_left_of_a_zero_is_no_change() -> None:
     given = answer("effect")
-    model = given.loaded.model.with_effect(EFFECTS["plate_side"])
+    model = given.request.loaded.model.with_effect(EFFECTS["plate_side"])
     found = Parameters(
         (name, item.at(4.9e-27) if name == "plate_side.dx_m" else item)
         for name, item in model.parameters.items()
