@@ -65,6 +65,8 @@ def read_sources(
         InputError: none of either, the same data twice, or benches of two kinds.
         FileFormatError: a file that is no recording.
     """
+    if missing := missing_of(learn, check):
+        raise missing[0]
     if wrong := unreadable_of((*learn, *check)):
         raise wrong[0]
     seen: dict[str, str] = {}
