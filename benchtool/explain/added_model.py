@@ -7,7 +7,6 @@ from math import isclose
 from typing import Any
 
 from benchtool import __version__
-from benchtool.core.parameter import Parameter
 from benchtool.explain.answer import Answer
 from benchtool.explain.engine.parameters import known_prior
 from benchtool.explain.engine.verdict import NamedEffect
@@ -55,8 +54,27 @@ def added_model(answer: Answer, rig: str = "", effects_file: str = "") -> str:
 
 
 def updated_model(answer: Answer) -> Model:
-    """Return the model with the effects that are added, each number where the recordings put it."""
-    model = _calibrated(answer, answer.request.loaded.model)
+    """Return the model with the effects that are added, each number where the recordings put it.
+
+    What moved without being a candidate's is what its owner knows only roughly: inertia, radius,
+    the map from pulse to speed. Of a sweep it stays free under what was known of it: held where it
+    came to lie, a fit of what was found would state errors many times too small.
+    """
+    model = answer.request.loaded.model
+    candidates = {name.partition(".")[0] for name in answer.verdict.tolerances}
+    for name, found in answer.verdict.parameters.items():
+        owner, dot, _ = name.partition(".")
+        if owner in candidates:
+            continue
+        if dot and name not in model.parameters:
+            if found.neutral is not None and isclose(found.value, found.neutral, abs_tol=NOTHING):
+                continue
+            model = model.with_effect(_effect(answer, owner))
+        source = (
+            f"benchtool explain, within what was known of it; "
+            f"{model.parameters[name].value:.6g} before"
+        )
+        model = _moved(answer, model, name, source)
     for effect in added_effects(answer):
         model = _with(answer, model, effect)
     return model
@@ -78,45 +96,15 @@ def _effect(answer: Answer, name: str) -> Effect:
     return known.get(name) or EFFECTS[name]
 
 
-def _calibrated(answer: Answer, model: Model) -> Model:
-    """Return the model with what its owner knows only roughly where the recordings put it.
-
-    That is what moved without being a candidate's: inertia, radius, the map from pulse to speed. Of
-    a sweep it stays free under what was known of it: held where it came to lie, a fit of what was
-    found would state errors many times too small.
-    """
-    candidates = {name.partition(".")[0] for name in answer.verdict.tolerances}
-    for name, found in answer.verdict.parameters.items():
-        owner, dot, _ = name.partition(".")
-        if owner in candidates:
-            continue
-        if dot and name not in model.parameters:
-            if found.neutral is not None and isclose(found.value, found.neutral, abs_tol=NOTHING):
-                continue
-            model = model.with_effect(_effect(answer, owner))
-        present = model.parameters[name]
-        if found.value != present.value:
-            source = f"benchtool explain, within what was known of it; {present.value:.6g} before"
-            model = _changed(
-                model, name, value=found.value, source=source, **_freed(answer, name, present)
-            )
-    return model
-
-
 def _with(answer: Answer, model: Model, effect: NamedEffect) -> Model:
+    known = _effect(answer, effect.name)
     if all(present.name != effect.name for present in model.effects):
-        model = model.with_effect(_effect(answer, effect.name))
-    learned = ", ".join(source.name for source in answer.request.learn)
-    found = answer.verdict.parameters
-    for own in _effect(answer, effect.name).parameters:  # what shapes its law comes along
+        model = model.with_effect(known)
+    source = f"benchtool explain of {', '.join(one.name for one in answer.request.learn)}"
+    for own in known.parameters:  # what shapes its law comes along
         name = f"{effect.name}.{own.name}"
-        if name in found and found[name].value != model.parameters[name].value:
-            source = f"benchtool explain of {learned}"
-            present = model.parameters[name]
-            model = _changed(
-                model, name, value=found[name].value, source=source,
-                **_freed(answer, name, present),
-            )  # fmt: skip
+        if name in answer.verdict.parameters:
+            model = _moved(answer, model, name, source)
     for item in effect.parameters:
         model = _changed(
             model,
@@ -125,20 +113,24 @@ def _with(answer: Answer, model: Model, effect: NamedEffect) -> Model:
             tolerance=item.tolerance,
             # A sweep can be fitted again from here; a pitch recording is explained again.
             free=answer.verdict.bench == "sweep",
-            source=f"benchtool explain of {learned}: {item.value:.6g} ± {item.std:.2g}",
+            source=f"{source}: {item.value:.6g} ± {item.std:.2g}",
         )
     return model
 
 
-def _freed(answer: Answer, name: str, before: Parameter) -> dict[str, Any]:
-    """Return what leaves a number free for the next fit under what was known of it before.
+def _moved(answer: Answer, model: Model, name: str, source: str) -> Model:
+    """Return the model with a number where the recordings put it, where that is elsewhere.
 
-    A pitch recording is explained again, not fitted. What a fit may move already stays as it is.
+    Of a sweep it is left free for the next fit under what was known of it before; a pitch
+    recording is explained again, not fitted. What a fit may move already stays as it is.
     """
+    before, value = model.parameters[name], answer.verdict.parameters[name].value
+    if value == before.value:
+        return model
     prior = known_prior(name, before)
     if answer.verdict.bench != "sweep" or before.free or prior is None:
-        return {}
-    return {"free": True, "prior": prior}
+        return _changed(model, name, value=value, source=source)
+    return _changed(model, name, value=value, source=source, free=True, prior=prior)
 
 
 def _changed(model: Model, name: str, **changes: Any) -> Model:

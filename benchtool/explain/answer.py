@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import degrees
+from typing import NamedTuple
 
 from benchtool.core.counted import counted
 from benchtool.explain.engine.explain import Explanation, explain
@@ -67,15 +68,8 @@ class Answer:
         return {source.name: source.sha256 for source in self.request.sources}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ChannelWords:
-    """Say how a channel is shown to people.
-
-    Attributes:
-        title: in words.
-        unit: shown.
-        factor: turns stored numbers into shown ones.
-    """
+class ChannelWords(NamedTuple):
+    """Say how a channel is shown to people: in words, with a factor on stored numbers."""
 
     title: str
     unit: str
@@ -83,21 +77,18 @@ class ChannelWords:
 
 
 _CHANNELS = {
-    "theta_rad": ChannelWords(title="pitch", unit="deg", factor=degrees(1.0)),
-    "gyro_rad_s": ChannelWords(title="pitch rate", unit="deg/s", factor=degrees(1.0)),
-    "thrust_N": ChannelWords(title="thrust", unit="N"),
+    "theta_rad": ChannelWords("pitch", "deg", degrees(1.0)),
+    "gyro_rad_s": ChannelWords("pitch rate", "deg/s", degrees(1.0)),
+    "thrust_N": ChannelWords("thrust", "N"),
+    "rpm": ChannelWords("rotor speed", "rpm"),
 }
 
 
 def channel_words(channel: str, unit: str) -> ChannelWords:
     """Return how a channel is shown."""
-    if channel in _CHANNELS:
-        return _CHANNELS[channel]
-    if channel.startswith("rpm"):
-        rotor = channel.removeprefix("rpm")
-        title = f"speed of rotor {rotor}" if rotor else "rotor speed"
-        return ChannelWords(title=title, unit="rpm")
-    return ChannelWords(title=channel, unit=unit)
+    if channel not in _CHANNELS and channel.startswith("rpm"):
+        return ChannelWords(f"speed of rotor {channel.removeprefix('rpm')}", "rpm")
+    return _CHANNELS.get(channel, ChannelWords(channel, unit))
 
 
 def answer_request(

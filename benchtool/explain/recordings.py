@@ -67,8 +67,9 @@ def read_sources(
     """
     if missing := missing_of(learn, check):
         raise missing[0]
-    if wrong := unreadable_of((*learn, *check)):
-        raise wrong[0]
+    for path in (*learn, *check):
+        if (wrong := unreadable(path)) is not None:
+            raise wrong
     seen: dict[str, str] = {}
     for path in (*learn, *check):
         digest = data_hash(path)
@@ -100,11 +101,6 @@ def names_of(paths: Sequence[str]) -> dict[str, str]:
         path: name if short.count(name) == 1 else path
         for path, name in zip(paths, short, strict=True)
     }
-
-
-def unreadable_of(paths: Sequence[str]) -> list[InputError]:
-    """Return what is wrong with paths at first sight, in their order."""
-    return [wrong for path in paths if (wrong := unreadable(path)) is not None]
 
 
 def missing_of(learn: Sequence[str], check: Sequence[str]) -> list[InputError]:
@@ -139,8 +135,10 @@ def bench_of(source: Source) -> BenchKind:
 
 
 def _source(path: str, name: str, digest: str, loaded: LoadedModel) -> Source:
-    if is_run(path):
-        return Source(path=path, name=name, recording=_run(path), sha256=digest)
+    if is_run(path):  # the experiment of a hinge, or the points of a sweep with its tares
+        hinge = IDENTIFIED_BY["pitch"] in sample_names(path)
+        run = read_pitch(path) if hinge else read_points(path, VALID_KINDS)
+        return Source(path=path, name=name, recording=run, sha256=digest)
     if beside(Path(path)).is_file():
         return Source(path=path, name=name, recording=read_recording(path), sha256=digest)
     if Path(path).suffix.lower() == ".parquet":
@@ -167,7 +165,11 @@ def _alive(source: Source) -> Source:
     recording, remarks = source.recording, list(source.remarks)
     if IDENTIFIED_BY["pitch"] not in recording or len(recording) < 2:
         return source
-    still = [name for name in recording.names if _DIES.fullmatch(name) and _still(recording, name)]
+    still = [
+        name
+        for name in recording.names
+        if _DIES.fullmatch(name) and np.ptp(recording.column(name)) == 0.0
+    ]
     alive = [name for name in recording.names if name not in still]
     speeds = [name for name in alive if name.startswith("rpm")]
     pulses = [name for name in recording.names if name.startswith("pwm")]
@@ -208,18 +210,6 @@ def _turned(recording: Recording, pulse: str) -> bool:
         return False
     known = recording.column(name)[np.isfinite(recording.column(name))]
     return len(known) > 1 and bool(np.ptp(known) > STEADY * np.abs(np.mean(known)))
-
-
-def _still(recording: Recording, name: str) -> bool:
-    values = recording.column(name)
-    return bool(np.isfinite(values).all() and np.ptp(values) == 0.0)
-
-
-def _run(path: str) -> Recording:
-    """Return a run's experiment: that of a hinge, or the points of a sweep with its tares."""
-    if IDENTIFIED_BY["pitch"] in sample_names(path):
-        return read_pitch(path)
-    return read_points(path, VALID_KINDS)
 
 
 def _present(

@@ -8,7 +8,6 @@ from pathlib import Path
 
 from benchtool.core.errors import InputError, MissingColumn
 from benchtool.core.own_code import CodePermit, refuse_code
-from benchtool.core.rig import Rig
 from benchtool.data.atomic import file_hash
 from benchtool.data.run.run_rig import rig_of_data
 from benchtool.explain.engine.subject import Subject
@@ -19,7 +18,7 @@ from benchtool.explain.recordings import (
     bench_of,
     missing_of,
     read_sources,
-    unreadable_of,
+    unreadable,
 )
 from benchtool.explain.sweep.subject import SweepSubject
 from benchtool.physics.catalogue import own_effects
@@ -102,11 +101,18 @@ def read_request(
     missing = missing_of(learn, check)
     if not learn:
         raise missing[0]
-    wrong = unreadable_of((*learn, *check))
+    wrong = [error for path in (*learn, *check) if (error := unreadable(path)) is not None]
     loaded: LoadedModel | None = None
     own: tuple[Effect, ...] = ()
     try:
-        loaded = _model(model, rig_of_data((*learn, *check)), permit)
+        rig = rig_of_data((*learn, *check))
+        if not model:
+            real = [name for name in model_names() if not name.startswith("virtual_")]
+            raise InputError(
+                f"which model? give --model with the path of a model file or one of: "
+                f"{', '.join(real)}"
+            )
+        loaded = load_model(model, rig, permit=permit)
     except InputError as error:
         wrong.append(error)
     try:
@@ -115,7 +121,10 @@ def read_request(
         wrong.append(error)
     wrong += missing
     if wrong or loaded is None:
-        raise _together(wrong)
+        if len(wrong) == 1:
+            raise wrong[0]
+        listed = " ".join(f"({place}) {one}." for place, one in enumerate(wrong, 1))
+        raise InputError(f"{len(wrong)} things to mend: {listed.removesuffix('.')}")
     file = Path(model) if Path(model).suffix == ".toml" and Path(model).is_file() else None
     given = Path(effects) if effects and effects.endswith(".py") else None
     if given is None and loaded.effects_file and file is not None:
@@ -135,20 +144,3 @@ def read_request(
         learn=tuple(sources),
         check=tuple(checks),
     )
-
-
-def _model(name_or_path: str, rig: Rig | None, permit: CodePermit) -> LoadedModel:
-    if name_or_path:
-        return load_model(name_or_path, rig, permit=permit)
-    real = [name for name in model_names() if not name.startswith("virtual_")]
-    raise InputError(
-        f"which model? give --model with the path of a model file or one of: {', '.join(real)}"
-    )
-
-
-def _together(wrong: Sequence[InputError]) -> InputError:
-    """Return several refusals as one, in their order; a single one as it is."""
-    if len(wrong) == 1:
-        return wrong[0]
-    listed = " ".join(f"({place}) {one}." for place, one in enumerate(wrong, 1))
-    return InputError(f"{len(wrong)} things to mend: {listed.removesuffix('.')}")

@@ -124,9 +124,8 @@ class Hypotheses:
             penalty = self.region((*one.opened, name)).penalty
             total = curvature + np.diag(penalty**2) + 1e-9 * np.eye(len(curvature))
             spread = np.sqrt(np.diag(np.linalg.inv(total)))
-            own = [s for s, parameter in zip(spread, self.evidence.parameters, strict=True)
-                   if parameter.effect == name]  # fmt: skip
-            needed = 1.0 + 3.0 * min(own)
+            own = [parameter.effect == name for parameter in self.evidence.parameters]
+            needed = 1.0 + 3.0 * np.min(spread[own])
             if needed > UNSEEN:
                 out[name] = float(needed)
         return out

@@ -305,12 +305,10 @@ class Verdict:
 
 
 def _effect(effect: NamedEffect) -> str:
-    numbers = (
-        f"{effect.name}.{item.name} = {item.value:.4g} ± {item.std:.2g} {item.unit}".removesuffix(
-            " 1"
-        )
-        for item in effect.parameters
-    )
+    numbers = []
+    for item in effect.parameters:
+        value = f"{item.value:.4g} ± {item.std:.2g} {item.unit}".removesuffix(" 1")
+        numbers.append(f"{effect.name}.{item.name} = {value}")
     return f"{effect.phrase}: {', '.join(numbers)}"
 
 

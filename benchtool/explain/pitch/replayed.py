@@ -17,8 +17,7 @@ from benchtool.core.schedule import PARKED_M, SampledSchedule
 from benchtool.explain.pitch.evidence import PLANT_HZ
 from benchtool.explain.pitch.gap import LEAD_S
 from benchtool.explain.pitch.log import last_known
-from benchtool.explain.pitch.replay_judged import mismatch
-from benchtool.explain.pitch.replay_track import PitchTrack
+from benchtool.explain.pitch.replay_track import PitchTrack, mismatch
 from benchtool.fit.nominal import model_file
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import load_model
@@ -310,8 +309,14 @@ def _by_pulses(track: PitchTrack, bench: PitchBench, plate_z_m: Array, pulses: A
         for start in range(0, len(track) - rows + 1, rows)
         if np.isfinite(track.theta_rad[start : start + rows]).all() and np.isfinite(rates[start])
     ]
+    # The discs' speeds to begin with: as read, else settled at their pulses.
+    p, first = rig.propulsion, list(rig.first_rotors)
+    speeds = p.speed_per_us_rad_s * np.maximum(logged.pwm_us - p.pwm_start_us, 0.0)
+    if len(track.rpm):
+        read = track.rpm[first] * np.pi / 30.0
+        speeds = np.where(np.isfinite(read), read, speeds)
     states = [
-        np.array([[track.theta_rad[row]], [rates[row]], [0.0], *_speeds(track, logged, rig, row)])
+        np.array([[track.theta_rad[row]], [rates[row]], [0.0], *speeds[:, row, None]])
         for row in starts
     ]
     theta = nothing.copy()
@@ -333,17 +338,6 @@ def _by_pulses(track: PitchTrack, bench: PitchBench, plate_z_m: Array, pulses: A
         ),
         by="pulses",
     )
-
-
-def _speeds(track: PitchTrack, logged: LoggedPitch, rig: Rig, row: int) -> list[list[float]]:
-    """Return the discs' speeds to begin with: as read, else settled at their pulses: rad/s."""
-    p = rig.propulsion
-    out = []
-    for disc, rotor in enumerate(rig.first_rotors):
-        read = track.rpm[rotor, row] * np.pi / 30.0 if len(track.rpm) else float("nan")
-        settled = p.speed_per_us_rad_s * max(logged.pwm_us[disc, row] - p.pwm_start_us, 0.0)
-        out.append([float(read) if np.isfinite(read) else float(settled)])
-    return out
 
 
 def provenance_of_run(metadata: Mapping[str, object]) -> dict[str, str]:

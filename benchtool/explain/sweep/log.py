@@ -88,6 +88,9 @@ def sweep_log(recording: Recording, rig: Rig, name: str = "") -> SweepLog:
             f"{LEAST_POINTS} are needed; sweep more distances or levels"
         )
     power = power_of(recording.select(whole & ~tare), rig)
+    sensor = rig.sensors.get("plate_z_m", Sensor())
+    widths = (rig.plate.backlash_m, sensor.quantum)  # of even distributions
+    place_sd_m = float(np.sqrt(sum(width**2 for width in widths) / 12.0 + sensor.noise**2))
     whole_rows = conditions.select(whole)
     return SweepLog(
         conditions=whole_rows,
@@ -95,7 +98,7 @@ def sweep_log(recording: Recording, rig: Rig, name: str = "") -> SweepLog:
         se_N=se[whole],
         tare=tare[whole],
         stay=stays_of(whole_rows, tare[whole], ordered="time_s" in recording),
-        place_sd_m=_place_sd_m(rig),
+        place_sd_m=place_sd_m,
         power=power,
         name=label,
         remarks=(*assumed, *_lacks(recording, whole_rows, tare[whole], power, int((~whole).sum()))),
@@ -148,20 +151,11 @@ def stays_of(conditions: Conditions, tare: Mask, *, ordered: bool) -> NDArray[np
     """
     place = np.array([conditions.plate_z_m, conditions.plate_x_m, conditions.plate_tilt_rad])
     if not ordered:
-        numbers: NDArray[np.intp] = np.unique(
-            np.round(place / SAME_PLACE), axis=1, return_inverse=True
-        )[1].reshape(-1)
-        return numbers
+        places = np.round(place / SAME_PLACE)
+        return np.unique(places, axis=1, return_inverse=True)[1].reshape(-1).astype(np.intp)
     moved = np.any(np.abs(np.diff(place, axis=1)) > SAME_PLACE, axis=0)
     moved |= tare[1:] != tare[:-1]
     return np.concatenate([[0], np.cumsum(moved)]).astype(np.intp)
-
-
-def _place_sd_m(rig: Rig) -> float:
-    """Return the standard deviation of a place: play and quantum, even within their widths."""
-    sensor = rig.sensors.get("plate_z_m", Sensor())
-    widths = (rig.plate.backlash_m, sensor.quantum)
-    return float(np.sqrt(sum(width**2 for width in widths) / 12.0 + sensor.noise**2))
 
 
 def _lacks(

@@ -49,6 +49,7 @@ class SweepOption:
         levels: how many pulse levels.
         repeats: visits of each setting.
         tare_minutes: between tares; 0 for one at the start.
+        distances_m, lateral_m, pwm_us: the same in a rig's own numbers, once it is `proposed`.
     """
 
     name: str
@@ -60,33 +61,25 @@ class SweepOption:
     levels: int = 2
     repeats: int = 2
     tare_minutes: float = 0.0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ProposedSweep:
-    """Hold a sweep in a rig's own numbers: distances, lateral positions, pulses."""
-
-    option: SweepOption
-    distances_m: tuple[float, ...]
-    lateral_m: tuple[float, ...]
-    pwm_us: tuple[float, ...]
+    distances_m: tuple[float, ...] = ()
+    lateral_m: tuple[float, ...] = ()
+    pwm_us: tuple[float, ...] = ()
 
     def toml(self) -> str:
         """Return the plan that `benchtool sweep --plan` reads."""
-        option = self.option
         return tomli_w.dumps(
             {
-                "name": option.name,
-                "repeats": option.repeats,
+                "name": self.name,
+                "repeats": self.repeats,
                 "plate": {"distances_m": self.distances_m, "lateral_m": self.lateral_m},
                 "throttle": {"pwm_us": self.pwm_us},
                 "order": {"kind": "counterbalanced", "references": True, "anchor_every": 0},
-                "tare": {"every_minutes": option.tare_minutes},
+                "tare": {"every_minutes": self.tare_minutes},
             }
         )
 
 
-def proposed(option: SweepOption, evidence: SweepEvidence) -> ProposedSweep:
+def proposed(option: SweepOption, evidence: SweepEvidence) -> SweepOption:
     """Return an option in the numbers of the rig, within its limits."""
     rig = evidence.model.rig
     radius_m = rig.propulsion.radius_m
@@ -98,40 +91,37 @@ def proposed(option: SweepOption, evidence: SweepEvidence) -> ProposedSweep:
     aside = [ratio * radius_m for ratio in option.aside_over_R]
     edges = [0.5 * rig.plate.size_x_m - inside * radius_m for inside in option.inside_over_R]
     lateral = [*aside, *edges, *(-edge for edge in edges)]
-    sweep = ProposedSweep(
-        option=option,
-        distances_m=tuple(distances) or (round(2.0 * rig.plate.z_min_m, 4),),
-        lateral_m=tuple(
-            dict.fromkeys(round(x_m, 4) for x_m in lateral if abs(x_m) <= rig.plate_x_max_m)
-        ),
-        pwm_us=_levels_us(evidence, option.levels),
-    )
-    limit_N = ROOM * min(rig.limits.thrust_N, rig.limits.load_cell_rating_N)
-    start_us = rig.propulsion.pwm_start_us
-    here = np.zeros((1, len(evidence.parameters)))
-    while True:
-        most_N = float(evidence.thrusts(points_of(sweep, evidence).conditions, here).max())
-        if most_N <= limit_N:
-            return sweep
-        less = tuple(round(start_us + 0.95 * (pulse - start_us)) for pulse in sweep.pwm_us)
-        sweep = replace(sweep, pwm_us=tuple(dict.fromkeys(float(pulse) for pulse in less)))
-
-
-def _levels_us(evidence: SweepEvidence, levels: int) -> tuple[float, ...]:
-    """Return pulse levels over the range that was swept, widened where it was narrow."""
-    p = evidence.model.rig.propulsion
+    # Pulse levels over the range that was swept, widened where it was narrow.
+    p = rig.propulsion
     seen = [log.power.pulse_us for log in evidence.logs if log.power is not None]
     if seen:
         pulses = np.concatenate(seen)
         low, high = float(pulses.min()), float(pulses.max())
     else:
-        span = min(p.pwm_max_us, evidence.model.rig.limits.pwm_us) - p.pwm_start_us
+        span = min(p.pwm_max_us, rig.limits.pwm_us) - p.pwm_start_us
         low, high = p.pwm_start_us + 0.4 * span, p.pwm_start_us + 0.6 * span
     low = min(low, high - LEAST_SPAN * (high - p.pwm_start_us))
-    return tuple(float(round(level)) for level in np.linspace(low, high, levels))
+    sweep = replace(
+        option,
+        distances_m=tuple(distances) or (round(2.0 * rig.plate.z_min_m, 4),),
+        lateral_m=tuple(
+            dict.fromkeys(round(x_m, 4) for x_m in lateral if abs(x_m) <= rig.plate_x_max_m)
+        ),
+        pwm_us=tuple(float(round(level)) for level in np.linspace(low, high, option.levels)),
+    )
+    limit_N = ROOM * min(rig.limits.thrust_N, rig.limits.load_cell_rating_N)
+    here = np.zeros((1, len(evidence.parameters)))
+    while True:
+        most_N = float(evidence.thrusts(points_of(sweep, evidence).conditions, here).max())
+        if most_N <= limit_N:
+            return sweep
+        less = tuple(
+            round(p.pwm_start_us + 0.95 * (pulse - p.pwm_start_us)) for pulse in sweep.pwm_us
+        )
+        sweep = replace(sweep, pwm_us=tuple(dict.fromkeys(float(pulse) for pulse in less)))
 
 
-def points_of(sweep: ProposedSweep, evidence: SweepEvidence) -> SweepLog:
+def points_of(sweep: SweepOption, evidence: SweepEvidence) -> SweepLog:
     """Return the points that a sweep would visit, thrust and speeds still those of the model."""
     rig = evidence.model.rig
     rows = _visits(sweep, rig)
@@ -161,7 +151,7 @@ def points_of(sweep: ProposedSweep, evidence: SweepEvidence) -> SweepLog:
         tare=tare,
         stay=stays_of(conditions, tare, ordered=True),
         power=power,
-        name=sweep.option.name,
+        name=sweep.name,
         remarks=(),
     )
 
@@ -174,16 +164,16 @@ def speed_at(pulse_us: Array, rig: Rig) -> Array:
     return np.where(pulse_us > p.pwm_start_us, np.asarray(speed, float), 0.0)
 
 
-def _visits(sweep: ProposedSweep, rig: Rig) -> Array:
+def _visits(sweep: SweepOption, rig: Rig) -> Array:
     """Return pulse, distance, lateral position, time and time since the tare of each row (m, 5)."""
     places = [(z_m, x_m) for x_m, z_m in product(sweep.lateral_m, sweep.distances_m)]
     stays = [(place, sweep.pwm_us) for place in (*places, (rig.plate.z_park_m, 0.0))]
     backwards = [(place, levels[::-1]) for place, levels in reversed(stays)]
     rows: list[tuple[float, ...]] = []
     clock_s = tared_s = 0.0
-    for repeat in range(sweep.option.repeats):
+    for repeat in range(sweep.repeats):
         for (z_m, x_m), levels in backwards if repeat % 2 else stays:
-            every_s = 60.0 * sweep.option.tare_minutes
+            every_s = 60.0 * sweep.tare_minutes
             if not rows or (every_s and clock_s - tared_s > every_s):
                 clock_s += TARE_S
                 tared_s = clock_s
@@ -261,9 +251,7 @@ def next_sweep_experiment(
         log = as_read(points_of(sweep, evidence), evidence, rivals[0][1])
         expected[name] = ratio_of(evidence.of(log), rivals)
     best = sweeps[max(expected, key=expected.__getitem__)]
-    return NextExperiment.between(
-        rivals, expected, best.option.title, best.option.reason, plan_toml=best.toml()
-    )
+    return NextExperiment.between(rivals, expected, best.title, best.reason, plan_toml=best.toml())
 
 
 def as_read(log: SweepLog, evidence: SweepEvidence, at: Array) -> SweepLog:

@@ -10,8 +10,7 @@ import numpy as np
 from benchtool import __version__
 from benchtool.core.array import Array
 from benchtool.data.run.run_rig import rig_of_data
-from benchtool.explain.pitch.replay_judged import on_log_clock
-from benchtool.explain.pitch.replay_track import PitchTrack, pitch_track
+from benchtool.explain.pitch.replay_track import PitchTrack, on_log_clock, pitch_track
 from benchtool.explain.pitch.replayed import Beside, Replay, replayed
 from benchtool.report.figure import Page
 from benchtool.report.numbers import numeral

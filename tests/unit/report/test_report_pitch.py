@@ -18,8 +18,7 @@ from benchtool.core.schedule import PlateVisit, Schedule, Signal
 from benchtool.data.atomic import data_hash, file_hash
 from benchtool.data.run.read import read_pitch
 from benchtool.data.run.recording_file import read_recording, write_recording
-from benchtool.explain.pitch.replay_judged import LEAST_RAD, miss_told
-from benchtool.explain.pitch.replay_track import pitch_track
+from benchtool.explain.pitch.replay_track import LEAST_RAD, miss_told, pitch_track
 from benchtool.explain.pitch.replayed import Beside, known_control, replayed
 from benchtool.physics.model_file import load_model
 from benchtool.report.replay.page import errors_deg
