@@ -34,7 +34,7 @@ class Step:
 
     Attributes:
         why: what it is for.
-        command: as it is typed where the question was.
+        command: as it is typed in the folder of the request.
     """
 
     why: str

@@ -104,7 +104,7 @@ def names_of(paths: Sequence[str]) -> dict[str, str]:
 
 
 def missing_of(learn: Sequence[str], check: Sequence[str]) -> list[InputError]:
-    """Return what a question lacks that names nothing to learn from, or nothing to check on."""
+    """Return errors for a request without anything to learn from, or to check on."""
     if not learn:
         order = " (every word behind --check is to check on)" if check else ""
         return [
@@ -180,7 +180,7 @@ def _alive(source: Source) -> Source:
             f"rotor's speed changes: nothing drove the beam that could be followed; record rpm as "
             f"well, with steps of attitude and collective, as the schedule identify has them"
         )
-    dead = [name for name in still if not name.startswith("pwm") or _turned(recording, name)]
+    dead = [name for name in still if not name.startswith("pwm") or _changed_speed(recording, name)]
     for name in still:
         value = recording.column(name)[0]
         remarks.append(
@@ -203,7 +203,7 @@ STEADY = 0.05
 """A rotor whose speed changes by more than this share of it had other pulses than one; a choice."""
 
 
-def _turned(recording: Recording, pulse: str) -> bool:
+def _changed_speed(recording: Recording, pulse: str) -> bool:
     """Whether a rotor changed its speed while its pulse stands still in the recording."""
     name = pulse.replace("pwm", "rpm").removesuffix("_us")
     if name not in recording:

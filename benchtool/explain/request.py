@@ -86,7 +86,7 @@ def read_request(
     effects: str | None = None,
     permit: CodePermit = refuse_code,
 ) -> Request:
-    """Read everything that a question names.
+    """Read everything that a request names.
 
     Args:
         learn: recordings to learn from: CSV, Parquet of `benchtool import`, run folders.

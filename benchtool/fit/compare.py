@@ -71,15 +71,15 @@ class Comparison:
     def sentence(self) -> str:
         """Say which model predicts best, and whether the next is clearly behind."""
         best, *others = self.scores
-        said = f"{best.model} predicts held-out points best"
+        sentence = f"{best.model} predicts held-out points best"
         if not others:
-            return said
+            return sentence
         parts = [
             f"{score.model} is {'clearly' if score.clearly_behind else 'not clearly'} behind "
             f"({score.behind_best:.1f} ± {score.behind_best_se:.1f} in log score)"
             for score in others
         ]
-        return f"{said}; {'; '.join(parts)}"
+        return f"{sentence}; {'; '.join(parts)}"
 
 
 def compare(problems: Sequence[Problem], *, folds: int = 5, seed: int = 1) -> Comparison:

@@ -104,18 +104,18 @@ def refusal(results: Sequence[FitResult]) -> BenchtoolError | None:
     with a noise parameter free, where points scatter more than `SCATTER` times as much as stated.
     """
     for result in results:
-        status, said = result.outcome.status, f"{result.method}: {result.outcome.message}"
+        status, message = result.outcome.status, f"{result.method}: {result.outcome.message}"
         if status == "not_converged":
-            return NotConverged(said)
+            return NotConverged(message)
         if status != "converged":
-            return EstimationError(said)
+            return EstimationError(message)
     first = results[0]
     if first.facts.get("verdict") != "rejected":
         return None
     return ModelRejected(
         f"the data reject model {first.model!r}: points scatter {times_as_much(first)} as much as "
         f"their stated errors (chi2/dof = {first.chi2_per_dof:.3g}); do not use its numbers before "
-        f"benchtool explain has said what it lacks"
+        f"benchtool explain has named what it lacks"
     )
 
 
@@ -130,7 +130,7 @@ def _verdict(problem: Problem, result: FitResult, chance: float) -> Verdict:
 
 
 def _of_verdict(verdict: Verdict, result: FitResult, chance: float) -> tuple[str, ...]:
-    said = f"chi2/dof is {result.chi2_per_dof:.3g} ({result.chi2:.4g} over {result.dof})"
+    message = f"chi2/dof is {result.chi2_per_dof:.3g} ({result.chi2:.4g} over {result.dof})"
     noise_is_free = any(item.name.startswith("noise.") for item in result.estimates)
     much = f"points scatter {times_as_much(result)} as much as their stated errors"
     narrow = (
@@ -144,7 +144,7 @@ def _of_verdict(verdict: Verdict, result: FitResult, chance: float) -> tuple[str
         if lacks_something(result):
             advice = f"{much}: {narrow}"
         return (
-            f"{said}: model {result.model!r} is rejected at the stated standard errors (chance "
+            f"{message}: model {result.model!r} is rejected at the stated standard errors (chance "
             f"{f'{chance:.1g}' if chance > 1e-12 else 'below 1e-12'}); {advice}",
         )
     if verdict == "scatter":
@@ -152,10 +152,10 @@ def _of_verdict(verdict: Verdict, result: FitResult, chance: float) -> tuple[str
             "the fitted noise carries that into the intervals, which is right for scatter between "
             "visits and wrong for a missing effect: look at the residuals"
         )
-        return (f"{said}: {much}; {narrow if lacks_something(result) else carried}",)
+        return (f"{message}: {much}; {narrow if lacks_something(result) else carried}",)
     if verdict == "errors_too_large":
         advice = "state them anew" if noise_is_free else "free noise.scale or state them anew"
-        return (f"{said}: the stated standard errors are larger than the scatter; {advice}",)
+        return (f"{message}: the stated standard errors are larger than the scatter; {advice}",)
     return ()
 
 

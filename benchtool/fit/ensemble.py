@@ -220,19 +220,19 @@ def _outcome(
         )
     worst = problem.free_names[int(np.argmax(verdict.rhat))]
     if not verdict.mixed:
-        said = (
+        reason = (
             f"after {steps} steps the ensembles still disagree about {worst} (R-hat "
             f"{np.max(verdict.rhat):.3f}, limit {RHAT_LIMIT})"
         )
     else:
         slowest = problem.free_names[int(np.argmax(verdict.tau_steps))]
-        said = (
+        reason = (
             f"{verdict.steps} kept steps are {verdict.steps / verdict.slowest_tau_steps:.0f} "
             f"autocorrelation times of {slowest}, {TAU_LENGTHS} are needed"
         )
     return Outcome(
         "not_converged",
-        f"{said}; allow more than {max_steps} steps, or fix a parameter or state a prior where "
+        f"{reason}; allow more than {max_steps} steps, or fix a parameter or state a prior where "
         f"least squares says that parameters cannot be told apart",
         evaluations,
     )

@@ -262,27 +262,27 @@ def _selected(
 ) -> tuple[NDArray[np.bool_], tuple[str, ...]]:
     finite = np.isfinite(observed) & np.isfinite(error) & (error > 0.0) & known
     near = finite & (z_over_R < recipe.min_z_over_R)
-    said = []
+    reasons = []
     if not finite.all():
-        said.append(
+        reasons.append(
             f"{np.count_nonzero(~finite)} of {len(observed)} points have an empty cell in thrust, "
             f"its error, speed or plate and were left out (the first: data row "
             f"{int(np.argmax(~finite)) + 1})"
         )
     if near.any():
-        said.append(
+        reasons.append(
             f"{np.count_nonzero(near)} of {len(observed)} points lie below z/R = "
             f"{recipe.min_z_over_R:g}, outside the formulae's validity, and were left out; "
             f"take them in with --min-z-over-r 0"
         )
     used = finite & ~near
     if used.any() and FAR_Z_OVER_R < float(z_over_R[used].min()) < NO_PLATE_Z_OVER_R:
-        said.append(
+        reasons.append(
             f"the nearest point lies at z/R = {z_over_R[used].min():.3g}, where there is no ground "
             f"effect to fit; check the unit of plate_z_m"
         )
     if not used.any():
         raise InputError(
-            f"none of {len(observed)} points can be fitted: {'; '.join(said) or 'there is none'}"
+            f"none of {len(observed)} points can be fitted: {'; '.join(reasons) or 'there is none'}"
         )
-    return used, tuple(said)
+    return used, tuple(reasons)

@@ -89,8 +89,8 @@ def with_derived(result: FitResult, quantities: Sequence[Derived]) -> FitResult:
         else _from_covariance(quantity, names, result)
         for quantity in quantities
     )
-    said = (_bounds_of(quantity, result) for quantity in quantities)
-    cut = (replace(item, bound=bound) for item, bound in zip(own, said, strict=True))
+    bounds = (_bounds_of(quantity, result) for quantity in quantities)
+    cut = (replace(item, bound=bound) for item, bound in zip(own, bounds, strict=True))
     return replace(result, derived=(*result.derived, *cut))
 
 

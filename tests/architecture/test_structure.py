@@ -24,7 +24,6 @@ AMBIGUOUS = {
     "Readings",
     "Run",
     "Sensor",
-    "Slot",
 }
 """Class names that still mean two things; this list only shrinks."""
 

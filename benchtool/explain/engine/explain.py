@@ -87,7 +87,7 @@ def explain(
 
     search = searched(hypotheses, progress, lambda one: left(one) > HOPELESS)
     progress("predicting the check recordings", 0.7)
-    if len(search.slots) > 1:
+    if len(search.trials) > 1:
         search = closing(subject, hypotheses, search)
     null, best = search.null, search.best
     held = HeldOut.of(subject, hypotheses, null, best, rng, draws)
@@ -97,20 +97,20 @@ def explain(
         best_is_noise = accepted(held.ratio(1), left(best), held.closed / subject.closed_enough)
     weights = [
         weighed(
-            slot.gains,
-            hypotheses.dispersion(slot.tried[0]),
+            trial.gains,
+            hypotheses.dispersion(trial.tried[0]),
             best_is_noise,
             null_is_noise,
             subject.temperature,
         )
-        for slot in search.slots
+        for trial in search.trials
     ]
     kind, members = _decided(hypotheses, search, weights[0])
     progress("drawing the answer", 0.9)
     effects = []
     for place, name in members:
-        slot, effect = search.slots[place], effect_of(subject, name)
-        one = next(tried for tried in slot.tried if tried.opened[-1] == name)
+        trial, effect = search.trials[place], effect_of(subject, name)
+        one = next(tried for tried in trial.tried if tried.opened[-1] == name)
         effects.append(
             NamedEffect(
                 name=name,
@@ -119,8 +119,8 @@ def explain(
                 stage=effect.subsystem,
                 probability=weights[place][name],
                 parameters=found_parameters(subject, hypotheses, one, name),
-                log_likelihood_ratio=0.5 * (slot.base.cost - one.cost),
-                p_value=p_value(hypotheses, slot.base, one, bootstrap, rng),
+                log_likelihood_ratio=0.5 * (trial.base.cost - one.cost),
+                p_value=p_value(hypotheses, trial.base, one, bootstrap, rng),
             )
         )
     gaps = held.gaps(rng)
@@ -129,7 +129,7 @@ def explain(
         where = where_shown(groups, before, after, effects[0].stage if effects else None)
     if kind == "unknown":
         worst = max(gaps, key=lambda gap: gap.before / gap.floor)
-        effect = effect_of(subject, search.slots[0].name)
+        effect = effect_of(subject, search.trials[0].name)
         share = max(0.0, worst.share_closed)
         nearest = Nearest(name=effect.name, phrase=effect.phrase, share_closed=share)
     if not effects:
@@ -147,8 +147,8 @@ def explain(
         effects=tuple(effects),
         probabilities=_probabilities(weights),
         places=tuple(
-            Rivals(effect=slot.name, probabilities=one)
-            for slot, one in zip(search.slots, weights, strict=True)
+            Rivals(effect=trial.name, probabilities=one)
+            for trial, one in zip(search.trials, weights, strict=True)
         ),
         where=where,
         gaps=gaps,
@@ -189,10 +189,10 @@ def _decided(
     if not search.best.opened:
         return "none", []
     if len(search.best.opened) > 1:
-        return "several", [(place, slot.name) for place, slot in enumerate(search.slots)]
+        return "several", [(place, trial.name) for place, trial in enumerate(search.trials)]
     best, *others = sorted(named, key=lambda name: -named[name])
     likely = [name for name in others if named[name] > CLASS_FROM * total]
-    truth = next(one for one in search.slots[0].tried if one.opened[-1] == best)
+    truth = next(one for one in search.trials[0].tried if one.opened[-1] == best)
     members = [best] + [
         name for name in likely if hypotheses.evidence_against(truth, name) < CANNOT_TELL
     ]
@@ -211,10 +211,10 @@ def _probabilities(weights: list[dict[str, float]]) -> dict[str, float]:
 
 def _rivals(search: Search, kind: Kind, members: list[tuple[int, str]]) -> list[tuple[str, Array]]:
     """Return the hypotheses that a next experiment should separate."""
-    slot = search.slots[0]
+    trial = search.trials[0]
     if kind == "class":
         names = {name for _, name in members}
-        return [(one.opened[-1], one.at) for one in slot.tried if one.opened[-1] in names]
+        return [(one.opened[-1], one.at) for one in trial.tried if one.opened[-1] in names]
     if kind == "unknown":
-        return [(one.opened[-1], one.at) for one in slot.tried[:2]]
+        return [(one.opened[-1], one.at) for one in trial.tried[:2]]
     return []

@@ -28,7 +28,7 @@ Progress = Callable[[str, float], None]
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Slot:
+class Trial:
     """Hold one named effect and everything that was tried in its place.
 
     Attributes:
@@ -57,14 +57,14 @@ class Search:
     Attributes:
         null: nothing beyond tolerance.
         best: the hypothesis whose effects are all worth having; the null when none is.
-        slots: one for each of its effects; one in all where there is none.
+        trials: one for each of its effects; one in all where there is none.
         first: the place that is filled first, from the null.
     """
 
     null: Hypothesis
     best: Hypothesis
-    slots: tuple[Slot, ...]
-    first: Slot
+    trials: tuple[Trial, ...]
+    first: Trial
 
 
 def searched(
@@ -80,27 +80,27 @@ def searched(
     """
     progress("fitting within tolerances", 0.05)
     base = hypotheses.null()
-    first: Slot | None = None
+    first: Trial | None = None
     for _ in range(MOST_EFFECTS):
         progress(
             f"trying every effect, round {len(base.opened) + 1}", 0.1 + 0.15 * len(base.opened)
         )
-        slot = _slot(hypotheses, base)
+        trial = _trial(hypotheses, base)
         if first is None:
-            base = slot.base
-            first = slot
-        if not _worth(hypotheses, slot.base, slot.tried[0], len(base.opened)):
+            base = trial.base
+            first = trial
+        if not _worth(hypotheses, trial.base, trial.tried[0], len(base.opened)):
             break
-        base = slot.tried[0]
+        base = trial.tried[0]
     if first is None:
         raise EstimationError("no effect can be tried: the model has no candidates on this bench")
     base = _pruned(hypotheses, base)
     null = first.base
     if len(base.opened) < 2:
         best = first.tried[0] if base.opened else null
-        return Search(null=null, best=best, slots=(first,), first=first)
+        return Search(null=null, best=best, trials=(first,), first=first)
     if hopeless is not None and hopeless(base):
-        return Search(null=null, best=base, slots=(first,), first=first)
+        return Search(null=null, best=base, trials=(first,), first=first)
     progress("trying others in the place of each", 0.55)
     return _several(hypotheses, null, base, first)
 
@@ -113,26 +113,26 @@ def without(hypotheses: Hypotheses, search: Search, name: str) -> Search:
     rest = tuple(other for other in search.best.opened if other != name)
     null, first = search.null, search.first
     if len(rest) < 2:
-        return Search(null=null, best=first.tried[0], slots=(first,), first=first)
+        return Search(null=null, best=first.tried[0], trials=(first,), first=first)
     return _several(hypotheses, null, hypotheses.fitted(rest, search.best.at), first)
 
 
-def _several(hypotheses: Hypotheses, null: Hypothesis, base: Hypothesis, first: Slot) -> Search:
+def _several(hypotheses: Hypotheses, null: Hypothesis, base: Hypothesis, first: Trial) -> Search:
     """Return the search that ends in several effects, each tried against others in its place."""
-    slots = []
+    trials = []
     for name in base.opened:
         rest = tuple(other for other in base.opened if other != name)
-        slots.append(_slot(hypotheses, hypotheses.fitted(rest, base.at)))
-    best = min((slot.tried[0] for slot in slots), key=lambda one: one.cost)
-    return Search(null=null, best=best, slots=tuple(slots), first=first)
+        trials.append(_trial(hypotheses, hypotheses.fitted(rest, base.at)))
+    best = min((trial.tried[0] for trial in trials), key=lambda one: one.cost)
+    return Search(null=null, best=best, trials=tuple(trials), first=first)
 
 
-def _slot(hypotheses: Hypotheses, base: Hypothesis) -> Slot:
+def _trial(hypotheses: Hypotheses, base: Hypothesis) -> Trial:
     tried = hypotheses.with_one_more(base)
     base = hypotheses.secured(base, tried[:2])
     # A candidate is never above its base: the base is one of its points.
     tried = [one if one.cost <= base.cost else replace(base, opened=one.opened) for one in tried]
-    return Slot(base=base, tried=tuple(sorted(tried, key=lambda one: one.cost)))
+    return Trial(base=base, tried=tuple(sorted(tried, key=lambda one: one.cost)))
 
 
 def _worth(hypotheses: Hypotheses, base: Hypothesis, one: Hypothesis, beside: int) -> bool:
@@ -160,13 +160,13 @@ up the rest of another's law less than nothing."""
 def closing(subject: Subject, hypotheses: Hypotheses, search: Search) -> Search:
     """Return the search without effects that close no part of the gap on the check recordings."""
     while len(search.best.opened) > 1:
-        sets = np.vstack([*(slot.base.at for slot in search.slots), search.best.at])
+        sets = np.vstack([*(trial.base.at for trial in search.trials), search.best.at])
         found = subject.errors(sets)
-        parts = [max(_part(one, k) for one in found.values()) for k in range(len(search.slots))]
+        parts = [max(_part(one, k) for one in found.values()) for k in range(len(search.trials))]
         least = int(np.argmin(parts))
         if parts[least] > CLOSES:
             return search
-        search = without(hypotheses, search, search.slots[least].name)
+        search = without(hypotheses, search, search.trials[least].name)
     return search
 
 

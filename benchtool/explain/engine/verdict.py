@@ -40,7 +40,7 @@ EVERYWHERE = "everywhere"
 """The regime of a disagreement that no part of the recordings has more of than others."""
 
 SURE, LIKELY = 0.9, 0.7
-"""Probabilities from which a model is said to lack an effect, and to lack it probably; choices."""
+"""Probabilities from which a model lacks an effect, and probably lacks it; choices."""
 
 NEVER = 100.0
 """An effect that would have to be this many tolerances large is said to leave no trace."""

@@ -58,7 +58,7 @@ SHORTEST_S = 4.0
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class PitchLog:
-    """Hold a log with what is said about it.
+    """Hold a log with its remarks.
 
     Attributes:
         logged: what is followed.
@@ -80,7 +80,7 @@ def pitch_log(
         recording: channels by our names.
         rig: of the bench.
         name: what messages call it; of its file when left out.
-        plate_slide_s: how long its plate takes to slide in or out; None where nobody said.
+        plate_slide_s: how long its plate takes to slide in or out; None where it is unknown.
 
     Raises:
         InputError: a recording without time, without pitch, or with neither pulses nor rotor
@@ -101,14 +101,14 @@ def pitch_log(
         )
     rows = even_rows(recording, name)
     pulsed = _drive(recording, rig, "pwm{}_us")
-    turned = _drive(recording, rig, "rpm{}")
-    refuse_other_rotors(recording, rig, name, lacking=not pulsed and not turned)
-    if not pulsed and not turned:
+    measured = _drive(recording, rig, "rpm{}")
+    refuse_other_rotors(recording, rig, name, lacking=not pulsed and not measured)
+    if not pulsed and not measured:
         raise InputError(
             f"{name} tells neither the pulses nor the speeds of all {rig.n_discs} rotors, so "
             f"the plant cannot be driven; map pwm1_us... or rpm1... in the model's [columns]"
         )
-    drive = pulsed or turned
+    drive = pulsed or measured
     remarks = [*rows.remarks, *_sparse(recording, drive, rig, name)]
     rows = _followed(rows, drive, name, plate_slide_s, remarks)
     recording, mode, rate_Hz = rows.recording, rows.mode, rows.rate_Hz
@@ -125,7 +125,7 @@ def pitch_log(
             remarks.append("no rpm: lag, delay and sag are judged by the motion alone")
     else:
         p = rig.propulsion
-        pulses = p.pwm_start_us + _turned(speeds, mode, rate_Hz) / p.speed_per_us_rad_s
+        pulses = p.pwm_start_us + _driving_speeds(speeds, mode, rate_Hz) / p.speed_per_us_rad_s
         speeds = np.full_like(speeds, np.nan)
         remarks.append(
             "no pulses: driven by the speeds that were measured, so nothing between pulse and "
@@ -257,7 +257,7 @@ def _has(recording: Recording, name: str) -> bool:
     return name in recording and bool(np.isfinite(recording.si(name)).any())
 
 
-def _turned(speeds: Array, mode: Array, rate_Hz: float) -> Array:
+def _driving_speeds(speeds: Array, mode: Array, rate_Hz: float) -> Array:
     """Return rotor speeds (n_discs, n) that can drive a plant: no gaps, less noise."""
     width = 2 * round(0.5 * SPEED_SMOOTHING_S * rate_Hz) + 1
     rows = np.arange(speeds.shape[1])

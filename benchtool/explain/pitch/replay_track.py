@@ -44,7 +44,7 @@ class PitchTrack:
         theta_rad, gyro_rad_s, reference_rad: (n,) positive nose down.
         pwm_us: (n_rotors, n) pulses, each held until the next; empty without.
         rpm: (n_rotors, n) speeds; empty without.
-        torque_Nm, disturbance_Nm: (n,) what a controller asked for, and what it saw.
+        torque_Nm, disturbance_Nm: (n,) what a controller requested, and its estimate.
         plate_z_m: (n,) distance of the plate with the beam level; `PARKED_M` where it is parked.
         distance_m: (n,) what a sensor that looks down read.
         over: (n_rotors, n) how far each rotor is over a surface, 0 to 1.

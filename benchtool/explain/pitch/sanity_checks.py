@@ -1,6 +1,6 @@
 """Sanity checks of a pitch recording: units, signs, rotors in another order, as no effect has.
 
-A wrong unit or a turned sign makes every effect look small beside it. It is refused, with what to
+A wrong unit or a wrong sign makes every effect look small beside it. It is refused, with what to
 mend, before anything is named.
 """
 
@@ -68,7 +68,7 @@ def refuse_inconsistent(logged: LoggedPitch, rig: Rig, name: str) -> None:
     rate = gyro if np.isfinite(gyro).any() else change
     acceleration = _change(rate, logged.rate_Hz)
     moment = pitch_moment_Nm(_thrusts(logged, rig), rig.disc_positions_m[:, 0])
-    turned = _correlation(np.asarray(moment, float), acceleration)
+    agreement = _correlation(np.asarray(moment, float), acceleration)
     alike, first, second = _followed(logged, rig, acceleration)
     if abs(alike) < ALIKE:
         outer = np.argsort(-np.abs(_arms(rig)), kind="stable")[:2]
@@ -79,11 +79,11 @@ def refuse_inconsistent(logged: LoggedPitch, rig: Rig, name: str) -> None:
             f"record with the map of motors (map=FILE, see benchtool bench map), or exchange the "
             f"columns in the model's [columns]"
         )
-    if turned < -SURE or alike < 0.0:
+    if agreement < -SURE or alike < 0.0:
         raise InputError(
-            f"the beam of {name} turns against its thrust (correlation {turned:.2f}): rotors or "
+            f"the beam of {name} turns against its thrust (correlation {agreement:.2f}): rotors or "
             f"the sign of theta_rad are not as rig {rig.name!r} has them; exchange the columns of "
-            f"the rotors or turn the sign in the model's [columns]"
+            f"the rotors or change the sign in the model's [columns]"
         )
 
 

@@ -40,10 +40,10 @@ def closed(true_of_check: Array) -> Search:
 def test_two_that_both_predict_stay() -> None:
     found = closed(BOTH)
     assert set(found.best.opened) == {"a", "b"}
-    assert len(found.slots) == 2
+    assert len(found.trials) == 2
 
 
 def test_one_that_predicts_nothing_goes() -> None:
     found = closed(np.array([0.0, 5.0, 0.0, 0.0]))
     assert found.best.opened == ("b",)
-    assert [slot.name for slot in found.slots] == ["b"]
+    assert [trial.name for trial in found.trials] == ["b"]

@@ -26,8 +26,8 @@ def test_what_breaks_its_tolerance_is_named() -> None:
 def test_two_effects_are_both_named() -> None:
     found = searched(Hypotheses(Linear(np.array([4.0, 5.0, 0.0, 0.0]), 3)), quiet)
     assert set(found.best.opened) == {"a", "b"}
-    assert {slot.name for slot in found.slots} == {"a", "b"}
-    rivals = next(slot for slot in found.slots if slot.name == "b").gains
+    assert {trial.name for trial in found.trials} == {"a", "b"}
+    rivals = next(trial for trial in found.trials if trial.name == "b").gains
     assert 0.8 * rivals["b"] < rivals["c"] < rivals["b"]
 
 
@@ -56,10 +56,10 @@ def test_what_such_data_say_against_a_rival_is_what_they_say_on_average() -> Non
     expected, found = [], []
     for seed in range(20):
         hypotheses = Hypotheses(Linear(truth, seed))
-        slot = searched(hypotheses, quiet).slots[0]
-        right = next(one for one in slot.tried if one.opened == ("b",))
+        trial = searched(hypotheses, quiet).trials[0]
+        right = next(one for one in trial.tried if one.opened == ("b",))
         expected.append(hypotheses.evidence_against(right, "c"))
-        found.append(slot.gains["b"] - slot.gains["c"])
+        found.append(trial.gains["b"] - trial.gains["c"])
     assert np.mean(found) == pytest.approx(np.mean(expected), rel=0.25)
 
 
