@@ -16,21 +16,13 @@ from benchtool.explain.request import Request
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Answer:
-    """Hold an explanation and where it came from.
+    """Hold an explanation and where it came from."""
 
-    Attributes:
-        explanation: the verdict with its curves.
-        request: the recordings and the model in question.
-        seed: of everything random.
-        seconds: how long it took.
-        commands: as they were typed.
-    """
-
-    explanation: Explanation
-    request: Request
-    seed: int
-    seconds: float
-    commands: tuple[str, ...] = ()
+    explanation: Explanation  # the verdict with its curves
+    request: Request  # the recordings and the model in question
+    seed: int  # of everything random
+    seconds: float  # how long it took
+    commands: tuple[str, ...] = ()  # as they were typed
 
     @property
     def verdict(self) -> Verdict:

@@ -30,15 +30,10 @@ RICHER: dict[BenchKind, str] = {
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """Say what to do next and with which command.
+    """Say what to do next and with which command."""
 
-    Attributes:
-        why: what it is for.
-        command: as it is typed in the folder of the request.
-    """
-
-    why: str
-    command: str
+    why: str  # what it is for
+    command: str  # as it is typed in the folder of the request
 
 
 def next_file(answer: Answer) -> tuple[str, str]:

@@ -34,21 +34,13 @@ NEEDED: dict[BenchKind, tuple[str, ...]] = {
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Source:
-    """Hold one recording with where it comes from.
+    """Hold one recording with where it comes from."""
 
-    Attributes:
-        path: as the user gave it.
-        name: for people: the file's or folder's own, the path where two share that.
-        recording: what it holds.
-        sha256: of its bytes.
-        remarks: columns of the model's map that the file has not.
-    """
-
-    path: str
-    name: str
-    recording: Recording
-    sha256: str
-    remarks: tuple[str, ...] = ()
+    path: str  # as the user gave it
+    name: str  # for people: the file's or folder's own, the path where two share that
+    recording: Recording  # what it holds
+    sha256: str  # of its bytes
+    remarks: tuple[str, ...] = ()  # columns of the model's map that the file has not
 
     @property
     def simulated(self) -> bool:

@@ -31,23 +31,16 @@ class Request:
     """Hold recordings, a model and effects of the user's own, all read.
 
     Attributes:
-        loaded: the model.
-        model_file: its shipped name, or its file's own name.
-        model_given: as it was typed, for the next command.
-        effects_given: where the user's own effects are, as it was typed; empty without.
-        model_sha256: of its file; empty for a shipped one.
-        effects_file: Python file of the user's own effects, where it is one.
-        own: those effects.
         learn, check: recordings.
     """
 
-    loaded: LoadedModel
-    model_file: str
-    model_given: str
-    effects_given: str
-    model_sha256: str
-    effects_file: Path | None
-    own: tuple[Effect, ...]
+    loaded: LoadedModel  # the model
+    model_file: str  # its shipped name, or its file's own name
+    model_given: str  # as it was typed, for the next command
+    effects_given: str  # where the user's own effects are, as it was typed; empty without
+    model_sha256: str  # of its file; empty for a shipped one
+    effects_file: Path | None  # Python file of the user's own effects, where it is one
+    own: tuple[Effect, ...]  # those effects
     learn: tuple[Source, ...]
     check: tuple[Source, ...]
 

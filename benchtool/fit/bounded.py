@@ -59,19 +59,12 @@ class Region:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Linearised:
-    """Hold residuals about a point, without any penalty.
+    """Hold residuals about a point, without any penalty."""
 
-    Attributes:
-        at: (n,) the point.
-        cost: sum of squares there.
-        gradient: (n,) J^T r.
-        curvature: (n, n) J^T J.
-    """
-
-    at: Array
-    cost: float
-    gradient: Array
-    curvature: Array
+    at: Array  # (n,) the point
+    cost: float  # sum of squares there
+    gradient: Array  # (n,) J^T r
+    curvature: Array  # (n, n) J^T J
 
     def step(self, region: Region) -> tuple[Array, float]:
         """Return the best point of a region, as far as the neighbourhood shows, and its cost."""
@@ -95,17 +88,11 @@ class Linearised:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Minimum:
-    """Hold where a bounded search ended.
+    """Hold where a bounded search ended."""
 
-    Attributes:
-        at: (n,) the point.
-        cost: sum of squares there, penalties included.
-        converged: whether the last step gained nothing that matters.
-    """
-
-    at: Array
-    cost: float
-    converged: bool
+    at: Array  # (n,) the point
+    cost: float  # sum of squares there, penalties included
+    converged: bool  # whether the last step gained nothing that matters
 
 
 def _root(curvature: Array) -> Array:

@@ -22,28 +22,21 @@ class Score:
     """Hold how one model did.
 
     Attributes:
-        model: its name.
         held_out_log_score: mean log density of held-out points, larger is better; nan when a
             training set could not be fitted.
-        held_out_log_score_se: its standard error over settings.
-        behind_best: sum over points of log density lost against the best model.
-        behind_best_se: its standard error over settings.
-        held_out_rms: of held-out residuals, in the unit of what was observed.
         aic, bic: of the fit to all points (Akaike 1974; Schwarz 1978).
-        chi2_per_dof: of the fit to all points.
-        parameters: how many are free.
     """
 
-    model: str
+    model: str  # its name
     held_out_log_score: float
-    held_out_log_score_se: float
-    behind_best: float
-    behind_best_se: float
-    held_out_rms: float
+    held_out_log_score_se: float  # its standard error over settings
+    behind_best: float  # sum over points of log density lost against the best model
+    behind_best_se: float  # its standard error over settings
+    held_out_rms: float  # of held-out residuals, in the unit of what was observed
     aic: float
     bic: float
-    chi2_per_dof: float
-    parameters: int
+    chi2_per_dof: float  # of the fit to all points
+    parameters: int  # how many are free
 
     @property
     def clearly_behind(self) -> bool:
@@ -53,19 +46,12 @@ class Score:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Comparison:
-    """Hold the scores of all models, the best first, and what was held out.
+    """Hold the scores of all models, the best first, and what was held out."""
 
-    Attributes:
-        scores: (k,).
-        folds: how many.
-        settings: how many settings the points fall into.
-        seed: of the folds.
-    """
-
-    scores: tuple[Score, ...]
-    folds: int
-    settings: int
-    seed: int
+    scores: tuple[Score, ...]  # (k,)
+    folds: int  # how many
+    settings: int  # how many settings the points fall into
+    seed: int  # of the folds
 
     @property
     def sentence(self) -> str:

@@ -42,17 +42,13 @@ class Diagnosis:
     Attributes:
         verdict: on chi2 at the stated errors; "no_verdict" where they are unknown, "scatter" where
             a free noise parameter took up a little more than they state.
-        chance: of a chi2 at least this large, were model and stated errors right.
-        confusions: parameters that cannot be told apart.
-        outliers: (k,) points far out.
-        sentences: all of it that a user should read.
     """
 
     verdict: Verdict
-    chance: float
-    confusions: tuple[Confusion, ...]
-    outliers: tuple[int, ...]
-    sentences: tuple[str, ...]
+    chance: float  # of a chi2 at least this large, were model and stated errors right
+    confusions: tuple[Confusion, ...]  # parameters that cannot be told apart
+    outliers: tuple[int, ...]  # (k,) points far out
+    sentences: tuple[str, ...]  # all of it that a user should read
 
 
 def diagnose(problem: Problem, result: FitResult) -> Diagnosis:

@@ -247,17 +247,11 @@ RHAT_LIMIT = 1.01
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Convergence:
-    """Hold what the chains say.
+    """Hold what the chains say."""
 
-    Attributes:
-        tau_steps: (n,) integrated autocorrelation time of each parameter.
-        rhat: (n,) split R-hat over the ensembles.
-        steps: steps after the discarded ones, which both were taken from.
-    """
-
-    tau_steps: Array
-    rhat: Array
-    steps: int
+    tau_steps: Array  # (n,) integrated autocorrelation time of each parameter
+    rhat: Array  # (n,) split R-hat over the ensembles
+    steps: int  # steps after the discarded ones, which both were taken from
 
     @property
     def slowest_tau_steps(self) -> float:

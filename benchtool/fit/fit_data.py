@@ -41,31 +41,22 @@ class FitData:
     """Hold the points of a fit.
 
     Attributes:
-        points: all that were read (n rows).
-        conditions: of all points.
-        observed: (n,) thrust in N, or the ratio of the recipe's basis.
-        standard_error: (n,) stated; 1 where none is stated.
-        errors: "within" visits of a run, "stated" by a table, or "none".
-        used: (n,) False for points that the fit leaves out.
-        left_out: sentences that say which points and why.
-        z_over_R: (n,) least distance over the rig's radius.
         groups: (n,) number of the setting that each point repeats; None where nobody numbered them.
-        hashes: SHA-256 by data path.
         reference: (n,) what each point of a ratio was divided by: the plate where it was parked.
         calibration_sd: relative standard error of the load cell's scale, common to all points; 0
             where no calibration was applied.
     """
 
-    points: Recording
-    conditions: Conditions
-    observed: Array
-    standard_error: Array
-    errors: str
-    used: NDArray[np.bool_]
-    left_out: tuple[str, ...]
-    z_over_R: Array
+    points: Recording  # all that were read (n rows)
+    conditions: Conditions  # of all points
+    observed: Array  # (n,) thrust in N, or the ratio of the recipe's basis
+    standard_error: Array  # (n,) stated; 1 where none is stated
+    errors: str  # "within" visits of a run, "stated" by a table, or "none"
+    used: NDArray[np.bool_]  # (n,) False for points that the fit leaves out
+    left_out: tuple[str, ...]  # sentences that say which points and why
+    z_over_R: Array  # (n,) least distance over the rig's radius
     groups: NDArray[np.intp] | None
-    hashes: Mapping[str, str]
+    hashes: Mapping[str, str]  # SHA-256 by data path
     reference: Conditions | None = None
     calibration_sd: float = 0.0
 

@@ -45,19 +45,12 @@ def separated_by() -> dict[frozenset[str], str]:
 
 @dataclass(frozen=True, slots=True)
 class Confusion:
-    """Name parameters that cannot be told apart.
+    """Name parameters that cannot be told apart."""
 
-    Attributes:
-        names: two or more, the most involved first.
-        inflation: how many times larger their standard deviation is because of each other.
-        open_directions: how many combinations the data leave open altogether; 0 for none.
-        remedy: what data would separate them.
-    """
-
-    names: tuple[str, ...]
-    inflation: float
-    open_directions: int
-    remedy: str
+    names: tuple[str, ...]  # two or more, the most involved first
+    inflation: float  # how many times larger their standard deviation is because of each other
+    open_directions: int  # how many combinations the data leave open altogether; 0 for none
+    remedy: str  # what data would separate them
 
     def __str__(self) -> str:
         """Say it in one sentence."""

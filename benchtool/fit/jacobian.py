@@ -89,15 +89,13 @@ class Spread:
     """Hold what a Jacobian says of its parameters.
 
     Attributes:
-        covariance: (n, n); infinite variance where `undetermined`.
         undetermined: positions of parameters that no finite interval can be given for.
-        directions: (k, n) undetermined directions in units of each parameter's own column norm.
         condition: ratio of singular values of the column-scaled Jacobian; inf when rank is short.
     """
 
-    covariance: Array
+    covariance: Array  # (n, n); infinite variance where `undetermined`
     undetermined: tuple[int, ...]
-    directions: Array
+    directions: Array  # (k, n) undetermined directions in units of each parameter's own column norm
     condition: float
 
 

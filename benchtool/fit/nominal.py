@@ -26,15 +26,13 @@ class NominalModel:
     """Hold a model at its nominal values, with how uncertain they are.
 
     Attributes:
-        model: at its values.
         draws: (d, 1) by parameter: values as likely as these; empty where nothing gives any.
-        spread: where the draws come from, in words; empty where nothing gives any.
         fitted_to: names of the data that its fit took; empty for a model nobody fitted here.
     """
 
-    model: Model
+    model: Model  # at its values
     draws: Mapping[str, Array] = field(default_factory=dict)
-    spread: str = ""
+    spread: str = ""  # where the draws come from, in words; empty where nothing gives any
     fitted_to: tuple[str, ...] = ()
 
 

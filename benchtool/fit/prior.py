@@ -14,19 +14,12 @@ from benchtool.core.parameter import Parameters
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointPrior:
-    """State a normal prior on several parameters at once, with their covariance.
+    """State a normal prior on several parameters at once, with their covariance."""
 
-    Attributes:
-        names: (p,) full names.
-        mean: (p,) in the parameters' units.
-        covariance: (p, p) positive definite.
-        source: where it comes from (a calibration, by its date).
-    """
-
-    names: tuple[str, ...]
-    mean: Array
-    covariance: Array
-    source: str = ""
+    names: tuple[str, ...]  # (p,) full names
+    mean: Array  # (p,) in the parameters' units
+    covariance: Array  # (p, p) positive definite
+    source: str = ""  # where it comes from (a calibration, by its date)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

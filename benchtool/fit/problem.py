@@ -38,26 +38,19 @@ class Problem:
     """State what is to be estimated from what.
 
     Attributes:
-        model: name for results.
-        parameters: all parameters; the free ones are estimated.
-        predict: see `Predict`.
-        observed: (m,) what was measured.
-        standard_error: (m,) its stated standard errors, above 0.
-        basis: what is held equal when thrust is compared, or "joint".
-        labels: (m,) names of the points for messages; numbered when left out.
         groups: (m,) which points belong to one setting; held out together by `compare`.
         covariates: (m,) each, against which residuals are looked at ("z_over_R", "time_s").
         joint_priors: normal priors on several parameters, for example of a calibration.
         facts: carried into the result (counts, hashes).
     """
 
-    model: str
-    parameters: Parameters
-    predict: Predict
-    observed: Array
-    standard_error: Array
-    basis: str = "joint"
-    labels: tuple[str, ...] = ()
+    model: str  # name for results
+    parameters: Parameters  # all parameters; the free ones are estimated
+    predict: Predict  # see `Predict`
+    observed: Array  # (m,) what was measured
+    standard_error: Array  # (m,) its stated standard errors, above 0
+    basis: str = "joint"  # what is held equal when thrust is compared, or "joint"
+    labels: tuple[str, ...] = ()  # (m,) names of the points for messages; numbered when left out
     groups: IntArray | None = None
     covariates: Mapping[str, Array] = field(default_factory=dict)
     joint_priors: tuple[JointPrior, ...] = ()

@@ -29,9 +29,7 @@ class Recipe(Inputs):
     """State one fit.
 
     Attributes:
-        name: of the fit.
         data: in a recipe file relative to that file.
-        description: what question it answers.
         noise: "stated" takes the standard errors as they are, "scale" fits one factor on them,
             "add" fits scatter in quadrature; "auto" scales what a run measured within visits and
             takes what a table states.
@@ -39,7 +37,7 @@ class Recipe(Inputs):
         min_z_over_R: points nearer are left out and counted.
     """
 
-    name: str
+    name: str  # of the fit
     data: Annotated[
         tuple[str, ...],
         Len(1),
@@ -48,7 +46,7 @@ class Recipe(Inputs):
     model: Annotated[
         str, Input("Shipped model (benchtool models) or the path of a model file.", label="Model")
     ]
-    description: str = ""
+    description: str = ""  # what question it answers
     rig: Annotated[
         str | None, Input("Rig of a CSV: shipped name or path; a run folder carries its own.")
     ] = None

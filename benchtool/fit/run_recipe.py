@@ -40,19 +40,14 @@ class FitOutput:
     """Carry everything that a fit made.
 
     Attributes:
-        recipe: as it was given.
-        loaded: the model as it was fitted, before.
-        data: the points.
-        problem: as both estimators took it.
-        results: one for each method, in the recipe's order.
         comparison: of the recipe's models on held-out points, None when none were named.
     """
 
-    recipe: Recipe
-    loaded: LoadedModel
-    data: FitData
-    problem: Problem
-    results: tuple[FitResult, ...]
+    recipe: Recipe  # as it was given
+    loaded: LoadedModel  # the model as it was fitted, before
+    data: FitData  # the points
+    problem: Problem  # as both estimators took it
+    results: tuple[FitResult, ...]  # one for each method, in the recipe's order
     comparison: Comparison | None = None
 
     @property

@@ -29,25 +29,15 @@ POLISH_STEPS = 12
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Solution:
-    """Hold one minimum.
+    """Hold one minimum."""
 
-    Attributes:
-        shape: (n_shape,) values.
-        rows: (m + q,) weighted residuals there.
-        jacobian: (m + q, n_shape) of the rows, plain (no loss in it).
-        cost: half the sum of squares, after the loss.
-        finished: whether a tolerance was met.
-        evaluations: of the prediction, its derivatives counted as one each.
-        way: how derivatives were taken.
-    """
-
-    shape: Array
-    rows: Array
-    jacobian: Array
-    cost: float
-    finished: bool
-    evaluations: int
-    way: Way
+    shape: Array  # (n_shape,) values
+    rows: Array  # (m + q,) weighted residuals there
+    jacobian: Array  # (m + q, n_shape) of the rows, plain (no loss in it)
+    cost: float  # half the sum of squares, after the loss
+    finished: bool  # whether a tolerance was met
+    evaluations: int  # of the prediction, its derivatives counted as one each
+    way: Way  # how derivatives were taken
 
     @property
     def chi2(self) -> float:

@@ -41,8 +41,6 @@ class Explanation:
     """Hold a verdict and the curves behind it.
 
     Attributes:
-        overlays: by channel, on the check recordings.
-        disagreements: by stage.
         floors: (draws,) by channel, what a true model misses on the check recordings, its numbers
             known exactly.
         floors_as_learned: the same, the truth as far from its numbers as the recordings to learn
@@ -50,8 +48,8 @@ class Explanation:
     """
 
     verdict: Verdict
-    overlays: tuple[Overlay, ...]
-    disagreements: tuple[Disagreement, ...]
+    overlays: tuple[Overlay, ...]  # by channel, on the check recordings
+    disagreements: tuple[Disagreement, ...]  # by stage
     floors: Mapping[str, Array] = field(default_factory=dict)
     floors_as_learned: Mapping[str, Array] = field(default_factory=dict)
 

@@ -51,15 +51,12 @@ class Hypothesis:
 
     Attributes:
         opened: names of those effects, in the order in which they were added; none for the null.
-        at: (n_parameters,) the best numbers, in scales.
-        cost: sum of squares there, penalties included.
-        converged: whether the search came to rest.
     """
 
     opened: tuple[str, ...]
-    at: Array
-    cost: float
-    converged: bool
+    at: Array  # (n_parameters,) the best numbers, in scales
+    cost: float  # sum of squares there, penalties included
+    converged: bool  # whether the search came to rest
 
 
 class Hypotheses:

@@ -25,26 +25,20 @@ class ScaledParameter:
     is one tolerance away.
 
     Attributes:
-        name: full name of the model's parameter ("hinge_spring.stiffness_Nm_per_rad").
-        unit: of its value.
         effect: the effect that it belongs to; "" for a number that the bench's owner knows only
             to within a standard error (inertia, the map from pulse to speed).
-        start: value in the model as given.
-        scale: tolerance of an effect's parameter; standard error of any other.
         lower, upper: bounds of the value.
-        first: where a search begins, in scales.
-        held: whether only its prior holds it, not its tolerance.
     """
 
-    name: str
-    unit: str
+    name: str  # full name of the model's parameter ("hinge_spring.stiffness_Nm_per_rad")
+    unit: str  # of its value
     effect: str
-    start: float
-    scale: float
+    start: float  # value in the model as given
+    scale: float  # tolerance of an effect's parameter; standard error of any other
     lower: float = -inf
     upper: float = inf
-    held: bool = False
-    first: float = 0.0
+    held: bool = False  # whether only its prior holds it, not its tolerance
+    first: float = 0.0  # where a search begins, in scales
 
     @property
     def least(self) -> float:

@@ -29,15 +29,10 @@ Progress = Callable[[str, float], None]
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Trial:
-    """Hold one named effect and everything that was tried in its place.
+    """Hold one named effect and everything that was tried in its place."""
 
-    Attributes:
-        base: the hypothesis without it.
-        tried: the base with each other effect opened, best first.
-    """
-
-    base: Hypothesis
-    tried: tuple[Hypothesis, ...]
+    base: Hypothesis  # the hypothesis without it
+    tried: tuple[Hypothesis, ...]  # the base with each other effect opened, best first
 
     @property
     def name(self) -> str:
@@ -52,19 +47,12 @@ class Trial:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Search:
-    """Hold what a search found.
+    """Hold what a search found."""
 
-    Attributes:
-        null: nothing beyond tolerance.
-        best: the hypothesis whose effects are all worth having; the null when none is.
-        trials: one for each of its effects; one in all where there is none.
-        first: the place that is filled first, from the null.
-    """
-
-    null: Hypothesis
-    best: Hypothesis
-    trials: tuple[Trial, ...]
-    first: Trial
+    null: Hypothesis  # nothing beyond tolerance
+    best: Hypothesis  # the hypothesis whose effects are all worth having; the null when none is
+    trials: tuple[Trial, ...]  # one for each of its effects; one in all where there is none
+    first: Trial  # the place that is filled first, from the null
 
 
 def searched(

@@ -35,15 +35,10 @@ class RowGroups:
 
 
 class Evidence(Protocol):
-    """Say how well a model's numbers fit data.
+    """Say how well a model's numbers fit data."""
 
-    Attributes:
-        model: with every candidate in it, neutral unless the user's model says otherwise.
-        parameters: what can be moved, in a fixed order.
-    """
-
-    model: Model
-    parameters: tuple[ScaledParameter, ...]
+    model: Model  # with every candidate in it, neutral unless the user's model says otherwise
+    parameters: tuple[ScaledParameter, ...]  # what can be moved, in a fixed order
 
     def residuals(self, scaled: Array) -> Array:
         """Return whitened residuals (n_rows, n_sets) for sets (n_sets, n_parameters)."""
@@ -56,38 +51,23 @@ class Evidence(Protocol):
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class ChannelErrors:
-    """Hold prediction errors of one channel.
+    """Hold prediction errors of one channel."""
 
-    Attributes:
-        unit: of their roots.
-        squares: (n_blocks, n_sets) mean squared error of each block of the check recordings.
-    """
-
-    unit: str
-    squares: Array
+    unit: str  # of their roots
+    squares: Array  # (n_blocks, n_sets) mean squared error of each block of the check recordings
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Overlay:
-    """Hold measurement and predictions of one channel on a check recording.
+    """Hold measurement and predictions of one channel on a check recording."""
 
-    Attributes:
-        channel: its name.
-        unit: of the values.
-        axis: what `at` counts ("time_s", "z_over_R").
-        at: (n,) places on that axis; nan between windows, so that lines break there.
-        measured: (n,).
-        before: (n,) the model as calibrated within tolerance.
-        after: (n,) with the named effects; equal to `before` where nothing is named.
-    """
-
-    channel: str
-    unit: str
-    axis: str
-    at: Array
-    measured: Array
-    before: Array
-    after: Array
+    channel: str  # its name
+    unit: str  # of the values
+    axis: str  # what `at` counts ("time_s", "z_over_R")
+    at: Array  # (n,) places on that axis; nan between windows, so that lines break there
+    measured: Array  # (n,)
+    before: Array  # (n,) the model as calibrated within tolerance
+    after: Array  # (n,) with the named effects; equal to `before` where nothing is named
 
 
 class Log(Protocol):
@@ -103,20 +83,17 @@ class Subject(ABC):
     """Hold recordings of one kind of bench against a model.
 
     Attributes:
-        kind: which bench it is.
         learn, check: recordings to learn from and to verify on.
-        evidence: what the recordings to learn from say.
         closed_enough: share of a gap from which an effect counts as its cause, whatever is left;
             inf: never.
-        temperature: divides differences of log-likelihood before they become probabilities.
     """
 
-    kind: BenchKind
+    kind: BenchKind  # which bench it is
     learn: Sequence[Log]
     check: Sequence[Log]
-    evidence: Evidence
+    evidence: Evidence  # what the recordings to learn from say
     closed_enough: float
-    temperature: float
+    temperature: float  # divides differences of log-likelihood before they become probabilities
 
     @property
     def window_s(self) -> float:

@@ -51,78 +51,49 @@ class FoundParameter:
     """Hold one number of a named effect.
 
     Attributes:
-        name: the parameter's own name ("torque_Nm").
-        unit: of all numbers here.
-        value: most likely value.
-        std: standard deviation of it; other effects are free within their tolerances meanwhile.
         low, high: 95 % interval.
-        tolerance: what would not have mattered.
-        neutral: value at which the effect is absent.
     """
 
-    name: str
-    unit: str
-    value: float
-    std: float
+    name: str  # the parameter's own name ("torque_Nm")
+    unit: str  # of all numbers here
+    value: float  # most likely value
+    std: float  # standard deviation of it; other effects are free within their tolerances meanwhile
     low: float
     high: float
-    tolerance: float
-    neutral: float
+    tolerance: float  # what would not have mattered
+    neutral: float  # value at which the effect is absent
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NamedEffect:
-    """Hold one effect that an explanation names.
+    """Hold one effect that an explanation names."""
 
-    Attributes:
-        name: as in the catalogue.
-        title: for people.
-        phrase: the title as it stands within a sentence.
-        stage: of the chain.
-        probability: that this effect is there, beyond its tolerance.
-        parameters: its numbers.
-        log_likelihood_ratio: against the same model with the effect held within its tolerance.
-        p_value: of that ratio when nothing beyond tolerance is there.
-    """
-
-    name: str
-    title: str
-    phrase: str
-    stage: Subsystem
-    probability: float
-    parameters: tuple[FoundParameter, ...]
-    log_likelihood_ratio: float
-    p_value: float
+    name: str  # as in the catalogue
+    title: str  # for people
+    phrase: str  # the title as it stands within a sentence
+    stage: Subsystem  # of the chain
+    probability: float  # that this effect is there, beyond its tolerance
+    parameters: tuple[FoundParameter, ...]  # its numbers
+    log_likelihood_ratio: float  # against the same model with the effect held within its tolerance
+    p_value: float  # of that ratio when nothing beyond tolerance is there
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rivals:
-    """Say what may stand in one place of a verdict, the other named effects taken for granted.
+    """Say what may stand in one place of a verdict, the other named effects taken for granted."""
 
-    Attributes:
-        effect: the likeliest one.
-        probabilities: of every effect, "none" and "unknown"; they sum to 1.
-    """
-
-    effect: str
-    probabilities: Mapping[str, float]
+    effect: str  # the likeliest one
+    probabilities: Mapping[str, float]  # of every effect, "none" and "unknown"; they sum to 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WhereShown:
-    """Say where model and measurement disagree.
+    """Say where model and measurement disagree."""
 
-    Attributes:
-        stage: link of the chain.
-        regime: part of the recording in which it shows most, in words.
-        size: how far residuals stand out there, in standard deviations of the stated noise.
-        share: part of the whole disagreement that lies in this regime.
-    """
-
-    stage: Subsystem
-    regime: str
-    size: float
-    share: float
+    stage: Subsystem  # link of the chain
+    regime: str  # part of the recording in which it shows most, in words
+    size: float  # how far residuals stand out there, in standard deviations of the stated noise
+    share: float  # part of the whole disagreement that lies in this regime
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -130,22 +101,16 @@ class ChannelGap:
     """Hold one channel's prediction error on the check recording, root mean square.
 
     Attributes:
-        channel: its name.
-        unit: of all numbers here.
-        as_given: of the model as its file states it.
-        before: after what the file calls uncertain or too small to matter was used up.
-        after: with the named effects added; equal to `before` where nothing is named.
-        floor: what a true model would miss, median over draws of the stated noise.
         floor_low, floor_high: 5 and 95 % of those draws.
         before_low, before_high, after_low, after_high: 95 % of a block bootstrap over windows.
     """
 
-    channel: str
-    unit: str
-    as_given: float
-    before: float
-    after: float
-    floor: float
+    channel: str  # its name
+    unit: str  # of all numbers here
+    as_given: float  # of the model as its file states it
+    before: float  # after what the file calls uncertain or too small to matter was used up
+    after: float  # with the named effects added; equal to `before` where nothing is named
+    floor: float  # what a true model would miss, median over draws of the stated noise
     floor_low: float
     floor_high: float
     before_low: float
@@ -173,15 +138,10 @@ class Nearest:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NotJudged:
-    """Say that data cannot show an effect.
+    """Say that data cannot show an effect."""
 
-    Attributes:
-        reason: why.
-        size: how large it would have to be to show, in tolerances; inf where no size would do.
-    """
-
-    reason: Unjudged
-    size: float
+    reason: Unjudged  # why
+    size: float  # how large it would have to be to show, in tolerances; inf where no size would do
 
     @classmethod
     def below(cls, size: float) -> NotJudged:
@@ -196,20 +156,15 @@ class NextExperiment:
     """Say what to record next.
 
     Attributes:
-        candidates: the effects that it is to separate.
-        title: what to do, one line.
-        reason: why that separates them.
-        schedule: commands of a pitch experiment; None for a sweep.
-        plan_toml: a sweep's plan; "" for a pitch experiment.
         expected: expected log-likelihood ratio between the nearest pair of candidates, by option
             that was considered, the chosen one first.
     """
 
-    candidates: tuple[str, ...]
-    title: str
-    reason: str
-    schedule: Schedule | None
-    plan_toml: str
+    candidates: tuple[str, ...]  # the effects that it is to separate
+    title: str  # what to do, one line
+    reason: str  # why that separates them
+    schedule: Schedule | None  # commands of a pitch experiment; None for a sweep
+    plan_toml: str  # a sweep's plan; "" for a pitch experiment
     expected: Mapping[str, float]
 
     @classmethod
@@ -240,39 +195,26 @@ class Verdict:
     """Hold what an explanation comes to.
 
     Attributes:
-        kind: effect, several, class, none or unknown.
-        bench: pitch or sweep.
-        effects: named effects; of a class its members, most likely first.
         probabilities: of every explanation that was weighed, "none" and "unknown" among them; of
             several effects the greatest over their places.
         places: the same for each place, one for each named effect of several, else one.
-        where: where the disagreement is; None where there is none.
-        gaps: of the check recordings, one per channel.
-        nearest: for an unknown, the named effect that comes nearest.
-        tolerances: what does not matter, by parameter's full name.
-        not_judged: effects that this data cannot show, by name.
-        remarks: what was repaired in the recordings, and what they lack.
-        next: the next experiment, for a class or an unknown.
-        parameters: of the model with the named effects in it.
-        window_s: length of a prediction window.
-        draws: draws behind the floor.
     """
 
-    kind: Kind
-    bench: BenchKind
-    effects: tuple[NamedEffect, ...]
+    kind: Kind  # effect, several, class, none or unknown
+    bench: BenchKind  # pitch or sweep
+    effects: tuple[NamedEffect, ...]  # named effects; of a class its members, most likely first
     probabilities: Mapping[str, float]
     places: tuple[Rivals, ...]
-    where: WhereShown | None
-    gaps: tuple[ChannelGap, ...]
-    nearest: Nearest | None
-    tolerances: Mapping[str, float]
-    not_judged: Mapping[str, NotJudged]
-    remarks: tuple[str, ...]
-    next: NextExperiment | None
-    parameters: Parameters
-    window_s: float
-    draws: int = field(default=0)
+    where: WhereShown | None  # where the disagreement is; None where there is none
+    gaps: tuple[ChannelGap, ...]  # of the check recordings, one per channel
+    nearest: Nearest | None  # for an unknown, the named effect that comes nearest
+    tolerances: Mapping[str, float]  # what does not matter, by parameter's full name
+    not_judged: Mapping[str, NotJudged]  # effects that this data cannot show, by name
+    remarks: tuple[str, ...]  # what was repaired in the recordings, and what they lack
+    next: NextExperiment | None  # the next experiment, for a class or an unknown
+    parameters: Parameters  # of the model with the named effects in it
+    window_s: float  # length of a prediction window
+    draws: int = field(default=0)  # draws behind the floor
 
     @property
     def tried_and_blind(self) -> tuple[int, int]:

@@ -44,19 +44,12 @@ READINGS = re.compile(r"theta_rad|gyro_rad_s|rpm\d+")
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class EvenRows:
-    """Hold rows at even times.
+    """Hold rows at even times."""
 
-    Attributes:
-        recording: the rows; a channel is nan where it was not read.
-        mode: (n,) what a filter does at each, see `simulate.pitch.filter_ticks`.
-        rate_Hz: rows per second.
-        remarks: what was repaired.
-    """
-
-    recording: Recording
-    mode: Array
-    rate_Hz: float
-    remarks: tuple[str, ...]
+    recording: Recording  # the rows; a channel is nan where it was not read
+    mode: Array  # (n,) what a filter does at each, see `simulate.pitch.filter_ticks`
+    rate_Hz: float  # rows per second
+    remarks: tuple[str, ...]  # what was repaired
 
     def select(self, good: Mask) -> EvenRows:
         """Return some of the rows (n,); after what is left out a filter begins anew."""

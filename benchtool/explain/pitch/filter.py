@@ -33,15 +33,12 @@ class PitchFilter:
     """Hold the gains of a filter and what its innovations should be.
 
     Attributes:
-        gains: (7,) as `simulate.pitch.filter_ticks` takes them.
-        whitener: (2, 2) turns innovations of pitch and gyro into white noise of unit size.
-        speed_sd_rad_s: standard deviation of the innovation of a rotor speed.
         state_root: (3, 3) root of the covariance of pitch, rate and wake torque after a reading.
     """
 
-    gains: Array
-    whitener: Array
-    speed_sd_rad_s: float
+    gains: Array  # (7,) as `simulate.pitch.filter_ticks` takes them
+    whitener: Array  # (2, 2) turns innovations of pitch and gyro into white noise of unit size
+    speed_sd_rad_s: float  # standard deviation of the innovation of a rotor speed
     state_root: Array
 
 

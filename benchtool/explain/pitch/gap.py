@@ -71,19 +71,12 @@ def sensor_sds(bench: PitchBench) -> dict[str, float]:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Windows:
-    """Cut a log into windows, none across a gap and none before the filter settled.
+    """Cut a log into windows, none across a gap and none before the filter settled."""
 
-    Attributes:
-        log: the recording with its filter.
-        starts: (w,) first rows.
-        rows: rows of a window.
-        block: how many windows one after the other make a block.
-    """
-
-    log: FilteredLog
-    starts: NDArray[np.intp]
-    rows: int
-    block: int
+    log: FilteredLog  # the recording with its filter
+    starts: NDArray[np.intp]  # (w,) first rows
+    rows: int  # rows of a window
+    block: int  # how many windows one after the other make a block
 
     @classmethod
     def of(cls, log: FilteredLog, window_s: float, overlap: int = 1) -> Windows:

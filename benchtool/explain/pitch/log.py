@@ -58,17 +58,11 @@ SHORTEST_S = 4.0
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class PitchLog:
-    """Hold a log with its remarks.
+    """Hold a log with its remarks."""
 
-    Attributes:
-        logged: what is followed.
-        name: of the file, for people.
-        remarks: what was repaired, and what the log lacks.
-    """
-
-    logged: LoggedPitch
-    name: str
-    remarks: tuple[str, ...]
+    logged: LoggedPitch  # what is followed
+    name: str  # of the file, for people
+    remarks: tuple[str, ...]  # what was repaired, and what the log lacks
 
 
 def pitch_log(

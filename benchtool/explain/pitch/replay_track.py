@@ -39,31 +39,24 @@ class PitchTrack:
     """Hold a recording on an even clock; nan where nothing was logged.
 
     Attributes:
-        rate_Hz: of the clock.
-        time_s: (n,) in the recording's own time.
         theta_rad, gyro_rad_s, reference_rad: (n,) positive nose down.
-        pwm_us: (n_rotors, n) pulses, each held until the next; empty without.
-        rpm: (n_rotors, n) speeds; empty without.
         torque_Nm, disturbance_Nm: (n,) what a controller requested, and its estimate.
         plate_z_m: (n,) distance of the plate with the beam level; `PARKED_M` where it is parked.
-        distance_m: (n,) what a sensor that looks down read.
-        over: (n_rotors, n) how far each rotor is over a surface, 0 to 1.
-        remarks: what a reader must know of how it was read.
     """
 
-    rate_Hz: float
-    time_s: Array
+    rate_Hz: float  # of the clock
+    time_s: Array  # (n,) in the recording's own time
     theta_rad: Array
     gyro_rad_s: Array
     reference_rad: Array
-    pwm_us: Array
-    rpm: Array
+    pwm_us: Array  # (n_rotors, n) pulses, each held until the next; empty without
+    rpm: Array  # (n_rotors, n) speeds; empty without
     torque_Nm: Array
     disturbance_Nm: Array
     plate_z_m: Array
-    distance_m: Array
-    over: Array
-    remarks: tuple[str, ...] = ()
+    distance_m: Array  # (n,) what a sensor that looks down read
+    over: Array  # (n_rotors, n) how far each rotor is over a surface, 0 to 1
+    remarks: tuple[str, ...] = ()  # what a reader must know of how it was read
 
     def __len__(self) -> int:
         return len(self.time_s)

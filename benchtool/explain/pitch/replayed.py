@@ -46,19 +46,14 @@ class Beside:
     """Say what stands beside data.
 
     Attributes:
-        model: shipped name, model file, or a folder of fit or explain; empty for none.
-        controller: built-in controller that flew; empty where nobody says.
-        gains: its gain set; that which the recording names when empty.
-        plate_z_m: height over the surface where the recording does not tell it.
-        motors: for each rotor of the rig the number that the recording calls it.
         permit: called with the file of the model's own effects before it is run.
     """
 
-    model: str = ""
-    controller: str = ""
-    gains: str = ""
-    plate_z_m: float | None = None
-    motors: tuple[int, ...] = ()
+    model: str = ""  # shipped name, model file, or a folder of fit or explain; empty for none
+    controller: str = ""  # built-in controller that flew; empty where nobody says
+    gains: str = ""  # its gain set; that which the recording names when empty
+    plate_z_m: float | None = None  # height over the surface where the recording does not tell it
+    motors: tuple[int, ...] = ()  # for each rotor of the rig the number that the recording calls it
     permit: CodePermit = field(default=refuse_code, compare=False)
 
     def refuse_controller(self, why: str) -> None:
@@ -78,25 +73,21 @@ class Replay:
     """Hold a simulated run beside a recording; nan where it starts anew.
 
     Attributes:
-        model: its name; rig: that of its rig.
         time_s, theta_rad: (m,) of the true attitude.
         pwm_us: (n_rotors, m) what the simulated controller commands; empty when it was driven by
             logged pulses.
-        disturbance_Nm: (m,) what the simulated observer sees; empty likewise.
-        words: what drove it, for the caption.
-        by: "controller" or "pulses".
         missed: that it does not follow the recording, so that its numbers are no result; empty
             where it does.
     """
 
-    model: str
+    model: str  # its name; rig: that of its rig
     rig: str
     time_s: Array
     theta_rad: Array
     pwm_us: Array
-    disturbance_Nm: Array
-    words: str
-    by: str
+    disturbance_Nm: Array  # (m,) what the simulated observer sees; empty likewise
+    words: str  # what drove it, for the caption
+    by: str  # "controller" or "pulses"
     missed: str = ""
 
 

@@ -31,29 +31,17 @@ SAMPLE_S = 2.0
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class SweepLog:
-    """Hold the points of one sweep in the order of time.
+    """Hold the points of one sweep in the order of time."""
 
-    Attributes:
-        conditions: of every point (m,), tares among them.
-        thrust_N: (m,) what the load cell showed.
-        se_N: (m,) its stated standard error, that of speeds taken into it.
-        tare: (m,) whether nothing turns and the reading is what a tare left.
-        stay: (m,) number of the stay at one place of the plate.
-        place_sd_m: how far the plate may be from where it is read, by the rig's sheet.
-        power: pulses against speeds, where both are known.
-        name: of the file, for people.
-        remarks: what was repaired, and what the sweep lacks.
-    """
-
-    conditions: Conditions
-    thrust_N: Array
-    se_N: Array
-    tare: Mask
-    stay: NDArray[np.intp]
-    place_sd_m: float
-    power: Power | None
-    name: str
-    remarks: tuple[str, ...]
+    conditions: Conditions  # of every point (m,), tares among them
+    thrust_N: Array  # (m,) what the load cell showed
+    se_N: Array  # (m,) its stated standard error, that of speeds taken into it
+    tare: Mask  # (m,) whether nothing turns and the reading is what a tare left
+    stay: NDArray[np.intp]  # (m,) number of the stay at one place of the plate
+    place_sd_m: float  # how far the plate may be from where it is read, by the rig's sheet
+    power: Power | None  # pulses against speeds, where both are known
+    name: str  # of the file, for people
+    remarks: tuple[str, ...]  # what was repaired, and what the sweep lacks
 
     def __len__(self) -> int:
         return len(self.thrust_N)

@@ -40,27 +40,19 @@ class SweepOption:
     Every second repeat goes backwards, so that levels and distances are approached from both sides.
 
     Attributes:
-        name: of the plan.
-        title: what to do.
-        reason: why it distinguishes explanations.
-        z_over_R: distances.
-        aside_over_R: lateral positions of the plate, discs still over it.
         inside_over_R: how far the plate's edge lies within the middle discs' axes, on both sides.
-        levels: how many pulse levels.
-        repeats: visits of each setting.
-        tare_minutes: between tares; 0 for one at the start.
         distances_m, lateral_m, pwm_us: the same in a rig's own numbers, once it is `proposed`.
     """
 
-    name: str
-    title: str
-    reason: str
-    z_over_R: tuple[float, ...]
-    aside_over_R: tuple[float, ...] = (0.0,)
+    name: str  # of the plan
+    title: str  # what to do
+    reason: str  # why it distinguishes explanations
+    z_over_R: tuple[float, ...]  # distances
+    aside_over_R: tuple[float, ...] = (0.0,)  # lateral positions of the plate, discs still over it
     inside_over_R: tuple[float, ...] = ()
-    levels: int = 2
-    repeats: int = 2
-    tare_minutes: float = 0.0
+    levels: int = 2  # how many pulse levels
+    repeats: int = 2  # visits of each setting
+    tare_minutes: float = 0.0  # between tares; 0 for one at the start
     distances_m: tuple[float, ...] = ()
     lateral_m: tuple[float, ...] = ()
     pwm_us: tuple[float, ...] = ()

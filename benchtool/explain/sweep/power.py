@@ -26,34 +26,21 @@ CURVE_AT_S = 900.0
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Power:
-    """Hold pulses, speeds and voltage of a sweep's points, motors running (m,) each.
+    """Hold pulses, speeds and voltage of a sweep's points, motors running (m,) each."""
 
-    Attributes:
-        time_s: since the run began.
-        pulse_us: mean over rotors.
-        level: number of the pulse level.
-        speed_rad_s: mean over rotors, its standard error `speed_se`.
-        rotor_rad_s: (n, m) of each rotor that was read, with standard errors `rotor_se`.
-        load: over `full_load`; of current, or of the cube of speed where none was read.
-        full_load: the greatest of this sweep, or of one that it is compared with.
-        by_current: whether load is that of current.
-        voltage_V: nan where it was not read; its standard error `voltage_se`.
-        late: rows that are to be predicted: all but the first visits of a level.
-    """
-
-    time_s: Array
-    pulse_us: Array
-    level: NDArray[np.intp]
-    speed_rad_s: Array
+    time_s: Array  # since the run began
+    pulse_us: Array  # mean over rotors
+    level: NDArray[np.intp]  # number of the pulse level
+    speed_rad_s: Array  # mean over rotors, its standard error `speed_se`
     speed_se: Array
-    rotor_rad_s: Array
+    rotor_rad_s: Array  # (n, m) of each rotor that was read, with standard errors `rotor_se`
     rotor_se: Array
-    load: Array
-    full_load: float
-    by_current: bool
-    voltage_V: Array
+    load: Array  # over `full_load`; of current, or of the cube of speed where none was read
+    full_load: float  # the greatest of this sweep, or of one that it is compared with
+    by_current: bool  # whether load is that of current
+    voltage_V: Array  # nan where it was not read; its standard error `voltage_se`
     voltage_se: float
-    late: Mask
+    late: Mask  # rows that are to be predicted: all but the first visits of a level
 
     def planned(self, time_s: Array, pulse_us: Array, speed_rad_s: Array) -> Power:
         """Return what a sweep with other pulses would have, readings as good as here."""
