@@ -90,8 +90,7 @@ def explain(inputs: ExplainInputs) -> None:
         print_next,
         working,
     )
-    from benchtool.explain.answer import answer_request
-    from benchtool.explain.request import read_request
+    from benchtool.explain.answer import answer_request, read_request
     from benchtool.report.answer.file import Written
     from benchtool.report.answer.folder import refuse_taken, write_folder, write_json
 

@@ -1,17 +1,35 @@
-"""An answer: an explanation with what it was made from, as files and pages show it."""
+"""A request and its answer: from names to a subject, and an explanation with where it came from."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import degrees
+from pathlib import Path
 from typing import NamedTuple
 
 from benchtool.core.counted import counted
+from benchtool.core.errors import InputError, MissingColumn
+from benchtool.core.own_code import CodePermit, refuse_code
+from benchtool.data.atomic import file_hash
+from benchtool.data.run.run_rig import rig_of_data
 from benchtool.explain.engine.explain import Explanation, explain
 from benchtool.explain.engine.search import Progress
+from benchtool.explain.engine.subject import Subject
 from benchtool.explain.engine.verdict import Verdict
-from benchtool.explain.request import Request
+from benchtool.explain.pitch.log import PitchLog, pitch_log
+from benchtool.explain.pitch.subject import PitchSubject
+from benchtool.explain.recordings import (
+    Source,
+    bench_of,
+    missing_of,
+    read_sources,
+    unreadable,
+)
+from benchtool.explain.sweep.subject import SweepSubject
+from benchtool.physics.catalogue import own_effects
+from benchtool.physics.effects.effect import BenchKind, Effect
+from benchtool.physics.model_file import LoadedModel, load_model, model_names
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -104,4 +122,117 @@ def answer_request(
     )
     return Answer(
         explanation=found, request=request, seed=seed, seconds=0.0, commands=tuple(commands)
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Request:
+    """Hold recordings, a model and effects of the user's own, all read.
+
+    Attributes:
+        learn, check: recordings.
+    """
+
+    loaded: LoadedModel  # the model
+    model_file: str  # its shipped name, or its file's own name
+    model_given: str  # as it was typed, for the next command
+    effects_given: str  # where the user's own effects are, as it was typed; empty without
+    model_sha256: str  # of its file; empty for a shipped one
+    effects_file: Path | None  # Python file of the user's own effects, where it is one
+    own: tuple[Effect, ...]  # those effects
+    learn: tuple[Source, ...]
+    check: tuple[Source, ...]
+
+    @property
+    def sources(self) -> tuple[Source, ...]:
+        """All recordings."""
+        return (*self.learn, *self.check)
+
+    @property
+    def kind(self) -> BenchKind:
+        """Which bench the recordings are of."""
+        return bench_of(self.learn[0])
+
+    def subject(self) -> Subject:
+        """Return the recordings held against the model.
+
+        Raises:
+            InputError: recordings that no verdict can stand on.
+        """
+        own = [effect for effect in self.own if self.kind in effect.benches]
+        if self.kind == "sweep":
+            points = [[source.recording for source in part] for part in (self.learn, self.check)]
+            return SweepSubject(self.loaded.model, points[0], points[1], own)
+        return PitchSubject(self.loaded.model, self._logs(self.learn), self._logs(self.check), own)
+
+    def _logs(self, sources: Sequence[Source]) -> list[PitchLog]:
+        rig = self.loaded.model.rig
+        slide_s = self.loaded.plate_slide_s
+        return [pitch_log(source.recording, rig, source.name, slide_s) for source in sources]
+
+
+def read_request(
+    learn: Sequence[str],
+    check: Sequence[str],
+    model: str,
+    effects: str | None = None,
+    permit: CodePermit = refuse_code,
+) -> Request:
+    """Read everything that a request names.
+
+    Args:
+        learn: recordings to learn from: CSV, Parquet of `benchtool import`, run folders.
+        check: recordings of the same bench to check on.
+        model: shipped name or path of a model file.
+        effects: Python file or module with effects of the user's own.
+        permit: called with each Python file before it is run.
+
+    Raises:
+        InputError: whatever is missing or cannot be read; of several things all are reported.
+    """
+    missing = missing_of(learn, check)
+    if not learn:
+        raise missing[0]
+    wrong = [error for path in (*learn, *check) if (error := unreadable(path)) is not None]
+    loaded: LoadedModel | None = None
+    own: tuple[Effect, ...] = ()
+    try:
+        rig = rig_of_data((*learn, *check))
+        if not model:
+            real = [name for name in model_names() if not name.startswith("virtual_")]
+            raise InputError(
+                f"which model? give --model with the path of a model file or one of: "
+                f"{', '.join(real)}"
+            )
+        loaded = load_model(model, rig, permit=permit)
+    except InputError as error:
+        wrong.append(error)
+    try:
+        own = own_effects(effects, permit) if effects else ()
+    except InputError as error:
+        wrong.append(error)
+    wrong += missing
+    if wrong or loaded is None:
+        if len(wrong) == 1:
+            raise wrong[0]
+        listed = " ".join(f"({place}) {one}." for place, one in enumerate(wrong, 1))
+        raise InputError(f"{len(wrong)} things to mend: {listed.removesuffix('.')}")
+    file = Path(model) if Path(model).suffix == ".toml" and Path(model).is_file() else None
+    given = Path(effects) if effects and effects.endswith(".py") else None
+    if given is None and loaded.effects_file and file is not None:
+        given = file.parent / loaded.effects_file
+    try:
+        sources, checks = read_sources(learn, check, loaded)
+    except MissingColumn as error:
+        raise error.of(file.name if file is not None else model) from None
+    return Request(
+        loaded=loaded,
+        model_file=file.name if file is not None else model,
+        model_given=model,
+        effects_given=effects or "",
+        model_sha256=file_hash(file) if file is not None else "",
+        effects_file=given,
+        own=own,
+        learn=tuple(sources),
+        check=tuple(checks),
     )

@@ -19,10 +19,9 @@ from benchtool.explain.engine.describe import (
 from benchtool.explain.engine.held_out import HeldOut
 from benchtool.explain.engine.hypotheses import Hypotheses, Hypothesis, p_value
 from benchtool.explain.engine.parameters import parameters_at
-from benchtool.explain.engine.search import Progress, Search, closing, searched
+from benchtool.explain.engine.search import Progress, Search, accepted, closing, searched, weighed
 from benchtool.explain.engine.subject import Overlay, Subject
 from benchtool.explain.engine.verdict import Kind, NamedEffect, Nearest, NotJudged, Rivals, Verdict
-from benchtool.explain.engine.weigh import accepted, weighed
 from benchtool.fit.identifiability import CANNOT_TELL
 
 HOPELESS = 2.0

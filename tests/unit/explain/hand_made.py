@@ -12,7 +12,7 @@ from benchtool.core.channel import Channel
 from benchtool.core.parameter import Parameters
 from benchtool.core.recording import Recording
 from benchtool.core.schedule import PlateVisit, Schedule, Signal
-from benchtool.explain.answer import Answer
+from benchtool.explain.answer import Answer, Request
 from benchtool.explain.engine.describe import Disagreement
 from benchtool.explain.engine.explain import Explanation
 from benchtool.explain.engine.subject import Overlay
@@ -29,7 +29,6 @@ from benchtool.explain.engine.verdict import (
     WhereShown,
 )
 from benchtool.explain.recordings import Source
-from benchtool.explain.request import Request
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.model_file import LoadedModel, load_model
 from benchtool.physics.tolerances import tolerances

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from benchtool.explain.engine.weigh import accepted, weighed
+from benchtool.explain.engine.search import accepted, weighed
 
 GOOD = accepted(ratio=0.9, leftover=0.75)
 OPEN = accepted(ratio=3.0, leftover=0.75)

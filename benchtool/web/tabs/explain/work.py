@@ -84,9 +84,8 @@ def explain(
         BenchtoolError: recordings or model that no verdict can stand on.
     """
     from benchtool.explain.added_model import added_effects
-    from benchtool.explain.answer import answer_request
+    from benchtool.explain.answer import answer_request, read_request
     from benchtool.explain.next_steps import next_file
-    from benchtool.explain.request import read_request
     from benchtool.report.answer.added_words import added_sentence
     from benchtool.report.answer.folder import write_folder
     from benchtool.report.answer.page import answer_page
