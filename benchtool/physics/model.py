@@ -23,10 +23,11 @@ from benchtool.physics.catalogue import EFFECTS, effect_named
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.disc_thrust import DiscThrust, disc_thrust, owned
 from benchtool.physics.effects.effect import NO_FLOW, Effect, Flow, Quantity
+from benchtool.physics.effects.rotor_images import EFFECT as ROTOR_IMAGES
 from benchtool.physics.fold import Hook, chained
 from benchtool.physics.wake_rules import WAKE_RULES
 
-OWN_IMAGES = "rotor_images"
+OWN_IMAGES = ROTOR_IMAGES.name
 """Eq. (2), the effect that every model starts with and every old model file means."""
 
 INERTIA_KNOWN = 0.025

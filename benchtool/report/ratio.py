@@ -17,6 +17,7 @@ from benchtool.core.array import Array
 from benchtool.core.rig import Rig
 from benchtool.physics import VALIDITY_Z_OVER_R
 from benchtool.physics.conditions import Conditions
+from benchtool.physics.effects.neighbour_images import EFFECT as NEIGHBOUR_IMAGES
 from benchtool.physics.model import Model
 from benchtool.report.palette import GREY, LOOKS, Role
 from benchtool.report.panels import DASHED, points
@@ -124,7 +125,7 @@ def formula_curves(rig: Rig, speed_rad_s: Array, z_over_R: Array) -> list[Curve]
     alone = factor_over(single, speed_rad_s, z_over_R)
     curves = [Curve(z_over_R, alone, "eq. (2), one rotor", "formula")]
     if turning > 1:
-        images = single.with_effect("neighbour_images")
+        images = single.with_effect(NEIGHBOUR_IMAGES)
         label = f"eq. (3), {turning} rotors" if turning != 4 else "eq. (3), quadrotor"
         curves.append(Curve(z_over_R, factor_over(images, speed_rad_s, z_over_R), label, "quad"))
     return curves

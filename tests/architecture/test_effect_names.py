@@ -21,16 +21,6 @@ CASES = (
 OTHER_THINGS = ("bench/mavlink/side_cell.py", "virtual/autopilot.py", "report/palette.py")
 """A channel of an autopilot and roles of curves happen to have an effect's name."""
 
-REMAINING = {
-    "physics/model.py": "the name of eq. (2), which every model starts with",
-    "report/fit/figures.py": "the figure of area factors",
-    "report/fit/page.py": "the parameters shown first",
-    "report/ratio.py": "the curve of eq. (3)",
-    "report/sweep/figures.py": "the role of a curve",
-    "web/tabs/simulate/sliders.py": "the field of K_b",
-}
-"""Files that still name one, and why; this list only gets shorter."""
-
 NAME = re.compile(rf"({'|'.join(EFFECTS)})(\.\w+)?")
 
 
@@ -55,7 +45,6 @@ def named(file: Path) -> list[str]:
     ]
 
 
-def test_no_effect_is_named_but_where_the_list_says() -> None:
+def test_no_effect_is_named_outside_its_own_file() -> None:
     found = {place(file): names for file in files() if (names := named(file))}
-    assert {file: names for file, names in found.items() if file not in REMAINING} == {}
-    assert set(REMAINING) == set(found)
+    assert found == {}

@@ -16,6 +16,7 @@ def denominator(p: Any, i: int, flow: Flow) -> Quantity:
 
 EFFECT = Effect(
     name="body_lift",
+    headline="K_b",
     title="Body lift (fountain)",
     description=(
         "Between the rotors the wakes meet, turn upward and push on the body; the vehicle lifts "

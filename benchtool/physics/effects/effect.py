@@ -187,6 +187,8 @@ class Effect:
             never names it: what an owner knows only roughly.
         supply_loss: the parameter that is the supply's linear loss (1/s), which pulses beside
             speeds and voltage show; empty for none.
+        headline: number that a reader of a fit looks for first, by its own name; of several, with
+            what they all begin with ("factor_"); empty for none.
         derived: quantities that a fit reports, by full names of the effect's free parameters.
         always_compiled: whether it stands in every compiled loop, neutral or not, so that one
             compilation serves nearly all models.
@@ -219,6 +221,7 @@ class Effect:
     benches: frozenset[BenchKind] = frozenset(BENCH_KINDS)
     adjusted_on: frozenset[BenchKind] = frozenset()
     supply_loss: str = ""
+    headline: str = ""
     derived: Callable[[Sequence[str]], Sequence[Derived]] | None = None
     always_compiled: bool = False
     acts_in_flight: bool = True

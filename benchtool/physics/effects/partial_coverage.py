@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from benchtool.core.array import Array
 from benchtool.core.errors import InputError
 from benchtool.core.rig import Rig
 from benchtool.physics.effects.effect import (
@@ -65,6 +66,26 @@ def factors(shares: Sequence[float]) -> tuple[float, ...]:
         reached += share * (1.0 - reached)
         out.append(reached)
     return tuple(out)
+
+
+PARTIAL_COVERAGE = "partial_coverage"
+
+
+def factor_table(
+    values: Mapping[str, float], sds: Mapping[str, float]
+) -> tuple[Array, Array, Array]:
+    """Return covered area, factor and its standard deviation at each knot, by rising area (k,).
+
+    Args:
+        values: of shares and knots, by full name.
+        sds: of the `derived` factors, by full name; nan where one is missing.
+    """
+    numbers = range(1, 1 + sum(name.startswith(f"{PARTIAL_COVERAGE}.knot_") for name in values))
+    knots = np.array([values[f"{PARTIAL_COVERAGE}.knot_{k}"] for k in numbers])
+    found = np.array(factors([values[f"{PARTIAL_COVERAGE}.share_{k}"] for k in numbers]))
+    sd = np.array([sds.get(f"{PARTIAL_COVERAGE}.factor_{k}", np.nan) for k in numbers])
+    order = np.argsort(knots)
+    return knots[order], found[order], sd[order]
 
 
 def derived(names: Sequence[str]) -> tuple[Derived, ...]:
@@ -125,7 +146,8 @@ def with_knots(coverages: Sequence[float]) -> Effect:
         within=(0.0, 1.0),
     )
     return Effect(
-        name="partial_coverage",
+        name=PARTIAL_COVERAGE,
+        headline="factor_",
         title="Partial-area factors",
         description="The increment of a partly covered disc departs from a straight line in area.",
         subsystem="rpm_to_thrust",

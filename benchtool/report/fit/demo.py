@@ -158,7 +158,7 @@ def overview(figure: Figure, story: Story) -> None:
     curves = [
         replace(eq2, bands=()),
         replace(eq3, style="formula", bands=()),
-        fitted_curve(story.eq4, z, "eq. (4), fitted", "body_lift"),
+        fitted_curve(story.eq4, z, "eq. (4), fitted", "model"),
     ]
     draw_ratio(figure, series, curves, "equal_rpm2")
 

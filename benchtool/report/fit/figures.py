@@ -17,7 +17,7 @@ from benchtool.data.columns import code_of
 from benchtool.fit.fit_data import FAR_Z_OVER_R
 from benchtool.fit.run_recipe import FitOutput
 from benchtool.physics.conditions import FAR_AWAY_M, Conditions
-from benchtool.physics.effects.partial_coverage import factors
+from benchtool.physics.effects.partial_coverage import PARTIAL_COVERAGE, factor_table
 from benchtool.report.figure import figure
 from benchtool.report.palette import BLACK, BLUE, GREY, VERMILION, Role
 from benchtool.report.panels import DASHED, points, rows_of
@@ -86,9 +86,7 @@ def ratio_points(fit: FitOutput, label: str, role: Role = "measurement") -> Rati
     return RatioPoints(z, mean, sds, label, role, out.astype(bool))
 
 
-def fitted_curve(
-    fit: FitOutput, z_over_R: Array, label: str = "", role: Role = "body_lift"
-) -> Curve:
+def fitted_curve(fit: FitOutput, z_over_R: Array, label: str = "", role: Role = "model") -> Curve:
     """Return the fitted model's curve with its 68 and 95 % bands."""
     result = fit.results[-1]
     speeds = _fastest(fit).speed_rad_s
@@ -207,7 +205,7 @@ def _line(fit: FitOutput, fastest: int) -> tuple[Array, Array]:
     name="area",
     title="Increment against covered area: {0.recipe.name}",
     caption="How much of the full increment a partly covered disc makes.",
-    when=lambda fit: any(effect.name == "partial_coverage" for effect in fit.fitted.effects),
+    when=lambda fit: any(effect.name == PARTIAL_COVERAGE for effect in fit.fitted.effects),
     height_in=5.4,
 )
 def area(figure: Figure, fit: FitOutput) -> None:
@@ -261,11 +259,5 @@ def _increments(fit: FitOutput) -> tuple[Array, Array, Array]:
 
 def _area_factors(fit: FitOutput) -> tuple[Array, Array, Array]:
     """Return the fitted area factors by rising area (k,): area, factor, sd."""
-    items = fit.fitted.parameters
-    numbers = range(1, 1 + sum(name.startswith("partial_coverage.knot_") for name in items))
-    knots = np.array([items[f"partial_coverage.knot_{k}"].value for k in numbers])
-    fitted = np.array(factors([items[f"partial_coverage.share_{k}"].value for k in numbers]))
-    known = {estimate.name: estimate.sd for estimate in fit.results[0].derived}
-    sd = np.array([known.get(f"partial_coverage.factor_{k}", float("nan")) for k in numbers])
-    order = np.argsort(knots)
-    return knots[order], fitted[order], sd[order]
+    values = {name: item.value for name, item in fit.fitted.parameters.items()}
+    return factor_table(values, {item.name: item.sd for item in fit.results[0].derived})

@@ -12,6 +12,7 @@ from benchtool.fit.compare import Comparison
 from benchtool.fit.diagnose import lacks_something, times_as_much
 from benchtool.fit.result_file import write_result
 from benchtool.fit.run_recipe import FitOutput
+from benchtool.physics.catalogue import EFFECTS
 from benchtool.report.figure import Page, drawn
 from benchtool.report.files import save_figure
 from benchtool.report.fit.tables import estimates_table, methods_table, printed
@@ -119,7 +120,13 @@ def write_fit(folder: Path, fit: FitOutput, commands: Sequence[str] = ()) -> Pat
     return write_report(folder / "report.html", fit_page(fit, sections, commands))
 
 
-MOST_WANTED = ("body_lift.K_b", "R_m", "k", "partial_coverage.factor_")
+_HEADLINES = [f"{one.name}.{one.headline}" for one in EFFECTS.values() if one.headline]
+MOST_WANTED = (
+    *(name for name in _HEADLINES if not name.endswith("_")),
+    "R_m",
+    "k",
+    *(name for name in _HEADLINES if name.endswith("_")),
+)
 """Parameters that a reader looks for first, by the beginning of their names."""
 
 

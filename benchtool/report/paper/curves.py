@@ -45,8 +45,8 @@ def ratio_curves(rig: Rig) -> dict[str, Curve]:
         "one": Curve(ratio, single_rotor_factor(radius, z), "one rotor, eq. (2)", "single_rotor"),
         "four": Curve(ratio, quad_factor(radius, z, spacing), "four rotors, eq. (3)", "quad"),
         "three": Curve(ratio, three, "three rotors", "three_rotors"),
-        "half": Curve(ratio, half, "eq. (4), $b$ half the diagonal", "body_lift", "fit"),
-        "whole": Curve(ratio, whole, "eq. (4), $b$ the diagonal (printed)", "body_lift", "other"),
+        "half": Curve(ratio, half, "eq. (4), $b$ half the diagonal", "model", "fit"),
+        "whole": Curve(ratio, whole, "eq. (4), $b$ the diagonal (printed)", "model", "other"),
     }
 
 

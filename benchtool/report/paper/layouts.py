@@ -108,7 +108,7 @@ def body_lift(figure: Figure, fits: Fits) -> None:
     label = f"body lift with K_b = {PAPER_K_B:g}: eq. (4)"
     curves = [
         _one_rotor(fits["single"], z),
-        _formula(lifted, z, label, "body_lift"),
+        _formula(lifted, z, label, "model"),
         fitted_curve(fits["quad"], z, "eq. (4), fitted", "quad"),
     ]
     draw_ratio(figure, _single_and_quad(fits), curves, "equal_rpm2")
@@ -130,7 +130,7 @@ def three_rotors(figure: Figure, fits: Fits) -> None:
     curves = [
         _one_rotor(fit, z),
         _formula(_images(fit), z, "PFI, three rotors", "three_rotors", turning),
-        fitted_curve(fit, z, "three rotors with body lift, fitted", "body_lift"),
+        fitted_curve(fit, z, "three rotors with body lift, fitted", "model"),
     ]
     draw_ratio(figure, [_points(fit, "three rotors", "three_rotors")], curves, "equal_rpm2")
 

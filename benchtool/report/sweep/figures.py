@@ -95,7 +95,7 @@ def _model_curve(run: SweepRun, z_over_R: Array) -> list[Curve]:
     middle = factor_over(model, speeds, z_over_R)
     bands = bands_over(model, speeds, z_over_R, run.model.draws)
     label = f"{'fit' if run.model.fitted_to else 'model'}: {model.name}"
-    return [Curve(z_over_R, middle, label, "body_lift", "fit", bands)]
+    return [Curve(z_over_R, middle, label, "model", "fit", bands)]
 
 
 @figure(

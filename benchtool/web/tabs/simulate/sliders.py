@@ -10,13 +10,14 @@ from nicegui import ui
 
 from benchtool.core.schedule_file import schedule_named
 from benchtool.physics.catalogue import candidates
+from benchtool.physics.effects.body_lift import EFFECT as BODY_LIFT
 from benchtool.physics.tolerances import default_tolerances
 from benchtool.report.numbers import unit_for_people
 from benchtool.simulate.flight.cases import FLIGHTS
 from benchtool.simulate.pitch.setup import PLATE_DISTANCE, pitch_setup
 from benchtool.web.widgets import LocalSlider
 
-K_B = "body_lift.K_b"
+K_B = f"{BODY_LIFT.name}.{BODY_LIFT.headline}"
 
 MOST = 12.0
 """Tolerances that the slider of a hidden effect reaches; a choice."""
