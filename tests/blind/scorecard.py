@@ -12,8 +12,7 @@ from math import isnan, log
 
 import numpy as np
 
-from tests.blind.intervals import Share, share_of
-from tests.blind.scored import GAP_REACHED, Scored
+from tests.blind.scored import GAP_REACHED, Scored, Share, share_of
 
 BINS = 10
 LEAST_PROBABILITY = 1e-6

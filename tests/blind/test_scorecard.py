@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
-from tests.blind.intervals import Share, share_of
+from benchtool.fit.identifiability import CANNOT_TELL
+from tests.blind.fisher import class_confirmed
 from tests.blind.scorecard import Scorecard, by_effect, calibration, calibration_error
-from tests.blind.scored import Scored, ScoredParameter
+from tests.blind.scored import Scored, ScoredParameter, Share, share_of
+from tests.blind.scoring import within
 
 RIGHT = Scored(
     kind="named",
@@ -213,3 +217,39 @@ def test_an_empty_scorecard_claims_nothing() -> None:
     card = Scorecard("nothing", [])
     assert all(line.reached is None for line in card.lines())
     assert "none counted" in card.text()
+
+
+@dataclass
+class Told:
+    """Speaks so clearly against each rival."""
+
+    against: dict[str, float]
+
+    def evidence(self, rivals: Iterable[str] = ()) -> float:
+        (name,) = rivals
+        return self.against[name]
+
+
+@pytest.mark.parametrize(
+    ("names", "right"),
+    [(("a",), True), (("a", "b"), True), (("a", "b", "c"), False), (("b",), False)],
+)
+def test_a_class_is_confirmed_where_nobody_could_tell_its_members(
+    names: tuple[str, ...], right: bool
+) -> None:
+    told = Told({"b": 0.5 * CANNOT_TELL, "c": 2.0 * CANNOT_TELL})
+    assert class_confirmed(names, ("a",), lambda: told) is right
+
+
+def test_the_worst_channel_counts_against_the_floor() -> None:
+    floor = {"a": np.array([0.9, 1.0, 1.0, 1.2]), "b": np.array([2.0, 2.0, 2.6, 2.0])}
+    learned = {"a": np.array([1.0, 1.05]), "b": np.array([2.3, 2.1])}
+    assert (within(floor, floor, 1.1), within(learned, floor, 1.1)) == (0.5, 0.5)
+
+
+def test_a_share_of_chi_squared_draws_is_that_of_its_distribution() -> None:
+    drawn = {"thrust_N": np.random.default_rng(0).chisquare(50, 20_000) ** 0.5}
+    more = {"thrust_N": 1.1 * drawn["thrust_N"]}
+    expected = chi2.cdf(1.21 * chi2.median(50), 50)
+    assert within(drawn, drawn, 1.1) == pytest.approx(expected, abs=0.01)
+    assert within(more, drawn, 1.1) == pytest.approx(0.5, abs=0.01)

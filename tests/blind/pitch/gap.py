@@ -14,11 +14,10 @@ from numpy.typing import NDArray
 
 from tests.blind.pitch.beam import STEP_S
 from tests.blind.pitch.library import NAMED
-from tests.blind.pitch.loop import Part
+from tests.blind.pitch.loop import Instruments, Part
 from tests.blind.pitch.moving import STEPS, Moving, State
 from tests.blind.pitch.outside import without_outside
 from tests.blind.pitch.plant import Plant
-from tests.blind.pitch.readings import Instruments
 from tests.blind.pitch.records import Truth
 from tests.blind.pitch.sheet import SHEET
 

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tests.blind.pitch.beam import STEP_S, compiled
-from tests.blind.pitch.bristle import Bristle
 from tests.blind.pitch.plant import Plant
 from tests.blind.pitch.rotors import Rotors
 from tests.blind.pitch.sheet import PARKED_M, SHEET, Sheet
@@ -161,3 +160,40 @@ class Moving:
         along = (time_s - plant.load_time_s) / plant.load_width_s + 0.5
         along = min(max(along, 0.0), 1.0)
         return plant.load_shift_Nm * 0.5 * (1.0 - math.cos(math.pi * along))
+
+
+DAMPING_SHARE = 1.0
+"""Bristle damping over the critical damping of beam on bristles; a usual choice."""
+
+
+class Bristle:
+    """Carry the bend of the bristles through time."""
+
+    def __init__(self, plant: Plant) -> None:
+        self._coulomb = plant.bristle_coulomb_Nm
+        self._excess = plant.bristle_static_Nm - plant.bristle_coulomb_Nm
+        self._rate = plant.bristle_rate_rad_s
+        self._stiffness = plant.bristle_static_Nm / plant.bristle_angle_rad
+        self._damping = DAMPING_SHARE * 2.0 * math.sqrt(self._stiffness * plant.inertia_kgm2)
+        self.bend_rad = 0.0
+
+    def torque(self, rate_rad_s: float, dt_s: float) -> float:
+        """Bend for one step at this rate; return the torque on the beam: N m.
+
+        The bend's own equation is linear at a held rate and is solved exactly, so that fast
+        slipping cannot make it unstable.
+        """
+        ratio = rate_rad_s / self._rate
+        holds = self._coulomb + self._excess * math.exp(-ratio * ratio)
+        settled = holds / self._stiffness
+        speed = abs(rate_rad_s)
+        before = self.bend_rad
+        if speed * dt_s < 1e-9 * settled:
+            self.bend_rad = before + rate_rad_s * dt_s
+        else:
+            goal = math.copysign(settled, rate_rad_s)
+            self.bend_rad = goal + (before - goal) * math.exp(-speed * dt_s / settled)
+        bending = (self.bend_rad - before) / dt_s
+        # Damping of a slipping bristle fades, as is usual, so that it adds nothing in motion.
+        damping = self._damping * math.exp(-ratio * ratio)
+        return -(self._stiffness * self.bend_rad + damping * bending)

@@ -13,12 +13,10 @@ pytest.importorskip("mujoco", reason="the blind bench is a MuJoCo model")
 import mujoco
 
 from tests.blind.pitch.beam import STEP_S, compiled, flex_frequency_Hz
-from tests.blind.pitch.bristle import Bristle
 from tests.blind.pitch.dirt import dirty_bench
-from tests.blind.pitch.loop import wake_torque
-from tests.blind.pitch.moving import STEPS, Moving, State, ground_factor
+from tests.blind.pitch.loop import Instruments, wake_torque
+from tests.blind.pitch.moving import STEPS, Bristle, Moving, State, ground_factor
 from tests.blind.pitch.plant import FrictionLaw, Plant
-from tests.blind.pitch.readings import Instruments
 from tests.blind.pitch.rotors import Rotors
 from tests.blind.pitch.sheet import PARKED_M, SHEET
 

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 from tests.blind.sweep.bench import Bench
-from tests.blind.sweep.blades import coefficient, reynolds_power
-from tests.blind.sweep.ground import GroundLaw, covered_fraction
+from tests.blind.sweep.ground import GroundLaw, coefficient, covered_fraction, reynolds_power
 from tests.blind.sweep.programme import Programme
 
 Array = NDArray[np.float64]

@@ -11,9 +11,8 @@ import pandas as pd
 import pytest
 
 from tests.blind.sweep.bench import Bench
-from tests.blind.sweep.blades import coefficient, reynolds_power
 from tests.blind.sweep.gap import gap
-from tests.blind.sweep.ground import GroundLaw, covered_fraction
+from tests.blind.sweep.ground import GroundLaw, coefficient, covered_fraction, reynolds_power
 from tests.blind.sweep.layouts import LAYOUTS, SINGLE, Layout
 from tests.blind.sweep.library import NAMED, departure, power_of, shares
 from tests.blind.sweep.outside import OUTSIDE

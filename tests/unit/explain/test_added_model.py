@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from benchtool.commands.app import main
 from benchtool.core.errors import WouldOverwrite
 from benchtool.core.parameter import Parameters
 from benchtool.explain.added_model import added_model
@@ -137,16 +136,3 @@ def test_nothing_missing_writes_no_model(tmp_path: Path) -> None:
     assert written.model == ""
     assert not (tmp_path / "out" / "model.toml").exists()
     assert "within their noise" in (tmp_path / "out" / "report.html").read_text("utf-8")
-
-
-def test_the_simulator_takes_it_as_it_is(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    write_folder(tmp_path, answer("class"))
-    with pytest.raises(SystemExit) as left:
-        main(
-            ["simulate", "pitch", "--model", str(tmp_path / "model.toml"), "--controllers", "pid",
-             "--schedule", str(tmp_path / "next_schedule.toml"), "--duration-s", "3"]
-        )  # fmt: skip
-    assert left.value.code == 0
-    assert "pitch_bench_coulomb_friction" in capsys.readouterr().out

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import cast
+
 import numpy as np
 import pytest
 
 from benchtool.explain.engine.hypotheses import Hypotheses, p_value
-from benchtool.explain.engine.search import searched
-from tests.unit.explain.linear_made import Linear, quiet
+from benchtool.explain.engine.parameters import ScaledParameter
+from benchtool.explain.engine.search import Search, closing, searched
+from benchtool.explain.engine.subject import ChannelErrors, Subject
 
 
 def names_of(truth: list[float], seed: int = 1) -> tuple[str, ...]:
@@ -81,3 +85,80 @@ def test_p_values_of_nothing_are_spread_out_and_of_something_small() -> None:
     nothing = Hypotheses(Linear(np.zeros(4), 6))
     base = nothing.null()
     assert p_value(nothing, base, nothing.with_one_more(base)[0], 60, rng) > 0.1
+
+
+Array = np.ndarray
+BOTH = np.array([4.0, 5.0, 0.0, 0.0])
+
+
+@dataclass
+class Checked:
+    """Tells the errors on other data, in blocks of 20 rows."""
+
+    check: Linear
+
+    def errors(self, sets: Array) -> dict[str, ChannelErrors]:
+        """Return mean squares of each block."""
+        rows = self.check.residuals(sets)
+        squares = np.mean(rows.reshape(20, 20, -1) ** 2, axis=1)
+        return {"x": ChannelErrors(unit="1", squares=squares)}
+
+
+def closed(true_of_check: Array) -> Search:
+    hypotheses = Hypotheses(Linear(BOTH, 3))
+    search = searched(hypotheses, quiet)
+    assert set(search.best.opened) == {"a", "b"}
+    subject = cast("Subject", Checked(Linear(true_of_check, 4)))
+    return closing(subject, hypotheses, search)
+
+
+def test_two_that_both_predict_stay() -> None:
+    found = closed(BOTH)
+    assert set(found.best.opened) == {"a", "b"}
+    assert len(found.trials) == 2
+
+
+def test_one_that_predicts_nothing_goes() -> None:
+    found = closed(np.array([0.0, 5.0, 0.0, 0.0]))
+    assert found.best.opened == ("b",)
+    assert [trial.name for trial in found.trials] == ["b"]
+
+
+def parameter(name: str, effect: str, *, held: bool = False) -> ScaledParameter:
+    return ScaledParameter(
+        name=name, unit="1", effect=effect, start=0.0, scale=1.0, lower=-50.0, upper=50.0, held=held
+    )
+
+
+PARAMETERS = (
+    parameter("a.x", "a"),
+    parameter("b.x", "b"),
+    parameter("c.x", "c"),
+    parameter("inertia", "", held=True),
+)
+
+
+@dataclass
+class Linear:
+    """Residuals that are linear in four parameters; c looks nearly like b."""
+
+    truth: Array
+    seed: int
+    parameters: tuple[ScaledParameter, ...] = PARAMETERS
+
+    def __post_init__(self) -> None:
+        rng = np.random.default_rng(self.seed)
+        self.design = rng.standard_normal((400, 4))
+        self.design[:, 2] = 0.995 * self.design[:, 1] + 0.1 * self.design[:, 2]
+        self.noise = rng.standard_normal(400)
+
+    def residuals(self, scaled: Array) -> Array:
+        """Return data minus prediction."""
+        data = self.design @ self.truth + self.noise
+        rows: Array = data[:, None] - self.design @ scaled.T
+        return rows
+
+
+def quiet(what: str, share: float) -> None:
+    assert 0.0 <= share <= 1.0
+    assert what

@@ -2,13 +2,149 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from benchtool.core.parameter import Parameter
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.problem import Problem, function_problem
-from tests.unit.fit.nist import AVERAGE, LOWER, Certified, read
+
+FOLDER = Path(__file__).parents[2] / "data" / "nist"
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Certified:
+    """One problem with what NIST certifies."""
+
+    name: str
+    starts: tuple[Array, Array]
+    values: Array
+    sds: Array
+    residual_sum: float
+    residual_sd: float
+    dof: int
+    y: Array
+    x: Array
+
+
+def read(name: str) -> Certified:
+    """Read one file: starting and certified values, then the data from line 61 on."""
+    lines = (FOLDER / f"{name}.dat").read_text("ascii").splitlines()
+    rows = [re.match(r"\s*b\d+\s*=\s*(.*)", line) for line in lines[:60]]
+    table = np.array([row.group(1).split() for row in rows if row], float)
+
+    def stated(words: str) -> float:
+        line = next(line for line in lines[:60] if line.startswith(words))
+        return float(line.split(":")[1])
+
+    data = np.array([line.split() for line in lines[60:] if line.strip()], float)
+    return Certified(
+        name=name,
+        starts=(table[:, 0], table[:, 1]),
+        values=table[:, 2],
+        sds=table[:, 3],
+        residual_sum=stated("Residual Sum of Squares"),
+        residual_sd=stated("Residual Standard Deviation"),
+        dof=int(stated("Degrees of Freedom")),
+        y=np.log(data[:, 0]) if name == "Nelson" else data[:, 0],
+        x=data[:, 1:].T,
+    )
+
+
+def _misra1a(b: Any, x: Array) -> Any:
+    return b[0] * (1 - np.exp(-b[1] * x[0]))
+
+
+def _misra1b(b: Any, x: Array) -> Any:
+    return b[0] * (1 - (1 + b[1] * x[0] / 2) ** -2)
+
+
+def _misra1c(b: Any, x: Array) -> Any:
+    return b[0] * (1 - (1 + 2 * b[1] * x[0]) ** -0.5)
+
+
+def _misra1d(b: Any, x: Array) -> Any:
+    return b[0] * b[1] * x[0] / (1 + b[1] * x[0])
+
+
+def _chwirut(b: Any, x: Array) -> Any:
+    return np.exp(-b[0] * x[0]) / (b[1] + b[2] * x[0])
+
+
+def _lanczos(b: Any, x: Array) -> Any:
+    return sum(b[i] * np.exp(-b[i + 1] * x[0]) for i in (0, 2, 4))
+
+
+def _gauss(b: Any, x: Array) -> Any:
+    peaks = sum(b[i] * np.exp(-((x[0] - b[i + 1]) ** 2) / b[i + 2] ** 2) for i in (2, 5))
+    return b[0] * np.exp(-b[1] * x[0]) + peaks
+
+
+def _danwood(b: Any, x: Array) -> Any:
+    return b[0] * x[0] ** b[1]
+
+
+def _kirby2(b: Any, x: Array) -> Any:
+    return (b[0] + b[1] * x[0] + b[2] * x[0] ** 2) / (1 + b[3] * x[0] + b[4] * x[0] ** 2)
+
+
+def _hahn1(b: Any, x: Array) -> Any:
+    t = x[0]
+    above = b[0] + b[1] * t + b[2] * t**2 + b[3] * t**3
+    return above / (1 + b[4] * t + b[5] * t**2 + b[6] * t**3)
+
+
+def _nelson(b: Any, x: Array) -> Any:
+    return b[0] - b[1] * x[0] * np.exp(-b[2] * x[1])
+
+
+def _mgh17(b: Any, x: Array) -> Any:
+    return b[0] + b[1] * np.exp(-x[0] * b[3]) + b[2] * np.exp(-x[0] * b[4])
+
+
+def _roszman1(b: Any, x: Array) -> Any:
+    return b[0] - b[1] * x[0] - np.arctan(b[2] / (x[0] - b[3])) / np.pi
+
+
+def _enso(b: Any, x: Array) -> Any:
+    w = 2 * np.pi * x[0]
+    total = b[0] + b[1] * np.cos(w / 12) + b[2] * np.sin(w / 12)
+    total = total + b[4] * np.cos(w / b[3]) + b[5] * np.sin(w / b[3])
+    return total + b[7] * np.cos(w / b[6]) + b[8] * np.sin(w / b[6])
+
+
+LOWER: dict[str, Callable[[Any, Array], Any]] = {
+    "Misra1a": _misra1a,
+    "Chwirut1": _chwirut,
+    "Chwirut2": _chwirut,
+    "Lanczos3": _lanczos,
+    "Gauss1": _gauss,
+    "Gauss2": _gauss,
+    "DanWood": _danwood,
+    "Misra1b": _misra1b,
+}
+AVERAGE: dict[str, Callable[[Any, Array], Any]] = {
+    "Kirby2": _kirby2,
+    "Hahn1": _hahn1,
+    "Nelson": _nelson,
+    "MGH17": _mgh17,
+    "Lanczos1": _lanczos,
+    "Lanczos2": _lanczos,
+    "Gauss3": _gauss,
+    "Misra1c": _misra1c,
+    "Misra1d": _misra1d,
+    "Roszman1": _roszman1,
+    "ENSO": _enso,
+}
+
 
 MODELS = {**LOWER, **AVERAGE}
 
