@@ -18,7 +18,7 @@ from benchtool.core.schedule import PlateVisit, Schedule, Signal
 from benchtool.data.atomic import data_hash, file_hash
 from benchtool.data.run.read import read_pitch
 from benchtool.data.run.recording_file import read_recording, write_recording
-from benchtool.explain.pitch.replay_track import LEAST_RAD, miss_told, pitch_track
+from benchtool.explain.pitch.replay_track import LEAST_RAD, mismatch, pitch_track
 from benchtool.explain.pitch.replayed import Beside, known_control, replayed
 from benchtool.physics.model_file import load_model
 from benchtool.report.replay.page import errors_deg
@@ -208,23 +208,23 @@ def test_how_far_a_run_may_be_from_its_log(flown: Recording) -> None:
     track = pitch_track(flown)
     swing = np.nanstd(track.theta_rad)
     mean = np.full(len(track), np.nanmean(track.theta_rad))
-    assert miss_told(track, track.time_s, track.theta_rad, "pulses") == ""
-    assert miss_told(track, track.time_s, mean + 0.5 * (track.theta_rad - mean), "pulses") == ""
+    assert mismatch(track, track.time_s, track.theta_rad, "pulses") == ""
+    assert mismatch(track, track.time_s, mean + 0.5 * (track.theta_rad - mean), "pulses") == ""
     away = 2.0 * mean - track.theta_rad  # the same swing the opposite way: two swings away
     assert swing > LEAST_RAD
-    assert "a line at its mean is nearer" in miss_told(track, track.time_s, away, "pulses")
-    assert miss_told(track, track.time_s, mean + 0.99 * (away - mean), "controller") == ""
+    assert "a line at its mean is nearer" in mismatch(track, track.time_s, away, "pulses")
+    assert mismatch(track, track.time_s, mean + 0.99 * (away - mean), "controller") == ""
     farther = mean + 1.2 * (away - mean)
-    assert "the opposite way" in miss_told(track, track.time_s, farther, "controller")
+    assert "the opposite way" in mismatch(track, track.time_s, farther, "controller")
     # A log that stands still: noise alone parts a run from it.
     still = replace(track, theta_rad=np.zeros(len(track)))
-    assert miss_told(still, track.time_s, np.full(len(track), 0.9 * LEAST_RAD), "pulses") == ""
-    told = miss_told(still, track.time_s, np.full(len(track), np.radians(42.0)), "pulses")
+    assert mismatch(still, track.time_s, np.full(len(track), 0.9 * LEAST_RAD), "pulses") == ""
+    told = mismatch(still, track.time_s, np.full(len(track), np.radians(42.0)), "pulses")
     assert "misses it by 42.0° RMS, above 2.0°" in told
     # One that keeps near on the whole, and goes for a moment where the vehicle never was.
     jump = np.zeros(len(track))
     jump[100:103] = np.radians(12.0)
-    assert "goes over 12°, the recorded one over 0.0°" in miss_told(
+    assert "goes over 12°, the recorded one over 0.0°" in mismatch(
         replace(still, reference_rad=np.zeros(len(track))), track.time_s, jump, "pulses"
     )
     holed = np.where(np.arange(len(track)) % 100 == 0, np.nan, track.theta_rad)
@@ -235,7 +235,7 @@ def test_how_far_a_run_may_be_from_its_log(flown: Recording) -> None:
     bad = np.where(track.any_over > 0.0, track.theta_rad + np.radians(42.0), track.theta_rad)
     long = replace(track, over=np.where(track.time_s < 6.2, track.over, 0.0))
     bad = np.where(long.any_over > 0.0, bad, track.theta_rad)
-    assert "misses it by 42.0° RMS over the surface" in miss_told(
+    assert "misses it by 42.0° RMS over the surface" in mismatch(
         long, track.time_s, bad, "controller"
     )
 
