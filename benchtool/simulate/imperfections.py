@@ -94,7 +94,7 @@ class Imperfections(FiniteTable):
             "backlash_m": rig.plate.backlash_m,
             "thrust_rate_Hz": sensors["thrust_N"].rate_Hz if "thrust_N" in sensors else 0.0,
         }
-        for family, quantity, unit in _FAMILIES:
+        for family, quantity, unit in FAMILIES:
             sensor = sensors.get(family)
             own[f"{quantity}_noise_{unit}"] = sensor.noise if sensor else 0.0
             own[f"{quantity}_quantum_{unit}"] = sensor.quantum if sensor else 0.0
@@ -103,13 +103,14 @@ class Imperfections(FiniteTable):
         )
 
 
-_FAMILIES = (
+FAMILIES = (
     ("thrust_N", "thrust", "N"),
     ("rpm", "rpm", "rpm"),
     ("voltage_V", "voltage", "V"),
     ("current_A", "current", "A"),
     ("plate_z_m", "plate", "m"),
 )
+"""Sensors whose noise and quantum can be set: name, and quantity and unit of the numbers."""
 
 
 @dataclass(frozen=True, slots=True)

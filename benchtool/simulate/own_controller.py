@@ -23,7 +23,7 @@ def made(controller: type[Any], name: str) -> Any:
     except (Exception, SystemExit) as error:
         raise InputError(
             f"controller {name!r} could not be made without arguments: "
-            f"{type(error).__name__}: {_said(error)}{_place(controller, '__init__')}; give its "
+            f"{type(error).__name__}: {_words(error)}{_place(controller, '__init__')}; give its "
             f"arguments defaults"
         ) from error
 
@@ -31,17 +31,17 @@ def made(controller: type[Any], name: str) -> Any:
 def raised(controller: Any, error: BaseException, time_s: float) -> InputError:
     """Return one sentence that names the line of the user's own file where it went wrong."""
     frames = traceback.extract_tb(error.__traceback__)
-    file = _file_of(type(controller))
-    own = [frame for frame in frames if frame.filename == file]
+    code = _code(type(controller), "step")
+    own = [frame for frame in frames if code and frame.filename == code.co_filename]
     if not own and isinstance(error, TypeError):  # the call itself failed
         return InputError(
-            f"controller {type(controller).__name__} could not be called: {_said(error)}"
+            f"controller {type(controller).__name__} could not be called: {_words(error)}"
             f"{_place(type(controller), 'step')}; write it as step(self, measurement, reference, "
             f"dt_s)"
         )
     frame = own[-1] if own else frames[-1]
     return InputError(
-        f"controller {type(controller).__name__} raised {type(error).__name__}: {_said(error)} at "
+        f"controller {type(controller).__name__} raised {type(error).__name__}: {_words(error)} at "
         f"{time_s:g} s, in {frame.filename} line {frame.lineno}: {frame.line}; mend that line"
     )
 
@@ -63,19 +63,18 @@ def unusable(controller: Any, what: str, value: Any, time_s: float, instead: str
     )
 
 
-def _said(error: BaseException) -> str:
+def _words(error: BaseException) -> str:
     return " ".join(str(error).split()) or "no message"
 
 
 def _place(controller: type[Any], method: str) -> str:
     """Return where a method of the class stands, as text; nothing for what is not Python."""
-    code = getattr(getattr(controller, method, None), "__code__", None)
+    code = _code(controller, method)
     return f", in {code.co_filename} line {code.co_firstlineno}" if code is not None else ""
 
 
-def _file_of(controller: type[Any]) -> str:
-    code = getattr(getattr(controller, "step", None), "__code__", None)
-    return code.co_filename if code is not None else ""
+def _code(controller: type[Any], method: str) -> Any:
+    return getattr(getattr(controller, method, None), "__code__", None)
 
 
 def controller_class(

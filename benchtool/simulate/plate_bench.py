@@ -14,7 +14,14 @@ from benchtool.core.errors import InputError
 from benchtool.core.rig import Rig
 from benchtool.core.units import from_si
 from benchtool.physics.model import Model
-from benchtool.simulate.imperfections import TILT_FEED_RAD_S, Axis, Imperfections, LoadCell, Reader
+from benchtool.simulate.imperfections import (
+    FAMILIES,
+    TILT_FEED_RAD_S,
+    Axis,
+    Imperfections,
+    LoadCell,
+    Reader,
+)
 from benchtool.simulate.powertrain import Battery, Powertrain, Run
 from benchtool.simulate.truth import Place, TrueThrust, motor_lag_s, speed_change
 
@@ -87,16 +94,17 @@ class PlateBench:
         self._thrust = TrueThrust(rig, truth)
         self._cell = LoadCell(flaws, rig.limits.load_cell_rating_N)
         self._vibration_N = flaws.vibration_N
+        torque = rig.sensors.get("torque_Nm")
         self._readers = {
-            "rpm": Reader(flaws.rpm_noise_rpm, flaws.rpm_quantum_rpm, self._rate_of("rpm")),
-            "torque": self._plain("torque_Nm"),
-            "plate": Reader(flaws.plate_noise_m, flaws.plate_quantum_m, self._rate_of("plate_z_m")),
-            "voltage": Reader(
-                flaws.voltage_noise_V, flaws.voltage_quantum_V, self._rate_of("voltage_V")
-            ),
-            "current": Reader(
-                flaws.current_noise_A, flaws.current_quantum_A, self._rate_of("current_A")
-            ),
+            **{
+                quantity: Reader(
+                    getattr(flaws, f"{quantity}_noise_{unit}"),
+                    getattr(flaws, f"{quantity}_quantum_{unit}"),
+                    rig.sensors[family].rate_Hz if family in rig.sensors else 0.0,
+                )
+                for family, quantity, unit in FAMILIES
+            },
+            "torque": Reader(torque.noise, torque.quantum, torque.rate_Hz) if torque else Reader(),
             "temperature": Reader(0.0, 0.1 if flaws.esc_heating_K else 0.0, SLOW_HZ),
         }
         self._time_s = 0.0
@@ -122,14 +130,8 @@ class PlateBench:
     @property
     def channel_rates_Hz(self) -> tuple[float, ...]:
         """How often each channel has a new value (c,): Hz, at most the stream rate."""
-        own = {
-            "rpm": "rpm",
-            "torque_Nm": "torque",
-            "plate_z_m": "plate",
-            "voltage_V": "voltage",
-            "current_A": "current",
-            "temperature_degC": "temperature",
-        }
+        own = {family: quantity for family, quantity, _ in FAMILIES}
+        own |= {"torque_Nm": "torque", "temperature_degC": "temperature"}
         rates = {name: self._readers[reader].rate_Hz for name, reader in own.items()}
         rates |= {"thrust_N": self._cell.rate_Hz, "thrust_raw": self._cell.rate_Hz}
         families = [channel.name.rstrip("0123456789") for channel in self.channels]
@@ -248,11 +250,3 @@ class PlateBench:
         shown = np.array(reader.read(true, white))
         shown[~reader.due(self._tick + 1, len(true), self._rate_Hz)] = np.nan
         return shown
-
-    def _rate_of(self, family: str) -> float:
-        sensor = self.rig.sensors.get(family)
-        return sensor.rate_Hz if sensor else 0.0
-
-    def _plain(self, family: str) -> Reader:
-        sensor = self.rig.sensors.get(family)
-        return Reader(sensor.noise, sensor.quantum, sensor.rate_Hz) if sensor else Reader()

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 from math import isfinite, pi
 from typing import Any
 
 from benchtool.core.errors import InputError, UnknownChoice
-from benchtool.core.rig import Rig, Sensor
+from benchtool.core.rig import Rig
 from benchtool.physics.model import Model
 
 GRAVITY_M_S2 = 9.81
@@ -97,7 +97,9 @@ class PitchBench:
                 f"covered has {len(self.covered)} numbers for {rig.n_discs} discs; give one each"
             )
         for name in ("inertia_kgm2", "stop_rad", "plant_rate_Hz", "pwm_max_us"):
-            _positive(name, getattr(self, name))
+            value = getattr(self, name)
+            if not (isfinite(value) and value > 0.0):
+                raise InputError(f"{name} is {value:g}; give a finite number above 0")
         if self.stop_rad > 1.5:
             raise InputError(
                 f"stop_rad is {self.stop_rad:g}, above 1.5 (86 degrees), where a hinge is no pitch "
@@ -126,26 +128,14 @@ class PitchBench:
         """Thrust of one rotor that carries its share of the weight."""
         return self.model.rig.body.mass_kg * GRAVITY_M_S2 / self.model.rig.n_rotors
 
-    def with_sensor(self, name: str, **changes: float) -> PitchBench:
-        """Return the bench with some numbers of one sensor changed."""
-        sensor = replace(self.sensors.get(name, PitchSensor()), **changes)
-        return replace(self, sensors={**self.sensors, name: sensor})
-
 
 def rig_sensors(rig: Rig) -> dict[str, PitchSensor]:
     """Return the sensors of a rig that a pitch bench reads, in SI."""
-    return {
-        name: _from_rig(name, rig.sensors[name]) for name in SENSOR_NAMES if name in rig.sensors
-    }
-
-
-def _from_rig(name: str, sensor: Sensor) -> PitchSensor:
-    factor = pi / 30.0 if name == "rpm" else 1.0
-    return PitchSensor(
-        noise=sensor.noise * factor, quantum=sensor.quantum * factor, rate_Hz=sensor.rate_Hz
-    )
-
-
-def _positive(name: str, value: float) -> None:
-    if not (isfinite(value) and value > 0.0):
-        raise InputError(f"{name} is {value:g}; give a finite number above 0")
+    found = {}
+    for name in SENSOR_NAMES:
+        if name in rig.sensors:
+            sensor, factor = rig.sensors[name], pi / 30.0 if name == "rpm" else 1.0
+            found[name] = PitchSensor(
+                noise=sensor.noise * factor, quantum=sensor.quantum * factor, rate_Hz=sensor.rate_Hz
+            )
+    return found

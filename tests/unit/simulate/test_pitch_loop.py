@@ -106,7 +106,8 @@ def test_readings_and_pulses_come_in_whole_quanta() -> None:
 
 
 def test_a_noiseless_sensor_is_within_half_a_quantum_and_a_slow_one_holds() -> None:
-    bench = quiet_bench().with_sensor("theta_rad", quantum=0.01, rate_Hz=50.0, bias=0.001)
+    slow = PitchSensor(quantum=0.01, rate_Hz=50.0, bias=0.001)
+    bench = replace(quiet_bench(), sensors={"theta_rad": slow})
     run = simulate_pitch(job(bench, soft()), sampled(2.0, reference_deg=SWAY))
     read, true = run.column("theta_rad"), run.column("true_theta_rad")
     fresh = np.arange(0, 1000, 10)
@@ -115,7 +116,7 @@ def test_a_noiseless_sensor_is_within_half_a_quantum_and_a_slow_one_holds() -> N
 
 
 def test_a_late_sensor_shows_the_past() -> None:
-    bench = quiet_bench().with_sensor("theta_rad", delay_s=0.01)
+    bench = replace(quiet_bench(), sensors={"theta_rad": PitchSensor(delay_s=0.01)})
     run = simulate_pitch(job(bench, soft()), sampled(2.0, reference_deg=SWAY))
     read, true = run.column("theta_rad"), run.column("true_theta_rad")
     np.testing.assert_array_equal(read[5:], true[:-5])
