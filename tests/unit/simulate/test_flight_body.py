@@ -19,7 +19,7 @@ from benchtool.simulate.flight.rigid_body import (
     upward,
     yaw_of,
 )
-from benchtool.simulate.pitch import euler_lagrange
+from tests.unit.simulate import euler_lagrange
 
 INERTIA = np.array([0.018, 0.025, 0.036])
 MASS = 1.4
