@@ -167,7 +167,7 @@ def _run(entry: Entry, path: Path) -> Entry:
         state=str(facts.get("state", "")),
         simulated=bool(facts["simulated"]) if "simulated" in facts else None,
     )
-    reason = str(facts.get("reason", ""))
+    reason = str(facts.get("reason") or "")
     if pitch:
         if not any((path / name).is_file() for name in ("samples.csv", "samples.parquet")):
             problem = f"{entry.name}: there are no samples in it; record it again"

@@ -52,6 +52,11 @@ def test_everything_is_listed_with_what_it_is(folder: RunsFolder) -> None:
     assert found["lab.csv"].summary == "gap_mm, F_gf"
 
 
+def test_a_run_that_ended_without_a_reason_shows_none(tmp_path: Path) -> None:
+    small_run(tmp_path / "one").update_metadata(state="ended", reason=None)
+    assert entry_of(RunsFolder(tmp_path), "one").summary == "4 points"
+
+
 def test_the_newest_comes_first(folder: RunsFolder) -> None:
     dates = [entry.date for entry in list_entries(folder)]
     assert dates == sorted(dates, reverse=True)
