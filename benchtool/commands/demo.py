@@ -120,7 +120,7 @@ def _served(words: list[str]) -> Iterator[str]:
 
 def _fit_and_report(out: Path, runs: dict[str, Path], commands: list[str]) -> None:
     from benchtool.commands.terminal.show_fit import print_fit, working
-    from benchtool.report.fit.demo import fit_both, story_page, verdict
+    from benchtool.report.fit.demo import STORY, fit_both, verdict
     from benchtool.report.fit.page import write_fit
     from benchtool.report.html import write_report
 
@@ -130,11 +130,11 @@ def _fit_and_report(out: Path, runs: dict[str, Path], commands: list[str]) -> No
         f"benchtool fit {runs['quad']} --model quad_bench {both} --compare single --compare quad",
     ]
     with working() as show:
-        story = fit_both(runs["single"], runs["quad"], show)
+        story = fit_both(runs, show)
     print_fit(story.eq4)
     _say(4, "write the report")
     for name, output in (("single", story.single), ("quad", story.eq4)):
         write_fit(out / "fits" / name, output, commands)
-    page = write_report(out / "report.html", story_page(story, runs, commands))
+    page = write_report(out / "report.html", STORY.report(story, commands))
     print(f"\n{verdict(story)}")
     print(f"\nThe report: {page.resolve()}")

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-# Callers name the type from here: matplotlib itself stays in this package.
-from matplotlib.figure import Figure as Figure
+from matplotlib.figure import Figure
 
+from benchtool import __version__
 from benchtool.core.errors import InputError
 
 
@@ -114,7 +114,7 @@ class Report:
         summary: the answer in a few sentences, above everything else.
         sections: in order; each appears in the contents.
         simulated: whether any data shown is simulated; the page then says so at its top.
-        made: a line for the foot: when, by which version. Empty keeps the page reproducible.
+        made: a line for the foot: by which version.
         highlights: the few numbers that matter most, name to formatted value, shown large.
     """
 
@@ -122,5 +122,5 @@ class Report:
     summary: str
     sections: Sequence[Section]
     simulated: bool
-    made: str = ""
+    made: str = f"benchtool {__version__}"
     highlights: Mapping[str, str] = field(default_factory=dict)

@@ -17,8 +17,8 @@ from benchtool.report import html
 from benchtool.report.files import write_whole
 from benchtool.report.page import Report
 from benchtool.report.replay.page import recording_page
-from benchtool.report.sweep.compared import compared_page
-from benchtool.report.sweep.page import sweep_page
+from benchtool.report.sweep.compared import COMPARED
+from benchtool.report.sweep.page import SWEEP
 from benchtool.report.sweep.run import read_sweep_run
 
 Kind = Literal["sweep", "pitch", "recording", "fit", "explanation"]
@@ -143,7 +143,7 @@ def _made(paths: Sequence[Path], kind: Kind, beside: Beside, commands: Sequence[
     first = read_sweep_run(paths[0])
     model = nominal_model(beside.model, first.rig, beside.permit) if beside.model else None
     runs = [replace(first, model=model), *(read_sweep_run(path, model) for path in paths[1:])]
-    return compared_page(runs, commands) if len(runs) > 1 else sweep_page(runs[0], commands)
+    return COMPARED.report(runs, commands) if len(runs) > 1 else SWEEP.report(runs[0], commands)
 
 
 def _written_page(path: Path, kind: Kind) -> str:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import wraps
 from textwrap import wrap
 from threading import RLock
-from typing import Any, Literal, ParamSpec
+from typing import Any, Literal
 
 import matplotlib as mpl
 from matplotlib import rc_context
@@ -15,8 +14,6 @@ from matplotlib.figure import Figure
 
 from benchtool.core.errors import UnknownChoice
 from benchtool.report.palette import BLACK, GREY, PALE, VERMILION
-
-P = ParamSpec("P")
 
 WIDTH_IN = 7.0
 """Width of every figure: the text width of a printed A4 page, inches."""
@@ -99,17 +96,6 @@ def look() -> Iterator[None]:
     """
     with _DRAWING, rc_context(_LOOK):
         yield
-
-
-def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
-    """Run a drawing function under the project's look."""
-
-    @wraps(draw)
-    def drawn(*args: P.args, **kwargs: P.kwargs) -> Figure:
-        with look():
-            return draw(*args, **kwargs)
-
-    return drawn
 
 
 def new_figure(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 from benchtool import __version__
 from benchtool.explain.answer import Answer, channel_words
@@ -47,28 +48,6 @@ def where_sentence(answer: Answer) -> str:
     )
 
 
-def _where(answer: Answer) -> list[Block]:
-    return [Paragraph(where_sentence(answer))]
-
-
-def _named(answer: Answer) -> list[Block]:
-    table = [effects_table(answer)] if answer.verdict.effects else []
-    return [Paragraph(answer.verdict.sentence), *table]
-
-
-def _gap(answer: Answer) -> list[Block]:
-    said = (
-        f"The floor is never taken from these residuals: the model, taken for true, is held "
-        f"against data that it simulated itself, median of {answer.verdict.draws} draws of the "
-        f"stated sensor and wake noise."
-    )
-    return [gap_table(answer), Paragraph(said)]
-
-
-def _tolerances(answer: Answer) -> list[Block]:
-    return [tolerances_table(answer)]
-
-
 def _now(answer: Answer, next_name: str, folder: str) -> list[Block]:
     """Say what was added to which file, and what to do next."""
     blocks: list[Block] = [Paragraph(added_sentence(answer, folder))]
@@ -86,18 +65,14 @@ def _now(answer: Answer, next_name: str, folder: str) -> list[Block]:
 
 
 def _not_judged(answer: Answer) -> list[Block]:
-    blocks: list[Block] = []
-    if answer.remarks:
-        blocks.append(Warnings(answer.remarks))
-    if answer.verdict.not_judged:
-        names = answer.verdict.not_judged
+    names = answer.verdict.not_judged
+    blocks: list[Block] = [Warnings(answer.remarks)] if answer.remarks else []
+    if names:
         blocks.append(Facts({name: unjudged_sentence(answer, name) for name in names}))
-    if not blocks:
-        blocks.append(Paragraph("Every effect of this kind of bench was judged."))
-    return blocks
+    return blocks or [Paragraph("Every effect of this kind of bench was judged.")]
 
 
-def _facts(answer: Answer) -> list[Block]:
+def _facts(answer: Answer) -> Block:
     verdict, model = answer.verdict, answer.request.loaded.model
     facts = {
         "model": f"{model.name} ({answer.request.model_file})",
@@ -109,7 +84,7 @@ def _facts(answer: Answer) -> list[Block]:
         "took": f"{answer.seconds:.1f} s",
         "software": f"benchtool {__version__}",
     }
-    return [Facts(facts | {f"sha256 of {name}": digest for name, digest in answer.hashes.items()})]
+    return Facts(facts | {f"sha256 of {name}": digest for name, digest in answer.hashes.items()})
 
 
 def _highlights(answer: Answer) -> dict[str, str]:
@@ -125,16 +100,36 @@ def _highlights(answer: Answer) -> dict[str, str]:
     return shown
 
 
+FLOOR = (
+    "The floor is never taken from these residuals: the model, taken for true, is held against "
+    "data that it simulated itself, median of {0.verdict.draws} draws of the stated sensor and "
+    "wake noise."
+)
+
 ANSWER = Page(
     "answer",
     [
-        ("Where", [_where, "where"]),
-        ("Which", [_named, "parameters", "which"]),
-        ("The gap", [_gap, "gap", "overlay"]),
-        ("Tolerances", [_tolerances]),
+        ("Where", [lambda answer: Paragraph(where_sentence(answer)), "where"]),
+        (
+            "Which",
+            [
+                lambda answer: Paragraph(answer.verdict.sentence),
+                lambda answer: effects_table(answer) if answer.verdict.effects else None,
+                *("parameters", "which"),
+            ],
+        ),
+        (
+            "The gap",
+            [gap_table, lambda answer: Paragraph(FLOOR.format(answer)), "gap", "overlay"],
+        ),
+        ("Tolerances", [tolerances_table]),
         ("What was not judged", [_not_judged]),
         ("What stands behind it", [_facts]),
+        lambda answer: run_sections(each.path for each in answer.request.sources),
     ],
+    title="Explanation: {0.request.loaded.model.name}",
+    summary=lambda answer: f"{answer.verdict.sentence} {answer.caution}".strip(),
+    highlights=_highlights,
 )
 
 
@@ -152,16 +147,6 @@ def answer_page(
         next_name: name of the file beside the page that holds the next experiment.
         folder: of the page, as it was typed; empty where nothing is written yet.
     """
-    return Report(
-        title=f"Explanation: {answer.request.loaded.model.name}",
-        summary=f"{answer.verdict.sentence} {answer.caution}".strip(),
-        sections=[
-            Section("What now", _now(answer, next_name, folder)),
-            *ANSWER.sections(answer, figures),
-            *run_sections(source.path for source in answer.request.sources),
-            Section("Made with", [Commands(answer.commands)]),
-        ],
-        simulated=answer.simulated,
-        made=f"benchtool {__version__}",
-        highlights=_highlights(answer),
-    )
+    report = ANSWER.report(answer, answer.commands, figures)
+    now = Section("What now", _now(answer, next_name, folder))
+    return replace(report, sections=[now, *report.sections])

@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from benchtool import __version__
 from benchtool.data.run.read import read_samples
 from benchtool.fit.recipe import Method, Recipe
 from benchtool.fit.run_recipe import FitOutput, Progress, run_recipe
 from benchtool.physics.model_file import load_model
 from benchtool.report.figure import Page, figure
 from benchtool.report.fit.figures import fitted_curve, ratio_points
-from benchtool.report.fit.page import comparison_table, fit_sections
-from benchtool.report.fit.tables import methods_table, printed
-from benchtool.report.page import Block, Commands, Paragraph, Report, Section
+from benchtool.report.fit.page import FIT
+from benchtool.report.fit.tables import comparison_table, methods_table, printed
+from benchtool.report.page import Block, Paragraph
 from benchtool.report.ratio import draw_ratio
 from benchtool.report.sweep.samples import draw_samples, samples_height
 
@@ -26,30 +27,26 @@ TRUTHS = {"single": "virtual_pquad_single", "quad": "virtual_pquad"}
 """Which shipped truth each virtual bench of the demo is made of."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Story:
-    """Hold the demo's fits.
-
-    Attributes:
-        single: one rotor, eq. (2).
-        eq3: four rotors without body lift.
-        eq4: four rotors with body lift, held against eq. (3) on held-out points.
-    """
+class Story(NamedTuple):
+    """Hold the demo's fits: eq. (2) of one rotor, eq. (3) and eq. (4) of four, and the runs."""
 
     single: FitOutput
     eq3: FitOutput
     eq4: FitOutput
+    runs: Mapping[str, Path] = MappingProxyType({})
+    simulated: bool = True
 
 
 def fit_both(
-    single_run: Path, quad_run: Path, progress: Progress = lambda what, done, expected: None
+    runs: Mapping[str, Path], progress: Progress = lambda what, done, expected: None
 ) -> Story:
-    """Fit the demo's two runs."""
+    """Fit the demo's runs, "single" and "quad"."""
     both: tuple[Method, ...] = ("least_squares", "emcee")
-    single = Recipe(name="one rotor", data=(str(single_run),), model="single_bench", methods=both)
+    single, quad = str(runs["single"]), str(runs["quad"])
+    eq2 = Recipe(name="one rotor", data=(single,), model="single_bench", methods=both)
     eq4 = Recipe(
         name="four rotors, eq. (4)",
-        data=(str(quad_run),),
+        data=(quad,),
         model="quad_bench",
         methods=both,
         compare=("single", "quad"),
@@ -61,7 +58,8 @@ def fit_both(
         compare=(),
         fix={"body_lift.K_b": 0.0},
     )
-    return Story(run_recipe(single, progress), run_recipe(eq3, progress), run_recipe(eq4, progress))
+    fits = (run_recipe(each, progress) for each in (eq2, eq3, eq4))
+    return Story(next(fits), next(fits), next(fits), runs)
 
 
 def verdict(story: Story) -> str:
@@ -85,14 +83,12 @@ def true_values(which: str) -> dict[str, float]:
     }
 
 
-def _opening(story: Story) -> list[Block]:
-    return [
-        Paragraph(
-            "Two virtual benches answered over a serial link: one rotor of the PQUAD, and the "
-            "whole quadrotor. A plate was moved under them and thrust, speed and pulse were "
-            "logged. " + verdict(story)
-        )
-    ]
+def _opening(story: Story) -> Block:
+    return Paragraph(
+        "Two virtual benches answered over a serial link: one rotor of the PQUAD, and the whole "
+        "quadrotor. A plate was moved under them and thrust, speed and pulse were logged. "
+        + verdict(story)
+    )
 
 
 def _tables(story: Story) -> list[Block]:
@@ -107,35 +103,30 @@ def _tables(story: Story) -> list[Block]:
     ]
 
 
-STORY = Page("fit.demo", [("The story", [_opening, "overview", _tables])])
+def _highlights(story: Story) -> dict[str, str]:
+    eq3, eq4 = story.eq3.results[0], story.eq4.results[0]
+    return {
+        "K_b": printed(eq4["body_lift.K_b"]),
+        "R [m]": printed(eq4["R_m"]),
+        "chi2/dof, eq. (3)": f"{eq3.chi2_per_dof:.3g}",
+        "chi2/dof, eq. (4)": f"{eq4.chi2_per_dof:.2g}",
+    }
+
 
 SWEEPS = Page("fit.demo_sweeps", [("The sweeps", ["samples"])])
 
-
-def story_page(
-    story: Story, runs: Mapping[str, Path], commands: Sequence[str], made: str = ""
-) -> Report:
-    """Return the demo's report page."""
-    eq4 = story.eq4.results[0]
-    return Report(
-        title="From a plate sweep to a fitted ground-effect model",
-        summary=verdict(story),
-        sections=(
-            *STORY.sections(story),
-            *fit_sections(story.eq4),
-            *fit_sections(story.single),
-            *SWEEPS.sections(runs),
-            Section("Made with", [Commands(commands)]),
-        ),
-        simulated=True,
-        made=made or f"benchtool {__version__}",
-        highlights={
-            "K_b": printed(eq4["body_lift.K_b"]),
-            "R [m]": printed(eq4["R_m"]),
-            "chi2/dof, eq. (3)": f"{story.eq3.results[0].chi2_per_dof:.3g}",
-            "chi2/dof, eq. (4)": f"{eq4.chi2_per_dof:.2g}",
-        },
-    )
+STORY = Page(
+    "fit.demo",
+    [
+        ("The story", [_opening, "overview", _tables]),
+        lambda story: FIT.sections(story.eq4),
+        lambda story: FIT.sections(story.single),
+        lambda story: SWEEPS.sections(story.runs),
+    ],
+    title="From a plate sweep to a fitted ground-effect model",
+    summary=verdict,
+    highlights=_highlights,
+)
 
 
 @figure(
@@ -144,7 +135,6 @@ def story_page(
     title="Four rotors need the body lift",
     caption="Thrust near the plate over thrust far from it, for one rotor and for four, with the "
     "closed formulae (dashed) and the fit of eq. (4) with its bands.",
-    simulated=True,
 )
 def overview(figure: Figure, story: Story) -> None:
     """Draw one rotor and four over eq. (2), eq. (3) and the fit of eq. (4)."""

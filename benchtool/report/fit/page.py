@@ -8,27 +8,31 @@ from pathlib import Path
 from benchtool import __version__
 from benchtool.core.errors import WouldOverwrite
 from benchtool.core.fit_result import Estimate, FitResult
-from benchtool.fit.compare import Comparison
 from benchtool.fit.diagnose import lacks_something, times_as_much
 from benchtool.fit.result_file import write_result
 from benchtool.fit.run_recipe import FitOutput
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.report.figure import Page, drawn
 from benchtool.report.files import save_figure
-from benchtool.report.fit.tables import estimates_table, methods_table, printed
+from benchtool.report.fit.tables import (
+    comparison_table,
+    estimates_table,
+    methods_table,
+    printed,
+)
 from benchtool.report.html import write_report
 from benchtool.report.numbers import unit_for_people, value_with_sd
-from benchtool.report.page import (
-    Block,
-    Commands,
-    Facts,
-    Paragraph,
-    Report,
-    Section,
-    Table,
-    Warnings,
-)
+from benchtool.report.page import Block, Facts, Paragraph, Warnings
 from benchtool.report.run_facts import run_sections
+
+_HEADLINES = [f"{one.name}.{one.headline}" for one in EFFECTS.values() if one.headline]
+MOST_WANTED = (
+    *(name for name in _HEADLINES if not name.endswith("_")),
+    "R_m",
+    "k",
+    *(name for name in _HEADLINES if name.endswith("_")),
+)
+"""Parameters that a reader looks for first, by the beginning of their names."""
 
 
 def _answer(fit: FitOutput) -> list[Block]:
@@ -47,7 +51,7 @@ def _compared(fit: FitOutput) -> list[Block]:
     return [Paragraph(fit.comparison.sentence + "."), comparison_table(fit.comparison)]
 
 
-def _facts(fit: FitOutput) -> list[Block]:
+def _facts(fit: FitOutput) -> Facts:
     rig = fit.loaded.model.rig
     facts = {
         "rig": f"{rig.name}: {rig.title}",
@@ -64,7 +68,24 @@ def _facts(fit: FitOutput) -> list[Block]:
     facts |= {f"outcome of {result.method}": result.outcome.message for result in fit.results}
     if repairs := fit.data.points.provenance.get("repairs", ""):
         facts["repairs made while reading"] = repairs
-    return [Facts(facts)]
+    return Facts(facts)
+
+
+def _highlights(fit: FitOutput) -> dict[str, str]:
+    """Return up to four estimates, those that a fit is made for before nuisances and noise."""
+    result = fit.results[0]
+
+    def rank(item: Estimate) -> int:
+        for place, beginning in enumerate(MOST_WANTED):
+            if item.name == beginning or (
+                beginning.endswith("_") and item.name.startswith(beginning)
+            ):
+                return place
+        return len(MOST_WANTED) + item.name.startswith("noise.")
+
+    every = [*result.estimates, *result.derived]
+    ranked = sorted((item for item in every if "share_" not in item.name), key=rank)
+    return {item.name: printed(item) for item in ranked[:4]}
 
 
 FIT = Page(
@@ -77,25 +98,12 @@ FIT = Page(
         ),
         ("{0.recipe.name}: models compared", [_compared]),
         ("{0.recipe.name}: what stands behind it", [_facts]),
+        lambda fit: run_sections(fit.data.hashes),
     ],
+    title="Fit: {0.recipe.name}",
+    summary=lambda fit: sentence(fit),
+    highlights=_highlights,
 )
-
-
-def fit_sections(fit: FitOutput) -> list[Section]:
-    """Return the sections of one fit: answer, figures, comparison, what stands behind it."""
-    return [*FIT.sections(fit), *run_sections(fit.data.hashes)]
-
-
-def fit_page(fit: FitOutput, sections: Sequence[Section], commands: Sequence[str]) -> Report:
-    """Return the report page of one fit."""
-    return Report(
-        title=f"Fit: {fit.recipe.name}",
-        summary=sentence(fit),
-        sections=(*sections, Section("Made with", [Commands(commands)])),
-        simulated=fit.simulated,
-        made=f"benchtool {__version__}",
-        highlights={item.name: printed(item) for item in _most_wanted(fit.results[0])},
-    )
 
 
 def refuse_full(folder: Path) -> None:
@@ -116,33 +124,7 @@ def write_fit(folder: Path, fit: FitOutput, commands: Sequence[str] = ()) -> Pat
     figures = drawn("fit", fit, FIT.figures)
     for name, block in figures.items():
         save_figure(block.figure, folder / name)
-    sections = [*FIT.sections(fit, figures), *run_sections(fit.data.hashes)]
-    return write_report(folder / "report.html", fit_page(fit, sections, commands))
-
-
-_HEADLINES = [f"{one.name}.{one.headline}" for one in EFFECTS.values() if one.headline]
-MOST_WANTED = (
-    *(name for name in _HEADLINES if not name.endswith("_")),
-    "R_m",
-    "k",
-    *(name for name in _HEADLINES if name.endswith("_")),
-)
-"""Parameters that a reader looks for first, by the beginning of their names."""
-
-
-def _most_wanted(result: FitResult) -> list[Estimate]:
-    """Return up to four estimates, those that a fit is made for before nuisances and noise."""
-
-    def rank(item: Estimate) -> int:
-        for place, beginning in enumerate(MOST_WANTED):
-            if item.name == beginning or (
-                beginning.endswith("_") and item.name.startswith(beginning)
-            ):
-                return place
-        return len(MOST_WANTED) + item.name.startswith("noise.")
-
-    ranked = sorted((*result.estimates, *result.derived), key=rank)
-    return [item for item in ranked if "share_" not in item.name][:4]
+    return write_report(folder / "report.html", FIT.report(fit, commands, figures))
 
 
 def sentence(fit: FitOutput) -> str:
@@ -183,30 +165,3 @@ def sentence_of(first: FitResult, *, model: str, rig: str, basis: str, used: int
     shown = "thrust itself (joint fit)" if basis == "joint" else basis
     on = f" on rig {rig}" if rig else ""
     return f"{used} of {read} points, model {model}{on}, basis {shown}: {said}.{judged}"
-
-
-def comparison_table(comparison: Comparison) -> Table:
-    """Return the models side by side, the best first."""
-    rows = [
-        (
-            score.model,
-            "best" if place == 0 else "clearly behind" if score.clearly_behind else "close",
-            str(score.parameters),
-            f"{score.chi2_per_dof:.3g}",
-            f"{score.behind_best:.1f} ± {score.behind_best_se:.1f}",
-            f"{score.held_out_rms:.4g}",
-            f"{score.aic:.1f}",
-            f"{score.bic:.1f}",
-        )
-        for place, score in enumerate(comparison.scores)
-    ]
-    held_out = f" in {comparison.folds} folds over {comparison.settings} settings"
-    return Table(
-        f"Held-out points{held_out if comparison.folds else ''}.",
-        (
-            *("model", "verdict", "free", "χ²/dof", "log score behind best", "held-out RMS"),
-            *("AIC", "BIC"),
-        ),
-        rows,
-        text_columns=2,
-    )

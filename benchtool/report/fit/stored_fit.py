@@ -15,8 +15,8 @@ from benchtool.data.run.entry import FIT_FILE, read_result
 from benchtool.fit.compare import Comparison, Score
 from benchtool.fit.result_file import result_tables
 from benchtool.fit.run_recipe import FitOutput
-from benchtool.report.fit.page import FIT, comparison_table, sentence_of
-from benchtool.report.fit.tables import methods_table, short_table
+from benchtool.report.fit.page import FIT, sentence_of
+from benchtool.report.fit.tables import comparison_table, methods_table, short_table
 from benchtool.report.page import Block, Paragraph, Warnings
 
 SIMULATED = "SIMULATED DATA: no physical bench produced these points"

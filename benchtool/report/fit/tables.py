@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from math import isfinite
 
 from benchtool.core.fit_result import Estimate, FitResult
+from benchtool.fit.compare import Comparison
 from benchtool.report.numbers import (
     decimals_for,
     exponent_of,
@@ -107,47 +106,28 @@ def methods_table(
     return Table(caption, ("parameter", *heads, *([] if truth is None else ["truth"])), rows)
 
 
-@dataclass(frozen=True, slots=True)
-class ModelScore:
-    """Say how one model did among several.
-
-    Attributes:
-        model: its name.
-        free_parameters: how many it has.
-        chi2, dof: on the points it was fitted to.
-        held_out_chi2_per_point: on points it did not see; nan when none were held out.
-        verdict: a few words ("rejected", "best of those compared").
-    """
-
-    model: str
-    free_parameters: int
-    chi2: float
-    dof: int
-    held_out_chi2_per_point: float = float("nan")
-    verdict: str = ""
-
-
-def comparison_table(
-    scores: Sequence[ModelScore],
-    caption: str = "Models compared; near 1 means that the scatter explains what is left over.",
-) -> Table:
-    """Compare models on the points they were fitted to and on points they did not see."""
+def comparison_table(comparison: Comparison) -> Table:
+    """Return the models side by side, the best first."""
+    rows = [
+        (
+            score.model,
+            "best" if place == 0 else "clearly behind" if score.clearly_behind else "close",
+            str(score.parameters),
+            f"{score.chi2_per_dof:.3g}",
+            f"{score.behind_best:.1f} ± {score.behind_best_se:.1f}",
+            f"{score.held_out_rms:.4g}",
+            f"{score.aic:.1f}",
+            f"{score.bic:.1f}",
+        )
+        for place, score in enumerate(comparison.scores)
+    ]
+    held_out = f" in {comparison.folds} folds over {comparison.settings} settings"
     return Table(
-        caption,
-        ("model", "verdict", "free", "χ²/dof", "χ² per held-out point"),
-        [
-            (
-                score.model,
-                score.verdict or "–",
-                str(score.free_parameters),
-                _short(score.chi2 / score.dof if score.dof > 0 else float("nan")),
-                _short(score.held_out_chi2_per_point),
-            )
-            for score in scores
-        ],
+        f"Held-out points{held_out if comparison.folds else ''}.",
+        (
+            *("model", "verdict", "free", "χ²/dof", "log score behind best", "held-out RMS"),
+            *("AIC", "BIC"),
+        ),
+        rows,
         text_columns=2,
     )
-
-
-def _short(value: float) -> str:
-    return f"{value:.3g}" if isfinite(value) else "–"

@@ -6,7 +6,7 @@ distance where they are known.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,14 +43,16 @@ class ReplayedLog:
     Attributes:
         recorded: the recording.
         track: the same on an even clock.
-        beside: which model was asked for.
+        beside: which model was named.
         replay: the simulated run; None without.
+        warnings: what a reader must know of both.
     """
 
     recorded: Recorded
     track: PitchTrack
     beside: Beside
     replay: Replay | None = None
+    warnings: Sequence[str] = ()
 
     @property
     def simulated(self) -> bool:

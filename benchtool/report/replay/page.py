@@ -7,54 +7,31 @@ from pathlib import Path
 
 import numpy as np
 
-from benchtool import __version__
 from benchtool.core.array import Array
 from benchtool.data.run.run_rig import rig_of_data
 from benchtool.explain.pitch.replay_track import PitchTrack, on_log_clock, pitch_track
 from benchtool.explain.pitch.replayed import Beside, Replay, replayed
 from benchtool.report.figure import Page
 from benchtool.report.numbers import numeral
-from benchtool.report.page import Block, Commands, Report, Section, Table, Warnings
+from benchtool.report.page import Report, Table, Warnings
 from benchtool.report.replay.figures import ReplayedLog
-from benchtool.report.replay.recorded import Recorded, read_recorded, sections_behind
-from benchtool.report.replay.stand import STAND, stand_summary
+from benchtool.report.replay.recorded import read_recorded, sections_behind
+from benchtool.report.replay.stand import STAND
 
 
 def recording_page(path: Path, beside: Beside, commands: Sequence[str] = ()) -> Report:
     """Return the report page of a recording; with a model, its simulated run beside it."""
     recorded = read_recorded(path)
-    highlights = {}
-    if "theta_rad" in recorded.recording and "time_s" in recorded.recording:
-        log, warned = _replay(recorded, beside)
-        first = REPLAY.sections(log)[0]
-        sections = [Section(first.title, [Warnings(warned), *first.blocks])]
-        summary, highlights = _sentence(log), _highlights(log)
-        title = "Pitch recording" if recorded.is_run else "Replayed log"
-    else:
+    if not {"theta_rad", "time_s"} <= set(recorded.recording.names):
         beside.refuse_controller("this recording has no attitude")
-        sections, summary, title = STAND.sections(recorded), stand_summary(recorded), "Recording"
-    return Report(
-        title=f"{title}: {recorded.name}",
-        summary=summary,
-        sections=(
-            *sections,
-            *sections_behind(recorded),
-            Section("Made with", [Commands(commands)]),
-        ),
-        simulated=recorded.recording.simulated,
-        made=f"benchtool {__version__}",
-        highlights=highlights,
-    )
-
-
-def _replay(recorded: Recorded, beside: Beside) -> tuple[ReplayedLog, list[str]]:
-    """Return the log with its simulated run, and what a reader must know of both."""
+        return STAND.report(recorded, commands)
     track = pitch_track(recorded.recording, beside.motors)
-    if not beside.model:
-        return ReplayedLog(recorded, track, beside), list(track.remarks)
-    rig = rig_of_data([str(recorded.path)])
-    replay, lacks = replayed(track, beside, recorded.provenance, rig)
-    return ReplayedLog(recorded, track, beside, replay), [*lacks, *track.remarks]
+    replay, lacks = None, list[str]()
+    if beside.model:
+        rig = rig_of_data([str(recorded.path)])
+        replay, lacks = replayed(track, beside, recorded.provenance, rig)
+    log = ReplayedLog(recorded, track, beside, replay, [*lacks, *track.remarks])
+    return REPLAY.report(log, commands)
 
 
 def errors_deg(track: PitchTrack, replay: Replay | None) -> tuple[Array, Array]:
@@ -87,14 +64,14 @@ def _rms_and_peak(errors: Array) -> tuple[str, ...]:
     return tuple(numeral(round(of(errors), 2) + 0.0, ".2f") for of in (_rms, _peak))
 
 
-def visits_table(log: ReplayedLog) -> list[Block]:
+def visits_table(log: ReplayedLog) -> Table | None:
     """List the errors of the pitch in each green stretch and outside of all.
 
     A simulated run that does not follow the log has no columns here.
     """
     track = log.track
     if not track.visits:
-        return []
+        return None
     recorded, simulated = errors_deg(log.track, log.replay)
     beside = log.replay is not None and not log.replay.missed
     stretches = [
@@ -112,20 +89,18 @@ def visits_table(log: ReplayedLog) -> list[Block]:
         for span, rotors, part in (*stretches, outside)
     ]
     wanted = "reference" if np.isfinite(track.reference_rad).any() else "log's median"
-    return [
-        Table(
-            f"Pitch minus {wanted}, in degrees, positive nose down.",
-            (
-                *("time [s]", "rotors over it", "RMS", "largest"),
-                *(("simulated RMS", "simulated largest") if beside else ()),
-            ),
-            rows,
-            text_columns=2,
-        )
-    ]
+    heads = ("time [s]", "rotors over it", "RMS", "largest")
+    return Table(
+        f"Pitch minus {wanted}, in degrees, positive nose down.",
+        (*heads, *(("simulated RMS", "simulated largest") if beside else ())),
+        rows,
+        text_columns=2,
+    )
 
 
-REPLAY = Page("replay", [("The log and its simulated run", ["log", "closer", visits_table])])
+def _title(log: ReplayedLog) -> str:
+    kind = "Pitch recording" if log.recorded.is_run else "Replayed log"
+    return f"{kind}: {log.recorded.name}"
 
 
 def _sentence(log: ReplayedLog) -> str:
@@ -169,3 +144,18 @@ def _highlights(log: ReplayedLog) -> dict[str, str]:
         if replay.by == "pulses":
             shown["recorded − simulated, RMS"] = f"{_rms(recorded - simulated):.2f}°"
     return shown
+
+
+REPLAY = Page(
+    "replay",
+    [
+        (
+            "The log and its simulated run",
+            [lambda log: Warnings(log.warnings), "log", "closer", visits_table],
+        ),
+        lambda log: sections_behind(log.recorded),
+    ],
+    title=_title,
+    summary=_sentence,
+    highlights=_highlights,
+)

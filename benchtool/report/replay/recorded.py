@@ -57,6 +57,11 @@ class Recorded:
         return self.path.resolve().name
 
     @property
+    def simulated(self) -> bool:
+        """Whether no physical bench recorded it."""
+        return self.recording.simulated
+
+    @property
     def is_run(self) -> bool:
         """Whether it is a run folder."""
         return self.path.is_dir()

@@ -12,7 +12,7 @@ from benchtool.report.figure import Page, figure
 from benchtool.report.numbers import numeral, unit_for_people
 from benchtool.report.page import Block, Paragraph, Table
 from benchtool.report.palette import BLACK
-from benchtool.report.replay.recorded import Recorded
+from benchtool.report.replay.recorded import Recorded, sections_behind
 from benchtool.report.sweep.samples import draw_samples, samples_height
 
 
@@ -27,7 +27,6 @@ def _has_samples(recorded: Recorded) -> bool:
     caption="Every sample of the recording, as it was imported.",
     when=_has_samples,
     height_in=lambda recorded: samples_height(recorded.recording),
-    simulated=lambda recorded: bool(recorded.recording.simulated),
 )
 def samples(figure: Figure, recorded: Recorded) -> None:
     """Draw the signals of a recording one above the other."""
@@ -48,7 +47,6 @@ def _known(recorded: Recorded) -> NDArray[np.bool_]:
     caption="Thrust against rotor speed, sample by sample; no plate stands in the file.",
     when=lambda recorded: bool(_known(recorded).any()),
     height_in=4.4,
-    simulated=lambda recorded: bool(recorded.recording.simulated),
 )
 def thrust(figure: Figure, recorded: Recorded) -> None:
     """Draw thrust against rotor speed."""
@@ -61,13 +59,13 @@ def thrust(figure: Figure, recorded: Recorded) -> None:
     axes.legend(loc="upper left")
 
 
-def _nothing_drawn(recorded: Recorded) -> list[Block]:
+def _nothing_drawn(recorded: Recorded) -> Block | None:
     if _has_samples(recorded) or _known(recorded).any():
-        return []
-    return [Paragraph("It holds neither thrust nor attitude; its channels are below.")]
+        return None
+    return Paragraph("It holds neither thrust nor attitude; its channels are below.")
 
 
-def _ranges(recorded: Recorded) -> list[Block]:
+def _ranges(recorded: Recorded) -> Block:
     rows = []
     for channel in recorded.recording.channels:
         values = recorded.recording.column(channel.name)
@@ -78,12 +76,7 @@ def _ranges(recorded: Recorded) -> list[Block]:
         unit = "µs" if channel.unit == "pwm_us" else unit_for_people(channel.unit)
         rows.append((channel.name, unit, str(known.size), *numbers))
     heads = ("channel", "unit", "values", "least", "median", "greatest")
-    return [Table("What each channel holds.", heads, rows, text_columns=2)]
-
-
-STAND = Page(
-    "replay.stand", [("What was recorded", ["samples", "thrust", _nothing_drawn, _ranges])]
-)
+    return Table("What each channel holds.", heads, rows, text_columns=2)
 
 
 def stand_summary(recorded: Recorded) -> str:
@@ -98,3 +91,11 @@ def stand_summary(recorded: Recorded) -> str:
         least, most = (numeral(of(thrust), ".4g") for of in (np.nanmin, np.nanmax))
         summary += f" Thrust from {least} to {most} N."
     return summary
+
+
+STAND = Page(
+    "replay.stand",
+    [("What was recorded", ["samples", "thrust", _nothing_drawn, _ranges]), sections_behind],
+    title="Recording: {0.name}",
+    summary=stand_summary,
+)

@@ -7,10 +7,9 @@ from math import hypot, isfinite
 
 import numpy as np
 
-from benchtool import __version__
 from benchtool.report.figure import Page
 from benchtool.report.numbers import value_with_sd
-from benchtool.report.page import Block, Commands, Heading, Paragraph, Report, Section, Table
+from benchtool.report.page import Block, Heading, Paragraph, Section, Table
 from benchtool.report.run_facts import MISSING, air_facts, calibration_facts, state_facts
 from benchtool.report.sweep.figures import plain
 from benchtool.report.sweep.page import SWEEP, run_sentence
@@ -18,31 +17,6 @@ from benchtool.report.sweep.run import SweepRun
 
 CLEAR = 3.0
 """A difference of more than so many of its standard deviations is called one."""
-
-
-def _tables(runs: Sequence[SweepRun]) -> list[Block]:
-    table, _ = common_table(runs)
-    return [*([table] if table.rows else []), facts_table(runs)]
-
-
-COMPARED = Page("sweep.compared", [("Runs compared", ["ratios", _tables])])
-
-
-def compared_page(runs: Sequence[SweepRun], commands: Sequence[str] = ()) -> Report:
-    """Return the report page of several runs."""
-    sections = COMPARED.sections(runs)
-    for run in runs:
-        parts: list[Block] = [Paragraph(run_sentence(run))]
-        for section in SWEEP.sections(run):
-            parts += [Heading(section.title), *section.blocks]
-        sections.append(Section(f"The run {run.name}", parts))
-    return Report(
-        title=f"Sweeps compared: {', '.join(run.name for run in runs)}",
-        summary=common_table(runs)[1],
-        sections=(*sections, Section("Made with", [Commands(commands)])),
-        simulated=any(run.simulated for run in runs),
-        made=f"benchtool {__version__}",
-    )
 
 
 def common_table(runs: Sequence[SweepRun]) -> tuple[Table, str]:
@@ -82,6 +56,11 @@ def common_table(runs: Sequence[SweepRun]) -> tuple[Table, str]:
     return table, f"{said}, the farthest {worst[1]} ({worst[0]:.1f})." if worst[1] else f"{said}."
 
 
+def _common(runs: Sequence[SweepRun]) -> Table | None:
+    table, _ = common_table(runs)
+    return table if table.rows else None
+
+
 def _by_setting(run: SweepRun) -> dict[tuple[float, float], tuple[float, float]]:
     """Return ratio and error by plate distance z/R and pulse in µs."""
     z, levels = run.z_over_R(run.settings).round(2), run.level_us().round(0)
@@ -114,3 +93,22 @@ def facts_table(runs: Sequence[SweepRun]) -> Table:
         [(key, *(one[key] for one in columns)) for key in columns[0]],
         text_columns=1 + len(runs),
     )
+
+
+def _in_full(runs: Sequence[SweepRun]) -> list[Section]:
+    """Return a section for each run, whose own sections become parts of it."""
+    sections = []
+    for run in runs:
+        parts: list[Block] = [Paragraph(run_sentence(run))]
+        for section in SWEEP.sections(run):
+            parts += [Heading(section.title), *section.blocks]
+        sections.append(Section(f"The run {run.name}", parts))
+    return sections
+
+
+COMPARED = Page(
+    "sweep.compared",
+    [("Runs compared", ["ratios", _common, facts_table]), _in_full],
+    title=lambda runs: f"Sweeps compared: {', '.join(run.name for run in runs)}",
+    summary=lambda runs: common_table(runs)[1],
+)

@@ -127,7 +127,6 @@ def ratio(figure: Figure, run: SweepRun) -> None:
         f"of the first run's rig."
     ),
     when=lambda runs: any(_ratios(run, "") for run in runs),
-    simulated=lambda runs: any(run.simulated for run in runs),
 )
 def ratios(figure: Figure, runs: Sequence[SweepRun]) -> None:
     """Draw T_IGE/T_OGE of several runs, each with its own marker."""

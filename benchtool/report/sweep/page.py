@@ -2,24 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from benchtool import __version__
 from benchtool.core.counted import counted
 from benchtool.report.figure import Page, drawn
 from benchtool.report.numbers import value_with_sd
-from benchtool.report.page import (
-    Block,
-    Commands,
-    Facts,
-    Listing,
-    Paragraph,
-    Report,
-    Section,
-    Warnings,
-)
+from benchtool.report.page import Block, Facts, Listing, Paragraph, Warnings
 from benchtool.report.run_facts import (
     air_facts,
     calibration_facts,
@@ -34,18 +23,10 @@ from benchtool.report.sweep.samples import anchor_changes
 from benchtool.report.sweep.tables import events_block, limits_table, settings_table, tares_table
 
 
-def _warnings(run: SweepRun) -> list[Block]:
-    return [Warnings(run_warnings(run))]
-
-
-def _settings(run: SweepRun) -> list[Block]:
-    return [settings_table(run)]
-
-
-def _without_samples(run: SweepRun) -> list[Block]:
+def _without_samples(run: SweepRun) -> Block | None:
     if run.samples is not None:
-        return []
-    return [Paragraph("The folder holds no samples, only points made of them.")]
+        return None
+    return Paragraph("The folder holds no samples, only points made of them.")
 
 
 def _drift(run: SweepRun) -> list[Block]:
@@ -64,14 +45,6 @@ def _drift(run: SweepRun) -> list[Block]:
     return [Paragraph(said), *tares]
 
 
-def _limits(run: SweepRun) -> list[Block]:
-    return [limits_table(run), events_block(run)]
-
-
-def _rig(run: SweepRun) -> list[Block]:
-    return [Facts(rig_facts(run.metadata) | device_facts(run.metadata))]
-
-
 def _conditions(run: SweepRun) -> list[Block]:
     facts = run.metadata
     blocks: list[Block] = [Facts(state_facts(facts) | air_facts(facts) | calibration_facts(facts))]
@@ -80,44 +53,11 @@ def _conditions(run: SweepRun) -> list[Block]:
     return blocks
 
 
-def _plan(run: SweepRun) -> list[Block]:
-    return [Listing("The plan, every number filled in (plan.toml).", run.plan_text)]
-
-
-def _data(run: SweepRun) -> list[Block]:
+def _data(run: SweepRun) -> Block:
     facts = version_facts(run.metadata)
     facts["reported with"] = f"benchtool {__version__}"
     facts["sha256 of the run's data (points and samples)"] = run.sha256
-    return [Facts(facts | {f"sha256 of {name}": digest for name, digest in run.files.items()})]
-
-
-SWEEP = Page(
-    "sweep",
-    [
-        ("What was measured", [_warnings, "ratio", "distance", _settings]),
-        ("Raw and averaged", ["samples", "visits", _without_samples]),
-        ("Order, drift and tares", ["order", _drift]),
-        ("Limits and events", [_limits]),
-        ("Rig and device", [_rig]),
-        ("Conditions and calibration", [_conditions]),
-        ("Plan", [_plan]),
-        ("Software and data", [_data]),
-    ],
-)
-
-Page("sweep.calibration", [("Calibration", ["calibration"])])
-
-
-def sweep_page(run: SweepRun, commands: Sequence[str] = ()) -> Report:
-    """Return the report page of one run."""
-    return Report(
-        title=f"Sweep: {run.name}",
-        summary=run_sentence(run),
-        sections=(*SWEEP.sections(run), Section("Made with", [Commands(commands)])),
-        simulated=run.simulated,
-        made=f"benchtool {__version__}",
-        highlights=_highlights(run),
-    )
+    return Facts(facts | {f"sha256 of {name}": digest for name, digest in run.files.items()})
 
 
 def run_sentence(run: SweepRun) -> str:
@@ -198,3 +138,32 @@ def run_warnings(run: SweepRun) -> list[str]:
         if repairs:
             out.append(f"Mended while reading: {repairs}.")
     return out
+
+
+SWEEP = Page(
+    "sweep",
+    [
+        (
+            "What was measured",
+            [lambda run: Warnings(run_warnings(run)), "ratio", "distance", settings_table],
+        ),
+        ("Raw and averaged", ["samples", "visits", _without_samples]),
+        ("Order, drift and tares", ["order", _drift]),
+        ("Limits and events", [limits_table, events_block]),
+        (
+            "Rig and device",
+            [lambda run: Facts(rig_facts(run.metadata) | device_facts(run.metadata))],
+        ),
+        ("Conditions and calibration", [_conditions]),
+        (
+            "Plan",
+            [lambda run: Listing("The plan, every number filled in (plan.toml).", run.plan_text)],
+        ),
+        ("Software and data", [_data]),
+    ],
+    title="Sweep: {0.name}",
+    summary=run_sentence,
+    highlights=_highlights,
+)
+
+Page("sweep.calibration", [("Calibration", ["calibration"])])

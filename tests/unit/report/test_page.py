@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from benchtool.core.errors import InputError, WouldOverwrite
 from benchtool.core.fit_result import Estimate, FitResult, Outcome
-from benchtool.report.fit.tables import ModelScore, comparison_table, estimates_table, methods_table
+from benchtool.report.fit.tables import estimates_table, methods_table
 from benchtool.report.html import render_report, write_report
 from benchtool.report.numbers import unit_for_people, value_with_sd
 from benchtool.report.page import (
@@ -226,11 +226,3 @@ def test_methods_stand_side_by_side_with_the_truth() -> None:
     assert list(table.rows[1]) == ["body_lift.K_b", "1.974 ± 0.021", "1.974 ± 0.021", "2"]
     assert table.rows[0][3] == "–"
     assert table.rows[2][1] == "83.2 / 77"
-
-
-def test_models_are_compared_per_degree_of_freedom() -> None:
-    table = comparison_table(
-        [ModelScore("single", 2, 350.0, 10, 41.2, "rejected"), ModelScore("line", 2, 0.0, 0)]
-    )
-    assert table.rows[0] == ("single", "rejected", "2", "35", "41.2")
-    assert table.rows[1] == ("line", "–", "2", "–", "–")

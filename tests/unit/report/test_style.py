@@ -17,11 +17,10 @@ from benchtool.report.style import (
     look,
     new_figure,
     ratio_label,
-    styled,
 )
 
 
-@styled
+@look()
 def example(*, simulated: bool, title: str = "Example") -> Figure:
     figure = new_figure(title, simulated=simulated, height_in=3.0)
     axes = figure.subplots()

@@ -81,14 +81,14 @@ def view_part(root: Path, name: str, part: str) -> PageSection:
 
 def view_comparison(root: Path, names: Sequence[str]) -> PageSection:
     """Return several sweeps in one plot, with the settings that they share."""
-    from benchtool.report.sweep.compared import compared_page
+    from benchtool.report.sweep.compared import COMPARED
     from benchtool.report.sweep.run import read_sweep_run
     from benchtool.web.drawing import blocks_html
 
     paths = [RunsFolder(root).path_of(name) for name in names]
     if len(paths) < 2:
         raise InputError("choose two sweeps or more to compare")
-    report = compared_page([read_sweep_run(path) for path in paths])
+    report = COMPARED.report([read_sweep_run(path) for path in paths])
     return PageSection(
         title=f"{len(names)} sweeps compared",
         html=blocks_html(report.sections[0].blocks),
@@ -107,10 +107,10 @@ def _made(path: Path, kind: str, stamp: int) -> Report:
     """Return the report of a run; its figures are drawn when they are shown."""
     del stamp  # another one after every change on the disk
     if kind == "sweep":
-        from benchtool.report.sweep.page import sweep_page
+        from benchtool.report.sweep.page import SWEEP
         from benchtool.report.sweep.run import read_sweep_run
 
-        return sweep_page(read_sweep_run(path))
+        return SWEEP.report(read_sweep_run(path))
     from benchtool.explain.pitch.replayed import Beside
     from benchtool.report.replay.page import recording_page
 
