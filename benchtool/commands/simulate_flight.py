@@ -74,7 +74,7 @@ def flight(inputs: FlightInputs) -> None:
     Numbers, recordings, a figure; or a campaign of many flights.
     """
     from benchtool.commands.terminal.announce_code import announce_code
-    from benchtool.report.flight.report import fly_each, report_lines, write_flights
+    from benchtool.report.flight.flight import fly_each, report_lines, write_flights
     from benchtool.simulate.campaign_flight import OGE, flight_campaign
     from benchtool.simulate.flight.flight import FlightControl
     from benchtool.simulate.flight.setup import full_name

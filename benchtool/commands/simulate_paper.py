@@ -24,10 +24,13 @@ def paper(inputs: PaperInputs) -> None:
 
     Simulates its sections 2.4, 3 and 4, and prints what comes out of each claim.
     """
-    from benchtool.commands.paper.bench import bench_claims
-    from benchtool.commands.paper.claims import Flights, claim_csv, claim_lines
-    from benchtool.commands.paper.flight import flight_claims
-    from benchtool.commands.paper.sensitivity import sensitivity_claims
+    from benchtool.commands.paper_claims import (
+        Flights,
+        claim_csv,
+        claim_lines,
+        paper_claims,
+        sensitivity_claims,
+    )
 
     out = inputs.out
     say_if_slow("takes an hour", "a minute")
@@ -36,7 +39,7 @@ def paper(inputs: PaperInputs) -> None:
 
         refuse_existing([out / "claims.csv"])
     flights = Flights()
-    claims = [*flight_claims(flights), *bench_claims()]
+    claims = paper_claims(flights)
     if inputs.sensitivity:
         claims += sensitivity_claims(flights)
     print("SIMULATED: claims of Int. J. Aerospace Eng. 2017, 1823056; gains are not the paper's,")

@@ -15,7 +15,7 @@ from math import cos, inf, sin
 import numpy as np
 
 from benchtool.core.array import Array
-from benchtool.report.flight.report import fly_each, table_lines
+from benchtool.report.flight.flight import fly_each, table_lines
 from benchtool.report.panels import spans
 from benchtool.report.preview import (
     Chart,

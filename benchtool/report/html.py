@@ -8,10 +8,19 @@ from pathlib import Path
 
 from jinja2 import DictLoader, Environment, StrictUndefined
 from markupsafe import Markup
+from matplotlib.figure import Figure
 
-from benchtool.report.files import refuse_existing, write_whole
+from benchtool.report.files import figure_bytes, refuse_existing, write_whole
 from benchtool.report.page import FigureBlock, Report
-from benchtool.report.svg import inline_svg
+
+LARGEST = 1.25
+"""A figure fills its column up to this many times its printed size."""
+
+_PROLOGUE = re.compile(r"^.*?(?=<svg\b)", re.DOTALL)
+_NAMESPACES = re.compile(r'\s+xmlns(?::\w+)?="[^"]*"')
+_METADATA = re.compile(r"\s*<metadata>.*?</metadata>", re.DOTALL)
+_SIZE = re.compile(r'(<svg\b[^>]*?)\s+width="([\d.]+)pt"([^>]*?)\s+height="[\d.]+pt"', re.DOTALL)
+_REFERENCES = re.compile(r'(\bid="|url\(#|href="#)')
 
 _PAGE = "report.html.j2"
 _STYLE = "report.css"
@@ -60,3 +69,24 @@ def _anchors(titles: list[str]) -> list[str]:
         )
         anchors.append(f"{stem}-{taken + 1}" if taken else stem)
     return anchors
+
+
+def inline_svg(figure: Figure, prefix: str) -> str:
+    """Return the figure as an <svg> element for the inside of an HTML page.
+
+    Args:
+        figure: the figure.
+        prefix: put before every id, so that two figures of a page share none.
+    """
+    text = figure_bytes(figure, "svg").decode("utf-8")
+    text = _PROLOGUE.sub("", text, count=1)
+    text = _METADATA.sub("", text)
+    head, rest = text.split(">", 1)
+    # HTML knows the namespaces by itself; without them the page names no address at all.
+    head = _NAMESPACES.sub("", head)
+    head = _SIZE.sub(
+        lambda match: f'{match[1]}{match[3]} style="max-width:{LARGEST * float(match[2]):.0f}pt"',
+        head + ">",
+    )
+    rest = rest.replace("xlink:href=", "href=")
+    return _REFERENCES.sub(lambda match: match[1] + prefix + "-", head + rest).strip()

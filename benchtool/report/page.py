@@ -78,6 +78,15 @@ class Table:
                     f"{len(row)} cells: {', '.join(row)}"
                 )
 
+    def narrowed(self, columns: Sequence[int], caption: str = "", text_columns: int = 0) -> Table:
+        """Return the same with some of its columns, for a terminal."""
+        return Table(
+            caption or self.caption,
+            [self.header[column] for column in columns],
+            [[row[column] for column in columns] for row in self.rows],
+            text_columns=text_columns or self.text_columns,
+        )
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FigureBlock:

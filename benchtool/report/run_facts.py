@@ -19,20 +19,15 @@ MISSING = "not stated"
 
 def state_facts(metadata: Mapping[str, Any]) -> dict[str, str]:
     """Return when, by whom and how it ended."""
-    link = metadata.get("link") or {}
-    ended = str(metadata.get("state", MISSING))
-    if reason := metadata.get("reason"):
-        ended += f": {reason}"
+    link, reason = metadata.get("link") or {}, metadata.get("reason")
     facts = {
         "started": str(metadata.get("started", MISSING)),
         "operator": str(metadata.get("operator") or MISSING),
-        "state": ended,
+        "state": str(metadata.get("state", MISSING)) + (f": {reason}" if reason else ""),
     }
     if "samples" in link:
-        facts["samples"] = (
-            f"{link['samples']}, lost {link.get('lost', '?')}, "
-            f"corrupt frames {link.get('corrupt', '?')}"
-        )
+        lost, corrupt = link.get("lost", "?"), link.get("corrupt", "?")
+        facts["samples"] = f"{link['samples']}, lost {lost}, corrupt frames {corrupt}"
     if "seed" in metadata:
         facts["seed of the order"] = str(metadata["seed"])
     return facts
@@ -50,10 +45,24 @@ def device_facts(metadata: Mapping[str, Any]) -> dict[str, str]:
         facts["stream"] = f"{device['rate_Hz']:g} Hz: {', '.join(device.get('channels', {}))}"
     if "watchdog_s" in device:
         facts["watchdog"] = f"{device['watchdog_s']:g} s"
-    reported = {key: str(value) for key, value in (device.get("facts") or {}).items()}
-    if reported:
+    if reported := device.get("facts"):
         facts["it says"] = ", ".join(f"{key} = {value}" for key, value in reported.items())
     return facts
+
+
+_RIG = {
+    "propulsion": {
+        "rotor radius": "{radius_m:g} m",
+        "k of T = k ω², in its file": "{thrust_coefficient_N_s2:g} N/(rad/s)²",
+        "pulses": "stop {pwm_stop_us:g} µs, start {pwm_start_us:g} µs, most {pwm_max_us:g} µs",
+    },
+    "body": {"mass, pitch inertia": "{mass_kg:g} kg, {inertia_yy_kgm2:g} kg m²"},
+    "plate": {
+        "plate": "{size_x_m:g} m × {size_y_m:g} m, moved by {moved_by}, {z_min_m:g} m to "
+        "{z_max_m:g} m, parked at {z_park_m:g} m"
+    },
+}
+"""Facts by table of a rig; a run that states no such table has none of them."""
 
 
 def rig_facts(metadata: Mapping[str, Any]) -> dict[str, str]:
@@ -61,34 +70,20 @@ def rig_facts(metadata: Mapping[str, Any]) -> dict[str, str]:
     rig = metadata.get("rig") or {}
     if not rig:
         return {"rig": MISSING}
-    p, plate, body = rig.get("propulsion", {}), rig.get("plate", {}), rig.get("body", {})
-    facts = {"rig": f"{rig.get('name', '')}: {rig.get('title', '')}"}
     rotors = rig.get("rotors", [])
-    facts["rotors"] = f"{len(rotors)}: " + ", ".join(
-        f"{item['name']} ({item['x_m']:g}, {item['y_m']:g}) m" for item in rotors
-    )
-    if p:
-        facts["rotor radius"] = f"{p['radius_m']:g} m"
-        facts["k of T = k ω², in its file"] = f"{p['thrust_coefficient_N_s2']:g} N/(rad/s)²"
-        facts["pulses"] = (
-            f"stop {p['pwm_stop_us']:g} µs, start {p['pwm_start_us']:g} µs, "
-            f"most {p['pwm_max_us']:g} µs"
-        )
-    if body:
-        facts["mass, pitch inertia"] = f"{body['mass_kg']:g} kg, {body['inertia_yy_kgm2']:g} kg m²"
-    if plate:
-        facts["plate"] = (
-            f"{plate['size_x_m']:g} m × {plate['size_y_m']:g} m, moved by {plate['moved_by']}, "
-            f"{plate['z_min_m']:g} m to {plate['z_max_m']:g} m, parked at {plate['z_park_m']:g} m"
-        )
+    places = ", ".join(f"{item['name']} ({item['x_m']:g}, {item['y_m']:g}) m" for item in rotors)
+    facts = {
+        "rig": f"{rig.get('name', '')}: {rig.get('title', '')}",
+        "rotors": f"{len(rotors)}: {places}",
+    }
+    for table, rows in _RIG.items():
+        if rig.get(table):
+            facts |= {name: text.format(**rig[table]) for name, text in rows.items()}
     for name, sensor in rig.get("sensors", {}).items():
-        facts[f"sensor {name}"] = (
-            f"noise {sensor['noise']:g}, quantum {sensor['quantum']:g}, {sensor['rate_Hz']:g} Hz"
-        )
-    facts["assumed numbers of the rig"] = (
-        f"{len(rig.get('assumed', []))} of {len(rig.get('sources', {}))}"
-    )
-    return facts
+        text = "noise {noise:g}, quantum {quantum:g}, {rate_Hz:g} Hz"
+        facts[f"sensor {name}"] = text.format(**sensor)
+    assumed, stated = len(rig.get("assumed", [])), len(rig.get("sources", {}))
+    return facts | {"assumed numbers of the rig": f"{assumed} of {stated}"}
 
 
 def air_facts(metadata: Mapping[str, Any]) -> dict[str, str]:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from benchtool import __version__
 from benchtool.data.atomic import json_ready
 from benchtool.explain.answer import Answer
-from benchtool.explain.engine.verdict import ChannelGap, FoundParameter, NamedEffect
 from benchtool.explain.next_steps import next_file
 from benchtool.report.answer.tables import unjudged_sentence
 
@@ -32,29 +31,33 @@ class Written:
 def answer_tables(answer: Answer, written: Written) -> dict[str, Any]:
     """Return the contents of the JSON file: every key is always there."""
     verdict = answer.verdict
-    where, nearest = verdict.where, verdict.nearest
     tables = {
         "version": VERSION,
         "verdict": verdict.kind,
         "sentence": verdict.sentence,
-        "effects": [_effect(effect) for effect in verdict.effects],
+        "effects": [
+            asdict(effect)
+            | {
+                "parameters": {
+                    item.name: _fields(item, "value", "std", "unit", interval_95="")
+                    | _fields(item, "tolerance", "neutral")
+                    for item in effect.parameters
+                }
+            }
+            for effect in verdict.effects
+        ],
         "class": list(verdict.names) if verdict.kind == "class" else [],
         "probabilities": dict(verdict.probabilities),
-        "places": [
-            {"effect": place.effect, "probabilities": dict(place.probabilities)}
-            for place in verdict.places
-        ],
-        "where": {
-            "stage": where.stage if where else None,
-            "regime": where.regime if where else None,
-            "size": where.size if where else None,
-            "share": where.share if where else None,
+        "places": [_fields(place, "effect", "probabilities") for place in verdict.places],
+        "where": _fields(verdict.where, "stage", "regime", "size", "share"),
+        "gap": {
+            gap.channel: _fields(
+                gap, "unit", "before", "after", "floor",
+                floor_5_95="floor_", before_95="before_", after_95="after_",
+            ) | _fields(gap, "as_given", "share_closed")
+            for gap in verdict.gaps
         },
-        "gap": {gap.channel: _gap(gap) for gap in verdict.gaps},
-        "nearest": {
-            "name": nearest.name if nearest else None,
-            "share_closed": nearest.share_closed if nearest else None,
-        },
+        "nearest": _fields(verdict.nearest, "name", "share_closed"),
         "tolerances": dict(verdict.tolerances),
         "not_judged": {
             name: {
@@ -68,69 +71,36 @@ def answer_tables(answer: Answer, written: Written) -> dict[str, Any]:
         "next_experiment": _next(answer, written.schedule),
         "model_out": written.model or None,
         "seconds": answer.seconds,
-        "bench": verdict.bench,
-        "window_s": verdict.window_s,
-        "draws": verdict.draws,
-        "seed": answer.seed,
-        "simulated": answer.simulated,
+        **_fields(verdict, "bench", "window_s", "draws"),
+        **_fields(answer, "seed", "simulated"),
         "model": answer.request.loaded.model.name,
         "data": {
             "learn": {source.name: source.sha256 for source in answer.request.learn},
             "check": {source.name: source.sha256 for source in answer.request.check},
         },
         "software": f"benchtool {__version__}",
-    }
+    }  # fmt: skip
     cleaned: dict[str, Any] = json_ready(tables)
     return cleaned
 
 
+def _fields(item: Any, *names: str, **spans: str) -> dict[str, Any]:
+    """Return attributes, None of no item, and pairs of those whose names end in low and high."""
+    found = {name: getattr(item, name, None) for name in names}
+    pairs = {
+        key: [getattr(item, f"{stem}low"), getattr(item, f"{stem}high")]
+        for key, stem in spans.items()
+    }
+    return found | pairs
+
+
 def _next(answer: Answer, path: str) -> dict[str, Any]:
     experiment = answer.verdict.next
-    if experiment is None:
-        return dict.fromkeys(("candidates", "title", "reason", "kind", "file", "text", "expected"))
+    kind = None if experiment is None else "schedule" if experiment.schedule is not None else "plan"
     return {
-        "candidates": list(experiment.candidates),
-        "title": experiment.title,
-        "reason": experiment.reason,
-        "kind": "schedule" if experiment.schedule is not None else "plan",
+        **_fields(experiment, "candidates", "title", "reason"),
+        "kind": kind,
         "file": path or None,
-        "text": next_file(answer)[1],
-        "expected": dict(experiment.expected),
-    }
-
-
-def _effect(effect: NamedEffect) -> dict[str, Any]:
-    return {
-        "name": effect.name,
-        "title": effect.title,
-        "stage": effect.stage,
-        "probability": effect.probability,
-        "parameters": {item.name: _parameter(item) for item in effect.parameters},
-        "log_likelihood_ratio": effect.log_likelihood_ratio,
-        "p_value": effect.p_value,
-    }
-
-
-def _parameter(item: FoundParameter) -> dict[str, Any]:
-    return {
-        "value": item.value,
-        "std": item.std,
-        "unit": item.unit,
-        "interval_95": [item.low, item.high],
-        "tolerance": item.tolerance,
-        "neutral": item.neutral,
-    }
-
-
-def _gap(gap: ChannelGap) -> dict[str, Any]:
-    return {
-        "unit": gap.unit,
-        "before": gap.before,
-        "after": gap.after,
-        "floor": gap.floor,
-        "floor_5_95": [gap.floor_low, gap.floor_high],
-        "before_95": [gap.before_low, gap.before_high],
-        "after_95": [gap.after_low, gap.after_high],
-        "as_given": gap.as_given,
-        "share_closed": gap.share_closed,
+        "text": None if experiment is None else next_file(answer)[1],
+        **_fields(experiment, "expected"),
     }

@@ -26,7 +26,7 @@ def refuse_taken(folder: Path | None, json_file: Path | None) -> None:
     Raises:
         WouldOverwrite: a folder with files in it, or a file.
     """
-    if folder is not None and folder.exists() and not _is_empty(folder):
+    if folder is not None and folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise WouldOverwrite(str(folder), "--overwrite")
     if json_file is not None and json_file.exists():
         raise WouldOverwrite(str(json_file), "--overwrite")
@@ -75,7 +75,3 @@ def write_json(path: Path, answer: Answer, written: Written) -> None:
     """Write the answer for programs; replaces a file of that name."""
     path.parent.mkdir(parents=True, exist_ok=True)
     replace_json(path, answer_tables(answer, written))
-
-
-def _is_empty(folder: Path) -> bool:
-    return folder.is_dir() and not any(folder.iterdir())

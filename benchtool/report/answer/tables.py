@@ -12,10 +12,11 @@ from benchtool.report.page import Table
 
 def effects_table(answer: Answer) -> Table:
     """List every named effect with its parameters, intervals and evidence."""
-    rows = []
-    for effect in answer.verdict.effects:
-        for place, item in enumerate(effect.parameters):
-            rows.append(_effect_row(effect, item, first=place == 0))
+    rows = [
+        _effect_row(effect, item, first=item is effect.parameters[0])
+        for effect in answer.verdict.effects
+        for item in effect.parameters
+    ]
     return Table(
         _effects_caption(answer, "; log ratio: of likelihoods, with the effect over without it"),
         (
@@ -29,14 +30,7 @@ def effects_table(answer: Answer) -> Table:
 
 def short_effects_table(answer: Answer) -> Table:
     """List every named effect in the width of a terminal."""
-    whole = effects_table(answer)
-    columns = (0, 2, 3, 4, 5, 6)
-    return Table(
-        _effects_caption(answer),
-        [whole.header[column] for column in columns],
-        [[row[column] for column in columns] for row in whole.rows],
-        text_columns=2,
-    )
+    return effects_table(answer).narrowed((0, 2, 3, 4, 5, 6), _effects_caption(answer), 2)
 
 
 def _effects_caption(answer: Answer, more: str = "") -> str:
@@ -52,23 +46,19 @@ def _effects_caption(answer: Answer, more: str = "") -> str:
 
 
 def _effect_row(effect: NamedEffect, item: FoundParameter, *, first: bool) -> tuple[str, ...]:
+    head = (effect.name, STAGES[effect.stage])
     evidence = (
-        (
-            percentage(effect.probability),
-            f"{effect.log_likelihood_ratio:.1f}",
-            _p_value(effect.p_value),
-        )
-        if first
-        else ("", "", "")
+        percentage(effect.probability),
+        f"{effect.log_likelihood_ratio:.1f}",
+        _p_value(effect.p_value),
     )
     return (
-        effect.name if first else "",
-        STAGES[effect.stage] if first else "",
+        *(head if first else ("", "")),
         item.name,
         parameter_text(item),
         _interval(item),
         _quantity(item.tolerance, item.unit),
-        *evidence,
+        *(evidence if first else ("", "", "")),
     )
 
 
@@ -113,16 +103,8 @@ def gap_table(answer: Answer) -> Table:
 
 def short_gap_table(answer: Answer) -> Table:
     """List the gap in the width of a terminal."""
-    rows = []
-    for gap in answer.verdict.gaps:
-        row = _gap_row(gap, answer.has_model)
-        rows.append((row[0], row[1], row[3], row[4], row[5], row[7]))
-    return Table(
-        f"{_gap_caption(answer)} {SHORT_LEGEND}",
-        ("channel", "unit", "before (95 %)", "after (95 %)", "floor", "closed"),
-        rows,
-        text_columns=2,
-    )
+    caption = f"{_gap_caption(answer)} {SHORT_LEGEND}"
+    return gap_table(answer).narrowed((0, 1, 3, 4, 5, 7), caption)
 
 
 def _gap_caption(answer: Answer) -> str:

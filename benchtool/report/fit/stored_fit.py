@@ -52,14 +52,8 @@ class StoredFit:
     @property
     def sentence(self) -> str:
         """What the fit found, in one or two sentences."""
-        return sentence_of(
-            self.results[0],
-            model=self.model,
-            rig=self.rig,
-            basis=self.basis,
-            used=self.used,
-            read=self.read,
-        )
+        names = ("model", "rig", "basis", "used", "read")
+        return sentence_of(self.results[0], **{name: getattr(self, name) for name in names})
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -106,23 +100,22 @@ def figure_files(folder: Path) -> dict[str, Path]:
 def _from_tables(tables: Mapping[str, Any], where: str) -> StoredFit:
     try:
         points = tables["points"]
+        shared: dict[str, Any] = {"model": str(tables["model"]), "basis": str(tables["basis"])}
         results = tuple(
-            _result(method, table, str(tables["model"]), str(tables["basis"]))
-            for method, table in tables["results"].items()
+            _result(method, table, shared) for method, table in tables["results"].items()
         )
         if not results:
             raise FileFormatError(where, "no method has a result in it; fit again")
         return StoredFit(
             recipe=tables["recipe"],
-            model=str(tables["model"]),
             rig=str(tables.get("rig", "")),
-            basis=str(tables["basis"]),
             simulated=bool(tables["simulated"]),
             read=int(points["read"]),
             used=int(points["used"]),
             left_out=tuple(points["left_out"]),
             results=results,
             comparison=_comparison(tables.get("comparison")),
+            **shared,
         )
     except KeyError as error:
         raise FileFormatError(where, f"there is no {error} in it; fit again") from error
@@ -130,13 +123,11 @@ def _from_tables(tables: Mapping[str, Any], where: str) -> StoredFit:
         raise FileFormatError(where, f"it is no result of a fit ({error}); fit again") from error
 
 
-def _result(method: Any, table: Mapping[str, Any], model: str, basis: str) -> FitResult:
-    order = table["order"]
+def _result(method: Any, table: Mapping[str, Any], shared: dict[str, Any]) -> FitResult:
+    order, estimates = table["order"], table["estimates"]
     return FitResult(
         method=method,
-        basis=basis,
-        model=model,
-        estimates=tuple(_estimate(name, table["estimates"][name]) for name in order),
+        estimates=tuple(_estimate(name, estimates[name]) for name in order),
         derived=tuple(_estimate(name, item) for name, item in table["derived"].items()),
         covariance=np.array([_numbers(row) for row in table["covariance"]], float),
         chi2=_number(table["chi2"]),
@@ -145,12 +136,14 @@ def _result(method: Any, table: Mapping[str, Any], model: str, basis: str) -> Fi
         outcome=Outcome(**table["outcome"]),
         warnings=tuple(table["warnings"]),
         facts=table["facts"],
+        **shared,
     )
 
 
 def _estimate(name: str, table: Mapping[str, Any]) -> Estimate:
-    low_68, high_68 = _numbers(table["interval_68"])
-    low_95, high_95 = _numbers(table["interval_95"])
+    (low_68, high_68), (low_95, high_95) = map(
+        _numbers, (table["interval_68"], table["interval_95"])
+    )
     return Estimate(
         name=name,
         unit=str(table["unit"]),
@@ -165,18 +158,17 @@ def _estimate(name: str, table: Mapping[str, Any]) -> Estimate:
 def _comparison(table: Mapping[str, Any] | None) -> Comparison | None:
     if not table:
         return None
-    return Comparison(
-        scores=tuple(_score(score) for score in table["scores"]),
-        folds=int(table.get("folds", 0)),
-        settings=int(table.get("settings", 0)),
-        seed=int(table.get("seed", 0)),
+    counts = {name: int(table.get(name, 0)) for name in ("folds", "settings", "seed")}
+    names = [item.name for item in fields(Score) if item.name not in ("model", "parameters")]
+    scores = tuple(
+        Score(
+            model=str(score["model"]),
+            parameters=int(score["parameters"]),
+            **{name: _number(score[name]) for name in names},
+        )
+        for score in table["scores"]
     )
-
-
-def _score(table: Mapping[str, Any]) -> Score:
-    numbers: dict[str, Any] = {item.name: _number(table[item.name]) for item in fields(Score)[1:]}
-    numbers["parameters"] = int(table["parameters"])
-    return Score(model=str(table["model"]), **numbers)
+    return Comparison(scores=scores, **counts)
 
 
 def _numbers(values: Any) -> list[float]:

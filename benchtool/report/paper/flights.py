@@ -11,8 +11,14 @@ from matplotlib.figure import Figure
 from benchtool.core.rig import Rig
 from benchtool.report.figure import figure
 from benchtool.report.flight.flight import draw_flights, flights_width
-from benchtool.report.flight.pitch import PitchTrace, draw_pitch, pitch_height
-from benchtool.report.flight.pitch_study import pitch_study
+from benchtool.report.flight.pitch_study import (
+    PitchTrace,
+    draw_pitch,
+    draw_study,
+    pitch_height,
+    pitch_study,
+    trace_of,
+)
 from benchtool.simulate.flight.cases import GYRO_NOISE_RAD_S, OBSTACLE_X_M
 from benchtool.simulate.flight.study import CONTROL_NAMES, Flown
 from benchtool.simulate.pitch.setup import PitchSetup, changed, pitch_setup
@@ -71,10 +77,9 @@ def _register(
 
 
 def _heights(case: str, control: str) -> Columns:
+    heights = {OFF: None, "z/R = 3": 3.0, "z/R = 2": 2.0}
     return lambda flights: {
-        OFF: flights.fly(case, control, None),
-        "z/R = 3": flights.fly(case, control, 3.0),
-        "z/R = 2": flights.fly(case, control, 2.0),
+        name: flights.fly(case, control, z_over_R) for name, z_over_R in heights.items()
     }
 
 
@@ -194,7 +199,7 @@ def plate_in_flight(figure: Figure, flights: Flies) -> None:
     hinged = pitch_setup(gains="s3", controllers=("pid",))
     for setup, label in ((hinged, "PID"), (_slow(), "PID with a slow integral")):
         run = pitch_study(setup, 1).runs[0]
-        traces.append(PitchTrace.on_hinge(run, f"on the hinge with its friction, {label}"))
+        traces.append(trace_of(run, f"on the hinge with its friction, {label}"))
     draw_pitch(figure, traces)
 
 
@@ -212,9 +217,7 @@ def _bench(name: str, title: str, caption: str, controllers: Sequence[str], **se
         made = (
             _slow(rig) if rig else pitch_setup(gains="s3", controllers=tuple(controllers), **setup)
         )
-        study = pitch_study(made, 1)
-        pairs = zip(study.runs, study.away, strict=True)
-        draw_pitch(figure, [PitchTrace.on_hinge(run, run.controller, away) for run, away in pairs])
+        draw_study(figure, pitch_study(made, 1))
 
     figure(
         page="paper", name=name, title=title, caption=caption, simulated=True,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,7 +18,7 @@ from benchtool.report.figure import Page, drawn, figure
 from benchtool.report.fit.figures import fitted_curve, ratio_points
 from benchtool.report.page import FigureBlock
 from benchtool.report.palette import Role
-from benchtool.report.ratio import Curve, RatioPoints, draw_ratio, factor_over
+from benchtool.report.ratio import Curve, draw_ratio, factor_over
 
 Fits = Mapping[str, FitOutput]
 
@@ -51,89 +51,97 @@ def paper_layouts(recipes: Mapping[str, Path | None]) -> dict[str, FigureBlock]:
     return figures
 
 
-def _given(*names: str) -> Callable[[Fits], bool]:
-    return lambda fits: set(names) <= set(fits)
+Line = tuple[str, str, str, Role]
+"""Law of a curve ("eq2", "eq3", "eq4" or "fit"), of which recipe, its label and its role."""
 
-
-def _simulated(fits: Fits) -> bool:
-    return any(fit.simulated for fit in fits.values())
-
-
-@figure(
-    page="paper.layouts",
-    name="fig03-two-rigs",
-    title="A single rotor near the ground, two rigs",
-    caption="One rotor of each of two rigs over the PFI curve, eq. (2).",
-    when=_given("single", "second"),
-    simulated=_simulated,
+EQ2 = "PFI, one rotor: eq. (2)"
+QUAD: tuple[tuple[str, str, Role], ...] = (
+    ("single", "one rotor", "single_rotor"),
+    ("quad", "quadrotor", "quad"),
 )
-def two_rigs(figure: Figure, fits: Fits) -> None:
-    """Draw figure 3."""
-    first, second = fits["single"], fits["second"]
-    z = _distances(first, second)
-    series = [
-        _points(first, first.fitted.rig.name, "single_rotor"),
-        _points(second, second.fitted.rig.name, "second_rig"),
-    ]
-    draw_ratio(figure, series, [_one_rotor(first, z)], "equal_rpm2")
 
 
-@figure(
-    page="paper.layouts",
-    name="fig04-quad-and-single",
-    title="A quadrotor against a single rotor",
-    caption="A quadrotor and a single rotor over their PFI curves, eq. (3) and eq. (2).",
-    when=_given("single", "quad"),
-    simulated=_simulated,
+def _register(
+    name: str,
+    title: str,
+    caption: str,
+    measured: Sequence[tuple[str, str, Role]],
+    lines: Sequence[Line],
+) -> None:
+    """Register a figure of measured ratios, by recipe, label and role, over curves."""
+
+    def draw(figure: Figure, fits: Fits) -> None:
+        used = [fits[name] for name, *_ in measured]
+        z = [fit.data.z_over_R for fit in used]
+        farthest = max(float(np.nanmax(each[each < 9.0])) for each in z)
+        at = np.linspace(0.5, 1.06 * farthest, 240)
+        series = [
+            ratio_points(fit, f"{label or fit.fitted.rig.name}, mean and sd over repeats", role)
+            for fit, (_, label, role) in zip(used, measured, strict=True)
+        ]
+        draw_ratio(figure, series, [_curve(line, fits, at) for line in lines], "equal_rpm2")
+
+    figure(
+        page="paper.layouts", name=name, title=title, caption=caption,
+        when=lambda fits: {name for name, *_ in measured} <= set(fits),
+    )(draw)  # fmt: skip
+
+
+def _curve(line: Line, fits: Fits, z_over_R: Array) -> Curve:
+    """Return the fitted curve, or a closed formula with the rig's own radius."""
+    law, name, label, role = line
+    if law == "fit":
+        return fitted_curve(fits[name], z_over_R, label, role)
+    model = Model.single(fits[name].fitted.rig)
+    if law != "eq2":
+        model = model.with_effect("neighbour_images")
+    if law == "eq4":
+        model = model.with_effect("body_lift", K_b=PAPER_K_B)
+    turning = 3 if name == "three" else model.rig.n_rotors
+    speeds = np.where(np.arange(model.rig.n_rotors) < turning, 500.0, 0.0)
+    factor = np.asarray(factor_over(model, speeds[:, None], z_over_R), float)
+    return Curve(z_over_R, factor, label, role)
+
+
+_register(
+    "fig03-two-rigs",
+    "A single rotor near the ground, two rigs",
+    "One rotor of each of two rigs over the PFI curve, eq. (2).",
+    [("single", "", "single_rotor"), ("second", "", "second_rig")],
+    [("eq2", "single", EQ2, "formula")],
 )
-def quad_and_single(figure: Figure, fits: Fits) -> None:
-    """Draw figure 4."""
-    z, quad = _distances(fits["single"], fits["quad"]), _images(fits["quad"])
-    curves = [_one_rotor(fits["single"], z), _formula(quad, z, "PFI, quadrotor: eq. (3)", "quad")]
-    draw_ratio(figure, _single_and_quad(fits), curves, "equal_rpm2")
-
-
-@figure(
-    page="paper.layouts",
-    name="fig06-body-lift",
-    title="A quadrotor with body lift",
-    caption="A quadrotor and a single rotor over eq. (2), eq. (4) with K_b = 2, and the fit.",
-    when=_given("single", "quad"),
-    simulated=_simulated,
+_register(
+    "fig04-quad-and-single",
+    "A quadrotor against a single rotor",
+    "A quadrotor and a single rotor over their PFI curves, eq. (3) and eq. (2).",
+    QUAD,
+    [
+        ("eq2", "single", EQ2, "formula"),
+        ("eq3", "quad", "PFI, quadrotor: eq. (3)", "quad"),
+    ],
 )
-def body_lift(figure: Figure, fits: Fits) -> None:
-    """Draw figure 6."""
-    z = _distances(fits["single"], fits["quad"])
-    lifted = _images(fits["quad"]).with_effect("body_lift", K_b=PAPER_K_B)
-    label = f"body lift with K_b = {PAPER_K_B:g}: eq. (4)"
-    curves = [
-        _one_rotor(fits["single"], z),
-        _formula(lifted, z, label, "model"),
-        fitted_curve(fits["quad"], z, "eq. (4), fitted", "quad"),
-    ]
-    draw_ratio(figure, _single_and_quad(fits), curves, "equal_rpm2")
-
-
-@figure(
-    page="paper.layouts",
-    name="fig08-three-rotors",
-    title="Three rotors of a quadrotor",
-    caption="Three turning rotors of a quadrotor over eq. (2), their PFI curve, and the fit.",
-    when=_given("three"),
-    simulated=lambda fits: fits["three"].simulated,
+_register(
+    "fig06-body-lift",
+    "A quadrotor with body lift",
+    "A quadrotor and a single rotor over eq. (2), eq. (4) with K_b = 2, and the fit.",
+    QUAD,
+    [
+        ("eq2", "single", EQ2, "formula"),
+        ("eq4", "quad", f"body lift with K_b = {PAPER_K_B:g}: eq. (4)", "model"),
+        ("fit", "quad", "eq. (4), fitted", "quad"),
+    ],
 )
-def three_rotors(figure: Figure, fits: Fits) -> None:
-    """Draw figure 8."""
-    fit = fits["three"]
-    z = _distances(fit)
-    turning = np.array([1.0, 1.0, 1.0, 0.0])[: fit.fitted.rig.n_rotors]
-    curves = [
-        _one_rotor(fit, z),
-        _formula(_images(fit), z, "PFI, three rotors", "three_rotors", turning),
-        fitted_curve(fit, z, "three rotors with body lift, fitted", "model"),
-    ]
-    draw_ratio(figure, [_points(fit, "three rotors", "three_rotors")], curves, "equal_rpm2")
-
+_register(
+    "fig08-three-rotors",
+    "Three rotors of a quadrotor",
+    "Three turning rotors of a quadrotor over eq. (2), their PFI curve, and the fit.",
+    [("three", "three rotors", "three_rotors")],
+    [
+        ("eq2", "three", EQ2, "formula"),
+        ("eq3", "three", "PFI, three rotors", "three_rotors"),
+        ("fit", "three", "three rotors with body lift, fitted", "model"),
+    ],
+)
 
 LAYOUTS = Page(
     "paper.layouts",
@@ -144,37 +152,3 @@ LAYOUTS = Page(
         )
     ],
 )
-
-
-def _points(fit: FitOutput, label: str, role: Role) -> RatioPoints:
-    return ratio_points(fit, f"{label}, mean and sd over repeats", role)
-
-
-def _single_and_quad(fits: Fits) -> list[RatioPoints]:
-    return [
-        _points(fits["single"], "one rotor", "single_rotor"),
-        _points(fits["quad"], "quadrotor", "quad"),
-    ]
-
-
-def _images(fit: FitOutput) -> Model:
-    return Model.single(fit.fitted.rig).with_effect("neighbour_images")
-
-
-def _one_rotor(fit: FitOutput, z_over_R: Array) -> Curve:
-    single = Model.single(fit.fitted.rig)
-    return _formula(single, z_over_R, "PFI, one rotor: eq. (2)", "formula")
-
-
-def _formula(
-    model: Model, z_over_R: Array, label: str, role: Role, turning: Array | None = None
-) -> Curve:
-    """Return a closed formula with the rig's own radius, all rotors turning unless said."""
-    speeds = 500.0 * (np.ones(model.rig.n_rotors) if turning is None else turning)
-    factor = np.asarray(factor_over(model, speeds[:, None], z_over_R), float)
-    return Curve(z_over_R, factor, label, role)
-
-
-def _distances(*fits: FitOutput) -> Array:
-    farthest = max(float(np.nanmax(fit.data.z_over_R[fit.data.z_over_R < 9.0])) for fit in fits)
-    return np.linspace(0.5, 1.06 * farthest, 240)

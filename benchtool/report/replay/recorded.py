@@ -27,6 +27,8 @@ from benchtool.report.run_facts import (
     version_facts,
 )
 
+PLAN = "The plan of the experiment (plan.toml)."
+
 MODELLED = ("model", "controller", "gains", "schedule", "seed", "truth", "rig", "device")
 """Facts of a recording that stand above others on its page."""
 
@@ -71,23 +73,19 @@ def read_recorded(path: Path) -> Recorded:
     """Return a pitch run or a recording file with what stands beside it."""
     if path.is_dir():
         run = Run.open(path)
-        metadata = run.metadata
-        return Recorded(
-            path=path,
-            recording=read_pitch(path),
-            facts=metadata,
-            provenance=provenance_of_run(metadata),
-            plan_text=run.plan_text,
-            sha256=data_hash(path),
-        )
-    recording = read_recording(path)
+        facts, recording, plan_text = run.metadata, read_pitch(path), run.plan_text
+        provenance: Mapping[str, str] = provenance_of_run(facts)
+        sha256 = data_hash(path)
+    else:
+        facts, recording = read_recording_facts(facts_beside(path), FORMAT), read_recording(path)
+        provenance, plan_text, sha256 = recording.provenance, "", file_hash(path)
     return Recorded(
         path=path,
         recording=recording,
-        facts=read_recording_facts(facts_beside(path), FORMAT),
-        provenance=recording.provenance,
-        plan_text="",
-        sha256=file_hash(path),
+        facts=facts,
+        provenance=provenance,
+        plan_text=plan_text,
+        sha256=sha256,
     )
 
 
@@ -104,52 +102,28 @@ def sections_behind(recorded: Recorded) -> list[Section]:
         return [
             Section("Rig and device", [Facts(rig_facts(facts) | device_facts(facts))]),
             Section("Conditions and calibration", [Facts(conditions)]),
-            Section(
-                "Experiment",
-                [Listing("The plan of the experiment (plan.toml).", recorded.plan_text)],
-            ),
+            Section("Experiment", [Listing(PLAN, recorded.plan_text)]),
             Section("Software and data", [Facts(hashes)]),
         ]
-    sections = []
-    if findings := facts.get("findings"):
-        sections.append(Section("Repairs and doubts", _findings(findings, facts)))
     stated = {key: value for key, value in recording.provenance.items() if value}
-    ordered = {key: stated[key] for key in MODELLED if key in stated}
     if "file" in stated:
         stated["file"] = Path(stated["file"]).name
-    listed = ordered | {key: value for key, value in stated.items() if key not in ordered}
-    channels = ", ".join(f"{item.name} [{item.unit}]" for item in recording.channels)
-    sections.append(
-        Section(
-            "Where it comes from",
-            [
-                Facts(
-                    listed
-                    | {
-                        "read as": str(facts.get("imported_as", "a recording of benchtool")),
-                        "rows": str(len(recording)),
-                        "channels": channels,
-                    }
-                    | _windows(facts)
-                )
-            ],
-        )
-    )
-    sections.append(
-        Section(
-            "Software and data",
-            [
-                Facts(
-                    _made_with(recorded)
-                    | {
-                        "reported with": f"benchtool {__version__}",
-                        f"sha256 of {recorded.name}": recorded.sha256,
-                    }
-                )
-            ],
-        )
-    )
-    return sections
+    listed = {key: stated[key] for key in MODELLED if key in stated} | stated
+    listed |= {
+        "read as": str(facts.get("imported_as", "a recording of benchtool")),
+        "rows": str(len(recording)),
+        "channels": ", ".join(f"{item.name} [{item.unit}]" for item in recording.channels),
+    }
+    software = _made_with(recorded) | {
+        "reported with": f"benchtool {__version__}",
+        f"sha256 of {recorded.name}": recorded.sha256,
+    }
+    findings = facts.get("findings")
+    return [
+        *([Section("Repairs and doubts", _findings(findings, facts))] if findings else []),
+        Section("Where it comes from", [Facts(listed | _windows(facts))]),
+        Section("Software and data", [Facts(software)]),
+    ]
 
 
 def _made_with(recorded: Recorded) -> dict[str, str]:
@@ -161,7 +135,7 @@ def _made_with(recorded: Recorded) -> dict[str, str]:
     if "imported_as" in facts:
         device = recorded.recording.provenance.get("device") or MISSING
         return {"recorded with": device, "imported with": listed}
-    return {"simulated with" if recorded.recording.simulated else "written with": listed}
+    return {"simulated with" if recorded.simulated else "written with": listed}
 
 
 def _windows(facts: Mapping[str, Any]) -> dict[str, str]:
@@ -186,12 +160,6 @@ def _findings(findings: Sequence[Mapping[str, Any]], facts: Mapping[str, Any]) -
     rows = [
         (item["kind"], item["what"], item.get("channel") or "–", item["words"]) for item in findings
     ]
-    blocks.append(
-        Table(
-            "What was repaired, doubted, refused or found missing while importing.",
-            ("kind", "what", "channel", "words"),
-            rows,
-            text_columns=4,
-        )
-    )
-    return blocks
+    caption = "What was repaired, doubted, refused or found missing while importing."
+    heads = ("kind", "what", "channel", "words")
+    return [*blocks, Table(caption, heads, rows, text_columns=4)]

@@ -25,13 +25,8 @@ from benchtool.data.run.settings import aggregate
 from benchtool.fit.nominal import NominalModel
 
 FILES = (
-    "plan.toml",
-    "metadata.json",
-    "points.csv",
-    "samples.csv",
-    "samples.parquet",
-    "settings.csv",
-    "events.jsonl",
+    *("plan.toml", "metadata.json", "points.csv", "samples.csv", "samples.parquet"),
+    *("settings.csv", "events.jsonl"),
 )
 """Files of a run folder, in the order in which a report lists their hashes."""
 
@@ -160,8 +155,7 @@ def read_sweep_run(path: Path, model: NominalModel | None = None) -> SweepRun:
 def _samples(path: Path) -> Recording:
     """Return the samples of the columns that pages show; a long run has no room for the others."""
     names = ("time_s", "point", "phase", "thrust_N", "thrust_raw", "plate_z_m", *_HEALTH)
-    speeds = speed_columns(sample_names(path))
-    return read_samples(path, [*names, *speeds])
+    return read_samples(path, [*names, *speed_columns(sample_names(path))])
 
 
 def _tares(path: Path) -> Recording | None:
@@ -173,15 +167,13 @@ def _tares(path: Path) -> Recording | None:
 
 def _ratio(points: Recording, settings: Recording) -> tuple[str, Array, Array]:
     """Return T_IGE/T_OGE of each setting at equal squared speed, else at equal pulse width."""
-    basis = "equal_rpm2"
-    if not np.isfinite(settings.column("ratio_equal_rpm2")).any():
-        basis = "equal_pwm"
-    ratio = settings.column(f"ratio_{basis}")
+    known = np.isfinite(settings.column("ratio_equal_rpm2")).any()
+    basis = "equal_rpm2" if known else "equal_pwm"
+    ratio, sd = settings.column(f"ratio_{basis}"), f"ratio_{basis}_sd"
     try:
-        visit_error = ratios(points, basis)[1]
+        return basis, ratio, _larger(settings, sd, points, ratios(points, basis)[1])
     except InputError:  # a sweep without references has no ratio
-        return basis, ratio, settings.column(f"ratio_{basis}_sd")
-    return basis, ratio, _larger(settings, f"ratio_{basis}_sd", points, visit_error)
+        return basis, ratio, settings.column(sd)
 
 
 def _larger(settings: Recording, sd: str, points: Recording, visit_error: Array) -> Array:

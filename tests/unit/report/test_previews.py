@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from benchtool.core.rig_file import rig_named
+from benchtool.report.flight.flight import fly_each, table_lines
 from benchtool.report.flight.pitch_study import pitch_study
 from benchtool.report.flight.pitch_study import table_lines as pitch_lines
-from benchtool.report.flight.report import fly_each, table_lines
 from benchtool.report.flight_preview import flight_preview
 from benchtool.report.pitch_preview import pitch_preview
 from benchtool.report.preview import FRAMES, QUICK_FRAMES, frames

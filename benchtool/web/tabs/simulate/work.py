@@ -123,8 +123,8 @@ def simulated(inputs: Simulation, quick: bool) -> Shown:
 
 def write(inputs: Simulation, folder: Path) -> list[Path]:
     """Simulate, and write what the command writes with --out."""
+    from benchtool.report.flight.flight import fly_each, write_flights
     from benchtool.report.flight.pitch_study import pitch_study, write_study
-    from benchtool.report.flight.report import fly_each, write_flights
 
     seed, gains = inputs.study.seed, inputs.study.gain_set()
     if isinstance(inputs, PitchInputs):
