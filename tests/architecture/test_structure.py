@@ -19,7 +19,6 @@ LARGER: set[str] = set()
 
 AMBIGUOUS = {
     "Body",
-    "Change",
     "Plan",
     "Readings",
     "Run",
