@@ -1,6 +1,6 @@
 """The command line's entry: the table of commands and the one boundary where errors end.
 
-Only the module of the command that was asked for is imported; the others appear in the help by
+Only the module of the requested command is imported; the others appear in the help by
 their line in `COMMANDS`. A module has a ``Parser`` where its words are taken in a way of their own.
 """
 
@@ -17,80 +17,80 @@ import typer
 from typer.core import TyperGroup
 
 from benchtool import __version__
-from benchtool.commands.terminal.exhausted_output import exhaustion_behind, flush_output, say_error
+from benchtool.commands.terminal.messages import exhaustion_behind, flush_output, say_error
 from benchtool.core.errors import BenchtoolError, InputError, UnknownChoice
 from benchtool.core.user_file import shown_name
 
 COMMANDS: dict[str, tuple[str, str]] = {
-    "demo": ("demo:command", "Sweep two virtual benches, fit, and write a report"),
-    "sweep": ("sweep:command", "Sweep plate distance and throttle into a run folder"),
-    "record": ("record:command", "Record a pitch experiment from a bench into a run folder"),
+    "demo": ("demo:demo", "Sweep two virtual benches, fit, and write a report"),
+    "sweep": ("sweep:sweep", "Sweep plate distance and throttle into a run folder"),
+    "record": ("record:record", "Record a pitch experiment from a bench into a run folder"),
     "runs": ("", "Close runs whose program ended before it could"),
     "runs close": (
-        "runs:command",
+        "runs:close",
         "Mend what a killed program left of runs and write their tables; safe to repeat",
     ),
-    "calibrate": ("calibrate:command", "Calibrate a load cell with known masses"),
-    "recalibrate": ("recalibrate:command", "Apply a calibration to a run, its raw data untouched"),
+    "calibrate": ("calibrate:calibrate", "Calibrate a load cell with known masses"),
+    "recalibrate": ("runs:recalibrate_run", "Apply a calibration to a run, its raw data untouched"),
     "import": (
-        "import_file:command",
-        "Import flight logs and other makers' files, every repair told",
+        "import_file:import_",
+        "Import flight logs and other makers' files, every repair listed",
     ),
-    "fit": ("fit:command", "Fit a ground-effect model to run folders or any CSV"),
+    "fit": ("fit:fit", "Fit a ground-effect model to run folders or any CSV"),
     "explain": (
-        "explain:command",
+        "explain:explain",
         "Name the effect that a model lacks, and show the gap shrink",
     ),
-    "report": ("report:command", "Write a report page of a run, fit or recording"),
+    "report": ("report:report", "Write a report page of a run, fit or recording"),
     "simulate": ("", "Simulate benches and flights near surfaces in closed loop"),
     "simulate pitch": (
-        "simulate_pitch:command",
+        "simulate_pitch:pitch",
         "Simulate the pitch bench under each controller",
     ),
     "simulate flight": (
-        "simulate_flight:command",
+        "simulate_flight:flight",
         "Simulate flights over an obstacle under each controller",
     ),
     "simulate paper": (
-        "simulate_paper:command",
+        "simulate_paper:paper",
         "Hold simulations against what the paper claims of control",
     ),
-    "web": ("web:command", "Serve a page to watch, sweep, fit and explain in a browser"),
+    "web": ("web:web", "Serve a page to watch, sweep, fit and explain in a browser"),
     "bench": ("", "Serve a virtual bench; check a bench before motors spin"),
     "bench check": (
-        "check:command",
+        "bench_check:check",
         "Check standstill, ESC arming, channel map, thrust sign and rpm at low throttle",
     ),
     "bench map": (
-        "map_motors:command",
+        "bench_check:map_motors",
         "Turn each motor of a flight controller alone, slowly, and write down what it drives",
     ),
     "bench bridge": (
-        "bridge:command",
+        "firmware:bridge",
         "Write the script that makes the RCbenchmark GUI a bench with a watchdog",
     ),
     "bench serve": (
-        "bench:command",
+        "bench:serve",
         "Run a virtual bench on a pseudo-terminal, TCP port or MAVLink until Ctrl-C",
     ),
-    "firmware": ("firmware:command", "Write the firmware that makes an Arduino a rotor bench"),
-    "ports": ("ports:command", "List serial ports and, with --probe, what answers on them"),
-    "doctor": ("doctor:command", "Explain what keeps a serial port from working"),
+    "firmware": ("firmware:firmware", "Write the firmware that makes an Arduino a rotor bench"),
+    "ports": ("ports:ports", "List serial ports and, with --probe, what answers on them"),
+    "doctor": ("ports:doctor", "Explain what keeps a serial port from working"),
     "flow": ("", "Picture the flow below a quadrotor"),
     "flow table": (
-        "flow:table_command",
+        "flow:table",
         "Print the upward velocity between the rotors, in induced velocities",
     ),
     "flow picture": (
-        "flow:picture_command",
+        "flow:picture",
         "Draw sources with images beside vortex rings with images (Fig. 5)",
     ),
-    "rigs": ("shipped:rigs_command", "List rigs, or show one with the source of every number"),
+    "rigs": ("shipped:rigs", "List rigs, or show one with the source of every number"),
     "models": (
-        "shipped:models_command",
+        "shipped:models",
         "List models, or show one with its effects and parameters",
     ),
-    "effects": ("effects:command", "List physical effects, or show one with law and parameters"),
+    "effects": ("shipped:effects", "List physical effects, or show one with law and parameters"),
 }
 """Each command, in the order of the help: "module:function" in this package ("" for a group of
 subcommands) and its line there, which is also the first line of the command's docstring."""
@@ -145,8 +145,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if os.environ.get("BENCHTOOL_DEBUG"):
             raise
         if isinstance(error, OSError) and error.errno in _OF_A_NAME and error.filename:
-            said = (error.strerror or "it cannot be used").lower()
-            say_error(f"{shown_name(error.filename)}: {said}; name another")
+            reason = (error.strerror or "it cannot be used").lower()
+            say_error(f"{shown_name(error.filename)}: {reason}; name another")
             sys.exit(InputError.exit_code)
         if (exhausted := exhaustion_behind(error)) is not None:
             say_error(str(exhausted))
@@ -255,17 +255,17 @@ def _options(
 
 
 def _unloaded() -> None:
-    """Stand in for a command that was not asked for."""
+    """Stand in for a command that was not requested."""
 
 
 def _describe_misuse(error: typer.TyperException) -> str:
     """Join what typer says about wrong words into one sentence with the value and a next step."""
-    said = " ".join(error.format_message().split()).rstrip(".?")
+    problem = " ".join(error.format_message().split()).rstrip(".?")
     details = getattr(error.__cause__, "errors", None)  # a ValidationError holds what was given
     given = f" (given: {details()[0]['input']!r})" if callable(details) else ""
     context = getattr(error, "ctx", None)
     command = context.command_path if context is not None else "benchtool"
-    return f"{said}{given}; see {command} --help"
+    return f"{problem}{given}; see {command} --help"
 
 
 def _describe_fault(error: Exception) -> str:

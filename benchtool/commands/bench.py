@@ -68,6 +68,7 @@ class ServeInputs(Inputs):
     key: Annotated[Path | None, Input("MAVLink: file with the key that signs every frame.")] = None
 
 
+@declared(ServeInputs)
 def serve(inputs: ServeInputs) -> None:
     """Run a virtual bench on a pseudo-terminal, TCP port or MAVLink until Ctrl-C."""
     import signal
@@ -185,7 +186,7 @@ def _mavlink(inputs: ServeInputs, rig: Rig) -> tuple[Speak, ServerLink, Callable
 def _plate(
     inputs: ServeInputs, rig: Rig, link: ServerLink, faults: list[Fault], speak: Speak
 ) -> tuple[BenchServer, str]:
-    from benchtool.commands.terminal.announce_code import announce_code, print_notes
+    from benchtool.commands.terminal.messages import announce_code, print_notes
     from benchtool.core.toml_text import build
     from benchtool.physics.model_file import load_model
     from benchtool.simulate.imperfections import Imperfections
@@ -211,7 +212,7 @@ def _plate(
 def _pitch(
     inputs: ServeInputs, rig: Rig, link: ServerLink, faults: list[Fault], speak: Speak
 ) -> tuple[BenchServer, str]:
-    from benchtool.commands.terminal.announce_code import announce_code
+    from benchtool.commands.terminal.messages import announce_code
     from benchtool.simulate.controllers.pitch import PITCH_CONTROLLERS
     from benchtool.simulate.own_controller import controller_class
     from benchtool.simulate.pitch.setup import changed_job
@@ -247,6 +248,3 @@ def _pitch(
         f"pitch bench of {rig.name}, truth {plant.job.bench.model.name}, {controller} with gains "
         f"{inputs.gains}, schedule {plant.schedule.name} of {plant.schedule.duration_s:g} s"
     )
-
-
-command = declared(ServeInputs, serve)

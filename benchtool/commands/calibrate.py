@@ -55,10 +55,11 @@ class CalibrateInputs(Inputs):
     ] = None
 
 
+@declared(CalibrateInputs)
 def calibrate(inputs: CalibrateInputs) -> None:
     """Calibrate a load cell with known masses.
 
-    The calibration is kept and used by every run that follows on that device.
+    The calibration is stored and used by every run that follows on that device.
     """
     from dataclasses import asdict
     from datetime import datetime
@@ -95,14 +96,11 @@ def calibrate(inputs: CalibrateInputs) -> None:
     )
     _show(calibration)
     facts = asdict(calibration)
-    kept = remember("calibration", device_id, facts)
+    stored = remember("calibration", device_id, facts)
     if out is not None:
         replace_json(out, facts)
         _draw(facts, out, simulated=inputs.address.startswith("sim:"))
-    print(f"kept in {out or kept}; every run on {device_id} uses it from now on")
-
-
-command = declared(CalibrateInputs, calibrate)
+    print(f"stored in {out or stored}; every run on {device_id} uses it from now on")
 
 
 def _draw(facts: Mapping[str, Any], out: Path, *, simulated: bool) -> None:
@@ -127,7 +125,7 @@ def _from_bench(inputs: CalibrateInputs) -> tuple[Array, Array, str]:
     from benchtool.acquire.calibration import mean_counts, require_raw_counts
     from benchtool.acquire.inputs import rig_for
     from benchtool.bench.drivers import open_bench
-    from benchtool.commands.terminal.announce_code import announce_code
+    from benchtool.commands.terminal.messages import announce_code
     from benchtool.commands.terminal.sweep_operator import LOOK_S, answer_to
     from benchtool.core.errors import InputError
     from benchtool.core.units import STANDARD_GRAVITY_M_S2
@@ -158,9 +156,9 @@ def _from_bench(inputs: CalibrateInputs) -> tuple[Array, Array, str]:
 def _show(calibration: Calibration) -> None:
     c = calibration
     print(f"slope {c.slope_N_per_count:.6g} N per count, +- {100.0 * c.relative_sd:.2g} %")
-    told = "not known, masses went one way only"
+    hysteresis = "not known, masses went one way only"
     if c.hysteresis is not None:
-        told = f"{100.0 * c.hysteresis:.3f} % of full scale"
-    print(f"straightness {100.0 * c.straightness:.3f} % of full scale, hysteresis {told}")
+        hysteresis = f"{100.0 * c.hysteresis:.3f} % of full scale"
+    print(f"straightness {100.0 * c.straightness:.3f} % of full scale, hysteresis {hysteresis}")
     for kilogram, count, residual_N in zip(c.masses_kg, c.counts, c.residuals_N, strict=True):
         print(f"  {kilogram:8.4f} kg  {count:14.1f}  {1000.0 * residual_N:+8.2f} mN")

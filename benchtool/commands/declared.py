@@ -16,32 +16,34 @@ T = TypeVar("T", bound=Inputs)
 
 
 def declared(
-    cls: type[T],
-    run: Callable[[T], None],
-    base: Callable[[dict[str, Any]], T] | None = None,
-) -> Callable[..., None]:
-    """Return the function that typer makes a command of.
+    cls: type[T], base: Callable[[dict[str, Any]], T] | None = None
+) -> Callable[[Callable[[T], None]], Callable[..., None]]:
+    """Make a function of inputs one that typer makes a command of.
 
     Args:
-        cls: what the command takes.
-        run: does it; its docstring is the command's help.
+        cls: what the command takes; the docstring of the decorated function is its help.
         base: gives what values that were not given are taken from, in place of the defaults.
             It takes what was given, by name, and may change that.
     """
     known = {item.key.replace(".", "_"): item for item in items(cls)}
-
-    def command(**typed: Any) -> None:
-        given = {known[key].name: value for key, value in typed.items() if value not in (None, [])}
-        run(make(cls, given, source="option", base=base and base(given)))
-
     parameters = [
         _parameter(name, item, item.required and base is None) for name, item in known.items()
     ]
-    command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
-    command.__annotations__ = {each.name: each.annotation for each in parameters}
-    command.__doc__ = run.__doc__
-    command.inputs = cls  # type: ignore[attr-defined]
-    return command
+
+    def decorated(run: Callable[[T], None]) -> Callable[..., None]:
+        def command(**typed: Any) -> None:
+            given = {
+                known[key].name: value for key, value in typed.items() if value not in (None, [])
+            }
+            run(make(cls, given, source="option", base=base and base(given)))
+
+        command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+        command.__annotations__ = {each.name: each.annotation for each in parameters}
+        command.__doc__ = run.__doc__
+        command.inputs = cls  # type: ignore[attr-defined]
+        return command
+
+    return decorated
 
 
 def _parameter(name: str, item: Item, required: bool) -> inspect.Parameter:
@@ -51,17 +53,17 @@ def _parameter(name: str, item: Item, required: bool) -> inspect.Parameter:
         kind = list[str]
     options: dict[str, Any] = {"help": _help(item), "show_default": False}
     if item.about.argument:
-        said: Any = typer.Argument(metavar=item.about.argument, **options)
+        option: Any = typer.Argument(metavar=item.about.argument, **options)
     elif item.kind is bool and item.default is True:
-        said = typer.Option(f"{item.option}/{item.option.replace('--', '--no-', 1)}", **options)
+        option = typer.Option(f"{item.option}/{item.option.replace('--', '--no-', 1)}", **options)
     else:
         names = filter(None, (item.option, item.about.also))
-        said = typer.Option(*names, hidden=item.about.hidden, **options)
+        option = typer.Option(*names, hidden=item.about.hidden, **options)
     return inspect.Parameter(
         name,
         inspect.Parameter.KEYWORD_ONLY,
         default=inspect.Parameter.empty if required else None,
-        annotation=Annotated[kind if required else kind | None, said],
+        annotation=Annotated[kind if required else kind | None, option],
     )
 
 

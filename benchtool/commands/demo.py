@@ -37,6 +37,7 @@ class DemoInputs(Inputs):
     seed: Annotated[int, Ge(0), Input("Seed of the virtual benches' noise.")] = 1
 
 
+@declared(DemoInputs)
 def demo(inputs: DemoInputs) -> None:
     """Sweep two virtual benches, fit, and write a report."""
     from benchtool.report.fit.page import refuse_full
@@ -55,9 +56,6 @@ def demo(inputs: DemoInputs) -> None:
         _swept(name, rig, runs[name], speed, seed, commands)
     _say(3, "fit: one rotor by eq. (2); four rotors by eq. (3) and by eq. (4)")
     _fit_and_report(out, runs, commands)
-
-
-command = declared(DemoInputs, demo)
 
 
 def free_folder(first: Path) -> Path:

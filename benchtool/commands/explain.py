@@ -70,6 +70,7 @@ class ExplainInputs(Inputs):
     overwrite: Annotated[bool, Input("Replace an earlier answer's files.")] = False
 
 
+@declared(ExplainInputs)
 def explain(inputs: ExplainInputs) -> None:
     """Name the effect that a model lacks, and show the gap shrink
 
@@ -83,7 +84,7 @@ def explain(inputs: ExplainInputs) -> None:
     import time
     from dataclasses import replace
 
-    from benchtool.commands.terminal.announce_code import announce_code
+    from benchtool.commands.terminal.messages import announce_code
     from benchtool.commands.terminal.show_explain import (
         for_a_reader,
         print_answer,
@@ -99,14 +100,14 @@ def explain(inputs: ExplainInputs) -> None:
     question = read_request(learned, checked, inputs.model, inputs.effects, announce_code)
     if not inputs.overwrite:
         refuse_taken(out, json_file)
-    with working(", ".join([*learned, *checked])) as tell:
+    with working(", ".join([*learned, *checked])) as report:
         answer = answer_request(
             question,
             commands=[shlex.join(["benchtool", *sys.argv[1:]])],
             seed=inputs.seed,
             draws=inputs.draws,
             bootstrap=inputs.bootstrap,
-            progress=tell,
+            progress=report,
         )
     answer = replace(answer, seconds=time.monotonic() - began)
     written = Written()
@@ -117,6 +118,3 @@ def explain(inputs: ExplainInputs) -> None:
     with for_a_reader():
         print_answer(answer)
         print_next(answer, out, json_file)
-
-
-command = declared(ExplainInputs, explain)

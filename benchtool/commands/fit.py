@@ -39,16 +39,14 @@ def _base(given: dict[str, Any]) -> FitInputs:
     return FitInputs(recipe=Recipe(name=Path(data[0]).stem, data=data, model=given["model"]))
 
 
+@declared(FitInputs, _base)
 def fit(inputs: FitInputs) -> None:
     """Fit a ground-effect model to run folders or any CSV."""
-    from benchtool.commands.terminal.announce_code import announce_code
+    from benchtool.commands.terminal.messages import announce_code
     from benchtool.core.own_code import refuse_code
 
     permit = announce_code if inputs.folder is None else refuse_code
     _run(inputs.recipe, inputs.out, inputs.profile, permit)
-
-
-command = declared(FitInputs, fit, _base)
 
 
 def _run(recipe: Recipe, out: Path | None, profile: bool, permit: CodePermit) -> None:
@@ -61,8 +59,8 @@ def _run(recipe: Recipe, out: Path | None, profile: bool, permit: CodePermit) ->
 
     if out is not None:
         refuse_full(out)
-    with working() as tell:
-        output = run_recipe(recipe, tell, profile=profile, permit=permit)
+    with working() as report:
+        output = run_recipe(recipe, report, profile=profile, permit=permit)
     print_fit(output)
     problem = refusal(output.results)
     if out is not None:

@@ -32,6 +32,7 @@ class PictureInputs(Inputs):
     out: Annotated[Path, Input("Folder for the figure.")] = Path("figures")
 
 
+@declared(FlowInputs)
 def table(inputs: FlowInputs) -> None:
     """Print the upward velocity between the rotors, in induced velocities."""
     from benchtool.physics.wake_picture import Hover
@@ -42,6 +43,7 @@ def table(inputs: FlowInputs) -> None:
     print("sources: the model behind eq. (2) to (4); rings: a prescribed wake, not CFD")
 
 
+@declared(PictureInputs)
 def picture(inputs: PictureInputs) -> None:
     """Draw sources with images beside vortex rings with images (Fig. 5)."""
     from benchtool.physics.wake_picture import Hover
@@ -52,7 +54,3 @@ def picture(inputs: PictureInputs) -> None:
     block = drawn("paper.flow", hover)["fig05-flow"]
     for path in save_figure(block.figure, inputs.out / "fig05-flow"):
         print(f"written: {path}")
-
-
-table_command = declared(FlowInputs, table)
-picture_command = declared(PictureInputs, picture)

@@ -1,4 +1,4 @@
-"""`benchtool import`: flight logs and other makers' files into recordings, repairs told."""
+"""`benchtool import`: flight logs and other makers' files into recordings, repairs listed."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class ImportInputs(Inputs):
         Annotated[float, Ge(0.0), Le(1e5)] | None,
         Input("A distance sensor below it says: over a surface.", "m"),
     ] = None
-    flip: Annotated[tuple[str, ...], Input("Channel whose sign is turned (thrust_N).")] = ()
+    flip: Annotated[tuple[str, ...], Input("Channel whose sign is inverted (thrust_N).")] = ()
     tare: Annotated[tuple[str, ...], Input("Channel whose reading at rest is taken off.")] = ()
     scale: Annotated[tuple[str, ...], Input("CHANNEL=FACTOR, as rpm1=1/6 for a pole count.")] = ()
     air_density: Annotated[
@@ -44,8 +44,9 @@ class ImportInputs(Inputs):
     dry_run: Annotated[bool, Input("Show findings, write nothing.")] = False
 
 
+@declared(ImportInputs)
 def import_(inputs: ImportInputs) -> None:
-    """Import flight logs and other makers' files, every repair told"""
+    """Import flight logs and other makers' files, every repair listed"""
     from benchtool.commands.terminal.show_import import print_import
     from benchtool.core.errors import WouldOverwrite
     from benchtool.data.formats.formats import import_files
@@ -113,6 +114,3 @@ def _write(read: Imported, target: Path, options: Options, overwrite: bool) -> N
         "versions": {"benchtool": __version__},
     }
     write_recording(target, read.recording, facts, overwrite=overwrite)
-
-
-command = declared(ImportInputs, import_)

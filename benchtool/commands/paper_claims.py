@@ -40,7 +40,7 @@ FAILS = "does not come out"
 UNCLEAR = "not distinguishable"
 CONSTRUCTED = "by construction"
 VERDICTS = (HOLDS, FAILS, UNCLEAR, CONSTRUCTED)
-"""What may be said of a claim; the last two are no confirmations."""
+"""Every verdict on a claim; the last two are no confirmations."""
 
 NOISE_SEEDS = (1, 2, 3, 4)
 """Four seeds, as in the notes' table."""
@@ -280,7 +280,7 @@ def _bench_numbers(
     return shown
 
 
-KEEPS = "still pushed back, and carried over by the observer"
+STILL_THERE = "still pushed back, and carried over by the observer"
 
 
 def sensitivity_claims(flights: Flights) -> list[Claim]:
@@ -320,7 +320,7 @@ def _changed_claim(
     return Claim(
         where="sensitivity",
         by="study",
-        says=f"{name}: {expects or (KEEPS if wall else 'PID crosses')}",
+        says=f"{name}: {expects or (STILL_THERE if wall else 'PID crosses')}",
         found=found,
         gains="s3, changed",
         verdict=_verdict(there == wall and (helped.arrives or not wall)),

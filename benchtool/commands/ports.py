@@ -1,10 +1,11 @@
-"""`benchtool ports`: the serial ports of this computer."""
+"""`benchtool ports` and `doctor`: serial ports, and what keeps one from working."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Annotated
 
+import typer
 from annotated_types import Ge, Le
 
 from benchtool.commands.declared import declared
@@ -19,6 +20,7 @@ class PortsInputs(Inputs):
     baud: Annotated[int, Ge(1), Le(100_000_000), Input("Bits per second for --probe.")] = 2_000_000
 
 
+@declared(PortsInputs)
 def ports(inputs: PortsInputs) -> None:
     """List serial ports and, with --probe, what answers on them."""
     from benchtool.bench.doctor.ports import identify_port, serial_ports
@@ -40,4 +42,36 @@ def ports(inputs: PortsInputs) -> None:
         print("--probe asks each who is there; opening a port resets many boards")
 
 
-command = declared(PortsInputs, ports)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DoctorInputs(Inputs):
+    """What `benchtool doctor` takes."""
+
+    port: Annotated[
+        str,
+        Input("What to look at: /dev/ttyUSB0, COM12, or a bench's address.", argument="PORT"),
+    ] = ""
+    udev_rule: Annotated[bool, Input("Print the udev rule for Linux and exit.")] = False
+
+
+@declared(DoctorInputs)
+def doctor(inputs: DoctorInputs) -> None:
+    """Explain what keeps a serial port from working."""
+    from benchtool.bench.doctor import causes
+    from benchtool.bench.doctor.causes import network_findings, serial_port_of
+    from benchtool.bench.doctor.ports import probe_environment
+
+    if inputs.udev_rule:
+        print(causes.udev_rule(), end="")
+        return
+    place = serial_port_of(inputs.port)
+    found = (
+        network_findings(inputs.port)
+        if place is None
+        else causes.findings(probe_environment(place))
+    )
+    for finding in found:
+        print(f"{finding.verdict:11}  {finding.name}: {finding.sentence}")
+        if finding.fix:
+            print(f"{'':11}  -> {finding.fix}")
+    if any(finding.verdict == "problem" for finding in found):
+        raise typer.Exit(3)

@@ -14,7 +14,6 @@ from benchtool.core.inputs import Input, Inputs
 if TYPE_CHECKING:
     from benchtool.acquire.pitch_experiment import PitchExperiment
     from benchtool.acquire.pitch_record import PitchSummary
-    from benchtool.bench.guard import GuardedBench
     from benchtool.core.rig import Rig
     from benchtool.data.run.run import Run
 
@@ -59,13 +58,14 @@ class RecordInputs(Inputs):
     dry_run: Annotated[bool, Input("Show what would spin only.")] = False
 
 
+@declared(RecordInputs)
 def record(inputs: RecordInputs) -> None:
     """Record a pitch experiment from a bench into a run folder."""
     from benchtool.acquire.inputs import rig_for
     from benchtool.acquire.pitch_experiment import arming_text, check_experiment
     from benchtool.acquire.pitch_record import summary_line
     from benchtool.bench.drivers import open_bench
-    from benchtool.commands.terminal.announce_code import announce_code
+    from benchtool.commands.terminal.messages import announce_code
     from benchtool.data.run.run import refuse_taken
 
     address = inputs.address
@@ -99,22 +99,18 @@ def experiment_of(inputs: RecordInputs, rig: Rig) -> PitchExperiment:
     )
 
 
-command = declared(RecordInputs, record)
-
-
 def _record(
     inputs: RecordInputs, rig: Rig, experiment: PitchExperiment
 ) -> tuple[Run, PitchSummary, bool]:
     """Open the bench, arm, record, and close the run whatever happened."""
     from benchtool.acquire.new_run import new_pitch_run
-    from benchtool.acquire.pitch_experiment import require_pitch
+    from benchtool.acquire.pitch_experiment import arming_text, expected_on, require_pitch
     from benchtool.acquire.pitch_record import record_pitch
     from benchtool.bench.drivers import open_bench
     from benchtool.bench.guard import GuardedBench
     from benchtool.bench.signals import ClosingSignals
-    from benchtool.commands.terminal.announce_code import announce_code
-    from benchtool.commands.terminal.closing import close_stopped
-    from benchtool.commands.terminal.sweep_operator import say_of_bench, say_of_end
+    from benchtool.commands.terminal.messages import announce_code, close_stopped
+    from benchtool.commands.terminal.sweep_operator import arm, say_of_bench, say_of_end
     from benchtool.data.parquet import load_library
 
     load_library()
@@ -125,7 +121,9 @@ def _record(
                 identity = bench.identity
                 say_of_bench(identity, rig)
                 require_pitch(identity)
-                _arm(bench, rig, experiment, inputs.yes)
+                expected = expected_on(identity, experiment, rig)
+                text = arming_text(experiment, rig, expected)
+                arm(text, bench, rig, unattended=inputs.yes)
                 folder = (inputs.runs, inputs.name, inputs.out)
                 run = new_pitch_run(folder, experiment, rig, identity, operator=inputs.operator)
                 print(f"run {run.path}", flush=True)
@@ -138,19 +136,3 @@ def _record(
             raise
         run.close()
     return run, summary, identity.simulated
-
-
-def _arm(bench: GuardedBench, rig: Rig, experiment: PitchExperiment, yes: bool) -> None:
-    from datetime import datetime
-
-    from benchtool.acquire.arming import CONFIRMATION, require_unattended
-    from benchtool.acquire.pitch_experiment import arming_text, expected_on
-    from benchtool.commands.terminal.sweep_operator import confirm_arming
-
-    identity = bench.identity
-    text = arming_text(experiment, rig, expected_on(identity, experiment, rig))
-    if yes:
-        require_unattended(identity, rig, datetime.now().astimezone().date())
-        print(text, flush=True)
-    else:
-        confirm_arming(text, CONFIRMATION, bench)

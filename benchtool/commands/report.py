@@ -57,7 +57,7 @@ class ReportInputs(Inputs):
     gains: Annotated[str, Input("Its gain set: s3, s1a, stiff or a file.")] = ""
     plate_z_m: Annotated[
         Annotated[float, Gt(0.0), Le(1000.0)] | None,
-        Input("Height over the surface where the log does not tell.", "m"),
+        Input("Height over the surface where the log does not state it.", "m"),
     ] = None
     motors: Annotated[
         tuple[Annotated[int, Ge(1)], ...],
@@ -66,11 +66,12 @@ class ReportInputs(Inputs):
     overwrite: Annotated[bool, Input("Replace files of these names.", also="--force")] = False
 
 
+@declared(ReportInputs)
 def report(inputs: ReportInputs) -> None:
     """Write a report page of a run, fit or recording"""
     import sys
 
-    from benchtool.commands.terminal.announce_code import announce_code
+    from benchtool.commands.terminal.messages import announce_code
     from benchtool.explain.pitch.replayed import Beside
     from benchtool.report.report_file import TAKES, write_report
 
@@ -120,6 +121,3 @@ def _draw_paper(recipes: dict[str, Path | None], out: Path, replace: bool) -> No
     for name, block in drawn.items():
         paths = save_figure(block.figure, out / name, replace=replace)
         print(f"written: {paths[0]} and {paths[1].suffix.removeprefix('.')}")
-
-
-command = declared(ReportInputs, report)

@@ -1,4 +1,4 @@
-"""`benchtool rigs` and `benchtool models`: what ships, one of them in words, or its file."""
+"""`benchtool rigs`, `models` and `effects`: what ships, or one of them in words."""
 
 from __future__ import annotations
 
@@ -20,18 +20,16 @@ class ShippedInputs(Inputs):
     toml: Annotated[bool, Input("Print the file itself, to start one of your own.")] = False
 
 
+@declared(ShippedInputs)
 def models(inputs: ShippedInputs) -> None:
     """List models, or show one with its effects and parameters."""
     _show("model", inputs, listed=_listed_models, described=_described_model)
 
 
+@declared(ShippedInputs)
 def rigs(inputs: ShippedInputs) -> None:
     """List rigs, or show one with the source of every number."""
     _show("rig", inputs, listed=_listed_rigs, described=_described_rig)
-
-
-models_command = declared(ShippedInputs, models)
-rigs_command = declared(ShippedInputs, rigs)
 
 
 def _show(
@@ -68,7 +66,7 @@ def _listed_models() -> Iterator[str]:
 
 
 def _described_model(name: str) -> Iterator[str]:
-    from benchtool.commands.terminal.announce_code import announce_code
+    from benchtool.commands.terminal.messages import announce_code
     from benchtool.physics.model_file import load_model
 
     loaded = load_model(name, permit=announce_code)
@@ -114,3 +112,44 @@ def _value(rig: object, key: str) -> str:
         else:
             found = getattr(found, part)
     return f"{found:g}" if isinstance(found, int | float) else str(found)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EffectsInputs(Inputs):
+    """What `benchtool effects` takes."""
+
+    name: Annotated[str, Input("An effect; all are listed without.", argument="NAME")] = ""
+    rig: Annotated[str, Input("Whose tolerances to show: shipped rig or TOML file.")] = "beam"
+
+
+@declared(EffectsInputs)
+def effects(inputs: EffectsInputs) -> None:
+    """List physical effects, or show one with law and parameters."""
+    from benchtool.core.rig_file import rig_named
+    from benchtool.physics.catalogue import EFFECTS, effect_named
+    from benchtool.physics.effects.effect import BENCH_KINDS
+    from benchtool.physics.tolerances import default_tolerances
+
+    name, rig = inputs.name, inputs.rig
+    if not name:
+        for effect in EFFECTS.values():
+            print(f"{effect.name:<18} {effect.subsystem:<14} {effect.title}: {effect.law}")
+        return
+    effect, own = effect_named(name), rig_named(rig)
+    print(f"{effect.name}: {effect.title} ({effect.subsystem})")
+    print(effect.description)
+    print(f"law:    {effect.law}")
+    print(f"shows:  {effect.shows}")
+    print(f"source: {effect.source}")
+    for other, how in effect.confused_with.items():
+        print(f"looks like {other}: {how}")
+    shown = [bench for bench in BENCH_KINDS if bench in effect.benches]
+    print(f"candidate on: {' and '.join(f'{bench} benches' for bench in shown) or 'no bench'}")
+    known = {bench: default_tolerances(effect, own, bench) for bench in shown or BENCH_KINDS[:1]}
+    for item in effect.parameters:
+        neutral = "no neutral value" if item.neutral is None else f"neutral {item.neutral:g}"
+        matters = [
+            f"{one[item.name]:.3g} ({bench})" for bench, one in known.items() if item.name in one
+        ]
+        tolerance = f"; tolerance on {rig}: {', '.join(matters)}" if matters else ""
+        print(f"  {item.name} [{item.unit}]: {item.description}; {neutral}{tolerance}")

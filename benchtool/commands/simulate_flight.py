@@ -11,7 +11,6 @@ from annotated_types import Ge, Gt, Le, Len
 from benchtool.commands.declared import declared
 from benchtool.commands.simulate_options import StudyInputs, refuse_twice, say_if_slow, show_study
 from benchtool.core.errors import UnknownChoice
-from benchtool.core.input_text import words_of
 from benchtool.core.inputs import Input, Inputs
 
 if TYPE_CHECKING:
@@ -68,12 +67,13 @@ class FlightInputs(Inputs):
     study: StudyInputs = field(default_factory=StudyInputs)
 
 
+@declared(FlightInputs)
 def flight(inputs: FlightInputs) -> None:
     """Simulate flights over an obstacle under each controller.
 
     Numbers, recordings, a figure; or a campaign of many flights.
     """
-    from benchtool.commands.terminal.announce_code import announce_code
+    from benchtool.commands.terminal.messages import announce_code
     from benchtool.report.flight.flight import fly_each, report_lines, write_flights
     from benchtool.simulate.campaign_flight import OGE, flight_campaign
     from benchtool.simulate.flight.flight import FlightControl
@@ -81,33 +81,21 @@ def flight(inputs: FlightInputs) -> None:
     from benchtool.simulate.own_controller import controller_class
 
     say_if_slow()
-    study, several = inputs.study, inputs.study.campaign
+    study, several = inputs.study, bool(inputs.study.campaign.vary)
     known = get_args(FlightControl)
-    usual = ("oge", "pid") if several.vary else ("pid", "observer", "feedforward")
+    usual = ("oge", "pid") if several else ("pid", "observer", "feedforward")
     names = inputs.controllers or usual
     refuse_twice("--controllers", names)
     refuse_twice("--gains", study.gains)
     for name in names:
-        beyond = name == OGE if several.vary else ":" in name
+        beyond = name == OGE if several else ":" in name
         if name not in known and not beyond:
-            raise UnknownChoice(
-                "controller of a flight", name, [*known, OGE] if several.vary else known
-            )
-    if several.vary:
+            raise UnknownChoice("controller of a flight", name, [*known, OGE] if several else known)
+    if several:
         from benchtool.commands.terminal.campaign_display import run_with_progress
-        from benchtool.simulate.design import Design
 
         setups = {gains: setup_of(inputs, gains) for gains in study.gains}
-        design = Design.read(
-            several.vary,
-            samples=several.samples,
-            seeds=several.seeds,
-            seed=study.seed,
-            full_name=full_name,
-        )
-        campaign = flight_campaign(setups, names)
-        settings = words_of(study.settings, commas=False)
-        run_with_progress(campaign, design, settings, several.measure, study.out)
+        run_with_progress(flight_campaign(setups, names), study, full_name=full_name)
         return
     study.refuse_campaign()
     flown = setup_of(inputs, study.gain_set()).flown("pid", study.seed)
@@ -147,7 +135,7 @@ def setup_of(inputs: FlightInputs, gains: str) -> FlightSetup:
 
 def _vehicle(inputs: FlightInputs) -> FlightVehicle:
     """Return what flies."""
-    from benchtool.commands.terminal.announce_code import announce_code, print_notes
+    from benchtool.commands.terminal.messages import announce_code, print_notes
     from benchtool.core.rig_file import rig_named
     from benchtool.physics.model_file import load_model
     from benchtool.simulate.flight.vehicle import FlightVehicle
@@ -162,6 +150,3 @@ def _vehicle(inputs: FlightInputs) -> FlightVehicle:
     if inputs.lag_s or not inputs.model:
         vehicle = vehicle.with_numbers(lag_s=inputs.lag_s)
     return vehicle.with_numbers(turned_deg=turned_deg)
-
-
-command = declared(FlightInputs, flight)

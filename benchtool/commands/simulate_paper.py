@@ -19,6 +19,7 @@ class PaperInputs(Inputs):
     sensitivity: Annotated[bool, Input("Also change S3, one thing at a time.")] = True
 
 
+@declared(PaperInputs)
 def paper(inputs: PaperInputs) -> None:
     """Hold simulations against what the paper claims of control.
 
@@ -56,6 +57,3 @@ def paper(inputs: PaperInputs) -> None:
     print(f"written: {out / 'claims.csv'}")
     for name, block in paper_figures(flights):
         print(f"written: {save_figure(block.figure, out / name)[0]} and png", flush=True)
-
-
-command = declared(PaperInputs, paper)

@@ -10,7 +10,6 @@ from annotated_types import Len
 from benchtool.commands.declared import declared
 from benchtool.commands.simulate_options import StudyInputs, refuse_twice, say_if_slow, show_study
 from benchtool.core.errors import InputError
-from benchtool.core.input_text import words_of
 from benchtool.core.inputs import Input, Inputs
 
 if TYPE_CHECKING:
@@ -32,12 +31,13 @@ class PitchInputs(Inputs):
     study: StudyInputs = field(default_factory=StudyInputs)
 
 
+@declared(PitchInputs)
 def pitch(inputs: PitchInputs) -> None:
     """Simulate the pitch bench under each controller.
 
     Numbers, recordings, a figure; or a campaign of many runs.
     """
-    from benchtool.commands.terminal.announce_code import announce_code
+    from benchtool.commands.terminal.messages import announce_code
     from benchtool.report.flight.pitch_study import pitch_study, report_lines, write_study
     from benchtool.simulate.controllers.pitch import PITCH_CONTROLLERS
     from benchtool.simulate.own_controller import controller_class
@@ -54,17 +54,11 @@ def pitch(inputs: PitchInputs) -> None:
     if study.campaign.vary:
         from benchtool.commands.terminal.campaign_display import run_with_progress
         from benchtool.simulate.campaign_pitch import pitch_campaign
-        from benchtool.simulate.design import Design
 
         if own:
             raise InputError("a campaign runs built-in controllers; leave your own out")
-        several = study.campaign
-        campaign = pitch_campaign({gains: setup_of(inputs, gains) for gains in study.gains})
-        design = Design.read(
-            several.vary, samples=several.samples, seeds=several.seeds, seed=study.seed
-        )
-        settings = words_of(study.settings, commas=False)
-        run_with_progress(campaign, design, settings, several.measure, study.out)
+        setups = {gains: setup_of(inputs, gains) for gains in study.gains}
+        run_with_progress(pitch_campaign(setups), study)
         return
     study.refuse_campaign()
     setup = setup_of(inputs, study.gain_set())
@@ -74,7 +68,7 @@ def pitch(inputs: PitchInputs) -> None:
 
 def setup_of(inputs: PitchInputs, gains: str) -> PitchSetup:
     """Return what runs with one gain set."""
-    from benchtool.commands.terminal.announce_code import announce_code, print_notes
+    from benchtool.commands.terminal.messages import announce_code, print_notes
     from benchtool.simulate.controllers.pitch import PITCH_CONTROLLERS, Feedforward
     from benchtool.simulate.pitch.setup import changed, pitch_setup
 
@@ -92,6 +86,3 @@ def setup_of(inputs: PitchInputs, gains: str) -> PitchSetup:
     if inputs.study.duration_s is None:
         return setup
     return replace(setup, schedule=setup.schedule.lasting(inputs.study.duration_s))
-
-
-command = declared(PitchInputs, pitch)

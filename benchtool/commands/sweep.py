@@ -13,12 +13,10 @@ from benchtool.core.errors import InputError
 from benchtool.core.inputs import items
 
 if TYPE_CHECKING:
-    from benchtool.acquire.calibration import Calibration
     from benchtool.acquire.check_plan import Expected
     from benchtool.acquire.resume import Unfinished
     from benchtool.acquire.sweep import Start
     from benchtool.bench.bench import Bench
-    from benchtool.bench.guard import GuardedBench
     from benchtool.core.rig import Rig
     from benchtool.data.run.run import Run
 
@@ -36,6 +34,7 @@ def _base(given: dict[str, Any]) -> SweepInputs:
     return SweepInputs(plan=read_plan(given["plan"]) if "plan" in given else Plan())
 
 
+@declared(SweepInputs, _base)
 def sweep(inputs: SweepInputs) -> None:
     """Sweep plate distance and throttle into a run folder."""
     from benchtool.acquire.calibration import read_calibration
@@ -44,7 +43,7 @@ def sweep(inputs: SweepInputs) -> None:
     from benchtool.acquire.resume import prepare, unfinished
     from benchtool.acquire.stage_choice import check_stage
     from benchtool.bench.drivers import open_bench
-    from benchtool.commands.terminal.announce_code import announce_code
+    from benchtool.commands.terminal.messages import announce_code
     from benchtool.core.own_code import refuse_code
     from benchtool.data.run.run import Run, check_run_name, refuse_taken
 
@@ -78,9 +77,6 @@ def sweep(inputs: SweepInputs) -> None:
         return
     start = prepare(rest) if rest else None
     _sweep(bench, replace(inputs, plan=resolved), stands, rest, start)
-
-
-command = declared(SweepInputs, sweep, _base)
 
 
 def _show_plan(plan: Plan, rig: Rig, expected: Expected, rest: Unfinished | None) -> None:
@@ -117,6 +113,7 @@ def _sweep(
     device: Bench, inputs: SweepInputs, rig: Rig, rest: Unfinished | None, start: Start | None
 ) -> None:
     """Open the bench, arm, sweep, and close the run whatever happened."""
+    from benchtool.acquire.arming import arming_text
     from benchtool.acquire.calibration import calibration_for
     from benchtool.acquire.check_plan import check_plan
     from benchtool.acquire.new_run import new_run
@@ -125,9 +122,9 @@ def _sweep(
     from benchtool.acquire.sweep import run_sweep
     from benchtool.bench.guard import GuardedBench
     from benchtool.bench.signals import ClosingSignals
-    from benchtool.commands.terminal.closing import close_stopped
+    from benchtool.commands.terminal.messages import close_stopped
     from benchtool.commands.terminal.sweep_display import display_for
-    from benchtool.commands.terminal.sweep_operator import LOOK_S, answer_to, say_of_bench
+    from benchtool.commands.terminal.sweep_operator import LOOK_S, answer_to, arm, say_of_bench
     from benchtool.core.counted import counted
     from benchtool.data.parquet import load_library
 
@@ -148,7 +145,9 @@ def _sweep(
                     rig,
                     lambda text: answer_to(text, lambda: bench.listen(LOOK_S)),
                 )
-                _arm(bench, plan, rig, expected, scale, inputs.yes)
+                by = f"calibration {scale.id}" if scale else "the device's own newtons"
+                text = f"{arming_text(plan, rig, expected)}\nthrust by {by}"
+                arm(text, bench, rig, unattended=inputs.yes)
                 with bench.interruptible():
                     mover.open()
                 try:
@@ -185,26 +184,3 @@ def _sweep(
         f"{counted(summary.tares, 'tare')}, {counted(summary.samples, 'sample')}, {summary.lost} "
         f"lost; in {run.path}"
     )
-
-
-def _arm(
-    bench: GuardedBench,
-    plan: Plan,
-    rig: Rig,
-    expected: Expected,
-    calibration: Calibration | None,
-    yes: bool,
-) -> None:
-    from datetime import datetime
-
-    from benchtool.acquire.arming import CONFIRMATION, arming_text, require_unattended
-    from benchtool.commands.terminal.sweep_operator import confirm_arming
-
-    text = arming_text(plan, rig, expected)
-    scale = f"calibration {calibration.id}" if calibration else "the device's own newtons"
-    text = f"{text}\nthrust by {scale}"
-    if yes:
-        require_unattended(bench.identity, rig, datetime.now().astimezone().date())
-        print(text, flush=True)
-    else:
-        confirm_arming(text, CONFIRMATION, bench)

@@ -33,6 +33,7 @@ class WebInputs(Inputs):
     browser: Annotated[bool, Input("Open the page in a browser.")] = True
 
 
+@declared(WebInputs)
 def web(inputs: WebInputs) -> None:
     """Serve a page to watch, sweep, fit and explain in a browser."""
     page = import_module(PAGE)
@@ -49,6 +50,3 @@ def web(inputs: WebInputs) -> None:
         for file in opened:
             if file is not None:
                 file.unlink(missing_ok=True)
-
-
-command = declared(WebInputs, web)

@@ -19,6 +19,9 @@ def _found() -> list[Effect]:
     return sorted(found, key=lambda one: (SUBSYSTEMS.index(one.subsystem), one.order, one.name))
 
 
+HOW_TO = "the form of an effect file is in docs/how-to/write-an-effect.md"
+"""What a file that was written for an earlier form needs."""
+
 EFFECTS: dict[str, Effect] = {effect.name: effect for effect in _found()}
 """Every effect, in the order of the chain from pulse width to reading."""
 
@@ -47,12 +50,17 @@ def own_effects(file_or_module: str, permit: CodePermit = refuse_code) -> tuple[
         InputError: it may not be run, cannot be imported, holds no effect, or one whose name is
             taken or whose parameters cannot be judged.
     """
-    module = own_module(
-        file_or_module,
-        f"effects of {file_or_module}",
-        "give a Python file, or run where the module is",
-        permit,
-    )
+    try:
+        module = own_module(
+            file_or_module,
+            f"effects of {file_or_module}",
+            "give a Python file, or run where the module is",
+            permit,
+        )
+    except InputError as error:
+        if not isinstance(error.__cause__, ImportError | TypeError | AttributeError):
+            raise
+        raise InputError(f"{error}; {HOW_TO}") from error
     found: list[Effect] = []
     for name in ("EFFECT", "EFFECTS"):
         value = getattr(module, name, ())
@@ -72,7 +80,7 @@ def own_effects(file_or_module: str, permit: CodePermit = refuse_code) -> tuple[
     if not found:
         raise InputError(
             f"{file_or_module} holds no effect; give it EFFECT = Effect(...) or EFFECTS = [...] of "
-            f"benchtool.physics.effects.effect.Effect"
+            f"benchtool.physics.effects.effect.Effect; {HOW_TO}"
         )
     names = [effect.name for effect in found]
     for effect in found:

@@ -48,7 +48,7 @@ def save_figure(
     *,
     replace: bool = False,
 ) -> tuple[Path, ...]:
-    """Write `stem`.svg, `stem`.png, ... and return their paths; overwrite only when asked."""
+    """Write `stem`.svg, `stem`.png, ... and return their paths; overwrite only with `replace`."""
     contents = {
         stem.with_name(f"{stem.name}.{name}"): figure_bytes(figure, name) for name in formats
     }

@@ -85,7 +85,7 @@ def _controller_run(flown: Flown, beside: Flown | None) -> ControllerRun:
     covered = np.sum([flight[f"coverage{i}"] for i in discs], axis=0)
     return ControllerRun(
         label=name_of(flown),
-        said=verdict(flown),
+        outcome=verdict(flown),
         scene=_scene(flown.case),
         motion=_motion(flown, quick=beside is None),
         charts=(_position(flown, beside), _pitch(flown, beside)),

@@ -52,7 +52,7 @@ def render_report(report: Report) -> str:
 
 
 def write_report(path: Path, report: Report, *, replace: bool = False) -> Path:
-    """Write the page and return its path; refuse to overwrite unless asked."""
+    """Write the page and return its path; refuse to overwrite unless `replace`."""
     if not replace:
         refuse_existing([path])
     write_whole(path, render_report(report).encode("utf-8"))

@@ -68,7 +68,7 @@ def shade(axes: Axes, stretches: Iterable[tuple[float, float]], gid: str = "over
 def envelope(time_s: Array, values: Array, slots: int = 900) -> tuple[Array, Array]:
     """Return times and values with the smallest and the largest of every slot, nan left out.
 
-    A long signal keeps its spikes with two samples of each slot.
+    Two samples of each slot preserve the spikes of a long signal.
 
     Args:
         time_s: (n,) s.

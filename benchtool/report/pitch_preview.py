@@ -69,7 +69,7 @@ def _controller_run(study: PitchStudy, run: PitchRun, away: PitchRun | None) -> 
         lines.insert(0, ChartLine(role="wanted", time_s=time_s, values=np.degrees(reference_rad)))
     return ControllerRun(
         label=run.controller,
-        said=said_of(study, run),
+        outcome=outcome_of(study, run),
         scene=_scene(study.setup),
         motion=_motion(study.setup, run, shown),
         charts=(Chart(label=PITCH_LABEL, lines=tuple(lines)),),
@@ -77,7 +77,7 @@ def _controller_run(study: PitchStudy, run: PitchRun, away: PitchRun | None) -> 
     )
 
 
-def said_of(study: PitchStudy, run: PitchRun) -> str:
+def outcome_of(study: PitchStudy, run: PitchRun) -> str:
     """Say in a few words what a run came to."""
     schedule = study.setup.schedule
     visits = [visit for visit in schedule.plate if visit.in_s < schedule.duration_s]

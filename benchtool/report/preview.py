@@ -9,11 +9,11 @@ from benchtool.core.array import Array
 from benchtool.report.side_view import Scene
 
 Role = Literal["shown", "away", "wanted", "goal"]
-"""What a curve is: the run, the same out of ground effect, what was asked for, where it should
+"""What a curve is: the run, the same out of ground effect, the reference, where it should
 end."""
 
 FRAMES = 800
-"""Most frames of a run that are kept: 20 per second for 40 s. A choice."""
+"""Most frames of a run that are shown: 20 per second for 40 s. A choice."""
 
 QUICK_FRAMES = 300
 """The same in a quick preview: one for each dot of a chart that stands beside two others on a usual
@@ -65,7 +65,7 @@ class ControllerRun:
 
     Attributes:
         label: the controller.
-        said: what came of it, in a few words.
+        outcome: in a few words.
         scene: what stands in its side view.
         motion: how that moves.
         panels: charts below it.
@@ -73,7 +73,7 @@ class ControllerRun:
     """
 
     label: str
-    said: str
+    outcome: str
     scene: Scene
     motion: DrawnMotion
     charts: tuple[Chart, ...]

@@ -1,7 +1,7 @@
 """What a run says of itself, as facts for a page: state, device, rig, air, calibration, versions.
 
 The metadata of a run folder come in as they stand in its JSON; what an older or foreign run does
-not state is left out or said to be missing.
+not state is left out or stated to be missing.
 """
 
 from __future__ import annotations
@@ -91,9 +91,9 @@ def air_facts(metadata: Mapping[str, Any]) -> dict[str, str]:
     air = metadata.get("air") or {}
     if not air:
         return {"air": MISSING}
-    said = "measured" if air.get("measured") else "nobody measured it: standard values stand in"
+    source = "measured" if air.get("measured") else "nobody measured it: standard values stand in"
     return {
-        "air": said,
+        "air": source,
         "temperature": f"{air['temperature_degC']:g} °C",
         "pressure": f"{air['pressure_Pa'] / 100.0:.2f} hPa",
         "relative humidity": f"{100.0 * air['humidity']:.0f} %",

@@ -2,7 +2,7 @@
 
 Lengths in the drawing are metres, x to the right and down the page against height. What moves has
 a class: `world` (everything that stands, shifted against the vehicle), `moving` (plates that come
-and go), `vehicle` (shifted and turned about its centre) and in it one `rotor` each: its `own`
+and go), `vehicle` (shifted, and rotated about its centre) and in it one `rotor` each: its `own`
 thrust without a surface with a `tip`, and on top what the surface has `added`, enlarged. The
 element says how long an arrow is. The drawing shows everything at rest.
 """

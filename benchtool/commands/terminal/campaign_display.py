@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import MofNCompleteColumn, TimeRemainingColumn
 
 from benchtool import __version__
+from benchtool.commands.simulate_options import StudyInputs
+from benchtool.commands.terminal.tables import progress_bar
 from benchtool.core.counted import counted
 from benchtool.core.errors import InputError, WouldOverwrite
+from benchtool.core.input_text import words_of
 from benchtool.data.run.campaign import unfinished
 from benchtool.report.figure import drawn as drawn_figures
 from benchtool.report.files import refuse_existing, save_figure
@@ -22,23 +25,19 @@ from benchtool.simulate.campaign import Campaign, measure_named, write_campaign
 from benchtool.simulate.design import Design
 
 
-def run_with_progress(
-    campaign: Campaign,
-    design: Design,
-    settings: Sequence[str],
-    measure: str,
-    out: Path | None,
-) -> None:
+def run_with_progress(campaign: Campaign, study: StudyInputs, **names: Any) -> None:
     """Run a campaign, show how far it is, write its table and its map.
 
     Args:
         campaign: what is run.
-        design: at which points.
-        settings: what was set on the command line, for the table's file.
-        measure: what the map shows; the main one when empty.
-        out: folder.
+        study: what is varied, which measure is shown, and the folder.
+        names: of what may be varied; see `Design.read`.
     """
-    drawn = measure_named(campaign, measure)
+    several, out = study.campaign, study.out
+    design = Design.read(
+        several.vary, samples=several.samples, seeds=several.seeds, seed=study.seed, **names
+    )
+    drawn = measure_named(campaign, several.measure)
     if out is None:
         raise InputError("a campaign writes its results to disk; add --out FOLDER")
     table = out / "campaign.parquet"
@@ -54,10 +53,11 @@ def run_with_progress(
     )
     metadata = {
         "simulated": "true", "benchtool": __version__, **campaign.metadata, **design.words(),
-        "set": " ".join(settings),
+        "set": " ".join(words_of(study.settings, commas=False)),
     }  # fmt: skip
     began = time.monotonic()
-    with _progress() as progress, _kept(table):
+    columns = (MofNCompleteColumn(), TimeRemainingColumn())
+    with progress_bar(*columns, transient=False) as progress, _rows_stay(table):
         task = progress.add_task("runs", total=total)
         count = write_campaign(
             campaign.rows(design),
@@ -78,20 +78,8 @@ def run_with_progress(
         print(f"written: {path}")
 
 
-def _progress() -> Progress:
-    """Return a bar that shows on a terminal and nowhere else."""
-    return Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-        console=Console(stderr=True),
-        disable=not sys.stderr.isatty(),
-    )
-
-
 @contextmanager
-def _kept(table: Path) -> Iterator[None]:
+def _rows_stay(table: Path) -> Iterator[None]:
     """Say where the rows are when a campaign is broken off."""
     try:
         yield

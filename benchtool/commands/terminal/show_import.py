@@ -5,39 +5,33 @@ from __future__ import annotations
 from pathlib import Path
 
 from rich.box import SIMPLE_HEAD
-from rich.console import Console
 from rich.table import Table
 
+from benchtool.commands.terminal.tables import Output
 from benchtool.data.repairs.imported import Imported
-
-FILE_WIDTH = 110
-"""Width where no terminal gives one."""
 
 
 def print_import(read: Imported, target: Path | None) -> None:
     """Print one import."""
-    console = Console(soft_wrap=True, highlight=False)
-    if not console.is_terminal:
-        console.width = FILE_WIDTH
+    console = Output()
     tally = read.tally
     parts = [f"{tally.kept:,} of {tally.total:,} {tally.unit}s kept"]
     if tally.not_needed:
         parts.append(f"{tally.not_needed:,} of kinds that are not needed")
     parts.append(f"{tally.refused:,} refused")
     source = read.recording.provenance.get("file", "")
-    console.print(f"{source}: {read.format}; {', '.join(parts)}", markup=False)
-    console.print(f"channels: {', '.join(read.recording.names)}", markup=False)
+    console.say(f"{source}: {read.format}; {', '.join(parts)}")
+    console.say(f"channels: {', '.join(read.recording.names)}")
     for window in read.windows:
         rotor = f"rotor {window.rotor}" if window.rotor else "all rotors"
-        console.print(
+        console.say(
             f"over a surface: {rotor}, {window.start_s:.6g} s to {window.end_s:.6g} s "
-            f"(says {window.source})",
-            markup=False,
+            f"(says {window.source})"
         )
     if read.findings:
         console.print(_table(read))
     if target is not None:
-        console.print(f"written: {target} and {target.name}.json", markup=False)
+        console.say(f"written: {target} and {target.name}.json")
 
 
 def _table(read: Imported) -> Table:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections import deque
-from types import TracebackType
-from typing import Self
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 from rich.console import Console, Group
 from rich.live import Live
@@ -20,7 +20,7 @@ LATEST = 8
 """Points in the live table."""
 
 _QUIET = frozenset({"device"})
-"""Events that are kept in events.jsonl but not shown."""
+"""Events that stand in events.jsonl but are not shown."""
 
 
 class PlainDisplay(RunProgress):
@@ -29,17 +29,6 @@ class PlainDisplay(RunProgress):
     def __init__(self, radius_m: float) -> None:
         self._radius_m = radius_m
         self._visits = self._done = 0
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        pass
 
     def started(self, visits: int, done: int, expected_s: float) -> None:
         self._visits, self._done = visits, done
@@ -69,7 +58,7 @@ class LiveDisplay(RunProgress):
     def __init__(self, radius_m: float, console: Console) -> None:
         self._radius_m = radius_m
         self._latest: deque[Point] = deque(maxlen=LATEST)
-        self._news = ""
+        self._event = ""
         self._bar = Progress(
             TextColumn("{task.description}"),
             BarColumn(),
@@ -78,21 +67,6 @@ class LiveDisplay(RunProgress):
             console=console,
         )
         self._task = self._bar.add_task("sweep", total=None, left="?")
-        self._live = Live(
-            console=console, refresh_per_second=4, get_renderable=self._render, transient=False
-        )
-
-    def __enter__(self) -> Self:
-        self._live.start()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self._live.stop()
 
     def started(self, visits: int, done: int, expected_s: float) -> None:
         self._bar.update(self._task, total=visits, completed=done, left=minutes(expected_s))
@@ -110,9 +84,10 @@ class LiveDisplay(RunProgress):
 
     def happened(self, event: Event) -> None:
         if event.event not in _QUIET:
-            self._news = f"{event.time_s:.1f} s  {event.event}: {event.text}"
+            self._event = f"{event.time_s:.1f} s  {event.event}: {event.text}"
 
-    def _render(self) -> Group:
+    def render(self) -> Group:
+        """Return table, latest event and bar."""
         table = Table(box=None, pad_edge=False)
         for name in ("point", "kind", "z/R", "pwm us", "rpm", "thrust N", "+-", "V", ""):
             table.add_column(name, justify="left" if name == "kind" else "right")
@@ -128,10 +103,16 @@ class LiveDisplay(RunProgress):
                 f"{point.voltage_V:.2f}",
                 "" if point.settled else "not settled",
             )
-        return Group(table, self._news, self._bar)
+        return Group(table, self._event, self._bar)
 
 
-def display_for(radius_m: float) -> LiveDisplay | PlainDisplay:
-    """Return the live display on a terminal, plain lines elsewhere."""
+@contextmanager
+def display_for(radius_m: float) -> Iterator[LiveDisplay | PlainDisplay]:
+    """Show a sweep live on a terminal, in plain lines elsewhere."""
     console = Console()
-    return LiveDisplay(radius_m, console) if console.is_terminal else PlainDisplay(radius_m)
+    if not console.is_terminal:
+        yield PlainDisplay(radius_m)
+        return
+    display = LiveDisplay(radius_m, console)
+    with Live(console=console, refresh_per_second=4, get_renderable=display.render):
+        yield display

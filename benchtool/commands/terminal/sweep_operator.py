@@ -53,20 +53,40 @@ def say_of_end(bench: GuardedBench) -> None:
         print(f"warning: {state.text}")
 
 
-def confirm_arming(text: str, word: str, bench: GuardedBench) -> None:
-    """Show what will spin and want a typed confirmation.
+def arm(text: str, bench: GuardedBench, rig: Rig, *, unattended: bool) -> None:
+    """Show what will spin; a typed confirmation is needed unless the bench may run unattended.
+
+    Raises:
+        InputError: nobody is there to confirm, or the bench may not be left alone.
+        RunStopped: something else was typed.
+    """
+    from datetime import datetime
+
+    from benchtool.acquire.arming import require_unattended
+
+    if not unattended:
+        confirm_arming(text, bench)
+        return
+    require_unattended(bench.identity, rig, datetime.now().astimezone().date())
+    print(text, flush=True)
+
+
+def confirm_arming(text: str, bench: GuardedBench) -> None:
+    """Show what will spin and ask for a typed confirmation.
 
     Raises:
         InputError: nobody is there to confirm.
         RunStopped: something else was typed.
     """
+    from benchtool.acquire.arming import CONFIRMATION
+
     print(text)
     is_virtual = bench.identity.address.startswith("sim:")
     meanwhile = None if is_virtual else lambda: bench.read(LOOK_S)
     with bench.interruptible():
-        answer = answer_to(f"type {word} to arm: ", meanwhile)
-    if answer.strip() != word:
-        raise RunStopped(f"not armed: {word} was not typed; nothing was spun")
+        answer = answer_to(f"type {CONFIRMATION} to arm: ", meanwhile)
+    if answer.strip() != CONFIRMATION:
+        raise RunStopped(f"not armed: {CONFIRMATION} was not typed; nothing was spun")
 
 
 def _line(line: str) -> str:

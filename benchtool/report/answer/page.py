@@ -37,13 +37,13 @@ def where_sentence(answer: Answer) -> str:
     where = answer.verdict.where
     if where is None:
         return "The model agrees with the recordings within their noise and the tolerances."
-    said = f"The disagreement is {PLACES[where.stage]}"
+    text = f"The disagreement is {PLACES[where.stage]}"
     shown = f"{where.size:.0f}" if where.size >= 10.0 else f"{where.size:.2g}"
     size = f"{shown} times the stated noise"
     if where.regime == EVERYWHERE:
-        return f"{said}, spread over the whole of the recordings; residuals are {size}."
+        return f"{text}, spread over the whole of the recordings; residuals are {size}."
     return (
-        f"{said}, most of it in: {where.regime}. There residuals are {size}, and "
+        f"{text}, most of it in: {where.regime}. There residuals are {size}, and "
         f"{100.0 * where.share:.0f} % of the disagreement lies there."
     )
 

@@ -134,7 +134,7 @@ def _gap_row(gap: ChannelGap, changed: bool) -> tuple[str, ...]:
 
 
 def _share(gap: ChannelGap) -> str:
-    """Return how much of a gap is closed; nothing is said of one that noise could have made."""
+    """Return how much of a gap is closed; not of one that noise could have made."""
     if gap.before <= gap.floor_high:
         return "within noise"
     return f"{100.0 * min(1.0, max(0.0, gap.share_closed)):.0f} %"

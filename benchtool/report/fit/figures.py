@@ -192,7 +192,7 @@ def _mean_speed(conditions: Conditions) -> Array:
 def _line(fit: FitOutput, fastest: int) -> tuple[Array, Array]:
     """Return the fitted model from standstill to a point's speeds (l,): rad/s, N.
 
-    Plate, tare and drift are those of that point, and its rotors keep their ratios of speed.
+    Plate, tare and drift are those of that point, and the ratios of its rotors' speeds stay.
     """
     here = fit.data.conditions.select(np.full(LINE_POINTS, fastest))
     turning = replace(here, speed_rad_s=here.speed_rad_s * np.linspace(0.0, 1.03, LINE_POINTS))

@@ -143,7 +143,7 @@ def sentence_of(first: FitResult, *, model: str, rig: str, basis: str, used: int
     """Say in one or two sentences what a result found from so many points of so many read."""
     if first.outcome.status != "converged":
         return f"No answer to use from {used} of {read} points: {first.outcome.message}."
-    said = ", ".join(
+    values = ", ".join(
         f"{item.name} = {value_with_sd(item.value, item.sd)}"
         + ("" if item.unit == "1" else f" {unit_for_people(item.unit)}")
         + (f" ({item.bound})" if item.bound else "")
@@ -164,4 +164,4 @@ def sentence_of(first: FitResult, *, model: str, rig: str, basis: str, used: int
     }.get(str(first.facts.get("verdict")), "")
     shown = "thrust itself (joint fit)" if basis == "joint" else basis
     on = f" on rig {rig}" if rig else ""
-    return f"{used} of {read} points, model {model}{on}, basis {shown}: {said}.{judged}"
+    return f"{used} of {read} points, model {model}{on}, basis {shown}: {values}.{judged}"

@@ -230,7 +230,7 @@ def table_lines(flights: Sequence[Flown]) -> list[str]:
 
 
 def report_lines(flights: Sequence[Flown]) -> list[str]:
-    """Return all that is said of the flights: what was flown, the table, the warnings."""
+    """Return the text of the flights: what was flown, the table, the warnings."""
     case = flights[0].case
     z_over_R = case.start_m[2] / case.vehicle.rig.propulsion.radius_m
     head = (

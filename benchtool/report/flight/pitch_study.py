@@ -137,7 +137,7 @@ def warnings_of(study: PitchStudy) -> list[str]:
 
 
 def report_lines(study: PitchStudy) -> list[str]:
-    """Return all that is said of a study: what it is, the table, the warnings."""
+    """Return the text of a study: what it is, the table, the warnings."""
     setup, gains = study.setup, study.setup.controls[0].gains
     head = (
         f"SIMULATED pitch bench {setup.bench.model.rig.name}, model {setup.bench.model.name}, "

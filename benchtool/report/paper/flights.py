@@ -62,7 +62,7 @@ def _register(
     with_free: bool = False,
     **look: Any,
 ) -> None:
-    """Register a figure of flights side by side, in grey PID out of ground effect if asked."""
+    """Register a figure of flights side by side, in grey PID out of ground effect."""
     options: dict[str, Any] = {"until_s": UNTIL_S, "obstacle_m": OBSTACLE_X_M}
     options |= {"focus_m": FOCUS_M.get(case), **look}
 

@@ -49,11 +49,11 @@ def common_table(runs: Sequence[SweepRun]) -> tuple[Table, str]:
     )
     if not common:
         return table, "The runs have no setting of the same distance and pulse in common."
-    said = (
+    text = (
         f"{apart} of {len(common) * (len(runs) - 1)} ratios at common settings are more than "
         f"{CLEAR:g} standard deviations from the first run's"
     )
-    return table, f"{said}, the farthest {worst[1]} ({worst[0]:.1f})." if worst[1] else f"{said}."
+    return table, f"{text}, the farthest {worst[1]} ({worst[0]:.1f})." if worst[1] else f"{text}."
 
 
 def _common(runs: Sequence[SweepRun]) -> Table | None:

@@ -31,18 +31,18 @@ def _without_samples(run: SweepRun) -> Block | None:
 
 def _drift(run: SweepRun) -> list[Block]:
     _, change, error = anchor_changes(run)
-    said = "No anchor was repeated, so drift of the load cell was not watched."
+    text = "No anchor was repeated, so drift of the load cell was not watched."
     if len(change) > 1:
         worst = int(np.argmax(np.abs(change)))
         moved = value_with_sd(1e3 * float(change[worst]), 1e3 * float(error[worst]))
-        said = (
+        text = (
             f"{len(change)} anchors: since the first the load cell moved by at most {moved} mN at "
             f"equal rotor speed."
         )
     elif len(change) == 1:
-        said = "One anchor was measured; drift shows from the second on."
+        text = "One anchor was measured; drift shows from the second on."
     tares = [] if run.tares is None else [tares_table(run.tares)]
-    return [Paragraph(said), *tares]
+    return [Paragraph(text), *tares]
 
 
 def _conditions(run: SweepRun) -> list[Block]:

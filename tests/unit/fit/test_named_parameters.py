@@ -10,7 +10,7 @@ import pytest
 
 from benchtool.commands import fit
 from benchtool.commands.app import main
-from benchtool.commands.terminal.announce_code import announce_code
+from benchtool.commands.terminal.messages import announce_code
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.inputs import changed, make, words
 from benchtool.core.parameter import full_name

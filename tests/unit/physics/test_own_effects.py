@@ -81,6 +81,8 @@ def test_a_module_is_found_from_the_present_folder(
         ("EFFECT = 3\n", "make it an Effect or a list"),
         ("EFFECTS = [3]\n", "holds 3, which is no"),
         ("import nothing_of_that_name\n", "nothing_of_that_name"),
+        ("from benchtool.effects.effect import Effect\n", r"docs/how-to/write-an-effect\.md"),
+        (GOOD.replace("subsystem=", "stage="), r"'stage'.*docs/how-to/write-an-effect\.md"),
         ("def broken(:\n", "SyntaxError"),
         ("1 / 0\n", "ZeroDivisionError"),
         ("\nexit(1)\n", r"SystemExit: 1 while it was imported, in .*mine\.py line 2; mend"),

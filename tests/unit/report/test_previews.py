@@ -43,7 +43,7 @@ def test_the_pitch_preview_has_the_numbers_of_the_study() -> None:
     theta_deg = np.degrees(study.runs[0].column("true_theta_rad"))
     assert run.motion.pitch_deg.min() == pytest.approx(theta_deg.min(), abs=0.02)
     assert run.over == ((pytest.approx(10.0, abs=0.02), pytest.approx(13.0, abs=0.02)),)
-    assert run.said.startswith("peak -1.")
+    assert run.outcome.startswith("peak -1.")
 
 
 def test_the_covered_rotor_alone_gains_thrust_and_only_while_the_plate_is_there() -> None:
@@ -95,7 +95,7 @@ def test_a_quick_flight_differs_from_the_whole_by_less_than_a_screen_shows(case:
         flight_preview(setup, ["pid", "feedforward"], 1, quick=each) for each in (True, False)
     )
     for rough, fine in zip(quick.runs, whole.runs, strict=True):
-        assert rough.said == fine.said
+        assert rough.outcome == fine.outcome
         few, many = rough.motion, fine.motion
         _, at, where = np.intersect1d(few.time_s, many.time_s, return_indices=True)
         assert len(at) > 50

@@ -53,7 +53,7 @@ def shown(preview: SimulationPreview) -> Shown:
         "lanes": [
             {
                 "label": run.label,
-                "said": run.said,
+                "said": run.outcome,
                 "svg": side_view_svg(run.scene),
                 "motion": _short(run.motion),
                 "panels": [[_short(line) for line in chart.lines] for chart in run.charts],

@@ -1,4 +1,4 @@
-"""`benchtool bench map`: which motor, output and ESC belongs to each rotor of a rig."""
+"""`benchtool bench check` and `bench map`: each motor turned alone, slowly, and judged."""
 
 from __future__ import annotations
 
@@ -13,6 +13,8 @@ from benchtool.core.input_text import text_of
 from benchtool.core.inputs import Input, Inputs
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from benchtool.bench.bench import Bench
     from benchtool.core.rig import Rig
 
@@ -34,14 +36,14 @@ class MapInputs(Inputs):
     yes: Annotated[bool, Input("No typed confirmation; simulated benches only.")] = False
 
 
+@declared(MapInputs)
 def map_motors(inputs: MapInputs) -> None:
     """Turn each motor of a flight controller alone, slowly, and write down what it drives."""
-    from benchtool.acquire.arming import CONFIRMATION
     from benchtool.acquire.bench_check import learn_motors, low_throttle_us
     from benchtool.acquire.inputs import rig_for
     from benchtool.bench.drivers import open_bench, parse_address
     from benchtool.bench.guard import GuardedBench
-    from benchtool.commands.terminal.announce_code import announce_code
+    from benchtool.commands.terminal.messages import announce_code, write_new
     from benchtool.commands.terminal.sweep_operator import confirm_arming, say_of_bench, say_of_end
     from benchtool.core.errors import InputError, WouldOverwrite
 
@@ -64,42 +66,35 @@ def map_motors(inputs: MapInputs) -> None:
             f"{low_throttle_us(stands):g} us; see which rotor each one is"
         )
         if not inputs.yes:
-            confirm_arming(text, CONFIRMATION, bench)
+            confirm_arming(text, bench)
         elif not bench.identity.simulated:
             raise InputError("--yes is for simulated benches only; leave it out and type ARM")
-        which = numbers.index if numbers else _Asked(stands, bench)
+        which = numbers.index if numbers else _question(stands, bench)
         found = learn_motors(bench, stands, which, lambda text: print(text, flush=True))
     say_of_end(bench)
-    try:
-        target.write_text(found.to_toml(), encoding="utf-8")
-    except OSError as error:
-        raise InputError(
-            f"{target} cannot be written ({error.strerror}); choose another --out"
-        ) from error
+    write_new(target, lambda: target.write_text(found.to_toml(), encoding="utf-8"))
     joint = "&" if "?" in address else "?"
     print(f"written to {target}; from now on use {address}{joint}map={target}")
 
 
-class _Asked:
-    """Ask the operator which rotor has turned; nothing but eyes can tell."""
+def _question(rig: Rig, bench: Bench) -> Callable[[int], int]:
+    """Return a function that asks the operator which rotor has turned: only eyes can see it."""
+    from benchtool.commands.terminal.sweep_operator import LOOK_S, answer_to
 
-    def __init__(self, rig: Rig, bench: Bench) -> None:
-        self._names = [rotor.name for rotor in rig.rotors]
-        self._bench = bench
-        self._left = set(range(rig.n_rotors))
+    left = set(range(rig.n_rotors))
 
-    def __call__(self, motor: int) -> int:
-        from benchtool.commands.terminal.sweep_operator import LOOK_S, answer_to
-
-        while len(self._left) > 1:
-            listed = ", ".join(f"{rotor + 1} {self._names[rotor]}" for rotor in sorted(self._left))
+    def rotor_of(motor: int) -> int:
+        while len(left) > 1:
+            listed = ", ".join(f"{rotor + 1} {rig.rotors[rotor].name}" for rotor in sorted(left))
             question = f"motor {motor} has turned; which rotor was it? ({listed}): "
-            answer = answer_to(question, lambda: self._bench.read(LOOK_S)).strip()
+            answer = answer_to(question, lambda: bench.read(LOOK_S)).strip()
             rotor = int(answer) - 1 if answer.isdecimal() else -1
-            if rotor in self._left:
-                self._left.remove(rotor)
+            if rotor in left:
+                left.remove(rotor)
                 return rotor
-        return self._left.pop()
+        return left.pop()
+
+    return rotor_of
 
 
 def _numbers(given: tuple[int, ...] | None, rig: Rig, unattended: bool) -> tuple[int, ...]:
@@ -130,4 +125,55 @@ def _numbers(given: tuple[int, ...] | None, rig: Rig, unattended: bool) -> tuple
     return given
 
 
-command = declared(MapInputs, map_motors)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CheckInputs(Inputs):
+    """What `benchtool bench check` takes."""
+
+    address: Annotated[str, Input("The bench: serial:PORT, tcp:HOST:PORT.", argument="ADDRESS")]
+    rig: Annotated[str | None, Input("Rig by name, or a rig file.")] = None
+    yes: Annotated[bool, Input("No typed confirmation; simulated benches only.")] = False
+
+
+@declared(CheckInputs)
+def check(inputs: CheckInputs) -> None:
+    """Check standstill, ESC arming, channel map, thrust sign and rpm at low throttle."""
+    from datetime import datetime
+
+    from benchtool.acquire.arming import remember_check
+    from benchtool.acquire.bench_check import check_bench, low_throttle_us
+    from benchtool.acquire.inputs import rig_for
+    from benchtool.bench.drivers import open_bench
+    from benchtool.bench.guard import GuardedBench
+    from benchtool.commands.terminal.messages import announce_code
+    from benchtool.commands.terminal.sweep_operator import confirm_arming, say_of_bench, say_of_end
+    from benchtool.core.errors import BenchError, InputError
+
+    stands = rig_for(inputs.address, inputs.rig)
+    findings = []
+    with GuardedBench(open_bench(inputs.address, announce_code), stands) as bench:
+        identity = bench.identity
+        say_of_bench(identity, stands)
+        text = (
+            f"rotors 1 to {stands.n_rotors} of rig {stands.name} will turn one after another at "
+            f"{low_throttle_us(stands):g} us"
+        )
+        if not inputs.yes:
+            confirm_arming(text, bench)
+        elif not identity.simulated:
+            raise InputError(
+                "--yes is for simulated benches only: this is the check; leave it out and type the "
+                "confirmation"
+            )
+        for finding in check_bench(bench, stands):
+            findings.append(finding)
+            print(f"{'ok  ' if finding.passed else 'FAIL'} {finding.name}: {finding.text}")
+    say_of_end(bench)
+    failed = [finding for finding in findings if not finding.passed]
+    if failed:
+        raise BenchError(
+            f"{len(failed)} of {len(findings)} checks failed, first {failed[0].name}: "
+            f"{failed[0].text}; mend it and check again"
+        )
+    today = datetime.now().astimezone().date()
+    remember_check(identity, stands, [finding.text for finding in findings], today)
+    print(f"all {len(findings)} checks passed on {identity.device_id}; noted for today")

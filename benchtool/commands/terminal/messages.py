@@ -1,13 +1,19 @@
-"""Standard output that is full or closed, and other things that the system ran out of."""
+"""What commands say on standard error, and what happens where an output is full or closed."""
 
 from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Callable, Iterable
 from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING
 
-from benchtool.core.errors import ResourceExhausted
+from benchtool.core.errors import BenchtoolError, InputError, ResourceExhausted, WouldOverwrite
 from benchtool.core.exhausted import exhausted, is_exhaustion
+
+if TYPE_CHECKING:
+    from benchtool.data.run.run import Run
 
 _NO_MEMORY = ("cannot allocate memory", "failed to map segment", "can't start new thread")
 """What loaders and threads say where an allocation failed; they raise no MemoryError for it."""
@@ -61,3 +67,50 @@ def _output_error(text: str = "") -> OSError | None:
     except (ValueError, AttributeError):  # it was closed before we began
         return None
     return None
+
+
+def announce_code(file: str) -> None:
+    """Permit a Python file that a person named, saying on stderr that it runs."""
+    print(f"runs Python code of your own: {file}", file=sys.stderr, flush=True)
+
+
+def print_notes(notes: Iterable[str]) -> None:
+    """Print on stderr how a model file was read."""
+    for note in notes:
+        print(f"note: {note}", file=sys.stderr, flush=True)
+
+
+def close_stopped(run: Run, advice: str = "") -> None:
+    """Write the tables of a run that stopped and say where it is; what prevents it is only printed.
+
+    Args:
+        run: an error that ended it is on its way.
+        advice: how to go on.
+    """
+    try:
+        run.close()
+    except (BenchtoolError, OSError, MemoryError) as error:
+        say_error(f"{run.path} was not closed: {error}")
+        return
+    with suppress(OSError):
+        print("; ".join(filter(None, (f"what was recorded is in {run.path}", advice))))
+
+
+def write_new(out: Path, write: Callable[[], object], hint: str = "another --out") -> None:
+    """Write what must not be there yet.
+
+    Args:
+        out: file or folder.
+        write: makes it.
+        hint: what to choose where the system refuses.
+
+    Raises:
+        WouldOverwrite: something is there.
+        InputError: it cannot be written.
+    """
+    if out.exists() or out.is_symlink():
+        raise WouldOverwrite(str(out))
+    try:
+        write()
+    except OSError as error:
+        raise InputError(f"{out} cannot be written ({error.strerror}); choose {hint}") from error
