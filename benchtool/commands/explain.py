@@ -92,8 +92,7 @@ def explain(inputs: ExplainInputs) -> None:
         working,
     )
     from benchtool.explain.answer import answer_request, read_request
-    from benchtool.report.answer.file import Written
-    from benchtool.report.answer.folder import refuse_taken, write_folder, write_json
+    from benchtool.report.answer.folder import Written, refuse_taken, write_folder, write_json
 
     began = time.monotonic()
     learned, checked, out, json_file = inputs.recordings, inputs.check, inputs.out, inputs.json

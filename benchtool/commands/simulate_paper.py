@@ -51,7 +51,7 @@ def paper(inputs: PaperInputs) -> None:
         print("add --out FOLDER for the figures and claims.csv")
         return
     from benchtool.report.files import save_figure, write_whole
-    from benchtool.report.paper.page import paper_figures
+    from benchtool.report.paper.flights import paper_figures
 
     write_whole(out / "claims.csv", claim_csv(claims).encode())
     print(f"written: {out / 'claims.csv'}")

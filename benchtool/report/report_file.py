@@ -17,8 +17,7 @@ from benchtool.report import html
 from benchtool.report.files import write_whole
 from benchtool.report.page import Report
 from benchtool.report.replay.page import recording_page
-from benchtool.report.sweep.compared import COMPARED
-from benchtool.report.sweep.page import SWEEP
+from benchtool.report.sweep.page import COMPARED, SWEEP
 from benchtool.report.sweep.run import read_sweep_run
 
 Kind = Literal["sweep", "pitch", "recording", "fit", "explanation"]

@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 from typing import Any
 
-from benchtool.report.answer.file import VERSION, Written, answer_tables
+from benchtool.report.answer.folder import VERSION, Written, answer_tables
 from tests.unit.explain.hand_made import answer
 
 PAGE = (Path(__file__).parents[2] / "docs" / "reference" / "explain-json.md").read_text("utf-8")

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Protocol
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from benchtool.core.rig import Rig
-from benchtool.report.figure import figure
+from benchtool.physics.wake_picture import Hover
+from benchtool.report.figure import Page, drawn, figure
 from benchtool.report.flight.flight import draw_flights, flights_width
 from benchtool.report.flight.pitch_study import (
     PitchTrace,
@@ -19,6 +20,7 @@ from benchtool.report.flight.pitch_study import (
     pitch_study,
     trace_of,
 )
+from benchtool.report.page import FigureBlock
 from benchtool.simulate.flight.cases import GYRO_NOISE_RAD_S, OBSTACLE_X_M
 from benchtool.simulate.flight.study import CONTROL_NAMES, Flown
 from benchtool.simulate.pitch.setup import PitchSetup, changed, pitch_setup
@@ -252,3 +254,45 @@ _bench(
     "The observer removes the tilt without knowing the plate.",
     ["pid", "observer"],
 )
+
+
+PAPER = Page(
+    "paper",
+    [
+        (
+            "Models",
+            [
+                *("fig03-single-rotor", "fig04-quad-and-single", "fig06-body-lift"),
+                *("fig08-three-rotors", "fig09-attitude"),
+            ],
+        ),
+        (
+            "Set-ups",
+            ["fig07-partial-effect", "fig10-map", "fig11-cases", "fig29-plate-set-up"],
+        ),
+        ("Controllers", ["fig16-observer-scheme", "fig19-feedforward-scheme"]),
+        (
+            "Flights",
+            [
+                *(f"fig{number}-{control}-{case}" for number, control, case in FLIGHTS),
+                *("fig14-pid-1-m-s", "fig15-pid-noise", "fig22-map-errors"),
+                *("fig23-comparison-over", "fig24-comparison-edge", "fig30-plate-in-flight"),
+                *(f"extra-{case}" for case in EXTRA),
+            ],
+        ),
+        (
+            "The pitch bench",
+            [
+                *("fig26a-bench-pquad", "fig26b-bench-amuse", "fig27-bench-feedforward"),
+                *("fig27-bench-switched", "fig28-bench-observer"),
+            ],
+        ),
+    ],
+)
+
+
+def paper_figures(flights: Flies) -> Iterator[tuple[str, FigureBlock]]:
+    """Give every figure with its file name, one after the other."""
+    yield from drawn("paper.flow", Hover.quad()).items()
+    for name in PAPER.figures:
+        yield from drawn("paper", flights, [name]).items()

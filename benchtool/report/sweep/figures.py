@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,10 +13,11 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from benchtool.core.array import Array
+from benchtool.core.units import from_si
 from benchtool.fit.nominal import NominalModel
 from benchtool.report.figure import figure
-from benchtool.report.palette import CYCLE, GREY, Role
-from benchtool.report.panels import points
+from benchtool.report.palette import BLUE, CYCLE, GREY, ORANGE, Role
+from benchtool.report.panels import points, rows_of
 from benchtool.report.ratio import (
     Curve,
     RatioPoints,
@@ -201,3 +203,43 @@ def _model_line(
         axes.fill_between(at, band.lower, band.upper, color=color, alpha=0.2, lw=0.0, gid="band-95")
     axes.plot(at, np.broadcast_to(model.model.thrust_N(conditions), at.shape), color=color, lw=1.2)
     return bool(model.draws)
+
+
+@figure(
+    page="sweep.calibration",
+    name="calibration",
+    title="Calibration {0[id]}",
+    caption="The calibration. Above: mean raw reading of each known mass and the line. Below: what "
+    "the line leaves over; a gap between the two ways is hysteresis, an arch a bent line.",
+    simulated=lambda known: bool(known["simulated"]),
+    height_in=5.2,
+)
+def calibration(figure: Figure, known: Mapping[str, Any]) -> None:
+    """Draw counts against force with the line, and below the residuals up and down.
+
+    Args:
+        figure: empty.
+        known: a calibration as its JSON file and a run's metadata hold it, and whether the load
+            cell was a virtual one, as "simulated".
+    """
+    newtons_per_kg = known["gravity_m_s2"] / known["lever_ratio"]
+    force_N = np.array(known["masses_kg"], float) * newtons_per_kg
+    counts, residual_N = np.array(known["counts"], float), np.array(known["residuals_N"], float)
+    loading = np.arange(len(force_N)) <= int(force_N.argmax())
+    line, left = rows_of(figure, (1.6, 1.0))
+    order = np.argsort(force_N + residual_N, kind="stable")
+    line.plot((force_N + residual_N)[order], counts[order], color=GREY, lw=1.2, label="line")
+    for rows, marker, color, label in (
+        (loading, "^", BLUE, "masses added"),
+        (~loading, "v", ORANGE, "masses taken off"),
+    ):
+        if rows.any():
+            residual_mN = from_si(residual_N[rows], "mN")
+            line.plot(force_N[rows], counts[rows], marker, color=color, label=label)
+            left.plot(force_N[rows], residual_mN, marker + "-", color=color, lw=0.8, ms=5.0)
+    left.axhline(0.0, color=GREY, linewidth=0.9)
+    line.set_ylabel("reading [counts]")
+    line.legend(loc="upper left")
+    left.set_ylabel("reading −\nforce [mN]")
+    left.set_xlabel("known force [N]")
+    figure.align_ylabels([line, left])

@@ -23,7 +23,7 @@ from benchtool.commands.paper_claims import (
     sensitivity_claims,
 )
 from benchtool.report.page import FigureBlock
-from benchtool.report.paper.page import paper_figures
+from benchtool.report.paper.flights import paper_figures
 from benchtool.report.style import SIMULATED_GID
 
 

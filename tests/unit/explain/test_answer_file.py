@@ -13,7 +13,7 @@ from benchtool.core.schedule_file import schedule_named
 from benchtool.explain.engine.verdict import KINDS, Kind, NotJudged
 from benchtool.explain.next_steps import next_file
 from benchtool.explain.recordings import names_of
-from benchtool.report.answer.file import Written, answer_tables
+from benchtool.report.answer.folder import Written, answer_tables
 from benchtool.report.answer.page import answer_page
 from benchtool.report.html import render_report
 from tests.unit.explain.hand_made import NEXT, answer, gap, source, verdict

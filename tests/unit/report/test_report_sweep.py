@@ -17,7 +17,7 @@ from benchtool.data.run.run import read_settings
 from benchtool.explain.pitch.replayed import Beside
 from benchtool.report.numbers import value_with_sd
 from benchtool.report.report_file import kind_of, page_text, write_report
-from benchtool.report.sweep.compared import common_table
+from benchtool.report.sweep.page import common_table
 from benchtool.report.sweep.run import read_sweep_run
 from tests.unit.report.report_text import check_self_contained, facts_of, rows_of, words_of
 

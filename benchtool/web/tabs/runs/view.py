@@ -81,7 +81,7 @@ def view_part(root: Path, name: str, part: str) -> PageSection:
 
 def view_comparison(root: Path, names: Sequence[str]) -> PageSection:
     """Return several sweeps in one plot, with the settings that they share."""
-    from benchtool.report.sweep.compared import COMPARED
+    from benchtool.report.sweep.page import COMPARED
     from benchtool.report.sweep.run import read_sweep_run
     from benchtool.web.drawing import blocks_html
 
