@@ -76,7 +76,6 @@ def bridge(inputs: BridgeInputs) -> None:
         LOOPBACK,
         RAMP_MS,
         SILENCE_MS,
-        BridgePlace,
         bridge_text,
     )
     from benchtool.commands.terminal.messages import write_new
@@ -84,8 +83,8 @@ def bridge(inputs: BridgeInputs) -> None:
     from benchtool.core.rig_file import rig_named
 
     out, host, host_port = inputs.out, inputs.host, inputs.host_port
-    place = BridgePlace(listen_port=inputs.port, host=host, host_port=host_port)
-    text = bridge_text(rig_named(inputs.rig), place, inputs.speed)
+    rig = rig_named(inputs.rig)
+    text = bridge_text(rig, inputs.speed, listen_port=inputs.port, host=host, host_port=host_port)
     if out.suffix != ".js":
         raise InputError(f"--out {out} is no name of a script; end it in .js")
     write_new(out, lambda: out.write_text(text, encoding="utf-8", newline="\n"))
