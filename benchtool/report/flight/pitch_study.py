@@ -217,7 +217,7 @@ def trace_of(run: PitchRun, label: str, away: PitchRun | None = None) -> PitchTr
 
 
 def draw_study(figure: Figure, study: PitchStudy) -> None:
-    """Draw a panel for each controller, with the plate and without."""
+    """Draw the study as the paper lays out its figures 26 to 28."""
     pairs = zip(study.runs, study.away, strict=True)
     draw_pitch(figure, [trace_of(run, run.controller, away) for run, away in pairs])
 
