@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import json
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from benchtool.commands.app import main
 from benchtool.core.errors import FileFormatError, WouldOverwrite
 from benchtool.core.recording import Recording
 from benchtool.data.columns import channel_called
 from benchtool.data.formats.formats import import_file
 from benchtool.data.run.recording_file import read_recording, write_recording
 from benchtool.data.table import read_table
+from tests.unit.commands import command_line
 from tests.unit.data.stand_logs import log_text, steps_1580
+
+run = partial(command_line.run, "import")
 
 
 @pytest.fixture
@@ -26,12 +29,6 @@ def log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     thrust[3] = np.nan
     path.write_text(log_text(steps_1580(**{"Thrust (gf)": thrust})))
     return path
-
-
-def run(*words: str | Path) -> int:
-    with pytest.raises(SystemExit) as left:
-        main(["import", *map(str, words)])
-    return int(left.value.code or 0)
 
 
 @pytest.mark.parametrize("ending", ["csv", "parquet"])

@@ -61,42 +61,6 @@ def test_the_command_writes_a_tidy_table_and_a_map(
     ]  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (("--vary", "K_b=1:2:3"), "add --out FOLDER"),
-        (("--vary", "K_b=1:2:3", "--vary", "K_b=1:2:3", "--out", "x"), "one number twice"),
-        (("--vary", "Kb=1:2:3", "--out", "x"), "unknown number to set or vary"),
-        (("--vary", "K_b=1:2:3", "--measure", "rms", "--out", "x"), "did you mean 'rms_deg'"),
-        (
-            ("--vary", "K_b=1:2:3", "--seeds", "0", "--out", "x"),
-            "--seeds is 0, allowed is 1 or more",
-        ),
-        (("--vary", "K_b=2:1:3", "--out", "x"), "is no range"),
-        (("--seeds", "3"), "--seeds is for a campaign; add --vary"),
-        (("--gains", "s3", "--gains", "stiff"), "2 gain sets (s3, stiff) are for a campaign"),
-        (
-            ("--gains", "s3,s3", "--vary", "K_b=1:2:3", "--out", "x"),
-            "--gains is s3, s3; name each once",
-        ),
-        (("--vary", "gains.control_rate_Hz=250:500:2", "--out", "x"), "cannot vary control_rate"),
-    ],
-)
-def test_a_campaign_that_cannot_be_run_is_refused(
-    capsys: pytest.CaptureFixture[str],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    words: tuple[str, ...],
-    message: str,
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    with pytest.raises(SystemExit) as left:
-        main([*WORDS, *words])
-    assert left.value.code == 2
-    assert message in capsys.readouterr().err
-    assert not list(tmp_path.rglob("*.parquet"))
-
-
 def test_gain_sets_stand_side_by_side(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     vary = ("--vary", "K_b=1.5:2.5:2", "--gains", "s3", "--gains", "stiff")
     with pytest.raises(SystemExit) as left:

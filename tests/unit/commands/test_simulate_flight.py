@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -10,12 +11,9 @@ import pytest
 from benchtool.commands.app import main
 from benchtool.data.run.recording_file import read_recording
 from benchtool.data.table import read_csv_text
+from tests.unit.commands import command_line
 
-
-def run(*words: str) -> int:
-    with pytest.raises(SystemExit) as leaving:
-        main(["simulate", "flight", *words])
-    return int(leaving.value.code or 0)
+run = partial(command_line.run, "simulate", "flight")
 
 
 def test_a_flight_under_each_controller(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -65,37 +63,6 @@ def test_a_map_from_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     (tmp_path / "torn.csv").write_text("x_m,y_m,height_m\n0,0,0\n0,1,0\n1,0,zero\n1,1,0\n")
     assert run("--map", str(tmp_path / "torn.csv")) == 2
     assert "line 4: height_m is 'zero'" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    ("words", "says"),
-    [
-        (["--case", "ovr"], "did you mean 'over'"),
-        (["--controllers", "pdi"], "unknown controller of a flight 'pdi'"),
-        (["--controllers", ","], "--controllers names nothing"),
-        (["--layout", "x"], "known: cross, plus"),
-        (["--map-offset-m", "1,2"], "give 3 numbers"),
-        (["--map-offset-m", "nan,0,0"], "--map-offset-m names nan m"),
-        (["--goal-m", "inf,0"], "--goal-m names inf m"),
-        (["--z-over-r", "nan"], "--z-over-r is nan, allowed is above 0"),
-        (["--speed-m-s", "-1"], "--speed-m-s is -1 m/s, allowed is 0.001 to 50 m/s"),
-        (["--gyro-noise-rad-s", "inf"], "--gyro-noise-rad-s is inf rad/s"),
-        (["--rig", "pquad_single"], "four rotors or more"),
-        (["--lag-s", "0.001"], "add --set step_s=0.0004"),
-        (["--lag-s", "1e-9"], "lag_s is 1e-09; give at least 2e-06 s"),
-        (["--set", "step_s=0"], "step_s is 0; give 1e-06 to 0.004"),
-        (["--set", "gains.control_rate_Hz=1e9"], "control_rate_Hz is 1e+09; give 1 to 100000"),
-        (["--set", "gains.control_rate_Hz=1e-9"], "control_rate_Hz is 1e-09; give 1 to 100000"),
-        (["--controllers", "PID"], "did you mean 'pid'"),
-    ],
-)
-def test_bad_input_is_one_sentence(
-    words: list[str], says: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert run(*words) == 2
-    error = capsys.readouterr().err
-    assert says in error
-    assert error.count("\n") == 1
 
 
 def test_a_step_for_quick_motors_and_quick_control(capsys: pytest.CaptureFixture[str]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -9,13 +10,9 @@ import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 
-from benchtool.commands.app import main
+from tests.unit.commands import command_line
 
-
-def run(*words: str) -> int:
-    with pytest.raises(SystemExit) as leaving:
-        main(["simulate", "flight", *words])
-    return int(leaving.value.code or 0)
+run = partial(command_line.run, "simulate", "flight")
 
 
 def test_which_gains_cross_at_which_speed(
@@ -76,57 +73,3 @@ def test_a_point_of_a_campaign_can_be_flown_alone(capsys: pytest.CaptureFixture[
     words = ("--set", "speed=0.5", "--set", "z_over_R=3", "--set", "gains.attitude=1.4")
     assert run("--controllers", "pid", *words) == 0
     assert "z/R 3, 0.5 m/s" in capsys.readouterr().out
-
-
-@pytest.mark.parametrize(
-    ("words", "says"),
-    [
-        (["--vary", "sped=0.2:1:3", "--out", "x"], "did you mean 'speed_m_s'? known: K_b, drag"),
-        (["--vary", "gains.atitude=1:2:3", "--out", "x"], "did you mean 'attitude'? known: alti"),
-        (["--vary", "speed=1:0.2:3", "--out", "x"], "is no range; give FROM below TO"),
-        (["--vary", "speed=nan:1:3", "--out", "x"], "write NAME=FROM:TO:COUNT"),
-        (
-            ["--vary", "speed=0.2:1:3", "--seeds", "0", "--out", "x"],
-            "--seeds is 0, allowed is 1 or more",
-        ),
-        (
-            ["--vary", "speed=0.2:1:3", "--samples", "-1", "--out", "x"],
-            "--samples is -1, allowed is 0 or more",
-        ),
-        (["--vary", "speed=0:1:3", "--out", "x"], "goal speed_m_s is 0"),
-        (["--vary", "speed=0.01:1:3", "--out", "x"], "hardly any could arrive"),
-        (["--vary", "speed=0.2:1:3"], "add --out FOLDER"),
-        (["--vary", "speed=0.2:1:3", "--vary", "speed_m_s=1:2:3", "--out", "x"], "twice"),
-        (["--vary", "K_b=1:2:3", "--measure", "arive", "--out", "x"], "did you mean 'arrives'"),
-        (
-            ["--vary", "K_b=1:2:3", "--controllers", "ogi", "--out", "x"],
-            "feedforward, observer, oge",
-        ),
-        (["--vary", "K_b=1:2:3", "--controllers", "pid,pid", "--out", "x"], "name each once"),
-        (["--vary", "K_b=1:2:3", "--gains", "s4", "--out", "x"], "known: s1a, s3, stiff"),
-        (
-            ["--vary", "K_b=1:2:3", "--seeds", "3", "--gyro-noise-rad-s", "0", "--out", "x"],
-            "all would be alike",
-        ),
-        (["--samples", "3"], "--samples is for a campaign"),
-        (["--measure", "struck"], "--measure is for a campaign"),
-        (["--gains", "s3", "--gains", "stiff"], "2 gain sets (s3, stiff) are for a campaign"),
-        (["--controllers", "oge"], "unknown controller of a flight 'oge'"),
-        (["--set", "K_b=nan"], "write NAME=NUMBER"),
-        (["--vary", "K_b=1:2:3", "--out", "taken"], "taken exists already"),
-    ],
-)
-def test_bad_input_is_one_sentence_and_leaves_nothing(
-    words: list[str],
-    says: str,
-    capsys: pytest.CaptureFixture[str],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "taken").write_text("a file")
-    assert run(*words) == 2
-    error = capsys.readouterr().err
-    assert says in error
-    assert error.count("\n") == 1
-    assert [path.name for path in tmp_path.iterdir()] == ["taken"]

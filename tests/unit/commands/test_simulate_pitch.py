@@ -82,57 +82,6 @@ def test_a_controller_of_ones_own_is_named_on_the_command_line(
     assert "lawofmine.py line 7: return 1.0 / 0.0" in err
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (("--controllers", "pdi"), "unknown controller"),
-        (("--controllers", ","), "--controllers names nothing"),
-        (("--controllers", "no_such_module_here:Law"), "No module named"),
-        (("--controllers", "math:Law"), "has no class Law with a method step"),
-        (("--gains", "s4"), "unknown gain set"),
-        (("--schedule", "plat"), "did you mean 'plate'"),
-        (("--set", "K_b"), "write NAME=NUMBER"),
-        (("--set", "K_b=nan"), "write NAME=NUMBER"),
-        (("--set", "Kb=2"), "unknown number to set or vary 'Kb'"),
-        (("--set", "stiffness_Nm_per_rad=2"), "known: cable.stiffness.*hinge_spring.stiffness"),
-        (("--set", "coulomb_friction.torque_Nm=-1"), "outside its bounds"),
-        (("--set", "motor_lag.tau_s=0.0001"), "raise plant_rate_Hz to 20000"),
-        (("--set", "bench.inertia_kgm2=0"), "inertia_kgm2 is 0"),
-        (("--set", "bench.mass=1"), "known: inertia_kgm2"),
-        (("--set", "gains.attitude.kq=1"), "known: k_i_q_per_s2"),
-        (("--duration-s", "-1"), "--duration-s is -1 s, allowed is above 0"),
-        (("--controllers", "PID"), "did you mean 'pid'"),
-        (("--controllers", "obs"), "did you mean 'observer'"),
-        (("--gains", "S3"), "did you mean 's3'"),
-        (("--set", "motor_lag.tau_s=1e-300"), "tau_s is 1e-300 s; give at least 2e-05 s, or 0"),
-        (("--set", "bench.inertia_kgm2=1e300"), r"inertia_kgm2 is 1e\+300; give 1e-06 to 10000"),
-        (("--set", "inertia_kgm2=1e-12"), "inertia_kgm2 is 1e-12; give 1e-06 to 10000"),
-        (("--set", "bench.stop_rad=-1"), "bench.stop_rad is -1; give 0.001 to 1.5"),
-        (("--set", "bench.pwm_quantum_us=-1"), "bench.pwm_quantum_us is -1; give 0 to 1000"),
-        (("--set", "gains.control_rate_Hz=1e9"), r"control_rate_Hz is 1e\+09; give 1 to 100000"),
-        (("--set", "gains.control_rate_Hz=1e-9"), "control_rate_Hz is 1e-09; give 1 to 100000"),
-        (("--set", "gains.control_rate_Hz=333"), "the controller at 333 Hz"),
-        (("--set", "bench.plant_rate_Hz=100"), "the plant runs at 100 Hz"),
-        (("--set", "feedforward.strength=-1"), "feedforward.strength is -1; give 0 to 10"),
-        (("--set", "feedforward.height_error_m=1e9"), r"height_error_m is 1e\+09; give -10 to 10"),
-        (("--set", "feedforward.late_s=1e300"), r"late_s is 1e\+300; give -3600 to 3600"),
-        (("--set", "feedforward.dropout=2"), "known: height_error_m, late_s, strength"),
-        (("--vary", "K_b=1:2:1000000000"), "are 1000000000 runs; give at most 10000000"),
-        (("--vary", "K_b=1:inf:3"), "write NAME=FROM:TO:COUNT"),
-    ],
-)
-def test_bad_input_is_one_sentence_and_exit_code_2(
-    capsys: pytest.CaptureFixture[str], words: tuple[str, ...], message: str
-) -> None:
-    import re
-
-    code, _, err = simulate(capsys, *words)
-    assert code == 2
-    *before, sentence = err.splitlines()
-    assert re.search(message, sentence), err
-    assert all(line.startswith("runs Python code of your own: ") for line in before)
-
-
 HEAD = 'name = "mine"\ntitle = "Mine"\n'
 STEP = HEAD + 'duration_s = 2\n[[reference_deg]]\nshape = "step"\n'
 PRBS = HEAD + 'duration_s = 2\n[[reference_deg]]\nshape = "prbs"\nlevel = 1\n'

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from benchtool import __version__
-from benchtool.commands.app import main
 from benchtool.core.channel import Channel
 from benchtool.core.errors import InputError
 from benchtool.core.recording import Recording
@@ -28,17 +27,12 @@ from benchtool.simulate.gain_file import gains_named
 from benchtool.simulate.pitch.bench import PitchBench
 from benchtool.simulate.pitch.run import PitchJob
 from benchtool.simulate.pitch.simulate import simulate_pitch
+from tests.unit.commands.command_line import run as call
 from tests.unit.data.flight_logs import Record, dataflash
 from tests.unit.report.report_text import check_self_contained, facts_of, rows_of, words_of
 
 MODEL = "pitch_pquad"
 KNOWN = {"controller": "pid", "gains": "s3"}
-
-
-def call(*words: str) -> int:
-    with pytest.raises(SystemExit) as left:
-        main(list(words))
-    return int(left.value.code or 0)
 
 
 @pytest.fixture(scope="module")

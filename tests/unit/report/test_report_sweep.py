@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchtool.commands.app import main
 from benchtool.core.errors import FileFormatError, InputError, WouldOverwrite
 from benchtool.data.atomic import data_hash, file_hash
 from benchtool.data.run.read import read_points, read_samples
@@ -19,15 +18,10 @@ from benchtool.report.numbers import value_with_sd
 from benchtool.report.report_file import kind_of, page_text, write_report
 from benchtool.report.sweep.page import common_table
 from benchtool.report.sweep.run import read_sweep_run
+from tests.unit.commands.command_line import run as call
 from tests.unit.report.report_text import check_self_contained, facts_of, rows_of, words_of
 
 ASKED = ["--z-over-r", "0.6,1,2", "--repeats", "2", "--sample-s", "1", "--yes"]
-
-
-def call(*words: str) -> int:
-    with pytest.raises(SystemExit) as left:
-        main(list(words))
-    return int(left.value.code or 0)
 
 
 @pytest.fixture(scope="module")

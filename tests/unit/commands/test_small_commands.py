@@ -1,0 +1,91 @@
+"""Commands that write or show one thing: bridge, firmware, flow, demo, record --dry-run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from benchtool.commands.demo import free_folder
+from benchtool.virtual.devices import LARGEST_SPEED
+from tests.unit.commands.command_line import run
+
+
+def test_a_bridge_script_is_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "bridge.js"
+    assert run("bench", "bridge", "--out", str(out), "--host-port", "5001") == 0
+    assert "var HOST_PORT = 5001;" in out.read_text("utf-8")
+    said = capsys.readouterr().out
+    assert "benchtool bench check rcbudp:127.0.0.1:55047?listen=5001" in said
+    assert "a GUI that crashes or sleeps" in said
+
+
+def test_firmware_is_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "new" / "my_bench"
+    assert run("firmware", "--board", "uno", "--out", str(out), "--device-id", "bench-01") == 0
+    said = capsys.readouterr().out
+    assert "Arduino Uno R3, device bench-01" in said
+    assert (out / "my_bench.ino").exists()
+    assert '"bench-01"' in (out / "settings.h").read_text("utf-8")
+
+
+def test_two_devices_never_share_a_name(tmp_path: Path) -> None:
+    for name in ("one", "two"):
+        assert run("firmware", "--out", str(tmp_path / name)) == 0
+    one, two = ((tmp_path / name / "settings.h").read_text("utf-8") for name in ("one", "two"))
+    assert one != two
+
+
+@pytest.mark.slow
+def test_table_and_picture_of_the_flow(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("flow", "table") == 0
+    printed = capsys.readouterr().out.splitlines()
+    assert printed[1].split()[3:] == ["-0.014", "-0.026", "-0.037", "-0.013", "+0.014", "+0.046"]
+    assert "prescribed wake, not CFD" in printed[-1]
+    assert run("flow", "picture", "--out", str(tmp_path)) == 0
+    svg = (tmp_path / "fig05-flow.svg").read_text("utf-8")
+    assert svg.startswith("<?xml")
+    assert (tmp_path / "fig05-flow.png").stat().st_size > 50_000
+
+
+def test_a_second_demo_goes_into_a_folder_of_its_own(tmp_path: Path) -> None:
+    first = tmp_path / "benchtool-demo"
+    assert free_folder(first) == first
+    first.mkdir()
+    assert free_folder(first) == tmp_path / "benchtool-demo-2"
+    (tmp_path / "benchtool-demo-2").mkdir()
+    assert free_folder(first) == tmp_path / "benchtool-demo-3"
+
+
+def test_the_greatest_speed_is_that_of_the_virtual_bench(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert run("demo", "--speed", f"{LARGEST_SPEED + 1.0:g}") == 2
+    assert f"allowed is 1 to {LARGEST_SPEED:,g};" in capsys.readouterr().err
+
+
+DRY = ("--rig", "pquad", "--dry-run")
+
+
+@pytest.mark.parametrize(
+    ("address", "says"),
+    [
+        ("sim:pquad?mode=pitch&schedule=zz", "unknown schedule (and no file of that name) 'zz'"),
+        ("sim:pquad?mode=pitch&controller=pdi", "did you mean 'pid'"),
+        ("sim:pquad?mode=pitch&gains=s4", "'s4'"),
+        ("tcp:here", "needs host and port"),
+    ],
+)
+def test_a_dry_run_refuses_an_address_that_no_bench_answers(
+    address: str, says: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run("record", address, *DRY) == 2
+    error = capsys.readouterr().err
+    assert says in error
+    assert error.count("\n") == 1
+
+
+@pytest.mark.parametrize("address", ["sim:pquad?mode=pitch&schedule=steps", "serial:/dev/none"])
+def test_a_dry_run_opens_nothing(address: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("record", address, *DRY) == 0
+    assert "nothing was opened, nothing spins" in capsys.readouterr().out
