@@ -29,6 +29,10 @@ class Dice:
     title: str = "Dice"
 
     @property
+    def setups(self) -> Mapping[str, None]:
+        return dict.fromkeys(self.gain_sets)
+
+    @property
     def metadata(self) -> Mapping[str, str]:
         return {}
 
