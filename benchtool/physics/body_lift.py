@@ -14,25 +14,9 @@ from numpy.typing import NDArray
 
 from benchtool.core.errors import UnknownChoice
 from benchtool.physics.expression import Quantity, expression
-from benchtool.physics.images import image_velocity
 
 BodyDistance = Literal["half_diagonal", "diagonal"]
 """Which b of eq. (4): from the centre to a rotor axis, or twice that (as printed)."""
-
-
-@expression
-def body_images(z_m: Quantity, centre_distance_m: Quantity) -> Quantity:
-    """Return what all images contribute at the body's centre, per R^2 and K_b: 1/m2.
-
-    Args:
-        z_m: height of the rotor whose thrust is asked for (...): m.
-        centre_distance_m: distance of each rotor's image to the centre (n, ...): m; see
-            `centre_distances_m`.
-    """
-    total = 0.0 * z_m
-    for j in range(len(centre_distance_m)):
-        total = total + image_velocity(z_m, centre_distance_m[j])
-    return total
 
 
 @expression
@@ -43,7 +27,7 @@ def body_term(K_b: Quantity, weight: Quantity, radius_m: Quantity, images: Quant
         K_b: body lift coefficient (eq. 4).
         weight: share w that the wake rule grants (`wake_rules`); 1 when all rotors are covered.
         radius_m: rotor radius: m.
-        images: from `body_images`: 1/m2.
+        images: what all images contribute at the body's centre, per R^2 (`disc_thrust`): 1/m2.
     """
     return K_b * weight * radius_m * radius_m * images
 

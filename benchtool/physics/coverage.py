@@ -23,14 +23,6 @@ def half_plane_coverage(inside_m: Quantity, radius_m: Quantity) -> Quantity:
 
 
 @expression
-def strip_coverage(x_m: Quantity, radius_m: Quantity, x1_m: Quantity, x2_m: Quantity) -> Quantity:
-    """Return the covered fraction of a disc centred at x over the strip x1 <= x2."""
-    return (
-        half_plane_coverage(x_m - x1_m, radius_m) + half_plane_coverage(x2_m - x_m, radius_m) - 1.0
-    )
-
-
-@expression
 def half_disc_integral(u: Quantity) -> Quantity:
     """Return the integral of sqrt(1 - t^2) from 0 to u, for -1 <= u <= 1."""
     return 0.5 * (u * np.sqrt((1.0 - u) * (1.0 + u)) + np.arcsin(u))

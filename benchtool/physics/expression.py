@@ -16,7 +16,7 @@ import hashlib
 import os
 import sys
 from collections.abc import Callable, Iterator
-from functools import lru_cache, wraps
+from functools import lru_cache
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias, TypeVar
@@ -184,32 +184,13 @@ def _register_records() -> None:
 def loop_part(function: Function) -> Function:
     """Mark a piece of a compiled loop and return it unchanged: scalars only, branches allowed.
 
-    For what is called by a function that `compiled` marks and is no expression: it may hold `if`,
-    `while` and indexed arrays. Without numba it runs as it stands.
+    For what a compiled loop calls and is no expression: it may hold `if`, `while` and indexed
+    arrays. Without numba it runs as it stands.
     """
     _recorded_parts.append(function)
     if _asked_to_compile:
         compile_expressions()
     return function
-
-
-def compiled(function: Function) -> Function:
-    """Make a loop run compiled where numba is installed, and as plain Python where it is not.
-
-    It compiles on its first call and is kept on disk for later processes, in a folder whose name
-    holds a hash of the sources it may be made of: an edit of any of them compiles anew. The plain
-    function stays reachable as `__wrapped__`.
-    """
-    made: Callable[..., Any] | None = None
-
-    @wraps(function)
-    def call(*arguments: Any) -> Any:
-        nonlocal made
-        if made is None:
-            made = _machine_code(function)
-        return made(*arguments)
-
-    return call  # type: ignore[return-value]
 
 
 def compiled_closure(function: Function, key: str) -> Function:
@@ -222,7 +203,7 @@ def compiled_closure(function: Function, key: str) -> Function:
     return _machine_code(function, key)  # type: ignore[return-value]
 
 
-def _machine_code(function: Callable[..., Any], key: str = "") -> Callable[..., Any]:
+def _machine_code(function: Callable[..., Any], key: str) -> Callable[..., Any]:
     """Return the compiled form of a function, or the function itself without numba."""
     try:
         compile_expressions()
@@ -234,10 +215,7 @@ def _machine_code(function: Callable[..., Any], key: str = "") -> Callable[..., 
     machine_code: Callable[..., Any] = numba.njit(error_model="numpy", nogil=True)(function)
     before, settings.CACHE_DIR = settings.CACHE_DIR, str(compiled_folder())
     try:
-        if key:
-            machine_code._cache = _cache_under(key)(function)  # type: ignore[attr-defined]  # noqa: SLF001
-        else:
-            machine_code.enable_caching()  # type: ignore[attr-defined]
+        machine_code._cache = _cache_under(key)(function)  # type: ignore[attr-defined]  # noqa: SLF001
     except (ImportError, AttributeError, TypeError, OSError, RuntimeError):
         pass  # no folder that can be written, or another numba: compile in every process
     finally:

@@ -35,23 +35,6 @@ def self_image(z_m: Quantity) -> Quantity:
 
 
 @expression
-def neighbour_images(i: int, z_m: Quantity, coverage: Quantity, distance_m: Quantity) -> Quantity:
-    """Return what the images of all other rotors contribute at rotor i per R^2 (eq. 3): 1/m2.
-
-    Args:
-        i: the rotor.
-        z_m: height of each rotor (n, ...): m; the rotor's own one enters.
-        coverage: fraction of each disc over the plate (n, ...), 0 for a rotor that is off.
-        distance_m: array of horizontal distances between axes (n, n): m.
-    """
-    total = 0.0 * z_m[i]
-    for j in range(len(coverage)):
-        other = 1.0 - 1.0 * (j == i)
-        total = total + other * coverage[j] * image_velocity(z_m[i], distance_m[i, j])
-    return total
-
-
-@expression
 def thrust_factor(denominator_sum: Quantity) -> Quantity:
     """Return T_IGE/T_OGE = 1 / (1 - D) for the sum D of the denominator's terms (eq. 2 to 4)."""
     return 1.0 / (1.0 - denominator_sum)

@@ -11,9 +11,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.physics.body_lift import BodyDistance, body_images, body_term, centre_distances_m
-from benchtool.physics.expression import Quantity
-from benchtool.physics.images import neighbour_images, self_image, thrust_factor
+from benchtool.physics.body_lift import BodyDistance, body_term, centre_distances_m
+from benchtool.physics.expression import Quantity, expression
+from benchtool.physics.images import image_velocity, self_image, thrust_factor
 
 Array = NDArray[np.float64]
 
@@ -23,6 +23,38 @@ def axis_distances_m(positions_m: Array) -> Array:
     difference = positions_m[:, None, :] - positions_m[None, :, :]
     distances: Array = np.hypot(difference[..., 0], difference[..., 1])
     return distances
+
+
+@expression
+def neighbour_images(i: int, z_m: Quantity, coverage: Quantity, distance_m: Quantity) -> Quantity:
+    """Return what the images of all other rotors contribute at rotor i per R^2 (eq. 3): 1/m2.
+
+    Args:
+        i: the rotor.
+        z_m: height of each rotor (n, ...): m; the rotor's own one enters.
+        coverage: fraction of each disc over the plate (n, ...), 0 for a rotor that is off.
+        distance_m: array of horizontal distances between axes (n, n): m.
+    """
+    total = 0.0 * z_m[i]
+    for j in range(len(coverage)):
+        other = 1.0 - 1.0 * (j == i)
+        total = total + other * coverage[j] * image_velocity(z_m[i], distance_m[i, j])
+    return total
+
+
+@expression
+def body_images(z_m: Quantity, centre_distance_m: Quantity) -> Quantity:
+    """Return what all images contribute at the body's centre, per R^2 and K_b: 1/m2.
+
+    Args:
+        z_m: height of the rotor whose thrust is asked for (...): m.
+        centre_distance_m: distance of each rotor's image to the centre (n, ...): m; see
+            `centre_distances_m`.
+    """
+    total = 0.0 * z_m
+    for j in range(len(centre_distance_m)):
+        total = total + image_velocity(z_m, centre_distance_m[j])
+    return total
 
 
 def denominator_sums(

@@ -11,7 +11,6 @@ from benchtool.physics.coverage import (
     half_plane_coverage,
     plate_coverages,
     rectangle_coverage,
-    strip_coverage,
 )
 
 INF = float("inf")
@@ -51,15 +50,6 @@ def test_half_plane_grows_with_the_covered_side(a: float, b: float, radius: floa
     low, high = (half_plane_coverage(v, radius) for v in sorted((a, b)))
     assert 0.0 <= low <= high + 1e-15 <= 1.0 + 1e-15
     assert half_plane_coverage(a, radius) + half_plane_coverage(-a, radius) == pytest.approx(1.0)
-
-
-@given(lengths, radii, lengths, st.floats(0.0, 3.0))
-def test_a_strip_is_a_rectangle_without_ends(
-    x: float, radius: float, x1: float, width: float
-) -> None:
-    strip = strip_coverage(x, radius, x1, x1 + width)
-    rectangle = rectangle_coverage(x, 0.0, radius, x1, x1 + width, -INF, INF)
-    assert strip == pytest.approx(rectangle, abs=1e-14)
 
 
 @given(lengths, lengths, radii)

@@ -9,14 +9,12 @@ from hypothesis import strategies as st
 
 from benchtool.core.errors import UnknownChoice
 from benchtool.physics.body_lift import (
-    body_images,
     body_term,
     centre_distances_m,
     quad_body_lift_factor,
 )
 from benchtool.physics.images import (
     image_velocity,
-    neighbour_images,
     partial_factor,
     quad_factor,
     self_image,
@@ -26,7 +24,13 @@ from benchtool.physics.images import (
     three_rotor_end_factor,
     thrust_factor,
 )
-from tests.unit.physics.general_sum import axis_distances_m, denominator_sums, multirotor_factors
+from tests.unit.physics.general_sum import (
+    axis_distances_m,
+    body_images,
+    denominator_sums,
+    multirotor_factors,
+    neighbour_images,
+)
 from tests.unit.physics.layouts import plus_layout
 
 ROOT2 = np.sqrt(2.0)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchtool.physics.body_lift import quad_body_lift_factor
-from benchtool.physics.coverage import strip_coverage
+from benchtool.physics.coverage import rectangle_coverage
 from benchtool.physics.images import (
     partial_factor,
     quad_factor,
@@ -113,7 +113,12 @@ def test_moment_at_the_edge_of_an_obstacle(row: list[str]) -> None:
     layout = plus_layout(0.225)
     positions = np.stack([layout.x_m, layout.y_m], axis=1)
     centre = np.array(tables.WALL_X_M)
-    coverage = np.array([strip_coverage(centre + x, PQUAD_R, 3.0, 5.0) for x in layout.x_m])
+    coverage = np.array(
+        [
+            rectangle_coverage(centre + x, 0.0, PQUAD_R, 3.0, 5.0, -np.inf, np.inf)
+            for x in layout.x_m
+        ]
+    )
     height = np.full((4, centre.size), float(row[0]) * PQUAD_R)
     weight = WAKE_RULES["notes"].weight(coverage)
     factor = multirotor_factors(PQUAD_R, height, coverage, positions, float(row[1]), weight)
