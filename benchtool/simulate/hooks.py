@@ -110,10 +110,15 @@ def loop_effects(
 
     Those that cannot act are left out, but for those that stand in every loop; with `neutral_too`
     every effect of the models stands in it, so that one compilation serves all values of their
-    numbers; with `in_flight` only those that act there. Lag, delay and random torque act through
-    numbers of their own, see `motion_of`.
+    numbers. With `in_flight` only those that act there are called, and of those that cannot act
+    the images alone stand in every loop: a flight sums them at every surface. Lag, delay and random
+    torque act through numbers of their own, see `motion_of`.
     """
-    found = {name: effect for name, effect in EFFECTS.items() if effect.always_compiled}
+    found = {
+        name: effect
+        for name, effect in EFFECTS.items()
+        if effect.always_compiled and (effect.hooks.denominator or not in_flight)
+    }
     for model in models:
         for effect in model.effects:
             hooks = effect.hooks
