@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -105,7 +105,7 @@ def answer_tables(answer: Answer, written: Written) -> dict[str, Any]:
         "verdict": verdict.kind,
         "sentence": verdict.sentence,
         "effects": [
-            asdict(effect)
+            _fields(effect, "name", "title", "stage", "probability")
             | {
                 "parameters": {
                     item.name: _fields(item, "value", "std", "unit", interval_95="")
@@ -113,6 +113,7 @@ def answer_tables(answer: Answer, written: Written) -> dict[str, Any]:
                     for item in effect.parameters
                 }
             }
+            | _fields(effect, "log_likelihood_ratio", "p_value")
             for effect in verdict.effects
         ],
         "class": list(verdict.names) if verdict.kind == "class" else [],
