@@ -24,6 +24,7 @@ from benchtool.core.errors import (
     InputError,
     LinkLost,
     PortBusy,
+    StageError,
 )
 from benchtool.virtual.firmware import Firmware
 from benchtool.virtual.links import PtyLink, ServerLink, TcpLink, link_named
@@ -275,6 +276,20 @@ def test_faults_on_demand(tmp_path: Path, fault: str, kind: type[BenchError], wo
             time.sleep(0.5)
             with bench_at(f"serial:{tmp_path / 'bench'}") as bench:
                 assert len(bench.read(1.0)) > 0
+    finally:
+        process.terminate()
+        process.communicate()
+
+
+@pytest.mark.real_time(deadline_s=0.1)
+@posix
+def test_a_stage_that_refuses_on_demand(tmp_path: Path) -> None:
+    process = served_with("refuse_move", tmp_path / "bench")
+    try:
+        with bench_at(f"serial:{tmp_path / 'bench'}") as bench:
+            with pytest.raises(StageError, match=r"refused to move to 0\.2 m: stage alarm"):
+                bench.move_plate(0.2)
+            assert len(bench.read(1.0)) > 0
     finally:
         process.terminate()
         process.communicate()

@@ -19,6 +19,7 @@ import pytest
 from benchtool.acquire.order import visits_of
 from benchtool.acquire.plan import plan_from_toml
 from benchtool.bench.serial.frames import frame
+from benchtool.bench.transport.serial_port import SerialPort
 from benchtool.core.rig_file import rig_named
 from benchtool.data.columns import code_of
 from benchtool.data.run.append import read_events
@@ -165,6 +166,27 @@ def test_doctor_names_the_sweep_that_holds_the_port(
     assert looked.returncode == 3
     assert f"{port} is open in " in looked.stdout
     assert f"(pid {process.pid})" in looked.stdout
+
+
+def test_a_link_to_nowhere_is_refused_in_one_sentence(environment: dict[str, str]) -> None:
+    ended = command(["bench", "serve", "--symlink", "/nope/x"], environment)
+    assert ended.returncode == 2
+    assert "--symlink /nope/x cannot be made (No such file or directory)" in ended.stderr
+    assert ended.stderr.count("\n") == 1
+
+
+def test_a_sweep_on_a_busy_port_is_refused(
+    tmp_path: Path, served: str, environment: dict[str, str]
+) -> None:
+    holder, out = SerialPort(served.removeprefix("serial:"), 115_200), tmp_path / "second"
+    holder.open()
+    try:
+        second = command(["sweep", served, *SMALL, "--yes", "--out", str(out)], environment)
+    finally:
+        holder.close()
+    assert second.returncode == 3
+    assert str(os.getpid()) in second.stderr
+    assert not out.exists()
 
 
 WORDS = ["--rig", "pquad_single", "--z-over-r", "1", "--pwm", "1450", "--repeats", "1", "--yes"]
