@@ -12,7 +12,6 @@ import numpy as np
 from benchtool.core.array import Array
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.physics.expression import numbers_of
-from benchtool.physics.rotor import ground_effect_thrust_N
 from benchtool.simulate.controllers.controller import FlightReference
 from benchtool.simulate.controllers.flight_law import FlightLawState, flight_numbers, flight_step
 from benchtool.simulate.flight import records as r
@@ -43,12 +42,11 @@ LOGGED = {
     "pitch_estimate_Nm": "law_state.estimate.pitch_Nm",
     "yaw_estimate_Nm": "law_state.estimate.yaw_Nm",
     "force_z_estimate_N": "law_state.estimate.force_z_N",
-    "roll_ground_Nm": "", "pitch_ground_Nm": "",
+    "roll_ground_Nm": "ground.roll_Nm", "pitch_ground_Nm": "ground.pitch_Nm",
     "x_goal_m": "wanted.goal_x_m", "y_goal_m": "wanted.goal_y_m", "z_goal_m": "wanted.goal_z_m",
 }  # fmt: skip
-"""First columns of a log, and the records' fields that they show; the ground effect's torques are
-worked out afterwards. Coverage, height and factor of every disc and the speed of every rotor
-follow."""
+"""First columns of a log, and the records' fields that they show. Coverage, height and factor of
+every disc and the speed of every rotor follow."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -249,8 +247,8 @@ class FlightLoop:
             effects=loop_numbers(model, effects),
         )
         rows = (self.n_ticks + self.log_every - 1) // self.log_every
-        fields = [field or "outcome.ending" for field in LOGGED.values()]
-        fields += ["below.coverage", "below.height_m", "below.factor", "rotors.speed_rad_s"]
+        fields = [*LOGGED.values(), "below.coverage", "below.height_m", "below.factor"]
+        fields.append("rotors.speed_rad_s")
         logged = [row for field in fields for row in range(len(w))[self.layout.rows(field)]]
         gusts = np.array([[g.from_s, g.length_s, *g.wind_m_s] for g in case.gusts], float)
         noise = np.zeros((3, 1))
@@ -306,24 +304,10 @@ class FlightLoop:
             )
         word: Ending = "struck" if ending == r.STRUCK else "lost" if ending == r.LOST else "flown"
         log = self.arrays.log[:rows, :, 0]
-        flight = Flight(
+        return Flight(
             case, column_names(rig.n_discs, rig.n_rotors), log, word,
             case.duration_s if word == "flown" else float(log[-1, 0]), int(held), nearest_m, own,
         )  # fmt: skip
-        flight["roll_ground_Nm"][:], flight["pitch_ground_Nm"][:] = _ground_moments(flight)
-        return flight
-
-
-def _ground_moments(flight: Flight) -> tuple[Array, Array]:
-    """Return the torques about roll and pitch (rows,) of the thrust that is added below: N m."""
-    craft = flight.case.vehicle.craft()
-    roll, pitch = np.zeros(len(flight.log)), np.zeros(len(flight.log))
-    for i, disc in enumerate(flight.case.vehicle.rig.disc_of_rotor):
-        speed, gain = flight[f"speed{i + 1}_rad_s"], flight[f"factor{disc + 1}"] - 1.0
-        more = ground_effect_thrust_N(speed, craft.k_N_s2, gain)
-        roll += craft.y_m[i] * more
-        pitch -= craft.x_m[i] * more
-    return roll, pitch
 
 
 @lru_cache(maxsize=4)

@@ -25,6 +25,7 @@ from benchtool.simulate.flight.records import (
     STRUCK,
     TICK,
     FlightOutcome,
+    GroundTorque,
 )
 from benchtool.simulate.flight.rigid_body import (
     drift,
@@ -62,7 +63,9 @@ def control_vehicle(a: Any, now: Any, to: Any, law: Any) -> None:
 def mix_vehicle(
     a: Any, now: Any, to: Any, hooks: Any, rotor_speeds: Any, disc_of: Any
 ) -> None:  # fmt: skip
-    """Share thrust and torques out to the rotors, as speeds that they are to reach."""
+    """Share thrust and torques out to the rotors, as speeds that they are to reach; note for the
+    log what the ground adds to the torques.
+    """
     w, command = a.w, read_record(a.w, to.command, 0, 1)
     craft, p = read_record(w, to.craft, 0, 1), read_record(w, to.effects, 0, 1)
     wanted = read_record(a.schedule, TICK, now.tick, a.schedule.shape[1])
@@ -85,6 +88,15 @@ def mix_vehicle(
         for i in range(len(given)):
             for place in range(a.sent.shape[1]):
                 a.sent[i, place, 0] = given[i]
+    if now.tick % now.plan.log_every == 0:
+        speeds = read_record(w, to.rotors, 0, 1).speed_rad_s
+        factor = read_record(w, to.below, 0, 1).factor
+        roll, pitch = 0.0, 0.0
+        for i in range(len(speeds)):
+            added = ground_effect_thrust_N(speeds[i], craft.k_N_s2, factor[disc_of[i]] - 1.0)
+            roll += craft.y_m[i] * added
+            pitch -= craft.x_m[i] * added
+        write_record(w, to.ground, 0, 1, GroundTorque(roll, pitch))
 
 
 @expression

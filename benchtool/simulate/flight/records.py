@@ -114,6 +114,13 @@ class FlightOutcome(NamedTuple):
     nearest_m: Any = float("inf")
 
 
+class GroundTorque(NamedTuple):
+    """Torques of the thrust that surfaces below add, for the log: N m."""
+
+    roll_Nm: Any = 0.0
+    pitch_Nm: Any = 0.0
+
+
 TICK, GUST, NOISE = Slot(0, FlightTick()), Slot(0, GustRow()), Slot(0, GyroNoise())
 
 
@@ -129,6 +136,7 @@ class FlightPlaces(NamedTuple):
     law_state: Slot
     below: Slot
     expected: Slot
+    ground: Slot
     outcome: Slot
     craft: Slot
     chart: Slot
@@ -191,6 +199,7 @@ def flight_layout(n_discs: int, n_rotors: int, n_numbers: int, law: Any, law_sta
         law_state=law_state,
         below=below,
         expected=below,
+        ground=GroundTorque(),
         outcome=FlightOutcome(),
         craft=Craft(0.0, (0.0, 0.0, 0.0), *[0.0] * (scalars - 1), *[rotors] * 7),
         chart=MapUse(),
