@@ -34,7 +34,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "recalibrate": ("runs:recalibrate_run", "Apply a calibration to a run, its raw data untouched"),
     "import": (
         "import_file:import_",
-        "Import flight logs and other makers' files, every repair listed",
+        "Import flight logs and other makers' files, repairs listed",
     ),
     "fit": ("fit:fit", "Fit a ground-effect model to run folders or any CSV"),
     "explain": (

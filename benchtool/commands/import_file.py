@@ -46,7 +46,7 @@ class ImportInputs(Inputs):
 
 @declared(ImportInputs)
 def import_(inputs: ImportInputs) -> None:
-    """Import flight logs and other makers' files, every repair listed"""
+    """Import flight logs and other makers' files, repairs listed"""
     from benchtool.commands.terminal.show_import import print_import
     from benchtool.core.errors import WouldOverwrite
     from benchtool.data.formats.formats import import_files

@@ -32,7 +32,7 @@ def example(*, simulated: bool, title: str = "Example") -> Figure:
 
 
 def test_roles_differ_in_colour_and_in_marker() -> None:
-    rotors = ("single_rotor", "second_rig", "three_rotors", "quad", "body_lift")
+    rotors = ("single_rotor", "second_rig", "three_rotors", "quad", "model")
     assert len({LOOKS[role].color for role in rotors}) == len(rotors)
     assert len({LOOKS[role].marker for role in rotors}) == len(rotors)
     assert len(set(CYCLE)) == len(CYCLE) >= 8

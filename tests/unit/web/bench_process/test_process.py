@@ -148,7 +148,7 @@ def test_asks_that_do_not_fit_are_refused_with_a_sentence(bench: Server) -> None
     )
     refused = bench.wait_for(Notice)
     assert refused.is_error
-    assert "asks for 9000 us" in refused.text
+    assert "names 9000 us" in refused.text
 
 
 def test_a_hand_turns_motors_only_while_it_is_heard_of(bench: Server) -> None:
