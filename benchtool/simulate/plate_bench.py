@@ -22,7 +22,7 @@ from benchtool.simulate.imperfections import (
     LoadCell,
     Reader,
 )
-from benchtool.simulate.powertrain import Battery, Powertrain, Run
+from benchtool.simulate.powertrain import Battery, MotorTicks, Powertrain
 from benchtool.simulate.truth import Place, TrueThrust, motor_lag_s, speed_change
 
 SLOW_HZ = 10.0
@@ -202,7 +202,9 @@ class PlateBench:
         fresh = self._cell.due(self._tick + 1, n, self._rate_Hz)
         zero_N = self._cell.wander_N(time_s, tick_s, white[0])[fresh]
         place = Place(true_z_m[fresh], true_x_m[fresh], true_tilt_rad[fresh])
-        force_N = self._force_N(Run(*(part[..., fresh] for part in run)), place, time_s[fresh])
+        force_N = self._force_N(
+            MotorTicks(*(part[..., fresh] for part in run)), place, time_s[fresh]
+        )
         thrust_N, thrust_raw = np.full(n, np.nan), np.full(n, np.nan)
         thrust_N[fresh], thrust_raw[fresh] = self._cell.convert(force_N + zero_N, white[1][fresh])
 
@@ -227,7 +229,7 @@ class PlateBench:
         self._tick += n
         return block
 
-    def _force_N(self, run: Run, place: Place, time_s: Array) -> Array:
+    def _force_N(self, run: MotorTicks, place: Place, time_s: Array) -> Array:
         """Return thrust and vibration on the cell (m,): N."""
         speed = run.speed_rad_s
         since_tare_s = time_s - self._tared_s

@@ -27,7 +27,7 @@ SpeedChange = Callable[[Array, float, float], Array]
 """change(speed (n,) rad/s, voltage V, time s) -> speed (n,): effects between pulse and speed."""
 
 
-class Run(NamedTuple):
+class MotorTicks(NamedTuple):
     """Hold m ticks: speeds (n, m) rad/s, shaft angles (n, m) rad, and (m,) of each of the rest."""
 
     speed_rad_s: Array
@@ -99,11 +99,11 @@ class Powertrain:
         """Begin a new holding interval with the next tick, after the tick length has changed."""
         self._ticks_held = 0
 
-    def advance(self, ticks: int, tick_s: float) -> Run:
+    def advance(self, ticks: int, tick_s: float) -> MotorTicks:
         """Return the next `ticks` ticks of `tick_s`; however they are split, the same result."""
         per_hold = max(1, round(HOLD_S / tick_s))
         n = len(self._speed)
-        run = Run(np.empty((n, ticks)), np.empty((n, ticks)), *(np.empty(ticks) for _ in range(3)))
+        run = MotorTicks(*np.empty((2, n, ticks)), *np.empty((3, ticks)))
         steps = np.arange(1, per_hold + 1)
         fade = np.exp(-steps * tick_s / self._lag_s) if self._lag_s else np.zeros(per_hold)
         cool = np.exp(-steps * tick_s / self._heating_s) if self._heating_s else np.zeros(per_hold)

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from benchtool.physics.expression import Slot, loop_part, read_record, replaced, write_record
 from benchtool.simulate.motors import Rotors
 from benchtool.simulate.pitch.kernel import move_all, send_all
-from benchtool.simulate.pitch.records import PLAN, Command, Hinge, Readings
+from benchtool.simulate.pitch.records import PLAN, Command, Hinge, SensorReadings
 
 FREE, CORRECT, RESTART, WAIT = range(4)
 """What to do with a tick: run on without its readings, correct by them, begin anew from them, or
@@ -64,7 +64,7 @@ def filter_ticks(
 
     Args:
         a: `kernel.LoopArrays`.
-        plan: `Plan`, as integers.
+        plan: `PitchPlan`, as integers.
         first: row to begin with.
         last: row to stop before.
         logged: (3 + n, n_ticks) a `LoggedTick` per column.
@@ -105,7 +105,7 @@ def correct_lane(
     roots = discs.roots
     flow = hooks.bare(0.0, discs.x_m, discs.y_m, roots, roots, roots, 0.0, 0.0, 0.0, 1.0, 0.0)
     gyro = hooks.gyro(0, hinge.rate_rad_s, flow, p)
-    predicted = Readings(hinge.theta_rad, gyro, shown.plate_z_m, rotors.speed_rad_s)
+    predicted = SensorReadings(hinge.theta_rad, gyro, shown.plate_z_m, rotors.speed_rad_s)
     write_record(w, to.readings, lane, at, predicted)
     pitch_error, rate_error = logged.theta_rad - hinge.theta_rad, logged.gyro_rad_s - gyro
     pitch_error = pitch_error if pitch_error == pitch_error else 0.0

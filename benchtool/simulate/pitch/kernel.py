@@ -94,7 +94,7 @@ def run_ticks(a: Any, plan: Any, first: Any, last: Any, build: Any, law: Any, ho
 
     Args:
         a: `LoopArrays`.
-        plan: `Plan`, as integers.
+        plan: `PitchPlan`, as integers.
         first: control tick to begin with.
         last: control tick to stop before.
         build: `Build`.

@@ -16,7 +16,7 @@ from benchtool.physics.mixer import pitch_moment_Nm
 from benchtool.simulate.controllers.limits import limited
 from benchtool.simulate.motors import Rotors, lagged
 from benchtool.simulate.noise import next_state, normal
-from benchtool.simulate.pitch.records import Hinge, Readings
+from benchtool.simulate.pitch.records import Hinge, SensorReadings
 from benchtool.simulate.trigonometry import cosine, sine
 
 SMALLEST = 1e-300
@@ -133,7 +133,7 @@ def sense_lane(
         speed = read(rotors.speed_rad_s[i], normal(a, b), sensors.speed)
         speeds = replaced(speeds, i, speed if fresh.speed else before.speed_rad_s[i])
     states[lane] = b
-    shown = Readings(
+    shown = SensorReadings(
         theta if fresh.theta else before.theta_rad,
         gyro if fresh.gyro else before.gyro_rad_s,
         plate if fresh.plate else before.plate_z_m,

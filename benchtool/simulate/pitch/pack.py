@@ -65,14 +65,14 @@ def pack(
     discs = (0.0,) * model.rig.n_discs
     values, sensors = model.parameters, bench.sensors
     shown = [
-        r.Sensor(sensor.noise, sensor.bias, sensor.quantum)
+        r.SensorErrors(sensor.noise, sensor.bias, sensor.quantum)
         for sensor in (sensors.get(name, PitchSensor()) for name in SENSOR_NAMES)
     ]
     inertia_kgm2 = nominal.rig.body.inertia_yy_kgm2
     plant = PitchPlant(inertia_kgm2, torque_limit_Nm(bench, nominal))
     return layout.column(
         command=r.Command(0.0, 0.0, tuple(1.0 for _ in discs), discs),
-        body=r.Body(
+        body=r.HingedBody(
             bench.inertia_kgm2, model.rig.body.mass_kg * GRAVITY_M_S2, values["k"].value,
             values["R_m"].value, bench.stop_rad, tuple(bench.covered),
         ),

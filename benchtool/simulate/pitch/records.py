@@ -35,7 +35,7 @@ class Delayed(NamedTuple):
     plate_z_m: Any = 0.0
 
 
-class Readings(NamedTuple):
+class SensorReadings(NamedTuple):
     """What the sensors showed last: rad, rad/s, m, and rad/s per disc."""
 
     theta_rad: Any
@@ -66,7 +66,7 @@ class Command(NamedTuple):
     pwm_us: Any
 
 
-class Body(NamedTuple):
+class HingedBody(NamedTuple):
     """Numbers of hinge and rotors: inertia (kg m2), weight (N), k (N/(rad/s)2), effective radius
     (m), end stop (rad), and per disc the share over the plate when it is all the way in.
     """
@@ -94,7 +94,7 @@ class PulseLimits(NamedTuple):
     quantum_us: Any = 0.0
 
 
-class Sensor(NamedTuple):
+class SensorErrors(NamedTuple):
     """Standard deviation of one reading, bias and quantum."""
 
     noise: Any = 0.0
@@ -105,10 +105,10 @@ class Sensor(NamedTuple):
 class Sensors(NamedTuple):
     """All sensors of a pitch bench."""
 
-    theta: Any = Sensor()
-    gyro: Any = Sensor()
-    plate: Any = Sensor()
-    speed: Any = Sensor()
+    theta: Any = SensorErrors()
+    gyro: Any = SensorErrors()
+    plate: Any = SensorErrors()
+    speed: Any = SensorErrors()
 
 
 class Nominal(NamedTuple):
@@ -151,7 +151,7 @@ class Fresh(NamedTuple):
     speed: Any = 0.0
 
 
-class Plan(NamedTuple):
+class PitchPlan(NamedTuple):
     """Integers of a run.
 
     Attributes:
@@ -205,11 +205,11 @@ def layout_for(n_discs: int, n_numbers: int, law: Any, law_state: Any) -> Layout
         rotors=Rotors(discs),
         targets=Targets(discs, discs, discs),
         delayed=Delayed(),
-        readings=Readings(0.0, 0.0, 0.0, discs),
+        readings=SensorReadings(0.0, 0.0, 0.0, discs),
         setpoint=Setpoint(),
         command=Command(0.0, 0.0, discs, discs),
         law_state=law_state,
-        body=Body(0.0, 0.0, 0.0, 0.0, 0.0, discs),
+        body=HingedBody(0.0, 0.0, 0.0, 0.0, 0.0, discs),
         pulses=PulseMap(),
         limits=PulseLimits(),
         motion=Motion(),
@@ -227,7 +227,7 @@ def tick_slot(n_discs: int) -> Slot:
     return Slot(0, Tick(Setpoint(), 0.0, 0.0, 0.0, 0.0, 0.0, (0.0,) * n_discs))
 
 
-PLAN, FRESH = Slot(0, Plan()), Slot(0, Fresh())
+PLAN, FRESH = Slot(0, PitchPlan()), Slot(0, Fresh())
 
 
 class Geometry(NamedTuple):

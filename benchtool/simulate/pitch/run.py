@@ -149,7 +149,7 @@ class PitchLoop:
         on_old = [self.view(f"motion.{half}")[1] for half in ("first", "second")]
         delayed = delays.any() or np.any(on_old)
         driver = r.CALLER if external else r.BUILT_IN
-        self.plan = np.array(r.Plan(self.substeps, driver, bool(delayed), *late), np.int64)
+        self.plan = np.array(r.PitchPlan(self.substeps, driver, bool(delayed), *late), np.int64)
         self._settle(first)
 
     def _settle(self, job: PitchJob) -> None:
@@ -189,7 +189,7 @@ class PitchLoop:
 
     def set_driver(self, driver: int) -> None:
         """Set who controls: `BUILT_IN`, `CALLER` or `PULSES`."""
-        self.plan[r.Plan._fields.index("driver")] = driver
+        self.plan[r.PitchPlan._fields.index("driver")] = driver
 
     def drive(self, pwm_us: Array) -> None:
         """Take the pulses (n_discs, n_ticks) from a log; no controller runs."""
