@@ -94,6 +94,15 @@ def write_record(block: Any, slot: Any, lane: Any, lanes: Any, record: Any) -> N
         flat[(slot.first + position) * lanes + lane] = value
 
 
+def borrowed(arrays: Any) -> Any:
+    """Return an array, or a record of arrays, that the caller keeps alive.
+
+    A compiled loop does not count references to it: counting costs more than a plant step, because
+    every part of a loop that is handed a record of arrays counts each of them.
+    """
+    return arrays
+
+
 def replaced(values: Any, i: int, value: Any) -> Any:
     """Return the tuple with another value at place i; for loops over discs."""
     return (*values[:i], value, *values[i + 1 :])
@@ -114,7 +123,7 @@ def _filled(like: Any, places: Iterator[int], flat: Any) -> Any:
 
 
 def _register_records() -> None:
-    """Give compiled loops `read_record` and `write_record`, as plain loads and stores."""
+    """Give compiled loops the functions for records, as plain loads and stores."""
     from numba import types
     from numba.core import cgutils
     from numba.extending import lower_builtin, type_callable
@@ -171,11 +180,27 @@ def _register_records() -> None:
         builder.store(context.cast(builder, values[2], value, tuple_kind.dtype), place)
         return builder.load(room)
 
+    def borrow(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        def without_owner(kind: Any, value: Any) -> Any:
+            if hasattr(kind, "types"):
+                parts = [
+                    without_owner(each, builder.extract_value(value, position))
+                    for position, each in enumerate(kind.types)
+                ]
+                return context.make_tuple(builder, kind, parts)
+            array = context.make_array(kind)(context, builder, value)
+            array.meminfo = tools.get_null_value(array.meminfo.type)
+            return array._getvalue()  # noqa: SLF001
+
+        return without_owner(signature.return_type, values[0])
+
     typed: Any = type_callable
     lowered: Any = lower_builtin
     typed(read_record)(lambda context: lambda block, slot, lane, lanes: slot.types[1])
     typed(write_record)(lambda context: lambda block, slot, lane, lanes, record: types.none)
+    typed(borrowed)(lambda context: lambda arrays: arrays)
     typed(replaced)(lambda context: lambda values, i, value: values)
+    lowered(borrowed, types.Any)(borrow)
     lowered(replaced, types.UniTuple, types.Any, types.Any)(replace)
     lowered(read_record, types.Array, *[types.Any] * 3)(read)
     lowered(write_record, types.Array, *[types.Any] * 4)(write)

@@ -10,6 +10,7 @@ import numpy as np
 from benchtool.physics.disc_thrust import owned
 from benchtool.physics.effects.effect import Effect
 from benchtool.physics.expression import (
+    borrowed,
     compiled_closure,
     expression,
     loop_part,
@@ -116,9 +117,11 @@ def flight_loops(
     key = repr((disc_of, rule, n_arms, identity(step), layout.records, identities(effects)))
 
     def run(arrays: Any, plan: Any, first: Any, last: Any) -> Any:
-        return run_ticks(arrays, plan, first, last, build, phases())
+        return run_ticks(borrowed(arrays), plan, first, last, build, phases())
 
     def tick(block: Any, places: Any, plan: Any, first: Any, last: Any) -> Any:
-        return run_ticks(unpacked(block, places), plan, first, last, build, phases())
+        return run_ticks(
+            unpacked(borrowed(block), borrowed(places)), plan, first, last, build, phases()
+        )
 
     return FlightLoops(compiled_closure(run, key), compiled_closure(tick, key), look)

@@ -20,6 +20,7 @@ from benchtool.physics import expression as module
 from benchtool.physics.body_lift import body_term
 from benchtool.physics.coverage import half_plane_coverage, rectangle_coverage
 from benchtool.physics.expression import (
+    borrowed,
     compile_expressions,
     compiled_closure,
     compiled_folder,
@@ -232,3 +233,23 @@ def test_without_numba_a_loop_runs_as_it_stands(monkeypatch: pytest.MonkeyPatch)
 
     monkeypatch.setattr(module, "compile_expressions", refuse)
     assert compiled_closure(summed, "a test")(np.array([1.0, 0.1]), 0.5) == 0.6
+
+
+def test_a_compiled_loop_writes_to_borrowed_arrays_without_counting_references() -> None:
+    numba = pytest.importorskip("numba")
+    compile_expressions()
+
+    @numba.njit
+    def fill(arrays):
+        first, (second,) = borrowed(arrays)
+        for i in range(len(first)):
+            first[i] = second[i, 0]
+        return first[0]
+
+    arrays = (np.zeros(3), (np.arange(1.0, 7.0).reshape(3, 2),))
+    counts = [sys.getrefcount(arrays[0]), sys.getrefcount(arrays[1][0])]
+    assert fill(arrays) == 1.0
+    np.testing.assert_array_equal(arrays[0], [1.0, 3.0, 5.0])
+    assert [sys.getrefcount(arrays[0]), sys.getrefcount(arrays[1][0])] == counts
+    assert "call void @NRT_incref" not in fill.inspect_llvm(fill.signatures[0])
+    assert borrowed(arrays) is arrays
