@@ -71,3 +71,10 @@ def centre_distances_m(
         raise UnknownChoice("body distance", body_distance, get_args(BodyDistance))
     arms: NDArray[np.float64] = np.hypot(x_m, y_m)
     return 2.0 * arms if body_distance == "diagonal" else arms
+
+
+def equal_arms(arms_m: NDArray[np.float64]) -> tuple[int, ...]:
+    """Return of each arm (n,) how many are equal to rounding, 0 where an earlier one counts it."""
+    equal = np.isclose(arms_m[:, None], arms_m, rtol=1e-12, atol=0.0)
+    first = equal.argmax(axis=1)
+    return tuple(np.bincount(first, minlength=len(arms_m)).tolist())

@@ -54,7 +54,12 @@ def owned(effects: Iterable[Effect], hook: str) -> tuple[Own, ...]:
 
 @lru_cache(maxsize=256)
 def disc_thrust(
-    effects: tuple[Effect, ...], n_discs: int, rule: str, n_arms: int, *, clamped: bool = False
+    effects: tuple[Effect, ...],
+    n_discs: int,
+    rule: str,
+    arms: tuple[int, ...],
+    *,
+    clamped: bool = False,
 ) -> DiscThrust:
     """Return the joined functions of effects for a number of discs.
 
@@ -62,7 +67,8 @@ def disc_thrust(
         effects: that act, in the order in which they change quantities and are summed.
         n_discs: of the vehicle.
         rule: wake rule (`wake_rules`).
-        n_arms: how many images of eq. (4) the body has.
+        arms: of each image of eq. (4) the number that are as far from the body's centre, 0 where
+            an earlier image counts it (`physics.body_lift.equal_arms`).
         clamped: hold heights at the least where the formulae are valid; for simulators.
     """
     n = n_discs
@@ -84,7 +90,7 @@ def disc_thrust(
     coverages = each(n, expression(lambda i, flow, p: coverage(i, flow.coverage[i], flow, p)))
     sources = each(n, expression(lambda i, area, active: area[i] * active[i]))
     neighbours = each(n, selected(tuple(_neighbours_of(i, n) for i in range(n))))
-    body = added(tuple(_body_image(j) for j in range(n_arms)))
+    body = added(tuple(_body_image(j, count) for j, count in enumerate(arms) if count))
     bodies = each(n, expression(lambda i, z, arms: body(z[i], arms)))
     image_factors = each(
         n,
@@ -149,5 +155,5 @@ def _neighbour(i: int, j: int) -> Hook:
 
 
 @cache
-def _body_image(j: int) -> Hook:
-    return expression(lambda height_m, arms: image_velocity(height_m, arms[j]))
+def _body_image(j: int, count: int) -> Hook:
+    return expression(lambda height_m, arms: count * image_velocity(height_m, arms[j]))

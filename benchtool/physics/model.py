@@ -18,7 +18,7 @@ from benchtool.core.array import Array
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.parameter import Parameter, Parameters, Prior, full_name
 from benchtool.core.rig import Rig
-from benchtool.physics.body_lift import BodyDistance, centre_distances_m
+from benchtool.physics.body_lift import BodyDistance, centre_distances_m, equal_arms
 from benchtool.physics.catalogue import EFFECTS, effect_named
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.disc_thrust import DiscThrust, disc_thrust, owned
@@ -276,9 +276,7 @@ class Model:
 
     @cached_property
     def _discs(self) -> DiscThrust:
-        return disc_thrust(
-            self.present_effects, self.rig.n_discs, self.wake_rule, len(self.body_arms_m)
-        )
+        return disc_thrust(self.present_effects, self.rig.n_discs, self.wake_rule, self.arm_counts)
 
     @cached_property
     def _thrust_reading(self) -> Hook:
@@ -291,10 +289,15 @@ class Model:
         places = self.rig.disc_positions_m if b is None else np.full((4, 2), b / np.sqrt(2.0))
         return centre_distances_m(places[:, 0], places[:, 1], self.body_distance)
 
+    @cached_property
+    def arm_counts(self) -> tuple[int, ...]:
+        """Count equal distances of `body_arms_m`, as `disc_thrust` takes them."""
+        return equal_arms(self.body_arms_m)
+
     def disc_factors(self, flow: Flow, values: Any) -> tuple[Quantity, ...]:
         """Return T_IGE/T_OGE of each disc (n_discs, ...), factors of effects included."""
         n = len(flow.height_m)  # a prepared flow has equal discs merged
-        discs = disc_thrust(self.present_effects, n, self.wake_rule, len(self.body_arms_m))
+        discs = disc_thrust(self.present_effects, n, self.wake_rule, self.arm_counts)
         factors: tuple[Quantity, ...] = discs.factors(flow, self.numbers(values))
         return factors
 

@@ -39,7 +39,7 @@ class LoopHooks(NamedTuple):
 
 
 def joined_hooks(
-    effects: tuple[Effect, ...], n_discs: int, rule: str, n_arms: int
+    effects: tuple[Effect, ...], n_discs: int, rule: str, arms: tuple[int, ...]
 ) -> Callable[[], LoopHooks]:
     """Return a function that gives the hooks of effects, joined for so many discs.
 
@@ -47,7 +47,7 @@ def joined_hooks(
     this one.
     """
     zeros, ones = (0.0,) * n_discs, (1.0,) * n_discs
-    thrust = disc_thrust(effects, n_discs, rule, n_arms, clamped=True)
+    thrust = disc_thrust(effects, n_discs, rule, arms, clamped=True)
 
     @expression
     def bare(

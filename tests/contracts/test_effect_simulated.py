@@ -118,7 +118,7 @@ def test_settled_it_is_on_a_hinge_and_in_flight_what_a_sweep_shows(
     values = model.parameters.values_array()
     swept = np.ravel(model.disc_factors(model.flow(settled, values), values))
     effects = loop_effects(model)
-    hooks = joined_hooks(effects, n, model.wake_rule, len(model.body_arms_m))()
+    hooks = joined_hooks(effects, n, model.wake_rule, model.arm_counts)()
     same, places, p = (550.0,) * n, RIG.disc_positions_m, loop_numbers(model, effects)
     flow = hooks.bare(
         model.parameters["R_m"].value, *places.T, (z_m,) * n, (1.0,) * n, same, 0.0, 0.0, 0.0,

@@ -225,7 +225,7 @@ class FlightLoop:
             rig.n_discs, rig.n_rotors, n_numbers, zeroed(law), FlightLawState()
         )
         self.loops = flight_loops(
-            effects, self.layout, disc_of, model.wake_rule, len(model.body_arms_m), flight_step
+            effects, self.layout, disc_of, model.wake_rule, model.arm_counts, flight_step
         )
         helped = case.control in ("feedforward", "both")
         chart = r.MapUse(

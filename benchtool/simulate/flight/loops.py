@@ -85,7 +85,7 @@ def flight_loops(
     layout: Layout,
     disc_of: tuple[int, ...],
     rule: str,
-    n_arms: int,
+    arms: tuple[int, ...],
     step: Any,
 ) -> FlightLoops:
     """Return the loops of these effects and this law.
@@ -95,13 +95,13 @@ def flight_loops(
         layout: where records stand.
         disc_of: on which disc each rotor is (n_rotors,).
         rule: wake rule.
-        n_arms: how many images of eq. (4) the body has.
+        arms: how many images of eq. (4) are equally far, see `disc_thrust`.
         step: of the law that controls.
     """
     n, to = max(disc_of) + 1, layout.places
     ones, n_rotors = (1.0,) * n, len(disc_of)
-    hooks = joined_hooks(effects, n, rule, n_arms)
-    slot, build = geometry_slot(n, n_arms), FlightBuild((0,), to)
+    hooks = joined_hooks(effects, n, rule, arms)
+    slot, build = geometry_slot(n, len(arms)), FlightBuild((0,), to)
     look = surround(n, hooks)
     speed = chained(owned(effects, "speed"))
     rotor_speeds = each(
@@ -114,7 +114,7 @@ def flight_loops(
     sense = loop_part(lambda a, lane, now: sense_vehicle(a, now, to, hooks(), look, disc_of, ones))
     goes_on = loop_part(lambda a: still_going(a, to))
     phases: Any = expression(lambda: Phases(fixed, law, mix, move, sense, goes_on))
-    key = repr((disc_of, rule, n_arms, identity(step), layout.records, identities(effects)))
+    key = repr((disc_of, rule, arms, identity(step), layout.records, identities(effects)))
 
     def run(arrays: Any, plan: Any, first: Any, last: Any) -> Any:
         return run_ticks(borrowed(arrays), plan, first, last, build, phases())

@@ -33,7 +33,7 @@ def pitch_loops(
     n_discs: int,
     lanes: int,
     rule: str,
-    n_arms: int,
+    arms: tuple[int, ...],
     law: PitchLaw,
 ) -> Loops:
     """Return the loops of these effects and this law.
@@ -44,15 +44,15 @@ def pitch_loops(
         n_discs: of the rig.
         lanes: how many benches run side by side.
         rule: wake rule.
-        n_arms: how many images of eq. (4) the body has.
+        arms: how many images of eq. (4) are equally far, see `disc_thrust`.
         law: what controls.
     """
     build = Build(
-        tuple(range(lanes)), layout.places, tick_slot(n_discs), geometry_slot(n_discs, n_arms),
+        tuple(range(lanes)), layout.places, tick_slot(n_discs), geometry_slot(n_discs, len(arms)),
         (1.0,) * n_discs,
     )  # fmt: skip
-    hooks, step = joined_hooks(effects, n_discs, rule, n_arms), law.step
-    key = repr((n_discs, lanes, rule, n_arms, identity(step), layout.records, identities(effects)))
+    hooks, step = joined_hooks(effects, n_discs, rule, arms), law.step
+    key = repr((n_discs, lanes, rule, arms, identity(step), layout.records, identities(effects)))
 
     def run(arrays: Any, plan: Any, first: Any, last: Any) -> None:
         run_ticks(arrays, plan, first, last, build, step, hooks())

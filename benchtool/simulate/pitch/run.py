@@ -117,7 +117,7 @@ class PitchLoop:
         n_numbers = sum(len(effect.parameters) for effect in effects)
         like = law.numbers(control, PitchPlant(1.0, 1.0))
         self.layout = r.layout_for(self.n_discs, n_numbers, zeroed(like), law.state)
-        arms = len(model.body_arms_m)
+        arms = model.arm_counts
         self._loops = pitch_loops(
             effects, self.layout, self.n_discs, self.lanes, model.wake_rule, arms, law
         )

@@ -11,6 +11,7 @@ from benchtool.core.errors import UnknownChoice
 from benchtool.physics.body_lift import (
     body_term,
     centre_distances_m,
+    equal_arms,
     quad_body_lift_factor,
 )
 from benchtool.physics.images import (
@@ -181,3 +182,15 @@ def test_body_distances_of_any_layout() -> None:
     np.testing.assert_allclose(centre_distances_m(x, y, "diagonal"), [1.0, 0.2, 0.4])
     with pytest.raises(UnknownChoice, match=r"unknown body distance 'width'.*half_diagonal"):
         centre_distances_m(x, y, "width")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("arms_m", "counts"),
+    [
+        ([0.2, 0.2, 0.2, 0.2], (4, 0, 0, 0)),
+        ([0.2, 0.3, 0.2 * (1.0 + 1e-15), 0.3], (2, 2, 0, 0)),
+        ([0.2, 0.200001, 0.0], (1, 1, 1)),
+    ],
+)
+def test_equal_arms_are_counted_once(arms_m: list[float], counts: tuple[int, ...]) -> None:
+    assert equal_arms(np.array(arms_m)) == counts
