@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from benchtool.acquire.plan import Plan
 from benchtool.commands.app import COMMANDS, main, module_of
 from benchtool.core.inputs import Item, items
 
@@ -100,3 +101,9 @@ def test_a_command_is_described_in_one_place(name: str) -> None:
     section = WRITTEN.read_text("utf-8").partition(f"## {name}\n")[2].partition("\n## ")[0]
     for item in inputs_of(name):
         assert f"| `{item.option}" in section, item.key
+
+
+def test_every_key_of_a_plan_stands_on_the_page_of_the_plan_file() -> None:
+    page = WRITTEN.with_name("plan.md").read_text("utf-8")
+    for item in items(Plan):
+        assert f"| `{item.key.rpartition('.')[2]}` |" in page, item.key

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import ast
+import inspect
+import textwrap
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -19,6 +22,9 @@ from benchtool.physics.model import OWN_IMAGES, Model
 from benchtool.physics.prepared import Prepared
 from benchtool.physics.tolerances import default_tolerances
 from tests.contracts.moving_effects import moving_thrust_N
+
+BRANCHES = {"abs", "where", "select", "choose"}
+"""What neither a complex step nor arrays and single numbers alike go through."""
 
 EACH = pytest.mark.parametrize("name", sorted(EFFECTS))
 
@@ -269,3 +275,18 @@ def test_a_prepared_model_predicts_the_same(name: str, rig: Rig, conditions: Con
     got = prepared.thrust_N(values)
     assert got.shape == (2, len(conditions))
     np.testing.assert_allclose(got, model.thrust_N(conditions, values), rtol=1e-12)
+
+
+@EACH
+def test_its_hooks_branch_nowhere(name: str) -> None:
+    for hook in HOOKS:
+        function = getattr(EFFECTS[name].hooks, hook)
+        if function is None:
+            continue
+        tree = ast.parse(textwrap.dedent(inspect.getsource(function)))
+        for node in ast.walk(tree):
+            assert not isinstance(node, ast.If | ast.IfExp | ast.Match), hook
+            if isinstance(node, ast.Call):
+                called = node.func.attr if isinstance(node.func, ast.Attribute) else node.func
+                word = called.id if isinstance(called, ast.Name) else called
+                assert word not in BRANCHES, hook

@@ -150,7 +150,7 @@ def _with_text(table: TextTable, positions: Sequence[int]) -> tuple[Array, Any, 
     findings = []
     if many := int(refused.sum()):
         words = (
-            f"{counted(many, 'row')} that hold text where numbers belong, as another script or a "
+            f"{counted(many, 'row')} with text where numbers belong, as another script or a "
             f"second header writes them"
         )
         at = line_ranges(table.lines[refused])
