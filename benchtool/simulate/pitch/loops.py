@@ -6,7 +6,7 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 from benchtool.physics.effects.effect import Effect
-from benchtool.physics.expression import compiled_closure
+from benchtool.physics.expression import borrowed, compiled_closure
 from benchtool.physics.fold import identity
 from benchtool.simulate.controllers.controller import PitchLaw
 from benchtool.simulate.hooks import identities, joined_hooks
@@ -55,15 +55,15 @@ def pitch_loops(
     key = repr((n_discs, lanes, rule, arms, identity(step), layout.records, identities(effects)))
 
     def run(arrays: Any, plan: Any, first: Any, last: Any) -> None:
-        run_ticks(arrays, plan, first, last, build, step, hooks())
+        run_ticks(borrowed(arrays), plan, first, last, build, step, hooks())
 
     def tick(block: Any, places: Any, plan: Any, number: Any) -> None:
-        arrays = unpacked_arrays(block, places)
+        arrays = unpacked_arrays(borrowed(block), borrowed(places))
         run_ticks(arrays, plan, number, number + 1, build, step, hooks())
 
     def filter_(
         arrays: Any, plan: Any, first: Any, last: Any, logged: Any, gains: Any, before: Any
     ) -> None:
-        filter_ticks(arrays, plan, first, last, logged, gains, before, build, hooks())
+        filter_ticks(borrowed(arrays), plan, first, last, logged, gains, before, build, hooks())
 
     return Loops(*(compiled_closure(loop, key) for loop in (run, tick, filter_)))
