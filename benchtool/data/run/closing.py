@@ -5,15 +5,20 @@ Every step is one that a second close finds done or does again, so a kill anywhe
 
 from __future__ import annotations
 
+import os
 import re
+from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from benchtool.core.counted import counted
-from benchtool.data.atomic import file_hash
-from benchtool.data.columns import VALID_KINDS, code_of
+from benchtool.core.errors import FileFormatError
+from benchtool.core.user_file import open_file
+from benchtool.data.atomic import file_hash, sync_folder
+from benchtool.data.columns import LONGEST_S, LONGEST_US, VALID_KINDS, code_of
 from benchtool.data.parquet import seal
 from benchtool.data.run.append import Event, EventLog, read_events
 from benchtool.data.run.points import write_table
@@ -23,14 +28,6 @@ from benchtool.data.run.settings import aggregate
 
 if TYPE_CHECKING:
     from benchtool.data.run.run import Run
-import os
-from contextlib import suppress
-from dataclasses import dataclass
-
-from benchtool.core.errors import FileFormatError
-from benchtool.core.user_file import open_file
-from benchtool.data.atomic import sync_folder
-from benchtool.data.columns import LONGEST_S, LONGEST_US
 
 DIED = "the program that measured it ended without a word (killed, or the power failed)"
 
