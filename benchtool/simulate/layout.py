@@ -67,7 +67,7 @@ WIDTH_BYTES = 8
 """Of an element of the block; arrays of floats and of 64-bit integers fit."""
 
 
-def gathered(
+def in_one_block(
     arrays: Sequence[NDArray[Any]],
 ) -> tuple[NDArray[np.float64], NDArray[np.int64], list[NDArray[Any]]]:
     """Return one block that holds copies of the arrays, where each stands, and views into it.

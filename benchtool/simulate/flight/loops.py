@@ -29,7 +29,7 @@ from benchtool.simulate.flight.lane import (
 from benchtool.simulate.flight.records import FlightArrays, geometry_slot
 from benchtool.simulate.hooks import identities, joined_hooks
 from benchtool.simulate.kernel import Phases, run_ticks
-from benchtool.simulate.layout import Layout, gathered, line, plane, solid
+from benchtool.simulate.layout import Layout, in_one_block, line, plane, solid
 
 
 class FlightBuild(NamedTuple):
@@ -54,15 +54,15 @@ class FlightLoops(NamedTuple):
 
 
 def packed(arrays: FlightArrays) -> tuple[Any, Any]:
-    """Return the arrays in one block, and where each stands: see `gathered`."""
+    """Return the arrays in one block, and where each stands: see `in_one_block`."""
     *single, below, chart = arrays
-    block, places, _ = gathered([*single, *below, *chart])
+    block, places, _ = in_one_block([*single, *below, *chart])
     return block, places
 
 
 @loop_part
 def unpacked(block: Any, places: Any) -> FlightArrays:
-    """Return the arrays that `gathered` put into a block, as views."""
+    """Return the arrays that `packed` put into a block, as views."""
     return FlightArrays(
         line(block, places, 0),
         line(block, places, 1).view(np.int64),

@@ -13,7 +13,7 @@ from benchtool.simulate.flight.environment import Environment
 from benchtool.simulate.flight.flight import FlightCase, Goal
 from benchtool.simulate.flight.vehicle import FlightVehicle
 from benchtool.simulate.gain_file import Gains
-from benchtool.simulate.sensible import refuse_outside
+from benchtool.simulate.ranges import refuse_outside
 
 FLIGHT_NUMBERS = (
     "z_over_R", "speed_m_s", "gyro_noise_rad_s", "map_strength", "drag_N_s_m", "step_s",

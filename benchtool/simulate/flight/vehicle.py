@@ -18,7 +18,7 @@ from benchtool.physics.mixer import mixer_matrix
 from benchtool.physics.model import Model
 from benchtool.simulate.flight.records import Craft
 from benchtool.simulate.flight.rigid_body import GRAVITY_M_S2
-from benchtool.simulate.sensible import refuse_outside
+from benchtool.simulate.ranges import refuse_outside
 
 SHORT_NAMES = {"K_b": "K_b", "neighbours": "strength", "lag_s": "tau_s"}
 """What a flight calls some effects' numbers, and their own names."""

@@ -80,12 +80,12 @@ def filter_ticks(
     dt_s, substeps, n_ticks = discs.dt_s, now.substeps, a.schedule.shape[1]
     for tick in range(first, last):
         time_s = (before + tick) * substeps * dt_s
-        wish = read_record(a.schedule, build.tick, tick, n_ticks)
+        planned = read_record(a.schedule, build.tick, tick, n_ticks)
         read = read_record(logged, shown, tick, n_ticks)
         for lane in range(at):
-            write_record(w, to.setpoint, lane, at, wish.setpoint)
+            write_record(w, to.setpoint, lane, at, planned.setpoint)
             held = read_record(w, to.command, lane, at)
-            driven = Command(held.torque_Nm, held.difference_us, held.factor, wish.pwm_us)
+            driven = Command(held.torque_Nm, held.difference_us, held.factor, planned.pwm_us)
             write_record(w, to.command, lane, at, driven)
         for lane in range(at):
             correct_lane(w, lane, at, read, by, discs, to, hooks)

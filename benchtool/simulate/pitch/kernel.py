@@ -56,7 +56,7 @@ class LoopArrays(NamedTuple):
 
 @loop_part
 def unpacked_arrays(block: Any, places: Any) -> LoopArrays:
-    """Return the arrays that `gathered` put into a block, as views."""
+    """Return the arrays that `in_one_block` put into a block, as views."""
     return LoopArrays(
         w=line(block, places, 0),
         states=line(block, places, 1).view(np.int64),
@@ -110,15 +110,15 @@ def run_ticks(a: Any, plan: Any, first: Any, last: Any, build: Any, law: Any, ho
         span = span + discs.roots[i] * discs.roots[i] * discs.x_m[i] * discs.x_m[i]
     for tick in range(first, last):
         time_s = tick * substeps * dt_s
-        wish = read_record(a.schedule, build.tick, tick, n_ticks)
+        planned = read_record(a.schedule, build.tick, tick, n_ticks)
         for lane in range(at):
-            write_record(w, to.setpoint, lane, at, wish.setpoint)
+            write_record(w, to.setpoint, lane, at, planned.setpoint)
         if now.driver == BUILT_IN:
             for lane in range(at):
-                control_lane(w, lane, at, time_s, wish.observer, substeps * dt_s, to, law)
-        if wish.feedforward > 0.0:
+                control_lane(w, lane, at, time_s, planned.observer, substeps * dt_s, to, law)
+        if planned.feedforward > 0.0:
             for lane in range(at):
-                expect_lane(w, lane, at, wish, time_s, discs, to, hooks)
+                expect_lane(w, lane, at, planned, time_s, discs, to, hooks)
         else:
             for lane in range(at):
                 before = read_record(w, to.command, lane, at)
@@ -131,11 +131,11 @@ def run_ticks(a: Any, plan: Any, first: Any, last: Any, build: Any, law: Any, ho
                 before = read_record(w, to.command, lane, at)
                 write_record(
                     w, to.command, lane, at,
-                    Command(before.torque_Nm, before.difference_us, before.factor, wish.pwm_us),
+                    Command(before.torque_Nm, before.difference_us, before.factor, planned.pwm_us),
                 )  # fmt: skip
         else:
             for lane in range(at):
-                mix_lane(w, lane, at, wish, span, discs, to)
+                mix_lane(w, lane, at, planned, span, discs, to)
         send_all(a, tick, time_s, discs, build, hooks)
         move_all(a, now, tick, substeps, time_s, discs, build, hooks)
         sense_all(a, now, tick + 1, discs, build, hooks)

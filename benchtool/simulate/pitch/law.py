@@ -59,10 +59,10 @@ def expect_lane(
 def mix_lane(w: Any, lane: Any, at: Any, now: Any, span: Any, discs: Any, to: Any) -> None:
     """Share torque and collective out to the rotors of one lane, as whole pulses within limits."""
     command, nominal = read_record(w, to.command, lane, at), read_record(w, to.nominal, lane, at)
-    wish, limits = read_record(w, to.setpoint, lane, at), read_record(w, to.limits, lane, at)
+    setpoint, limits = read_record(w, to.setpoint, lane, at), read_record(w, to.limits, lane, at)
     x, pulses, pwm_us = discs.x_m, nominal.pulses, command.pwm_us
     for i in range(len(x)):
-        wanted = wish.collective_N - x[i] / span * command.torque_Nm
+        wanted = setpoint.collective_N - x[i] / span * command.torque_Nm
         asked = compensated_thrust(wanted, command.factor[i])
         speed = speed_from_thrust(asked, nominal.k)
         pwm = pwm_from_speed(speed, pulses.slope_rad_s_per_us, pulses.start_us, 1.0, 1.0)

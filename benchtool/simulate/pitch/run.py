@@ -18,7 +18,7 @@ from benchtool.simulate.controllers.controller import PitchPlant
 from benchtool.simulate.controllers.pitch import Feedforward, PitchControl
 from benchtool.simulate.hooks import loop_effects
 from benchtool.simulate.imperfections import due
-from benchtool.simulate.layout import Layout, gathered, rows_in, zeroed
+from benchtool.simulate.layout import Layout, in_one_block, rows_in, zeroed
 from benchtool.simulate.noise import lane_states
 from benchtool.simulate.pitch import records as r
 from benchtool.simulate.pitch.bench import SENSOR_NAMES, PitchBench, PitchSensor
@@ -219,7 +219,7 @@ class PitchLoop:
         The loop's arrays become views into one block: take them from the loop afterwards.
         """
         arrays = self._arrays()._replace(fresh=self.fresh.astype(float))
-        block, where, views = gathered(list(arrays))
+        block, where, views = in_one_block(list(arrays))
         for name in ("w", "states", "sent", "past", "log"):
             setattr(self, name, getattr(LoopArrays(*views), name))
         self.table = LoopArrays(*views).schedule

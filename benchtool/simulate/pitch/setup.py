@@ -19,7 +19,7 @@ from benchtool.simulate.controllers.pitch import Feedforward, PitchControl, pitc
 from benchtool.simulate.gain_file import gains_named
 from benchtool.simulate.pitch.bench import STEPS_PER_LAG, PitchBench
 from benchtool.simulate.pitch.run import PitchJob, substeps_of
-from benchtool.simulate.sensible import refuse_outside
+from benchtool.simulate.ranges import refuse_outside
 
 BENCH_NUMBERS = ("inertia_kgm2", "plant_rate_Hz", "stop_rad", "pwm_quantum_us")
 GAIN_TABLES = ("attitude", "observer")

@@ -1,4 +1,4 @@
-"""Numbers that can mean something."""
+"""Ranges that numbers of a simulation must lie in."""
 
 from __future__ import annotations
 
