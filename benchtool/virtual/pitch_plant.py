@@ -17,6 +17,7 @@ from benchtool.core.errors import InputError, StageError
 from benchtool.core.rig import Rig
 from benchtool.core.schedule import PARKED_M, Schedule
 from benchtool.simulate.controllers.controller import PitchMeasurement, PitchReference
+from benchtool.simulate.kernel import BUILT_IN, CALLER, PULSES
 from benchtool.simulate.noise import lane_states
 from benchtool.simulate.own_controller import made
 from benchtool.simulate.pitch import records as r
@@ -173,7 +174,7 @@ class PitchBenchPlant:
             return
         if self._armed:
             self._armed = False
-            loop.set_driver(r.PULSES)
+            loop.set_driver(PULSES)
             self._restart_controller()
             self._jump(0)
         for rotor, disc in enumerate(self.rig.disc_of_rotor):
@@ -290,9 +291,9 @@ class PitchBenchPlant:
         loop.states[:] = lane_states(self._seed, [self._armings])
         self._armings += 1
         self._restart_controller()
-        loop.set_driver(r.BUILT_IN)
+        loop.set_driver(BUILT_IN)
         if self._own is not None:
-            loop.set_driver(r.CALLER)
+            loop.set_driver(CALLER)
             self._controller = made(self._own, self.job.control.name)
             self._ticks_armed = 0
         self._jump(0)

@@ -13,15 +13,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from benchtool.physics.expression import loop_part, read_record, write_record
+from benchtool.simulate.kernel import BUILT_IN, PULSES
 from benchtool.simulate.layout import line, plane, solid
 from benchtool.simulate.motors import arrive_lane
 from benchtool.simulate.pitch.lane import sense_lane, step_lane
 from benchtool.simulate.pitch.law import control_lane, expect_lane, mix_lane, turn_lane
 from benchtool.simulate.pitch.records import (
-    BUILT_IN,
     FRESH,
     PLAN,
-    PULSES,
     Command,
     Delayed,
     Places,

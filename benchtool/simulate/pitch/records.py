@@ -156,7 +156,7 @@ class PitchPlan(NamedTuple):
 
     Attributes:
         substeps: plant steps per tick.
-        driver: who controls: `BUILT_IN`, `CALLER`, or `PULSES` of the schedule.
+        driver: who controls: `kernel.BUILT_IN`, `CALLER`, or `PULSES` of the schedule.
         delayed: whether commands arrive late.
         late_theta, late_rate, late_plate: delays of the sensors in ticks.
     """
@@ -167,9 +167,6 @@ class PitchPlan(NamedTuple):
     late_theta: Any = 0
     late_rate: Any = 0
     late_plate: Any = 0
-
-
-BUILT_IN, CALLER, PULSES = range(3)
 
 
 class Places(NamedTuple):

@@ -18,6 +18,7 @@ from benchtool.simulate.controllers.controller import PitchPlant
 from benchtool.simulate.controllers.pitch import Feedforward, PitchControl
 from benchtool.simulate.hooks import loop_effects
 from benchtool.simulate.imperfections import due
+from benchtool.simulate.kernel import BUILT_IN, CALLER, PULSES
 from benchtool.simulate.layout import Layout, in_one_block, rows_in, zeroed
 from benchtool.simulate.noise import lane_states
 from benchtool.simulate.pitch import records as r
@@ -148,7 +149,7 @@ class PitchLoop:
         late = [sensor_delay(bench, name, schedule.rate_Hz) for name in SENSOR_NAMES[:3]]
         on_old = [self.view(f"motion.{half}")[1] for half in ("first", "second")]
         delayed = delays.any() or np.any(on_old)
-        driver = r.CALLER if external else r.BUILT_IN
+        driver = CALLER if external else BUILT_IN
         self.plan = np.array(r.PitchPlan(self.substeps, driver, bool(delayed), *late), np.int64)
         self._settle(first)
 
@@ -195,7 +196,7 @@ class PitchLoop:
         """Take the pulses (n_discs, n_ticks) from a log; no controller runs."""
         self.table = self.table.copy()
         self.planned("pwm_us")[:] = pwm_us
-        self.set_driver(r.PULSES)
+        self.set_driver(PULSES)
 
     def filter(self, logged: Array, gains: Array, before: int, span: tuple[int, int]) -> Array:
         """Filter a log and return its rows (n_ticks, n_rows, n_lanes), see `FILTERED`.
