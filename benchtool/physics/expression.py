@@ -236,23 +236,35 @@ def _machine_code(function: Callable[..., Any], key: str) -> Callable[..., Any]:
         return function
     import numba
 
-    settings: Any = numba.config
     machine_code: Callable[..., Any] = numba.njit(error_model="numpy", nogil=True)(function)
-    before, settings.CACHE_DIR = settings.CACHE_DIR, str(compiled_folder())
     try:
         machine_code._cache = _cache_under(key)(function)  # type: ignore[attr-defined]  # noqa: SLF001
-    except (ImportError, AttributeError, TypeError, OSError, RuntimeError):
+    except (ImportError, AttributeError, TypeError, OSError, RuntimeError, IndexError):
         pass  # no folder that can be written, or another numba: compile in every process
-    finally:
-        settings.CACHE_DIR = before
     return machine_code
 
 
 def _cache_under(key: str) -> Any:
-    """Return numba's cache of functions with a key of ours in its index."""
+    """Return numba's cache of functions in `compiled_folder`, with a key of ours in its index.
+
+    numba's own setting of the folder is one for the whole process, where two threads that compile
+    would change it under each other.
+    """
     from numba.core.caching import FunctionCache
 
+    usual: Any = FunctionCache._impl_class  # noqa: SLF001
+    beside_the_source: Any = usual._locator_classes[1]  # noqa: SLF001
+
+    class CompiledFolder(beside_the_source):  # type: ignore[misc]
+        def get_cache_path(self) -> str:
+            return str(compiled_folder() / self.get_suitable_cache_subpath(self._py_file))
+
+    class InCompiledFolder(usual):  # type: ignore[misc]
+        _locator_classes = (CompiledFolder,)
+
     class KeyedCache(FunctionCache):
+        _impl_class = InCompiledFolder
+
         def _index_key(self, sig: Any, codegen: Any) -> Any:
             return sig, codegen.magic_tuple(), key
 

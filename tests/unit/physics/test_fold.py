@@ -164,6 +164,23 @@ def test_a_second_process_compiles_nothing(tmp_path: Path) -> None:
     assert [row[1:] for row in second] == [["1", "0"], ["1", "0"]]
 
 
+def test_a_cache_is_kept_in_its_folder_while_another_thread_changes_numbas_setting(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """numba looks at its setting twice: between the two another thread may have cleared it."""
+    caching = pytest.importorskip("numba.core.caching")
+    named = caching._CacheLocator.get_suitable_cache_subpath
+
+    def cleared(path: str) -> str:
+        monkeypatch.setattr("numba.config.CACHE_DIR", "")
+        return str(named(path))
+
+    monkeypatch.setattr(caching._CacheLocator, "get_suitable_cache_subpath", staticmethod(cleared))
+    monkeypatch.chdir(tmp_path)
+    assert Path(loop_over(2)._cache.cache_path).is_relative_to(compiling.compiled_folder())
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_without_numbas_inner_cache_it_compiles_all_the_same(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
