@@ -141,6 +141,13 @@ def effects(inputs: EffectsInputs) -> None:
     print(f"law:    {effect.law}")
     print(f"shows:  {effect.shows}")
     print(f"source: {effect.source}")
+    if (stated := effect.distance_law) is not None:
+        values = {item.name: item.value for item in effect.parameters}
+        pole = "nowhere" if stated.singular is None else f"at z/R {stated.singular(values):.3g}"
+        print(f"basis:  {stated.basis}; infinite {pole}; far away {stated.far}")
+        print(f"tested: {stated.tested}; seen: {stated.seen}")
+        if stated.same_as:
+            print(f"one law with {stated.same_as}, by another parameter")
     for other, how in effect.confused_with.items():
         print(f"looks like {other}: {how}")
     shown = [bench for bench in BENCH_KINDS if bench in effect.benches]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from importlib import import_module
-from pkgutil import iter_modules
+from pkgutil import walk_packages
 
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.own_code import CodePermit, own_module, refuse_code
@@ -13,9 +13,10 @@ from benchtool.physics.effects.effect import SUBSYSTEMS, BenchKind, Effect
 
 
 def _found() -> list[Effect]:
-    """Return the `EFFECT` of every file in the folder, in the order of the chain."""
-    names = [info.name for info in iter_modules(effects.__path__) if info.name != "effect"]
-    found = [import_module(f"{effects.__name__}.{name}").EFFECT for name in names]
+    """Return the `EFFECT` of every file in the folder and below, in the order of the chain."""
+    files = walk_packages(effects.__path__, f"{effects.__name__}.")
+    modules = [import_module(info.name) for info in files if not info.ispkg]
+    found = [module.EFFECT for module in modules if hasattr(module, "EFFECT")]
     return sorted(found, key=lambda one: (SUBSYSTEMS.index(one.subsystem), one.order, one.name))
 
 
@@ -97,7 +98,7 @@ def own_effects(file_or_module: str, permit: CodePermit = refuse_code) -> tuple[
 
 def _check(effect: Effect, where: str) -> None:
     """Refuse an effect that an explanation could not judge."""
-    if not effect.benches:
+    if not effect.benches and effect.distance_law is None:
         raise InputError(
             f"effect {effect.name!r} of {where} is no candidate on any bench; give it benches = "
             f'frozenset({{"pitch"}}), or "sweep", or both'

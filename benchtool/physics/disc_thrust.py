@@ -13,6 +13,7 @@ from functools import cache, lru_cache
 from itertools import accumulate
 from typing import Any, NamedTuple
 
+from benchtool.physics.distance_law import nearest_z_over_R
 from benchtool.physics.effects.effect import Effect, Flow
 from benchtool.physics.expression import expression
 from benchtool.physics.fold import Hook, Own, added, chained, each, multiplied, selected, summed
@@ -32,6 +33,7 @@ class DiscThrust(NamedTuple):
         image_factors: image_factors(flow, p) -> 1 + a (1/(1 - D) - 1) of each disc (n,).
         scaled: scaled(first, flow, p) -> first (n,) times the effects' factors.
         factors: factors(flow, p) -> T_IGE/T_OGE of each disc (n,): both together.
+        nearest_z_over_R: least distance at which the effects' law holds; clamped heights end there.
     """
 
     speeds: Hook
@@ -39,6 +41,7 @@ class DiscThrust(NamedTuple):
     image_factors: Hook
     scaled: Hook
     factors: Hook
+    nearest_z_over_R: float
 
 
 def owned(effects: Iterable[Effect], hook: str) -> tuple[Own, ...]:
@@ -76,12 +79,13 @@ def disc_thrust(
     speed, factor = chained(owned(effects, "speed")), multiplied(owned(effects, "factor"))
     denominator = summed(owned(effects, "denominator"))
     weight = wake_rule(rule).weight
+    nearest = nearest_z_over_R(effect.distance_law for effect in effects)
     if clamped:
         heights = each(
             n,
             expression(
                 lambda i, flow, p: clamped_height(
-                    height(i, flow.height_m[i], flow, p), flow.radius_m
+                    height(i, flow.height_m[i], flow, p), nearest * flow.radius_m
                 )
             ),
         )
@@ -135,6 +139,7 @@ def disc_thrust(
         image_factors=image_factors,
         scaled=scale,
         factors=expression(lambda flow, p: scale(image_factors(flow, p), flow, p)),
+        nearest_z_over_R=nearest,
     )
 
 

@@ -22,6 +22,7 @@ from benchtool.physics.body_lift import BodyDistance, centre_distances_m, equal_
 from benchtool.physics.catalogue import EFFECTS, effect_named
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.disc_thrust import DiscThrust, disc_thrust, owned
+from benchtool.physics.distance_law import nearest_z_over_R
 from benchtool.physics.effects.effect import NO_FLOW, Effect, Flow, Quantity
 from benchtool.physics.effects.rotor_images import EFFECT as ROTOR_IMAGES
 from benchtool.physics.fold import Hook, chained
@@ -107,6 +108,12 @@ class Model:
     def __post_init__(self) -> None:
         if self.wake_rule not in WAKE_RULES:
             raise UnknownChoice("wake rule", self.wake_rule, WAKE_RULES)
+        laws = [effect for effect in self.effects if effect.distance_law is not None]
+        if len(laws) > 1 and len(acting := [e.name for e in laws if self.is_present(e)]) > 1:
+            raise InputError(
+                f"model {self.name!r} has the laws of thrust against distance "
+                f"{' and '.join(acting)}, and a law is applied once; take all but one out"
+            )
 
     def with_effect(self, effect: str | Effect, **values: float) -> Model:
         """Return the model with one more effect, its parameters at `values` or their defaults."""
@@ -126,6 +133,14 @@ class Model:
             effects=(*self.effects, added),
             parameters=Parameters((*self.parameters.items(), *new)),
         )
+
+    def with_law(self, law: str | Effect, **values: float) -> Model:
+        """Return the model with that law of thrust against distance in place of its own."""
+        model = self
+        for effect in self.effects:
+            if effect.distance_law is not None:
+                model = model.without(effect.name)
+        return model.with_effect(law, **values)
 
     def with_lag_of_rig(self) -> Model:
         """Return the model with the lag of the rig's motors, where it states none itself."""
@@ -187,6 +202,11 @@ class Model:
     def present_effects(self) -> tuple[Effect, ...]:
         """The effects that can act, in order."""
         return tuple(effect for effect in self.effects if self.is_present(effect))
+
+    @property
+    def nearest_z_over_R(self) -> float:
+        """Least z/R at which the model's law is trusted."""
+        return nearest_z_over_R(effect.distance_law for effect in self.present_effects)
 
     def flow(self, conditions: Conditions, values: Any) -> Flow:
         """Return what the hooks see, heights and images worked out.

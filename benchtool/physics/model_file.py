@@ -22,6 +22,7 @@ from benchtool.core.rig_file import rig_named
 from benchtool.core.toml_text import FileTable, FiniteTable, build
 from benchtool.physics.body_lift import BodyDistance
 from benchtool.physics.catalogue import effect_named, own_effects
+from benchtool.physics.effects.effect import Effect
 from benchtool.physics.model import OWN_IMAGES, Model
 
 WITHOUT_OWN_IMAGES = (
@@ -162,14 +163,18 @@ def model_from_toml(
             raise InputError(f"effects_file is {file[:80]!r}; name a Python file that ends in .py")
         found = own_effects(str(Path(where).parent / file), permit) if file else ()
         own = {effect.name: effect for effect in found}
-        notes = () if OWN_IMAGES in read.effects else (f"{where} {WITHOUT_OWN_IMAGES}",)
-        for name, tables in read.effects.items():
-            effect = own.get(name) or effect_named(name)
-            settings = tables.get("settings", {})
-            if effect.configure is not None:
-                effect = effect.configure(settings)
-            elif settings:
-                raise InputError(f"effect {name!r} takes no settings; take them out")
+        effects = {
+            name: _configured(own.get(name) or effect_named(name), tables.get("settings", {}))
+            for name, tables in sorted(read.effects.items(), key=lambda item: item[0] != OWN_IMAGES)
+        }
+        notes: tuple[str, ...] = ()
+        if OWN_IMAGES not in effects:
+            if any(effect.distance_law is not None for effect in effects.values()):
+                model = model.without(OWN_IMAGES)
+            else:
+                notes = (f"{where} {WITHOUT_OWN_IMAGES}",)
+        for name, effect in effects.items():
+            tables = read.effects[name]
             if name != OWN_IMAGES:
                 model = model.with_effect(effect)
             given = {key: table for key, table in tables.items() if key != "settings"}
@@ -190,6 +195,14 @@ def model_from_toml(
         plate_slide_s=read.model.plate_slide_s,
         notes=notes,
     )
+
+
+def _configured(effect: Effect, settings: Mapping[str, Any]) -> Effect:
+    if effect.configure is not None:
+        return effect.configure(settings)
+    if settings:
+        raise InputError(f"effect {effect.name!r} takes no settings; take them out")
+    return effect
 
 
 def read_columns(path: str | Path) -> Mapping[str, ColumnSource]:
@@ -218,7 +231,7 @@ def model_to_toml(loaded: LoadedModel, rig: str | None = None) -> str:
     """Return a model as TOML text that reads back to the same model."""
     model = loaded.model
     effects: dict[str, dict[str, Any]] = {}
-    if all(effect.name != OWN_IMAGES for effect in model.effects):
+    if all(effect.distance_law is None for effect in model.effects):
         effects[OWN_IMAGES] = {"own_strength": {"value": 0.0, "source": "left out"}}
     for effect in model.effects:
         values = model.effect_values(effect, [*model.parameters.values()])
@@ -230,7 +243,7 @@ def model_to_toml(loaded: LoadedModel, rig: str | None = None) -> str:
             if not name.startswith("knot_")
         }
         if knots:
-            effects[effect.name]["settings"] = {"coverages": knots}
+            effects[effect.name]["settings"] = {effect.knots_setting: knots}
     baseline = {
         name: _parameter_table(item)
         for name, item in model.parameters.items()

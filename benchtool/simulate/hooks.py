@@ -23,6 +23,7 @@ class LoopHooks(NamedTuple):
         with_thrust: with_thrust(flow, rate, k, factor) -> the Flow with thrusts, at another rate.
         torque, dry_friction, dry_width: f(i, flow, p), of the hinge, summed over effects.
         gyro: gyro(i, reading, flow, p) -> the gyro's reading, changed by effects.
+        nearest_z_over_R: least distance over R at which the effects' law holds.
     """
 
     bare: Any
@@ -36,6 +37,7 @@ class LoopHooks(NamedTuple):
     dry_friction: Any
     dry_width: Any
     gyro: Any
+    nearest_z_over_R: Any
 
 
 def joined_hooks(
@@ -86,6 +88,7 @@ def joined_hooks(
         summed(owned(effects, hook)) for hook in ("torque", "dry_friction", "dry_width")
     )
     gyro = chained(owned(effects, "gyro_reading"))
+    nearest = thrust.nearest_z_over_R
     return expression(
         lambda: LoopHooks(
             bare,
@@ -99,6 +102,7 @@ def joined_hooks(
             dry_friction,
             dry_width,
             gyro,
+            nearest,
         )
     )
 
@@ -111,8 +115,9 @@ def loop_effects(
     Those that cannot act are left out, but for those that stand in every loop; with `neutral_too`
     every effect of the models stands in it, so that one compilation serves all values of their
     numbers. With `in_flight` only those that act there are called, and of those that cannot act
-    the images alone stand in every loop: a flight sums them at every surface. Lag, delay and random
-    torque act through numbers of their own, see `motion_of`.
+    the images alone stand in every loop: a flight sums them at every surface. Eq. (2) gives way to
+    the laws that models have in its place. Lag, delay and random torque act through numbers of
+    their own, see `motion_of`.
     """
     found = {
         name: effect
@@ -127,9 +132,12 @@ def loop_effects(
                 continue
             if neutral_too or effect.name in found or model.is_present(effect):
                 found[effect.name] = effect
+    acting = [effect for model in models for effect in model.present_effects]
+    if laws := {effect.name for effect in acting if effect.distance_law is not None}:
+        found = {name: e for name, e in found.items() if e.distance_law is None or name in laws}
     order = [*EFFECTS, *(name for name in found if name not in EFFECTS)]
-    acting = (found[name] for name in order if name in found)
-    return tuple(effect for effect in acting if effect.acts_in_flight or not in_flight)
+    ordered = (found[name] for name in order if name in found)
+    return tuple(effect for effect in ordered if effect.acts_in_flight or not in_flight)
 
 
 def loop_numbers(model: Model, effects: Sequence[Effect]) -> tuple[float, ...]:

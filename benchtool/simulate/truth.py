@@ -9,7 +9,6 @@ import numpy as np
 
 from benchtool.core.array import Array
 from benchtool.core.rig import Rig
-from benchtool.physics import VALIDITY_Z_OVER_R
 from benchtool.physics.conditions import Conditions, plate_coverage
 from benchtool.physics.disc_thrust import owned
 from benchtool.physics.effects.effect import NO_FLOW
@@ -98,7 +97,7 @@ class TrueThrust:
         radius_m = self._rig.propulsion.radius_m
         if np.all(conditions.plate_z_m > WELL_CLEAR * radius_m):
             return conditions
-        missing = VALIDITY_Z_OVER_R - self._truth.z_over_R(conditions)
+        missing = self._truth.nearest_z_over_R - self._truth.z_over_R(conditions)
         near = missing > 0.0
         if not near.any():
             return conditions

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 from benchtool.core.rig_file import rig_named
@@ -23,6 +24,14 @@ it states none, they go with the vehicle: torques with m g L, forces with m g, t
 with the arm, the plate's distance with the rotor radius. The tables give them for a pitch bench of
 the rig `beam` and for a plate sweep of the rig `pquad`; `benchtool effects NAME --rig RIG` prints
 them for another.
+
+## Laws of thrust against distance
+
+A model has one of these effects: T_IGE/T_OGE of one rotor as a function G of z/R. It enters the sum
+of eqs. (2) to (4) as 1 - 1/G, so that the images of neighbours, body lift and partial coverage
+combine with each as they do with eq. (2). Laws that are finite at contact are valid down to it,
+the others from z/R 0.5. "Seen" is what of a source was read: a public repository, not the original,
+unless the paper is named. "One law" names the law that a row is by another parameter.
 """
 
 RIGS: dict[BenchKind, str] = {"pitch": "beam", "sweep": "pquad"}
@@ -31,7 +40,29 @@ RIGS: dict[BenchKind, str] = {"pitch": "beam", "sweep": "pquad"}
 
 def page() -> str:
     """Return the page."""
-    return "\n".join([HEAD, *(section(effect) for effect in EFFECTS.values())])
+    parts = [HEAD, *laws(), "", *(section(effect) for effect in EFFECTS.values())]
+    return "\n".join(parts)
+
+
+def laws() -> Iterator[str]:
+    """Return the lines of the table of laws."""
+    yield "| effect | T ratio | basis | infinite at z/R | far | tested | seen | one law |"
+    yield "|---|---|---|---|---|---|---|---|"
+    for effect in EFFECTS.values():
+        if (law := effect.distance_law) is None:
+            continue
+        cells = [f"`{effect.name}`", f"`{effect.law}`", law.basis, pole(effect), law.far]
+        own = f"`{law.same_as}`" if law.same_as else "–"
+        yield f"| {' | '.join([*cells, law.tested, law.seen, own])} |"
+
+
+def pole(effect: Effect) -> str:
+    """Return where a law is infinite at its usual numbers."""
+    assert effect.distance_law is not None
+    if effect.distance_law.singular is None:
+        return "finite at contact"
+    place = effect.distance_law.singular({item.name: item.value for item in effect.parameters})
+    return f"{place:.3g}"
 
 
 def section(effect: Effect) -> str:

@@ -47,9 +47,9 @@ def acting(rig: Rig, name: str) -> Model:
 
 
 def without_it(rig: Rig, name: str) -> Model:
-    """Return a model without the effect, eq. (2) alone where it is another one."""
+    """Return a model without the effect: eq. (2) alone, and nothing where it is a law."""
     bare = Model.single(rig)
-    return bare.without(name) if name == OWN_IMAGES else bare
+    return bare if EFFECTS[name].distance_law is None else bare.without(OWN_IMAGES)
 
 
 @pytest.fixture

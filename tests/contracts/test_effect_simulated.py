@@ -86,7 +86,7 @@ def most_changed(one: np.ndarray, other: np.ndarray) -> float:
 
 @EACH
 def test_at_neutral_it_is_exactly_absent_on_a_hinge_and_in_flight(name: str) -> None:
-    on_a_hinge, in_flight = bare_logs(name == OWN_IMAGES)
+    on_a_hinge, in_flight = bare_logs(EFFECTS[name].distance_law is not None)
     assert np.array_equal(hinged(neutral(RIG, name)), on_a_hinge, equal_nan=True)
     assert np.array_equal(flown(neutral(RIG, name)).log, in_flight, equal_nan=True)
 
@@ -94,7 +94,8 @@ def test_at_neutral_it_is_exactly_absent_on_a_hinge_and_in_flight(name: str) -> 
 @EACH
 def test_away_from_neutral_it_shows_on_a_hinge_and_in_flight_where_it_belongs(name: str) -> None:
     """What belongs to a load cell shows in a sweep, what belongs to a bench not in flight."""
-    effect, bare, model = EFFECTS[name], bare_logs(name == OWN_IMAGES), acting(RIG, name)
+    effect, model = EFFECTS[name], acting(RIG, name)
+    bare = bare_logs(effect.distance_law is not None)
     hooks = [hook for hook in effect.hooks.__slots__ if getattr(effect.hooks, hook)]
     on_a_hinge = most_changed(bare[0], hinged(model))
     in_flight = most_changed(bare[1], flown(model).log)

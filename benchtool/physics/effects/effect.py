@@ -21,6 +21,7 @@ from typing import Any, Literal, NamedTuple
 from benchtool.core.errors import InputError
 from benchtool.core.parameter import Parameter, Prior
 from benchtool.core.rig import Rig
+from benchtool.physics.distance_law import DistanceLaw
 from benchtool.physics.expression import Quantity as Quantity
 from benchtool.physics.expression import expression as expression
 
@@ -198,6 +199,9 @@ class Effect:
             themselves; a model file that states one goes first (`tolerances.tolerances`).
         configure: builds the effect for settings in a model file, for example its knots.
         numbers: makes `p` of the values where it is no named tuple of the parameters' names.
+        knots_setting: name of the setting that lists its parameters `knot_...`; empty without.
+        distance_law: what a law of thrust against distance states of itself; None for what is no
+            such law. A model has one of them.
 
     Raises:
         InputError: `numbers` has other names than `parameters`, or another order.
@@ -229,6 +233,8 @@ class Effect:
     tolerance_of: Callable[[Rig, BenchKind], Mapping[str, float]] | None = None
     configure: Callable[[Mapping[str, Any]], Effect] | None = None
     numbers: Callable[..., Any] | None = None
+    knots_setting: str = ""
+    distance_law: DistanceLaw | None = None
 
     def __post_init__(self) -> None:
         names = tuple(item.name for item in self.parameters)
@@ -258,6 +264,12 @@ class Effect:
     def changes_geometry(self) -> bool:
         """Whether heights or covered areas, and so the images, depend on its parameters."""
         return self.hooks.height is not None or self.hooks.coverage is not None
+
+
+@expression
+def all_in_order(*numbers: Quantity) -> tuple[Quantity, ...]:
+    """Return the numbers as they are: `numbers` of an effect that has as many as it is given."""
+    return numbers
 
 
 @cache

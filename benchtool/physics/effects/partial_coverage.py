@@ -23,6 +23,7 @@ from benchtool.physics.effects.effect import (
     Flow,
     Hooks,
     Quantity,
+    all_in_order,
     expression,
     number,
 )
@@ -32,12 +33,6 @@ TOLERANCE = 0.1
 
 MOST_KNOTS = 16
 """More area factors than this carry no tolerance of their own."""
-
-
-@expression
-def all_in_order(*numbers: Quantity) -> tuple[Quantity, ...]:
-    """Return the numbers as they are: shares, knots and how much coverage there is."""
-    return numbers
 
 
 @expression
@@ -164,6 +159,7 @@ def with_knots(coverages: Sequence[float]) -> Effect:
         confused_with={"body_lift": "a full cover at the same distance separates them"},
         derived=derived,
         tolerance_of=tolerance_of,
+        knots_setting="coverages",
         configure=configured,
     )
 

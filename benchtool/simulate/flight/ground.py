@@ -260,7 +260,7 @@ def surround(n: int, hooks: Callable[[], LoopHooks]) -> Callable[..., tuple[Belo
                     nearest = min(nearest, disc.height_m)
                     if disc.height_m <= craft.depth_m:
                         touching = 1.0
-                    least_m = 0.5 * craft.effective_radius_m
+                    least_m = parts.nearest_z_over_R * craft.effective_radius_m
                     if flow.height_m[i] <= least_m and flow.height_m[i] != disc.height_m:
                         held = 1.0
                     if disc.share >= 0.5 or height[i] == np.inf:

@@ -207,4 +207,6 @@ def _at(model: Model, name: str, value: float) -> Model:
 
 
 def _acts_by_default(effect: Effect) -> bool:
+    if effect.distance_law is not None:  # a model has its own
+        return False
     return any(item.neutral is not None and not item.is_neutral for item in effect.parameters)

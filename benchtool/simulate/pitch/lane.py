@@ -96,7 +96,8 @@ def step_lane(
     hit = 1.0 * (inside != theta)
     low = 0.0 * hit
     for i in range(len(x)):
-        low = np.maximum(low, (flow.height_m[i] <= 0.5 * body.radius_m) * (flow.coverage[i] > 0.0))
+        is_low = flow.height_m[i] <= hooks.nearest_z_over_R * body.radius_m
+        low = np.maximum(low, is_low * (flow.coverage[i] > 0.0))
     first = next_state(states[lane])
     second = next_state(first)
     states[lane] = second

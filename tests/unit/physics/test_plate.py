@@ -7,7 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from benchtool.core.rig_file import rig_named
 from benchtool.physics import VALIDITY_Z_OVER_R
+from benchtool.physics.model import Model
 from benchtool.physics.validity import clamped_height
 from benchtool.simulate.pitch.attitude import tilted_vehicle_height
 from tests.unit.physics.general_sum import pole_z_over_R
@@ -39,8 +41,8 @@ def test_nose_down_brings_the_front_rotor_nearer() -> None:
 
 def test_heights_below_the_limit_are_clamped() -> None:
     z = np.array([0.01, 0.0599, 0.06, 0.5])
-    np.testing.assert_array_equal(clamped_height(z, 0.12), [0.06, 0.06, 0.06, 0.5])
-    assert clamped_height(0.0, 1.0) == VALIDITY_Z_OVER_R
+    np.testing.assert_array_equal(clamped_height(z, 0.5 * 0.12), [0.06, 0.06, 0.06, 0.5])
+    assert Model.single(rig_named("pquad")).nearest_z_over_R == VALIDITY_Z_OVER_R == 0.5
 
 
 def test_the_limit_is_above_every_pole_of_the_paper_s_vehicles() -> None:

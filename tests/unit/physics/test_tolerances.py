@@ -10,7 +10,7 @@ from benchtool.core.rig import Rig
 from benchtool.core.rig_file import rig_named
 from benchtool.physics.catalogue import EFFECTS, candidates
 from benchtool.physics.effects.effect import BenchKind
-from benchtool.physics.model import OWN_IMAGES, Model
+from benchtool.physics.model import Model
 from benchtool.physics.model_file import model_from_toml
 from benchtool.physics.tolerances import default_tolerances, tolerances, with_tolerances
 
@@ -44,7 +44,7 @@ def with_all(rig: Rig) -> Model:
     """Return a model with every effect in it."""
     model = Model.single(rig)
     for name in EFFECTS:
-        model = model if name == OWN_IMAGES else model.with_effect(name)
+        model = model.with_effect(name) if EFFECTS[name].distance_law is None else model
     return model
 
 
