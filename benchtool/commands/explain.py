@@ -54,6 +54,9 @@ class ExplainInputs(Inputs):
     model: Annotated[
         str, Input("Shipped model (benchtool models) or the path of a model file.")
     ] = ""
+    rig: Annotated[str | None, Input("Rig of a CSV: shipped name or path; runs carry theirs.")] = (
+        None
+    )
     check: Annotated[
         tuple[str, ...], Input("To check on: same bench, not learned from; one or more.")
     ] = ()
@@ -96,7 +99,9 @@ def explain(inputs: ExplainInputs) -> None:
 
     began = time.monotonic()
     learned, checked, out, json_file = inputs.recordings, inputs.check, inputs.out, inputs.json
-    question = read_request(learned, checked, inputs.model, inputs.effects, announce_code)
+    question = read_request(
+        learned, checked, inputs.model, inputs.effects, announce_code, inputs.rig
+    )
     if not inputs.overwrite:
         refuse_taken(out, json_file)
     with working(", ".join([*learned, *checked])) as report:

@@ -12,7 +12,6 @@ from benchtool.core.counted import counted
 from benchtool.core.errors import InputError, MissingColumn
 from benchtool.core.own_code import CodePermit, refuse_code
 from benchtool.data.atomic import file_hash
-from benchtool.data.run.run_rig import rig_of_data
 from benchtool.explain.engine.explain import Explanation, explain
 from benchtool.explain.engine.search import Progress
 from benchtool.explain.engine.subject import Subject
@@ -27,6 +26,7 @@ from benchtool.explain.recordings import (
     unreadable,
 )
 from benchtool.explain.sweep.subject import SweepSubject
+from benchtool.fit.data_rig import rig_for_data
 from benchtool.physics.catalogue import own_effects
 from benchtool.physics.effects.effect import BenchKind, Effect
 from benchtool.physics.model_file import LoadedModel, load_model, model_names
@@ -136,6 +136,7 @@ class Request:
     loaded: LoadedModel  # the model
     model_file: str  # its shipped name, or its file's own name
     model_given: str  # as it was typed, for the next command
+    rig_given: str = ""  # as it was typed
     effects_given: str  # where the user's own effects are, as it was typed; empty without
     model_sha256: str  # of its file; empty for a shipped one
     effects_file: Path | None  # Python file of the user's own effects, where it is one
@@ -177,6 +178,7 @@ def read_request(
     model: str,
     effects: str | None = None,
     permit: CodePermit = refuse_code,
+    rig: str | None = None,
 ) -> Request:
     """Read everything that a request names.
 
@@ -186,6 +188,7 @@ def read_request(
         model: shipped name or path of a model file.
         effects: Python file or module with effects of the user's own.
         permit: called with each Python file before it is run.
+        rig: of recordings that do not carry their own: shipped name or path of a rig file.
 
     Raises:
         InputError: whatever is missing or cannot be read; of several things all are reported.
@@ -197,14 +200,14 @@ def read_request(
     loaded: LoadedModel | None = None
     own: tuple[Effect, ...] = ()
     try:
-        rig = rig_of_data((*learn, *check))
         if not model:
             real = [name for name in model_names() if not name.startswith("virtual_")]
             raise InputError(
                 f"which model? give --model with the path of a model file or one of: "
                 f"{', '.join(real)}"
             )
-        loaded = load_model(model, rig, permit=permit)
+        readable = () if wrong else (*learn, *check)
+        loaded = load_model(model, rig_for_data(readable, model, rig), permit=permit)
     except InputError as error:
         wrong.append(error)
     try:
@@ -229,6 +232,7 @@ def read_request(
         loaded=loaded,
         model_file=file.name if file is not None else model,
         model_given=model,
+        rig_given=rig or "",
         effects_given=effects or "",
         model_sha256=file_hash(file) if file is not None else "",
         effects_file=given,

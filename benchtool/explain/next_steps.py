@@ -130,6 +130,8 @@ def _explain(
     """Return the command; `own` where the model does not bring the user's own effects itself."""
     words = ["explain", *_paths(answer.request.learn), *more, "--model", model]
     words += ["--check", *_paths(answer.request.check)]
+    if answer.request.rig_given and model == answer.request.model_given:
+        words += ["--rig", answer.request.rig_given]
     if answer.request.effects_given and own:
         words += ["--effects", answer.request.effects_given]
     return _typed([*words, "--out", out])

@@ -16,14 +16,12 @@ from benchtool.core.errors import InputError
 from benchtool.core.own_code import CodePermit, refuse_code
 from benchtool.core.parameter import full_name
 from benchtool.core.recording import Recording
-from benchtool.core.rig import Rig
-from benchtool.core.rig_file import rig_named
 from benchtool.data.atomic import data_hash
 from benchtool.data.columns import code_of
 from benchtool.data.run.ratios import ratios, relative_speed_error
 from benchtool.data.run.read import is_run, read_points
-from benchtool.data.run.run_rig import differences, rig_of_data
 from benchtool.data.table import read_table
+from benchtool.fit.data_rig import rig_for_data
 from benchtool.fit.recipe import Recipe
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.model_file import LoadedModel, load_model, read_columns
@@ -70,9 +68,10 @@ def recipe_model(recipe: Recipe, permit: CodePermit = refuse_code) -> LoadedMode
     """Return the recipe's model on its data's rig, parameters freed and fixed as it says.
 
     Raises:
-        InputError: runs of two vehicles, or a model that holds numbers of another one.
+        InputError: no rig known (`rig_for_data`), or a model that holds numbers of another one.
     """
-    loaded = load_model(recipe.model, rig_of_recipe(recipe), permit=permit)
+    rig = rig_for_data(recipe.data, recipe.model, recipe.rig)
+    loaded = load_model(recipe.model, rig, permit=permit)
     named: set[str] = set()
     for typed in (*recipe.free, *recipe.fix, *recipe.hold):
         name = full_name(typed, loaded.model.parameters)
@@ -88,20 +87,6 @@ def recipe_model(recipe: Recipe, permit: CodePermit = refuse_code) -> LoadedMode
         # A ratio does not know the thrust coefficient, nor what a load cell adds.
         model = model.fixed("k")
     return replace(loaded, model=model)
-
-
-def rig_of_recipe(recipe: Recipe) -> Rig | None:
-    """Return the rig of a recipe's data: the runs' own, else the one that it names, else None."""
-    own = rig_of_data(recipe.data)
-    if recipe.rig is None:
-        return own
-    given = rig_named(recipe.rig)
-    if own is not None and (different := differences(own, given)):
-        raise InputError(
-            f"--rig {recipe.rig} is not the rig that the run was recorded on ({different[0]}), and "
-            f"the run's own is taken; leave --rig out"
-        )
-    return given if own is None else own
 
 
 def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:

@@ -48,7 +48,8 @@ class Recipe(Inputs):
     ]
     description: str = ""  # what question it answers
     rig: Annotated[
-        str | None, Input("Rig of a CSV: shipped name or path; a run folder carries its own.")
+        str | None,
+        Input("Rig of a CSV: shipped name or path; runs carry theirs.", label="Rig of a table"),
     ] = None
     columns: Annotated[
         str | None, Input("Mapping file: our channel = their column, unit, sign.")

@@ -9,14 +9,12 @@ from functools import partial
 import numpy as np
 
 from benchtool import __version__
-from benchtool.core.counted import counted
 from benchtool.core.fit_result import FitResult
 from benchtool.core.own_code import CodePermit, refuse_code
-from benchtool.core.rig import Rig
 from benchtool.fit.compare import Comparison, compare
 from benchtool.fit.diagnose import with_diagnosis
 from benchtool.fit.ensemble import fit_ensemble
-from benchtool.fit.fit_data import FitData, read_fit_data, recipe_model, rig_of_recipe
+from benchtool.fit.fit_data import FitData, read_fit_data, recipe_model
 from benchtool.fit.interval import with_derived
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.model_problem import problem_from_model
@@ -25,7 +23,7 @@ from benchtool.fit.profile import with_profile
 from benchtool.fit.recipe import Recipe
 from benchtool.physics.effects.effect import Derived
 from benchtool.physics.model import Model
-from benchtool.physics.model_file import LoadedModel, load_model, model_names
+from benchtool.physics.model_file import LoadedModel, load_model
 
 Progress = Callable[[str, int, int], None]
 """progress(what is being done, steps done, steps expected)."""
@@ -93,9 +91,8 @@ def run_recipe(
     data = read_fit_data(recipe, loaded)
     loaded = replace(loaded, model=_with_noise(loaded.model, recipe, data.errors))
     problem = _problem(loaded.model, recipe, data)
-    assumed = (*_assumed_rig(recipe, loaded.model.rig), *loaded.notes)
     estimates = (_estimate(problem, recipe, one, progress, profile) for one in recipe.methods)
-    results = tuple(_named(loaded.model, data, problem, one, assumed) for one in estimates)
+    results = tuple(_named(loaded.model, data, problem, one, loaded.notes) for one in estimates)
     comparison = None
     if recipe.compare:
         model, problems = loaded.model, [problem]
@@ -180,17 +177,6 @@ def _estimate(
     )
 
 
-def _assumed_rig(recipe: Recipe, rig: Rig) -> tuple[str, ...]:
-    """Say which vehicle a shipped model brought along, where data and options name none."""
-    if rig_of_recipe(recipe) is not None or recipe.model not in model_names():
-        return ()
-    rotors = counted(rig.n_rotors, "rotor")
-    return (
-        f"the data name no rig, so that of model {recipe.model} was taken: {rig.name}, {rotors} of "
-        f"radius {rig.propulsion.radius_m:g} m; if yours is another, give it with --rig FILE",
-    )
-
-
 FAR_FROM_RIG = 3.0
 """A thrust coefficient this many times off the rig's is a slip of units or another vehicle: grams
 for newtons make 102, rad/s for rpm 91, poles for pairs 4; a choice."""
@@ -210,7 +196,7 @@ def _far_from_rig(model: Model, result: FitResult) -> tuple[str, ...]:
 
 
 def _named(
-    model: Model, data: FitData, problem: Problem, result: FitResult, assumed_rig: tuple[str, ...]
+    model: Model, data: FitData, problem: Problem, result: FitResult, notes: tuple[str, ...]
 ) -> FitResult:
     """Return the result with its diagnosis, derived quantities, what was left out, hashes."""
     free = [estimate.name for estimate in result.estimates]
@@ -228,6 +214,6 @@ def _named(
         "simulated": data.points.simulated,
         **{f"sha256.{path}": digest for path, digest in data.hashes.items()},
     }
-    warnings = (*assumed_rig, *_far_from_rig(model, result), *data.left_out, *result.warnings)
+    warnings = (*notes, *_far_from_rig(model, result), *data.left_out, *result.warnings)
     result = replace(result, facts=facts, warnings=warnings)
     return with_derived(with_diagnosis(problem, result), quantities)

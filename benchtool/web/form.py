@@ -46,9 +46,10 @@ class InputForm(Generic[T]):
                 dict(options), multiple=True, label=item.label, on_change=self._changed
             ).props("use-chips")
         if options is not None:
-            return ui.select(
+            select = ui.select(
                 dict(options), value=item.default, label=item.label, on_change=self._changed
             )
+            return select.props("clearable") if item.default is None else select
         if item.choices:
             usual = {"": text_of(item.default)}
             rest = {each: each for each in item.choices if each != item.default}

@@ -113,7 +113,7 @@ def test_addresses(said: Said, command: str, address: str) -> None:
         ["simulate", "pitch", "--gains", "x.toml", "--duration-s", "1"],
         ["simulate", "pitch", "--schedule", "x.toml", "--duration-s", "1"],
         ["simulate", "flight", "--map", "x.toml", "--duration-s", "1"],
-        ["fit", "t.csv", "--model", "single", "--columns", "x.toml"],
+        ["fit", "t.csv", "--model", "single", "--rig", "pquad_single", "--columns", "x.toml"],
         ["import", "t.csv", "--columns", "x.toml", "--dry-run"],
         ["fit", "--recipe", "."],
         [*SHORT, "--calibration", "c.json"],

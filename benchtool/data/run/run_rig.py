@@ -9,8 +9,10 @@ from typing import Any
 from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.rig import Rig
 from benchtool.core.toml_text import build
+from benchtool.data.atomic import read_json
 from benchtool.data.run.facts import read_metadata
 from benchtool.data.run.read import is_run
+from benchtool.data.run.recording_file import beside
 
 
 def run_rig(folder: str | Path, metadata: Mapping[str, Any] | None = None) -> Rig:
@@ -31,9 +33,10 @@ def run_rig(folder: str | Path, metadata: Mapping[str, Any] | None = None) -> Ri
 
 
 def rig_of_data(paths: Sequence[str]) -> Rig | None:
-    """Return the rig that the run folders among some data were recorded on, None without one.
+    """Return the rig that data were recorded on, None where nothing says it.
 
-    A points.csv inside a run folder has that run's rig; other files have none.
+    Run folders carry it, a points.csv inside one has that run's, and the JSON beside a simulated
+    recording holds it; other files have none.
 
     Raises:
         InputError: runs of two vehicles, which one model cannot be held against.
@@ -43,6 +46,8 @@ def rig_of_data(paths: Sequence[str]) -> Rig | None:
         folder = path if Path(path).is_dir() else str(Path(path).parent)
         if is_run(folder):
             found[path] = run_rig(folder)
+        elif (side := beside(Path(path))).is_file() and (rig := read_json(side).get("rig")):
+            found[path] = build(Rig, rig, f"{side}: rig")
     first = next(iter(found), None)
     if first is None:
         return None

@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 from benchtool import __version__
 from benchtool.core.array import Array
 from benchtool.core.counted import counted
+from benchtool.core.rig_file import rig_to_dict
 from benchtool.core.schedule import PlateVisit
 from benchtool.data.run.recording_file import beside, write_recording
 from benchtool.report.figure import Page, drawn, figure
@@ -170,9 +171,8 @@ def write_study(study: PitchStudy, out: Path) -> list[Path]:
             "schedule": setup.schedule.name,
             "seed": str(study.seed),
         }
-        write_recording(
-            path, run.recording(rig, provenance), {"software": f"benchtool {__version__}"}
-        )
+        facts = {"software": f"benchtool {__version__}", "rig": rig_to_dict(rig)}
+        write_recording(path, run.recording(rig, provenance), facts)
     table.write_text("\n".join(report_lines(study)) + "\n", encoding="utf-8")
     block = drawn("flight.pitch", study)["pitch"]
     return [*recordings, table, *save_figure(block.figure, out / "pitch")]

@@ -161,7 +161,13 @@ def test_what_a_recording_lacks_is_told_with_the_verdict(
         ((LEARN, "--model", "word.txt", "--check", CHECK), "word.txt: this looks like plain text"),
         ((LEARN, "--model", ".", "--check", CHECK), "a folder; name a TOML file in it: mine.toml"),
         (
-            (LEARN, "--model", "pitch_pquad", "--check", CHECK),
+            (LEARN, "--model", "pitch_beam", "--check", CHECK),
+            "learn.parquet does not say which rig it was measured on, and model 'pitch_beam' fits "
+            "any: name it with --rig, a shipped one (amuse, amuse_single, beam, pquad, "
+            "pquad_single) or the TOML file of your own",
+        ),
+        (
+            (LEARN, "--model", "pitch_pquad", "--rig", "pquad", "--check", CHECK),
             "learn.parquet has pulses or speeds of 2 rotors, and the model 4 (rig 'pquad'); name",
         ),
     ],

@@ -58,7 +58,7 @@ WAYS = {
     "a question": lambda: read_request(["t.csv"], [], "m.toml"),
     "a recipe": lambda: run_recipe(Recipe(name="f", data=("t.csv",), model="m.toml")),
     "a compared model": lambda: run_recipe(
-        Recipe(name="f", data=("t.csv",), model="single", compare=("m.toml",))
+        Recipe(name="f", data=("t.csv",), model="single", rig="pquad_single", compare=("m.toml",))
     ),
     "a belief": lambda: nominal_model("m.toml", load_model("single").model.rig),
     "a setup": lambda: pitch_setup(model="m.toml"),

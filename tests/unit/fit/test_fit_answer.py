@@ -25,9 +25,9 @@ NEAR = """plate_z_m,rpm1,thrust_N,thrust_se_N
 
 def fitted(folder: Path, table: str, *words: str) -> int:
     (folder / "table.csv").write_text(table)
-    out = str(folder / "fit")
+    request = ["fit", str(folder / "table.csv"), "--model", "single", "--rig", "pquad_single"]
     with pytest.raises(SystemExit) as left:
-        main(["fit", str(folder / "table.csv"), "--model", "single", "--out", out, *words])
+        main([*request, "--out", str(folder / "fit"), *words])
     return int(left.value.code or 0)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,7 +22,7 @@ from benchtool.bench.guard import GuardedBench
 from benchtool.bench.stage.stage import DeviceStage, OneSidedStage
 from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.rig import Rig
-from benchtool.core.rig_file import rig_named, rig_to_dict
+from benchtool.core.rig_file import rig_named, rig_to_dict, rig_to_toml
 from benchtool.data.run.run import Run
 from benchtool.data.run.run_rig import run_rig
 from benchtool.explain.answer import answer_request, read_request
@@ -132,7 +133,9 @@ def test_runs_of_two_vehicles_are_no_data_of_one_model(
 
 
 def test_a_rig_given_beside_a_run_must_be_the_runs_own(runs: tuple[str, str]) -> None:
-    with pytest.raises(InputError, match="--rig pquad is not the rig that the run was recorded on"):
+    with pytest.raises(
+        InputError, match="--rig pquad is not the rig that the data were recorded on"
+    ):
         run_recipe(replace(recipe(runs[0]), rig="pquad"))
 
 
@@ -186,18 +189,32 @@ TABLE = """plate_z_m,rpm1,thrust_N,thrust_se_N
 """
 
 
-def test_a_table_on_a_shipped_model_says_whose_rig_was_taken(tmp_path: Path) -> None:
-    from benchtool.core.rig_file import rig_to_toml
-
-    table, rig = tmp_path / "table.csv", tmp_path / "rig.toml"
-    table.write_text(TABLE)
-    first = run_recipe(recipe(str(table), model="single")).results[0].warnings[0]
-    assert first.startswith("the data name no rig, so that of model single was taken: pquad_single")
-    assert "1 rotor of radius 0.12 m" in first
+def test_a_table_on_a_shipped_model_asks_for_its_rig(tmp_path: Path) -> None:
+    one, two, rig = tmp_path / "one.csv", tmp_path / "two.csv", tmp_path / "rig.toml"
+    one.write_text(TABLE)
+    two.write_text(TABLE.replace("4.82", "4.83"))
+    asked = re.escape(
+        "one.csv does not say which rig it was measured on, and model 'single' fits any: name it "
+        "with --rig, a shipped one (amuse, amuse_single, beam, pquad, pquad_single) or the TOML "
+        "file of your own"
+    )
+    with pytest.raises(InputError, match=asked):
+        run_recipe(recipe(str(one), model="single"))
+    with pytest.raises(InputError, match=asked):
+        read_request([str(one)], [str(two)], "single")
     rig.write_text(rig_to_toml(replace(five_inch(), rotors=five_inch().rotors[:1])))
-    own = run_recipe(replace(recipe(str(table), model="single"), rig=str(rig)))
-    assert own.fitted.rig.name == "five_inch"
-    assert not any("names no rig" in line for line in own.results[0].warnings)
+    named = run_recipe(replace(recipe(str(one), model="single"), rig=str(rig)))
+    assert named.fitted.rig.name == "five_inch"
+    request = read_request([str(one)], [str(two)], "single", rig=str(rig))
+    assert request.loaded.model.rig.name == "five_inch"
+    # A model file of one's own says which rig it is for, and the data are taken for that one's.
+    (tmp_path / "own.toml").write_text('[model]\nname = "own"\nrig = "rig.toml"\n')
+    own = replace(recipe(str(one), model=str(tmp_path / "own.toml")), free=("k",))
+    assert run_recipe(own).fitted.rig.name == "five_inch"
+
+
+def on_pquad_single(data: str) -> Recipe:
+    return replace(recipe(data, model="single"), rig="pquad_single")
 
 
 def table(folder: Path, text: str) -> str:
@@ -211,13 +228,13 @@ def test_more_rotors_than_the_rig_has_are_refused(tmp_path: Path) -> None:
     turning = [f"{row},{15000 + place}" for place, row in enumerate(rows)]
     data = table(tmp_path, "\n".join([f"{head},rpm2", *turning]))
     with pytest.raises(InputError, match=r"speeds of 2 rotors, and the model 1 \(rig"):
-        run_recipe(recipe(data, model="single"))
+        run_recipe(on_pquad_single(data))
 
 
 def test_a_thrust_coefficient_far_from_the_rigs_is_told(tmp_path: Path) -> None:
     grams = table(tmp_path, "rpm1,thrust_N\n4000,185\n5000,289\n6000,416\n7000,567\n")
-    warned = run_recipe(replace(recipe(grams, model="single"), hold=("R_m",))).results[0].warnings
+    warned = run_recipe(replace(on_pquad_single(grams), hold=("R_m",))).results[0].warnings
     assert any("times the thrust coefficient of rig pquad_single" in line for line in warned)
     newtons = table(tmp_path, "rpm1,thrust_N\n4000,1.81\n5000,2.84\n6000,4.08\n7000,5.56\n")
-    calm = run_recipe(replace(recipe(newtons, model="single"), hold=("R_m",))).results[0].warnings
+    calm = run_recipe(replace(on_pquad_single(newtons), hold=("R_m",))).results[0].warnings
     assert not any("times the thrust coefficient" in line for line in calm)

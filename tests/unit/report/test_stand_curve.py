@@ -26,6 +26,7 @@ def fitted(folder: Path, excess: float, **more: object) -> FitOutput:
         name="stand",
         data=(str(table),),
         model="single",
+        rig="pquad_single",
         hold=("R_m",),
         **more,  # type: ignore[arg-type]
     )

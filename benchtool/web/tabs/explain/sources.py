@@ -15,7 +15,8 @@ from benchtool.core.parsed_text import parse_toml
 from benchtool.core.user_file import MOST_TEXT_BYTES, read_text
 from benchtool.data.run.entry import Entry, list_entries
 from benchtool.data.run.runs_folder import RunsFolder
-from benchtool.web.tabs.fit.model_choice import model_choices, model_path
+from benchtool.fit.data_rig import rig_for_data
+from benchtool.web.tabs.fit.model_choice import model_choices, model_path, shipped_rig
 
 
 def command_words(inputs: ExplainInputs, out: Path) -> list[str]:
@@ -24,12 +25,17 @@ def command_words(inputs: ExplainInputs, out: Path) -> list[str]:
 
 
 def inputs_of(
-    sources: RecordingSources, learn: Sequence[str], check: Sequence[str], model: str
+    sources: RecordingSources,
+    learn: Sequence[str],
+    check: Sequence[str],
+    model: str,
+    rig: str | None = None,
 ) -> ExplainInputs:
     """Return the inputs of the command for some choices.
 
     Raises:
-        InputError: something is missing, a choice leads elsewhere, or one recording is in both.
+        InputError: something is missing (the rig, too), a choice leads elsewhere, or one recording
+            is in both.
     """
     if not learn:
         raise InputError(
@@ -48,11 +54,14 @@ def inputs_of(
         )
     if not model:
         raise InputError("no model is chosen; choose the one that should explain the recordings")
-    return ExplainInputs(
+    inputs = ExplainInputs(
         recordings=tuple(str(sources.path_of(name)) for name in learn),
         check=tuple(str(sources.path_of(name)) for name in check),
         model=sources.model_of(model),
+        rig=shipped_rig(rig),
     )
+    rig_for_data((*inputs.recordings, *inputs.check), inputs.model, inputs.rig)
+    return inputs
 
 
 def suggested_folder(sources: RecordingSources, learn: Sequence[str], date: str) -> Path:

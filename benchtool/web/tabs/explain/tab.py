@@ -11,6 +11,7 @@ from urllib.parse import urlencode
 from nicegui import run, ui
 
 from benchtool.core.errors import BenchtoolError
+from benchtool.core.rig_file import rig_names
 from benchtool.data.run.run import free_path
 from benchtool.web.context import PageContext
 from benchtool.web.progress import JobProgress
@@ -142,6 +143,9 @@ class ExplainTab:
                 with ui.column().classes("w-full gap-2"):
                     self._model = ui.select({}, label="Model", on_change=self._changed)
                     self._model.props("use-input input-debounce=0").classes("w-full")
+                    rigs = list(rig_names())
+                    self._rig = ui.select(rigs, label="Rig of a table", on_change=self._changed)
+                    self._rig.props("clearable").classes("w-full")
                     TableUpload(context, self._uploaded)
             for choice in (self._learn, self._check, self._model):
                 choice.on("popup-show", self._look)
@@ -203,8 +207,9 @@ class ExplainTab:
         self._explain.set_enabled(not self._stages.watching)
         self._command.show(command_words(inputs, self._folder()))
 
-    def _chosen(self) -> tuple[list[str], list[str], str]:
-        return list(self._learn.value or []), list(self._check.value or []), self._model.value or ""
+    def _chosen(self) -> tuple[list[str], list[str], str, str | None]:
+        learn, check = list(self._learn.value or []), list(self._check.value or [])
+        return learn, check, self._model.value or "", self._rig.value
 
     def _folder(self) -> Path:
         return suggested_folder(self._sources, self._learn.value or [], today())

@@ -100,7 +100,7 @@ def explain(
             report(what, DRAWN_FROM * share)
 
     report("reading the recordings", 0.0)
-    request = read_request(inputs.recordings, inputs.check, inputs.model)
+    request = read_request(inputs.recordings, inputs.check, inputs.model, rig=inputs.rig)
     command = shlex.join(["benchtool", *words])
     answer = answer_request(request, commands=[command], progress=progress)
     answer = replace(answer, seconds=time.monotonic() - began)

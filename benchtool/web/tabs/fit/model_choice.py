@@ -9,7 +9,7 @@ from functools import lru_cache
 from pathlib import Path, PurePosixPath
 from typing import Any, NamedTuple
 
-from benchtool.core.errors import InputError
+from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.inputs import changed, make, words
 from benchtool.core.own_code import refuse_code
 from benchtool.core.parameter import Parameter
@@ -20,8 +20,8 @@ from benchtool.core.user_file import read_text
 from benchtool.data.csv_text import read_csv_text
 from benchtool.data.run.entry import Entry
 from benchtool.data.run.run import free_path
-from benchtool.data.run.run_rig import rig_of_data
 from benchtool.data.run.runs_folder import RunsFolder, columns_file
+from benchtool.fit.data_rig import rig_for_data
 from benchtool.fit.recipe import FitInputs, Recipe
 from benchtool.physics.model_file import LoadedModel, load_model, model_names
 
@@ -180,18 +180,27 @@ def recipe_for(request: FitRequest, folder: RunsFolder, entries: Mapping[str, En
         model=model,
         columns=str(stored[0]) if stored else None,
     )
-    choices = choice_options(numbers_of(model, data_rig(request.data, folder)), request.choices)
+    numbers = numbers_of(model, data_rig(request, folder))
+    choices = choice_options(numbers, request.choices)
     options = {name: each for name, each in request.options.items() if name != "profile"}
     return make(Recipe, {**choices, **options}, source="label", base=base)
 
 
-def data_rig(data: Sequence[str], folder: RunsFolder) -> Rig | None:
-    """Return the rig of the runs among some data, None where there is none.
+def data_rig(request: FitRequest, folder: RunsFolder) -> Rig | None:
+    """Return the rig that the data are held against; None for that of the model's own file.
 
     Raises:
-        InputError: runs of two vehicles.
+        InputError: data of two rigs or of none, or a rig that benchtool does not ship.
     """
-    return rig_of_data([str(folder.path_of(name)) for name in data])
+    named = shipped_rig(request.options.get("rig"))
+    return rig_for_data([str(folder.path_of(name)) for name in request.data], request.model, named)
+
+
+def shipped_rig(name: str | None) -> str | None:
+    """Return the name of a shipped rig; the page opens no other rig files."""
+    if name is not None and name not in rig_names():
+        raise UnknownChoice("rig", name, rig_names())
+    return name
 
 
 def words_for(recipe: Recipe, request: FitRequest, folder: RunsFolder) -> list[str]:

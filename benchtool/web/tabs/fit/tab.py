@@ -11,6 +11,7 @@ from nicegui import ui
 
 from benchtool.core.errors import BenchtoolError
 from benchtool.core.parameter import Parameter
+from benchtool.core.rig_file import rig_names
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.fit.recipe import Basis, FitInputs, Noise, Recipe
 from benchtool.report.numbers import unit_for_people
@@ -149,6 +150,7 @@ class MethodCard:
         with ui.element("div").classes("field-grid"):
             self._form.add("basis", options=BASES)
             self._form.add("noise", options=NOISES)
+            self._form.add("rig", options={name: name for name in rig_names()})
         more = ui.expansion("More options").classes("w-full")
         with more, ui.element("div").classes("field-grid"):
             self._form.add("compare", options=models)
@@ -221,7 +223,8 @@ class FitTab:
             self._name.set_value(suggested)
         try:
             model = model_path(self._folder, self._model.value)
-            self._parameters.show(numbers_of(model, data_rig(self.data.names, self._folder)))
+            request = self._request()
+            self._parameters.show(numbers_of(model, data_rig(request, self._folder)))
             request = self._request()
             recipe = recipe_for(request, self._folder, self.data.entries)
             self._command.show(words_for(recipe, request, self._folder))

@@ -82,14 +82,18 @@ def test_what_is_gone_is_told(sources: RecordingSources) -> None:
 
 
 def test_the_command_names_everything(sources: RecordingSources) -> None:
-    inputs = inputs_of(
-        sources, ["mine/learn.parquet"], [f"{EXAMPLE}pitch_friction/check.parquet"], "pitch_pquad"
-    )
+    chosen = ["mine/learn.parquet"], [f"{EXAMPLE}pitch_friction/check.parquet"], "pitch_pquad"
+    inputs = inputs_of(sources, *chosen, "pquad")
+    with pytest.raises(InputError, match="does not say which rig it was measured on"):
+        inputs_of(sources, *chosen)
+    with pytest.raises(InputError, match=r"unknown rig 'mine\.toml'"):
+        inputs_of(sources, *chosen, "mine.toml")
     out = suggested_folder(sources, ["mine/learn.parquet"], "2024-05-06")
     assert out == sources.runs.root / "2024-05-06-explain-learn"
     assert command_words(inputs, out) == [
         "explain", str(sources.runs.root / "mine/learn.parquet"), "--model", "pitch_pquad",
-        "--check", str(EXAMPLES / "pitch_friction/check.parquet"), "--out", str(out),
+        "--rig", "pquad", "--check", str(EXAMPLES / "pitch_friction/check.parquet"),
+        "--out", str(out),
     ]  # fmt: skip
 
 

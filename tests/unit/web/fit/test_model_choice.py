@@ -88,7 +88,9 @@ def test_the_form_frees_holds_and_fixes() -> None:
     }
     options = choice_options(numbers, choices)
     assert options == {"free": [fixed], "hold": ["R_m"], "fix": {"body_lift.K_b": 2.5}}
-    recipe = make(Recipe, options, base=Recipe(name="x", data=("a",), model="quad_bench"))
+    recipe = make(
+        Recipe, options, base=Recipe(name="x", data=("a",), model="quad_bench", rig="pquad")
+    )
     parameters = recipe_model(recipe).model.parameters
     assert parameters[fixed].free
     assert not parameters["R_m"].free

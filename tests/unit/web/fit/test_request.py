@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from benchtool.core.errors import BenchtoolError, InputError, WouldOverwrite
+from benchtool.core.rig_file import rig_named
 from benchtool.data.run.entry import Entry, list_entries
 from benchtool.data.run.runs_folder import RunsFolder, columns_file
 from benchtool.fit.fit_data import recipe_model
@@ -67,7 +68,7 @@ def test_the_numbers_shown_are_those_of_the_runs_rig(
     facts = json.loads(metadata.read_text("utf-8"))
     facts["rig"]["propulsion"]["radius_m"] = 0.2
     metadata.write_text(json.dumps(facts), "utf-8")
-    rig = data_rig(["one", "lab.csv"], folder)
+    rig = data_rig(request(data=["one", "lab.csv"]), folder)
     assert rig is not None
     numbers, own = numbers_of("single_bench", rig), numbers_of("single_bench")
     assert numbers["R_m"].value == 0.2 != own["R_m"].value
@@ -78,7 +79,10 @@ def test_the_numbers_shown_are_those_of_the_runs_rig(
         )
         assert recipe.fix == fix
         assert recipe_model(recipe).model.parameters["R_m"].value == value
-    assert data_rig(["lab.csv"], folder) is None
+    with pytest.raises(InputError, match=r"lab\.csv does not say which rig it was measured on"):
+        data_rig(request(data=["lab.csv"]), folder)
+    named = data_rig(request(data=["lab.csv"], options={"rig": "amuse_single"}), folder)
+    assert named == rig_named("amuse_single")
 
 
 def test_what_the_form_lacks_is_refused(folder: RunsFolder, entries: dict[str, Entry]) -> None:
@@ -97,7 +101,8 @@ def test_what_the_form_lacks_is_refused(folder: RunsFolder, entries: dict[str, E
 def test_a_tables_own_map_goes_with_it(folder: RunsFolder, entries: dict[str, Entry]) -> None:
     table = folder.path_of("lab.csv")
     columns_file(table).write_text('[columns]\nthrust_N = { column = "F" }\n', "utf-8")
-    recipe = recipe_for(request(data=["lab.csv"]), folder, entries)
+    form = request(data=["lab.csv"], options={"rig": "pquad_single"})
+    recipe = recipe_for(form, folder, entries)
     assert recipe.columns == str(columns_file(table))
     (folder.root / "two.csv").write_text("thrust_N,rpm1\n1,2\n", "utf-8")
     both = {entry.name: entry for entry in list_entries(folder)}
