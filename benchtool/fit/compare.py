@@ -9,9 +9,10 @@ import numpy as np
 
 from benchtool.core.array import Array
 from benchtool.core.counted import counted
+from benchtool.core.error_source import Whitening
 from benchtool.core.errors import EstimationError, InputError
 from benchtool.core.fit_result import FitResult
-from benchtool.fit.jacobian import way_for
+from benchtool.fit.jacobian import Way, way_for
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.problem import IntArray, Problem, normal_log_density
 from benchtool.fit.solve import row_jacobian
@@ -73,7 +74,10 @@ def compare(problems: Sequence[Problem], *, folds: int = 5, seed: int = 1) -> Co
 
     Points of one setting are held out together (`Problem.groups`), so that repeats of a point do
     not show a model what it should predict. The density of a held-out point carries its standard
-    error (with the fitted noise) and the uncertainty of the fitted parameters.
+    error (with the fitted noise) and the uncertainty of the fitted parameters. It is conditional on
+    the training points: what their residuals say of errors that they share with it (a reference, a
+    zero) is taken off, with what they leave open. The marginal density would count one such error
+    again at every point, and a sum of those is no model's probability of anything.
 
     Args:
         problems: of the same points, one for each model.
@@ -115,23 +119,35 @@ def _held_out(problem: Problem, fold: IntArray, count: int) -> tuple[Array, Arra
     density, left = np.full(len(problem), np.nan), np.full(len(problem), np.nan)
     for number in range(count):
         test = np.flatnonzero(fold == number)
+        training = problem.subset(np.flatnonzero(fold != number))
         try:
-            result = fit_least_squares(problem.subset(np.flatnonzero(fold != number)))
+            result = fit_least_squares(training)
         except EstimationError:
             continue
-        density[test], left[test] = predicted(problem.subset(test), result)
+        density[test], left[test] = predicted(problem.subset(test), training, result)
     return density, left
 
 
-def predicted(problem: Problem, result: FitResult) -> tuple[Array, Array]:
-    """Return log density and residual (m,) of points under a result fitted to others."""
+def predicted(problem: Problem, training: Problem, result: FitResult) -> tuple[Array, Array]:
+    """Return log density and residual (m,) of points under a result fitted to the training points.
+
+    Both are conditional on the training points (Rasmussen and Williams, Gaussian Processes for
+    Machine Learning, 2006, eqs. 2.38 and 2.42 with the draws that points share in place of a
+    process).
+    """
     shape, noise = problem.split(result.values)
-    sigma = problem.sigma(noise)
-    left = problem.residuals(result.values)
     lower, upper = problem.shape_bounds
+    # One matrix takes training rows to what they say of the shared draws at these points.
+    whitening = training.whitening(noise)
+    known = whitening(training.shared(noise))
+    shared = problem.shared(noise)
+    pull = shared @ known.T
+    left = problem.residuals(result.values) - pull @ whitening(training.residuals(result.values))
     with np.errstate(all="ignore"):
         way = way_for(problem.predict, shape, len(problem), lower, upper)
-        slopes = row_jacobian(problem, way)(shape, np.ones(len(problem)))[: len(problem)]
+        slopes = _slopes(problem, way, shape) - pull @ whitening(_slopes(training, way, shape))
+    own = problem.sigma(noise) ** 2
+    own = own + np.maximum(np.sum(shared**2, axis=1) - np.sum(pull**2, axis=1), 0.0)
     covariance = result.covariance[np.ix_(problem.shape_index, problem.shape_index)]
     open_ones = ~np.isfinite(np.diag(covariance))
     # A parameter that training left open says nothing of points where it does not act; where it
@@ -140,7 +156,15 @@ def predicted(problem: Problem, result: FitResult) -> tuple[Array, Array]:
     for i in np.flatnonzero(open_ones):
         covariance[i, i] = max(shape[i] ** 2, 1.0)
     variance = np.einsum("mi,ij,mj->m", slopes, covariance, slopes)
-    return normal_log_density(left, np.sqrt(sigma**2 + np.maximum(variance, 0.0))), left
+    sd = np.sqrt(own + np.maximum(variance, 0.0))
+    return normal_log_density(left / sd, sd), left
+
+
+def _slopes(problem: Problem, way: Way, shape: Array) -> Array:
+    """Return d prediction / d shape (m, n_shape)."""
+    m = len(problem)
+    plain = Whitening(np.ones(m), np.empty((m, 0)))
+    return row_jacobian(problem, way)(shape, plain)[:m]
 
 
 def _score(

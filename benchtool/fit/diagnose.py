@@ -54,7 +54,7 @@ class Diagnosis:
 def diagnose(problem: Problem, result: FitResult) -> Diagnosis:
     """Look at a result of a problem, from either estimator."""
     _, noise = problem.split(result.values)
-    rows = problem.residuals(result.values) / problem.sigma(noise)
+    rows = problem.whitening(noise)(problem.residuals(result.values))
     rows_alone = rows * np.sqrt(len(problem) / result.dof) if result.dof > 0 else rows
     chance = float(chdtrc(result.dof, result.chi2)) if result.dof > 0 else float("nan")
     verdict = _verdict(problem, result, chance)

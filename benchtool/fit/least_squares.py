@@ -33,20 +33,20 @@ def fit_least_squares(
 
     Args:
         problem: what to fit.
-        loss: "linear", or "soft_l1" and "huber" that count distant points less.
+        loss: "linear", or "soft_l1" and "huber" that count distant points less: on whitened
+            residuals, so that what points share is no outlier, and only a point's own error is.
         max_evaluations: of the prediction; 200 for each parameter by default.
     """
     if loss not in LOSSES:
         raise UnknownChoice("loss", loss, LOSSES)
-    sigma = problem.sigma()
-    if not np.all(sigma > 0.0):
+    if not np.all(problem.sigma() > 0.0):
         raise EstimationError("the noise parameter starts at 0; start it above 0")
-    best = solve(problem, sigma, loss=loss, max_evaluations=max_evaluations)
+    best = solve(problem, problem.whitening(), loss=loss, max_evaluations=max_evaluations)
     noise: Estimate | None = None
     if problem.noise_name is not None:
 
         def refit(value: float, near: Solution) -> Solution:
-            return solve(problem, problem.sigma(value), near.shape, loss=loss, way=near.way)
+            return solve(problem, problem.whitening(value), near.shape, loss=loss, way=near.way)
 
         noise, best = fit_noise(problem, best, refit, robust=loss != "linear")
     spread = spread_of(best.jacobian, best.way)
@@ -100,7 +100,7 @@ def fit_least_squares(
 def _robust_inflation(problem: Problem, best: Solution, loss: Loss) -> float:
     """Return the factor on the covariance for the points that a robust loss counts less.
 
-    mean(psi^2) / mean(psi')^2 of the weighted residuals (Huber, Robust Statistics, 1981, ch. 7).
+    mean(psi^2) / mean(psi')^2 of the whitened residuals (Huber, Robust Statistics, 1981, ch. 7).
     """
     if loss == "linear":
         return 1.0

@@ -2,8 +2,8 @@
 
 Shape parameters and noise are solved in turn: for a noise value the shape is fitted anew, and the
 noise is moved until chi2 = dof (Mandel and Paule, Anal. Chem. 42, 1970, for `noise.sd`; for
-`noise.scale` without priors this is the usual sqrt(chi2/dof) in one step). Its interval ends
-where chi2 meets its own quantiles.
+`noise.scale` without priors or unscaled sources this is the usual sqrt(chi2/dof) in one step). Its
+interval ends where chi2 meets its own quantiles.
 """
 
 from __future__ import annotations
@@ -44,7 +44,8 @@ def fit_noise(
             f"{name} beside {counted(len(problem.shape_names), 'parameter')}; measure more points "
             f"or fix {name}"
         )
-    if name == NOISE_SCALE and (robust or not len(problem.priors)):
+    one_factor = not len(problem.priors) and all(one.scaled for one in problem.error_sources)
+    if name == NOISE_SCALE and (robust or one_factor):
         return _scale(problem, first, refit, robust)
     return _searched(problem, name, first, refit)
 

@@ -5,7 +5,12 @@ gives the same answer for the same seed, orders its estimates as `Problem.free_n
 outcome how it ended, and raises `EstimationError` only where there is no result at all.
 
 The free parameters fall in two kinds. Shape parameters move the prediction. A noise parameter
-moves the standard errors only: `noise.scale` multiplies them, `noise.sd...` adds in quadrature.
+moves the errors only: `noise.scale` multiplies the points' own standard errors and the sources
+that say so, `noise.sd...` adds in quadrature.
+
+All errors together make the covariance V of the points; estimators see residuals whitened by it
+(`Problem.whitening`), so that chi-square, intervals, robust losses and residuals mean the same
+with shared errors as without.
 """
 
 from __future__ import annotations
@@ -19,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.array import Array
+from benchtool.core.error_source import ErrorSource, Whitening
 from benchtool.core.errors import InputError
 from benchtool.core.parameter import Parameter, Parameters
 from benchtool.fit.prior import JointPrior, PriorRows, prior_rows
@@ -40,6 +46,7 @@ class Problem:
     Attributes:
         groups: (m,) which points belong to one setting; held out together by `compare`.
         covariates: (m,) each, against which residuals are looked at ("z_over_R", "time_s").
+        error_sources: errors that points share, beside their own `standard_error`.
         joint_priors: normal priors on several parameters, for example of a calibration.
         facts: carried into the result (counts, hashes).
     """
@@ -48,7 +55,8 @@ class Problem:
     parameters: Parameters  # all parameters; the free ones are estimated
     predict: Predict  # see `Predict`
     observed: Array  # (m,) what was measured
-    standard_error: Array  # (m,) its stated standard errors, above 0
+    standard_error: Array  # (m,) its stated standard errors, above 0 and independent
+    error_sources: tuple[ErrorSource, ...] = ()
     basis: str = "joint"  # what is held equal when thrust is compared, or "joint"
     labels: tuple[str, ...] = ()  # (m,) names of the points for messages; numbered when left out
     groups: IntArray | None = None
@@ -63,6 +71,7 @@ class Problem:
             "labels": len(self.labels) or m,
             "groups": m if self.groups is None else len(self.groups),
             **{name: len(column) for name, column in self.covariates.items()},
+            **{source.name: len(source.columns) for source in self.error_sources},
         }
         for name, size in sizes.items():
             if size != m:
@@ -137,11 +146,7 @@ class Problem:
 
     # --- residuals ------------------------------------------------------------------------
 
-    def sigma(self, noise: float | None = None) -> Array:
-        """Return the standard errors (m,) at a value of the free noise parameter.
-
-        Without `noise` its present value is taken; fixed noise parameters count as they are.
-        """
+    def _scale_and_sd(self, noise: float | None) -> tuple[float, float]:
         scale, added = 1.0, 0.0
         for name, item in self.parameters.items():
             if _is_noise(name):
@@ -150,10 +155,28 @@ class Problem:
                     scale = value
                 else:
                     added = value
+        return scale, added
+
+    def sigma(self, noise: float | None = None) -> Array:
+        """Return the independent errors (m,) at a value of the free noise parameter.
+
+        Without `noise` its present value is taken; fixed noise parameters count as they are.
+        """
+        scale, added = self._scale_and_sd(noise)
         if added == 0.0:
             return self.standard_error * scale
         quadrature: Array = np.hypot(self.standard_error * scale, added)
         return quadrature
+
+    def shared(self, noise: float | None = None) -> Array:
+        """Return the columns (m, r) of all error sources at a value of the free noise parameter."""
+        scale, _ = self._scale_and_sd(noise)
+        columns = [one.columns * scale if one.scaled else one.columns for one in self.error_sources]
+        return np.concatenate([np.empty((len(self), 0)), *columns], axis=1)
+
+    def whitening(self, noise: float | None = None) -> Whitening:
+        """Return what makes residuals independent at a value of the free noise parameter."""
+        return Whitening(self.sigma(noise), self.shared(noise))
 
     def split(self, values: Array) -> tuple[Array, float | None]:
         """Return shape values (n_shape,) and noise of all free values (n_free,)."""
@@ -172,20 +195,21 @@ class Problem:
         """
         shape, noise = self.split(values)
         absent = 1.0 if self.noise_name == NOISE_SCALE else 0.0
-        rows = self.residuals(values) / self.sigma(absent)
+        rows = self.whitening(absent)(self.residuals(values))
         prior = self.priors.matrix @ (shape - self.priors.mean)
-        density = normal_log_density(self.residuals(values), self.sigma(noise))
-        return float(rows @ rows + prior @ prior), float(density.sum())
+        fitted = self.whitening(noise)
+        density = normal_log_density(fitted(self.residuals(values)), fitted.sigma)
+        return float(rows @ rows + prior @ prior), float(density.sum()) - fitted.log_root_excess
 
     def predicted(self, shape: Array) -> Array:
         """Return the prediction (m,) at shape values (n_shape,)."""
         return np.broadcast_to(np.asarray(self.predict(shape), float), self.observed.shape)
 
-    def rows(self, shape: Array, sigma: Array) -> Array:
-        """Return weighted residuals (m + q,): points first, then the rows of the priors."""
-        data = (self.predict(shape) - self.observed) / sigma
+    def rows(self, shape: Array, whitening: Whitening) -> Array:
+        """Return whitened residuals (m + q,): points first, then the rows of the priors."""
+        data = whitening(np.asarray(self.predict(shape) - self.observed, float))
         if not len(self.priors):
-            return np.asarray(data, float)
+            return data
         return np.concatenate([data, self.priors.matrix @ (shape - self.priors.mean)])
 
     # --- variations -----------------------------------------------------------------------
@@ -220,6 +244,9 @@ class Problem:
             predict=predict,
             observed=self.observed[rows],
             standard_error=self.standard_error[rows],
+            error_sources=tuple(
+                replace(source, columns=source.columns[rows]) for source in self.error_sources
+            ),
             labels=tuple(self.label(int(i)) for i in rows),
             groups=None if self.groups is None else self.groups[rows],
             covariates={name: column[rows] for name, column in self.covariates.items()},
@@ -259,9 +286,9 @@ class Problem:
         )
 
 
-def normal_log_density(residual: Array, sigma: Array) -> Array:
-    """Return the log density (m,) of normal residuals."""
-    density: Array = -0.5 * (residual / sigma) ** 2 - np.log(sigma) - 0.5 * np.log(2.0 * np.pi)
+def normal_log_density(whitened: Array, sigma: Array) -> Array:
+    """Return the log density (m,) of normal residuals of standard deviation sigma (m,)."""
+    density: Array = -0.5 * whitened**2 - np.log(sigma) - 0.5 * np.log(2.0 * np.pi)
     return density
 
 

@@ -56,8 +56,8 @@ def _profiled(problem: Problem, result: FitResult, estimate: Estimate) -> Estima
     if not np.isfinite(estimate.sd) or estimate.sd <= 0.0:
         return estimate
     shape, noise = problem.split(result.values)
-    sigma = problem.sigma(noise)
-    least = float(np.sum(problem.rows(shape, sigma) ** 2))
+    whitening = problem.whitening(noise)
+    least = float(np.sum(problem.rows(shape, whitening) ** 2))
     way: Way = (
         "complex_step"
         if result.facts.get("derivatives") == "complex_step"
@@ -71,9 +71,9 @@ def _profiled(problem: Problem, result: FitResult, estimate: Estimate) -> Estima
         nonlocal others
         held = problem.fixed(estimate.name, value) if len(shape) > 1 else None
         if held is None:
-            rows = problem.rows(np.array([value]), sigma)
+            rows = problem.rows(np.array([value]), whitening)
             return float(rows @ rows) - least - target
-        solution = solve(held, sigma, others, way=way)
+        solution = solve(held, whitening, others, way=way)
         others = solution.shape
         return solution.chi2 - least - target
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from emcee.moves import Move
 from emcee.state import State
+from scipy.linalg import eigh
 
 from benchtool.core.array import Array
 from benchtool.core.errors import EstimationError
@@ -59,24 +60,24 @@ def _likelihood(problem: Problem) -> Callable[[Array, Array], Array]:
     """Return the function (residuals (w, m), free values (n_free, w)) -> log likelihood (w,)."""
     m = len(problem)
     if problem.noise_name is None or problem.noise_name == NOISE_SCALE:
-        weight = 1.0 / problem.sigma(None if problem.noise_name is None else 1.0)
-        added = [
+        whiten = _whiten(problem)
+        unscaled = [
             item.value for name, item in problem.parameters.items() if name.startswith("noise.sd")
-        ]
+        ] + [not source.scaled for source in problem.error_sources]
         if problem.noise_name is None:
 
             def stated(rows: Array, columns: Array) -> Array:
-                rows *= weight
+                rows = whiten(rows)
                 value: Array = np.einsum("wm,wm->w", rows, rows)
                 value *= -0.5
                 return value
 
             return stated
-        if not any(added):
+        if not any(unscaled):
             position = problem.free_names.index(NOISE_SCALE)
 
             def scaled(rows: Array, columns: Array) -> Array:
-                rows *= weight
+                rows = whiten(rows)
                 value: Array = np.einsum("wm,wm->w", rows, rows)
                 scale = columns[position]
                 value *= -0.5
@@ -88,15 +89,45 @@ def _likelihood(problem: Problem) -> Callable[[Array, Array], Array]:
     return _variances(problem)
 
 
+def _whiten(problem: Problem) -> Callable[[Array], Array]:
+    """Return the function residuals (w, m) -> whitened ones (w, m), at a free scale of 1."""
+    whitening = problem.whitening(None if problem.noise_name is None else 1.0)
+    if problem.error_sources:
+        matrix = whitening(np.eye(len(problem))).T
+        return lambda rows: rows @ matrix
+    weight = 1.0 / whitening.sigma
+
+    def divided(rows: Array) -> Array:
+        rows *= weight
+        return rows
+
+    return divided
+
+
 def _variances(problem: Problem) -> Callable[[Array, Array], Array]:
-    """Return the likelihood where the noise changes the weight of one point against another."""
+    """Return the likelihood where the noise changes the weight of one point against another.
+
+    V is a fixed part and the squared noise times another. With shared errors both are made
+    diagonal once, by the eigenvectors of the one in units of the other: every noise value is then
+    a division.
+    """
     assert problem.noise_name is not None
     position = problem.free_names.index(problem.noise_name)
     is_scale = problem.noise_name == NOISE_SCALE
     alone = problem.sigma(1.0 if is_scale else 0.0) ** 2
     fixed = problem.sigma(0.0) ** 2 if is_scale else alone
+    axes: Array | None = None
+    if problem.error_sources:
+        none, one = (
+            np.diag(problem.sigma(noise) ** 2) + problem.shared(noise) @ problem.shared(noise).T
+            for noise in (0.0, 1.0)
+        )
+        fixed, axes = eigh(none, one - none)
+        fixed = np.maximum(fixed, 0.0)
+        alone = fixed + 1.0
 
     def varied(rows: Array, columns: Array) -> Array:
+        rows = rows if axes is None else rows @ axes
         squared = (columns[position] ** 2)[:, None]
         variance = fixed + squared * (alone - fixed) if is_scale else fixed + squared
         value: Array = -0.5 * (rows * rows / variance + np.log(variance)).sum(axis=1)

@@ -10,6 +10,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from benchtool.core.array import Array
+from benchtool.core.error_source import Whitening
 from benchtool.core.errors import EstimationError
 from benchtool.fit.jacobian import RANK_LIMIT, Way, central_differences, complex_step, way_for
 from benchtool.fit.problem import Problem
@@ -32,7 +33,7 @@ class Solution:
     """Hold one minimum."""
 
     shape: Array  # (n_shape,) values
-    rows: Array  # (m + q,) weighted residuals there
+    rows: Array  # (m + q,) whitened residuals there
     jacobian: Array  # (m + q, n_shape) of the rows, plain (no loss in it)
     cost: float  # half the sum of squares, after the loss
     finished: bool  # whether a tolerance was met
@@ -45,17 +46,17 @@ class Solution:
         return float(self.rows @ self.rows)
 
 
-def row_jacobian(problem: Problem, way: Way) -> Callable[[Array, Array], Array]:
-    """Return the function (shape, sigma) -> d rows / d shape (m + q, n_shape)."""
+def row_jacobian(problem: Problem, way: Way) -> Callable[[Array, Whitening], Array]:
+    """Return the function (shape, whitening) -> d rows / d shape (m + q, n_shape)."""
     m, priors, predict = len(problem), problem.priors, problem.predict
     lower, upper = problem.shape_bounds
 
-    def jacobian(shape: Array, sigma: Array) -> Array:
+    def jacobian(shape: Array, whitening: Whitening) -> Array:
         if way == "complex_step":
             data = complex_step(predict, shape, m)
         else:
             data = central_differences(predict, shape, m, lower, upper)
-        data /= sigma[:, None]
+        data = whitening(data)
         return np.concatenate([data, priors.matrix]) if len(priors) else data
 
     return jacobian
@@ -63,7 +64,7 @@ def row_jacobian(problem: Problem, way: Way) -> Callable[[Array, Array], Array]:
 
 def solve(
     problem: Problem,
-    sigma: Array,
+    whitening: Whitening,
     start: Array | None = None,
     *,
     loss: Loss = "linear",
@@ -74,16 +75,16 @@ def solve(
 
     Args:
         problem: what to fit.
-        sigma: (m,) standard errors.
+        whitening: by all errors.
         start: where to begin.
-        loss: how far points count less; rows of priors always count in full.
+        loss: how far whitened rows of points count less; rows of priors always count in full.
         way: how to take derivatives; found out when left out.
         max_evaluations: of the prediction.
     """
     lower, upper = problem.shape_bounds
     begin = np.clip(problem.start if start is None else start, lower, upper)
     with np.errstate(all="ignore"):
-        first = problem.rows(begin, sigma)
+        first = problem.rows(begin, whitening)
         _refuse_unusable(problem, first)
         if way is None:
             way = way_for(problem.predict, begin, len(problem), lower, upper)
@@ -101,10 +102,10 @@ def solve(
             gtol=None,
             loss=counted,
             max_nfev=max_evaluations or 200 * len(begin),
-            args=(sigma,),
+            args=(whitening,),
         )
         shape, rows = np.asarray(found.x, float), np.asarray(found.fun, float)
-        plain = np.asarray(found.jac) if loss == "linear" else jacobian(shape, sigma)
+        plain = np.asarray(found.jac) if loss == "linear" else jacobian(shape, whitening)
         solution = Solution(
             shape=shape,
             rows=rows,
@@ -114,14 +115,14 @@ def solve(
             evaluations=int(found.nfev) + int(found.njev),
             way=way,
         )
-        return _polished(problem, sigma, solution, jacobian) if loss == "linear" else solution
+        return _polished(problem, whitening, solution, jacobian) if loss == "linear" else solution
 
 
 def _polished(
     problem: Problem,
-    sigma: Array,
+    whitening: Whitening,
     solution: Solution,
-    jacobian: Callable[[Array, Array], Array],
+    jacobian: Callable[[Array, Whitening], Array],
 ) -> Solution:
     """Return the solution after Gauss-Newton steps, taken while they shrink and stay in bounds.
 
@@ -145,7 +146,7 @@ def _polished(
         shape = solution.shape + step
         if size < POLISH or size > 0.9 * before or np.any((shape <= lower) | (shape >= upper)):
             break
-        rows = problem.rows(shape, sigma)
+        rows = problem.rows(shape, whitening)
         cost = 0.5 * float(rows @ rows)
         if not cost <= solution.cost * (1.0 + 1e-9):
             break
@@ -154,7 +155,7 @@ def _polished(
             solution,
             shape=shape,
             rows=rows,
-            jacobian=jacobian(shape, sigma),
+            jacobian=jacobian(shape, whitening),
             cost=cost,
             evaluations=solution.evaluations + 2,
         )

@@ -23,8 +23,7 @@ def standardised(fit: FitOutput) -> Array:
     result, problem = fit.results[0], fit.problem
     predicted = problem.predicted(np.array([result[name].value for name in problem.shape_names]))
     noise = None if problem.noise_name is None else result[problem.noise_name].value
-    left: Array = (fit.data.observed[fit.data.rows] - predicted) / problem.sigma(noise)
-    return left
+    return problem.whitening(noise)(fit.data.observed[fit.data.rows] - predicted)
 
 
 @figure(

@@ -83,7 +83,7 @@ def test_a_foretold_density_carries_the_uncertainty_of_the_fit() -> None:
     problem = line_problem()
     train, test = problem.subset(np.arange(10)), problem.subset(np.array([24]))
     result = fit_least_squares(train)
-    density, left = predicted(test, result)
+    density, left = predicted(test, train, result)
     row = np.array([1.0, X[24]])
     variance = 0.04 + row @ result.covariance @ row
     expected = -0.5 * left[0] ** 2 / variance - 0.5 * np.log(2 * np.pi * variance)

@@ -109,8 +109,8 @@ def test_a_scale_with_priors_still_meets_its_degrees_of_freedom() -> None:
     )
     result = fit_least_squares(scaled)
     shape = result.values[:2]
-    sigma = scaled.sigma(result["noise.scale"].value)
-    assert np.sum(scaled.rows(shape, sigma) ** 2) == pytest.approx(scaled.dof, rel=1e-6)
+    whitening = scaled.whitening(result["noise.scale"].value)
+    assert np.sum(scaled.rows(shape, whitening) ** 2) == pytest.approx(scaled.dof, rel=1e-6)
     assert 1.2 < result["noise.scale"].value < 3.0
 
 

@@ -1,0 +1,73 @@
+"""Errors that several observations share, and the whitening of residuals by all errors together."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from benchtool.core.array import Array
+
+Distribution = Literal["normal", "uniform", "triangular", "student_t"]
+"""Of one draw, with standard deviation 1 (JCGM 101:2008, 6.4); "student_t" takes the `dof`."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class ErrorSource:
+    """State one cause of error that moves several observations by the same draws.
+
+    The observations' covariance gains `columns @ columns.T`. A reference shared by ratios has one
+    column for each reference, a place error one for each stay, a scale error one altogether, a
+    wandering zero the columns of a root of its covariance.
+
+    Attributes:
+        kind: how it was evaluated (JCGM 100:2008, 3.3): "A" from scatter, "B" otherwise.
+        sd: standard deviation of one draw, in `unit`; typical where draws differ.
+        dof: degrees of freedom that `sd` was evaluated with.
+        columns: (m, r) change of each observation by one standard deviation of each of r
+            independent draws, in the unit of what was observed.
+        scaled: whether `noise.scale` multiplies it as it does the points' own standard errors:
+            scatter of the same kind, such as that of reference points.
+    """
+
+    name: str
+    kind: Literal["A", "B"]
+    unit: str
+    sd: float
+    columns: Array
+    distribution: Distribution = "normal"
+    dof: float = np.inf
+    scaled: bool = False
+
+
+class Whitening:
+    """Make residuals independent and of variance 1: rows (m, ...) -> V^(-1/2) rows (m, ...).
+
+    V = diag(sigma^2) + columns @ columns.T. Rows are divided by `sigma` and then multiplied by the
+    symmetric root of the inverse of what is left, the root that leaves each row nearest to its own
+    point (Kessy, Lewin and Strimmer, Am. Stat. 72, 2018, "ZCA-cor"): an outlier stays one.
+    Without columns it is the division alone.
+
+    Attributes:
+        sigma: (m,) the independent errors.
+        log_root_excess: log of the root of det V less the sum of log sigma; 0 without columns.
+    """
+
+    def __init__(self, sigma: Array, columns: Array) -> None:
+        self.sigma = sigma
+        self.log_root_excess = 0.0
+        self._directions = columns / sigma[:, None]
+        if columns.size:
+            self._directions, size, _ = np.linalg.svd(self._directions, full_matrices=False)
+            self._change = 1.0 / np.sqrt(1.0 + size**2) - 1.0
+            self.log_root_excess = 0.5 * float(np.log1p(size**2).sum())
+
+    def __call__(self, rows: Array) -> Array:
+        """Return whitened rows (m,) or (m, n)."""
+        own = (rows.T / self.sigma).T
+        if not self._directions.size:
+            return own
+        shared = self._directions.T @ own
+        out: Array = own + self._directions @ (self._change * shared.T).T
+        return out

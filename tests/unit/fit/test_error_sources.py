@@ -1,0 +1,212 @@
+"""Errors that points share: every estimator sees the covariance that linear algebra has."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal
+
+from benchtool.core.error_source import ErrorSource, Whitening
+from benchtool.core.errors import InputError
+from benchtool.fit.compare import compare, predicted
+from benchtool.fit.diagnose import diagnose
+from benchtool.fit.ensemble import fit_ensemble
+from benchtool.fit.identifiability import gain_matrix
+from benchtool.fit.least_squares import fit_least_squares
+from benchtool.fit.problem import Problem
+from benchtool.fit.profile import with_profile
+from benchtool.fit.sampling import log_probability
+from tests.unit.fit.cases import (
+    Array,
+    X,
+    calibrated_line,
+    line_problem,
+    scaled_line,
+    scattered_line,
+)
+
+DESIGN = np.stack([np.ones(25), X], axis=1)
+
+
+def source(columns: Array, scaled: bool = False, name: str = "zero") -> ErrorSource:
+    return ErrorSource(name=name, kind="B", unit="N", sd=0.1, columns=columns, scaled=scaled)
+
+
+def blocks(size: float) -> Array:
+    """Return columns (25, 5): every five points share a draw."""
+    return size * np.kron(np.eye(5), np.ones((5, 1)))
+
+
+def with_errors(problem: Problem, rng: np.random.Generator | None = None) -> Problem:
+    """Return the problem with one zero for all points and one place for every five of them."""
+    zero, places = np.full((25, 1), 0.15), blocks(0.2)
+    rng = rng or np.random.default_rng(11)
+    shifts = zero @ rng.standard_normal(1) + places @ rng.standard_normal(5)
+    sources = (source(zero), source(places, scaled=True, name="place"))
+    return replace(problem, observed=problem.observed + shifts, error_sources=sources)
+
+
+def covariance_of(problem: Problem, scale: float = 1.0, sd: float = 0.0) -> Array:
+    """Return V as the definition has it."""
+    whole = np.diag((scale * problem.standard_error) ** 2 + sd**2)
+    for one in problem.error_sources:
+        columns = one.columns * scale if one.scaled else one.columns
+        whole += columns @ columns.T
+    return np.asarray(whole)
+
+
+def line_by_algebra(problem: Problem, v: Array) -> tuple[Array, Array]:
+    """Return the generalised least-squares line and its covariance."""
+    covariance = np.linalg.inv(DESIGN.T @ np.linalg.solve(v, DESIGN))
+    return covariance @ DESIGN.T @ np.linalg.solve(v, problem.observed), covariance
+
+
+def test_whitening_is_a_root_of_the_inverse_covariance() -> None:
+    rng = np.random.default_rng(1)
+    sigma, columns = rng.uniform(0.5, 2.0, 9), rng.standard_normal((9, 4))
+    v = np.diag(sigma**2) + columns @ columns.T
+    whitening = Whitening(sigma, columns)
+    root = whitening(np.eye(9))
+    np.testing.assert_allclose(root.T @ root, np.linalg.inv(v), atol=1e-12)
+    np.testing.assert_allclose(root @ sigma, whitening(sigma), rtol=1e-12)
+    expected = 0.5 * np.linalg.slogdet(v)[1] - np.log(sigma).sum()
+    assert whitening.log_root_excess == pytest.approx(expected)
+    # Each row stays with its own point: the root is symmetric between standardised rows.
+    np.testing.assert_allclose(root * sigma, (root * sigma).T, atol=1e-12)
+    plain = Whitening(sigma, np.empty((9, 0)))
+    np.testing.assert_array_equal(plain(columns), columns / sigma[:, None])
+
+
+def test_a_source_of_other_points_is_refused() -> None:
+    with pytest.raises(InputError, match="25 points were observed, but zero has 3 entries"):
+        replace(line_problem(), error_sources=(source(np.ones((3, 1))),))
+
+
+def test_least_squares_is_the_generalised_one() -> None:
+    problem = with_errors(line_problem())
+    v = covariance_of(problem)
+    values, covariance = line_by_algebra(problem, v)
+    result = fit_least_squares(problem)
+    np.testing.assert_allclose(result.values, values, rtol=1e-9)
+    np.testing.assert_allclose(result.covariance, covariance, rtol=1e-9)
+    left = problem.observed - DESIGN @ values
+    assert result.chi2 == pytest.approx(left @ np.linalg.solve(v, left))
+    density = multivariate_normal(DESIGN @ values, v).logpdf(problem.observed)
+    assert result.log_likelihood == pytest.approx(density)
+    profiled = with_profile(problem, result)
+    np.testing.assert_allclose(
+        profiled["a"].interval_95, result["a"].interval_95, atol=1e-4 * result["a"].sd
+    )
+
+
+@pytest.mark.parametrize("kind", ["scale", "sd"])
+def test_the_noise_moves_its_own_part_only(kind: str) -> None:
+    problem = with_errors(scaled_line() if kind == "scale" else scattered_line())
+    result = fit_least_squares(problem)
+    noise = result[f"noise.{kind}"].value
+    v = covariance_of(problem, **{kind: noise})
+    values, covariance = line_by_algebra(problem, v)
+    np.testing.assert_allclose(result.values[:2], values, rtol=1e-7)
+    np.testing.assert_allclose(result.covariance[:2, :2], covariance, rtol=1e-7)
+    left = problem.observed - DESIGN @ values
+    assert left @ np.linalg.solve(v, left) == pytest.approx(result.dof)
+
+
+@pytest.mark.parametrize("made", [line_problem, scaled_line, scattered_line])
+@pytest.mark.parametrize("kept", [(0, 1), (0,), (1,)])
+def test_the_posterior_is_that_of_the_covariance(made, kept: tuple[int, ...]) -> None:  # type: ignore[no-untyped-def]
+    problem = with_errors(made())
+    problem = replace(problem, error_sources=tuple(problem.error_sources[i] for i in kept))
+    rng = np.random.default_rng(5)
+    walkers = problem.parameters.pack() + rng.uniform(0.0, 0.3, (7, len(problem.free_names)))
+    found = log_probability(problem)(walkers)
+    expected = []
+    for row in walkers:
+        noise = {problem.noise_name.rpartition(".")[2]: row[2]} if problem.noise_name else {}
+        v = covariance_of(problem, **noise)
+        value = multivariate_normal(DESIGN @ row[:2], v).logpdf(problem.observed)
+        # The prior of a scale is flat in its logarithm.
+        expected.append(value - (np.log(row[2]) if "scale" in noise else 0.0))
+    np.testing.assert_allclose(np.diff(found), np.diff(expected), rtol=1e-8, atol=1e-8)
+
+
+def test_emcee_agrees_with_least_squares() -> None:
+    problem = with_errors(line_problem())
+    exact, drawn = fit_least_squares(problem), fit_ensemble(problem, seed=3)
+    for name in ("a", "b"):
+        assert abs(drawn[name].value - exact[name].value) < 0.1 * exact[name].sd
+        assert drawn[name].sd == pytest.approx(exact[name].sd, rel=0.05)
+
+
+def test_a_subset_and_a_held_number_keep_their_errors() -> None:
+    problem = with_errors(line_problem())
+    rows = np.array([7, 3, 20])
+    np.testing.assert_allclose(
+        covariance_of(problem.subset(rows)), covariance_of(problem)[np.ix_(rows, rows)]
+    )
+    held = fit_least_squares(problem.fixed("b", 2.0))
+    ones = np.ones(25)
+    weight = np.linalg.solve(covariance_of(problem), ones)
+    assert held["a"].sd == pytest.approx((ones @ weight) ** -0.5, rel=1e-9)
+    calibrated = replace(calibrated_line(), error_sources=problem.error_sources)
+    assert calibrated.shared().shape == (25, 6)
+
+
+def test_held_out_points_are_judged_given_the_training_points() -> None:
+    """The density is the Gaussian's own conditional one, with a flat prior on the line."""
+    problem = with_errors(line_problem())
+    test, train = np.arange(2, 25, 6), np.setdiff1d(np.arange(25), np.arange(2, 25, 6))
+    result = fit_least_squares(problem.subset(train))
+    density, left = predicted(problem.subset(test), problem.subset(train), result)
+    wide = covariance_of(problem) + 1e4 * DESIGN @ DESIGN.T
+    weight = wide[np.ix_(test, train)] @ np.linalg.inv(wide[np.ix_(train, train)])
+    mean = weight @ problem.observed[train]
+    variance = wide[np.ix_(test, test)] - weight @ wide[np.ix_(train, test)]
+    np.testing.assert_allclose(left, problem.observed[test] - mean, atol=1e-5)
+    sd = np.sqrt(np.diag(variance))
+    np.testing.assert_allclose(
+        density, -0.5 * (left / sd) ** 2 - np.log(sd * np.sqrt(2 * np.pi)), atol=1e-4
+    )
+    assert compare([problem]).scores[0].parameters == 2
+
+
+def test_a_shared_error_is_no_structure_and_an_outlier_stays_one() -> None:
+    problem = with_errors(line_problem(5))
+    assert diagnose(problem, fit_least_squares(problem)).verdict == "consistent"
+    observed = problem.observed.copy()
+    observed[13] += 3.0
+    spoiled = replace(problem, observed=observed)
+    assert diagnose(spoiled, fit_least_squares(spoiled)).outliers == (13,)
+
+
+def test_gain_is_the_derivative_of_the_answer() -> None:
+    problem = replace(calibrated_line(), error_sources=with_errors(line_problem()).error_sources)
+    result = fit_least_squares(problem)
+    gain = gain_matrix(problem, result.values)
+    assert gain.shape == (4, 25 + 2)
+    for point in (0, 13):
+        step = 1e-3 * np.eye(25)[point]
+        above, below = (
+            fit_least_squares(replace(problem, observed=problem.observed + side * step)).values
+            for side in (1.0, -1.0)
+        )
+        np.testing.assert_allclose(gain[:, point], (above - below) / 2e-3, rtol=1e-3, atol=1e-5)
+    # All gains together make the covariance.
+    v = covariance_of(problem)
+    whole = gain[:, :25] @ v @ gain[:, :25].T + gain[:, 25:] @ gain[:, 25:].T
+    np.testing.assert_allclose(whole, result.covariance, rtol=1e-6)
+
+
+def test_intervals_hold_the_truth_where_independent_ones_do_not() -> None:
+    rng = np.random.default_rng(8)
+    inside, alone = 0, 0
+    for seed in range(200):
+        problem = with_errors(line_problem(seed), rng)
+        low, high = fit_least_squares(problem)["a"].interval_68
+        inside += low <= 1.0 <= high
+        low, high = fit_least_squares(replace(problem, error_sources=()))["a"].interval_68
+        alone += low <= 1.0 <= high
+    assert 117 <= inside <= 155  # 68.27 % of 200, 99.9 % limits
+    assert alone < 100
