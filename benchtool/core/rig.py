@@ -58,6 +58,40 @@ class Propulsion(FiniteTable):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Blade(FiniteTable):
+    """Describe a rotor's blades: they decide how thrust and torque answer to a slower inflow.
+
+    Attributes:
+        solidity: blade area over disc area.
+        lift_slope: of the blade's section: 1/rad.
+        pitch_rad: angle of the blade, untwisted, or that at three quarters of the radius.
+        profile_drag: mean drag coefficient of the section.
+    """
+
+    solidity: Positive
+    lift_slope: Positive
+    pitch_rad: Positive
+    profile_drag: NotNegative
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Motor(FiniteTable):
+    """Describe what the speed at a fixed pulse does when the rotor's torque changes.
+
+    Attributes:
+        governed: whether the ESC holds the speed; the other numbers then serve for power alone.
+        Kv_rpm_V: speed over voltage without load: rpm/V.
+        resistance_ohm: of windings, leads and ESC.
+        no_load_current_A: current that turns no rotor.
+    """
+
+    governed: bool = False
+    Kv_rpm_V: Positive | None = None
+    resistance_ohm: Positive | None = None
+    no_load_current_A: NotNegative = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Body(FiniteTable):
     """Describe mass and inertia of the whole vehicle about its centre.
 
@@ -126,6 +160,8 @@ class Rig(FiniteTable):
 
     Attributes:
         rotors: places, in the order of channels pwm1, rpm1 and so on.
+        blade: None where nobody knows it; eq. (10) then holds as printed.
+        motor: None where nobody knows it.
         sensors: by channel family: "thrust_N", "rpm", "voltage_V", "current_A", "plate_z_m".
         sources: where each number comes from, by its dotted key.
         assumed: dotted keys whose numbers are assumptions, not measurements.
@@ -139,6 +175,8 @@ class Rig(FiniteTable):
     sensors: Mapping[str, Sensor]
     plate: PlateDrive
     limits: Limits
+    blade: Blade | None = None
+    motor: Motor | None = None
     sources: Mapping[str, str] = field(default_factory=dict)
     assumed: tuple[str, ...] = ()
 
@@ -161,6 +199,11 @@ class Rig(FiniteTable):
         places = [(round(place.x_m, 6), round(place.y_m, 6)) for place in self.rotors]
         first = list(dict.fromkeys(places))
         return np.array([first.index(place) for place in places], np.intp)
+
+    @cached_property
+    def rotors_on_disc(self) -> tuple[int, ...]:
+        """How many rotors blow through each disc (n_discs,)."""
+        return tuple(np.bincount(self.disc_of_rotor).tolist())
 
     @cached_property
     def first_rotors(self) -> tuple[int, ...]:

@@ -75,6 +75,13 @@ def _check(rig: Rig, where: str) -> None:
             "propulsion needs pwm_stop_us <= pwm_start_us < pwm_max_us, got "
             f"{propulsion.pwm_stop_us:g}, {propulsion.pwm_start_us:g}, {propulsion.pwm_max_us:g}",
         )
+    motor = rig.motor
+    if motor and not motor.governed and not (motor.Kv_rpm_V and motor.resistance_ohm):
+        raise FileFormatError(
+            where,
+            "motor needs Kv_rpm_V and resistance_ohm, or governed = true where the ESC holds "
+            "the speed; add them, or take the table out",
+        )
 
 
 RIG_FILE = "rig.toml"

@@ -12,6 +12,7 @@ from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.fit.problem import IntArray, Problem
 from benchtool.fit.recipe import Basis
 from benchtool.physics import VALIDITY_Z_OVER_R
+from benchtool.physics.bases import require_motor, thrust_ratio
 from benchtool.physics.conditions import FAR_AWAY_M, Conditions
 from benchtool.physics.model import Model
 from benchtool.physics.prepared import Prepared
@@ -77,6 +78,8 @@ def problem_from_model(
     if basis != "joint":
         model, held = _without_reading(model)
         facts["held"] = ", ".join(held)
+        if basis == "equal_power" and model.answers_with_torque and model.rig.motor is None:
+            facts["power"] = "of the shafts: the rig describes no motor"
     speed = conditions.speed_rad_s.max(axis=0)
     step = SAME_LEVEL * float(speed.max()) or 1.0
     columns = {
@@ -87,7 +90,7 @@ def problem_from_model(
     return Problem(
         model=model.name,
         parameters=model.parameters,
-        predict=_prediction(model, conditions, None if basis == "joint" else far),
+        predict=_prediction(model, conditions, None if basis == "joint" else far, basis),
         observed=np.asarray(observed, float)[used],
         standard_error=np.asarray(standard_error, float)[used],
         basis=basis,
@@ -147,14 +150,13 @@ def _without_reading(model: Model) -> tuple[Model, list[str]]:
 
 
 def _prediction(
-    model: Model, conditions: Conditions, reference: Conditions | None
+    model: Model, conditions: Conditions, reference: Conditions | None, basis: Basis
 ) -> Callable[[Any], Any]:
-    """Return the function from free shape values to thrust in N, or to its ratio to a reference.
-
-    The ratio is that at equal speeds, which the law takes for equal pwm and power too.
-    """
-    near = Prepared(model, conditions)
-    far = None if reference is None else Prepared(model, reference)
+    """Return the function from free shape values to thrust in N, or to its ratio to a reference."""
+    require_motor(model, basis)
+    merge = basis in {"joint", "equal_rpm2"} or not model.answers_with_torque
+    near = Prepared(model, conditions, merge=merge)
+    far = None if reference is None else Prepared(model, reference, merge=merge)
     template: list[Any] = [item.value for item in model.parameters.values()]
     places = [
         position
@@ -166,7 +168,8 @@ def _prediction(
         full = template.copy()
         for place, value in zip(places, values, strict=True):
             full[place] = value
-        thrust = near.thrust_N(full)
-        return thrust if far is None else thrust / far.thrust_N(full)
+        if far is None:
+            return near.thrust_N(full)
+        return thrust_ratio(model, basis, near.flow(full), far.flow(full), full)
 
     return predict

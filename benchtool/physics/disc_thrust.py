@@ -1,9 +1,9 @@
 """Thrust of every disc near a surface: the only place where the terms of eqs. (2) to (4) meet.
 
 The factor of disc i is F_i = 1 / (1 - D_i), D_i the sum of all effects' terms (own image, images
-of the neighbours, body lift, ...); a disc covered in part takes 1 + a_i (F_i - 1), and effects'
-factors multiply that. Every disc enters with its own height. The same functions serve a sweep's
-arrays, a pitch bench and every surface under a vehicle in flight.
+of the neighbours, body lift, ...); a disc covered in part takes 1 + a_i (F_i - 1), blades answer to
+that, and effects' factors multiply it. Every disc enters with its own height. The same functions
+serve a sweep's arrays, a pitch bench and every surface under a vehicle in flight.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from functools import cache, lru_cache
 from itertools import accumulate
 from typing import Any, NamedTuple
 
+from benchtool.core.errors import InputError
 from benchtool.physics.distance_law import nearest_z_over_R
 from benchtool.physics.effects.effect import Effect, Flow
 from benchtool.physics.expression import expression
@@ -31,7 +32,8 @@ class DiscThrust(NamedTuple):
             changed by effects, and the images that follow: distances [n][n] between discs, arms
             from the body's centre to the images of eq. (4): m.
         image_factors: image_factors(flow, p) -> 1 + a (1/(1 - D) - 1) of each disc (n,).
-        scaled: scaled(first, flow, p) -> first (n,) times the effects' factors.
+        scaled: scaled(first, flow, p) -> what blades make of first (n,), times effects' factors.
+        drags: drags(first, flow, p) -> drag torque over that far away (n,), for `first`.
         factors: factors(flow, p) -> T_IGE/T_OGE of each disc (n,): both together.
         nearest_z_over_R: least distance at which the effects' law holds; clamped heights end there.
     """
@@ -40,8 +42,13 @@ class DiscThrust(NamedTuple):
     with_images: Hook
     image_factors: Hook
     scaled: Hook
+    drags: Hook
     factors: Hook
     nearest_z_over_R: float
+
+
+UNCHANGED = expression(lambda i, first, flow, p: 1.0)
+"""Drag torque where no effect changes it."""
 
 
 def owned(effects: Iterable[Effect], hook: str) -> tuple[Own, ...]:
@@ -78,6 +85,10 @@ def disc_thrust(
     height, coverage = chained(owned(effects, "height")), chained(owned(effects, "coverage"))
     speed, factor = chained(owned(effects, "speed")), multiplied(owned(effects, "factor"))
     denominator = summed(owned(effects, "denominator"))
+    response, torques = chained(owned(effects, "response")), owned(effects, "drag")
+    if len(torques) > 1:
+        raise InputError("two effects of the model have the hook drag; leave one out")
+    drag = chained(torques) if torques else UNCHANGED
     weight = wake_rule(rule).weight
     nearest = nearest_z_over_R(effect.distance_law for effect in effects)
     if clamped:
@@ -104,7 +115,10 @@ def disc_thrust(
             )
         ),
     )
-    scale = each(n, expression(lambda i, first, flow, p: factor(i, first[i], flow, p)))
+    scale = each(
+        n,
+        expression(lambda i, first, flow, p: factor(i, response(i, first[i], flow, p), flow, p)),
+    )
 
     @expression
     def with_images(flow: Flow, distances: Any, arms: Any, p: Any) -> Flow:
@@ -138,6 +152,7 @@ def disc_thrust(
         with_images=with_images,
         image_factors=image_factors,
         scaled=scale,
+        drags=each(n, expression(lambda i, first, flow, p: drag(i, first[i], flow, p))),
         factors=expression(lambda flow, p: scale(image_factors(flow, p), flow, p)),
         nearest_z_over_R=nearest,
     )

@@ -4,7 +4,8 @@ Each rotor is a source of strength R^2 v / 4 (v its induced velocity), mirrored 
 The image of a rotor at horizontal distance d blows upward at a rotor at height z with
 v (R^2/2) z / (d^2 + 4 z^2)^(3/2). At equal power, thrust times inflow is constant, so that
 T_IGE/T_OGE = 1 / (1 - D) with D the sum of all images over v. The paper states that for equal
-power and applies the same factor at equal rotor speed (eq. 10); so do we.
+power and applies the same factor at equal rotor speed (eq. 10). So do we, unless the rig states its
+blades (`blade_element`).
 
 Source: Sanchez-Cuevas, Heredia, Ollero 2017, sections 2.1 and 2.2; the sum over any number of
 rotors, each at its own height, follows from the same derivation.

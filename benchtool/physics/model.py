@@ -16,63 +16,23 @@ import numpy as np
 
 from benchtool.core.array import Array
 from benchtool.core.errors import InputError, UnknownChoice
-from benchtool.core.parameter import Parameter, Parameters, Prior, full_name
+from benchtool.core.parameter import Parameters, full_name
 from benchtool.core.rig import Rig
+from benchtool.physics.baseline import baseline_parameters
 from benchtool.physics.body_lift import BodyDistance, centre_distances_m, equal_arms
 from benchtool.physics.catalogue import EFFECTS, effect_named
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.disc_thrust import DiscThrust, disc_thrust, owned
 from benchtool.physics.distance_law import nearest_z_over_R
+from benchtool.physics.effects.blade_inflow import EFFECT as BLADE_INFLOW
 from benchtool.physics.effects.effect import NO_FLOW, Effect, Flow, Quantity
 from benchtool.physics.effects.rotor_images import EFFECT as ROTOR_IMAGES
 from benchtool.physics.fold import Hook, chained
+from benchtool.physics.motor import speed_near_plate, torque_per_speed
 from benchtool.physics.wake_rules import WAKE_RULES
 
 OWN_IMAGES = ROTOR_IMAGES.name
 """Eq. (2), the effect that every model starts with and every old model file means."""
-
-INERTIA_KNOWN = 0.025
-"""Standard error of an inertia over its value, where a model file states none: "known to 5 %" taken
-for two standard errors; a guess."""
-
-
-def baseline_parameters(rig: Rig) -> Parameters:
-    """Return k, R_m, the pitch inertia and the two noise parameters at the rig's own values."""
-    k_N_s2, radius_m = rig.propulsion.thrust_coefficient_N_s2, rig.propulsion.radius_m
-    inertia_kgm2 = rig.body.inertia_yy_kgm2
-    from_parts = "assumed: worked out from parts, 5 % for two standard errors"
-
-    def positive(name: str, unit: str, value: float, description: str, **facts: Any) -> Parameter:
-        return Parameter(name, unit, value, description=description, **{"lower": 0.0, **facts})
-
-    def of_rig(key: str) -> str:
-        return rig.sources.get(key, "")
-
-    baseline = {
-        "k": positive(
-            "k", "N/(rad/s)2", k_N_s2,
-            "thrust coefficient of one rotor out of ground effect (eq. 8)",
-            source=of_rig("propulsion.thrust_coefficient_N_s2"),
-        ),
-        "R_m": positive(
-            "R_m", "m", radius_m, "effective rotor radius in the image terms (eq. 2)",
-            lower=0.1 * radius_m, upper=3.0 * radius_m, source=of_rig("propulsion.radius_m"),
-        ),
-        "inertia_kgm2": positive(
-            "inertia_kgm2", "kg m2", inertia_kgm2, "moment of inertia about the pitch axis",
-            prior=Prior("normal", inertia_kgm2, INERTIA_KNOWN * inertia_kgm2, from_parts),
-            source=of_rig("body.inertia_yy_kgm2"),
-        ),
-        "noise.scale": positive(
-            "scale", "1", 1.0, "factor on the stated standard errors",
-            source="1: the errors are taken as stated",
-        ),
-        "noise.sd_N": positive(
-            "sd_N", "N", 0.0, "scatter added in quadrature to the stated errors",
-            source="0: nothing is added",
-        ),
-    }  # fmt: skip
-    return Parameters(baseline.items())
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -149,6 +109,26 @@ class Model:
         lag = next(effect for effect in EFFECTS.values() if effect.hooks.lag_s is not None)
         assert lag.rig_values is not None
         return self.with_effect(lag, **lag.rig_values(self.rig))
+
+    def with_blades_of_rig(self) -> Model:
+        """Return the model with the rig's blades, where it has none itself and the rig some.
+
+        A law that is about equal thrust commands, nearly equal speeds, is left as it stands.
+        """
+        assert BLADE_INFLOW.rig_values is not None
+        own = BLADE_INFLOW.rig_values(self.rig)
+        laws = [effect.distance_law for effect in self.effects]
+        commanded = any(law and law.basis == "equal commanded thrust" for law in laws)
+        if commanded or not own or any(each.name == BLADE_INFLOW.name for each in self.effects):
+            return self
+        stated = {f"{BLADE_INFLOW.name}.{name}" for name in own}
+        model = self.with_effect(BLADE_INFLOW, **own)
+        return model.at(
+            Parameters(
+                (name, replace(item, source="[blade] of the rig") if name in stated else item)
+                for name, item in model.parameters.items()
+            )
+        )
 
     def without(self, name: str) -> Model:
         """Return the model with one effect taken out."""
@@ -244,8 +224,25 @@ class Model:
         p = self.numbers(values)
         if not conditions.speed_measured:
             flow = flow._replace(speed_rad_s=self._discs.speeds(flow, p))
-        with_images: Flow = self._discs.with_images(flow, rig.disc_distances_m, self.body_arms_m, p)
-        return with_images
+        found: Flow = self._discs.with_images(flow, rig.disc_distances_m, self.body_arms_m, p)
+        if conditions.speed_measured:
+            return found
+        return found._replace(speed_rad_s=self.speeds_near_plate(found, values))
+
+    def speeds_near_plate(self, flow: Flow, values: Any) -> list[Quantity]:
+        """Return the speeds (n_discs, ...) under the pulses that give the flow's far away: rad/s.
+
+        They are the flow's own where the motor is not known, or holds its speed.
+        """
+        slope = self.motor_slope_Nm_s
+        if slope is None:
+            return list(flow.speed_rad_s)
+        c, counts = self.rig.propulsion.drag_coefficient_Nm_s2, self.rig.rotors_on_disc
+        found = zip(flow.speed_rad_s, self.drag_factors(flow, values), counts, strict=True)
+        return [
+            np.sqrt(n) * speed_near_plate(w / np.sqrt(n), c, factor, slope)
+            for w, factor, n in found
+        ]
 
     @property
     def lag_s(self) -> float:
@@ -320,6 +317,22 @@ class Model:
         discs = disc_thrust(self.present_effects, n, self.wake_rule, self.arm_counts)
         factors: tuple[Quantity, ...] = discs.factors(flow, self.numbers(values))
         return factors
+
+    @cached_property
+    def answers_with_torque(self) -> bool:
+        """Whether some present effect changes the rotors' torque near a surface."""
+        return any(effect.hooks.drag is not None for effect in self.present_effects)
+
+    @cached_property
+    def motor_slope_Nm_s(self) -> float | None:
+        """Torque per speed of the motors; None where speed under a pulse is the same everywhere."""
+        return torque_per_speed(self.rig.motor) if self.answers_with_torque else None
+
+    def drag_factors(self, flow: Flow, values: Any) -> tuple[Quantity, ...]:
+        """Return the drag torque of each disc over that far from any surface, at equal speed."""
+        n, p = len(flow.height_m), self.numbers(values)
+        discs = disc_thrust(self.present_effects, n, self.wake_rule, self.arm_counts)
+        return tuple(discs.drags(discs.image_factors(flow, p), flow, p))
 
     def factors_at(self, height_m: Array) -> Array:
         """Return T_IGE/T_OGE of each disc (n, ...) at its own height (n, ...): m, all covered."""

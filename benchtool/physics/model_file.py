@@ -179,7 +179,7 @@ def model_from_toml(
                 model = model.with_effect(effect)
             given = {key: table for key, table in tables.items() if key != "settings"}
             model = _set(model, {f"{name}.{key}": table for key, table in given.items()}, where)
-        model = _set(model, baseline, where)
+        model = _set(model.with_blades_of_rig(), baseline, where)
     except InputError as error:
         if isinstance(error, FileFormatError):
             raise

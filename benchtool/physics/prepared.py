@@ -31,9 +31,15 @@ ALIKE = 1e-11
 
 
 class Prepared:
-    """Evaluate a model on fixed conditions for many values of its free parameters."""
+    """Evaluate a model on fixed conditions for many values of its free parameters.
 
-    def __init__(self, model: Model, conditions: Conditions) -> None:
+    Args:
+        model: with its free parameters.
+        conditions: of m samples.
+        merge: let equal discs be one; not where the speed of each is needed.
+    """
+
+    def __init__(self, model: Model, conditions: Conditions, *, merge: bool = True) -> None:
         self.model = model
         self.conditions = conditions
         self._names = tuple(model.parameters)
@@ -47,19 +53,25 @@ class Prepared:
         ]
         self._flow: Flow | None = None
         self._moving: MovingHeights | None = None
+        if model.motor_slope_Nm_s is not None and not conditions.speed_measured:
+            return  # speeds go with the factors
         if moving:
-            self._moving = moving_heights(model, conditions)
+            self._moving = moving_heights(model, conditions) if merge else None
         else:
             flow = model.flow(conditions, model.parameters.values_array())
-            self._flow = merged(flow, len(conditions)) if mergeable(model) else flow
+            self._flow = merged(flow, len(conditions)) if merge and mergeable(model) else flow
+
+    def flow(self, values: Any) -> Flow:
+        """Return what the hooks see; `values` as `Model.thrust_N`."""
+        if self._moving is not None:
+            return self._moving.flow(values)
+        if self._flow is None:
+            return self.model.flow(self.conditions, values)
+        return self._flow._replace(radius_m=values[self._radius])
 
     def thrust_N(self, values: Any) -> Any:
         """Return the load cell's settled reading (..., m): N; `values` as `Model.thrust_N`."""
-        if self._moving is not None:
-            return self.model.reading_N(self._moving.flow(values), values)
-        if self._flow is None:
-            return self.model.thrust_N(self.conditions, values)
-        return self.model.reading_N(self._flow._replace(radius_m=values[self._radius]), values)
+        return self.model.reading_N(self.flow(values), values)
 
 
 def mergeable(model: Model) -> bool:

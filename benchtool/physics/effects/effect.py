@@ -108,6 +108,10 @@ class Hooks:
         coverage: a disc's covered fraction, changed.
         speed: a disc's commanded rotor speed, changed: rad/s.
         denominator: term of a disc's thrust denominator, added.
+        response: a disc's thrust ratio at its own speed for that of the sum (at equal induced
+            power), changed.
+        drag: a disc's drag torque over that far from any surface, at equal speed, for the sum's
+            thrust ratio; 1 without, one effect at most.
         factor: factor of a disc's thrust.
         torque: torque about the pitch axis, added: N m, positive nose down as in eq. (9).
         dry_friction: torque that the hinge can hold at rest or opposes to motion, added: N m, not
@@ -128,6 +132,8 @@ class Hooks:
     coverage: Hook | None = None
     speed: Hook | None = None
     denominator: Hook | None = None
+    response: Hook | None = None
+    drag: Hook | None = None
     factor: Hook | None = None
     torque: Hook | None = None
     dry_friction: Hook | None = None

@@ -9,8 +9,8 @@ import pytest
 
 from benchtool.core.errors import FileFormatError, InputError, UnknownChoice
 from benchtool.core.parameter import Prior
+from benchtool.physics.baseline import baseline_parameters
 from benchtool.physics.conditions import Conditions
-from benchtool.physics.model import baseline_parameters
 from benchtool.physics.model_file import load_model, model_from_toml, model_names, model_to_toml
 
 HEAD = "[model]\nname = 'x'\nrig = 'pquad'\n"

@@ -1,0 +1,90 @@
+"""T_IGE/T_OGE of a model with speed, pulse or power held equal between a visit and its reference.
+
+Where blades answer to inflow (`effects.blade_inflow`) the three differ: the rotor near a plate has
+another torque, so that it turns at another speed under the same pulse and draws another power.
+Without it they are one ratio, as the paper takes them.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from benchtool.core.errors import InputError
+from benchtool.core.rig import Motor
+from benchtool.physics.effects.effect import Flow, Quantity
+from benchtool.physics.model import Model
+from benchtool.physics.motor import (
+    electrical_W,
+    held_by_pulse_Nm,
+    speed_under_pulse,
+)
+
+POWER_STEPS = 14
+"""Steps from the speed at equal shaft power to that at equal electrical power. That goes with w^2.7
+to w^3.3, so that each step, by its cube root, leaves a tenth of the error."""
+
+
+def require_motor(model: Model, basis: str) -> None:
+    """Refuse a ratio at equal pulse of blades whose motor nobody has described."""
+    if basis == "equal_pwm" and model.answers_with_torque and model.rig.motor is None:
+        raise InputError(
+            f"at equal pulse a rotor near the plate turns at another speed, and rig "
+            f"{model.rig.name!r} has blades but no [motor] that says by how much; add the table "
+            f"(governed = true where the ESC holds the speed), or choose --basis equal_rpm2"
+        )
+
+
+def thrust_ratio(model: Model, basis: str, near: Flow, far: Flow, values: Any) -> Any:
+    """Return the thrust of the whole vehicle near over far (..., m), sensors left out.
+
+    Args:
+        model: whose rig describes the motors.
+        basis: "equal_rpm2", "equal_pwm" or "equal_power": shaft power where no motor is described.
+        near: at the speeds of the visit.
+        far: the reference, given at the same speeds.
+        values: all parameters (n_parameters, ...).
+    """
+    if basis != "equal_rpm2" and model.answers_with_torque:
+        drags = [model.drag_factors(flow, values) for flow in (near, far)]
+        moved = _at_equal_pulse if basis == "equal_pwm" else _at_equal_power
+        far = far._replace(speed_rad_s=moved(model, near, *drags))
+    return model.squared_speed(near, values) / model.squared_speed(far, values)
+
+
+def _at_equal_pulse(model: Model, near: Flow, drag: Any, far_drag: Any) -> list[Quantity]:
+    """Return the speed of each disc at the reference, where pulses are those of the visit."""
+    slope, c = model.motor_slope_Nm_s, model.rig.propulsion.drag_coefficient_Nm_s2
+    if slope is None:
+        return list(near.speed_rad_s)
+    out = []
+    for w, q, far_q, n in zip(
+        near.speed_rad_s, drag, far_drag, model.rig.rotors_on_disc, strict=True
+    ):
+        # n equal rotors on a disc turn at w / sqrt(n)
+        held = held_by_pulse_Nm(w / np.sqrt(n), c * q, slope)
+        out.append(np.sqrt(n) * speed_under_pulse(held, c * far_q, slope))
+    return out
+
+
+def _at_equal_power(model: Model, near: Flow, drag: Any, far_drag: Any) -> list[Quantity]:
+    """Return the speeds at the reference, one factor on all, where the power is the visit's."""
+    c, motor = model.rig.propulsion.drag_coefficient_Nm_s2, model.rig.motor
+    counts, speeds = model.rig.rotors_on_disc, near.speed_rad_s
+
+    def power_W(scale: Quantity, factors: Any, motor: Motor | None) -> Quantity:
+        total: Quantity = 0.0
+        for w, q, n, on in zip(speeds, factors, counts, near.active, strict=True):
+            each = scale * w / np.sqrt(n)
+            torque = c * q * each * each
+            drawn = each * torque if motor is None else electrical_W(motor, each, torque)
+            total = total + n * on * drawn
+        return total
+
+    scale = (power_W(1.0, drag, None) / power_W(1.0, far_drag, None)) ** (1.0 / 3.0)
+    if motor is not None and motor.Kv_rpm_V and motor.resistance_ohm:
+        wanted = power_W(1.0, drag, motor)
+        for _ in range(POWER_STEPS):
+            scale = scale * (wanted / power_W(scale, far_drag, motor)) ** (1.0 / 3.0)
+    return [scale * w for w in speeds]

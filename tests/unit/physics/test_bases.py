@@ -1,0 +1,165 @@
+"""Ratios of a model at equal speed, pulse and power, against motors solved by bisection."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from benchtool.core.errors import InputError
+from benchtool.core.rig import Motor, Rig
+from benchtool.core.rig_file import rig_named
+from benchtool.fit.least_squares import fit_least_squares
+from benchtool.fit.model_problem import problem_from_model
+from benchtool.fit.recipe import Basis
+from benchtool.physics.bases import thrust_ratio
+from benchtool.physics.blade_element import (
+    inflow_at_equal_thrust,
+    inflow_response,
+    profile_share,
+    thrust_at_equal_speed,
+    torque_at_equal_speed,
+)
+from benchtool.physics.conditions import Conditions
+from benchtool.physics.images import single_rotor_factor
+from benchtool.physics.model import Model
+from tests.unit.physics.blades import BLADE, MOTOR, bladed
+
+RATIOS: tuple[Basis, ...] = ("equal_rpm2", "equal_pwm", "equal_power")
+Z_M = 0.12 * np.array([0.6, 0.8, 1.0, 1.5, 2.0, 3.0])
+SPEED_RAD_S = np.array([400.0, 480.0, 560.0, 600.0, 500.0, 450.0])
+PER_VOLT = MOTOR.Kv_rpm_V * np.pi / 30.0
+
+
+def voltage(w: float, torque_Nm: float) -> float:
+    """Return what a motor needs to turn a torque at a speed: V."""
+    assert MOTOR.resistance_ohm is not None
+    current = MOTOR.no_load_current_A + PER_VOLT * torque_Nm
+    return w / PER_VOLT + MOTOR.resistance_ohm * current
+
+
+def reference_speed(basis: Basis, w: float, c: float, near: float, far: float) -> float:
+    """Return the speed at the reference that has the visit's pulse or power, by bisection."""
+
+    def held(speed: float, factor: float) -> float:
+        torque = c * factor * speed * speed
+        volts = voltage(speed, torque)
+        if basis == "equal_pwm":
+            return volts
+        return volts * (MOTOR.no_load_current_A + PER_VOLT * torque)
+
+    wanted = held(w, near)
+    return float(brentq(lambda v: held(v, far) - wanted, 0.5 * w, 2.0 * w, xtol=1e-11))
+
+
+def answers(radius_m: float, z_m: float) -> tuple[float, float]:
+    """Return thrust and torque ratio at equal speed of eq. (2)."""
+    kappa = inflow_at_equal_thrust(single_rotor_factor(radius_m, z_m))
+    m = inflow_response(BLADE)
+    return (
+        thrust_at_equal_speed(kappa, m),
+        torque_at_equal_speed(kappa, m, profile_share(BLADE)),
+    )
+
+
+def measured(basis: Basis, radius_m: float, parked_m: float, rig: Rig) -> NDArray[np.float64]:
+    """Return T_IGE/T_OGE of a bench that follows eq. (2) and whose plate parks at a distance."""
+    c, out = rig.propulsion.drag_coefficient_Nm_s2, []
+    far_t, far_q = answers(radius_m, parked_m)
+    for z, w in zip(Z_M, SPEED_RAD_S, strict=True):
+        t, q = answers(radius_m, z)
+        v = w if basis == "equal_rpm2" else reference_speed(basis, w, c, q, far_q)
+        out.append(t * w * w / (far_t * v * v))
+    return np.array(out)
+
+
+def at(rig: Rig, z_m: Any, **more: Any) -> Conditions:
+    return Conditions.of(
+        rig, speed_rad_s=SPEED_RAD_S[None, :], plate_z_m=np.broadcast_to(z_m, (6,)), **more
+    )
+
+
+@pytest.mark.parametrize("basis", RATIOS)
+def test_a_ratio_at_any_basis_gives_the_same_radius(basis: Basis) -> None:
+    rig, true_m, parked_m = bladed("pquad_single"), 0.128, 1.0
+    model = Model.single(rig).with_blades_of_rig().freed("R_m")
+    observed = measured(basis, true_m, parked_m, rig)
+    problem = problem_from_model(
+        model, at(rig, Z_M), observed, np.full(6, 1e-4), basis=basis, reference=at(rig, parked_m)
+    )
+    assert fit_least_squares(problem)["R_m"].value == pytest.approx(true_m, rel=1e-9)
+    printed = problem_from_model(
+        Model.single(rig).freed("R_m"), at(rig, Z_M), observed, np.full(6, 1e-4), basis=basis,
+        reference=at(rig, parked_m),
+    )  # fmt: skip
+    assert fit_least_squares(printed)["R_m"].value < 0.99 * true_m
+
+
+@pytest.mark.parametrize("basis", RATIOS)
+def test_alike_rotors_have_the_ratio_of_one(basis: Basis) -> None:
+    """Four apart, each over its own image alone, and two that blow through one disc."""
+    single = bladed("pquad_single")
+    found = []
+    for rig in (single, bladed("pquad"), replace(single, rotors=single.rotors * 2)):
+        model = Model.single(rig).with_blades_of_rig()
+        values, near = model.parameters.values_array(), at(rig, Z_M)
+        flows = model.flow(near, values), model.flow(near.out_of_ground_effect(), values)
+        found.append(thrust_ratio(model, basis, *flows, values))
+    np.testing.assert_allclose(found[1:], [found[0]] * 2, rtol=1e-12)
+
+
+def test_speeds_from_pulses_are_those_near_the_plate() -> None:
+    """The same visits, speeds read or taken from the pulses' map: equal ratios at equal pulse."""
+    rig = bladed("pquad")
+    model = Model.single(rig).with_effect("neighbour_images").with_blades_of_rig()
+    values = model.parameters.values_array()
+    pulses = at(rig, Z_M, speed_measured=False, plate_x_m=0.6)
+    far = pulses.out_of_ground_effect()
+    near_flow, far_flow = model.flow(pulses, values), model.flow(far, values)
+    expected = model.squared_speed(near_flow, values) / model.squared_speed(far_flow, values)
+    read = at(rig, Z_M, plate_x_m=0.6)
+    read.speed_rad_s[:] = np.array(near_flow.speed_rad_s)
+    far = read.out_of_ground_effect()
+    flows = model.flow(read, values), model.flow(far, values)
+    found = thrust_ratio(model, "equal_pwm", *flows, values)
+    np.testing.assert_allclose(found, expected, rtol=1e-13)
+    assert np.all(np.array(near_flow.speed_rad_s[0]) > SPEED_RAD_S)
+    np.testing.assert_allclose(near_flow.speed_rad_s[2], SPEED_RAD_S, rtol=1e-13)
+
+
+def test_without_blades_every_basis_is_the_papers() -> None:
+    rig = rig_named("pquad_single")
+    assert Model.single(rig).with_blades_of_rig().effects == Model.single(rig).effects
+    model = Model.single(bladed("pquad_single"))
+    values = model.parameters.values_array()
+    near, far = at(rig, Z_M), at(rig, 1e6)
+    flows = model.flow(near, values), model.flow(far, values)
+    law = single_rotor_factor(0.12, Z_M)
+    for basis in RATIOS:
+        np.testing.assert_allclose(thrust_ratio(model, basis, *flows, values), law, rtol=1e-9)
+
+
+def test_a_governed_motor_makes_pulse_and_speed_one_basis() -> None:
+    rig = bladed("pquad_single", Motor(governed=True))
+    model = Model.single(rig).with_blades_of_rig()
+    values = model.parameters.values_array()
+    flows = model.flow(at(rig, Z_M), values), model.flow(at(rig, 1.0), values)
+    by_speed = thrust_ratio(model, "equal_rpm2", *flows, values)
+    np.testing.assert_array_equal(thrust_ratio(model, "equal_pwm", *flows, values), by_speed)
+    by_power = thrust_ratio(model, "equal_power", *flows, values)  # of the shaft
+    q = [answers(0.12, z)[1] for z in (*Z_M, 1.0)]
+    expected = by_speed * (np.array(q[:-1]) / q[-1]) ** (-2.0 / 3.0)
+    np.testing.assert_allclose(by_power, expected, rtol=1e-13)
+
+
+def test_equal_pulse_without_a_motor_is_refused() -> None:
+    rig = bladed("pquad_single", None)
+    model = Model.single(rig).with_blades_of_rig().freed("R_m")
+    with pytest.raises(InputError, match=r"no \[motor\] that .*governed = true"):
+        problem_from_model(model, at(rig, Z_M), np.ones(6), basis="equal_pwm")
+    power = problem_from_model(model, at(rig, Z_M), np.ones(6), basis="equal_power")
+    assert power.facts["power"] == "of the shafts: the rig describes no motor"

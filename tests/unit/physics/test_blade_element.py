@@ -1,0 +1,158 @@
+"""Blade-element momentum theory against worked values, closed slopes and an inflow by rings."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from benchtool.core.rig import Blade, Motor
+from benchtool.physics.blade_element import (
+    inflow_at_equal_thrust,
+    inflow_response,
+    profile_share,
+    thrust_at_equal_speed,
+    thrust_coefficient,
+    torque_at_equal_speed,
+    torque_coefficient,
+)
+from benchtool.physics.images import single_rotor_factor
+from benchtool.physics.motor import held_by_pulse_Nm, speed_near_plate, torque_per_speed
+from tests.unit.physics.blades import BLADE, MOTOR
+
+DENSITY, RADIUS_M, VOLTAGE = 1.225, 0.12, 6.5
+DISC_M2 = np.pi * RADIUS_M**2
+
+# z/R, G of eq. (2), kappa, T at equal rpm, Q at equal rpm, T at equal shaft power, w and T at equal
+# pulse; last the T at equal rpm of an inflow solved ring by ring
+TABLE = [
+    (0.5, 1.333333, 0.649519, 1.247530, 0.931187, 1.308256, 1.004956, 1.259925, 1.2371),
+    (1.0, 1.066667, 0.907730, 1.059283, 0.992489, 1.064621, 1.000536, 1.060420, 1.0569),
+    (2.0, 1.015873, 0.976654, 1.014631, 0.998671, 1.015531, 1.000095, 1.014823, 1.0140),
+    (3.0, 1.006993, 0.989601, 1.006487, 0.999453, 1.006853, 1.000039, 1.006565, 1.0062),
+]
+
+
+def coefficients(kappa: float, blade: Blade = BLADE) -> tuple[float, float]:
+    c_T = thrust_coefficient(blade.solidity, blade.lift_slope, blade.pitch_rad, kappa)
+    return c_T, torque_coefficient(blade.solidity, blade.profile_drag, kappa, c_T)
+
+
+def drag_Nm_s2(kappa: float) -> float:
+    """Return Q / w^2 from the coefficient: N m s2."""
+    return DENSITY * DISC_M2 * RADIUS_M**3 * coefficients(kappa)[1]
+
+
+def speed_at_voltage(kappa: float) -> float:
+    """Return the speed at which the motor's torque at `VOLTAGE` is the rotor's, by bisection."""
+    per_volt = MOTOR.Kv_rpm_V * np.pi / 30.0
+
+    def surplus(w: float) -> float:
+        current = (VOLTAGE - w / per_volt) / MOTOR.resistance_ohm - MOTOR.no_load_current_A
+        return current / per_volt - drag_Nm_s2(kappa) * w * w
+
+    return float(brentq(surplus, 1.0, VOLTAGE * per_volt, xtol=1e-12))
+
+
+def test_a_free_rotor_has_the_worked_coefficients() -> None:
+    c_T, c_Q = coefficients(1.0)
+    assert (round(c_T, 6), round(c_Q, 6)) == (0.012489, 0.001362)
+    assert round(inflow_response(BLADE), 4) == 0.9016
+    assert speed_at_voltage(1.0) == pytest.approx(572.78, abs=0.005)
+
+
+@pytest.mark.parametrize("row", TABLE, ids=lambda row: f"z/R {row[0]}")
+def test_every_basis_gives_the_worked_ratio(row: tuple[float, ...]) -> None:
+    z, G, kappa, thrust, torque, at_power, speed, at_pulse, _ = row
+    law = single_rotor_factor(1.0, z)
+    inflow = inflow_at_equal_thrust(law)
+    m, share = inflow_response(BLADE), profile_share(BLADE)
+    t, q = thrust_at_equal_speed(inflow, m), torque_at_equal_speed(inflow, m, share)
+    slope = torque_per_speed(MOTOR)
+    assert slope is not None
+    free = speed_at_voltage(1.0)
+    w = speed_near_plate(free, drag_Nm_s2(1.0), q, slope) / free
+    found = [law, inflow, t, q, t * q ** (-2.0 / 3.0), w, t * w * w]
+    expected = [G, kappa, thrust, torque, at_power, speed, at_pulse]
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=5.1e-7)
+
+
+def test_hayden_at_one_radius() -> None:
+    inflow = inflow_at_equal_thrust((0.9926 + 0.03794 * 4.0) ** (2.0 / 3.0))
+    m, share = inflow_response(BLADE), profile_share(BLADE)
+    t, q = thrust_at_equal_speed(inflow, m), torque_at_equal_speed(inflow, m, share)
+    free, slope = speed_at_voltage(1.0), torque_per_speed(MOTOR)
+    assert slope is not None
+    w = speed_near_plate(free, drag_Nm_s2(1.0), q, slope) / free
+    assert round(inflow ** (-2.0 / 3.0), 6) == 1.094062
+    assert (round(t, 6), round(t * w * w, 6)) == (1.082053, 1.083894)
+
+
+@pytest.mark.parametrize("kappa", [0.4, 0.649519, 0.9, 1.0, 1.1])
+def test_ratios_are_those_of_the_coefficients(kappa: float) -> None:
+    (c_T, c_Q), (free_T, free_Q) = coefficients(kappa), coefficients(1.0)
+    m, share = inflow_response(BLADE), profile_share(BLADE)
+    assert thrust_at_equal_speed(kappa, m) == pytest.approx(c_T / free_T, rel=1e-14)
+    assert torque_at_equal_speed(kappa, m, share) == pytest.approx(c_Q / free_Q, rel=1e-14)
+    inflow = kappa * np.sqrt(c_T / 2.0)
+    by_element = 0.5 * BLADE.solidity * BLADE.lift_slope * (BLADE.pitch_rad / 3.0 - inflow / 2.0)
+    assert c_T == pytest.approx(by_element, rel=1e-14)
+
+
+@pytest.mark.parametrize("m", [0.2, 0.9016, 1.0, 3.0])
+def test_slopes_where_inflow_is_free(m: float) -> None:
+    """Induced torque falls with the inflow only for m below 1; at m above 1 it rises first."""
+    step = 1e-30j
+    thrust = thrust_at_equal_speed(1.0 + step, m).imag / 1e-30
+    torque = torque_at_equal_speed(1.0 + step, m, 0.0).imag / 1e-30
+    assert thrust == pytest.approx(-m / (1.0 + m / 2.0), rel=1e-13)
+    assert torque == pytest.approx((1.0 - m) / (1.0 + m / 2.0), rel=1e-13, abs=1e-13)
+    assert (torque_at_equal_speed(0.99, m, 0.0) > 1.0) == (m > 1.0)
+
+
+@pytest.mark.parametrize("G", [1.02, 1.3333, 2.0, 5.0])
+@pytest.mark.parametrize("m", [0.1, 0.9, 2.5])
+def test_without_profile_drag_equal_shaft_power_is_the_law(G: float, m: float) -> None:
+    kappa = inflow_at_equal_thrust(G)
+    t, q = thrust_at_equal_speed(kappa, m), torque_at_equal_speed(kappa, m, 0.0)
+    assert t * q ** (-2.0 / 3.0) == pytest.approx(G, rel=1e-13)
+
+
+def test_a_pulse_holds_what_the_motor_equation_says() -> None:
+    """Kv^2 Rm alone matters: the voltage and the current without load drop out."""
+    slope, kappa = torque_per_speed(MOTOR), 0.7
+    assert slope is not None
+    free = speed_at_voltage(1.0)
+    factor = coefficients(kappa)[1] / coefficients(1.0)[1]
+    w = speed_near_plate(free, drag_Nm_s2(1.0), factor, slope)
+    assert w == pytest.approx(speed_at_voltage(kappa), rel=1e-10)
+    held = [held_by_pulse_Nm(w, drag_Nm_s2(kappa), slope)]
+    assert held[0] == pytest.approx(held_by_pulse_Nm(free, drag_Nm_s2(1.0), slope), rel=1e-13)
+    assert torque_per_speed(Motor(governed=True)) is None
+    assert torque_per_speed(None) is None
+
+
+def test_a_law_past_its_pole_stops_the_inflow() -> None:
+    """A fit may try a radius there: thrust stays finite, at 1 + m times the free one."""
+    for factor in (np.inf, -3.0):
+        kappa = inflow_at_equal_thrust(np.float64(factor))
+        assert kappa == 0.0
+        assert thrust_at_equal_speed(kappa, 0.9) == pytest.approx(1.9, rel=1e-14)
+
+
+def by_rings(kappa_of_law: float, rings: int = 4000) -> float:
+    """Return C_T of untwisted blades with the inflow solved in every ring by itself."""
+    r = (np.arange(rings) + 0.5) / rings
+    half = BLADE.solidity * BLADE.lift_slope * kappa_of_law**2 / 16.0
+    inflow = half * (np.sqrt(1.0 + 2.0 * BLADE.pitch_rad * r / half) - 1.0)
+    element = 0.5 * BLADE.solidity * BLADE.lift_slope * (BLADE.pitch_rad * r**2 - inflow * r)
+    return float(element.mean())
+
+
+@pytest.mark.parametrize("row", TABLE, ids=lambda row: f"z/R {row[0]}")
+def test_uniform_inflow_is_four_per_cent_of_the_increment_off(row: tuple[float, ...]) -> None:
+    kappa = inflow_at_equal_thrust(single_rotor_factor(1.0, row[0]))
+    rings = by_rings(kappa) / by_rings(1.0)
+    assert rings == pytest.approx(row[-1], abs=5.1e-5)
+    uniform = thrust_at_equal_speed(kappa, inflow_response(BLADE))
+    assert (rings - 1.0) / (uniform - 1.0) == pytest.approx(0.957, abs=0.003)
