@@ -18,6 +18,7 @@ import sys
 from collections.abc import Callable, Iterator
 from functools import lru_cache
 from importlib.util import find_spec
+from itertools import count
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias, TypeVar
 
@@ -69,6 +70,10 @@ def compile_expressions() -> None:
         _registered.add("records")
 
 
+WIDTH_BYTES = 8
+"""Of a number in an array that a loop borrows: floats and 64-bit integers."""
+
+
 class Slot(NamedTuple):
     """Say where a record stands in a block of rows, one column per lane.
 
@@ -94,13 +99,19 @@ def write_record(block: Any, slot: Any, lane: Any, lanes: Any, record: Any) -> N
         flat[(slot.first + position) * lanes + lane] = value
 
 
-def borrowed(arrays: Any) -> Any:
-    """Return an array, or a record of arrays, that the caller keeps alive.
+def borrowed(table: Any, like: Any) -> Any:
+    """Return a record of arrays that the caller keeps alive, from a table of where they stand.
 
-    A compiled loop does not count references to it: counting costs more than a plant step, because
-    every part of a loop that is handed a record of arrays counts each of them.
+    Args:
+        table: of each array a row: address and lengths of three axes (`simulate.layout.lent`). In
+            Python it is the record itself.
+        like: a record of the same type; for an array a number of its type in as many tuples as it
+            has axes.
+
+    A compiled loop does not count references to them: counting costs more than a plant step,
+    because every part of a loop that is handed a record of arrays counts each of them.
     """
-    return arrays
+    return table
 
 
 def replaced(values: Any, i: int, value: Any) -> Any:
@@ -127,8 +138,11 @@ def _register_records() -> None:
     from numba import types
     from numba.core import cgutils
     from numba.extending import lower_builtin, type_callable
+    from numba.np.arrayobj import populate_array
 
     tools: Any = cgutils
+    record_type: Any = types.BaseTuple.from_types
+    populate: Any = populate_array
 
     def places(context: Any, builder: Any, kinds: Any, values: Any) -> Any:
         """Return a function that gives the address of the next row at every call."""
@@ -180,27 +194,43 @@ def _register_records() -> None:
         builder.store(context.cast(builder, values[2], value, tuple_kind.dtype), place)
         return builder.load(room)
 
+    def arrays_like(kind: Any) -> Any:
+        """Return the type of arrays of a form."""
+        if hasattr(kind, "instance_class"):
+            return record_type([arrays_like(each) for each in kind.types], kind.instance_class)
+        axes = 0
+        while hasattr(kind, "types"):
+            kind, axes = kind.types[0], axes + 1
+        return types.Array(kind, axes, "C")
+
     def borrow(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        def without_owner(kind: Any, value: Any) -> Any:
+        table = context.make_array(signature.args[0])(context, builder, values[0]).data
+        row = count()
+
+        def number() -> Any:
+            return builder.load(builder.gep(table, [tools.intp_t(next(row))]))
+
+        def made(kind: Any) -> Any:
             if hasattr(kind, "types"):
-                parts = [
-                    without_owner(each, builder.extract_value(value, position))
-                    for position, each in enumerate(kind.types)
-                ]
-                return context.make_tuple(builder, kind, parts)
-            array = context.make_array(kind)(context, builder, value)
-            array.meminfo = tools.get_null_value(array.meminfo.type)
+                return context.make_tuple(builder, kind, [made(each) for each in kind.types])
+            array = context.make_array(kind)(context, builder)
+            address, *lengths = [number() for _ in range(4)]
+            shape, strides = lengths[: kind.ndim], [tools.intp_t(WIDTH_BYTES)]
+            for length in reversed(shape[1:]):
+                strides.insert(0, builder.mul(strides[0], length))
+            data = builder.inttoptr(address, array.data.type)
+            populate(array, data, shape, strides, WIDTH_BYTES, None)
             return array._getvalue()  # noqa: SLF001
 
-        return without_owner(signature.return_type, values[0])
+        return made(signature.return_type)
 
     typed: Any = type_callable
     lowered: Any = lower_builtin
     typed(read_record)(lambda context: lambda block, slot, lane, lanes: slot.types[1])
     typed(write_record)(lambda context: lambda block, slot, lane, lanes, record: types.none)
-    typed(borrowed)(lambda context: lambda arrays: arrays)
+    typed(borrowed)(lambda context: lambda table, like: arrays_like(like))
     typed(replaced)(lambda context: lambda values, i, value: values)
-    lowered(borrowed, types.Any)(borrow)
+    lowered(borrowed, types.Array, types.Any)(borrow)
     lowered(replaced, types.UniTuple, types.Any, types.Any)(replace)
     lowered(read_record, types.Array, *[types.Any] * 3)(read)
     lowered(write_record, types.Array, *[types.Any] * 4)(write)
@@ -225,23 +255,18 @@ def compiled_closure(function: Function, key: str) -> Function:
     numba the closure is returned as it stands; without a folder that can be written, or where
     numba's cache has changed, it compiles anew in every process.
     """
-    return _machine_code(function, key)  # type: ignore[return-value]
-
-
-def _machine_code(function: Callable[..., Any], key: str) -> Callable[..., Any]:
-    """Return the compiled form of a function, or the function itself without numba."""
     try:
         compile_expressions()
     except MissingLibrary:
         return function
     import numba
 
-    machine_code: Callable[..., Any] = numba.njit(error_model="numpy", nogil=True)(function)
+    machine_code: Any = numba.njit(error_model="numpy", nogil=True)(function)
     try:
-        machine_code._cache = _cache_under(key)(function)  # type: ignore[attr-defined]  # noqa: SLF001
+        machine_code._cache = _cache_under(key)(function)  # noqa: SLF001
     except (ImportError, AttributeError, TypeError, OSError, RuntimeError, IndexError):
         pass  # no folder that can be written, or another numba: compile in every process
-    return machine_code
+    return machine_code  # type: ignore[no-any-return]
 
 
 def _cache_under(key: str) -> Any:

@@ -1,7 +1,9 @@
 """One closed loop for a vehicle that is held, hinged or free: control ticks made of plant steps.
 
-What a vehicle does in each part of a tick is a phase. A phase is a function of one lane that reads
-the records it needs from the lane's column and writes those that it changes: phase(a, lane, now).
+One source for every use: a single run, a batch (several lanes that the compiler runs side by side),
+a controller written in Python (one tick per call), a log that is filtered, and plain NumPy where
+numba is not installed. What a vehicle does in each part of a tick is a phase, phase(a, now): for
+every lane it reads the records that it needs and writes those that it changes.
 """
 
 from __future__ import annotations
@@ -23,20 +25,35 @@ class LoopPlan(NamedTuple):
         driver: who controls.
         delayed: whether commands arrive late.
         log_every: ticks from one row of the log to the next.
+        before: ticks that lie before the first one in time.
+        held: whether the plant stands still: commands are sent on their way, and nothing moves.
+        late_theta, late_rate, late_plate: delays of a bench's sensors in ticks.
     """
 
     substeps: Any = 1
     driver: Any = 0
     delayed: Any = 0
     log_every: Any = 1
+    before: Any = 0
+    held: Any = 0
+    late_theta: Any = 0
+    late_rate: Any = 0
+    late_plate: Any = 0
 
 
 PLAN = Slot(0, LoopPlan())
 
 
+class Build(NamedTuple):
+    """Hold what a loop is compiled for: one entry per lane, and where records stand."""
+
+    lanes: Any
+    to: Any
+
+
 class Instant(NamedTuple):
-    """Where a loop is: tick, the time at its beginning (s), plant step within it, plan, and what no
-    lane changes (geometry, the length of a plant step `dt_s`).
+    """Where a loop is: tick, the time at its beginning (s), plant step within it, plan; what no
+    lane changes (geometry, the length of a plant step `dt_s`), and what is wanted in the tick.
     """
 
     tick: Any
@@ -44,13 +61,15 @@ class Instant(NamedTuple):
     part: Any
     plan: Any
     fixed: Any
+    wanted: Any
 
 
 class Phases(NamedTuple):
-    """Hold what a vehicle does in each part of a tick, as functions of one lane.
+    """Hold what a vehicle does in each part of a tick.
 
     Attributes:
         fixed: fixed(a) -> what no lane changes, read once; it has `dt_s`.
+        wanted: wanted(a, tick) -> what is wanted, from the schedule.
         law: from readings to a command.
         mix: from a command to the speeds that the motors are to reach.
         move: a plant step: surround (heights and coverages), wrench, motion.
@@ -59,11 +78,23 @@ class Phases(NamedTuple):
     """
 
     fixed: Any
+    wanted: Any
     law: Any
     mix: Any
     move: Any
     sense: Any
     goes_on: Any
+
+
+@loop_part
+def nothing(a: Any, now: Any) -> None:
+    """Stand for a phase in which nothing happens."""
+
+
+@loop_part
+def always(a: Any) -> bool:
+    """Return that there is a next step."""
+    return True
 
 
 @loop_part
@@ -77,42 +108,39 @@ def run_ticks(a: Any, plan: Any, first: Any, last: Any, build: Any, phases: Any)
         plan: `LoopPlan`, as integers.
         first: control tick to begin with; -1 only senses.
         last: control tick to stop before.
-        build: `lanes`, a tuple with one entry per lane, and `to`, where records stand.
+        build: `Build`. The number of lanes is known when the loop is compiled, and the loops over
+            lanes hold no other loop.
         phases: `Phases`.
     """
     w, to, at = a.w, build.to, len(build.lanes)
     now = read_record(plan, PLAN, 0, 1)
-    fixed = phases.fixed(a)
+    fixed, steps, ring = phases.fixed(a), now.substeps * (1 - now.held), a.sent.shape[1]
+    place, row = max(first, 0) % ring, (max(first, 0) + now.log_every - 1) // now.log_every
     for tick in range(first, last):
-        time_s = tick * now.substeps * fixed.dt_s
+        wanted = phases.wanted(a, max(tick, 0))
         if tick >= 0:
-            instant = Instant(tick, time_s, 0, now, fixed)
+            time_s = (now.before + tick) * now.substeps * fixed.dt_s
+            instant = Instant(tick, time_s, 0, now, fixed, wanted)
             if now.driver == BUILT_IN:
+                phases.law(a, instant)
+            phases.mix(a, instant)
+            for i in range(len(to.targets.like.sent_rad_s)):
                 for lane in range(at):
-                    phases.law(a, lane, instant)
-            for lane in range(at):
-                phases.mix(a, lane, instant)
-            place = tick % a.sent.shape[1]
-            for lane in range(at):
-                sent = read_record(w, to.targets, lane, at).sent_rad_s
-                for i in range(len(sent)):
-                    a.sent[i, place, lane] = sent[i]
-            if tick % now.log_every == 0:
+                    a.sent[i, place, lane] = read_record(w, to.targets, lane, at).sent_rad_s[i]
+            place = place + 1 if place + 1 < ring else 0  # a remainder costs a tenth of a tick
+            if tick == row * now.log_every:
                 for channel in range(len(a.logged)):
                     for lane in range(at):
-                        row = a.logged[channel] * at + lane
-                        a.log[tick // now.log_every, channel, lane] = w[row]
-            for part in range(now.substeps):
+                        a.log[row, channel, lane] = w[a.logged[channel] * at + lane]
+                row += 1
+            for part in range(steps):
                 if now.delayed > 0:
                     for lane in range(at):
                         step = tick * now.substeps + part
                         arrive_lane(w, lane, at, a.sent, step, now.substeps, to)
-                instant = Instant(tick, time_s, part, now, fixed)
-                for lane in range(at):
-                    phases.move(a, lane, instant)
+                phases.move(a, Instant(tick, time_s, part, now, fixed, wanted))
                 if not phases.goes_on(a):
                     return tick
-        instant = Instant(tick + 1, (tick + 1) * now.substeps * fixed.dt_s, 0, now, fixed)
-        for lane in range(at):
-            phases.sense(a, lane, instant)
+        time_s = (now.before + tick + 1) * now.substeps * fixed.dt_s
+        phases.sense(a, Instant(tick + 1, time_s, 0, now, fixed, wanted))
     return last

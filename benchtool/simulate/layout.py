@@ -1,20 +1,20 @@
-"""Where named records stand in one flat block, and many arrays in one block for quick calls.
+"""Where named records stand in one flat block, and where arrays stand for quick calls.
 
 Each array that is handed to a compiled function costs some 50 ns a call, and a named tuple
-microseconds: twenty of them cost more than a control tick itself. In one block with a table of
-places they cost two arrays.
+microseconds: twenty of them cost more than a control tick itself. A table of their addresses costs
+one array.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator
+from functools import cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchtool.core.array import Array
-from benchtool.physics.expression import Slot, loop_part, numbers_of
+from benchtool.physics.expression import Slot, numbers_of
 
 
 class Layout:
@@ -63,50 +63,37 @@ def zeroed(record: Any) -> Any:
     return type(record)(*parts) if hasattr(record, "_fields") else tuple(parts)
 
 
-WIDTH_BYTES = 8
-"""Of an element of the block; arrays of floats and of 64-bit integers fit."""
+LINE, PLANE, SOLID, COUNTS = (0.0,), ((0.0,),), (((0.0,),),), (0,)
+"""Forms of arrays of floats with one to three axes, and of integers with one, see `borrowed`."""
 
 
-def in_one_block(
-    arrays: Sequence[NDArray[Any]],
-) -> tuple[NDArray[np.float64], NDArray[np.int64], list[NDArray[Any]]]:
-    """Return one block that holds copies of the arrays, where each stands, and views into it.
+def lent(loop: Callable[..., Any], arrays: Any) -> Any:
+    """Return what a loop takes for a record of arrays, see `borrowed`; keep them while it may run.
 
     Args:
-        arrays: of 8-byte elements, with one to three axes.
-
-    Returns:
-        block (total,); places (n_arrays, 5): begin, end, lengths of three axes; views like
-        `arrays`.
+        loop: from `compiled_closure`; one that is not compiled takes the record itself.
+        arrays: a named tuple whose defaults are the arrays' forms.
     """
-    ends = np.cumsum([array.size for array in arrays])
-    block = np.empty(int(ends[-1]))
-    places = np.ones((len(arrays), 5), np.int64)
-    views: list[NDArray[Any]] = []
-    for k, array in enumerate(arrays):
-        assert array.dtype.itemsize == WIDTH_BYTES
-        begin, end = int(ends[k]) - array.size, int(ends[k])
-        view = block[begin:end].view(array.dtype).reshape(array.shape)
-        view[...] = array
-        places[k, :2] = begin, end
-        places[k, 2 : 2 + array.ndim] = array.shape
-        views.append(view)
-    return block, places, views
+    if not hasattr(loop, "py_func"):
+        return arrays
+    given = list(leaves(arrays))
+    for array, (dtype, axes) in zip(given, _forms(arrays.__class__), strict=True):
+        if (array.dtype, array.ndim, array.flags.c_contiguous) != (dtype, axes, True):
+            raise TypeError(f"a loop takes a block of {dtype} with {axes} axes, got {array!r}")
+    return np.array(
+        [(array.ctypes.data, *array.shape, *(1,) * (3 - array.ndim)) for array in given], np.int64
+    )
 
 
-@loop_part
-def line(block: Any, places: Any, k: int) -> Any:
-    """Return array k with one axis."""
-    return block[places[k, 0] : places[k, 1]]
+def leaves(record: Any) -> Iterator[Any]:
+    """Yield the fields of a record that are no records themselves, in order."""
+    for part in record:
+        if hasattr(part, "_fields"):
+            yield from leaves(part)
+        else:
+            yield part
 
 
-@loop_part
-def plane(block: Any, places: Any, k: int) -> Any:
-    """Return array k with two axes."""
-    return block[places[k, 0] : places[k, 1]].reshape((places[k, 2], places[k, 3]))
-
-
-@loop_part
-def solid(block: Any, places: Any, k: int) -> Any:
-    """Return array k with three axes."""
-    return block[places[k, 0] : places[k, 1]].reshape((places[k, 2], places[k, 3], places[k, 4]))
+@cache
+def _forms(kind: Callable[[], Any]) -> list[tuple[np.dtype[Any], int]]:
+    return [(np.asarray(form).dtype, np.ndim(form)) for form in leaves(kind())]

@@ -20,6 +20,7 @@ from benchtool.core.array import Array
 from benchtool.core.errors import InputError
 from benchtool.physics.expression import Slot
 from benchtool.simulate.flight.height_grid import DiscGrid, HeightGrid
+from benchtool.simulate.layout import LINE, PLANE, SOLID
 
 ALWAYS = (-1e9, -1e9, 1e9, 1e9)
 """Times of a block that never moves: begins to come, is there, begins to go, is gone: s."""
@@ -196,9 +197,9 @@ class Tables(NamedTuple):
         numbers: a `MapNumbers`.
     """
 
-    blocks: Array
-    seen: Array
-    numbers: Array
+    blocks: Any = PLANE
+    seen: Any = SOLID
+    numbers: Any = LINE
 
 
 def _overlap(a: Sequence[float], b: Sequence[float]) -> bool:

@@ -23,7 +23,7 @@ from benchtool.simulate.flight.vehicle import FlightVehicle
 from benchtool.simulate.gain_file import Gains
 from benchtool.simulate.hooks import loop_effects, loop_numbers
 from benchtool.simulate.kernel import BUILT_IN, CALLER, LoopPlan
-from benchtool.simulate.layout import zeroed
+from benchtool.simulate.layout import lent, zeroed
 from benchtool.simulate.motors import Rotors, motion_of
 from benchtool.simulate.noise import lane_states
 
@@ -286,7 +286,8 @@ class FlightLoop:
 
     def run(self) -> None:
         """Fly with the controller of the case."""
-        self.ended = self.loops.run(self.arrays, self.plan, -1, self.n_ticks)
+        run = self.loops.run
+        self.ended = run(lent(run, self.arrays), self.plan, -1, self.n_ticks)
 
     def flight(self, own: str = "") -> Flight:
         """Return what has been flown; `own` names the user's controller.

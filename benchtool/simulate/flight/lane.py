@@ -23,7 +23,6 @@ from benchtool.simulate.flight.records import (
     LOST,
     NOISE,
     STRUCK,
-    TICK,
     FlightOutcome,
     GroundTorque,
 )
@@ -44,10 +43,11 @@ from benchtool.simulate.noise import next_state, normal
 def control_vehicle(a: Any, now: Any, to: Any, law: Any) -> None:
     """Run a built-in law: a controller's step, with its state in the vehicle's records."""
     w, measured = a.w, read_record(a.w, to.measured, 0, 1)
-    wanted = read_record(a.schedule, TICK, now.tick, a.schedule.shape[1])
     chart, expected = read_record(w, to.chart, 0, 1), read_record(w, to.expected, 0, 1)
     p, state = read_record(w, to.law, 0, 1), read_record(w, to.law_state, 0, 1)
-    state, command = law(p, state, measured, wanted.reference, now.plan.substeps * now.fixed.dt_s)
+    state, command = law(
+        p, state, measured, now.wanted.reference, now.plan.substeps * now.fixed.dt_s
+    )
     write_record(w, to.law_state, 0, 1, state)
     factor = expected.factor
     for i in range(len(factor)):
@@ -68,8 +68,7 @@ def mix_vehicle(
     """
     w, command = a.w, read_record(a.w, to.command, 0, 1)
     craft, p = read_record(w, to.craft, 0, 1), read_record(w, to.effects, 0, 1)
-    wanted = read_record(a.schedule, TICK, now.tick, a.schedule.shape[1])
-    write_record(w, to.wanted, 0, 1, wanted)
+    write_record(w, to.wanted, 0, 1, now.wanted)
     speeds = craft.x_m
     for i in range(len(speeds)):
         thrust = craft.per_thrust[i] * command.thrust_N + craft.per_roll[i] * command.roll_Nm

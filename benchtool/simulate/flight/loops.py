@@ -5,8 +5,6 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from benchtool.physics.disc_thrust import owned
 from benchtool.physics.effects.effect import Effect
 from benchtool.physics.expression import (
@@ -17,7 +15,6 @@ from benchtool.physics.expression import (
     read_record,
 )
 from benchtool.physics.fold import chained, each, identity
-from benchtool.simulate.flight.environment import Tables
 from benchtool.simulate.flight.ground import surround
 from benchtool.simulate.flight.lane import (
     control_vehicle,
@@ -26,57 +23,19 @@ from benchtool.simulate.flight.lane import (
     sense_vehicle,
     still_going,
 )
-from benchtool.simulate.flight.records import FlightArrays, geometry_slot
+from benchtool.simulate.flight.records import TICK, FlightArrays, geometry_slot
 from benchtool.simulate.hooks import identities, joined_hooks
-from benchtool.simulate.kernel import Phases, run_ticks
-from benchtool.simulate.layout import Layout, in_one_block, line, plane, solid
-
-
-class FlightBuild(NamedTuple):
-    """Hold what a loop is compiled for: one entry per lane, and where records stand."""
-
-    lanes: Any
-    to: Any
+from benchtool.simulate.kernel import Build, Phases, run_ticks
+from benchtool.simulate.layout import Layout
 
 
 class FlightLoops(NamedTuple):
-    """Hold the loops of a flight.
-
-    Attributes:
-        run: run(arrays, plan, first, last) -> the tick at which it ended.
-        tick: tick(block, places, plan, first, last), the same with the arrays in one block.
-        look: see `ground.surround`.
+    """Hold what a flight runs: run(arrays, plan, first, last) -> the tick at which it ended, with
+    the arrays as `layout.lent`; and look, see `ground.surround`.
     """
 
     run: Any
-    tick: Any
     look: Any
-
-
-def packed(arrays: FlightArrays) -> tuple[Any, Any]:
-    """Return the arrays in one block, and where each stands: see `in_one_block`."""
-    *single, below, chart = arrays
-    block, places, _ = in_one_block([*single, *below, *chart])
-    return block, places
-
-
-@loop_part
-def unpacked(block: Any, places: Any) -> FlightArrays:
-    """Return the arrays that `packed` put into a block, as views."""
-    return FlightArrays(
-        line(block, places, 0),
-        line(block, places, 1).view(np.int64),
-        solid(block, places, 2),
-        solid(block, places, 3),
-        line(block, places, 4).view(np.int64),
-        plane(block, places, 5),
-        plane(block, places, 6),
-        plane(block, places, 7),
-        plane(block, places, 8),
-        line(block, places, 9),
-        Tables(plane(block, places, 10), solid(block, places, 11), line(block, places, 12)),
-        Tables(plane(block, places, 13), solid(block, places, 14), line(block, places, 15)),
-    )
 
 
 @lru_cache(maxsize=64)
@@ -99,29 +58,25 @@ def flight_loops(
         step: of the law that controls.
     """
     n, to = max(disc_of) + 1, layout.places
-    ones, n_rotors = (1.0,) * n, len(disc_of)
+    ones, n_rotors, like = (1.0,) * n, len(disc_of), FlightArrays()
     hooks = joined_hooks(effects, n, rule, arms)
-    slot, build = geometry_slot(n, len(arms)), FlightBuild((0,), to)
+    slot, build = geometry_slot(n, len(arms)), Build((0,), to)
     look = surround(n, hooks)
     speed = chained(owned(effects, "speed"))
     rotor_speeds = each(
         n_rotors, expression(lambda i, flow, p: speed(i, flow.speed_rad_s[i], flow, p))
     )
     fixed = expression(lambda a: read_record(a.geometry, slot, 0, 1))
-    law = loop_part(lambda a, lane, now: control_vehicle(a, now, to, step))
-    mix = loop_part(lambda a, lane, now: mix_vehicle(a, now, to, hooks(), rotor_speeds, disc_of))
-    move = loop_part(lambda a, lane, now: move_vehicle(a, now, to, hooks(), look, disc_of, ones))
-    sense = loop_part(lambda a, lane, now: sense_vehicle(a, now, to, hooks(), look, disc_of, ones))
+    wanted = loop_part(lambda a, tick: read_record(a.schedule, TICK, tick, a.schedule.shape[1]))
+    law = loop_part(lambda a, now: control_vehicle(a, now, to, step))
+    mix = loop_part(lambda a, now: mix_vehicle(a, now, to, hooks(), rotor_speeds, disc_of))
+    move = loop_part(lambda a, now: move_vehicle(a, now, to, hooks(), look, disc_of, ones))
+    sense = loop_part(lambda a, now: sense_vehicle(a, now, to, hooks(), look, disc_of, ones))
     goes_on = loop_part(lambda a: still_going(a, to))
-    phases: Any = expression(lambda: Phases(fixed, law, mix, move, sense, goes_on))
+    phases: Any = expression(lambda: Phases(fixed, wanted, law, mix, move, sense, goes_on))
     key = repr((disc_of, rule, arms, identity(step), layout.records, identities(effects)))
 
     def run(arrays: Any, plan: Any, first: Any, last: Any) -> Any:
-        return run_ticks(borrowed(arrays), plan, first, last, build, phases())
+        return run_ticks(borrowed(arrays, like), plan, first, last, build, phases())
 
-    def tick(block: Any, places: Any, plan: Any, first: Any, last: Any) -> Any:
-        return run_ticks(
-            unpacked(borrowed(block), borrowed(places)), plan, first, last, build, phases()
-        )
-
-    return FlightLoops(compiled_closure(run, key), compiled_closure(tick, key), look)
+    return FlightLoops(compiled_closure(run, key), look)

@@ -15,8 +15,8 @@ from benchtool.simulate.controllers.controller import (
     FlightReference,
 )
 from benchtool.simulate.flight.flight import Flight, FlightCase, FlightLoop
-from benchtool.simulate.flight.loops import packed, unpacked
 from benchtool.simulate.flight.records import tick_rows
+from benchtool.simulate.layout import lent
 from benchtool.simulate.own_controller import raised, unusable
 
 WANTED = "a FlightCommand(thrust_N, roll_Nm, pitch_Nm, yaw_Nm) of finite numbers"
@@ -39,15 +39,14 @@ def fly_own(case: FlightCase, controller: FlightController, name: str) -> Flight
     loop = FlightLoop(case, external=True)
     # What nobody asks for and nobody estimates stands in no log.
     loop.view("law_state.estimate")[:] = loop.view("law_state.attitude")[:] = np.nan
-    block, places = packed(loop.arrays)
-    loop.arrays = unpacked(block, places)
-    tick, plan, n_discs = loop.loops.tick, loop.plan, case.vehicle.rig.n_discs
+    run, plan, n_discs = loop.loops.run, loop.plan, case.vehicle.rig.n_discs
+    arrays = lent(run, loop.arrays)
     n_scalars, rate_Hz = len(FlightMeasurement._fields) - 2, case.gains.control_rate_Hz
     seen, command = loop.view("measured"), loop.view("command")
     wrench, factors = command[:4], command[4:]
     wanted = loop.arrays.schedule[tick_rows("reference")].T.tolist()
     step, new = controller.step, tuple.__new__  # spares the named tuples' own constructors
-    tick(block, places, plan, -1, 0)
+    run(arrays, plan, -1, 0)
     for period in range(loop.n_ticks):
         time_s = period / rate_Hz
         read = seen.tolist()
@@ -71,7 +70,7 @@ def fly_own(case: FlightCase, controller: FlightController, name: str) -> Flight
             usable = False
         if not usable:
             raise _faulty(controller, given, time_s, n_discs)
-        loop.ended = tick(block, places, plan, period, period + 1)
+        loop.ended = run(arrays, plan, period, period + 1)
         if loop.ended == period:
             break
     return loop.flight(name)

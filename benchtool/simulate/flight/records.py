@@ -14,7 +14,7 @@ from benchtool.simulate.controllers.controller import (
 from benchtool.simulate.flight.environment import Tables
 from benchtool.simulate.flight.ground import Below
 from benchtool.simulate.flight.rigid_body import FreeBody
-from benchtool.simulate.layout import Layout, rows_in
+from benchtool.simulate.layout import COUNTS, LINE, PLANE, SOLID, Layout, rows_in
 from benchtool.simulate.motors import Motion, Rotors, Targets
 
 GOING, STRUCK, LOST = 0.0, 1.0, 2.0
@@ -162,18 +162,18 @@ class FlightArrays(NamedTuple):
         below, chart: tables of what is there, and of the map of it.
     """
 
-    w: Any
-    states: Any
-    sent: Any
-    log: Any
-    logged: Any
-    schedule: Any
-    noise: Any
-    gusts: Any
-    scratch: Any
-    geometry: Any
-    below: Tables
-    chart: Tables
+    w: Any = LINE
+    states: Any = COUNTS
+    sent: Any = SOLID
+    log: Any = SOLID
+    logged: Any = COUNTS
+    schedule: Any = PLANE
+    noise: Any = PLANE
+    gusts: Any = PLANE
+    scratch: Any = PLANE
+    geometry: Any = LINE
+    below: Tables = Tables()
+    chart: Tables = Tables()
 
 
 def geometry_slot(n_discs: int, n_arms: int) -> Slot:

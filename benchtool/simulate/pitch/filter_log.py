@@ -13,13 +13,13 @@ from benchtool.core.array import Array
 from benchtool.core.errors import InputError
 from benchtool.core.parameter import Parameters
 from benchtool.core.schedule import PARKED_M, SampledSchedule
+from benchtool.physics.expression import numbers_of
 from benchtool.physics.model import Model
 from benchtool.simulate.controllers.pitch import PitchControl
 from benchtool.simulate.pitch.bench import STEPS_PER_LAG, PitchBench
-from benchtool.simulate.pitch.filter_ticks import FREE, RESTART, WAIT, FilterGains, LoggedTick
+from benchtool.simulate.pitch.filter_ticks import FREE, RESTART, FilterGains, LoggedTick
+from benchtool.simulate.pitch.records import Setpoint
 from benchtool.simulate.pitch.run import PitchJob, PitchLoop
-
-_MODE = LoggedTick._fields.index("mode")
 
 PARKED_FROM_M = 0.95 * PARKED_M
 """Plate readings from here on count as parked: a noisy reading of 1.0 is no plate."""
@@ -196,18 +196,19 @@ def _filtered(
     for k in range(0, len(benches), LANES[-1]):
         some = benches[k : k + LANES[-1]]
         loop = _loop(some, logged, None if seed is None else seed + k)
-        read = (logged.mode, logged.theta_rad, logged.gyro_rad_s, *logged.speed_rad_s)
-        ticks = np.array(read, float)
-        found = []
+        setpoint = Setpoint(*loop.planned("setpoint"))
+        ticks = LoggedTick(
+            setpoint, (*loop.planned("pwm_us"),), logged.mode, logged.theta_rad,
+            logged.gyro_rad_s, (*logged.speed_rad_s,),
+        )  # fmt: skip
+        table, found = np.array(numbers_of(ticks), float), []
         for (first, start, stop), begun in zip(windows, states, strict=True):
             if begun is not None:
                 wide = begun[:, k : k + LANES[-1]]
                 wide = np.pad(wide, ((0, 0), (0, loop.lanes - wide.shape[1])), mode="edge")
                 loop.view("hinge")[:3] = wide[:3]
                 loop.set_speeds(wide[3:])
-            ticks[_MODE, first:start] = WAIT
-            log = loop.filter(ticks, gains, before, (first, stop))[start - first :, :, : len(some)]
-            ticks[_MODE, first:start] = logged.mode[first:start]
+            log = loop.filter(table, gains, before, (first, start, stop))[:, :, : len(some)]
             scalars = [log[:, k] for k in range(5)]
             found.append(Predictions(*scalars, *np.split(log[:, 5:], 2, axis=1)))
         parts.append(found)

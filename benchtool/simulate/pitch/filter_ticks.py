@@ -12,23 +12,29 @@ from typing import Any, NamedTuple
 
 from benchtool.physics.expression import Slot, loop_part, read_record, replaced, write_record
 from benchtool.simulate.motors import Rotors
-from benchtool.simulate.pitch.kernel import move_all, send_all
-from benchtool.simulate.pitch.records import PLAN, Command, Hinge, SensorReadings
+from benchtool.simulate.pitch.records import Hinge, SensorReadings, Setpoint
 
-FREE, CORRECT, RESTART, WAIT = range(4)
-"""What to do with a tick: run on without its readings, correct by them, begin anew from them, or
-only send its pulses, so that a delay has them when the plant begins to move."""
+FREE, CORRECT, RESTART = range(3)
+"""What to do with a tick: run on without its readings, correct by them, begin anew from them."""
 
 
 class LoggedTick(NamedTuple):
-    """What was read at a tick: what to do with it, pitch (rad), gyro (rad/s), and the speed of each
-    disc (rad/s); nan where nothing was.
+    """One column of a log: what holds of a schedule (`records.Tick`); what to do with the tick, and
+    what was read: pitch (rad), gyro (rad/s), speed of each disc (rad/s); nan where nothing was.
     """
 
+    setpoint: Any
+    pwm_us: Any
     mode: Any
     theta_rad: Any
     gyro_rad_s: Any
     speed_rad_s: Any
+
+
+def logged_slot(n_discs: int) -> Slot:
+    """Return the slot of one column of a log for so many discs."""
+    discs = (0.0,) * n_discs
+    return Slot(0, LoggedTick(Setpoint(), discs, 0.0, 0.0, 0.0, discs))
 
 
 class FilterGains(NamedTuple):
@@ -49,56 +55,9 @@ GAINS = Slot(0, FilterGains())
 
 
 @loop_part
-def filter_ticks(
-    a: Any,
-    plan: Any,
-    first: Any,
-    last: Any,
-    logged: Any,
-    gains: Any,
-    before: Any,
-    build: Any,
-    hooks: Any,
-) -> None:
-    """Filter a log with every lane.
-
-    Args:
-        a: `kernel.LoopArrays`.
-        plan: `PitchPlan`, as integers.
-        first: row to begin with.
-        last: row to stop before.
-        logged: (3 + n, n_ticks) a `LoggedTick` per column.
-        gains: `FilterGains` (7,), the same for all lanes.
-        before: how many ticks of the experiment lie before the first row.
-        build: `kernel.Build`.
-        hooks: `hooks.Hooks`.
-    """
-    w, to, at = a.w, build.to, len(build.lanes)
-    now = read_record(plan, PLAN, 0, 1)
-    discs = read_record(a.geometry, build.geometry, 0, 1)
-    by, shown = read_record(gains, GAINS, 0, 1), Slot(0, LoggedTick(0.0, 0.0, 0.0, discs.x_m))
-    dt_s, substeps, n_ticks = discs.dt_s, now.substeps, a.schedule.shape[1]
-    for tick in range(first, last):
-        time_s = (before + tick) * substeps * dt_s
-        planned = read_record(a.schedule, build.tick, tick, n_ticks)
-        read = read_record(logged, shown, tick, n_ticks)
-        for lane in range(at):
-            write_record(w, to.setpoint, lane, at, planned.setpoint)
-            held = read_record(w, to.command, lane, at)
-            driven = Command(held.torque_Nm, held.difference_us, held.factor, planned.pwm_us)
-            write_record(w, to.command, lane, at, driven)
-        for lane in range(at):
-            correct_lane(w, lane, at, read, by, discs, to, hooks)
-        send_all(a, tick, time_s, discs, build, hooks)
-        moving = substeps if read.mode != WAIT else 0
-        move_all(a, now, tick, moving, time_s, discs, build, hooks)
-
-
-@loop_part
-def correct_lane(
-    w: Any, lane: Any, at: Any, logged: Any, by: Any, discs: Any, to: Any, hooks: Any
-) -> None:
+def correct_lane(w: Any, lane: Any, at: Any, now: Any, by: Any, to: Any, hooks: Any) -> None:
     """Predict the readings of a tick and correct one lane's state by what was read."""
+    logged, discs = now.wanted, now.fixed
     hinge, rotors = read_record(w, to.hinge, lane, at), read_record(w, to.rotors, lane, at)
     shown = read_record(w, to.readings, lane, at)
     p = read_record(w, to.effects, lane, at)

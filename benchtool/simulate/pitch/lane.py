@@ -55,10 +55,9 @@ def scaled(values: Any, by: Any) -> Any:
 
 
 @loop_part
-def step_lane(
-    w: Any, lane: Any, at: Any, states: Any, discs: Any, time_s: Any, to: Any, hooks: Any
-) -> None:
+def step_lane(w: Any, lane: Any, at: Any, states: Any, now: Any, to: Any, hooks: Any) -> None:
     """Advance the bench of one lane by one plant step; `to` says where its records stand."""
+    discs, time_s = now.fixed, now.time_s
     body, motion = read_record(w, to.body, lane, at), read_record(w, to.motion, lane, at)
     hinge, rotors = read_record(w, to.hinge, lane, at), read_record(w, to.rotors, lane, at)
     plate = read_record(w, to.setpoint, lane, at)

@@ -6,23 +6,48 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 from benchtool.physics.effects.effect import Effect
-from benchtool.physics.expression import borrowed, compiled_closure
+from benchtool.physics.expression import (
+    borrowed,
+    compiled_closure,
+    expression,
+    loop_part,
+    read_record,
+    write_record,
+)
 from benchtool.physics.fold import identity
 from benchtool.simulate.controllers.controller import PitchLaw
 from benchtool.simulate.hooks import identities, joined_hooks
+from benchtool.simulate.kernel import PULSES, Build, Phases, always, nothing, run_ticks
 from benchtool.simulate.layout import Layout
-from benchtool.simulate.pitch.filter_ticks import filter_ticks
-from benchtool.simulate.pitch.kernel import Build, run_ticks, unpacked_arrays
-from benchtool.simulate.pitch.records import geometry_slot, tick_slot
+from benchtool.simulate.pitch.filter_ticks import GAINS, correct_lane, logged_slot
+from benchtool.simulate.pitch.lane import sense_lane, step_lane
+from benchtool.simulate.pitch.law import (
+    control_lane,
+    divide_lane,
+    drive_lane,
+    expect_lane,
+    mix_lane,
+    turn_lane,
+)
+from benchtool.simulate.pitch.records import (
+    FRESH,
+    PAST,
+    Delayed,
+    PitchArrays,
+    geometry_slot,
+    tick_slot,
+)
+
+LAST = PAST - 1
+"""Picks the place of a tick among `PAST`."""
 
 
-class Loops(NamedTuple):
-    """Hold compiled loops: run(arrays, plan, first, last), tick(block, places, plan, number), and
-    filter(arrays, plan, first, last, logged, gains, before).
+class PitchLoops(NamedTuple):
+    """Hold compiled loops: run(arrays, plan, first, last), with the arrays as `layout.lent`, and
+    filter, the same along a log.
     """
 
     run: Any
-    tick: Any
     filter: Any
 
 
@@ -35,7 +60,7 @@ def pitch_loops(
     rule: str,
     arms: tuple[int, ...],
     law: PitchLaw,
-) -> Loops:
+) -> PitchLoops:
     """Return the loops of these effects and this law.
 
     Args:
@@ -47,23 +72,81 @@ def pitch_loops(
         arms: how many images of eq. (4) are equally far, see `disc_thrust`.
         law: what controls.
     """
-    build = Build(
-        tuple(range(lanes)), layout.places, tick_slot(n_discs), geometry_slot(n_discs, len(arms)),
-        (1.0,) * n_discs,
-    )  # fmt: skip
+    to, ones, build = layout.places, (1.0,) * n_discs, Build(tuple(range(lanes)), layout.places)
+    planned, logged = tick_slot(n_discs), logged_slot(n_discs)
+    slot, like = geometry_slot(n_discs, len(arms)), PitchArrays()
     hooks, step = joined_hooks(effects, n_discs, rule, arms), law.step
+    fixed = expression(lambda a: read_record(a.geometry, slot, 0, 1))
+    wanted = loop_part(lambda a, tick: read_record(a.schedule, planned, tick, a.schedule.shape[1]))
+    shown = loop_part(lambda a, tick: read_record(a.schedule, logged, tick, a.schedule.shape[1]))
+
+    @loop_part
+    def control(a: Any, now: Any) -> None:
+        for lane in range(lanes):
+            control_lane(a.w, lane, lanes, now, to, step)
+
+    @loop_part
+    def correct(a: Any, now: Any) -> None:
+        by = read_record(a.gains, GAINS, 0, 1)
+        for lane in range(lanes):
+            correct_lane(a.w, lane, lanes, now, by, to, hooks())
+
+    @loop_part
+    def mix(a: Any, now: Any) -> None:
+        if now.wanted.feedforward > 0.0:
+            for lane in range(lanes):
+                expect_lane(a.w, lane, lanes, now, to, hooks())
+        else:
+            for lane in range(lanes):
+                divide_lane(a.w, lane, lanes, ones, to)
+        if now.plan.driver == PULSES:
+            for lane in range(lanes):
+                drive_lane(a.w, lane, lanes, now, to)
+        else:
+            for lane in range(lanes):
+                mix_lane(a.w, lane, lanes, now, to)
+        for lane in range(lanes):
+            turn_lane(a.w, lane, lanes, now, to, hooks())
+
+    @loop_part
+    def drive(a: Any, now: Any) -> None:
+        for lane in range(lanes):
+            drive_lane(a.w, lane, lanes, now, to)
+        for lane in range(lanes):
+            turn_lane(a.w, lane, lanes, now, to, hooks())
+
+    @loop_part
+    def move(a: Any, now: Any) -> None:
+        for lane in range(lanes):
+            step_lane(a.w, lane, lanes, a.states, now, to, hooks())
+
+    @loop_part
+    def sense(a: Any, now: Any) -> None:
+        w, place, plan = a.w, now.tick & LAST, now.plan
+        for lane in range(lanes):
+            hinge, plate = read_record(w, to.hinge, lane, lanes), now.wanted.setpoint
+            a.past[0, place, lane] = hinge.theta_rad
+            a.past[1, place, lane] = hinge.rate_rad_s
+            a.past[2, place, lane] = plate.plate_z_m
+        theta_at, rate_at = (now.tick - plan.late_theta) & LAST, (now.tick - plan.late_rate) & LAST
+        plate_at = (now.tick - plan.late_plate) & LAST
+        for lane in range(lanes):
+            late = Delayed(
+                a.past[0, theta_at, lane], a.past[1, rate_at, lane], a.past[2, plate_at, lane]
+            )
+            write_record(w, to.delayed, lane, lanes, late)
+        fresh = read_record(a.fresh, FRESH, now.tick, a.fresh.shape[1])
+        for lane in range(lanes):
+            sense_lane(w, lane, lanes, a.states, fresh, now.fixed, to, hooks())
+
+    closed: Any = expression(lambda: Phases(fixed, wanted, control, mix, move, sense, always))
+    along: Any = expression(lambda: Phases(fixed, shown, correct, drive, move, nothing, always))
     key = repr((n_discs, lanes, rule, arms, identity(step), layout.records, identities(effects)))
 
-    def run(arrays: Any, plan: Any, first: Any, last: Any) -> None:
-        run_ticks(borrowed(arrays), plan, first, last, build, step, hooks())
+    def run(arrays: Any, plan: Any, first: Any, last: Any) -> Any:
+        return run_ticks(borrowed(arrays, like), plan, first, last, build, closed())
 
-    def tick(block: Any, places: Any, plan: Any, number: Any) -> None:
-        arrays = unpacked_arrays(borrowed(block), borrowed(places))
-        run_ticks(arrays, plan, number, number + 1, build, step, hooks())
+    def filter_(arrays: Any, plan: Any, first: Any, last: Any) -> Any:
+        return run_ticks(borrowed(arrays, like), plan, first, last, build, along())
 
-    def filter_(
-        arrays: Any, plan: Any, first: Any, last: Any, logged: Any, gains: Any, before: Any
-    ) -> None:
-        filter_ticks(borrowed(arrays), plan, first, last, logged, gains, before, build, hooks())
-
-    return Loops(*(compiled_closure(loop, key) for loop in (run, tick, filter_)))
+    return PitchLoops(compiled_closure(run, key), compiled_closure(filter_, key))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -34,14 +33,11 @@ def geometry_of(model: Model, dt_s: float) -> Array:
         raise InputError(
             f"rig {rig.name!r} has no rotor before or behind the hinge; take another rig"
         )
-    parts: list[Any] = [
-        dt_s,
-        places[:, 0],
-        places[:, 1],
-        np.sqrt(counts),
-        rig.disc_distances_m,
-        model.body_arms_m,
-    ]
+    roots = np.sqrt(counts)
+    span_m2 = sum(root * root * x * x for root, x in zip(roots, places[:, 0], strict=True))
+    parts = r.Geometry(
+        dt_s, span_m2, places[:, 0], places[:, 1], roots, rig.disc_distances_m, model.body_arms_m
+    )
     return np.concatenate([np.ravel(part) for part in parts])
 
 

@@ -11,8 +11,11 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 from benchtool.physics.expression import Slot
-from benchtool.simulate.layout import Layout
+from benchtool.simulate.layout import COUNTS, LINE, PLANE, SOLID, Layout
 from benchtool.simulate.motors import Motion, Rotors, Targets
+
+PAST = 64
+"""Control ticks that delayed sensors may look back; a power of two, see `loops.LAST`."""
 
 
 class Hinge(NamedTuple):
@@ -151,25 +154,7 @@ class Fresh(NamedTuple):
     speed: Any = 0.0
 
 
-class PitchPlan(NamedTuple):
-    """Integers of a run.
-
-    Attributes:
-        substeps: plant steps per tick.
-        driver: who controls: `kernel.BUILT_IN`, `CALLER`, or `PULSES` of the schedule.
-        delayed: whether commands arrive late.
-        late_theta, late_rate, late_plate: delays of the sensors in ticks.
-    """
-
-    substeps: Any = 1
-    driver: Any = 0
-    delayed: Any = 0
-    late_theta: Any = 0
-    late_rate: Any = 0
-    late_plate: Any = 0
-
-
-class Places(NamedTuple):
+class PitchPlaces(NamedTuple):
     """Where every record stands in the block of a bench with so many discs and effects."""
 
     hinge: Slot
@@ -197,7 +182,7 @@ def layout_for(n_discs: int, n_numbers: int, law: Any, law_state: Any) -> Layout
     """Return the layout for so many discs and effects' numbers; a law's numbers as an example."""
     discs, numbers = (0.0,) * n_discs, (0.0,) * max(n_numbers, 1)
     return Layout(
-        Places,
+        PitchPlaces,
         hinge=Hinge(),
         rotors=Rotors(discs),
         targets=Targets(discs, discs, discs),
@@ -219,20 +204,50 @@ def layout_for(n_discs: int, n_numbers: int, law: Any, law_state: Any) -> Layout
     )
 
 
+class PitchArrays(NamedTuple):
+    """Hold the arrays of a run.
+
+    Attributes:
+        w: records of every lane, flat: row times lanes plus lane (`PitchPlaces`).
+        states: state of each lane's random numbers (n_lanes,).
+        sent: speeds commanded lately (n_discs, n_ring, n_lanes).
+        past: true pitch, rate and plate distance lately (3, n_past, n_lanes), for delayed sensors.
+        log: (n_ticks, n_logged, n_lanes), filled with the rows `logged` of each tick.
+        logged: rows to log (n_logged,).
+        schedule: (n_rows, n_ticks), a `Tick` per column; `filter_ticks.LoggedTick` for a filter.
+        fresh: (n_sensors, n_ticks + 1) which sensors have a new reading at a tick.
+        geometry: a `Geometry` (n_numbers,).
+        gains: of a filter, `filter_ticks.FilterGains` (n_gains,).
+    """
+
+    w: Any = LINE
+    states: Any = COUNTS
+    sent: Any = SOLID
+    past: Any = SOLID
+    log: Any = SOLID
+    logged: Any = COUNTS
+    schedule: Any = PLANE
+    fresh: Any = PLANE
+    geometry: Any = LINE
+    gains: Any = LINE
+
+
 def tick_slot(n_discs: int) -> Slot:
     """Return the slot of one column of a schedule for so many discs."""
     return Slot(0, Tick(Setpoint(), 0.0, 0.0, 0.0, 0.0, 0.0, (0.0,) * n_discs))
 
 
-PLAN, FRESH = Slot(0, PitchPlan()), Slot(0, Fresh())
+FRESH = Slot(0, Fresh())
 
 
 class Geometry(NamedTuple):
-    """Plant step: s. Places of the discs (n,): m; root of the number of rotors on each (n,);
-    distances between discs (n, n) and from the body's centre (n_arms,): m.
+    """Plant step: s. Sum of the rotors' squared arms: m2. Places of the discs (n,): m; root of the
+    number of rotors on each (n,); distances between discs (n, n) and from the body's centre
+    (n_arms,): m.
     """
 
     dt_s: Any
+    span_m2: Any
     x_m: Any
     y_m: Any
     roots: Any
@@ -243,4 +258,4 @@ class Geometry(NamedTuple):
 def geometry_slot(n_discs: int, n_arms: int) -> Slot:
     """Return the slot of a geometry."""
     discs = (0.0,) * n_discs
-    return Slot(0, Geometry(0.0, discs, discs, discs, (discs,) * n_discs, (0.0,) * n_arms))
+    return Slot(0, Geometry(0.0, 0.0, discs, discs, discs, (discs,) * n_discs, (0.0,) * n_arms))

@@ -18,18 +18,15 @@ from benchtool.simulate.controllers.controller import PitchPlant
 from benchtool.simulate.controllers.pitch import Feedforward, PitchControl
 from benchtool.simulate.hooks import loop_effects
 from benchtool.simulate.imperfections import due
-from benchtool.simulate.kernel import BUILT_IN, CALLER, PULSES
-from benchtool.simulate.layout import Layout, in_one_block, rows_in, zeroed
+from benchtool.simulate.kernel import BUILT_IN, CALLER, PULSES, LoopPlan
+from benchtool.simulate.layout import Layout, lent, rows_in, zeroed
 from benchtool.simulate.noise import lane_states
 from benchtool.simulate.pitch import records as r
 from benchtool.simulate.pitch.bench import SENSOR_NAMES, PitchBench, PitchSensor
-from benchtool.simulate.pitch.kernel import LoopArrays
+from benchtool.simulate.pitch.filter_ticks import FilterGains
 from benchtool.simulate.pitch.loops import pitch_loops
 from benchtool.simulate.pitch.pack import geometry_of, pack
 from benchtool.simulate.pitch.result import LOGGED
-
-PAST = 64
-"""Control ticks that delayed sensors may look back."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -119,7 +116,7 @@ class PitchLoop:
         like = law.numbers(control, PitchPlant(1.0, 1.0))
         self.layout = r.layout_for(self.n_discs, n_numbers, zeroed(like), law.state)
         arms = model.arm_counts
-        self._loops = pitch_loops(
+        self.loops = pitch_loops(
             effects, self.layout, self.n_discs, self.lanes, model.wake_rule, arms, law
         )
         packed = {
@@ -133,10 +130,10 @@ class PitchLoop:
             [column[self.layout.rows("motion.delay_steps")] for column in columns]
         )
         self.ring = int(delays.max()) // self.substeps + 3
-        self.w = np.ascontiguousarray(np.stack(columns, axis=1)).reshape(-1)
+        self.w = np.stack(columns, axis=1).reshape(-1)
         self.states = lane_states(seed, list(runs))
         self.sent = np.zeros((self.n_discs, self.ring, self.lanes))
-        self.past = np.zeros((3, PAST, self.lanes))
+        self.past = np.zeros((3, r.PAST, self.lanes))
         self.rows = _row_numbers(self.layout, LOGGED)
         shape = (ticks, len(self.rows), self.lanes)
         self.log = log if log is not None and log.shape == shape else np.empty(shape)
@@ -150,7 +147,8 @@ class PitchLoop:
         on_old = [self.view(f"motion.{half}")[1] for half in ("first", "second")]
         delayed = delays.any() or np.any(on_old)
         driver = CALLER if external else BUILT_IN
-        self.plan = np.array(r.PitchPlan(self.substeps, driver, bool(delayed), *late), np.int64)
+        plan = LoopPlan(self.substeps, driver, bool(delayed), 1, 0, 0, *late)
+        self.plan = np.array(plan, np.int64)
         self._settle(first)
 
     def _settle(self, job: PitchJob) -> None:
@@ -179,18 +177,19 @@ class PitchLoop:
 
     def run(self, first: int = 0, last: int | None = None) -> None:
         """Run control ticks from `first` up to `last`."""
-        end = len(self.schedule) if last is None else last
-        self._loops.run(self._arrays(), self.plan, first, end)
+        arrays, run = self.arrays(), self.loops.run
+        run(lent(run, arrays), self.plan, first, len(self.schedule) if last is None else last)
 
-    def _arrays(self) -> LoopArrays:
-        return LoopArrays(
+    def arrays(self) -> r.PitchArrays:
+        """Return the loop's arrays."""
+        return r.PitchArrays(
             self.w, self.states, self.sent, self.past, self.log, self.rows, self.table, self.fresh,
-            self.geometry,
+            self.geometry, np.zeros(len(FilterGains._fields)),
         )  # fmt: skip
 
     def set_driver(self, driver: int) -> None:
         """Set who controls: `BUILT_IN`, `CALLER` or `PULSES`."""
-        self.plan[r.PitchPlan._fields.index("driver")] = driver
+        self.plan[LoopPlan._fields.index("driver")] = driver
 
     def drive(self, pwm_us: Array) -> None:
         """Take the pulses (n_discs, n_ticks) from a log; no controller runs."""
@@ -198,33 +197,34 @@ class PitchLoop:
         self.planned("pwm_us")[:] = pwm_us
         self.set_driver(PULSES)
 
-    def filter(self, logged: Array, gains: Array, before: int, span: tuple[int, int]) -> Array:
+    def filter(self, log: Array, gains: Array, before: int, span: tuple[int, int, int]) -> Array:
         """Filter a log and return its rows (n_ticks, n_rows, n_lanes), see `FILTERED`.
 
         Args:
-            logged: (3 + n_discs, n_ticks), a `filter_ticks.LoggedTick` per column.
+            log: (n_numbers, n_ticks), a `filter_ticks.LoggedTick` per column.
             gains: (7,), `filter_ticks.FilterGains`.
             before: how many ticks of the experiment lie before the log's first row.
-            span: the first row to filter, and the one to stop before.
+            span: the row from which pulses are sent, so that a delay has them when the plant begins
+                to move; the first row to filter, and the one to stop before.
         """
         rows = _row_numbers(self.layout, FILTERED)
-        log = np.empty((len(self.schedule), len(rows), self.lanes))
-        arrays = self._arrays()._replace(log=log, logged=rows)
-        self._loops.filter(arrays, self.plan, *span, logged, gains, before)
-        part = log[slice(*span)]
-        return part if len(part) == len(log) else part.copy()
+        found = np.empty((len(self.schedule), len(rows), self.lanes))
+        arrays = self.arrays()._replace(log=found, logged=rows, schedule=log, gains=gains)
+        run = self.loops.filter
+        for held, first, last in ((1, *span[:2]), (0, *span[1:])):
+            plan = LoopPlan(*self.plan)._replace(driver=BUILT_IN, before=before, held=held)
+            run(lent(run, arrays), np.array(plan, np.int64), first, last)
+        part = found[slice(*span[1:])]
+        return part if len(part) == len(found) else part.copy()
 
-    def stepper(self) -> Callable[[int], None]:
-        """Return a function that runs one control tick, as quickly as it can be called.
+    def stepper(self) -> Callable[[int, int], None]:
+        """Return a function that runs control ticks, as quickly as it can be called.
 
-        The loop's arrays become views into one block: take them from the loop afterwards.
+        Its arguments: the first tick, and the one to stop before. It goes on with the loop's
+        present arrays: change them in place.
         """
-        arrays = self._arrays()._replace(fresh=self.fresh.astype(float))
-        block, where, views = in_one_block(list(arrays))
-        for name in ("w", "states", "sent", "past", "log"):
-            setattr(self, name, getattr(LoopArrays(*views), name))
-        self.table = LoopArrays(*views).schedule
-        return partial(self._loops.tick, block, where, self.plan)
+        self._stepped = self.arrays()
+        return partial(self.loops.run, lent(self.loops.run, self._stepped), self.plan)
 
 
 def substeps_of(bench: PitchBench, rate_Hz: float) -> int:
@@ -263,18 +263,18 @@ def scheduled(
 
 
 @lru_cache(maxsize=4)
-def fresh_flags(rates_Hz: tuple[float, ...], ticks: int, control_Hz: float) -> NDArray[np.uint8]:
+def fresh_flags(rates_Hz: tuple[float, ...], ticks: int, control_Hz: float) -> Array:
     """Return which sensor has a new reading at which tick (n_sensors, n_ticks + 1)."""
     flags = [due(0, ticks + 1, rate_Hz, control_Hz) for rate_Hz in rates_Hz]
-    return np.stack(flags).astype(np.uint8)
+    return np.stack(flags).astype(float)
 
 
 def sensor_delay(bench: PitchBench, name: str, rate_Hz: float) -> int:
     """Return a sensor's delay in control ticks."""
     delay_s = bench.sensors.get(name, PitchSensor()).delay_s
     ticks = round(delay_s * rate_Hz)
-    if ticks >= PAST:
+    if ticks >= r.PAST:
         raise InputError(
-            f"{name}.delay_s is {delay_s:g} s, above {(PAST - 1) / rate_Hz:g} s; lower it"
+            f"{name}.delay_s is {delay_s:g} s, above {(r.PAST - 1) / rate_Hz:g} s; lower it"
         )
     return ticks

@@ -121,7 +121,7 @@ def own_ticks(loop: PitchLoop) -> Callable[[PitchController, int, int, int], Non
             if not usable:
                 raise _faulty(controller, command, time_s)
             sent[:2] = torque, difference
-            advance(first + number)
+            advance(first + number, first + number + 1)
 
     return run
 

@@ -10,6 +10,7 @@ import sys
 import textwrap
 from importlib import import_module
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -31,6 +32,7 @@ from benchtool.physics.expression import (
 from benchtool.physics.images import partial_factor, self_image, thrust_factor
 from benchtool.physics.rotor import ground_effect_thrust_N, speed_from_pwm
 from benchtool.physics.wake_rules import WAKE_RULES, notes_weight
+from benchtool.simulate.layout import lent
 from tests.unit.physics.general_sum import body_images, neighbour_images
 
 X = np.array([0.225, 0.0, -0.225, 0.0])
@@ -235,21 +237,35 @@ def test_without_numba_a_loop_runs_as_it_stands(monkeypatch: pytest.MonkeyPatch)
     assert compiled_closure(summed, "a test")(np.array([1.0, 0.1]), 0.5) == 0.6
 
 
+class Two(NamedTuple):
+    counts: Any = (0,)
+    plane: Any = ((0.0,),)
+
+
+class Lent(NamedTuple):
+    line: Any = (0.0,)
+    two: Two = Two()
+
+
 def test_a_compiled_loop_writes_to_borrowed_arrays_without_counting_references() -> None:
     numba = pytest.importorskip("numba")
     compile_expressions()
+    like = Lent()
 
     @numba.njit
-    def fill(arrays):
-        first, (second,) = borrowed(arrays)
+    def fill(table):
+        first, second = borrowed(table, like)
         for i in range(len(first)):
-            first[i] = second[i, 0]
+            first[i] = second.plane[i, 1] + second.counts[i]
+        second.plane[2, 0] = 9.0
         return first[0]
 
-    arrays = (np.zeros(3), (np.arange(1.0, 7.0).reshape(3, 2),))
-    counts = [sys.getrefcount(arrays[0]), sys.getrefcount(arrays[1][0])]
-    assert fill(arrays) == 1.0
-    np.testing.assert_array_equal(arrays[0], [1.0, 3.0, 5.0])
-    assert [sys.getrefcount(arrays[0]), sys.getrefcount(arrays[1][0])] == counts
+    arrays = Lent(np.zeros(3), Two(np.arange(3) * 10, np.arange(1.0, 7.0).reshape(3, 2)))
+    assert fill(lent(fill, arrays)) == 2.0
+    np.testing.assert_array_equal(arrays.line, [2.0, 14.0, 26.0])
+    assert arrays.two.plane[2, 0] == 9.0
     assert "call void @NRT_incref" not in fill.inspect_llvm(fill.signatures[0])
-    assert borrowed(arrays) is arrays
+    assert borrowed(arrays, like) is lent(fill.py_func, arrays) is arrays
+    for other in (np.zeros((3, 1)), np.arange(3), np.zeros(6)[::2]):
+        with pytest.raises(TypeError, match="with 1 axes"):
+            lent(fill, arrays._replace(line=other))
