@@ -90,6 +90,11 @@ class Motor(FiniteTable):
     resistance_ohm: Positive | None = None
     no_load_current_A: NotNegative = 0.0
 
+    @property
+    def has_curve(self) -> bool:
+        """Whether its torque at a voltage and speed is known."""
+        return self.Kv_rpm_V is not None and self.resistance_ohm is not None
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Body(FiniteTable):

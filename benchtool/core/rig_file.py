@@ -76,7 +76,7 @@ def _check(rig: Rig, where: str) -> None:
             f"{propulsion.pwm_stop_us:g}, {propulsion.pwm_start_us:g}, {propulsion.pwm_max_us:g}",
         )
     motor = rig.motor
-    if motor and not motor.governed and not (motor.Kv_rpm_V and motor.resistance_ohm):
+    if motor and not motor.governed and not motor.has_curve:
         raise FileFormatError(
             where,
             "motor needs Kv_rpm_V and resistance_ohm, or governed = true where the ESC holds "

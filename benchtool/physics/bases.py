@@ -83,7 +83,7 @@ def _at_equal_power(model: Model, near: Flow, drag: Any, far_drag: Any) -> list[
         return total
 
     scale = (power_W(1.0, drag, None) / power_W(1.0, far_drag, None)) ** (1.0 / 3.0)
-    if motor is not None and motor.Kv_rpm_V and motor.resistance_ohm:
+    if motor is not None and motor.has_curve:
         wanted = power_W(1.0, drag, motor)
         for _ in range(POWER_STEPS):
             scale = scale * (wanted / power_W(scale, far_drag, motor)) ** (1.0 / 3.0)

@@ -86,12 +86,14 @@ class PlateBench:
             flaws.esc_heating_K,
             flaws.esc_time_s,
             speed_change(truth),
+            rig.motor,
         )
         plate = rig.plate
         self._z = Axis(plate.speed_m_s, plate.z_park_m, flaws.backlash_m)
         self._x = Axis(plate.speed_m_s, 0.0)
         self._tilt = Axis(TILT_FEED_RAD_S, 0.0)
         self._thrust = TrueThrust(rig, truth)
+        self._drags = truth.answers_with_torque
         self._cell = LoadCell(flaws, rig.limits.load_cell_rating_N)
         self._vibration_N = flaws.vibration_N
         torque = rig.sensors.get("torque_Nm")
@@ -190,18 +192,24 @@ class PlateBench:
     def advance(self, n: int) -> Array:
         """Return the next n ticks (n, c) in the order of `channels`; nan where nothing is new."""
         tick_s = 1.0 / self._rate_Hz
-        run = self._powertrain.advance(n, tick_s)
         elapsed_s = np.arange(1, n + 1, dtype=np.float64) * tick_s
         z_m, true_z_m = self._z.advance(elapsed_s)
         x_m, true_x_m = self._x.advance(elapsed_s)
         tilt_rad, true_tilt_rad = self._tilt.advance(elapsed_s)
+        whole = Place(true_z_m, true_x_m, true_tilt_rad)
+
+        def drag(speed_rad_s: Array, tick: int) -> Array:
+            here = Place(*(part[tick : tick + 1] for part in whole))
+            return self._thrust.drag_factors(speed_rad_s, here)
+
+        run = self._powertrain.advance(n, tick_s, drag if self._drags else None)
         rotors = self.rig.n_rotors
         # One row of draws per tick, so that splitting a span does not change its noise.
         white = self._rng.standard_normal((n, rotors + 6)).T
         time_s = self._time_s + (self._tick * tick_s + elapsed_s)
         fresh = self._cell.due(self._tick + 1, n, self._rate_Hz)
         zero_N = self._cell.wander_N(time_s, tick_s, white[0])[fresh]
-        place = Place(true_z_m[fresh], true_x_m[fresh], true_tilt_rad[fresh])
+        place = Place(*(part[fresh] for part in whole))
         force_N = self._force_N(
             MotorTicks(*(part[..., fresh] for part in run)), place, time_s[fresh]
         )
@@ -212,7 +220,9 @@ class PlateBench:
         block[:, :rotors] = self._powertrain.pwm_us
         block[:, rotors : 2 * rotors] = self._rpm(run.speed_rad_s, white[6:]).T
         spins = np.array([place.spin for place in self.rig.rotors], float)
-        torque = self.rig.propulsion.drag_coefficient_Nm_s2 * (-spins @ run.speed_rad_s**2)
+        torque = self.rig.propulsion.drag_coefficient_Nm_s2 * (
+            -spins @ (run.drag * run.speed_rad_s**2)
+        )
         block[:, 2 * rotors :] = np.column_stack(
             [
                 thrust_N,

@@ -10,7 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from benchtool.core.array import Array
-from benchtool.core.rig import Propulsion
+from benchtool.core.rig import Motor, Propulsion
+from benchtool.physics.motor import electrical_W, speed_near_plate, torque_per_speed
 
 HOLD_S = 0.05
 """The voltage that sets the commanded speeds is held this long: shorter than any pack changes,
@@ -26,12 +27,19 @@ AMBIENT_DEGC = 22.0
 SpeedChange = Callable[[Array, float, float], Array]
 """change(speed (n,) rad/s, voltage V, time s) -> speed (n,): effects between pulse and speed."""
 
+DragFactor = Callable[[Array, int], Array]
+"""drag(speed (n,) rad/s, tick) -> drag torque over that far from any surface (n,), at that tick of
+the ticks that are advanced."""
+
 
 class MotorTicks(NamedTuple):
-    """Hold m ticks: speeds (n, m) rad/s, shaft angles (n, m) rad, and (m,) of each of the rest."""
+    """Hold m ticks: speeds (n, m) rad/s, shaft angles (n, m) rad, drag torques over those far from
+    any surface (n, m), and (m,) of each of the rest.
+    """
 
     speed_rad_s: Array
     angle_rad: Array
+    drag: Array
     voltage_V: Array
     current_A: Array
     temperature_degC: Array
@@ -47,6 +55,8 @@ class Powertrain:
         lag_s: time constant of speed; 0 is none.
         heating_K, heating_s: rise of the ESC's temperature at full throttle, and its time constant.
         change: what else changes the speed that a pulse gives.
+        motor: None where nobody knows it: speed then does not depend on torque, and the electrical
+            power is that of the shafts over the efficiency.
     """
 
     def __init__(
@@ -58,6 +68,7 @@ class Powertrain:
         heating_K: float,
         heating_s: float,
         change: SpeedChange | None = None,
+        motor: Motor | None = None,
     ) -> None:
         self._propulsion = propulsion
         self._battery = battery
@@ -70,17 +81,23 @@ class Powertrain:
         self._drawn_C = 0.0
         self._warmth_K = 0.0
         self._change = change
+        self._motor, self._slope_Nm_s = motor, torque_per_speed(motor)
+        self._drag: Array = np.ones(n_rotors)
         self._time_s = self._held_since_s = 0.0
         self._ticks_held = 0
         self._power_W = 0.0
         self._voltage_V = battery.open_circuit_V(0.0)
         full_pulse = propulsion.pwm_max_us - propulsion.pwm_start_us
         self.top_speed_rad_s = propulsion.speed_per_us_rad_s * full_pulse
-        self._full_power_W = n_rotors * self._electrical_W(np.array([self.top_speed_rad_s]))
+        self._full_power_W = self._electrical_W(np.full(n_rotors, self.top_speed_rad_s))
 
     def _electrical_W(self, speed_rad_s: Array) -> float:
-        """Return the electrical power of the motors: sum of c w^3 over the efficiency."""
-        shaft_W = self._propulsion.drag_coefficient_Nm_s2 * float(np.sum(speed_rad_s**3))
+        """Return the electrical power of the motors; without a motor c w^3 over the efficiency."""
+        c, motor = self._propulsion.drag_coefficient_Nm_s2, self._motor
+        if motor is not None and motor.has_curve:
+            torque = c * self._drag * speed_rad_s**2
+            return float(np.sum(electrical_W(motor, speed_rad_s, torque)[speed_rad_s > 0.0]))
+        shaft_W = c * float(np.sum(self._drag * speed_rad_s**3))
         return shaft_W / self._propulsion.efficiency
 
     def _commanded_rad_s(self) -> Array:
@@ -93,17 +110,24 @@ class Powertrain:
         commanded: Array = gain * np.maximum(drive, 0.0)
         if self._change is not None:
             commanded = self._change(commanded, self._voltage_V, self._held_since_s)
-        return commanded
+        if self._slope_Nm_s is None:
+            return commanded
+        c = self._propulsion.drag_coefficient_Nm_s2
+        near: Array = speed_near_plate(commanded, c, self._drag, self._slope_Nm_s)
+        return near
 
     def restart_hold(self) -> None:
         """Begin a new holding interval with the next tick, after the tick length has changed."""
         self._ticks_held = 0
 
-    def advance(self, ticks: int, tick_s: float) -> MotorTicks:
-        """Return the next `ticks` ticks of `tick_s`; however they are split, the same result."""
+    def advance(self, ticks: int, tick_s: float, drag: DragFactor | None = None) -> MotorTicks:
+        """Return the next `ticks` ticks of `tick_s`; however they are split, the same result.
+
+        Drag torque is looked up where the voltage is: once a holding interval.
+        """
         per_hold = max(1, round(HOLD_S / tick_s))
         n = len(self._speed)
-        run = MotorTicks(*np.empty((2, n, ticks)), *np.empty((3, ticks)))
+        run = MotorTicks(*np.empty((3, n, ticks)), *np.empty((3, ticks)))
         steps = np.arange(1, per_hold + 1)
         fade = np.exp(-steps * tick_s / self._lag_s) if self._lag_s else np.zeros(per_hold)
         cool = np.exp(-steps * tick_s / self._heating_s) if self._heating_s else np.zeros(per_hold)
@@ -111,6 +135,8 @@ class Powertrain:
         while done < ticks:
             if self._ticks_held == 0:
                 self._held_since_s = self._time_s
+                if drag is not None:
+                    self._drag = drag(self._speed, done)
                 self._power_W = self._electrical_W(self._speed)
                 self._voltage_V = self._battery.loaded_V(self._drawn_C, self._power_W)
             count = min(per_hold - self._ticks_held, ticks - done)
@@ -122,6 +148,7 @@ class Powertrain:
             warm_K = self._power_W / self._full_power_W * self._heating_K
             warmth_K = warm_K + (self._warmth_K - warm_K) * cool[:count]
             run.speed_rad_s[:, now] = speed
+            run.drag[:, now] = self._drag[:, None]
             run.voltage_V[now] = self._voltage_V
             run.current_A[now] = current_A
             run.temperature_degC[now] = AMBIENT_DEGC + warmth_K

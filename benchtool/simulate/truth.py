@@ -51,12 +51,21 @@ class TrueThrust:
 
         Samples must come in order: a load cell with hysteresis remembers.
         """
-        conditions = self._conditions(speed_rad_s, place, voltage_V, elapsed_s, time_s)
+        given = self._conditions(speed_rad_s, place, voltage_V, elapsed_s, time_s)
+        conditions, held = self._kept_valid(given)
+        self.clamped += held
         if self._play is not None:
             bare_N = self._bare.thrust_N(conditions)
             conditions = replace(conditions, load_direction=self._play.follow(bare_N))
         thrust_N: Array = self._truth.thrust_N(conditions, self._values)
         return thrust_N
+
+    def drag_factors(self, speed_rad_s: Array, place: Place) -> Array:
+        """Return the drag torque of each rotor over that far away (n,), for a place (1,)."""
+        one = np.ones(1)
+        given = self._conditions(speed_rad_s[:, None], place, one, 0.0 * one, 0.0 * one)
+        flow = self._truth.flow(self._kept_valid(given)[0], self._values)
+        return np.ravel(self._truth.drag_factors(flow, self._values))[self._rig.disc_of_rotor]
 
     def at_rest_N(self, place: Place, elapsed_s: float, time_s: float) -> float:
         """Return the model's own reading with every rotor still, so long after a tare."""
@@ -70,7 +79,7 @@ class TrueThrust:
     def _conditions(
         self, speed_rad_s: Array, place: Place, voltage_V: Array, elapsed_s: Array, time_s: Array
     ) -> Conditions:
-        conditions = Conditions.of(
+        return Conditions.of(
             self._rig,
             speed_rad_s=speed_rad_s,
             plate_z_m=place.z_m,
@@ -81,7 +90,6 @@ class TrueThrust:
             elapsed_s=elapsed_s,
             time_s=time_s,
         )
-        return self._kept_valid(conditions)
 
     def _coverage(self, x_m: Array) -> Array:
         """Return the covered fractions (n_discs, m), or (n_discs, 1) for a plate that stands."""
@@ -92,18 +100,22 @@ class TrueThrust:
             self._covered = float(x_m[0]), plate_coverage(self._rig, x_m[:1])
         return self._covered[1]
 
-    def _kept_valid(self, conditions: Conditions) -> Conditions:
-        """Return the conditions with the plate no nearer than where the formulae hold."""
+    def _kept_valid(self, conditions: Conditions) -> tuple[Conditions, int]:
+        """Return the conditions with the plate no nearer than where the formulae hold.
+
+        Returns:
+            They, and for how many samples the plate was held there.
+        """
         radius_m = self._rig.propulsion.radius_m
         if np.all(conditions.plate_z_m > WELL_CLEAR * radius_m):
-            return conditions
+            return conditions, 0
         missing = self._truth.nearest_z_over_R - self._truth.z_over_R(conditions)
         near = missing > 0.0
         if not near.any():
-            return conditions
-        self.clamped += int(np.count_nonzero(near))
+            return conditions, 0
         lift_m = np.where(near, missing, 0.0) * radius_m / np.cos(conditions.plate_tilt_rad)
-        return replace(conditions, plate_z_m=conditions.plate_z_m + lift_m)
+        lifted = replace(conditions, plate_z_m=conditions.plate_z_m + lift_m)
+        return lifted, int(np.count_nonzero(near))
 
 
 def _behind_play(truth: Model) -> tuple[Model, Play | None]:

@@ -1,0 +1,125 @@
+"""A virtual bench whose rig states blades and motors: speed, current and torque near the plate."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from benchtool.core.rig import Motor, Rig
+from benchtool.physics.blade_element import (
+    inflow_at_equal_thrust,
+    inflow_response,
+    profile_share,
+    thrust_at_equal_speed,
+    torque_at_equal_speed,
+)
+from benchtool.physics.images import single_rotor_factor
+from benchtool.physics.model_file import load_model
+from benchtool.simulate.imperfections import Imperfections
+from benchtool.simulate.plate_bench import PlateBench
+from tests.unit.physics.blades import BLADE, MOTOR, bladed
+
+FAR_M = 1.4
+
+
+def bench(rig: Rig, truth: str = "single", seed: int = 1) -> PlateBench:
+    model = load_model(truth, rig).model
+    return PlateBench(rig, model, np.random.default_rng(seed), Imperfections.none())
+
+
+def settled(plant: PlateBench, z_m: float, pwm_us: float = 1500.0) -> dict[str, float]:
+    """Return the last reading of every channel after a long stay."""
+    plant.command_plate(z_m)
+    while plant.plate_moving:
+        plant.advance(200)
+    plant.command_pwm(np.full(plant.rig.n_rotors, pwm_us))
+    block = plant.advance(round(4.0 * plant.rate_Hz))
+    last = [column[~np.isnan(column)][-1] for column in block.T]
+    return {channel.name: float(x) for channel, x in zip(plant.channels, last, strict=True)}
+
+
+def ratio(near: dict[str, float], far: dict[str, float], name: str) -> float:
+    return near[name] / far[name]
+
+
+@pytest.mark.parametrize("z_over_R", [0.5, 1.0, 2.0])
+def test_speed_torque_and_current_are_what_the_motor_and_the_blades_give(z_over_R: float) -> None:
+    rig = bladed("pquad_single")
+    c = rig.propulsion.drag_coefficient_Nm_s2
+    kappa = inflow_at_equal_thrust(single_rotor_factor(1.0, z_over_R))
+    m, share = inflow_response(BLADE), profile_share(BLADE)
+    t, q = thrust_at_equal_speed(kappa, m), torque_at_equal_speed(kappa, m, share)
+    per_volt, ohm = MOTOR.Kv_rpm_V * np.pi / 30.0, MOTOR.resistance_ohm
+    free = rig.propulsion.speed_per_us_rad_s * (1500.0 - rig.propulsion.pwm_start_us)
+
+    def current(w: float, factor: float) -> float:
+        return MOTOR.no_load_current_A + per_volt * c * factor * w * w
+
+    def volts(w: float, factor: float) -> float:
+        return w / per_volt + ohm * current(w, factor)
+
+    near_w = brentq(lambda w: volts(w, q) - volts(free, 1.0), 0.5 * free, 2.0 * free, xtol=1e-12)
+    plant = bench(rig)
+    far, near = settled(plant, FAR_M), settled(plant, z_over_R * 0.12)
+    far_q = torque_at_equal_speed(
+        inflow_at_equal_thrust(single_rotor_factor(0.12, FAR_M)), m, share
+    )
+    assert far["rpm1"] == pytest.approx(free * 30.0 / np.pi, rel=1e-4)
+    assert near["rpm1"] * np.pi / 30.0 == pytest.approx(near_w, rel=1e-9)
+    k = rig.propulsion.thrust_coefficient_N_s2
+    assert near["thrust_N"] == pytest.approx(k * near_w**2 * t, rel=1e-9)
+    assert abs(near["torque_Nm"]) == pytest.approx(c * q * near_w**2, rel=1e-9)
+    power = volts(near_w, q) * current(near_w, q)
+    assert near["current_A"] * near["voltage_V"] == pytest.approx(power, rel=1e-6)
+    assert near["current_A"] < far["current_A"]
+    assert far_q == pytest.approx(1.0, abs=1e-4)
+
+
+def test_a_governed_or_unknown_motor_turns_as_fast_everywhere() -> None:
+    for motor in (Motor(governed=True), None):
+        plant = bench(bladed("pquad_single", motor))
+        far, near = settled(plant, FAR_M), settled(plant, 0.12)
+        assert ratio(near, far, "rpm1") == 1.0
+        assert 1.058 < ratio(near, far, "thrust_N") < 1.0593
+        assert ratio(near, far, "current_A") == pytest.approx(ratio(near, far, "torque_Nm"))
+        assert ratio(near, far, "torque_Nm") < 0.9995
+
+
+def test_only_the_rotor_over_the_plate_speeds_up() -> None:
+    plant = bench(bladed("pquad"), "quad")
+    settled(plant, FAR_M)
+    plant.command_plate(0.1, x_m=0.6)
+    while plant.plate_moving:
+        plant.advance(200)
+    front, left, rear, right = plant.advance(800)[-1, 4:8]
+    assert front > left == pytest.approx(right)
+    assert left > rear
+
+
+def test_splitting_a_span_changes_nothing() -> None:
+    rig = bladed("pquad_single")
+    whole, parts = bench(rig), bench(rig)
+    for plant in (whole, parts):
+        plant.command_pwm(np.array([1600.0]))
+        plant.advance(200)
+        plant.command_plate(0.1)
+    one = whole.advance(2000)
+    many = np.concatenate([parts.advance(n) for n in (1, 7, 333, 659, 1000)])
+    np.testing.assert_allclose(many, one, rtol=1e-12)
+
+
+def test_eq_10_as_printed_can_be_the_truth_of_such_a_rig() -> None:
+    rig = bladed("pquad_single")
+    printed = load_model("single", rig).model.fixed("blade_inflow.share", 0.0)
+    plain = replace(rig, blade=None)
+    flawless = Imperfections.none()
+    blocks = []
+    for own, truth in ((rig, printed), (plain, load_model("single", plain).model)):
+        plant = PlateBench(own, truth, np.random.default_rng(1), flawless)
+        plant.command_plate(0.1)
+        plant.command_pwm(np.array([1600.0]))
+        blocks.append(plant.advance(3000))
+    np.testing.assert_array_equal(*blocks)
