@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from benchtool.core.array import Array
 from benchtool.core.errors import InputError
 from benchtool.core.rig import Motor
 from benchtool.physics.effects.effect import Flow, Quantity
@@ -51,6 +52,19 @@ def thrust_ratio(model: Model, basis: str, near: Flow, far: Flow, values: Any) -
         moved = _at_equal_pulse if basis == "equal_pwm" else _at_equal_power
         far = far._replace(speed_rad_s=moved(model, near, *drags))
     return model.squared_speed(near, values) / model.squared_speed(far, values)
+
+
+def speed_gains(model: Model, flow: Flow, values: Any) -> list[Array]:
+    """Return the speed of each disc over that under the same pulse far from any surface (..., m).
+
+    A rotor that stands has 1.
+    """
+    free = [1.0] * len(flow.height_m)
+    far = _at_equal_pulse(model, flow, model.drag_factors(flow, values), free)
+    return [
+        np.divide(here, away, out=np.ones_like(away), where=away > 0.0)
+        for here, away in zip(flow.speed_rad_s, far, strict=True)
+    ]
 
 
 def _at_equal_pulse(model: Model, near: Flow, drag: Any, far_drag: Any) -> list[Quantity]:

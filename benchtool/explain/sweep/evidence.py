@@ -18,6 +18,7 @@ from benchtool.explain.engine.parameters import (
 )
 from benchtool.explain.engine.subject import RowGroups
 from benchtool.explain.sweep.log import Mask, SweepLog, sweep_regimes
+from benchtool.physics.bases import speed_gains
 from benchtool.physics.catalogue import candidates
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.effects.effect import Effect, Subsystem
@@ -106,20 +107,39 @@ class SweepEvidence:
 
     def thrusts(self, conditions: Conditions, scaled: Array) -> Array:
         """Return predicted readings (m, n_sets) for sets (n_sets, n_parameters): N."""
+        shown = np.asarray(self._acting.thrust_N(conditions, self._at(scaled)), float)
+        return np.broadcast_to(shown, (len(scaled), len(conditions))).T
+
+    def _at(self, scaled: Array) -> list[object]:
+        """Return the model's values (n_parameters,), each a number or one for each set (n, 1)."""
         values: list[object] = list(self.model.parameters.values_array())
         for parameter, row in zip(self.parameters, scaled.T, strict=True):
             if parameter.name in self._places:
                 values[self._places[parameter.name]] = (parameter.start + parameter.scale * row)[
                     :, None
                 ]
-        shown = np.asarray(self._acting.thrust_N(conditions, values), float)
-        return np.broadcast_to(shown, (len(scaled), len(conditions))).T
+        return values
 
     def supply(self, log: SweepLog, scaled: Array) -> Array:
         """Return supply voltage over its open value at the start (m, n_sets)."""
         assert log.power is not None
         loss = np.sum([self._values(name, scaled) for name in SUPPLY_LOSSES], axis=0)
         return log.power.supply(loss, self._values(CURVE, scaled), self._values(DROP, scaled))
+
+    def drive(self, log: SweepLog, scaled: Array) -> Array:
+        """Return speed over that at full supply far from the plate (n or 1, m, n_sets).
+
+        For every rotor that was read, or one for all where the plate does not change speeds.
+        """
+        assert log.power is not None
+        supply, model = self.supply(log, scaled)[None], self._acting
+        if model.motor_slope_Nm_s is None:
+            return supply
+        values = self._at(scaled)
+        flow = model.flow(log.conditions.select(~log.tare), values)
+        by_plate: Array = np.array([gain.T for gain in speed_gains(model, flow, values)])
+        by_rotor: Array = by_plate[model.rig.disc_of_rotor][: len(log.power.rotor_rad_s)]
+        return supply * by_rotor
 
     def _values(self, name: str, scaled: Array) -> Array:
         """Return a parameter's values (n_sets,)."""
@@ -129,13 +149,13 @@ class SweepEvidence:
     def speeds(self, log: SweepLog, scaled: Array) -> Array:
         """Return speeds at the log's pulses (m, n_sets), each level's scale fitted: rad/s."""
         assert log.power is not None
-        return log.power.speeds(self.supply(log, scaled))
+        return log.power.speeds(self.drive(log, scaled))
 
     def predicted(self, log: SweepLog, scaled: Array) -> Array:
         """Return each rotor's speeds as earlier visits predict them (n, m, n_sets): rad/s."""
         power = log.power
         assert power is not None
-        return power.predicted(self.supply(log, scaled), power.rotor_rad_s[:, :, None])
+        return power.predicted(self.drive(log, scaled), power.rotor_rad_s[:, :, None])
 
     def voltages(self, log: SweepLog, scaled: Array) -> Array:
         """Return voltages (m, n_sets), the open one fitted: V."""

@@ -252,5 +252,7 @@ def as_read(log: SweepLog, evidence: SweepEvidence, at: Array) -> SweepLog:
     thrust = evidence.thrusts(log.conditions, sets)[:, 0]
     power = log.power
     if power is not None:
-        power = power.at_supply(evidence.supply(log, sets)[:, 0])
+        power = power.at_supply(
+            evidence.supply(log, sets)[:, 0], evidence.drive(log, sets)[:, :, 0]
+        )
     return replace(log, thrust_N=thrust, power=power)

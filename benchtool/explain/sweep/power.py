@@ -1,7 +1,9 @@
 """What pulses make of speeds along a sweep: the supply sags, and speed at a pulse with it.
 
-Every level of the pulse has a speed of its own, so that no map from pulse to speed is needed; what
-is held against a model is how speeds at one level, and the voltage under load, change with time.
+Near the plate blades may take another torque, so that the motors turn otherwise at the same pulse:
+what is left of the supply times that is the drive. Every level of the pulse has a speed of its own,
+so that no map from pulse to speed is needed; what is held against a model is how speeds at one
+level, and the voltage under load, change with time.
 """
 
 from __future__ import annotations
@@ -65,12 +67,12 @@ class Power:
             late=_late(level),
         )
 
-    def at_supply(self, supply: Array) -> Power:
-        """Return speeds and voltage with so much of the supply left (m,)."""
+    def at_supply(self, supply: Array, drive: Array) -> Power:
+        """Return speeds and voltage with so much of the supply left (m,), drives (n or 1, m)."""
         return replace(
             self,
-            speed_rad_s=self.speed_rad_s * supply,
-            rotor_rad_s=self.rotor_rad_s * supply,
+            speed_rad_s=self.speed_rad_s * drive.mean(axis=0),
+            rotor_rad_s=self.rotor_rad_s * drive,
             voltage_V=self.voltage_V * supply,
         )
 
@@ -93,34 +95,35 @@ class Power:
         loss = rate_per_s * time * (1.0 + curve * (time / CURVE_AT_S - 1.0))
         return np.asarray(1.0 - loss - drop * self.load[:, None], float)
 
-    def speeds(self, supply: Array) -> Array:
-        """Return speeds (m, n_sets) with each level's own scale fitted."""
-        out = np.empty_like(supply)
+    def speeds(self, drive: Array) -> Array:
+        """Return speeds (m, n_sets), for drives (n or 1, m, n_sets), each level's scale fitted."""
+        mean: Array = drive.mean(axis=0)
+        out = np.empty_like(mean)
         for level in np.unique(self.level):
             rows = self.level == level
             weights = 1.0 / self.speed_se[rows] ** 2
-            shape = supply[rows]
+            shape = mean[rows]
             out[rows] = ((weights * self.speed_rad_s[rows]) @ shape) / (weights @ shape**2) * shape
         return out
 
-    def predicted(self, supply: Array, read: Array) -> Array:
+    def predicted(self, drive: Array, read: Array) -> Array:
         """Return what each visit is predicted to show from the earlier ones of its level.
 
         Args:
-            supply: (m, n_sets) supply voltage over its open value.
+            drive: (n or 1, m, n_sets) speed over that at full supply far from the plate.
             read: (n, m, n_sets) speeds of each rotor, or errors in them: prediction is linear.
 
         Returns:
             (n, m, n_sets) in the unit of `read`; 0 for the first visits, which nothing predicts.
         """
-        out = np.zeros(np.broadcast_shapes(read.shape, supply.shape))
+        out = np.zeros(np.broadcast_shapes(read.shape, drive.shape))
         weights = 1.0 / self.rotor_se[:, :, None] ** 2
         for level in np.unique(self.level):
             rows = np.flatnonzero(self.level == level)
-            shape, weight = supply[rows], weights[:, rows]
+            shape, weight = drive[:, rows], weights[:, rows]
             shown = np.cumsum(weight * shape * read[:, rows], axis=1)
             known = np.cumsum(weight * shape**2, axis=1)
-            out[:, rows[1:]] = shape[1:] * shown[:, :-1] / known[:, :-1]
+            out[:, rows[1:]] = shape[:, 1:] * shown[:, :-1] / known[:, :-1]
         out[:, ~self.late] = 0.0
         return out
 

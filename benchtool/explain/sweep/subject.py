@@ -113,7 +113,7 @@ class SweepSubject(Subject):
                 shape = power.rotor_rad_s.shape
                 read = power.rotor_se[:, :, None] * rng.standard_normal((*shape, draws))
                 wrong = _moved(check.predicted(log, sets), off) + read
-                wrong -= power.predicted(check.supply(log, sets[:1]), read)
+                wrong -= power.predicted(check.drive(log, sets[:1]), read)
                 speed.append(_of_speeds(log, wrong))
         out = {"thrust_N": np.sqrt(np.mean(np.concatenate(thrust), axis=0))}
         if speed:

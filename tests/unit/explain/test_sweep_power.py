@@ -29,22 +29,22 @@ def sagging(power: Power) -> np.ndarray:
     return power.supply(np.array([1e-4]), np.array([0.0]), np.array([0.02]))
 
 
-def test_speeds_of_a_supply_that_is_known_are_foretold_exactly(power: Power) -> None:
-    supply = sagging(power)
+def test_speeds_of_a_supply_that_is_known_are_predicted_exactly(power: Power) -> None:
+    drive = sagging(power)[None]
     scale = 1.0 + power.level
-    read = np.broadcast_to(scale * supply[:, 0], power.rotor_rad_s.shape)[:, :, None]
-    told = power.predicted(supply, read)
-    assert told[:, power.late] == pytest.approx(read[:, power.late], rel=1e-12)
-    assert not told[:, ~power.late].any()
+    read = np.broadcast_to(scale * drive[0, :, 0], power.rotor_rad_s.shape)[:, :, None]
+    predicted = power.predicted(drive, read)
+    assert predicted[:, power.late] == pytest.approx(read[:, power.late], rel=1e-12)
+    assert not predicted[:, ~power.late].any()
 
 
-def test_only_earlier_visits_foretell(power: Power) -> None:
-    supply = sagging(power)
+def test_only_earlier_visits_predict(power: Power) -> None:
+    drive = sagging(power)[None]
     read = power.rotor_rad_s[:, :, None].copy()
-    before = power.predicted(supply, read)
+    before = power.predicted(drive, read)
     place = int(np.flatnonzero(power.late)[len(power.late) // 2])
     read[:, place] *= 1.5
-    after = power.predicted(supply, read)
+    after = power.predicted(drive, read)
     changed = np.flatnonzero((before != after).any(axis=(0, 2)))
     assert len(changed) > 1
     assert changed.min() > place
