@@ -14,7 +14,7 @@ from benchtool.acquire.plan import plan_from_toml
 from benchtool.core.errors import CalibrationError, FileFormatError
 from benchtool.core.recording import Recording
 from benchtool.data.atomic import data_hash
-from benchtool.data.columns import VALID_KINDS, code_of
+from benchtool.data.columns import REJECTED, VALID_KINDS, code_of
 from benchtool.data.run.points import write_table
 from benchtool.data.run.read import read_points, read_samples
 from benchtool.data.run.run import Run
@@ -74,7 +74,10 @@ def _recomputed(
     number = samples.column("point")
     kinds = points.column("kind")
     values = points.values.copy()
-    columns = [points.index(name) for name in ("thrust_N", "thrust_sd_N", "thrust_se_N")]
+    names = ["thrust_N", "thrust_sd_N", "thrust_se_N", "n_samples"]
+    # Runs of versions that left no outliers out have no such column.
+    names += [name for name in [f"thrust_N{REJECTED}"] if name in points]
+    columns = [points.index(name) for name in names]
     zero = np.nan
     for row in range(len(points)):
         if kinds[row] == code_of("kind", "tare"):
@@ -97,5 +100,6 @@ def _recomputed(
                 "samples.csv", f"no samples of point {points.column('point')[row]:.0f} are in it"
             )
         thrust = average(calibration.newtons(raw[chosen], zero), quantum_N)
-        values[row, columns] = [thrust.mean, thrust.sd, thrust.se]
+        found = [thrust.mean, thrust.sd, thrust.se, thrust.n, thrust.n_rejected]
+        values[row, columns] = found[: len(columns)]
     return replace(points, values=values)

@@ -104,8 +104,9 @@ class Recorder:
 
     def joined(self, parts: list[Readings]) -> Recording:
         """Return readings as one recording, time_s first."""
-        values = np.concatenate([part.values for part in parts])
-        time_s = np.concatenate([part.time_s for part in parts])
+        none = np.empty((0, len(self._channels)))
+        values = np.concatenate([none, *(part.values for part in parts)])
+        time_s = np.concatenate([none[:, 0], *(part.time_s for part in parts)])
         return Recording(
             (Channel("time_s", "s"), *self._channels), np.column_stack([time_s, values])
         )

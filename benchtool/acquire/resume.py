@@ -97,10 +97,11 @@ def prepare(unfinished: Unfinished) -> Start:
     if not found.rows:
         return Start(unfinished.done)
     link = run.metadata.get("link") or {}
-    counts = (link.get(name, 0) for name in ("lost", "corrupt", "repeated"))
-    quality = LinkQuality(found.rows, *counts)
-    unsettled, tares = _counts(run, unfinished.done)
-    return Start(unfinished.done, found.last_s + BREAK_S, unsettled, tares, quality)
+    quality = LinkQuality(
+        found.rows, *(link.get(name, 0) for name in ("lost", "corrupt", "repeated"))
+    )
+    counts = _counts(run, unfinished.done)
+    return Start(unfinished.done, found.last_s + BREAK_S, *counts, quality)
 
 
 def require_same_device(unfinished: Unfinished, identity: Identity) -> None:
@@ -114,15 +115,17 @@ def require_same_device(unfinished: Unfinished, identity: Identity) -> None:
         )
 
 
-def _counts(run: Run, done: frozenset[int]) -> tuple[int, int]:
-    """Return how many visits were taken unsettled, and how many tares there are."""
+def _counts(run: Run, done: frozenset[int]) -> tuple[int, int, int]:
+    """Return how many visits were taken unsettled, how many are suspect, how many tares are."""
     try:
         points = read_points(run.path, VALID_KINDS)
     except FileFormatError:
-        return 0, 0
+        return 0, 0, 0
     tares = points.column("kind") == code_of("kind", "tare")
     visited = np.isin(points.column("point"), list(done)) & ~tares
-    return int((visited & (points.column("settled") == 0.0)).sum()), int(tares.sum())
+    unsettled = visited & (points.column("settled") == 0.0)
+    suspect = int(points.column("suspect")[visited].sum()) if "suspect" in points else 0
+    return int(unsettled.sum()), suspect, int(tares.sum())
 
 
 def _points_on_disk(run: Run) -> set[int]:

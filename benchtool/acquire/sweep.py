@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from math import nan, radians
 
@@ -10,18 +10,22 @@ import numpy as np
 
 from benchtool.acquire.average import is_settled
 from benchtool.acquire.calibration import Calibration
-from benchtool.acquire.measure import measure, shortage
+from benchtool.acquire.measure import measure
 from benchtool.acquire.motors import Motors, rest_if_needed, run_to_end
 from benchtool.acquire.order import PlatePosition, Visit, expected_duration_s, visits_of
 from benchtool.acquire.plan import Plan
-from benchtool.acquire.record import LinkQuality, Recorder, RunProgress, SafeProgress
+from benchtool.acquire.record import STEP_S, LinkQuality, Recorder, RunProgress, SafeProgress
 from benchtool.acquire.tare import Tared, drift_text, tare, tare_point
+from benchtool.acquire.visit_checks import VisitChecks, VisitWatch
 from benchtool.bench.bench import Readings
+from benchtool.bench.channel_checks import CHECKS
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.plate_check import PlateCheck
 from benchtool.bench.stage.stage import PlateStage
+from benchtool.core.channel import family_of
 from benchtool.core.counted import counted
 from benchtool.core.errors import InputError, RunStopped
+from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
 from benchtool.data.run.points import Point
 from benchtool.data.run.run import Run
@@ -30,8 +34,8 @@ SETTLE_CHECK_S = 0.1
 """How often settling is tested; a choice, a tenth of the usual window."""
 
 TRIES = 3
-"""A visit of which too few samples come is measured so often; a choice: a link that stumbles fails
-one, a bad link all."""
+"""A visit whose samples are too few, late or frozen is measured so often; a choice: a link that
+stumbles fails one, a bad link all."""
 
 CALM_S = 0.2
 """Time for a plate that has just arrived to come to rest; a choice."""
@@ -43,12 +47,13 @@ class Start:
 
     Attributes:
         time_s: time of the run at which this part begins.
-        unsettled, tares: how many of the visits that are done, and how many tares.
+        unsettled, suspect, tares: how many of the visits that are done, and how many tares.
     """
 
     done: frozenset[int] = frozenset()
     time_s: float = 0.0
     unsettled: int = 0
+    suspect: int = 0
     tares: int = 0
     link: LinkQuality = field(default_factory=LinkQuality)
 
@@ -59,10 +64,24 @@ class Summary:
 
     measured: int
     unsettled: int
+    suspect: int
     tares: int
     duration_s: float
     samples: int
     lost: int
+
+    def text(self, simulated: str = "") -> str:
+        """Return it in words.
+
+        Args:
+            simulated: stands behind the points.
+        """
+        suspect = f"{self.suspect} suspect, " if self.suspect else ""
+        return (
+            f"{counted(self.measured, 'point')}{simulated}, {self.unsettled} not settled, "
+            f"{suspect}{counted(self.tares, 'tare')}, {counted(self.samples, 'sample')}, "
+            f"{self.lost} lost"
+        )
 
 
 def run_sweep(
@@ -128,9 +147,9 @@ class _Sweep:
         self._last: Point | None = None
         self._tared: Tared | None = None
         self._measured, self._failed = len(start.done), 0
-        self._unsettled, self._tares = start.unsettled, start.tares
-        sensor = self.rig.sensors.get("thrust_N")
-        self._quantum_N = sensor.quantum if sensor else 0.0
+        self._unsettled, self._suspect, self._tares = start.unsettled, start.suspect, start.tares
+        self._shown: dict[str, float] = {}
+        self._remarked: set[str] = set()
 
     def visit_all(self) -> None:
         visits = visits_of(self.plan, self.rig)
@@ -148,6 +167,7 @@ class _Sweep:
             if point.kind != "failed":
                 self._measured += 1
                 self._unsettled += not point.settled
+                self._suspect += point.suspect
             left_s = expected_duration_s(self.plan, self.rig, left[index + 1 :], self._place)
             self.progress.measured(point, left_s)
             if point.kind == "anchor":
@@ -173,47 +193,70 @@ class _Sweep:
         pulses_us = np.array(visit.setting.pwm_us)
         self.motors.ramp_to(pulses_us, self.plan.throttle.ramp_s, "ramp", visit.point)
         assert self._tared is not None
+        checks = VisitChecks(
+            rates_Hz=self._rates_Hz(visit),
+            sensors=self.rig.sensors,
+            seconds=self.plan.sample_s,
+            share=self.plan.sample_share,
+            before=self._shown if self._last and self._last.pwm_us != visit.setting.pwm_us else {},
+        )
+        commanded_s = self.recorder.now_s
         for attempt in range(1, TRIES + 1):
-            settled = self._settle(visit)
-            samples = self.recorder.collect("sample", self.plan.sample_s, visit.point)
-            short = shortage(
-                samples, self._rates_Hz(visit), self.plan.sample_s, self.plan.sample_share
-            )
-            if not short:
+            watch = VisitWatch(checks, self.recorder.joined, commanded_s)
+            settled = self._settle(visit, watch)
+            samples = self._sampled(visit, watch)
+            problem = watch.problem
+            if problem is None and (short := checks.shortage(samples)):
+                problem = ("few_samples", short)
+            for name in watch.remarks.keys() - self._remarked:
+                self._remarked.add(name)  # once a run: no point needs it
+                text = f"point {visit.point}: {watch.remarks[name]}"
+                self.recorder.note("frozen", text, visit.point)
+            if problem is None:
                 break
             then = "measured again" if attempt < TRIES else "marked as failed"
-            self.recorder.note("few_samples", f"point {visit.point}: {short}; {then}", visit.point)
-        point = measure(
+            self.recorder.note(
+                problem[0], f"point {visit.point}: {problem[1]}; {then}", visit.point
+            )
+        point, averages = measure(
             samples,
             visit,
             self._reached_m,
             self._tared,
             self.calibration,
-            self._quantum_N,
+            self.rig.sensors,
             settled,
             self.recorder.now_s,
         )
-        if short:
+        if problem is not None:
             self._failed += 1
             return replace(point, kind="failed", settled=False)
+        for name, average in averages.items():
+            if text := average.rejection(name):
+                event = "suspect" if average.suspect else "outliers"
+                self.recorder.note(event, f"point {visit.point}: {text}", visit.point)
+        self._shown = _last_values(samples, checks.rates_Hz)
         more_m = self.stage.measures_to_m
-        if problem := self._plate.crept(self._reached_m, point.plate_read_z_m, more_m):
-            raise problem
+        if crept := self._plate.crept(self._reached_m, point.plate_read_z_m, more_m):
+            raise crept
         return point
 
     def _rates_Hz(self, visit: Visit) -> dict[str, float]:
-        """Return how often each channel that a visit needs should bring a value."""
+        """Return how often each checked channel that turns with a visit should bring a value."""
         assert self._tared is not None
         identity = self.bench.identity
         names = [channel.name for channel in identity.channels]
-        # Where the device does not state it, thrust comes as often as in the last tare.
+        # Where the device does not state it, a channel comes as often as in the last tare.
         stated_Hz = dict(zip(names, identity.channel_rates_Hz, strict=False))
-        seen_Hz = self._tared.rest_N.n / self.plan.tare.seconds
-        rates_Hz = {"thrust_N": stated_Hz.get("thrust_N", seen_Hz)}
-        for rotor in np.flatnonzero(visit.setting.pwm_us > self.motors.stop_us) + 1:
-            if f"rpm{rotor}" in stated_Hz:
-                rates_Hz[f"rpm{rotor}"] = stated_Hz[f"rpm{rotor}"]
-        return {name: min(rate_Hz, identity.rate_Hz) for name, rate_Hz in rates_Hz.items()}
+        rates_Hz = {**self._tared.rates_Hz, **stated_Hz}
+        driven = np.flatnonzero(visit.setting.pwm_us > self.motors.stop_us) + 1
+        turning = {f"rpm{rotor}" for rotor in driven}
+        return {
+            name: min(rates_Hz[name], identity.rate_Hz)
+            for kind in CHECKS
+            for name in names
+            if family_of(name) == kind and (kind != "rpm" or name in turning)
+        }
 
     def _record_plate(self) -> None:
         """Put on the disk what moves the plate, and whether anything measures where it stands."""
@@ -247,10 +290,13 @@ class _Sweep:
         self.motors.stand_still(self.plan.tare.stop_timeout_s, "move")
         self._reached_m = self.stage.move(place.z_m, place.x_m, radians(place.tilt_deg), pause)
         self.recorder.collect("move", CALM_S)
-        self._place = place
+        self._place, self._shown = place, {}
 
-    def _settle(self, visit: Visit) -> bool:
-        """Wait until thrust and speeds have settled; record it when they do not in time."""
+    def _settle(self, visit: Visit, watch: VisitWatch) -> bool:
+        """Wait until thrust and speeds have settled; record it when they do not in time.
+
+        Ends where the visit is bad.
+        """
         plan, recorder = self.plan.settle, self.recorder
         driven = np.flatnonzero(visit.setting.pwm_us > self.motors.stop_us)
         names = ["thrust_N", *(f"rpm{rotor + 1}" for rotor in driven)]
@@ -259,6 +305,8 @@ class _Sweep:
         checked_s = begun_s
         while True:
             parts.append(recorder.read("settle", visit.point))
+            if watch.take(parts[-1]):
+                return False
             now_s = self.bench.now_s()
             if now_s - checked_s >= SETTLE_CHECK_S and now_s - begun_s >= plan.window_s:
                 checked_s = now_s
@@ -274,6 +322,15 @@ class _Sweep:
                 recorder.note("settle_timeout", text, visit.point)
                 return False
 
+    def _sampled(self, visit: Visit, watch: VisitWatch) -> Recording:
+        """Return the samples of the point; those that came until the visit was found to be bad."""
+        parts: list[Readings] = []
+        end_s = self.bench.now_s() + self.plan.sample_s
+        while watch.problem is None and (left_s := end_s - self.bench.now_s()) > 1e-9:
+            parts.append(self.recorder.read("sample", visit.point, min(STEP_S, left_s)))
+            watch.take(parts[-1])
+        return self.recorder.joined(parts)
+
     def summarise(self) -> tuple[Summary, str]:
         """Return what was measured, and the text of the run's last event.
 
@@ -282,12 +339,27 @@ class _Sweep:
         """
         if self._failed:
             raise RunStopped(
-                f"{counted(self._failed, 'visit')} failed for want of samples, "
-                f"{self._measured} are measured; look at the link, then measure what failed again "
-                f"with benchtool sweep --resume"
+                f"{counted(self._failed, 'visit')} failed for samples that were "
+                f"too few, late or frozen, {self._measured} are measured; look at the link and the "
+                f"sensors (events.jsonl names them), then measure what failed again with benchtool "
+                f"sweep --resume"
             )
         quality, seconds = self.recorder.quality, self.recorder.now_s
         summary = Summary(
-            self._measured, self._unsettled, self._tares, seconds, quality.samples, quality.lost
+            self._measured,
+            self._unsettled,
+            self._suspect,
+            self._tares,
+            seconds,
+            quality.samples,
+            quality.lost,
         )
-        return summary, f"all is measured: {counted(summary.measured, 'visit')}"
+        suspect = f", {self._suspect} of them suspect (outliers)" if self._suspect else ""
+        return summary, f"all is measured: {counted(summary.measured, 'visit')}{suspect}"
+
+
+def _last_values(samples: Recording, names: Iterable[str]) -> dict[str, float]:
+    """Return the last number that each channel showed."""
+    columns = {name: samples.column(name) for name in names}
+    present = {name: column[np.isfinite(column)] for name, column in columns.items()}
+    return {name: float(values[-1]) for name, values in present.items() if len(values)}

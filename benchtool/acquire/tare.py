@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from math import nan
 
-from benchtool.acquire.average import Average, average
+import numpy as np
+
+from benchtool.acquire.average import Average, average, quantum_of
 from benchtool.acquire.motors import Motors
 from benchtool.acquire.plan import TarePart
 from benchtool.acquire.record import Recorder
@@ -25,11 +28,13 @@ class Tared:
         time_s: middle of the span averaged after it, since the run began.
         rest_N: what the load cell still showed.
         zero_counts: mean raw reading with nothing on the load cell; nan without raw counts.
+        rates_Hz: how often each channel brought a value.
     """
 
     time_s: float
     rest_N: Average
     zero_counts: float
+    rates_Hz: Mapping[str, float] = field(default_factory=dict)
 
 
 def tare(recorder: Recorder, motors: Motors, plan: TarePart, rig: Rig) -> Tared:
@@ -40,14 +45,15 @@ def tare(recorder: Recorder, motors: Motors, plan: TarePart, rig: Rig) -> Tared:
     """
     assert plan.residual_N is not None
     motors.stand_still(plan.stop_timeout_s, "tare")
-    quantum = rig.sensors["thrust_N"].quantum if "thrust_N" in rig.sensors else 0.0
     rest = Average(nan, nan, nan, 0)
     for attempt in range(1, TRIES + 1):
         recorder.bench.tare()
         # Samples that were on their way when the device tared belong to before.
         recorder.collect("tare", 0.2)
         seen = recorder.collect("tare", plan.seconds)
-        rest = average(seen.column("thrust_N"), quantum)
+        rest = average(seen.column("thrust_N"), quantum_of("thrust_N", rig.sensors))
+        if text := rest.rejection("thrust_N"):
+            recorder.note("suspect" if rest.suspect else "outliers", f"tare: {text}")
         if rest.n == 0:
             raise BenchError(
                 f"the load cell gave no value for {plan.seconds:g} s after the tare; check its "
@@ -57,7 +63,9 @@ def tare(recorder: Recorder, motors: Motors, plan: TarePart, rig: Rig) -> Tared:
             counts = average(seen.column("thrust_raw")).mean if "thrust_raw" in seen else nan
             middle_s = float(seen.column("time_s").mean())
             recorder.note("tare", f"tared; {rest.mean * 1000.0:+.1f} mN are left")
-            return Tared(middle_s, rest, counts)
+            came = np.isfinite(seen.values).sum(axis=0) / plan.seconds
+            rates_Hz = dict(zip(seen.names, came.tolist(), strict=True))
+            return Tared(middle_s, rest, counts, rates_Hz)
         recorder.note(
             "tare_residual",
             f"after tare {attempt} of {TRIES} {rest.mean:+.4g} N are left, limit "
@@ -88,6 +96,8 @@ def tare_point(tared: Tared, n_rotors: int) -> Point:
         plate_z_m=nan,
         plate_x_m=nan,
         plate_tilt_deg=nan,
+        rejected={"thrust_N": tared.rest_N.n_rejected},
+        suspect=tared.rest_N.suspect,
     )
 
 

@@ -9,10 +9,11 @@ from math import inf, pi
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.bench.channel_checks import CHECKS
 from benchtool.bench.plate_check import CHANNEL, plate_tolerance_m
 from benchtool.bench.rpm_tracking import GAP_S, HostPulses, LoopPulses
 from benchtool.core.array import Array
-from benchtool.core.channel import Channel
+from benchtool.core.channel import Channel, family_of
 from benchtool.core.errors import LimitExceeded
 from benchtool.core.rig import Limits, Rig
 
@@ -30,23 +31,12 @@ STUCK_S = 3.0
 """A load cell that repeats one number for so long, while rpm readings change, is stuck. A choice:
 240 readings of an 80 Hz cell."""
 
-SLOW = 10.0
-"""Voltage, current and temperature may be silent this much longer than thrust and rpm."""
-
-_ADVICE = {
-    "thrust_N": "lower the plan's pwm or raise limits.thrust_N within the load cell's rating",
-    "rpm": "lower the plan's pwm or raise limits.rpm",
-    "current_A": "lower the plan's pwm or raise limits.current_A",
-    "voltage_V": "charge the battery",
-    "temperature_degC": "let the ESC cool down or lower the plan's pwm",
-}
-
 
 @dataclass(frozen=True, slots=True)
 class _Watched:
     index: int
     name: str
-    family: str
+    advice: str
     low: float
     high: float
     stale_s: float
@@ -121,7 +111,7 @@ class LimitCheck:
         if self._loop is not None or len(self._pwm) < self._n_rotors:
             return
         stale_s = self._rotor_stale_s
-        pulses = [_Watched(i, self._names[i], "pwm", -inf, inf, stale_s) for i in self._pwm]
+        pulses = [_Watched(i, self._names[i], "", -inf, inf, stale_s) for i in self._pwm]
         self._watch([*self._watched, *pulses], now_s)
         self._loop = LoopPulses(self._rig.propulsion, self._n_rotors, now_s)
         self._armed_else = armed_else
@@ -243,7 +233,7 @@ class LimitCheck:
         column = int(np.argmax(broken[row]))
         watched, value = self._watched[column], float(seen[row, column])
         limit = watched.high if value > watched.high else watched.low
-        return LimitExceeded(watched.name, value, limit, _ADVICE[watched.family])
+        return LimitExceeded(watched.name, value, limit, watched.advice)
 
 
 def unwatched_limits(channels: Sequence[Channel], n_rotors: int) -> str:
@@ -258,19 +248,12 @@ def unwatched_limits(channels: Sequence[Channel], n_rotors: int) -> str:
 
 
 def _watched(names: Sequence[str], limits: Limits, stale_s: float) -> list[_Watched]:
-    thrust_N = min(limits.thrust_N, limits.load_cell_rating_N)
-    bounds = {
-        "thrust_N": (-thrust_N, thrust_N, stale_s),
-        "rpm": (-inf, limits.rpm, stale_s),
-        "current_A": (-inf, limits.current_A, SLOW * stale_s),
-        "voltage_V": (limits.voltage_min_V, inf, SLOW * stale_s),
-        "temperature_degC": (-inf, limits.temperature_degC, SLOW * stale_s),
-    }
     found = []
     for index, name in enumerate(names):
-        family = "rpm" if name.rstrip("0123456789") == "rpm" else name
-        if family in bounds:
-            found.append(_Watched(index, name, family, *bounds[family]))
+        checks = CHECKS.get(family_of(name))
+        if checks and checks.limits:
+            low, high = checks.limits(limits)
+            found.append(_Watched(index, name, checks.advice, low, high, checks.silence * stale_s))
     return found
 
 

@@ -125,7 +125,6 @@ def _sweep(
     from benchtool.commands.terminal.messages import close_stopped
     from benchtool.commands.terminal.sweep_display import display_for
     from benchtool.commands.terminal.sweep_operator import LOOK_S, answer_to, arm, say_of_bench
-    from benchtool.core.counted import counted
     from benchtool.data.parquet import load_library
 
     load_library()
@@ -179,8 +178,4 @@ def _sweep(
             raise
         run.close()
     simulated = " (simulated)" if identity.simulated else ""
-    print(
-        f"{counted(summary.measured, 'point')}{simulated}, {summary.unsettled} not settled, "
-        f"{counted(summary.tares, 'tare')}, {counted(summary.samples, 'sample')}, {summary.lost} "
-        f"lost; in {run.path}"
-    )
+    print(f"{summary.text(simulated)}; in {run.path}")

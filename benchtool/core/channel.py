@@ -51,6 +51,11 @@ def require_known_channel(name: str) -> None:
         raise UnknownChoice("channel", name, (item.replace("#", "1") for item in CHANNEL_NAMES))
 
 
+def family_of(name: str) -> str:
+    """Return the kind of a channel: its name without a rotor's number at the end."""
+    return name.rstrip("0123456789")
+
+
 def unit_in_name(name: str) -> str:
     """Return the unit that a column name of ours carries; "1" when it carries none."""
     if _RPM.fullmatch(name):

@@ -56,8 +56,16 @@ def speed_columns(names: Iterable[str], family: str = "") -> list[str]:
     return [name for name in names if _SPEED.fullmatch(name) and name.startswith(family)]
 
 
-WHOLE: tuple[str, ...] = ("point", "setting", "repeat", "n_samples", "n_repeats", "settled")
-"""Columns of our own files that hold whole numbers from 0."""
+REJECTED = "_rejected"
+"""Ending of the columns that hold how many samples of a channel a mean leaves out."""
+
+_WHOLE = {"point", "setting", "repeat", "n_samples", "n_repeats", "settled", "suspect"}
+
+
+def is_whole(name: str) -> bool:
+    """Return whether a column of our own files holds whole numbers from 0."""
+    return name in _WHOLE or name.endswith(REJECTED)
+
 
 LONGEST_S = 1e8
 """Three years: no run is longer. A choice."""
@@ -80,7 +88,7 @@ def check_numbers(recording: Recording, where: str) -> None:
         for start in range(0, len(column), _PIECE):  # a few bytes a row, not three copies
             values = column[start : start + _PIECE]
             wrong = np.isinf(values)
-            if name in WHOLE:
+            if is_whole(name):
                 wrong |= ~((values >= 0.0) & (values < 2.0**53) & (values == np.floor(values)))
             elif name == "time_s":
                 wrong |= ~(np.abs(values) <= LONGEST_S)

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from math import isnan, nan
 from pathlib import Path
 
 from benchtool.core.counted import counted
 from benchtool.core.recording import Recording
 from benchtool.data.atomic import replace_text
-from benchtool.data.columns import WHOLE, WORDS
+from benchtool.data.columns import REJECTED, WORDS, is_whole
 from benchtool.data.run.append import AppendTable
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Point:
-    """Hold one visit of a setting: means over its samples.
+    """Hold one visit of a setting: robust means over its samples.
 
     Attributes:
         point: number of the visit, from 1; 0 for a tare.
@@ -31,7 +32,9 @@ class Point:
         n_samples: thrust samples in the mean.
         plate_z_m: distance of the plate: what the bench read, else what the stage reports.
         plate_stage_z_m, plate_read_z_m: both of them, nan where one is missing.
+        rejected: outliers left out of the mean, by channel; 0 where none is named.
         settled: whether the settling test passed before its time-out.
+        suspect: so many samples of a channel lie apart that none was left out.
     """
 
     point: int
@@ -57,11 +60,22 @@ class Point:
     settled: bool = True
     plate_stage_z_m: float = nan
     plate_read_z_m: float = nan
+    rejected: Mapping[str, int] = field(default_factory=dict)
+    suspect: bool = False
 
     @property
     def sum_rpm2(self) -> float:
         """Sum of the squared speeds of the rotors that turn; nan when speed is not measured."""
         return sum(speed**2 for speed in self.rpm)
+
+
+def averaged_channels(n_rotors: int) -> tuple[str, ...]:
+    """Return the channels of which a point holds a mean."""
+    return (
+        *(f"rpm{i + 1}" for i in range(n_rotors)),
+        *("thrust_N", "plate_z_m", "plate_x_m", "plate_tilt_deg"),
+        *("voltage_V", "current_A", "torque_Nm", "temperature_degC"),
+    )
 
 
 def point_columns(n_rotors: int) -> tuple[str, ...]:
@@ -74,6 +88,8 @@ def point_columns(n_rotors: int) -> tuple[str, ...]:
         *("thrust_N", "thrust_sd_N", "thrust_se_N", "n_samples"),
         *("plate_z_m", "plate_stage_z_m", "plate_read_z_m", "plate_x_m", "plate_tilt_deg"),
         *("voltage_V", "current_A", "torque_Nm", "temperature_degC", "settled"),
+        *(f"{name}{REJECTED}" for name in averaged_channels(n_rotors)),
+        "suspect",
     )
 
 
@@ -93,6 +109,8 @@ def point_cells(point: Point) -> list[str]:
         *(f"{point.time_s:.6f}", f"{point.elapsed_s:.6f}"),
         *(number_cell(number) for number in numbers),
         "1" if point.settled else "0",
+        *(str(point.rejected.get(name, 0)) for name in averaged_channels(len(point.rpm))),
+        "1" if point.suspect else "0",
     ]
 
 
@@ -127,6 +145,6 @@ def write_table(path: Path, recording: Recording) -> None:
 def _cells(name: str, numbers: list[float]) -> list[str]:
     if name in WORDS:
         return [WORDS[name][int(number)] for number in numbers]
-    if name in WHOLE:
+    if is_whole(name):
         return [f"{number:.0f}" for number in numbers]
     return [number_cell(number) for number in numbers]

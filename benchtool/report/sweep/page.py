@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from math import hypot, isfinite
 
 import numpy as np
 
 from benchtool import __version__
 from benchtool.core.counted import counted
+from benchtool.data.columns import REJECTED
 from benchtool.report.figure import Page, drawn
 from benchtool.report.numbers import value_with_sd
 from benchtool.report.page import (
@@ -124,6 +125,24 @@ def _unsettled(run: SweepRun) -> int:
     return int((run.points.column("settled") == 0.0).sum()) if "settled" in run.points else 0
 
 
+def _outliers(run: SweepRun) -> Iterator[str]:
+    """Give how many samples the points leave out, and which points hold outliers all the same."""
+    names = [name for name in run.points.names if name.endswith(REJECTED)]
+    columns = {name: run.points.column(name) for name in names}
+    if total := int(sum(column.sum() for column in columns.values())):
+        listed = ", ".join(
+            f"{column.sum():.0f} of {name.removesuffix(REJECTED)}"
+            for name, column in columns.items()
+            if column.any()
+        )
+        yield f"{counted(total, 'outlier')} left out of the means: {listed}."
+    if "suspect" in run.points and (count := int(run.points.column("suspect").sum())):
+        yield (
+            f"{counted(count, 'point')} suspect: too many samples lie apart to be outliers, and "
+            f"none was left out."
+        )
+
+
 def run_warnings(run: SweepRun) -> list[str]:
     """Return what a reader must know before using a number."""
     out = []
@@ -134,6 +153,7 @@ def run_warnings(run: SweepRun) -> list[str]:
         out.append("The run was never closed; close it with benchtool sweep --resume.")
     if count := _unsettled(run):
         out.append(f"{counted(count, 'point')} taken although thrust or speed had not settled.")
+    out += _outliers(run)
     if not (run.metadata.get("air") or {}).get("measured"):
         out.append("Nobody measured the air: its density is that of the standard atmosphere.")
     if not run.metadata.get("calibration") and not run.simulated:

@@ -9,7 +9,7 @@ import numpy as np
 from benchtool.core.array import Array
 from benchtool.core.counted import counted
 from benchtool.core.recording import Recording
-from benchtool.data.columns import speed_columns
+from benchtool.data.columns import REJECTED, speed_columns
 from benchtool.report.numbers import value_with_sd
 from benchtool.report.page import Block, Paragraph, Table
 from benchtool.report.sweep.figures import BASES, ERRORS
@@ -102,7 +102,7 @@ def limits_table(run: SweepRun) -> Table:
         names = [
             name
             for name in source.names
-            if name.startswith(begins) and not name.endswith(("_se", "_sd_N", "_se_N"))
+            if name.startswith(begins) and not name.endswith(("_se", "_sd_N", "_se_N", REJECTED))
         ]
         seen = [source.column(name) for name in names]
         if key not in limits or not seen or not np.isfinite(seen).any():

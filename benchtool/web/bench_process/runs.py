@@ -25,7 +25,6 @@ from benchtool.acquire.stage_choice import stage_for
 from benchtool.acquire.sweep import Start, run_sweep
 from benchtool.bench.bench import Identity
 from benchtool.bench.guard import GuardedBench
-from benchtool.core.counted import counted
 from benchtool.core.errors import BenchError, BenchtoolError, InputError, RunStopped
 from benchtool.core.rig import Rig
 from benchtool.data.run.append import Event
@@ -135,12 +134,7 @@ class RunSupervisor(RunProgress):
                 bench, stage, plan, rig, run, self,
                 calibration=scale, start=start, waits=self._paused.is_set,
             )  # fmt: skip
-            reason = (
-                f"{counted(summary.measured, 'point')}, {summary.unsettled} not settled, "
-                f"{counted(summary.tares, 'tare')}, {counted(summary.samples, 'sample')}, "
-                f"{summary.lost} lost"
-            )
-            self._close(run, "ended", reason)
+            self._close(run, "ended", summary.text())
         except BenchtoolError as error:
             if run is not None:
                 self._close(run, "stopped", bench.with_standstill(str(error)))

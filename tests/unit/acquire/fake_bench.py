@@ -24,6 +24,7 @@ class FakeBench:
         log: commands in order, with their time.
         offset_N: what the load cell shows at rest; `tares` says how much of it a tare leaves.
         at: functions called once their time has come, to break something.
+        shown_rpm: makes what the tachometer shows (m,) of times and true speeds, (m,) each.
     """
 
     def __init__(self, *, left_N: float = 0.0, idle_rpm: float = 0.0) -> None:
@@ -33,6 +34,7 @@ class FakeBench:
         self.idle_rpm = idle_rpm
         self.temperature_degC = 20.0
         self.at: list[tuple[float, Callable[[], None]]] = []
+        self.shown_rpm: Callable[[Array, Array], Array] = lambda time_s, rpm: rpm
         self._now_s = 0.0
         self._pwm_us = 1000.0
         self._given = 0
@@ -93,9 +95,12 @@ class FakeBench:
         thrust = 1e-7 * rpm**2
         # A small ripple, the same in every run.
         ripple = 1e-3 * np.sin(2.0 * np.pi * 7.3 * time_s)
+        seen = np.full(time_s.shape, rpm)
+        if rpm > self.idle_rpm:
+            seen = self.shown_rpm(time_s, seen + 5.0 * np.sin(2.0 * np.pi * 11.7 * time_s))
         columns = (
             self._pwm_us,
-            rpm,
+            seen,
             thrust + self.offset_N + ripple,
             1000.0 * (thrust + ripple) + 5000.0,
             self.temperature_degC,

@@ -4,9 +4,6 @@ import numpy as np
 import pytest
 
 from benchtool.acquire.average import average, is_settled, slope_of, statistical_inefficiency
-from benchtool.acquire.measure import shortage
-from benchtool.core.channel import Channel
-from benchtool.core.recording import Recording
 
 
 def autoregressive(rng: np.random.Generator, shape: tuple[int, int], rho: float) -> np.ndarray:
@@ -83,27 +80,68 @@ def test_an_exponential_settles_when_its_slope_has_gone() -> None:
     assert 3.0 < settled[0] < 4.5
 
 
-def span(thrust_values: int, rpm_values: int) -> Recording:
-    rows = np.full((200, 2), np.nan)
-    rows[:thrust_values, 0], rows[:rpm_values, 1] = 1.0, 4500.0
-    return Recording((Channel("thrust_N", "N"), Channel("rpm1", "rpm")), rows)
+@pytest.mark.parametrize("rho", [0.0, 0.8])
+@pytest.mark.parametrize("share", [0.0, 0.01, 0.04])
+def test_missed_counts_move_neither_mean_nor_standard_error(rho: float, share: float) -> None:
+    """2,000 simulated visits of 200 speeds about 4312 rpm, some of them read at half speed."""
+    rng = np.random.default_rng(17)
+    clean = 4312.0 + 12.0 * autoregressive(rng, (2000, 200), rho)
+    missed = rng.random(clean.shape) < share
+    found = [average(row, quantum=1.0) for row in np.where(missed, 0.5 * clean, clean)]
+    used = np.array([not item.suspect for item in found])
+    assert used.mean() > 0.7
+    more = [item.n_rejected for item in found] - np.where(used, missed.sum(axis=1), 0)
+    assert (more >= 0).all()
+    assert more.sum() < 1e-4 * clean.size  # clean samples that were rejected
+    error = (np.array([item.mean for item in found]) - 4312.0)[used]
+    assert abs(error.mean()) < 4.0 * error.std() / np.sqrt(len(error))
+    whole = clean[used].mean(axis=1) - 4312.0
+    assert error.std() == pytest.approx(whole.std() / np.sqrt(1.0 - share), rel=0.05)
+    stated = np.sqrt(np.mean([item.se**2 for item in found if not item.suspect]))
+    assert stated == pytest.approx(error.std(), rel=0.12)  # as without outliers
+
+
+@pytest.mark.parametrize("n", [8, 12, 20, 50, 200])
+def test_efficiency_against_the_plain_mean(n: int) -> None:
+    samples = np.random.default_rng(n).normal(size=(4000, n))
+    robust = [average(row).mean for row in samples]
+    assert samples.mean(axis=1).var() / np.var(robust) > 0.99
+
+
+def test_one_half_speed_reading_in_a_hundred_moves_the_squared_speed_by_nothing() -> None:
+    readings = 4312.0 + 8.0 * np.random.default_rng(3).normal(size=100)
+    honest = average(readings).mean
+    readings[40] *= 0.5
+    assert (readings.mean() / honest) ** 2 == pytest.approx(0.99, abs=2e-3)
+    found = average(readings)
+    assert (found.mean / honest) ** 2 == pytest.approx(1.0, abs=1e-4)
+    assert found.n_rejected == 1
+    assert "1 of 100 samples of rpm1 (from 21" in found.rejection("rpm1")
+
+
+@pytest.mark.parametrize("share", [0.06, 0.3, 0.48])
+def test_a_rotor_that_hunts_is_not_halved(share: float) -> None:
+    rng = np.random.default_rng(9)
+    slow = rng.permutation(400) < share * 400
+    readings = np.where(slow, 4000.0, 4400.0) + 8.0 * rng.normal(size=400)
+    found = average(readings, quantum=1.0)
+    assert (found.n, found.n_rejected) == (400, 0)
+    assert found.mean == pytest.approx(readings.mean())
+    assert found.suspect
+    assert "none is left out" in found.rejection("rpm1")
 
 
 @pytest.mark.parametrize(
-    ("thrust", "rpm", "said"),
+    ("values", "quantum", "rejected"),
     [
-        (160, 200, ""),
-        (127, 200, ""),  # one below 80 %: the span may begin just behind a value
-        (126, 200, "126 of 160 samples of thrust_N came, at least 80 % are needed"),
-        (0, 200, "0 of 160 samples of thrust_N"),
-        (160, 40, "40 of 200 samples of rpm1"),
+        ([4000.0] * 99 + [2000.0], 0.0, 1),
+        ([4000.0] * 97 + [4001.0] * 3, 0.0, 0),  # the step of its resolution
+        ([4000.0] * 97 + [4001.0] * 2 + [2000.0], 0.0, 1),
+        ([0.0] * 98 + [0.12] * 2, 0.12, 0),
+        ([4000.0] * 6 + [2000.0], 0.0, 0),  # too few to judge
     ],
 )
-def test_a_point_needs_its_share(thrust: int, rpm: int, said: str) -> None:
-    text = shortage(span(thrust, rpm), {"thrust_N": 80.0, "rpm1": 100.0}, 2.0, 0.8)
-    assert text.startswith(said)
-    assert bool(text) == bool(said)
-
-
-def test_a_channel_that_never_had_a_value_is_short_whatever_its_rate() -> None:
-    assert "0 of 0 samples of thrust_N" in shortage(span(0, 0), {"thrust_N": 0.0}, 2.0, 0.8)
+def test_steps_of_a_coarse_sensor_are_no_outliers(
+    values: list[float], quantum: float, rejected: int
+) -> None:
+    assert average(np.array(values), quantum).n_rejected == rejected
