@@ -35,6 +35,7 @@ class Estimate:
 
     Attributes:
         bound: "at its upper bound" and the like, printed wherever the value is; empty inside.
+        open: why the data do not determine it, printed in place of the value; empty where they do.
     """
 
     name: str
@@ -44,6 +45,7 @@ class Estimate:
     interval_68: tuple[float, float]
     interval_95: tuple[float, float]
     bound: str = ""
+    open: str = ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

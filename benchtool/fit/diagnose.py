@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -17,7 +18,6 @@ from benchtool.core.errors import BenchtoolError, EstimationError, ModelRejected
 from benchtool.core.fit_result import FitResult
 from benchtool.fit.identifiability import Confusion, confusions
 from benchtool.fit.problem import NOISE_SCALE, Problem
-from benchtool.physics.catalogue import EFFECTS
 
 Verdict = Literal["consistent", "scatter", "rejected", "errors_too_large", "no_verdict"]
 
@@ -65,7 +65,7 @@ def diagnose(problem: Problem, result: FitResult) -> Diagnosis:
     sentences = (
         *(str(item) for item in confused),
         *_of_verdict(verdict, result, chance),
-        *_of_structure(_columns(problem), rows, problem.parameters.free_names),
+        *_of_structure(problem, rows),
         *_of_outliers(problem, rows_alone / spread, far),
     )
     return Diagnosis(verdict, chance, confused, far, sentences)
@@ -233,9 +233,10 @@ def outliers(rows: Array) -> NDArray[np.intp]:
     return far[np.argsort(-np.abs(rows[far]))].astype(np.intp)
 
 
-def _of_structure(columns: Mapping[str, Array], rows: Array, free: tuple[str, ...]) -> list[str]:
+def _of_structure(problem: Problem, rows: Array) -> list[str]:
     curved, curves, slopes = [], [], []
-    for name, column in columns.items():
+    for name, column in _columns(problem).items():
+        hint = partial(_hint, problem, name)
         bend, runs = bend_along(column, rows), runs_along(column, rows)
         trend = trend_along(column, rows)
         if bend.chance < UNLIKELY:
@@ -244,7 +245,7 @@ def _of_structure(columns: Mapping[str, Array], rows: Array, free: tuple[str, ..
                 shape, ends, between = ("an arch", "above", "below")
             curved.append(
                 f"residuals form {shape} over {name}: the model is {ends} the points at both ends "
-                f"and {between} them between, so it misses a curve in {name}; {_hint(name, free)}"
+                f"and {between} them between, so it misses a curve in {name}; {hint()}"
             )
         elif runs.chance < UNLIKELY:
             curves.append(
@@ -254,7 +255,7 @@ def _of_structure(columns: Mapping[str, Array], rows: Array, free: tuple[str, ..
         if trend.chance < UNLIKELY:
             slopes.append(
                 f"residuals {'rise' if trend.size > 0 else 'fall'} with {name} "
-                f"(rank correlation {trend.size:+.2f}); {_hint(name, free)}"
+                f"(rank correlation {trend.size:+.2f}); {hint()}"
             )
     return curved + curves + slopes
 
@@ -263,12 +264,12 @@ CLOCK = ("order", "time_s", "elapsed_s")
 """Columns that go with time: anchor points repeated over a run show more of what trends there."""
 
 
-def _hint(column: str, free: tuple[str, ...]) -> str:
-    """Say what to do about a trend; what is free already cannot be freed."""
+def _hint(problem: Problem, column: str) -> str:
+    """Say what to do about a trend; what is free already, or cannot act here, is not named."""
     words = [
         f"the {effect.name.replace('_', ' ')}"
-        for effect in EFFECTS.values()
-        if column in effect.trends_over and f"{effect.name}.{effect.parameters[0].name}" not in free
+        for effect in problem.missing(column)
+        if f"{effect.name}.{effect.parameters[0].name}" not in problem.free_names
     ]
     advice = [f"free {' or '.join(words)}"] if words else []
     if column in CLOCK:

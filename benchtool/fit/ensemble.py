@@ -144,9 +144,7 @@ def _result(
     draws = chains[::thin].reshape(-1, n)
     drawn = chains[:: max(thin, -(-chains.shape[0] * per_step // MOST_DRAWS))].reshape(-1, n)
     estimates = tuple(
-        from_draws(
-            name, problem.parameters[name].unit, draws[:, i], _bound(problem, name, draws[:, i])
-        )
+        from_draws(name, problem.parameters[name], draws[:, i], _bound(problem, name, draws[:, i]))
         for i, name in enumerate(problem.free_names)
     )
     log_probs = sampler.get_log_prob(flat=True)

@@ -18,7 +18,7 @@ from benchtool.core.parameter import full_name
 from benchtool.core.recording import Recording
 from benchtool.data.atomic import data_hash
 from benchtool.data.columns import code_of
-from benchtool.data.run.ratios import ratios, relative_speed_error
+from benchtool.data.run.ratios import ratios, thrust_error
 from benchtool.data.run.read import is_run, read_points
 from benchtool.data.table import read_table
 from benchtool.fit.data_rig import rig_for_data
@@ -49,7 +49,7 @@ class FitData:
     conditions: Conditions  # of all points
     observed: Array  # (n,) thrust in N, or the ratio of the recipe's basis
     standard_error: Array  # (n,) stated; 1 where none is stated
-    errors: str  # "within" visits of a run, "stated" by a table, or "none"
+    errors: str  # "within" visits, from their samples; "stated" by a table; or "none"
     used: NDArray[np.bool_]  # (n,) False for points that the fit leaves out
     left_out: tuple[str, ...]  # sentences that say which points and why
     z_over_R: Array  # (n,) least distance over the rig's radius
@@ -204,12 +204,11 @@ def _joined(parts: Sequence[Recording]) -> Recording:
 
 
 def _thrust_with_error(points: Recording, is_whole_run: bool) -> tuple[Array, Array, str]:
-    thrust = points.si("thrust_N")
-    for name in ("thrust_se_N", "thrust_sd_N"):
-        if name in points and np.isfinite(points.column(name)).any():
-            error = np.hypot(points.si(name), thrust * relative_speed_error(points))
-            return thrust, error, "within" if is_whole_run else "stated"
-    return thrust, np.ones(len(points)), "none"
+    thrust, found = points.si("thrust_N"), thrust_error(points)
+    if found is None:
+        return thrust, np.ones(len(points)), "none"
+    error, of_samples = found
+    return thrust, error, "within" if is_whole_run or of_samples else "stated"
 
 
 def _calibration_sd(parts: Sequence[Recording], paths: Sequence[str]) -> float:

@@ -54,6 +54,26 @@ def bound_hit(parameter: Parameter, value: float, sd: float) -> str:
     return ""
 
 
+ALL_OF_IT = 0.93
+"""A 95 % interval over so much of what a parameter's bounds allow says no more than they do: of a
+posterior that is uniform between them it covers 0.95, and draws scatter."""
+
+
+def why_open(parameter: Parameter, sd: float, interval_95: tuple[float, float]) -> str:
+    """Return why data do not determine a parameter, in words; empty where they do."""
+    if np.isnan(sd):
+        return ""
+    if np.isinf(sd):
+        return "the data leave it open"
+    allowed, (low, high) = parameter.upper - parameter.lower, interval_95
+    if np.isfinite(allowed) and high - low >= ALL_OF_IT * allowed > 0.0:
+        return (
+            f"its 95 % interval is all that its bounds allow, {parameter.lower:.3g} to "
+            f"{parameter.upper:.3g}"
+        )
+    return ""
+
+
 def around(
     name: str, parameter: Parameter, value: float, sd: float, widths: tuple[float, float]
 ) -> Estimate:
@@ -65,15 +85,17 @@ def around(
         else (low, high)
         for width in widths
     )
-    hit = bound_hit(parameter, value, sd)
-    return Estimate(name, parameter.unit, float(value), float(sd), one, two, hit)
+    hit, why = bound_hit(parameter, value, sd), why_open(parameter, float(sd), two)
+    return Estimate(name, parameter.unit, float(value), float(sd), one, two, hit, why)
 
 
-def from_draws(name: str, unit: str, draws: Array, bound: str = "") -> Estimate:
+def from_draws(name: str, parameter: Parameter, draws: Array, bound: str = "") -> Estimate:
     """Return an estimate from posterior draws (n,): median, deviation, equal-tailed intervals."""
     levels = [0.5 + 0.5 * sign * p for p in PROBABILITIES for sign in (-1.0, 1.0)]
     median, a, b, c, d = (float(q) for q in np.quantile(draws, [0.5, *levels]))
-    return Estimate(name, unit, median, float(np.std(draws, ddof=1)), (a, b), (c, d), bound)
+    sd = float(np.std(draws, ddof=1))
+    why = why_open(parameter, sd, (c, d))
+    return Estimate(name, parameter.unit, median, sd, (a, b), (c, d), bound, why)
 
 
 def with_derived(result: FitResult, quantities: Sequence[Derived]) -> FitResult:
@@ -89,9 +111,10 @@ def with_derived(result: FitResult, quantities: Sequence[Derived]) -> FitResult:
         else _from_covariance(quantity, names, result)
         for quantity in quantities
     )
-    bounds = (_bounds_of(quantity, result) for quantity in quantities)
-    cut = (replace(item, bound=bound) for item, bound in zip(own, bounds, strict=True))
-    return replace(result, derived=(*result.derived, *cut))
+    said = tuple(
+        _with_words(item, quantity, result) for item, quantity in zip(own, quantities, strict=True)
+    )
+    return replace(result, derived=(*result.derived, *said))
 
 
 class _Looked(dict[str, float]):
@@ -106,12 +129,16 @@ class _Looked(dict[str, float]):
         return super().__getitem__(name)
 
 
-def _bounds_of(quantity: Derived, result: FitResult) -> str:
-    """Return which estimates behind a quantity ended at a bound, in words."""
+def _with_words(own: Estimate, quantity: Derived, result: FitResult) -> Estimate:
+    """Return a quantity with which estimates behind it ended at a bound or are not determined."""
     values = _Looked({item.name: item.value for item in result.estimates})
     quantity.function(values)
-    hit = [item for item in result.estimates if item.bound and item.name in values.names]
-    return "; ".join(f"{item.name} {item.bound}" for item in hit)
+    behind = [item for item in result.estimates if item.name in values.names]
+    return replace(
+        own,
+        bound="; ".join(f"{item.name} {item.bound}" for item in behind if item.bound),
+        open="; ".join(f"{item.name} is not" for item in behind if item.open) or own.open,
+    )
 
 
 def _from_draws(quantity: Derived, names: Sequence[str], result: FitResult) -> Estimate:
@@ -122,7 +149,7 @@ def _from_draws(quantity: Derived, names: Sequence[str], result: FitResult) -> E
             f"{quantity.name} has no finite value for {np.sum(~np.isfinite(finite))} of "
             f"{len(finite)} draws; narrow the bounds of its parameters"
         )
-    return from_draws(quantity.name, quantity.unit, finite)
+    return from_draws(quantity.name, Parameter(quantity.name, quantity.unit, 0.0), finite)
 
 
 def _from_covariance(quantity: Derived, names: Sequence[str], result: FitResult) -> Estimate:

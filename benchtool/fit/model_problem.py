@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import partial
 from typing import Any, get_args
 
 import numpy as np
@@ -12,6 +14,7 @@ from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.fit.problem import IntArray, Problem
 from benchtool.fit.recipe import Basis
 from benchtool.physics import VALIDITY_Z_OVER_R
+from benchtool.physics.acting import effects_over
 from benchtool.physics.bases import require_motor, thrust_ratio
 from benchtool.physics.conditions import FAR_AWAY_M, Conditions
 from benchtool.physics.model import Model
@@ -72,7 +75,9 @@ def problem_from_model(
     parameters = with_tolerances(model, "sweep")
     if standard_error is None:
         standard_error = np.ones(len(observed))
-        parameters = parameters.replaced("noise.scale", parameters["noise.scale"].freed())
+        # The scale of errors of 1 is the error itself.
+        scale = replace(parameters["noise.scale"], unit="N" if basis == "joint" else "1")
+        parameters = parameters.replaced("noise.scale", scale.freed())
         facts["standard_errors"] = "unknown, taken as equal"
     model = model.at(parameters)
     if basis != "joint":
@@ -98,6 +103,7 @@ def problem_from_model(
         groups=plate_settings(conditions) if groups is None else groups[used],
         covariates=_varying(columns),
         facts=facts,
+        missing=partial(effects_over, model, conditions),
     )
 
 

@@ -15,7 +15,7 @@ with shared errors as without.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -28,6 +28,7 @@ from benchtool.core.error_source import ErrorSource, Whitening
 from benchtool.core.errors import InputError
 from benchtool.core.parameter import Parameter, Parameters
 from benchtool.fit.prior import JointPrior, PriorRows, prior_rows
+from benchtool.physics.effects.effect import Effect
 
 IntArray = NDArray[np.intp]
 
@@ -49,6 +50,7 @@ class Problem:
         error_sources: errors that points share, beside their own `standard_error`.
         joint_priors: normal priors on several parameters, for example of a calibration.
         facts: carried into the result (counts, hashes).
+        missing: missing(covariate) -> effects that may be missing where residuals trend over it.
     """
 
     model: str  # name for results
@@ -63,6 +65,7 @@ class Problem:
     covariates: Mapping[str, Array] = field(default_factory=dict)
     joint_priors: tuple[JointPrior, ...] = ()
     facts: Mapping[str, str | int | float | bool | None] = field(default_factory=dict)
+    missing: Callable[[str], Sequence[Effect]] = lambda covariate: ()
 
     def __post_init__(self) -> None:
         m = len(self.observed)

@@ -78,6 +78,37 @@ def _squared_speed(points: Recording) -> Array:
     return np.asarray(squared, float)
 
 
+def thrust_error(points: Recording) -> tuple[Array, bool] | None:
+    """Return the standard error of every thrust (n,) in N, None where none is stated.
+
+    `thrust_se_N` is one. `thrust_sd_N` beside `n_samples` is the scatter of samples, and that of
+    their mean is sd sqrt(g/n): g, what the samples' autocorrelation costs, is that of the rows that
+    state both, else 1. `thrust_sd_N` alone counts as the standard error. The speeds' errors are
+    taken in (`relative_speed_error`).
+
+    Returns:
+        The errors, and whether they are of samples within a visit and so say nothing of what
+        differs between visits.
+    """
+    nothing = np.full(len(points), np.nan)
+    error, sd, n = (
+        points.si(name) if name in points else nothing
+        for name in ("thrust_se_N", "thrust_sd_N", "n_samples")
+    )
+    of_samples = np.isnan(error) & np.isfinite(sd) & (n >= 1.0)
+    if of_samples.any():
+        known = (error / sd) ** 2 * n
+        known = known[np.isfinite(known)]
+        inefficiency = max(float(np.median(known)), 1.0) if known.size else 1.0
+        error = np.where(of_samples, sd * np.sqrt(inefficiency / n), error)
+    elif not np.isfinite(error).any():
+        error = sd
+    if not np.isfinite(error).any():
+        return None
+    thrust = points.si("thrust_N")
+    return np.hypot(error, thrust * relative_speed_error(points)), bool(of_samples.any())
+
+
 def relative_speed_error(points: Recording) -> Array:
     """Return the relative error (n,) that the speeds' errors make in k times the sum of w^2.
 

@@ -13,7 +13,7 @@ from benchtool.core.errors import InputError
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig, Sensor
 from benchtool.data.columns import code_of
-from benchtool.data.run.ratios import relative_speed_error
+from benchtool.data.run.ratios import thrust_error
 from benchtool.explain.engine.subject import EARLY, LATE
 from benchtool.explain.sweep.power import Power, power_of
 from benchtool.physics.conditions import FAR_AWAY_M, SAME_PLACE, Conditions
@@ -67,7 +67,7 @@ def sweep_log(recording: Recording, rig: Rig, name: str = "") -> SweepLog:
     tare = kinds == code_of("kind", "tare")
     conditions = _with_still_rows(conditions, tare)
     thrust = recording.si("thrust_N")
-    se, assumed = _errors(recording, rig, conditions)
+    se, assumed = _errors(recording, rig)
     whole = np.isfinite(thrust) & np.isfinite(se) & (se > 0.0) & conditions.known
     points = int((whole & ~tare).sum())
     if points < LEAST_POINTS:
@@ -110,26 +110,20 @@ def _with_still_rows(conditions: Conditions, tare: Mask) -> Conditions:
     )
 
 
-def _errors(recording: Recording, rig: Rig, conditions: Conditions) -> tuple[Array, list[str]]:
+def _errors(recording: Recording, rig: Rig) -> tuple[Array, list[str]]:
     """Return the standard error of every thrust (m,), and what had to be assumed for it."""
-    thrust = recording.si("thrust_N")
-    measured = conditions.speed_measured
-    speed_error = relative_speed_error(recording) if measured else np.zeros(len(thrust))
-    for name in ("thrust_se_N", "thrust_sd_N"):
-        if name in recording and np.isfinite(recording.column(name)).any():
-            stated = recording.si(name)
-            break
-    else:
-        sensor = rig.sensors.get("thrust_N", Sensor())
-        stated = np.full(len(thrust), sensor.noise / np.sqrt(sensor.rate_Hz * SAMPLE_S))
-        stated = np.hypot(stated, sensor.quantum / np.sqrt(12.0))
-        if not (stated > 0.0).all():
-            raise InputError(
-                "the points state no standard error of thrust, and rig "
-                f"{rig.name!r} no noise of its load cell; give thrust_se_N, or sensors.thrust_N"
-            )
-        return stated, ["no standard errors of thrust: taken from the rig's load cell"]
-    return np.hypot(stated, thrust * speed_error), []
+    if (found := thrust_error(recording)) is not None:
+        return found[0], []
+    sensor = rig.sensors.get("thrust_N", Sensor())
+    stated = sensor.noise / np.sqrt(sensor.rate_Hz * SAMPLE_S)
+    stated = float(np.hypot(stated, sensor.quantum / np.sqrt(12.0)))
+    if not stated > 0.0:
+        raise InputError(
+            "the points state no standard error of thrust, and rig "
+            f"{rig.name!r} no noise of its load cell; give thrust_se_N, or sensors.thrust_N"
+        )
+    assumed = "no standard errors of thrust: taken from the rig's load cell"
+    return np.full(len(recording), stated), [assumed]
 
 
 def stays_of(conditions: Conditions, tare: Mask, *, ordered: bool) -> NDArray[np.intp]:

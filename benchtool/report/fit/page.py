@@ -144,7 +144,9 @@ def sentence_of(first: FitResult, *, model: str, rig: str, basis: str, used: int
     if first.outcome.status != "converged":
         return f"No answer to use from {used} of {read} points: {first.outcome.message}."
     values = ", ".join(
-        f"{item.name} = {value_with_sd(item.value, item.sd)}"
+        f"{item.name} not determined"
+        if item.open
+        else f"{item.name} = {value_with_sd(item.value, item.sd)}"
         + ("" if item.unit == "1" else f" {unit_for_people(item.unit)}")
         + (f" ({item.bound})" if item.bound else "")
         for item in first.estimates

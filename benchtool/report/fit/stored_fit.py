@@ -152,6 +152,7 @@ def _estimate(name: str, table: Mapping[str, Any]) -> Estimate:
         interval_68=(low_68, high_68),
         interval_95=(low_95, high_95),
         bound=str(table.get("bound", "")),
+        open=str(table.get("open", "")),
     )
 
 

@@ -38,7 +38,8 @@ def short_table(result: FitResult) -> Table:
     rows = []
     for item in (*result.estimates, *result.derived):
         row = _estimate_row(item)
-        rows.append((row[0], row[1], f"{row[2]} ± {row[3]}{_bound(item)}", row[5]))
+        value = row[2] if item.open else f"{row[2]} ± {row[3]}"
+        rows.append((row[0], row[1], value + _bound(item), row[5]))
     return Table(
         f"{result.model}, {METHODS[result.method]}",
         ("parameter", "unit", "value ± sd", "95 % interval"),
@@ -49,7 +50,7 @@ def short_table(result: FitResult) -> Table:
 
 def printed(item: Estimate) -> str:
     """Return an estimate as people read it, with the bound that it ended at."""
-    return f"{value_with_sd(item.value, item.sd)}{_bound(item)}"
+    return "not determined" if item.open else f"{value_with_sd(item.value, item.sd)}{_bound(item)}"
 
 
 def _bound(item: Estimate) -> str:
@@ -57,6 +58,9 @@ def _bound(item: Estimate) -> str:
 
 
 def _estimate_row(item: Estimate) -> tuple[str, ...]:
+    if item.open:
+        why = f"not determined: {item.open}"
+        return (item.name, unit_for_people(item.unit), why, "–", "–", "–")
     exponent = exponent_of(item.value, item.sd)
     decimals = decimals_for(item.sd / 10.0**exponent)
 

@@ -1,0 +1,113 @@
+"""What a table states of its thrusts' errors, and what a fit says where they determine nothing."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchtool.core.rig_file import rig_named
+from benchtool.data.run.ratios import thrust_error
+from benchtool.data.table import read_table
+from benchtool.explain.sweep.log import sweep_log
+from benchtool.fit.ensemble import fit_ensemble
+from benchtool.fit.interval import with_derived
+from benchtool.fit.least_squares import fit_least_squares
+from benchtool.fit.problem import function_problem
+from benchtool.fit.recipe import Recipe
+from benchtool.fit.run_recipe import FitOutput, run_recipe
+from benchtool.physics.effects.effect import Derived
+from benchtool.report.fit.page import write_fit
+from benchtool.report.fit.stored_fit import read_stored, stored
+from benchtool.report.page import Table
+from tests.unit.fit.cases import X, free, noise
+
+
+def table(folder: Path, columns: str, *errors: str) -> str:
+    """Write six points of one rotor far from the plate with these columns of errors."""
+    rows = [
+        f"{rpm},{z_m},{1e-5 * (rpm * np.pi / 30.0) ** 2:.5f},{error}"
+        for rpm, z_m, error in zip(range(4000, 7000, 500), [0.9, 1.1] * 3, errors, strict=True)
+    ]
+    (folder / "table.csv").write_text("\n".join([f"rpm1,plate_z_m,thrust_N,{columns}", *rows]))
+    return str(folder / "table.csv")
+
+
+def fitted(data: str, **more: object) -> FitOutput:
+    recipe = {"model": "single", "rig": "pquad_single", **more}
+    return run_recipe(Recipe(name="one", data=(data,), **recipe))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("columns", "errors", "expected", "of_samples"),
+    [
+        ("thrust_se_N", ["0.02"] * 6, 0.02, False),
+        ("thrust_sd_N", ["0.02"] * 6, 0.02, False),
+        ("thrust_sd_N,n_samples", ["0.12,36"] * 6, 0.02, True),
+        # One row states both: its samples go together by four, and so do the others'.
+        ("thrust_sd_N,n_samples,thrust_se_N", ["0.12,36,0.04"] + ["0.12,36,"] * 5, 0.04, True),
+    ],
+)
+def test_a_scatter_of_samples_is_not_the_error_of_their_mean(
+    tmp_path: Path, columns: str, errors: list[str], expected: float, of_samples: bool
+) -> None:
+    data = table(tmp_path, columns, *errors)
+    points = read_table(data)
+    found = thrust_error(points)
+    assert found is not None
+    np.testing.assert_allclose(found[0], expected)
+    assert found[1] == of_samples
+    output = fitted(data, hold=("R_m",))
+    np.testing.assert_allclose(output.data.standard_error, expected)
+    # Samples within a visit know nothing of what differs between visits, as in a run.
+    assert ("noise.scale" in output.problem.free_names) == of_samples
+    log = sweep_log(points, rig_named("pquad_single"))
+    np.testing.assert_allclose(log.se_N, expected)
+
+
+def test_the_scale_of_unknown_errors_carries_the_unit_of_thrust(tmp_path: Path) -> None:
+    data = table(tmp_path, "voltage_V", *["12"] * 6)
+    assert fitted(data, hold=("R_m",)).results[0]["noise.scale"].unit == "N"
+    stated = table(tmp_path, "thrust_se_N", *["0.02"] * 6)
+    assert fitted(stated, hold=("R_m",), noise="scale").results[0]["noise.scale"].unit == "1"
+
+
+def test_what_data_do_not_determine_is_said_with_why(tmp_path: Path) -> None:
+    output = fitted(table(tmp_path, "thrust_se_N", *["0.02"] * 6))
+    found = output.results[0]["R_m"]
+    assert found.sd > 1.0  # metres, of a rotor of 0.12 m
+    why = "not determined: its 95 % interval is all that its bounds allow, 0.012 to 0.36"
+    assert f"{found.name} not determined" in stored(output).sentence
+    (shown,) = [block for block in stored(output).blocks if isinstance(block, Table)]
+    rows = {row[0]: row for row in shown.rows}
+    assert rows["R_m"][2].startswith(why)
+    assert rows["R_m"][3] == "–"
+    assert rows["R_over_rotor_radius"][2].startswith("not determined: R_m is not")
+    assert "±" in rows["k"][2]
+    page = write_fit(tmp_path / "fit", output).read_text("utf-8")
+    assert why in page
+    # The numbers stay where programs read them.
+    stated = json.loads((tmp_path / "fit" / "result.json").read_text("utf-8"))
+    numbers = stated["results"]["least_squares"]["estimates"]["R_m"]
+    assert numbers["value"] == found.value
+    assert numbers["sd"] == found.sd
+    assert numbers["interval_95"] == list(found.interval_95)
+    assert read_stored(tmp_path / "fit").blocks == stored(output).blocks
+
+
+def test_both_estimators_say_what_is_open() -> None:
+    problem = function_problem(
+        "line",
+        {"a": free("a", 0.5), "b": free("b", 0.0, -1.0, 1.0)},
+        lambda v: v[0] + 1e-3 * v[1] * X,
+        1.0 + 0.2 * noise(1),
+        np.full(len(X), 0.2),
+    )
+    half = Derived("half", "1", lambda v: 0.5 * v["b"])
+    for result in (fit_least_squares(problem), fit_ensemble(problem)):
+        result = with_derived(result, [half])
+        assert "all that its bounds allow, -1 to 1" in result["b"].open
+        assert result["half"].open == "b is not"
+        assert result["a"].open == ""
