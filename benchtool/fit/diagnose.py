@@ -18,6 +18,7 @@ from benchtool.core.errors import BenchtoolError, EstimationError, ModelRejected
 from benchtool.core.fit_result import FitResult
 from benchtool.fit.identifiability import Confusion, confusions
 from benchtool.fit.problem import NOISE_SCALE, Problem
+from benchtool.fit.robust import MAD_EFFICIENCY, MAD_TO_SD
 
 Verdict = Literal["consistent", "scatter", "rejected", "errors_too_large", "no_verdict"]
 
@@ -56,10 +57,14 @@ def diagnose(problem: Problem, result: FitResult) -> Diagnosis:
     _, noise = problem.split(result.values)
     rows = problem.whitening(noise)(problem.residuals(result.values))
     rows_alone = rows * np.sqrt(len(problem) / result.dof) if result.dof > 0 else rows
-    chance = float(chdtrc(result.dof, result.chi2)) if result.dof > 0 else float("nan")
+    # Under a robust loss chi2 stands for fewer degrees of freedom (`robust_chi2`).
+    share = 1.0 if result.facts.get("loss", "linear") == "linear" else MAD_EFFICIENCY
+    chance = float("nan")
+    if result.dof > 0:
+        chance = float(chdtrc(share * result.dof, share * result.chi2))
     verdict = _verdict(problem, result, chance)
     # Outliers are far out against the scatter that is there, be it the stated one or not.
-    spread = max(1.0, float(1.4826 * np.median(np.abs(rows_alone))))
+    spread = max(1.0, MAD_TO_SD * float(np.median(np.abs(rows_alone))))
     far = tuple(int(i) for i in outliers(rows_alone / spread))
     confused = confusions(problem, result)
     sentences = (

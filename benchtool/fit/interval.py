@@ -32,7 +32,7 @@ def half_widths(dof: int | None) -> tuple[float, float]:
     return float(one), float(two)
 
 
-def chi2_limits(dof: int) -> tuple[tuple[float, float], tuple[float, float]]:
+def chi2_limits(dof: float) -> tuple[tuple[float, float], tuple[float, float]]:
     """Return (low, high) chi-square quantiles that enclose each probability."""
     one, two = (
         (float(chdtri(dof, 0.5 + 0.5 * p)), float(chdtri(dof, 0.5 - 0.5 * p)))

@@ -12,11 +12,8 @@ from benchtool.fit.interval import around, half_widths
 from benchtool.fit.jacobian import spread_of
 from benchtool.fit.noise import fit_noise
 from benchtool.fit.problem import Problem
-from benchtool.fit.solve import LOSSES, Loss, Solution, solve
-
-NORMAL_INFLATION: dict[Loss, float] = {"linear": 1.0, "soft_l1": 1.0790, "huber": 1.0526}
-"""What a robust loss costs where no point is out of line: mean(psi^2) / mean(psi')^2 over the
-normal distribution, integrated numerically. With stated errors the covariance is not less."""
+from benchtool.fit.robust import LOSSES, Loss, robust_chi2, robust_inflation
+from benchtool.fit.solve import Solution, solve
 
 
 def fit_least_squares(
@@ -29,7 +26,8 @@ def fit_least_squares(
 
     Stated standard errors are taken as they are: the covariance is (J^T J)^-1 and the intervals
     are normal. With `noise.scale` or `noise.sd` free the noise follows from chi2 and the intervals
-    are Student's t. `chi2` of the result is always at the stated errors.
+    are Student's t. `chi2` of the result is always at the stated errors; under a robust loss it is
+    that of `robust_chi2`, which points far out do not move.
 
     Args:
         problem: what to fit.
@@ -50,7 +48,12 @@ def fit_least_squares(
 
         noise, best = fit_noise(problem, best, refit, robust=loss != "linear")
     spread = spread_of(best.jacobian, best.way)
-    covariance = spread.covariance * _robust_inflation(problem, best, loss)
+    covariance = spread.covariance * robust_inflation(
+        best.rows[: len(problem)],
+        len(problem.shape_names),
+        loss,
+        stated=problem.noise_name is None,
+    )
     sd = np.sqrt(np.diag(covariance))
     widths = half_widths(None if noise is None else problem.dof)
     by_name = {
@@ -66,7 +69,10 @@ def fit_least_squares(
         whole[position, position] = noise.sd**2
         covariance = whole
     estimates = tuple(by_name[name] for name in problem.free_names)
-    chi2, log_likelihood = problem.quality(np.array([item.value for item in estimates]))
+    values = np.array([item.value for item in estimates])
+    chi2, log_likelihood = problem.quality(values)
+    if loss != "linear":
+        chi2 = robust_chi2(problem.stated_rows(values), problem.dof)
     return FitResult(
         method="least_squares",
         basis=problem.basis,
@@ -95,25 +101,6 @@ def fit_least_squares(
             "starts_agreeing": 1,
         },
     )
-
-
-def _robust_inflation(problem: Problem, best: Solution, loss: Loss) -> float:
-    """Return the factor on the covariance for the points that a robust loss counts less.
-
-    mean(psi^2) / mean(psi')^2 of the whitened residuals (Huber, Robust Statistics, 1981, ch. 7).
-    """
-    if loss == "linear":
-        return 1.0
-    r = best.rows[: len(problem)]
-    if loss == "soft_l1":
-        root = np.sqrt(1.0 + r**2)
-        psi, slope = r / root, 1.0 / root**3
-    else:
-        psi = np.clip(r, -1.345, 1.345)
-        slope = (np.abs(r) <= 1.345).astype(float)
-    left = max(len(problem) - len(problem.shape_names), 1)
-    ratio = float(np.sum(psi**2) / left / max(float(np.mean(slope)), 1e-3) ** 2)
-    return max(ratio, NORMAL_INFLATION[loss]) if problem.noise_name is None else ratio
 
 
 def _outcome(best: Solution, undetermined: Sequence[str]) -> Outcome:

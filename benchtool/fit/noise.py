@@ -20,10 +20,8 @@ from benchtool.core.errors import EstimationError
 from benchtool.core.fit_result import Estimate
 from benchtool.fit.interval import bound_hit, chi2_limits
 from benchtool.fit.problem import NOISE_SCALE, Problem
+from benchtool.fit.robust import MAD_EFFICIENCY, robust_scale
 from benchtool.fit.solve import Solution
-
-MAD_TO_SD = 1.4826
-"""Standard deviation of a normal distribution over its median absolute deviation."""
 
 Refit = Callable[[float, Solution], Solution]
 """refit(noise, near) -> the solution with the standard errors of that noise value."""
@@ -58,9 +56,8 @@ def _scale(
     value, solution = item.value, first
     if robust:
         for _ in range(20):
-            points = np.abs(solution.rows[: len(problem)])
-            factor = max(MAD_TO_SD * float(np.median(points)), 1e-300)
-            value *= factor * float(np.sqrt(len(problem) / max(problem.dof, 1)))
+            factor = max(robust_scale(solution.rows[: len(problem)], problem.dof), 1e-300)
+            value *= factor
             solution = refit(value, solution)
             if abs(factor - 1.0) < 1e-6:
                 break
@@ -73,11 +70,12 @@ def _scale(
             jacobian=solution.jacobian * factor,
             cost=solution.cost * factor**2,
         )
+    dof = MAD_EFFICIENCY * problem.dof if robust else problem.dof
     one, two = (
-        (value * float(np.sqrt(problem.dof / high)), value * float(np.sqrt(problem.dof / low)))
-        for low, high in chi2_limits(problem.dof)
+        (value * float(np.sqrt(dof / high)), value * float(np.sqrt(dof / low)))
+        for low, high in chi2_limits(dof)
     )
-    sd = value / float(np.sqrt(2.0 * problem.dof))
+    sd = value / float(np.sqrt(2.0 * dof))
     return Estimate(NOISE_SCALE, item.unit, value, sd, one, two), solution
 
 

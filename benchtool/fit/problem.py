@@ -191,14 +191,18 @@ class Problem:
         """Return observed less predicted (m,) at all free values (n_free,)."""
         return self.observed - self.predicted(self.split(values)[0])
 
+    def stated_rows(self, values: Array) -> Array:
+        """Return residuals (m,) at all free values (n_free,), whitened by the stated errors."""
+        absent = 1.0 if self.noise_name == NOISE_SCALE else 0.0
+        return self.whitening(absent)(self.residuals(values))
+
     def quality(self, values: Array) -> tuple[float, float]:
         """Return chi-square at the stated errors and log likelihood at the fitted ones (n_free,).
 
         Chi-square includes the priors, the likelihood the points only.
         """
         shape, noise = self.split(values)
-        absent = 1.0 if self.noise_name == NOISE_SCALE else 0.0
-        rows = self.whitening(absent)(self.residuals(values))
+        rows = self.stated_rows(values)
         prior = self.priors.matrix @ (shape - self.priors.mean)
         fitted = self.whitening(noise)
         density = normal_log_density(fitted(self.residuals(values)), fitted.sigma)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -14,9 +14,7 @@ from benchtool.core.error_source import Whitening
 from benchtool.core.errors import EstimationError
 from benchtool.fit.jacobian import RANK_LIMIT, Way, central_differences, complex_step, way_for
 from benchtool.fit.problem import Problem
-
-Loss = Literal["linear", "soft_l1", "huber"]
-LOSSES: tuple[Loss, ...] = ("linear", "soft_l1", "huber")
+from benchtool.fit.robust import Loss, loss_of_points
 
 TOLERANCE = 1e-10
 """Relative change of cost and of step below which the trust region hands over to the polish."""
@@ -89,7 +87,7 @@ def solve(
         if way is None:
             way = way_for(problem.predict, begin, len(problem), lower, upper)
         jacobian = row_jacobian(problem, way)
-        counted: Any = loss if loss == "linear" else _loss_of_points(loss, len(problem))
+        counted: Any = loss if loss == "linear" else loss_of_points(loss, len(problem))
         found: Any = least_squares(
             problem.rows,
             begin,
@@ -169,31 +167,3 @@ def _refuse_unusable(problem: Problem, rows: Array) -> None:
             f"the model gives no finite prediction for {problem.label(int(bad[0]))} (and "
             f"{bad.size - 1} more) at the starting values; start elsewhere or leave it out"
         )
-
-
-def _loss_of_points(loss: Loss, m: int) -> Callable[[Array], Array]:
-    """Return rho (3, rows) of the squared rows: robust for points, linear for priors.
-
-    Both losses as scipy defines them, with the change from quadratic to linear at one standard
-    error for soft_l1 and at 1.345 (95 % efficiency; Huber 1964) for huber.
-    """
-    limit2 = 1.345**2 if loss == "huber" else 1.0
-
-    def rho(squares: Array) -> Array:
-        z = squares / limit2
-        out = np.empty((3, len(z)))
-        if loss == "soft_l1":
-            root = np.sqrt(1.0 + z)
-            out[0], out[1], out[2] = 2.0 * (root - 1.0), 1.0 / root, -0.5 / root**3
-        else:
-            near = z <= 1.0
-            root = np.sqrt(np.where(near, 1.0, z))
-            out[0] = np.where(near, z, 2.0 * root - 1.0)
-            out[1] = np.where(near, 1.0, 1.0 / root)
-            out[2] = np.where(near, 0.0, -0.5 / root**3)
-        out[0, m:], out[1, m:], out[2, m:] = z[m:], 1.0, 0.0
-        out[0] *= limit2
-        out[2] /= limit2
-        return out
-
-    return rho

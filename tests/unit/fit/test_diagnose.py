@@ -24,9 +24,11 @@ from benchtool.fit.identifiability import evidence_against
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.model_problem import problem_from_model
 from benchtool.fit.problem import Problem
+from benchtool.fit.robust import Loss
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.model import Model
 from tests.unit.fit.cases import (
+    X,
     line_problem,
     quad_conditions,
     quad_model,
@@ -267,3 +269,34 @@ def test_a_truth_within_bounds_is_no_evidence() -> None:
     assert evidence_against(INFORMATION, np.array([0.5, 0.0]), LOW, HIGH) == pytest.approx(
         0.0, abs=1e-6
     )
+
+
+@pytest.mark.parametrize("loss", ["soft_l1", "huber"])
+def test_a_robust_fit_is_judged_without_what_it_counts_less(loss: Loss) -> None:
+    rng = np.random.default_rng(3)
+    rejected = spoiled = 0
+    for _ in range(200):
+        problem = line_problem(int(rng.integers(1 << 30)))
+        rejected += diagnose(problem, fit_least_squares(problem, loss=loss)).verdict == "rejected"
+        observed = problem.observed.copy()
+        observed[rng.choice(25, 2, replace=False)] += 3.0  # 15 standard errors
+        wild = replace(problem, observed=observed)
+        found = diagnose(wild, fit_least_squares(wild, loss=loss))
+        assert len(found.outliers) >= 2
+        spoiled += found.verdict == "rejected"
+        assert diagnose(wild, fit_least_squares(wild)).verdict == "rejected"
+    assert rejected <= 2  # 0.001 of 200, 99.9 % limit
+    assert spoiled <= 6  # 8 % of the points far out move a median a little
+
+
+def test_a_robust_fit_still_rejects_a_model_that_misses_a_curve() -> None:
+    problem = line_problem()
+    bent = replace(problem, observed=problem.observed + 2.0 * (X - 0.5) ** 2 * 10.0)
+    found = diagnose(bent, fit_least_squares(bent, loss="soft_l1"))
+    assert found.verdict == "rejected"
+
+
+def test_the_robust_scale_and_chi2_say_the_same() -> None:
+    problem = scaled_line()
+    result = fit_least_squares(problem, loss="huber")
+    assert result["noise.scale"].value ** 2 == pytest.approx(result.chi2_per_dof, rel=1e-4)
