@@ -46,10 +46,10 @@ def fit(inputs: FitInputs) -> None:
     from benchtool.core.own_code import refuse_code
 
     permit = announce_code if inputs.folder is None else refuse_code
-    _run(inputs.recipe, inputs.out, inputs.profile, permit)
+    _run(inputs, permit)
 
 
-def _run(recipe: Recipe, out: Path | None, profile: bool, permit: CodePermit) -> None:
+def _run(inputs: FitInputs, permit: CodePermit) -> None:
     import sys
 
     from benchtool.commands.terminal.show_fit import print_fit, working
@@ -57,10 +57,12 @@ def _run(recipe: Recipe, out: Path | None, profile: bool, permit: CodePermit) ->
     from benchtool.fit.run_recipe import run_recipe
     from benchtool.report.fit.page import refuse_full, write_fit
 
-    if out is not None:
+    if (out := inputs.out) is not None:
         refuse_full(out)
     with working() as report:
-        output = run_recipe(recipe, report, profile=profile, permit=permit)
+        output = run_recipe(
+            inputs.recipe, report, profile=inputs.profile, budget=inputs.budget, permit=permit
+        )
     print_fit(output)
     problem = refusal(output.results)
     if out is not None:

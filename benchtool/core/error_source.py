@@ -29,6 +29,7 @@ class ErrorSource:
             independent draws, in the unit of what was observed.
         scaled: whether `noise.scale` multiplies it as it does the points' own standard errors:
             scatter of the same kind, such as that of reference points.
+        origin: who states or assumes it, for an uncertainty budget.
     """
 
     name: str
@@ -39,6 +40,7 @@ class ErrorSource:
     distribution: Distribution = "normal"
     dof: float = np.inf
     scaled: bool = False
+    origin: str = ""
 
 
 class Whitening:

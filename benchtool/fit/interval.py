@@ -152,16 +152,23 @@ def _from_draws(quantity: Derived, names: Sequence[str], result: FitResult) -> E
     return from_draws(quantity.name, Parameter(quantity.name, quantity.unit, 0.0), finite)
 
 
-def _from_covariance(quantity: Derived, names: Sequence[str], result: FitResult) -> Estimate:
+def gradient_of(quantity: Derived, result: FitResult) -> Array:
+    """Return the derivatives (n_free,) of a quantity by the estimates: the delta method."""
+    names, values = [estimate.name for estimate in result.estimates], result.values
+
     def predict(values: Any) -> Any:
         return np.asarray(quantity.function(dict(zip(names, values, strict=True))))
 
-    values = result.values
     unbounded = np.full(len(values), np.inf)
     if way_for(predict, values, 1, -unbounded, unbounded) == "complex_step":
-        gradient = complex_step(predict, values, 1)[0]
+        gradient: Array = complex_step(predict, values, 1)[0]
     else:
         gradient = central_differences(predict, values, 1, -unbounded, unbounded)[0]
+    return gradient
+
+
+def _from_covariance(quantity: Derived, names: Sequence[str], result: FitResult) -> Estimate:
+    gradient = gradient_of(quantity, result)
     used = gradient != 0.0
     covariance = result.covariance[np.ix_(used, used)]
     sd = float(np.sqrt(gradient[used] @ covariance @ gradient[used]))
@@ -169,7 +176,7 @@ def _from_covariance(quantity: Derived, names: Sequence[str], result: FitResult)
     return around(
         quantity.name,
         Parameter(quantity.name, quantity.unit, 0.0),
-        float(predict(values)),
+        float(quantity.function(dict(zip(names, result.values, strict=True)))),
         sd,
         half_widths(dof),
     )

@@ -112,6 +112,10 @@ class FitInputs(Inputs):
         bool,
         Input("Profile-likelihood intervals as well.", label="profile-likelihood intervals"),
     ] = False
+    budget: Annotated[
+        Literal["propagation", "mc"],
+        Input("Uncertainty budget: by propagation, checked by Monte Carlo with mc."),
+    ] = "propagation"
     out: Annotated[Path | None, Input("Folder for result.json, figures and report.html.")] = None
 
 

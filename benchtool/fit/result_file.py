@@ -49,6 +49,8 @@ def result_tables(output: FitOutput) -> dict[str, Any]:
         },
         "results": {result.method: _result(result) for result in output.results},
     }
+    if output.budget is not None:
+        tables["budget"] = output.budget.tables()
     if output.comparison is not None:
         tables["comparison"] = {
             "sentence": output.comparison.sentence,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -21,6 +21,10 @@ from benchtool.fit.model_problem import problem_from_model
 from benchtool.fit.problem import Problem
 from benchtool.fit.profile import with_profile
 from benchtool.fit.recipe import Recipe
+from benchtool.fit.uncertainty.budget import Budget, BudgetMethod
+from benchtool.fit.uncertainty.held_sources import held_sources
+from benchtool.fit.uncertainty.monte_carlo import monte_carlo
+from benchtool.fit.uncertainty.propagation import budget_of, propagation
 from benchtool.physics.effects.effect import Derived
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import LoadedModel, load_model
@@ -39,6 +43,7 @@ class FitOutput:
 
     Attributes:
         comparison: of the recipe's models on held-out points, None when none were named.
+        budget: of the first method's values; None where the data leave one open.
     """
 
     recipe: Recipe  # as it was given
@@ -47,6 +52,7 @@ class FitOutput:
     problem: Problem  # as both estimators took it
     results: tuple[FitResult, ...]  # one for each method, in the recipe's order
     comparison: Comparison | None = None
+    budget: Budget | None = None
 
     @property
     def simulated(self) -> bool:
@@ -73,6 +79,7 @@ def run_recipe(
     progress: Progress = lambda what, done, expected: None,
     *,
     profile: bool = False,
+    budget: BudgetMethod = "propagation",
     permit: CodePermit = refuse_code,
 ) -> FitOutput:
     """Run a recipe and return what it made.
@@ -81,6 +88,7 @@ def run_recipe(
         recipe: what to fit.
         progress: called with what is being done.
         profile: intervals of least squares from the profile likelihood.
+        budget: "mc" checks the propagation of errors by Monte Carlo.
         permit: called with the file of a model's own effects before it is run.
 
     Raises:
@@ -101,13 +109,31 @@ def run_recipe(
                 other = load_model(name, model.rig, permit=permit).model
                 problems.append(_problem(_as_compared(other, model, recipe), recipe, data))
         comparison = compare(problems, seed=recipe.seed)
-    return FitOutput(
+    output = FitOutput(
         recipe=recipe,
         loaded=loaded,
         data=data,
         problem=problem,
         results=results,
         comparison=comparison,
+    )
+    return replace(output, budget=_budget(output, budget == "mc", progress))
+
+
+def _budget(output: FitOutput, checked: bool, progress: Progress) -> Budget | None:
+    """Return the budget of the first method's values, by what its model does with them."""
+    model, data, result = output.fitted, output.data, output.results[0]
+    names = [item.name for item in result.estimates]
+    way = propagation(output.problem, result, _quantities(model, names))
+    if way is None:
+        return None
+    reference = None if data.reference is None else data.reference.select(data.rows)
+    held = held_sources(model, data.conditions.select(data.rows), reference)
+    made = budget_of(way, held)
+    if not checked:
+        return made
+    return replace(
+        made, monte_carlo=monte_carlo(way, held, seed=output.recipe.seed, progress=progress)
     )
 
 
@@ -200,14 +226,6 @@ def _named(
 ) -> FitResult:
     """Return the result with its diagnosis, derived quantities, what was left out, hashes."""
     free = [estimate.name for estimate in result.estimates]
-    quantities: list[Derived] = []
-    if "R_m" in free:
-        radius = model.rig.propulsion.radius_m
-        quantities.append(Derived("R_over_rotor_radius", "1", lambda v: v["R_m"] / radius))
-    for effect in model.effects:
-        if effect.derived is not None:
-            own = [name for name in free if name.startswith(f"{effect.name}.")]
-            quantities += effect.derived(own)
     facts = {
         **result.facts,
         "benchtool": __version__,
@@ -216,4 +234,17 @@ def _named(
     }
     warnings = (*notes, *_far_from_rig(model, result), *data.left_out, *result.warnings)
     result = replace(result, facts=facts, warnings=warnings)
-    return with_derived(with_diagnosis(problem, result), quantities)
+    return with_derived(with_diagnosis(problem, result), _quantities(model, free))
+
+
+def _quantities(model: Model, free: Sequence[str]) -> list[Derived]:
+    """Return what is computed from the free parameters."""
+    quantities: list[Derived] = []
+    if "R_m" in free:
+        radius = model.rig.propulsion.radius_m
+        quantities.append(Derived("R_over_rotor_radius", "1", lambda v: v["R_m"] / radius))
+    for effect in model.effects:
+        if effect.derived is not None:
+            own = [name for name in free if name.startswith(f"{effect.name}.")]
+            quantities += effect.derived(own)
+    return quantities

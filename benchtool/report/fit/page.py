@@ -7,32 +7,24 @@ from pathlib import Path
 
 from benchtool import __version__
 from benchtool.core.errors import WouldOverwrite
-from benchtool.core.fit_result import Estimate, FitResult
+from benchtool.core.fit_result import FitResult
 from benchtool.fit.diagnose import lacks_something, times_as_much
 from benchtool.fit.result_file import write_result
 from benchtool.fit.run_recipe import FitOutput
-from benchtool.physics.catalogue import EFFECTS
 from benchtool.report.figure import Page, drawn
 from benchtool.report.files import save_figure
+from benchtool.report.fit.budget import budget_blocks
 from benchtool.report.fit.tables import (
     comparison_table,
     estimates_table,
     methods_table,
     printed,
+    wanted_rank,
 )
 from benchtool.report.html import write_report
 from benchtool.report.numbers import unit_for_people, value_with_sd
 from benchtool.report.page import Block, Facts, Paragraph, Warnings
 from benchtool.report.run_facts import run_sections
-
-_HEADLINES = [f"{one.name}.{one.headline}" for one in EFFECTS.values() if one.headline]
-MOST_WANTED = (
-    *(name for name in _HEADLINES if not name.endswith("_")),
-    "R_m",
-    "k",
-    *(name for name in _HEADLINES if name.endswith("_")),
-)
-"""Parameters that a reader looks for first, by the beginning of their names."""
 
 
 def _answer(fit: FitOutput) -> list[Block]:
@@ -74,17 +66,11 @@ def _facts(fit: FitOutput) -> Facts:
 def _highlights(fit: FitOutput) -> dict[str, str]:
     """Return up to four estimates, those that a fit is made for before nuisances and noise."""
     result = fit.results[0]
-
-    def rank(item: Estimate) -> int:
-        for place, beginning in enumerate(MOST_WANTED):
-            if item.name == beginning or (
-                beginning.endswith("_") and item.name.startswith(beginning)
-            ):
-                return place
-        return len(MOST_WANTED) + item.name.startswith("noise.")
-
     every = [*result.estimates, *result.derived]
-    ranked = sorted((item for item in every if "share_" not in item.name), key=rank)
+    ranked = sorted(
+        (item for item in every if "share_" not in item.name),
+        key=lambda item: (wanted_rank(item.name), item.name.startswith("noise.")),
+    )
     return {item.name: printed(item) for item in ranked[:4]}
 
 
@@ -95,6 +81,10 @@ FIT = Page(
         (
             "{0.recipe.name}: figures",
             ["ratio", "thrust", "area", "residuals", "corner", "chains"],
+        ),
+        (
+            "{0.recipe.name}: uncertainty budget",
+            [lambda fit: budget_blocks(fit.budget), "budget"],
         ),
         ("{0.recipe.name}: models compared", [_compared]),
         ("{0.recipe.name}: what stands behind it", [_facts]),

@@ -15,6 +15,8 @@ from benchtool.data.run.entry import FIT_FILE, read_result
 from benchtool.fit.compare import Comparison, Score
 from benchtool.fit.result_file import result_tables
 from benchtool.fit.run_recipe import FitOutput
+from benchtool.fit.uncertainty.budget import Budget, budget_from
+from benchtool.report.fit.budget import budget_sentence, budget_table
 from benchtool.report.fit.page import FIT, sentence_of
 from benchtool.report.fit.tables import comparison_table, methods_table, short_table
 from benchtool.report.page import Block, Paragraph, Warnings
@@ -36,6 +38,7 @@ class StoredFit:
         left_out: sentences that say which points and why.
         results: one for each method; their samples stand in samples.csv.
         comparison: of models on held-out points, None when none were compared.
+        budget: None where there is none.
     """
 
     recipe: Mapping[str, Any]
@@ -48,6 +51,7 @@ class StoredFit:
     left_out: tuple[str, ...]
     results: tuple[FitResult, ...]
     comparison: Comparison | None = None
+    budget: Budget | None = None
 
     @property
     def sentence(self) -> str:
@@ -72,6 +76,11 @@ class StoredFit:
             ]
         if len(self.results) > 1:
             blocks.append(methods_table(self.results))
+        if self.budget is not None:
+            blocks += [
+                budget_table(self.budget, short=True),
+                Paragraph(budget_sentence(self.budget)),
+            ]
         if self.comparison is not None:
             blocks += [Paragraph(self.comparison.sentence), comparison_table(self.comparison)]
         return (*blocks, Warnings(self.warnings))
@@ -115,6 +124,7 @@ def _from_tables(tables: Mapping[str, Any], where: str) -> StoredFit:
             left_out=tuple(points["left_out"]),
             results=results,
             comparison=_comparison(tables.get("comparison")),
+            budget=budget_from(tables["budget"]) if tables.get("budget") else None,
             **shared,
         )
     except KeyError as error:

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from benchtool.core.fit_result import Estimate, FitResult
 from benchtool.fit.compare import Comparison
+from benchtool.physics.catalogue import EFFECTS
 from benchtool.report.numbers import (
     decimals_for,
     exponent_of,
@@ -15,6 +16,24 @@ from benchtool.report.numbers import (
     value_with_sd,
 )
 from benchtool.report.page import Table
+
+_HEADLINES = [f"{one.name}.{one.headline}" for one in EFFECTS.values() if one.headline]
+MOST_WANTED = (
+    *(name for name in _HEADLINES if not name.endswith("_")),
+    "R_m",
+    "k",
+    *(name for name in _HEADLINES if name.endswith("_")),
+)
+"""Parameters that a reader looks for first, by the beginning of their names."""
+
+
+def wanted_rank(name: str) -> int:
+    """Return how soon a reader looks for a parameter: 0 first, `len(MOST_WANTED)` for the rest."""
+    for place, beginning in enumerate(MOST_WANTED):
+        if name == beginning or (beginning.endswith("_") and name.startswith(beginning)):
+            return place
+    return len(MOST_WANTED)
+
 
 METHODS = {"least_squares": "least squares", "emcee": "emcee"}
 

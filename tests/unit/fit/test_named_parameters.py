@@ -98,7 +98,8 @@ def test_the_words_ask_for_the_same_recipe(recipe: Recipe, monkeypatch: pytest.M
     more = {"out": "fits/new", "profile": recipe.seed == 7}
     with pytest.raises(SystemExit):
         main(["fit", *words(FitInputs, changed(recipe) | more)])
-    assert asked == [(recipe, Path("fits/new"), recipe.seed == 7, announce_code)]
+    inputs = FitInputs(recipe=recipe, out=Path("fits/new"), profile=recipe.seed == 7)
+    assert asked == [(inputs, announce_code)]
 
 
 def test_what_is_usual_is_left_out() -> None:
@@ -117,7 +118,7 @@ def test_options_go_over_a_recipe_file(tmp_path: Path, monkeypatch: pytest.Monke
         "[recipe]\nname = 'a'\ndata = ['r']\nmodel = 'quad'\nseed = 4\nwalkers = 40\n", "utf-8"
     )
     asked: list[Recipe] = []
-    monkeypatch.setattr(fit, "_run", lambda recipe, *rest: asked.append(recipe))
+    monkeypatch.setattr(fit, "_run", lambda inputs, *rest: asked.append(inputs.recipe))
     with pytest.raises(SystemExit):
         main(["fit", "--recipe", str(tmp_path), "--seed", "5", "--fix", "K_b=2", "--fix", "R_m"])
     (recipe,) = asked

@@ -32,7 +32,7 @@ def test_a_folder_tells_what_the_fit_told(output: FitOutput, tmp_path: Path) -> 
     assert again.results[0]["body_lift.K_b"] == output.results[0]["body_lift.K_b"]
     assert again.comparison is not None
     assert again.sentence.startswith("96 of 96 points, model quad_bench on rig pquad, basis thrust")
-    assert list(figure_files(tmp_path / "fit")) == ["ratio", "thrust", "residuals"]
+    assert list(figure_files(tmp_path / "fit")) == ["ratio", "thrust", "residuals", "budget"]
 
 
 def test_a_fit_of_an_older_version_is_read(output: FitOutput) -> None:

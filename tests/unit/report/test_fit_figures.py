@@ -108,4 +108,4 @@ def test_chains_show_every_ensemble_and_its_convergence() -> None:
 
 
 def test_a_fit_without_draws_has_no_figures_of_draws() -> None:
-    assert set(drawn("fit", fit("quad"))) == {"ratio", "thrust", "residuals"}
+    assert set(drawn("fit", fit("quad"))) == {"ratio", "thrust", "residuals", "budget"}

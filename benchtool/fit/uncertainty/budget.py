@@ -1,0 +1,215 @@
+"""An uncertainty budget: sources, what each contributes to each quantity, and what they make.
+
+Law of propagation, JCGM 100:2008 (GUM), clause 5; effective degrees of freedom and coverage
+factor, its annex G; Monte Carlo as the check, JCGM 101:2008.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, fields
+from functools import cached_property
+from math import inf
+from typing import Any, Literal
+
+import numpy as np
+from scipy.special import stdtrit
+
+from benchtool.core.array import Array
+
+BudgetMethod = Literal["propagation", "mc"]
+
+COVERAGE = 0.95
+"""Probability of the expanded interval."""
+
+END_SCATTER = 2.67
+"""Standard error of an end of the central 95 % interval of n normal draws, times root n over their
+standard deviation: sqrt(0.025 0.975) over the density there."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BudgetLine:
+    """State one source and its part in each quantity.
+
+    Attributes:
+        sd: standard uncertainty in `unit`; typical where it differs from point to point.
+        dof: degrees of freedom of `sd`; inf where it is stated.
+        correlation: which points share one draw of it, in words.
+        origin: who states or assumes it.
+        in_fit: whether the fit's own intervals hold it already.
+        contribution: (n,) standard uncertainty that it makes in each quantity, in its unit.
+        sensitivity: (n,) change of each quantity over that of the source; without a sign where
+            points have draws of their own.
+    """
+
+    name: str
+    kind: Literal["A", "B"]
+    unit: str
+    sd: float
+    distribution: str
+    dof: float
+    correlation: str
+    origin: str
+    in_fit: bool
+    contribution: tuple[float, ...]
+    sensitivity: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MonteCarlo:
+    """Hold what refits of drawn data found.
+
+    Attributes:
+        sd, low, high: (n,) standard deviation of each quantity's error, and ends of its central
+            interval of probability `COVERAGE`, in its unit.
+    """
+
+    draws: int
+    seed: int
+    sd: tuple[float, ...]
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Budget:
+    """Hold the uncertainty of a fit's quantities by source.
+
+    Attributes:
+        names, units, values: (n,) of the quantities.
+        fit_sd: (n,) standard deviations as the fit states them.
+        lines: independent sources; together they make the combined standard uncertainty.
+        correlation: (n, n) of the quantities' errors, by all sources together.
+        traceability: sentences: who calibrated what, when, with which certificate.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    values: tuple[float, ...]
+    fit_sd: tuple[float, ...]
+    lines: tuple[BudgetLine, ...]
+    correlation: tuple[tuple[float, ...], ...]
+    traceability: tuple[str, ...] = ()
+    monte_carlo: MonteCarlo | None = None
+
+    @cached_property
+    def parts(self) -> Array:
+        """Contributions (sources, n)."""
+        return np.array([line.contribution for line in self.lines], float)
+
+    @cached_property
+    def combined(self) -> Array:
+        """Combined standard uncertainty (n,)."""
+        return np.asarray(np.linalg.norm(self.parts, axis=0), float)
+
+    @cached_property
+    def dof(self) -> Array:
+        """Effective degrees of freedom (n,)."""
+        known = np.array([line.dof for line in self.lines], float)
+        return np.array([effective_dof(column, known) for column in self.parts.T])
+
+    @cached_property
+    def coverage_factor(self) -> Array:
+        """Factor (n,) from combined standard to expanded uncertainty, Student's t."""
+        return np.asarray(stdtrit(self.dof, 0.5 + 0.5 * COVERAGE), float)
+
+    @cached_property
+    def expanded(self) -> Array:
+        """Expanded uncertainty (n,)."""
+        return self.coverage_factor * self.combined
+
+    @cached_property
+    def percent(self) -> Array:
+        """Contributions (sources, n) in percent of the quantity's value; nan for a value of 0."""
+        size = np.abs(np.broadcast_to(self.values, self.parts.shape))
+        percent: Array = 100.0 * self.parts / np.where(size > 0.0, size, np.nan)
+        return percent
+
+    @cached_property
+    def confirmed(self) -> tuple[bool, ...]:
+        """Whether Monte Carlo confirms the expanded interval of each quantity; empty without it.
+
+        Both ends within half a unit of the second digit of the standard uncertainty (JCGM 101,
+        7.9.2 and 8.1), and three times what ends of so many draws scatter by.
+        """
+        if self.monte_carlo is None:
+            return ()
+        ends = np.array([self.monte_carlo.low, self.monte_carlo.high])
+        off = np.abs(ends - np.array([-self.expanded, self.expanded])).max(axis=0)
+        digit = [0.05 * 10.0 ** int(f"{u:.1e}".partition("e")[2]) for u in self.combined]
+        scatter = END_SCATTER / self.monte_carlo.draws**0.5 * self.combined
+        return tuple(bool(one) for one in off <= digit + 3.0 * scatter)
+
+    def tables(self) -> dict[str, Any]:
+        """Return it for JSON; what stands for each quantity is named by it."""
+        columns: dict[str, Sequence[Any]] = {
+            "unit": self.units,
+            "value": self.values,
+            "fit_sd": self.fit_sd,
+            "combined": self.combined.tolist(),
+            "dof": self.dof.tolist(),
+            "coverage_factor": self.coverage_factor.tolist(),
+            "expanded": self.expanded.tolist(),
+        }
+        if (drawn := self.monte_carlo) is not None:
+            columns |= {f"monte_carlo_{key}": getattr(drawn, key) for key in _DRAWN}
+            columns["confirmed"] = self.confirmed
+        sources = []
+        for line, percent in zip(self.lines, self.percent.tolist(), strict=True):
+            own = asdict(line) | {"percent": percent}
+            own |= {
+                key: dict(zip(self.names, own[key], strict=True)) for key in (*_EACH, "percent")
+            }
+            sources.append(own)
+        return {
+            "coverage": COVERAGE,
+            "order": self.names,
+            "quantities": {
+                name: {key: column[place] for key, column in columns.items()}
+                for place, name in enumerate(self.names)
+            },
+            "sources": sources,
+            "correlation": self.correlation,
+            "traceability": self.traceability,
+            "monte_carlo": drawn and {"draws": drawn.draws, "seed": drawn.seed},
+        }
+
+
+_EACH = ("contribution", "sensitivity")
+_DRAWN = ("sd", "low", "high")
+
+
+def budget_from(tables: Mapping[str, Any]) -> Budget:
+    """Return the budget that `Budget.tables` gave, as JSON has it: null for no number."""
+    names, quantities = tuple(tables["order"]), tables["quantities"]
+
+    def column(key: str) -> tuple[Any, ...]:
+        return tuple(quantities[name][key] for name in names)
+
+    lines = []
+    for source in tables["sources"]:
+        own = {item.name: source[item.name] for item in fields(BudgetLine)}
+        own |= {key: tuple(source[key][name] for name in names) for key in _EACH}
+        lines.append(BudgetLine(**own | {"dof": inf if own["dof"] is None else own["dof"]}))
+    drawn = tables["monte_carlo"]
+    return Budget(
+        names=names,
+        units=column("unit"),
+        values=column("value"),
+        fit_sd=column("fit_sd"),
+        lines=tuple(lines),
+        correlation=tuple(tuple(row) for row in tables["correlation"]),
+        traceability=tuple(tables["traceability"]),
+        monte_carlo=drawn and MonteCarlo(**drawn | {k: column(f"monte_carlo_{k}") for k in _DRAWN}),
+    )
+
+
+def effective_dof(contributions: Array, dof: Array) -> float:
+    """Return the degrees of freedom of a combined uncertainty (Welch-Satterthwaite, GUM G.2b).
+
+    Args:
+        contributions: (s,) of the sources.
+        dof: (s,) of each; inf where its uncertainty is stated.
+    """
+    spent = float(np.sum(contributions**4 / dof))
+    return float(np.sum(contributions**2)) ** 2 / spent if spent > 0.0 else inf

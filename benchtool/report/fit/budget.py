@@ -1,0 +1,181 @@
+"""The uncertainty budget of a fit: its tables and its bar chart."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import isfinite
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+
+from benchtool.fit.run_recipe import FitOutput
+from benchtool.fit.uncertainty.budget import COVERAGE, Budget
+from benchtool.report.figure import figure
+from benchtool.report.fit.tables import MOST_WANTED, wanted_rank
+from benchtool.report.numbers import numeral, unit_for_people
+from benchtool.report.page import Block, Paragraph, Table
+from benchtool.report.palette import BLUE, ORANGE
+
+SMALL = 0.03
+"""Sources below this part of every combined uncertainty are left out on a terminal and in the
+figure: ten of them together move it by half a per cent."""
+
+INTERVAL = f"{100.0 * COVERAGE:.0f} %"
+
+
+def shown_quantities(budget: Budget) -> list[int]:
+    """Return the places of the quantities that a fit is made for, without nuisances."""
+    ranked = sorted(range(len(budget.names)), key=lambda place: wanted_rank(budget.names[place]))
+    wanted = [p for p in ranked if wanted_rank(budget.names[p]) < len(MOST_WANTED)]
+    return wanted or ranked
+
+
+def shown_lines(budget: Budget, quantities: Sequence[int]) -> list[int]:
+    """Return the places of the sources that matter, the largest first."""
+    share = np.max(budget.parts[:, quantities] / budget.combined[quantities], axis=1)
+    return [int(row) for row in np.argsort(-share) if share[row] >= SMALL]
+
+
+def budget_table(budget: Budget, *, short: bool = False) -> Table:
+    """List what each source contributes to each quantity in percent, and what they make.
+
+    Args:
+        short: leave out what is small, as a terminal has room for.
+    """
+    places = shown_quantities(budget)
+    lines = shown_lines(budget, places) if short else range(len(budget.lines))
+    rows = [
+        (_name(budget, row), _stated(budget, row), *_percents(budget.percent[row, places]))
+        for row in lines
+    ]
+    size = np.abs(budget.values)
+
+    def total(name: str, numbers: object) -> None:
+        of_value = np.divide(
+            100.0 * np.asarray(numbers, float), size, out=np.full(len(size), np.nan), where=size > 0
+        )
+        rows.append((name, "", *_percents(of_value[places])))
+
+    total("the fit's own", budget.fit_sd)
+    total("combined", budget.combined)
+    total(f"expanded, {INTERVAL}", budget.expanded)
+    rows.append(("coverage factor", "", *(f"{budget.coverage_factor[p]:.2f}" for p in places)))
+    rows.append(
+        ("effective degrees of freedom", "", *(numeral(budget.dof[p], ".0f") for p in places))
+    )
+    if (drawn := budget.monte_carlo) is not None:
+        total(f"Monte Carlo, {INTERVAL}: lower end", drawn.low)
+        total("upper end", drawn.high)
+    left_out = len(budget.lines) - len(lines)
+    rest = f" {left_out} smaller sources are left out." if left_out else ""
+    return Table(
+        f"Uncertainty budget: standard uncertainties in percent of the value.{rest}",
+        ("source", "standard uncertainty", *(f"{budget.names[place]} [%]" for place in places)),
+        rows,
+        text_columns=2,
+    )
+
+
+def _name(budget: Budget, row: int) -> str:
+    line = budget.lines[row]
+    return line.name if line.in_fit else f"{line.name} *"
+
+
+def _stated(budget: Budget, row: int) -> str:
+    line = budget.lines[row]
+    unit = "" if line.unit == "1" else f" {unit_for_people(line.unit)}"
+    return f"{line.kind}: {line.sd:.2g}{unit}"
+
+
+def _percents(numbers: object) -> list[str]:
+    return [numeral(float(number), ".2g") for number in np.asarray(numbers)]
+
+
+def budget_sentence(budget: Budget) -> str:
+    """Say what the marks of the table mean, and whether Monte Carlo confirms it."""
+    words = "* beside the fit's own interval: held fixed by the model, or its law"
+    if (drawn := budget.monte_carlo) is not None:
+        places = shown_quantities(budget)
+        off = [budget.names[place] for place in places if not budget.confirmed[place]]
+        words += f". {drawn.draws} Monte Carlo refits (seed {drawn.seed}) " + (
+            f"do not confirm the interval of {', '.join(off)}: take that of Monte Carlo"
+            if off
+            else "confirm the expanded intervals"
+        )
+    return ". ".join([words, *budget.traceability]) + "."
+
+
+def budget_blocks(budget: Budget | None) -> list[Block]:
+    """Return a budget for a page: contributions, sources, sensitivities, correlations."""
+    if budget is None:
+        return [Paragraph("There is no budget: the data leave a parameter open.")]
+    places = shown_quantities(budget)
+    names = [budget.names[place] for place in places]
+    sources = Table(
+        "Sources: who states or assumes each, and which points share it.",
+        ("source", "type", "distribution", "correlation", "stated by", "u", "unit", "dof"),
+        [
+            (
+                *(line.name, line.kind, line.distribution.replace("_", " "), line.correlation),
+                *(line.origin or "–", f"{line.sd:.3g}", unit_for_people(line.unit)),
+                f"{line.dof:.3g}" if isfinite(line.dof) else "∞",
+            )
+            for line in budget.lines
+        ],
+        text_columns=5,
+    )
+    sensitivities = Table(
+        "Sensitivities: change of each quantity over that of the source, in their SI units.",
+        ("source", *names),
+        [
+            (line.name, *(numeral(line.sensitivity[place], ".3g") for place in places))
+            for line in budget.lines
+        ],
+    )
+    correlations = Table(
+        "Correlations of the quantities by all sources together.",
+        ("", *names),
+        [
+            (budget.names[row], *(numeral(budget.correlation[row][p], ".2f") for p in places))
+            for row in places
+        ],
+    )
+    return [
+        *(budget_table(budget), Paragraph(budget_sentence(budget))),
+        *(sources, sensitivities, correlations),
+    ]
+
+
+@figure(
+    page="fit",
+    name="budget",
+    title="Uncertainty budget: {0.recipe.name}",
+    caption="What each source contributes to each quantity: standard uncertainty in percent of the "
+    "value, within the fit's own interval and beside it; dashed: all together.",
+    when=lambda fit: fit.budget is not None,
+    height_in=lambda fit: 1.9 + 0.26 * len(_drawn(fit)[1]),
+)
+def budget_chart(figure: Figure, fit: FitOutput) -> None:
+    """Draw the contributions of the largest sources to up to four quantities as bars."""
+    budget = fit.budget
+    assert budget is not None  # `when`
+    places, lines = _drawn(fit)
+    panels = figure.subplots(1, len(places), sharey=True, squeeze=False)[0]
+    colors = [BLUE if budget.lines[row].in_fit else ORANGE for row in lines]
+    for axes, place in zip(panels, places, strict=True):
+        axes.barh(range(len(lines)), budget.percent[lines, place], color=colors, height=0.7)
+        total = 100.0 * budget.combined[place] / abs(budget.values[place])
+        axes.axvline(total, color="black", linestyle="--", linewidth=1.0)
+        axes.set_title(budget.names[place])
+        axes.set_xlabel("percent of value")
+    panels[0].set_yticks(range(len(lines)), [budget.lines[row].name for row in lines])
+    panels[0].invert_yaxis()
+    handles = [Patch(color=BLUE, label="within the fit"), Patch(color=ORANGE, label="beside it")]
+    figure.legend(handles=handles, loc="outside lower right", ncols=2)
+
+
+def _drawn(fit: FitOutput) -> tuple[list[int], list[int]]:
+    assert fit.budget is not None
+    places = [p for p in shown_quantities(fit.budget) if fit.budget.values[p] != 0.0][:4]
+    return places, shown_lines(fit.budget, places)

@@ -1,0 +1,231 @@
+"""Uncertainty budgets against closed forms, worked examples of the GUM, and Monte Carlo."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchtool.core.error_source import ErrorSource
+from benchtool.core.parameter import Prior
+from benchtool.data.atomic import json_ready
+from benchtool.fit.interval import with_derived
+from benchtool.fit.least_squares import fit_least_squares
+from benchtool.fit.problem import Problem, function_problem
+from benchtool.fit.uncertainty.budget import Budget, budget_from, effective_dof
+from benchtool.fit.uncertainty.held_sources import held_sources
+from benchtool.fit.uncertainty.monte_carlo import drawn, monte_carlo
+from benchtool.fit.uncertainty.propagation import Propagation, budget_of, propagation
+from benchtool.physics.conditions import Conditions
+from benchtool.physics.effects.effect import Derived
+from benchtool.physics.model import Model
+from tests.unit.fit.cases import (
+    X,
+    calibrated_line,
+    decay_problem,
+    free,
+    line_problem,
+    quad_model,
+    scaled_line,
+)
+
+
+def carried(problem: Problem, *derived: Derived) -> Propagation:
+    way = propagation(problem, with_derived(fit_least_squares(problem), derived), derived)
+    assert way is not None
+    return way
+
+
+def shared(m: int, sd: float = 0.1, **more: object) -> ErrorSource:
+    facts = {"name": "zero", "kind": "B", "unit": "1", "sd": sd, "columns": np.full((m, 1), sd)}
+    return ErrorSource(**{**facts, **more})  # type: ignore[arg-type]
+
+
+def weighted_mean(*sources: ErrorSource) -> Problem:
+    def mean(values: object) -> object:
+        return values[0] + np.zeros(3)  # type: ignore[index]
+
+    return function_problem(
+        "mean", {"mu": free("mu", 0.0)}, mean, np.array([1.0, 1.2, 0.9]),
+        np.array([0.1, 0.2, 0.3]), error_sources=sources,
+    )  # fmt: skip
+
+
+def test_a_weighted_mean_with_a_common_zero() -> None:
+    """Its variance is 1 / sum of weights, and the zero's beside it."""
+    budget = budget_of(carried(weighted_mean(shared(3))))
+    repeat, zero = budget.lines
+    weights = 1.0 / np.array([0.1, 0.2, 0.3]) ** 2
+    assert repeat.contribution[0] == pytest.approx(weights.sum() ** -0.5)
+    assert (zero.contribution[0], zero.sensitivity[0]) == pytest.approx((0.1, 1.0))
+    assert budget.combined[0] == pytest.approx(np.hypot(weights.sum() ** -0.5, 0.1))
+    assert budget.combined[0] == pytest.approx(budget.fit_sd[0])
+    # The same source outside of the fit adds the same, and the fit does not know it.
+    outside = budget_of(carried(weighted_mean()), [shared(3)])
+    assert outside.combined == pytest.approx(budget.combined)
+    assert outside.fit_sd[0] == pytest.approx(weights.sum() ** -0.5)
+    assert [line.in_fit for line in outside.lines] == [True, False]
+
+
+def test_the_thermometer_of_the_gum() -> None:
+    """JCGM 100:2008, H.3: corrections b = y1 + y2 (t - 20) and that at 30 degC."""
+    t = np.array(
+        [21.521, 22.012, 22.512, 23.003, 23.507, 23.999, 24.513, 25.002, 25.503, 26.010, 26.511]
+    )
+    b = -1e-3 * np.array([171, 169, 166, 159, 164, 165, 156, 157, 159, 161, 160])
+    problem = function_problem(
+        "thermometer",
+        {"y1": free("y1", 0.0), "y2": free("y2", 0.0)},
+        lambda v: v[0] + v[1] * (t - 20.0),
+        b,
+    )
+    budget = budget_of(carried(problem, Derived("b_30", "1", lambda v: v["y1"] + 10.0 * v["y2"])))
+    assert budget.values == pytest.approx((-0.1712, 0.00218, -0.1494), abs=6e-5)
+    assert budget.combined == pytest.approx((0.0029, 0.00067, 0.0041), rel=0.02)
+    assert budget.correlation[0][1] == pytest.approx(-0.930, abs=5e-4)
+    assert budget.dof == pytest.approx((9.0, 9.0, 9.0))
+    assert budget.coverage_factor[0] == pytest.approx(2.262, abs=5e-4)
+
+
+def test_the_end_gauge_of_the_gum() -> None:
+    """JCGM 100:2008, H.1.6: 16 degrees of freedom of a combined 32 nm."""
+    parts, dof = np.array([25.0, 9.7, 2.9, 16.6]), np.array([18.0, 25.6, 50.0, 2.0])
+    assert np.linalg.norm(parts) == pytest.approx(32.0, abs=0.4)
+    assert int(effective_dof(parts, dof)) == 16
+    assert effective_dof(parts, np.full(4, np.inf)) == np.inf
+
+
+@pytest.mark.parametrize("make", [line_problem, scaled_line, decay_problem, calibrated_line])
+def test_sources_of_a_fit_make_its_covariance(make: Callable[[], Problem]) -> None:
+    problem = make()
+    m = len(problem)
+    steps = np.zeros((m, 2))
+    steps[: m // 2, 0] = steps[m // 2 :, 1] = 0.07
+    problem = replace(
+        problem, error_sources=(shared(m), shared(m, name="stays", columns=steps, scaled=True))
+    )
+    result = fit_least_squares(problem)
+    way = propagation(problem, result)
+    assert way is not None
+    budget = budget_of(way)
+    assert budget.combined == pytest.approx(budget.fit_sd, rel=1e-6)
+    place = problem.shape_index
+    covariance = result.covariance[np.ix_(place, place)]
+    sd = np.sqrt(np.diag(covariance))
+    assert np.array(budget.correlation) == pytest.approx(covariance / np.outer(sd, sd), abs=1e-6)
+
+
+def test_a_robust_loss_keeps_the_intervals_of_its_fit() -> None:
+    problem = line_problem()
+    problem.observed[3] += 5.0
+    way = propagation(problem, fit_least_squares(problem, loss="huber"))
+    assert way is not None
+    budget = budget_of(way)
+    assert budget.combined == pytest.approx(budget.fit_sd, rel=1e-6)
+
+
+def test_an_open_parameter_has_no_budget() -> None:
+    problem = function_problem(
+        "sum",
+        {"a": free("a", 0.0), "b": free("b", 0.0)},
+        lambda v: v[0] + v[1] + 0.0 * X,
+        X,
+        np.ones(len(X)),
+    )
+    assert propagation(problem, fit_least_squares(problem)) is None
+
+
+def test_it_comes_back_from_json() -> None:
+    way = carried(scaled_line(), Derived("a_over_b", "1", lambda v: v["a"] / v["b"]))
+    budget = budget_of(way, [shared(len(X))], traceability=["cell-1: lab 7, 2026-01-02"])
+    budget = replace(budget, monte_carlo=monte_carlo(way, draws=50, seed=3))
+    again = budget_from(json.loads(json.dumps(json_ready(budget.tables()))))
+    assert again == budget
+    assert isinstance(again, Budget)
+    source = budget.tables()["sources"][1]
+    assert source["percent"]["a"] == pytest.approx(100.0 * 0.1 / abs(budget.values[0]))
+
+
+@pytest.mark.parametrize("make", [line_problem, decay_problem, calibrated_line])
+def test_monte_carlo_confirms_normal_errors(make: Callable[[], Problem]) -> None:
+    problem = make()
+    problem = replace(problem, error_sources=(shared(len(problem), 0.05),))
+    way = carried(problem)
+    budget = budget_of(way)
+    budget = replace(budget, monte_carlo=monte_carlo(way, draws=2000, seed=1))
+    assert budget.monte_carlo is not None
+    assert budget.monte_carlo.sd == pytest.approx(budget.combined, rel=0.06)
+    assert all(budget.confirmed)
+
+
+@pytest.mark.parametrize(
+    ("distribution", "dof", "ends"),
+    [
+        ("normal", np.inf, 1.95996),
+        ("uniform", np.inf, 0.95 * 3.0**0.5),
+        ("triangular", np.inf, 6.0**0.5 * (1.0 - 0.05**0.5)),
+        ("student_t", 4.0, 2.77645),
+    ],
+)
+def test_monte_carlo_draws_each_distribution(distribution: str, dof: float, ends: float) -> None:
+    """Ends of the central 95 % of each, and its standard deviation (JCGM 101, 6.4)."""
+    source, rng = shared(1, distribution=distribution, dof=dof), np.random.default_rng(1)
+    found = np.concatenate([drawn(source, rng) for _ in range(40_000)])
+    assert np.quantile(found, [0.025, 0.975]) == pytest.approx((-ends, ends), rel=0.03)
+    if dof == np.inf:
+        assert found.std() == pytest.approx(1.0, rel=0.02)
+
+
+def test_a_ruling_uniform_source_is_found_out() -> None:
+    """The propagation's factor 1.96 is then too large, and Monte Carlo says so."""
+    source = shared(3, 10.0, distribution="uniform")
+    way = carried(weighted_mean())
+    budget = replace(budget_of(way, [source]), monte_carlo=monte_carlo(way, [source]))
+    assert budget.coverage_factor[0] == pytest.approx(1.96, abs=1e-3)
+    assert budget.monte_carlo is not None
+    assert budget.monte_carlo.high[0] == pytest.approx(10.0 * 0.95 * 3.0**0.5, rel=0.03)
+    assert budget.confirmed == (False,)
+
+
+def level_bench(model: Model) -> Conditions:
+    speeds = np.tile([400.0, 600.0], (model.rig.n_rotors, 4))
+    z = np.repeat([0.07, 0.12, 0.3, 1e6], 2)
+    return Conditions.of(model.rig, speed_rad_s=speeds, plate_z_m=z, load_direction=1.0)
+
+
+def test_what_a_model_holds_counts_by_its_prior_or_tolerance() -> None:
+    model = quad_model().fixed("k")
+    sources = {one.name: one for one in held_sources(model, level_bench(model))}
+    tare = sources["tare_offset.thrust_N"]
+    assert tare.columns[:, 0] == pytest.approx(np.full(8, tare.sd))
+    assert tare.distribution == "uniform"
+    assert tare.origin == f"assumed by benchtool: 0 ± {tare.sd * 3**0.5:g}"
+    law = sources["law of body_lift"].columns[:, 0]
+    assert law[-1] == pytest.approx(0.0, abs=1e-9)
+    assert law[0] > 0.0
+    # k is fixed, and nobody says how well it is known; R and K_b are fitted.
+    assert not {"k", "R_m", "body_lift.K_b"} & set(sources)
+    known = model.parameters["k"]
+    stated = model.at(
+        model.parameters.replaced(
+            "k", replace(known, prior=Prior("normal", known.value, 0.01 * known.value, "sheet"))
+        )
+    )
+    by_prior = {one.name: one for one in held_sources(stated, level_bench(model))}["k"]
+    thrust = model.thrust_N(level_bench(model))
+    assert by_prior.columns[:, 0] == pytest.approx(0.01 * thrust)
+    assert (by_prior.origin, by_prior.distribution) == ("sheet", "normal")
+
+
+def test_a_ratio_knows_no_scale_and_feels_a_tare_by_what_it_divides() -> None:
+    model = quad_model()
+    here = level_bench(model)
+    far = here.out_of_ground_effect()
+    sources = {one.name: one for one in held_sources(model, here, far)}
+    near_N, far_N = model.thrust_N(here), model.thrust_N(far)
+    tare = sources["tare_offset.thrust_N"]
+    expected = (near_N + tare.sd) / (far_N + tare.sd) - near_N / far_N
+    assert tare.columns[:, 0] == pytest.approx(expected)
