@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from benchtool.core.array import Array
 
@@ -41,6 +44,25 @@ class ErrorSource:
     dof: float = np.inf
     scaled: bool = False
     origin: str = ""
+
+    def of(self, rows: NDArray[np.intp]) -> ErrorSource:
+        """Return the source of only those observations."""
+        return replace(self, columns=self.columns[rows])
+
+
+def joined(parts: Sequence[Sequence[ErrorSource]]) -> tuple[ErrorSource, ...]:
+    """Return the sources of parts laid one after the other, each part with draws of its own.
+
+    Every part has the same sources in the same order.
+    """
+    return tuple(
+        replace(
+            each[0],
+            sd=float(np.sqrt(np.mean([one.sd**2 for one in each]))),
+            columns=block_diag(*(one.columns for one in each)),
+        )
+        for each in zip(*parts, strict=True)
+    )
 
 
 class Whitening:

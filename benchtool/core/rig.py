@@ -120,6 +120,16 @@ class Sensor(FiniteTable):
     quantum: NotNegative = 0.0
     rate_Hz: Positive = 80.0
 
+    def mean_error(self, n: Array) -> Array:
+        """Return the standard error of a mean over n readings (...,).
+
+        Rounding averages out only where noise carries the readings over a step.
+        """
+        rounding = self.quantum / 12.0**0.5
+        if self.noise >= 0.5 * self.quantum:
+            return np.asarray(np.hypot(self.noise, rounding) / np.sqrt(n), float)
+        return np.asarray(np.hypot(self.noise / np.sqrt(n), rounding), float)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlateDrive(FiniteTable):

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from benchtool.core.array import Array
 from benchtool.core.column_source import ColumnSource
 from benchtool.core.counted import counted
+from benchtool.core.error_source import ErrorSource, joined
 from benchtool.core.errors import InputError
 from benchtool.core.own_code import CodePermit, refuse_code
 from benchtool.core.parameter import full_name
@@ -40,6 +41,7 @@ class FitData:
 
     Attributes:
         groups: (n,) number of the setting that each point repeats; None where nobody numbered them.
+        error_sources: what points share, over all n.
         reference: (n,) what each point of a ratio was divided by: the plate where it was parked.
         calibration_sd: relative standard error of the load cell's scale, common to all points; 0
             where no calibration was applied.
@@ -48,7 +50,7 @@ class FitData:
     points: Recording  # all that were read (n rows)
     conditions: Conditions  # of all points
     observed: Array  # (n,) thrust in N, or the ratio of the recipe's basis
-    standard_error: Array  # (n,) stated; 1 where none is stated
+    standard_error: Array  # (n,) of each point alone; 1 where none is stated
     errors: str  # "within" visits, from their samples; "stated" by a table; or "none"
     used: NDArray[np.bool_]  # (n,) False for points that the fit leaves out
     left_out: tuple[str, ...]  # sentences that say which points and why
@@ -56,6 +58,7 @@ class FitData:
     groups: NDArray[np.intp] | None
     hashes: Mapping[str, str]  # SHA-256 by data path
     reference: Conditions | None = None
+    error_sources: tuple[ErrorSource, ...] = ()
     calibration_sd: float = 0.0
 
     @property
@@ -107,13 +110,15 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
     for path, part in zip(recipe.data, parts, strict=True):
         refuse_other_rotors(part, model.rig, path)
     conditions = Conditions.from_recording(points, model.rig)
+    sources: tuple[ErrorSource, ...] = ()
     if recipe.basis == "joint":
         observed, error, errors = _thrust_with_error(points, all(map(is_run, recipe.data)))
     else:
         # Each run is divided by its own references.
-        pairs = [ratios(part, recipe.basis) for part in parts]
-        observed = np.concatenate([ratio for ratio, _ in pairs])
-        error = np.concatenate([ratio_error for _, ratio_error in pairs])
+        found = [ratios(part, recipe.basis, model.rig.sensors) for part in parts]
+        observed = np.concatenate([one.value for one in found])
+        error = np.concatenate([one.standard_error for one in found])
+        sources = joined([one.error_sources for one in found])
         errors = "within" if np.isfinite(error).any() else "none"
         error = np.where(np.isfinite(error), error, np.nan if errors == "within" else 1.0)
     if not np.any(conditions.speed_rad_s > 0.0):
@@ -151,6 +156,7 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
         groups=groups,
         hashes=hashes,
         reference=reference,
+        error_sources=sources,
         calibration_sd=_calibration_sd(parts, recipe.data),
     )
 

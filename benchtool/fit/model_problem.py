@@ -10,6 +10,7 @@ from typing import Any, get_args
 import numpy as np
 
 from benchtool.core.array import Array
+from benchtool.core.error_source import ErrorSource
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.fit.problem import IntArray, Problem
 from benchtool.fit.recipe import Basis
@@ -37,6 +38,7 @@ def problem_from_model(
     nearest_z_over_R: float | None = VALIDITY_Z_OVER_R,
     groups: IntArray | None = None,
     reference: Conditions | None = None,
+    error_sources: tuple[ErrorSource, ...] = (),
 ) -> Problem:
     """Return the problem of fitting a model's free parameters to a settled bench.
 
@@ -54,6 +56,7 @@ def problem_from_model(
         groups: (m,) settings; by the plate's position when left out.
         reference: (m,) what each point was divided by, for a ratio: a parked plate is far, not
             gone, and its own few per mille would go into R and K_b; no plate when left out.
+        error_sources: what the m points share.
     """
     if basis not in BASES:
         raise UnknownChoice("basis", basis, BASES)
@@ -98,6 +101,7 @@ def problem_from_model(
         predict=_prediction(model, conditions, None if basis == "joint" else far, basis),
         observed=np.asarray(observed, float)[used],
         standard_error=np.asarray(standard_error, float)[used],
+        error_sources=tuple(source.of(used) for source in error_sources),
         basis=basis,
         labels=_labels(conditions, distance[used]),
         groups=plate_settings(conditions) if groups is None else groups[used],

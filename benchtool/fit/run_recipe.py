@@ -165,6 +165,7 @@ def _problem(model: Model, recipe: Recipe, data: FitData) -> Problem:
         nearest_z_over_R=None,
         groups=None if data.groups is None else data.groups[rows],
         reference=None if data.reference is None else data.reference.select(rows),
+        error_sources=tuple(source.of(rows) for source in data.error_sources),
     )
     if recipe.basis != "joint" or data.calibration_sd == 0.0:
         return problem  # a ratio of two thrusts does not know the calibration's scale

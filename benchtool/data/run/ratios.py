@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.array import Array
+from benchtool.core.error_source import ErrorSource
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.recording import Recording
+from benchtool.core.rig import Sensor
 from benchtool.data.columns import code_of, speed_columns
 
 RATIO_BASES: tuple[str, ...] = ("equal_rpm2", "equal_pwm", "equal_power")
@@ -17,18 +22,44 @@ MOMENTUM_POWER = 2.0 / 3.0
 """Exponent of thrust over power in hover by momentum theory (T^(3/2) ~ P); used where the
 references stand at one power only."""
 
+EXPONENT_SD = 0.05
+"""Standard error of that exponent for electrical power: efficiencies of motors and figures of merit
+that change with load make it 0.6 to 0.75 on stands; a guess."""
 
-def ratios(points: Recording, basis: str) -> tuple[Array, Array]:
-    """Return T_IGE/T_OGE (n,) and its standard error (n,); nan where a visit has no reference.
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Ratios:
+    """Hold T_IGE/T_OGE of every visit; nan where a visit has no reference."""
+
+    value: Array  # (n,)
+    standard_error: Array  # (n,) what a visit's own errors make; nan where none are stated
+    error_sources: tuple[ErrorSource, ...]  # what visits share, their references above all
+
+    @property
+    def total_error(self) -> Array:
+        """Standard error of each ratio by itself (n,): its own part and the shared ones."""
+        shared = [np.sum(source.columns**2, axis=1) for source in self.error_sources]
+        out: Array = np.sqrt(self.standard_error**2 + sum(shared))
+        return out
+
+
+def ratios(points: Recording, basis: str, sensors: Mapping[str, Sensor] | None = None) -> Ratios:
+    """Return T_IGE/T_OGE of every visit, with what its errors share.
 
     A visit is compared with the references of the same pulses and the same repeat, or with the
     mean of those of the same pulses where its repeat has none. At equal pulse width thrusts are
     divided, at equal squared speed thrusts over the summed squared speeds, and at equal
     electrical power thrust over the references' thrust at that power, a power law between them.
 
+    Errors are relative and small, so that products are taken to first order (a mean of references
+    known to 1 % is inverted 0.01 % too large). Every reference is one column of the source
+    "reference": ratios over the same reference err together, and so do those at one power law that
+    was fitted to all of them.
+
     Args:
         points: visits with `kind`, `repeat`, pulses, speeds, thrust; voltage and current for power.
         basis: one of `RATIO_BASES`.
+        sensors: of the rig, for the errors of voltage and current where points hold none.
     """
     if basis not in RATIO_BASES:
         raise UnknownChoice("basis", basis, RATIO_BASES)
@@ -44,31 +75,58 @@ def ratios(points: Recording, basis: str) -> tuple[Array, Array]:
             "the run holds no reference points out of ground effect, so there is no T_OGE to "
             "divide by; fit with --basis joint, or sweep with references"
         )
-    relative = _relative_error(points, thrust)
+    relative, level = _relative_error(points, thrust), thrust
+    law: _PowerLaw | None = None
     if basis == "equal_rpm2":
         relative = np.hypot(relative, relative_speed_error(points))
-    chosen = [_references(points, parked, row) for row in range(len(points))]
-    if basis == "equal_power":
-        level = thrust / _thrust_at_power(points, thrust, parked)
-    elif basis == "equal_rpm2":
         level = thrust / _squared_speed(points)
-    else:
-        level = thrust
-    ratio, error = np.full(len(thrust), np.nan), np.full(len(thrust), np.nan)
-    for row, rows in enumerate(chosen):
-        if np.isfinite(level[rows]).any():
-            ratio[row] = level[row] / np.nanmean(level[rows])
-            own = np.sqrt(np.nansum(relative[rows] ** 2)) / rows.size
-            error[row] = ratio[row] * np.hypot(relative[row], own)
-    return ratio, error
+    elif basis == "equal_power":
+        law = _power_law(points, thrust, parked)
+        relative = np.hypot(relative, law.exponent * _relative_power_error(points, sensors or {}))
+        level = thrust / np.exp(law.exponent * law.log_power)
+    share = _shares(points, parked, level)
+    mean = np.where(share.any(axis=1), share @ np.nan_to_num(level), np.nan)
+    ratio = level / mean
+    # The part of each reference in the logarithm of the ratio, to first order.
+    part = np.nan_to_num(share * level / mean[:, None])
+    stated = bool(np.isfinite(relative).any())
+    scatter = np.nan_to_num(relative) if stated else np.ones(len(ratio))
+    sources = []
+    if law is not None:
+        lever = np.nan_to_num(law.log_power - part @ np.nan_to_num(law.log_power))
+        part += np.outer(lever, law.gain)
+        if law.exponent_sd > 0.0:
+            columns = -np.nan_to_num(ratio * lever)[:, None] * law.exponent_sd
+            sources.append(
+                ErrorSource(
+                    name="exponent of power", kind="B", unit="1", sd=EXPONENT_SD, columns=columns
+                )
+            )
+    shown = np.flatnonzero(parked)
+    reference = ErrorSource(
+        name="reference",
+        kind="A",
+        unit="1",
+        sd=float(np.sqrt(np.mean(scatter[shown] ** 2))),
+        columns=-np.nan_to_num(ratio)[:, None] * part[:, shown] * scatter[shown],
+        scaled=True,
+    )
+    own = np.abs(ratio) * relative if stated else np.full(len(ratio), np.nan)
+    return Ratios(ratio, own, (reference, *sources))
 
 
-def _references(points: Recording, parked: NDArray[np.bool_], row: int) -> NDArray[np.intp]:
-    """Return the references of one visit: same pulses (a device that does not echo them is nan)."""
+def _shares(points: Recording, parked: NDArray[np.bool_], level: Array) -> Array:
+    """Return by how much each visit's references make its T_OGE (n, n): 1 over their number.
+
+    References are those of the same pulses (a device that does not echo them is nan).
+    """
     pulses = _stack(points, speed_columns(points.names, "pwm")).round(3)
-    alike = parked & ((pulses == pulses[row]) | np.isnan(pulses)).all(axis=1)
-    paired = alike & (points.column("repeat") == points.column("repeat")[row])
-    return np.flatnonzero(paired if paired.any() else alike)
+    repeat = points.column("repeat")
+    alike = ((pulses[:, None] == pulses) | np.isnan(pulses)).all(axis=2) & parked
+    paired = alike & (repeat[:, None] == repeat)
+    chosen = np.where(paired.any(axis=1)[:, None], paired, alike) & np.isfinite(level)
+    out: Array = chosen / np.maximum(chosen.sum(axis=1), 1)[:, None]
+    return out
 
 
 def _squared_speed(points: Recording) -> Array:
@@ -136,8 +194,35 @@ def _relative_error(points: Recording, thrust: Array) -> Array:
     return points.column("thrust_se_N") / np.abs(thrust)
 
 
-def _thrust_at_power(points: Recording, thrust: Array, parked: NDArray[np.bool_]) -> Array:
-    """Return the thrust that the references give at each visit's electrical power (n,): N."""
+def _relative_power_error(points: Recording, sensors: Mapping[str, Sensor]) -> Array:
+    """Return the relative standard error of each visit's electrical power (n,).
+
+    From the standard errors of voltage and current, else from what the rig says of their sensors;
+    0 where neither is known.
+    """
+    total = np.zeros(len(points))
+    n = points.column("n_samples") if "n_samples" in points else np.ones(len(points))
+    for name, error_name in (("voltage_V", "voltage_se_V"), ("current_A", "current_se_A")):
+        error = np.full(len(points), np.nan)
+        if error_name in points:
+            error = points.column(error_name)
+        if name in sensors:
+            error = np.where(np.isnan(error), sensors[name].mean_error(n), error)
+        total = np.hypot(total, np.nan_to_num(error / points.column(name), posinf=0.0, neginf=0.0))
+    return total
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _PowerLaw:
+    """Hold the references' power law, thrust ~ power^exponent."""
+
+    log_power: Array  # (n,) of every visit
+    exponent: float
+    gain: Array  # (n,) change of the exponent by a visit's error in the logarithm of thrust
+    exponent_sd: float  # where it was not fitted; 0 where it was
+
+
+def _power_law(points: Recording, thrust: Array, parked: NDArray[np.bool_]) -> _PowerLaw:
     for name in ("voltage_V", "current_A"):
         if name not in points or not np.isfinite(points.column(name)).any():
             raise InputError(
@@ -148,7 +233,10 @@ def _thrust_at_power(points: Recording, thrust: Array, parked: NDArray[np.bool_]
     good = parked & (power > 0.0) & (thrust > 0.0)
     if not good.any():
         raise InputError("no reference point drew any power; check the current sensor")
-    x, y = np.log(power[good]), np.log(thrust[good])
-    slope = float(np.polyfit(x, y, 1)[0]) if np.ptp(x) > 0.2 else MOMENTUM_POWER
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.asarray(np.exp(y.mean() + slope * (np.log(power) - x.mean())), float)
+    log_power = np.log(np.where(power > 0.0, power, np.nan))
+    from_mean = np.where(good, log_power - log_power[good].mean(), 0.0)
+    if np.ptp(log_power[good]) <= 0.2:
+        return _PowerLaw(log_power, MOMENTUM_POWER, np.zeros(len(power)), EXPONENT_SD)
+    gain = from_mean / float(from_mean @ from_mean)
+    exponent = float(gain[good] @ np.log(thrust[good]))
+    return _PowerLaw(log_power, exponent, gain, 0.0)

@@ -77,7 +77,7 @@ def aggregate(points: Recording) -> Recording:
 def _ratios(points: Recording, basis: str) -> Array:
     """Return T_IGE/T_OGE of every visit (n,); nan throughout a run without references."""
     try:
-        return ratios(points, basis)[0]
+        return ratios(points, basis).value
     except InputError:
         return np.full(len(points), np.nan)
 

@@ -171,7 +171,7 @@ def _ratio(points: Recording, settings: Recording) -> tuple[str, Array, Array]:
     basis = "equal_rpm2" if known else "equal_pwm"
     ratio, sd = settings.column(f"ratio_{basis}"), f"ratio_{basis}_sd"
     try:
-        return basis, ratio, _larger(settings, sd, points, ratios(points, basis)[1])
+        return basis, ratio, _larger(settings, sd, points, ratios(points, basis).total_error)
     except InputError:  # a sweep without references has no ratio
         return basis, ratio, settings.column(sd)
 

@@ -42,13 +42,14 @@ def measured_ratios(run: Path, basis: str) -> MeasuredRatios:
 
     try:
         points = read_points(run)
-        ratio, ratio_se = ratios(points, basis)
+        facts = Run.open(run).metadata
+        rig = run_rig(run, facts)
+        measured = ratios(points, basis, rig.sensors)
     except BenchtoolError as error:
         return MeasuredRatios(why=str(error))
-    facts = Run.open(run).metadata
-    near = (points.column("kind") == code_of("kind", "measure")) & np.isfinite(ratio)
-    z_over_R = points.column("plate_z_m") / run_rig(run, facts).propulsion.radius_m
-    rows = np.column_stack([z_over_R, ratio, np.nan_to_num(ratio_se)])[near]
+    near = (points.column("kind") == code_of("kind", "measure")) & np.isfinite(measured.value)
+    z_over_R = points.column("plate_z_m") / rig.propulsion.radius_m
+    rows = np.column_stack([z_over_R, measured.value, np.nan_to_num(measured.total_error)])[near]
     return MeasuredRatios(tuple(map(tuple, rows.tolist())), simulated=bool(facts.get("simulated")))
 
 
