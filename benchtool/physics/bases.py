@@ -13,18 +13,18 @@ import numpy as np
 
 from benchtool.core.array import Array
 from benchtool.core.errors import InputError
-from benchtool.core.rig import Motor
+from benchtool.physics.conditions import Conditions
 from benchtool.physics.effects.effect import Flow, Quantity
 from benchtool.physics.model import Model
 from benchtool.physics.motor import (
-    electrical_W,
+    drawn_W,
     held_by_pulse_Nm,
     speed_under_pulse,
 )
 
-POWER_STEPS = 14
-"""Steps from the speed at equal shaft power to that at equal electrical power. That goes with w^2.7
-to w^3.3, so that each step, by its cube root, leaves a tenth of the error."""
+POWER_STEPS = 16
+"""Steps to the speed at equal electrical power. That goes with w^2.7 to w^3.3 (shaft power with
+w^3), so that each step, by its cube root, leaves a tenth of the error."""
 
 
 def require_motor(model: Model, basis: str) -> None:
@@ -42,7 +42,7 @@ def thrust_ratio(model: Model, basis: str, near: Flow, far: Flow, values: Any) -
 
     Args:
         model: whose rig describes the motors.
-        basis: "equal_rpm2", "equal_pwm" or "equal_power": shaft power where no motor is described.
+        basis: "equal_rpm2", "equal_pwm" or "equal_power": by `drawn_W`.
         near: at the speeds of the visit.
         far: the reference, given at the same speeds.
         values: all parameters (n_parameters, ...).
@@ -52,6 +52,13 @@ def thrust_ratio(model: Model, basis: str, near: Flow, far: Flow, values: Any) -
         moved = _at_equal_pulse if basis == "equal_pwm" else _at_equal_power
         far = far._replace(speed_rad_s=moved(model, near, *drags))
     return model.squared_speed(near, values) / model.squared_speed(far, values)
+
+
+def factor_at(model: Model, basis: str, conditions: Conditions, values: Any = None) -> Any:
+    """Return T_IGE/T_OGE of the whole vehicle (..., m) at a basis, over no plate at all."""
+    values = model.parameters.values_array() if values is None else values
+    near, far = conditions, conditions.out_of_ground_effect()
+    return thrust_ratio(model, basis, model.flow(near, values), model.flow(far, values), values)
 
 
 def speed_gains(model: Model, flow: Flow, values: Any) -> list[Array]:
@@ -84,21 +91,31 @@ def _at_equal_pulse(model: Model, near: Flow, drag: Any, far_drag: Any) -> list[
 
 def _at_equal_power(model: Model, near: Flow, drag: Any, far_drag: Any) -> list[Quantity]:
     """Return the speeds at the reference, one factor on all, where the power is the visit's."""
-    c, motor = model.rig.propulsion.drag_coefficient_Nm_s2, model.rig.motor
-    counts, speeds = model.rig.rotors_on_disc, near.speed_rad_s
+    wanted, scale = _power_W(model, near, drag), 1.0
+    for _ in range(POWER_STEPS):
+        drawn = _power_W(model, near, far_drag, scale)
+        scale = scale * (wanted / drawn) ** (1.0 / 3.0)
+    return [scale * w for w in near.speed_rad_s]
 
-    def power_W(scale: Quantity, factors: Any, motor: Motor | None) -> Quantity:
-        total: Quantity = 0.0
-        for w, q, n, on in zip(speeds, factors, counts, near.active, strict=True):
-            each = scale * w / np.sqrt(n)
-            torque = c * q * each * each
-            drawn = each * torque if motor is None else electrical_W(motor, each, torque)
-            total = total + n * on * drawn
-        return total
 
-    scale = (power_W(1.0, drag, None) / power_W(1.0, far_drag, None)) ** (1.0 / 3.0)
-    if motor is not None and motor.has_curve:
-        wanted = power_W(1.0, drag, motor)
-        for _ in range(POWER_STEPS):
-            scale = scale * (wanted / power_W(scale, far_drag, motor)) ** (1.0 / 3.0)
-    return [scale * w for w in speeds]
+def _power_W(model: Model, flow: Flow, drag: Any, scale: Quantity = 1.0) -> Quantity:
+    """Return the electrical power of all motors, speeds times `scale`: W."""
+    rig, total = model.rig, 0.0
+    for w, q, n, on in zip(flow.speed_rad_s, drag, rig.rotors_on_disc, flow.active, strict=True):
+        total = total + n * on * drawn_W(rig.propulsion, rig.motor, scale * w / np.sqrt(n), q)
+    return total
+
+
+def thrust_per_power_N_W(model: Model, conditions: Conditions, values: Any = None) -> Any:
+    """Return the thrust over the electrical power of the motors (..., m): N/W, sensors left out.
+
+    Args:
+        model: whose rig describes blades, motors and c; without blades torque is the same
+            everywhere, without a motor power is the shafts' over the stated efficiency.
+        conditions: of m samples.
+        values: all parameters; the model's own when left out.
+    """
+    values = model.parameters.values_array() if values is None else values
+    flow, k = model.flow(conditions, values), values[list(model.parameters).index("k")]
+    power_W = _power_W(model, flow, model.drag_factors(flow, values))
+    return k * model.squared_speed(flow, values) / power_W

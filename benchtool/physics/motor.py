@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from benchtool.core.rig import Motor
+from benchtool.core.rig import Motor, Propulsion
 from benchtool.physics.expression import Quantity, expression
 
 RPM = 30.0 / np.pi
@@ -57,10 +57,22 @@ def speed_near_plate(
     return speed_under_pulse(held_Nm, drag_Nm_s2 * factor, slope_Nm_s)
 
 
-def electrical_W(motor: Motor, speed_rad_s: Quantity, torque_Nm: Quantity) -> Quantity:
-    """Return (w/Kv + Rm I) I with I = I0 + Kv Q: W; Kv and Rm must be known."""
-    assert motor.Kv_rpm_V is not None
-    assert motor.resistance_ohm is not None
+def drawn_W(
+    propulsion: Propulsion, motor: Motor | None, speed_rad_s: Quantity, drag: Quantity = 1.0
+) -> Quantity:
+    """Return the electrical power of a running motor: (w/Kv + Rm I) I with I = I0 + Kv Q: W.
+
+    Of a motor that nobody has described it is the shaft's, Q w, over the stated efficiency.
+
+    Args:
+        propulsion: c of Q = c w^2 and the efficiency.
+        motor: its curve, if it is known.
+        speed_rad_s: rotor speed w.
+        drag: torque over that far from any surface, at equal speed.
+    """
+    torque_Nm = propulsion.drag_coefficient_Nm_s2 * drag * speed_rad_s * speed_rad_s
+    if motor is None or motor.Kv_rpm_V is None or motor.resistance_ohm is None:
+        return torque_Nm * speed_rad_s / propulsion.efficiency
     per_volt = motor.Kv_rpm_V / RPM
     current_A = motor.no_load_current_A + per_volt * torque_Nm
     return (speed_rad_s / per_volt + motor.resistance_ohm * current_A) * current_A

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from benchtool.core.array import Array
 from benchtool.core.rig import Rig
 from benchtool.physics import VALIDITY_Z_OVER_R
+from benchtool.physics.bases import factor_at
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.effects.neighbour_images import EFFECT as NEIGHBOUR_IMAGES
 from benchtool.physics.model import Model
@@ -94,11 +95,15 @@ def values_at(model: Model, draws: Mapping[str, Array] | None = None) -> list[An
 
 
 def factor_over(
-    model: Model, speed_rad_s: Array, z_over_R: Array, draws: Mapping[str, Array] | None = None
+    model: Model,
+    speed_rad_s: Array,
+    z_over_R: Array,
+    draws: Mapping[str, Array] | None = None,
+    basis: str = "equal_rpm2",
 ) -> Any:
-    """Return T_IGE/T_OGE (m,), or (d, m) with draws."""
+    """Return T_IGE/T_OGE (m,) at a basis, or (d, m) with draws."""
     conditions = conditions_over(model.rig, speed_rad_s, z_over_R)
-    return model.factor(conditions, values_at(model, draws))
+    return factor_at(model, basis, conditions, values_at(model, draws))
 
 
 def band_of(spread: Array, level: Literal[68, 95]) -> Band:
@@ -108,12 +113,16 @@ def band_of(spread: Array, level: Literal[68, 95]) -> Band:
 
 
 def bands_over(
-    model: Model, speed_rad_s: Array, z_over_R: Array, draws: Mapping[str, Array]
+    model: Model,
+    speed_rad_s: Array,
+    z_over_R: Array,
+    draws: Mapping[str, Array],
+    basis: str = "equal_rpm2",
 ) -> tuple[Band, ...]:
     """Return the 68 and the 95 % band of a model's curve; none without draws."""
     if not draws:
         return ()
-    spread = np.asarray(factor_over(model, speed_rad_s, z_over_R, draws), float)
+    spread = np.asarray(factor_over(model, speed_rad_s, z_over_R, draws, basis), float)
     spread = np.broadcast_to(spread, (len(next(iter(draws.values()))), len(z_over_R)))
     return band_of(spread, 68), band_of(spread, 95)
 

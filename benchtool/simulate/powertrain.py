@@ -11,7 +11,7 @@ import numpy as np
 
 from benchtool.core.array import Array
 from benchtool.core.rig import Motor, Propulsion
-from benchtool.physics.motor import electrical_W, speed_near_plate, torque_per_speed
+from benchtool.physics.motor import drawn_W, speed_near_plate, torque_per_speed
 
 HOLD_S = 0.05
 """The voltage that sets the commanded speeds is held this long: shorter than any pack changes,
@@ -92,13 +92,9 @@ class Powertrain:
         self._full_power_W = self._electrical_W(np.full(n_rotors, self.top_speed_rad_s))
 
     def _electrical_W(self, speed_rad_s: Array) -> float:
-        """Return the electrical power of the motors; without a motor c w^3 over the efficiency."""
-        c, motor = self._propulsion.drag_coefficient_Nm_s2, self._motor
-        if motor is not None and motor.has_curve:
-            torque = c * self._drag * speed_rad_s**2
-            return float(np.sum(electrical_W(motor, speed_rad_s, torque)[speed_rad_s > 0.0]))
-        shaft_W = c * float(np.sum(self._drag * speed_rad_s**3))
-        return shaft_W / self._propulsion.efficiency
+        """Return the electrical power of the motors that turn."""
+        drawn = drawn_W(self._propulsion, self._motor, speed_rad_s, self._drag)
+        return float(np.sum(drawn[speed_rad_s > 0.0]))
 
     def _commanded_rad_s(self) -> Array:
         """Return the speeds that the pulses ask for at the present voltage (n,)."""

@@ -16,6 +16,7 @@ from benchtool.core.units import from_si
 from benchtool.data.columns import code_of
 from benchtool.fit.fit_data import FAR_Z_OVER_R
 from benchtool.fit.run_recipe import FitOutput
+from benchtool.physics.bases import factor_at
 from benchtool.physics.conditions import FAR_AWAY_M, Conditions
 from benchtool.physics.effects.partial_coverage import PARTIAL_COVERAGE, factor_table
 from benchtool.report.figure import figure
@@ -51,8 +52,12 @@ def ratio(figure: Figure, fit: FitOutput) -> None:
     series = ratio_points(fit, name_of_data(fit))
     z, speeds = distances_of([series]), _fastest(fit).speed_rad_s
     curves = [fitted_curve(fit, z), *formula_curves(fit.fitted.rig, speeds, z)]
-    basis = "equal_rpm2" if fit.recipe.basis == "joint" else fit.recipe.basis
-    draw_ratio(figure, [series], curves, basis)
+    draw_ratio(figure, [series], curves, shown_basis(fit))
+
+
+def shown_basis(fit: FitOutput) -> str:
+    """Return the basis of a fit's ratios; thrust fitted in newtons is at equal speed."""
+    return "equal_rpm2" if fit.recipe.basis == "joint" else fit.recipe.basis
 
 
 def ratio_points(fit: FitOutput, label: str, role: Role = "measurement") -> RatioPoints:
@@ -70,7 +75,8 @@ def ratio_points(fit: FitOutput, label: str, role: Role = "measurement") -> Rati
         measured = 1.0 + (data.observed - model.thrust_N(far)) / alone
         error = error / alone
     elif data.reference is not None:  # what the parked plate itself adds
-        parked = np.broadcast_to(model.factor(data.reference), measured.shape)
+        parked = factor_at(model, fit.recipe.basis, data.reference)
+        parked = np.broadcast_to(parked, measured.shape)
         measured, error = measured * parked, error * parked
     shown = np.isfinite(measured) & (data.z_over_R < FAR_Z_OVER_R) & _fully_covered(fit)
     distance = np.round(data.z_over_R, 2)
@@ -92,7 +98,7 @@ def fitted_curve(fit: FitOutput, z_over_R: Array, label: str = "", role: Role = 
     speeds = _fastest(fit).speed_rad_s
     curve = Curve(
         z_over_R,
-        factor_over(fit.fitted, speeds, z_over_R),
+        factor_over(fit.fitted, speeds, z_over_R, basis=shown_basis(fit)),
         label or f"fit: {fit.fitted.name}",
         role,
         "fit",
@@ -107,7 +113,7 @@ def fitted_curve(fit: FitOutput, z_over_R: Array, label: str = "", role: Role = 
     else:  # data that do not determine the curve have no band
         return curve
     free = {item.name: draws[:, [column]] for column, item in enumerate(result.estimates)}
-    return replace(curve, bands=bands_over(fit.fitted, speeds, z_over_R, free))
+    return replace(curve, bands=bands_over(fit.fitted, speeds, z_over_R, free, shown_basis(fit)))
 
 
 def _fastest(fit: FitOutput) -> Conditions:
@@ -244,7 +250,7 @@ def _increments(fit: FitOutput) -> tuple[Array, Array, Array]:
         low = model.thrust_N(whole.out_of_ground_effect(), values)
         high = model.thrust_N(whole, values)
     else:
-        low, high = np.ones(len(whole)), model.factor(whole, values)
+        low, high = np.ones(len(whole)), factor_at(model, fit.recipe.basis, whole, values)
     share = (data.observed - low) / (high - low)
     coverage = data.conditions.coverage.mean(axis=0)
     shown = data.used & (data.z_over_R < FAR_Z_OVER_R) & (high - low > 0.01 * low)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,9 @@ from numpy.typing import NDArray
 from benchtool.core.array import Array
 from benchtool.core.units import from_si
 from benchtool.fit.nominal import NominalModel
+from benchtool.physics.bases import thrust_per_power_N_W
+from benchtool.physics.conditions import Conditions
+from benchtool.physics.model import Model
 from benchtool.report.figure import figure
 from benchtool.report.palette import BLUE, CYCLE, GREY, ORANGE, Role
 from benchtool.report.panels import points, rows_of
@@ -94,8 +97,8 @@ def _model_curve(run: SweepRun, z_over_R: Array) -> list[Curve]:
     if run.model is None:
         return []
     model, speeds = run.model.model, _speeds_of(run)
-    middle = factor_over(model, speeds, z_over_R)
-    bands = bands_over(model, speeds, z_over_R, run.model.draws)
+    middle = factor_over(model, speeds, z_over_R, basis=run.basis)
+    bands = bands_over(model, speeds, z_over_R, run.model.draws, run.basis)
     label = f"{'fit' if run.model.fitted_to else 'model'}: {model.name}"
     return [Curve(z_over_R, middle, label, "model", "fit", bands)]
 
@@ -155,9 +158,49 @@ def ratios(figure: Figure, runs: Sequence[SweepRun]) -> None:
 )
 def distance(figure: Figure, run: SweepRun) -> None:
     """Draw thrust with error bars against plate distance, one colour per throttle level."""
+    thrust = run.settings.column("thrust_N")
+    _draw_levels(figure, run, thrust, run.thrust_error_N, "thrust [N]", Model.thrust_N)
+
+
+@figure(
+    page="sweep",
+    name="efficiency",
+    title="Thrust per electrical power: {0.name}",
+    caption=lambda run: (
+        "Thrust over volts times amperes against plate distance at each throttle level; the bars "
+        "are those of thrust. Dotted: the level's mean with the plate parked. A model's line takes "
+        "torque from the rig's blades and power from its motor, or from its stated efficiency."
+        f"{model_words(run)}"
+    ),
+    when=lambda run: bool(np.isfinite(_per_power(run)[run.measured()]).any()),
+    height_in=4.3,
+)
+def efficiency(figure: Figure, run: SweepRun) -> None:
+    """Draw thrust per electrical power against plate distance, one colour per throttle level."""
+    per_power = _per_power(run)
+    error = per_power * run.thrust_error_N / run.column("thrust_N")
+    label = "thrust per electrical power [N/W]"
+    _draw_levels(figure, run, per_power, error, label, thrust_per_power_N_W)
+
+
+def _per_power(run: SweepRun) -> Array:
+    """Return the thrust over the electrical power of each setting (s,): N/W; nan without it."""
+    power = run.column("voltage_V") * run.column("current_A")
+    drawn = np.where(power > 0.0, power, np.nan)
+    return np.asarray(run.column("thrust_N") / drawn, float)
+
+
+Predicted = Callable[[Model, Conditions, Any], Any]
+"""predicted(model, conditions, values) -> a quantity (..., m) that is drawn over distance."""
+
+
+def _draw_levels(
+    figure: Figure, run: SweepRun, values: Array, error: Array, label: str, predicted: Predicted
+) -> None:
+    """Draw a quantity of each setting (s,) against plate distance, one colour per level."""
     axes = figure.subplots()
     levels, near = run.level_us(), run.measured() & plain(run)
-    z, thrust = run.z_over_R(run.settings), run.settings.column("thrust_N")
+    z = run.z_over_R(run.settings)
     near = near if near.any() else run.measured()
     handles: list[Line2D | Patch] = []
     if (~run.measured() & np.isin(levels, levels[near])).any():
@@ -168,26 +211,33 @@ def distance(figure: Figure, run: SweepRun) -> None:
         color = CYCLE[index % len(CYCLE)]
         rows = np.flatnonzero(near & (levels == level))
         rows = rows[np.argsort(z[rows], kind="stable")]
-        if run.model is not None and _model_line(axes, run, run.model, rows, color) and not index:
-            label = "95 % band of the model"
-            handles.append(Patch(facecolor=GREY, alpha=0.3, lw=0.0, label=label))
+        if run.model is not None:
+            has_band = _model_line(axes, run, run.model, rows, color, predicted)
+            if has_band and not index:
+                band = "95 % band of the model"
+                handles.append(Patch(facecolor=GREY, alpha=0.3, lw=0.0, label=band))
         points(
-            axes, z[rows], thrust[rows], run.thrust_error_N[rows], color,
+            axes, z[rows], values[rows], error[rows], color,
             MARKERS[index % len(MARKERS)], capsize=3.5, label=f"{level:g} µs", zorder=3,
         )  # fmt: skip
         away = ~run.measured() & (levels == level)
         if away.any():
-            axes.axhline(float(np.mean(thrust[away])), color=color, lw=1.0, ls=DOTTED)
+            axes.axhline(float(np.mean(values[away])), color=color, lw=1.0, ls=DOTTED)
     axes.set_xlabel("distance to the plate  $z/R$ [–]")
-    axes.set_ylabel("thrust [N]")
+    axes.set_ylabel(label)
     axes.set_xlim(left=0.0)
     axes.legend(handles=[*axes.get_legend_handles_labels()[0], *handles], loc="upper right")
 
 
 def _model_line(
-    axes: Axes, run: SweepRun, model: NominalModel, rows: NDArray[np.intp], color: str
+    axes: Axes,
+    run: SweepRun,
+    model: NominalModel,
+    rows: NDArray[np.intp],
+    color: str,
+    predicted: Predicted,
 ) -> bool:
-    """Draw the model's thrust at one level's mean speeds; return whether it has a band."""
+    """Draw the model's line at one level's mean speeds; return whether it has a band."""
     numbers = range(1, run.rig.n_rotors + 1)
     rpm = np.array([np.nanmean(run.column(f"rpm{rotor}")[rows]) for rotor in numbers])
     if not np.isfinite(rpm).all():
@@ -195,13 +245,13 @@ def _model_line(
     z = run.z_over_R(run.settings)[rows]
     at = np.linspace(max(0.5, 0.9 * float(z.min())), 1.05 * float(z.max()), 160)
     conditions = conditions_over(run.rig, rpm[:, None] * np.pi / 30.0, at)
+    middle = predicted(model.model, conditions, values_at(model.model))
     if model.draws:
-        spread = np.asarray(
-            model.model.thrust_N(conditions, values_at(model.model, model.draws)), float
-        )
+        drawn = predicted(model.model, conditions, values_at(model.model, model.draws))
+        spread = np.asarray(drawn, float)
         band = band_of(np.broadcast_to(spread, (len(spread), len(at))), 95)
         axes.fill_between(at, band.lower, band.upper, color=color, alpha=0.2, lw=0.0, gid="band-95")
-    axes.plot(at, np.broadcast_to(model.model.thrust_N(conditions), at.shape), color=color, lw=1.2)
+    axes.plot(at, np.broadcast_to(middle, at.shape), color=color, lw=1.2)
     return bool(model.draws)
 
 

@@ -178,7 +178,13 @@ SWEEP = Page(
     [
         (
             "What was measured",
-            [lambda run: Warnings(run_warnings(run)), "ratio", "distance", settings_table],
+            [
+                lambda run: Warnings(run_warnings(run)),
+                "ratio",
+                "distance",
+                "efficiency",
+                settings_table,
+            ],
         ),
         ("Raw and averaged", ["samples", "visits", _without_samples]),
         ("Order, drift and tares", ["order", _drift]),

@@ -16,7 +16,7 @@ from benchtool.core.rig_file import rig_named
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.model_problem import problem_from_model
 from benchtool.fit.recipe import Basis
-from benchtool.physics.bases import thrust_ratio
+from benchtool.physics.bases import factor_at, thrust_per_power_N_W, thrust_ratio
 from benchtool.physics.blade_element import (
     inflow_at_equal_thrust,
     inflow_response,
@@ -163,3 +163,23 @@ def test_equal_pulse_without_a_motor_is_refused() -> None:
         problem_from_model(model, at(rig, Z_M), np.ones(6), basis="equal_pwm")
     power = problem_from_model(model, at(rig, Z_M), np.ones(6), basis="equal_power")
     assert power.facts["power"] == "of the shafts: the rig describes no motor"
+
+
+def test_thrust_per_power_follows_from_thrust_and_torque() -> None:
+    """Blades lower the torque near the plate, so that it rises by more than thrust does."""
+    for motor in (MOTOR, None):
+        rig = bladed("pquad_single", motor)
+        k, c = rig.propulsion.thrust_coefficient_N_s2, rig.propulsion.drag_coefficient_Nm_s2
+        model = Model.single(rig).with_blades_of_rig()
+        expected = []
+        for z, w in zip(Z_M, SPEED_RAD_S, strict=True):
+            t, q = answers(0.12, z)
+            torque = c * q * w * w
+            power = w * torque / rig.propulsion.efficiency
+            if motor is not None:
+                power = voltage(w, torque) * (MOTOR.no_load_current_A + PER_VOLT * torque)
+            expected.append(k * t * w * w / power)
+        found = thrust_per_power_N_W(model, at(rig, Z_M))
+        np.testing.assert_allclose(found, expected, rtol=1e-12)
+        far = thrust_per_power_N_W(model, at(rig, Z_M).out_of_ground_effect())
+        assert np.all(found / far > factor_at(model, "equal_rpm2", at(rig, Z_M)))

@@ -90,12 +90,12 @@ class RatioCard:
         points = MeasuredRatios()
         if sweep.run and sweep.done and not sweep.pitch:
             points = await worker.run(measured_ratios, Path(sweep.run), basis)
-        if rig is not None and self._curves_of != (rig.name, model, ink):
-            self._curves_of = rig.name, model, ink
+        if rig is not None and self._curves_of != (rig.name, model, ink, basis):
+            self._curves_of = rig.name, model, ink, basis
             try:
-                self._curves = await worker.run(model_curves, model, rig, SPAN, ink)
+                self._curves = await worker.run(model_curves, model, rig, SPAN, ink, basis)
             except BenchtoolError as error:
-                self._curves = await worker.run(model_curves, "", rig, SPAN, ink)
+                self._curves = await worker.run(model_curves, "", rig, SPAN, ink, basis)
                 points = points if points.rows else MeasuredRatios(why=str(error))
         self._plot.update_figure(ratio_figure(points, self._curves, empty, ink))
         self._why.set_text(points.why)

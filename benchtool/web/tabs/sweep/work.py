@@ -54,7 +54,7 @@ def measured_ratios(run: Path, basis: str) -> MeasuredRatios:
 
 
 def model_curves(
-    model: str, rig: Rig, z_over_R: tuple[float, float], ink: str
+    model: str, rig: Rig, z_over_R: tuple[float, float], ink: str, basis: str
 ) -> tuple[Trace, ...]:
     """Return a model's curve with its band, and the closed formulae, all rotors turning.
 
@@ -63,6 +63,7 @@ def model_curves(
         rig: its radius and rotors.
         z_over_R: ends of the curves.
         ink: colour of text and formulae.
+        basis: what the model's ratios hold equal.
 
     Raises:
         BenchtoolError: the model cannot be read, or is of another rig.
@@ -81,8 +82,9 @@ def model_curves(
     if not model:
         return tuple(found)
     nominal = nominal_model(model, rig)
-    middle = np.broadcast_to(np.asarray(factor_over(nominal.model, speeds, x), float), x.shape)
-    bands = bands_over(nominal.model, speeds, x, nominal.draws)
+    middle = np.asarray(factor_over(nominal.model, speeds, x, basis=basis), float)
+    middle = np.broadcast_to(middle, x.shape)
+    bands = bands_over(nominal.model, speeds, x, nominal.draws, basis)
     name = nominal.model.name
     if bands:
         edge = {"width": 0, "color": VERMILION}
