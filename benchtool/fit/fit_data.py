@@ -128,7 +128,9 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
             f"the speed channel is dead, or another column holds the speed; map that one to rpm1"
         )
     z_over_R = model.z_over_R(conditions)
-    used, left_out = _selected(observed, error, conditions.known, z_over_R, recipe)
+    nearest = recipe.min_z_over_R
+    nearest = model.nearest_z_over_R if nearest is None else nearest
+    used, left_out = _selected(observed, error, conditions.known, z_over_R, nearest)
     reference, groups = None, None
     if recipe.basis != "joint":
         parked_m = np.concatenate([_parked_m(part) for part in parts])
@@ -239,10 +241,10 @@ def _parked_m(part: Recording) -> Array:
 
 
 def _selected(
-    observed: Array, error: Array, known: NDArray[np.bool_], z_over_R: Array, recipe: Recipe
+    observed: Array, error: Array, known: NDArray[np.bool_], z_over_R: Array, nearest: float
 ) -> tuple[NDArray[np.bool_], tuple[str, ...]]:
     finite = np.isfinite(observed) & np.isfinite(error) & (error > 0.0) & known
-    near = finite & (z_over_R < recipe.min_z_over_R)
+    near = finite & (z_over_R < nearest)
     reasons = []
     if not finite.all():
         reasons.append(
@@ -253,7 +255,7 @@ def _selected(
     if near.any():
         reasons.append(
             f"{np.count_nonzero(near)} of {len(observed)} points lie below z/R = "
-            f"{recipe.min_z_over_R:g}, outside the formulae's validity, and were left out; "
+            f"{nearest:g}, outside the formulae's validity, and were left out; "
             f"take them in with --min-z-over-r 0"
         )
     used = finite & ~near

@@ -14,11 +14,13 @@ from benchtool.core.errors import FileFormatError
 from benchtool.core.inputs import Input, Inputs
 from benchtool.core.toml_text import FiniteTable, read_strict
 from benchtool.core.user_file import read_text
-from benchtool.physics import VALIDITY_Z_OVER_R
 
 Basis = Literal["joint", "equal_rpm2", "equal_pwm", "equal_power"]
 """What is fitted: thrust in newtons against everything ("joint"), or the ratio T_IGE/T_OGE with
 rotor speed, pulse width or electrical power held equal."""
+
+LAWS = "laws"
+"""What is compared where no model is named: every law of thrust against distance."""
 
 Method = Literal["least_squares", "emcee"]
 Noise = Literal["auto", "stated", "scale", "add"]
@@ -34,7 +36,7 @@ class Recipe(Inputs):
             "add" fits scatter in quadrature; "auto" scales what a run measured within visits and
             takes what a table states.
         loss: "linear", or "soft_l1" and "huber" that count distant points less.
-        min_z_over_R: points nearer are left out and counted.
+        min_z_over_R: points nearer are left out and counted; None for where the model's law ends.
     """
 
     name: str  # of the fit
@@ -83,13 +85,19 @@ class Recipe(Inputs):
         Input("Of residuals; soft_l1 and huber count distant points less.", label="Loss"),
     ] = "linear"
     min_z_over_R: Annotated[
-        float,
-        Ge(0.0),
-        Input("Leave out points nearer than this z/R.", option="min-z-over-r", label="Nearest z/R"),
-    ] = VALIDITY_Z_OVER_R
+        Annotated[float, Ge(0.0)] | None,
+        Input(
+            "Leave out points nearer than this z/R; from where the model's law holds without.",
+            option="min-z-over-r",
+            label="Nearest z/R",
+        ),
+    ] = None
     compare: Annotated[
         tuple[str, ...],
-        Input("Hold this model against it, too; repeatable.", label="Hold against models"),
+        Input(
+            "Hold this model against it, too, or all laws of distance (laws); repeatable.",
+            label="Hold against models, or laws",
+        ),
     ] = ()
     walkers: Annotated[
         int, Ge(8), Input("Walkers of each emcee ensemble.", label="Walkers of emcee")
@@ -143,5 +151,5 @@ def read_recipe(folder: Path) -> Recipe:
         model=beside(recipe.model),
         rig=None if recipe.rig is None else beside(recipe.rig),
         columns=None if recipe.columns is None else str(folder / recipe.columns),
-        compare=tuple(beside(name) for name in recipe.compare),
+        compare=tuple(name if name == LAWS else beside(name) for name in recipe.compare),
     )

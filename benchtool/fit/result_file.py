@@ -59,6 +59,8 @@ def result_tables(output: FitOutput) -> dict[str, Any]:
             "seed": output.comparison.seed,
             "scores": [asdict(score) for score in output.comparison.scores],
         }
+    if output.laws is not None:
+        tables["laws"] = {"sentence": output.laws.sentence, **asdict(output.laws)}
     cleaned: dict[str, Any] = json_ready(tables)
     return cleaned
 

@@ -12,15 +12,17 @@ from benchtool import __version__
 from benchtool.core.fit_result import FitResult
 from benchtool.core.own_code import CodePermit, refuse_code
 from benchtool.fit.compare import Comparison, compare
+from benchtool.fit.compare_laws import compare_laws
 from benchtool.fit.diagnose import with_diagnosis
 from benchtool.fit.ensemble import fit_ensemble
 from benchtool.fit.fit_data import FitData, read_fit_data, recipe_model
 from benchtool.fit.interval import with_derived
+from benchtool.fit.law_scores import LawComparison
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.model_problem import problem_from_model
 from benchtool.fit.problem import Problem
 from benchtool.fit.profile import with_profile
-from benchtool.fit.recipe import Recipe
+from benchtool.fit.recipe import LAWS, Recipe
 from benchtool.fit.uncertainty.budget import Budget, BudgetMethod
 from benchtool.fit.uncertainty.held_sources import held_sources
 from benchtool.fit.uncertainty.monte_carlo import monte_carlo
@@ -44,6 +46,7 @@ class FitOutput:
     Attributes:
         comparison: of the recipe's models on held-out points, None when none were named.
         budget: of the first method's values; None where the data leave one open.
+        laws: of thrust against distance on held-out distances, None when nobody wanted them.
     """
 
     recipe: Recipe  # as it was given
@@ -53,6 +56,7 @@ class FitOutput:
     results: tuple[FitResult, ...]  # one for each method, in the recipe's order
     comparison: Comparison | None = None
     budget: Budget | None = None
+    laws: LawComparison | None = None
 
     @property
     def simulated(self) -> bool:
@@ -101,14 +105,20 @@ def run_recipe(
     problem = _problem(loaded.model, recipe, data)
     estimates = (_estimate(problem, recipe, one, progress, profile) for one in recipe.methods)
     results = tuple(_named(loaded.model, data, problem, one, loaded.notes) for one in estimates)
-    comparison = None
-    if recipe.compare:
+    comparison, laws = None, None
+    named = [name for name in dict.fromkeys(recipe.compare) if name != LAWS]
+    if named:
         model, problems = loaded.model, [problem]
-        for name in dict.fromkeys(recipe.compare):
+        for name in named:
             if name != recipe.model:
                 other = load_model(name, model.rig, permit=permit).model
                 problems.append(_problem(_as_compared(other, model, recipe), recipe, data))
         comparison = compare(problems, seed=recipe.seed)
+    if LAWS in recipe.compare:
+        progress("laws", 0, 1)
+        laws = compare_laws(
+            loaded.model, lambda model: _problem(model, recipe, data), data.z_over_R[data.rows]
+        )
     output = FitOutput(
         recipe=recipe,
         loaded=loaded,
@@ -116,6 +126,7 @@ def run_recipe(
         problem=problem,
         results=results,
         comparison=comparison,
+        laws=laws,
     )
     return replace(output, budget=_budget(output, budget == "mc", progress))
 

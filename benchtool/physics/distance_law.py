@@ -34,6 +34,7 @@ class DistanceLaw:
             name; None where it is finite down to contact, which makes it valid there.
         compared: its own numbers that a comparison of laws frees.
         same_as: the law that it is by another parameter, for one rotor; empty for none.
+        whole_vehicle: whether neighbours and body are in its numbers.
     """
 
     basis: Basis
@@ -43,6 +44,7 @@ class DistanceLaw:
     singular: Callable[[Mapping[str, float]], float] | None = None
     compared: tuple[str, ...] = ()
     same_as: str = ""
+    whole_vehicle: bool = False
 
     @property
     def nearest_z_over_R(self) -> float:

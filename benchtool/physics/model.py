@@ -184,6 +184,11 @@ class Model:
         return tuple(effect for effect in self.effects if self.is_present(effect))
 
     @property
+    def law(self) -> Effect | None:
+        """The law of thrust against distance that acts, if there is one."""
+        return next((e for e in self.present_effects if e.distance_law is not None), None)
+
+    @property
     def nearest_z_over_R(self) -> float:
         """Least z/R at which the model's law is trusted."""
         return nearest_z_over_R(effect.distance_law for effect in self.present_effects)

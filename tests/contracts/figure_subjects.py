@@ -18,6 +18,7 @@ from benchtool.core.schedule import PlateVisit
 from benchtool.data.columns import code_of
 from benchtool.explain.pitch.replay_track import pitch_track
 from benchtool.explain.pitch.replayed import Beside, Replay
+from benchtool.fit.law_scores import LawComparison, LawScore
 from benchtool.fit.recipe import read_recipe
 from benchtool.fit.run_recipe import FitOutput, run_recipe
 from benchtool.physics.wake_picture import Hover
@@ -53,8 +54,14 @@ def sampled_fit() -> FitOutput:
     result = found.results[0]
     draws = np.random.default_rng(0).multivariate_normal(result.values, result.covariance, 400)
     facts = {**result.facts, "ensembles": 2, "walkers": 4, "steps_kept": 50}
+    scores = (
+        LawScore(law="rotor_images", verdict="best", behind=0.0, behind_se=0.0),
+        LawScore(law="hayden", verdict="behind", behind=3.1, behind_se=1.2),
+    )
     return replace(
-        found, results=(result, replace(result, method="emcee", samples=draws, facts=facts))
+        found,
+        results=(result, replace(result, method="emcee", samples=draws, facts=facts)),
+        laws=LawComparison(scores=scores, distances=(0.6, 1.0, 2.0, 3.0)),
     )
 
 

@@ -45,5 +45,6 @@ EFFECT = Effect(
         tested="z/R from 0.5; single rotors of 0.12 and 0.205 m, a quadrotor of 0.12 m",
         seen="the paper; the three rows of eqs. (2) to (4) are this law with its neighbours",
         singular=lambda p: 0.25 * p["own_strength"] ** 0.5,
+        compared=("own_strength",),
     ),
 )

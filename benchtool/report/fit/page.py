@@ -17,6 +17,7 @@ from benchtool.report.fit.budget import budget_blocks
 from benchtool.report.fit.tables import (
     comparison_table,
     estimates_table,
+    laws_table,
     methods_table,
     printed,
     wanted_rank,
@@ -38,9 +39,12 @@ def _answer(fit: FitOutput) -> list[Block]:
 
 
 def _compared(fit: FitOutput) -> list[Block]:
-    if fit.comparison is None:
-        return []
-    return [Paragraph(fit.comparison.sentence + "."), comparison_table(fit.comparison)]
+    blocks: list[Block] = []
+    if fit.comparison is not None:
+        blocks += [Paragraph(fit.comparison.sentence + "."), comparison_table(fit.comparison)]
+    if fit.laws is not None:
+        blocks += [Paragraph(fit.laws.sentence + "."), laws_table(fit.laws)]
+    return blocks
 
 
 def _facts(fit: FitOutput) -> Facts:
@@ -80,7 +84,7 @@ FIT = Page(
         ("{0.recipe.name}: fitted values", [_answer]),
         (
             "{0.recipe.name}: figures",
-            ["ratio", "thrust", "area", "residuals", "corner", "chains"],
+            ["ratio", "thrust", "area", "residuals", "laws", "corner", "chains"],
         ),
         (
             "{0.recipe.name}: uncertainty budget",

@@ -13,12 +13,13 @@ from benchtool.core.errors import FileFormatError
 from benchtool.core.fit_result import Estimate, FitResult, Outcome
 from benchtool.data.run.entry import FIT_FILE, read_result
 from benchtool.fit.compare import Comparison, Score
+from benchtool.fit.law_scores import LawComparison, LawScore
 from benchtool.fit.result_file import result_tables
 from benchtool.fit.run_recipe import FitOutput
 from benchtool.fit.uncertainty.budget import Budget, budget_from
 from benchtool.report.fit.budget import budget_sentence, budget_table
 from benchtool.report.fit.page import FIT, sentence_of
-from benchtool.report.fit.tables import comparison_table, methods_table, short_table
+from benchtool.report.fit.tables import comparison_table, laws_table, methods_table, short_table
 from benchtool.report.page import Block, Paragraph, Warnings
 
 SIMULATED = "SIMULATED DATA: no physical bench produced these points"
@@ -39,6 +40,7 @@ class StoredFit:
         results: one for each method; their samples stand in samples.csv.
         comparison: of models on held-out points, None when none were compared.
         budget: None where there is none.
+        laws: on held-out distances, None when they were not compared.
     """
 
     recipe: Mapping[str, Any]
@@ -52,6 +54,7 @@ class StoredFit:
     results: tuple[FitResult, ...]
     comparison: Comparison | None = None
     budget: Budget | None = None
+    laws: LawComparison | None = None
 
     @property
     def sentence(self) -> str:
@@ -83,6 +86,8 @@ class StoredFit:
             ]
         if self.comparison is not None:
             blocks += [Paragraph(self.comparison.sentence), comparison_table(self.comparison)]
+        if self.laws is not None:
+            blocks += [Paragraph(self.laws.sentence), laws_table(self.laws)]
         return (*blocks, Warnings(self.warnings))
 
 
@@ -125,6 +130,7 @@ def _from_tables(tables: Mapping[str, Any], where: str) -> StoredFit:
             results=results,
             comparison=_comparison(tables.get("comparison")),
             budget=budget_from(tables["budget"]) if tables.get("budget") else None,
+            laws=_laws(tables.get("laws")),
             **shared,
         )
     except KeyError as error:
@@ -180,6 +186,24 @@ def _comparison(table: Mapping[str, Any] | None) -> Comparison | None:
         for score in table["scores"]
     )
     return Comparison(scores=scores, **counts)
+
+
+def _laws(table: Mapping[str, Any] | None) -> LawComparison | None:
+    if not table:
+        return None
+    numbers = ("chi2_per_dof", "behind", "behind_se", "held_out_rms")
+    scores = tuple(
+        LawScore(
+            **{
+                **score,
+                "one_with": tuple(score["one_with"]),
+                "losses": tuple(_numbers(score["losses"])),
+                **{name: _number(score[name]) for name in numbers},
+            }
+        )
+        for score in table["scores"]
+    )
+    return LawComparison(scores=scores, distances=tuple(_numbers(table["distances"])))
 
 
 def _numbers(values: Any) -> list[float]:

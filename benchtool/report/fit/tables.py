@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from math import isfinite
 
 from benchtool.core.fit_result import Estimate, FitResult
 from benchtool.fit.compare import Comparison
+from benchtool.fit.law_scores import LawComparison, LawScore
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.report.numbers import (
     decimals_for,
@@ -127,6 +129,39 @@ def methods_table(
         ("" if one_model else f"{result.model}, ") + METHODS[result.method] for result in results
     ]
     return Table(caption, ("parameter", *heads, *([] if truth is None else ["truth"])), rows)
+
+
+def scored_laws(laws: LawComparison) -> list[LawScore]:
+    """Return the laws that have a score at held-out distances."""
+    return [score for score in laws.scores if isfinite(score.behind)]
+
+
+def laws_table(laws: LawComparison) -> Table:
+    """Return the laws of thrust against distance side by side, the best first."""
+    rows = [
+        (
+            score.law,
+            score.verdict,
+            f"{score.behind:.2f} ± {score.behind_se:.2f}" if isfinite(score.behind) else "–",
+            f"{score.chi2_per_dof:.3g}" if isfinite(score.chi2_per_dof) else "–",
+            score.values or score.reason,
+            str(score.parameters or "–"),
+            f"{score.held_out_rms:.4g}" if isfinite(score.held_out_rms) else "–",
+            ", ".join(score.one_with) or "–",
+            score.reason or "–",
+        )
+        for score in laws.scores
+    ]
+    return Table(
+        f"Laws on {len(laws.distances)} distances, each held out once; loss of log score per "
+        f"distance, standard errors corrected for overlapping folds (Nadeau and Bengio).",
+        (
+            *("law", "verdict", "behind", "χ²/dof", "numbers"),
+            *("free", "held-out RMS", "one law with", "why"),
+        ),
+        rows,
+        text_columns=2,
+    )
 
 
 def comparison_table(comparison: Comparison) -> Table:

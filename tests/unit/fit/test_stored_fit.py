@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from benchtool.core.errors import FileFormatError
+from benchtool.fit.law_scores import LawComparison, LawScore
 from benchtool.fit.recipe import read_recipe
 from benchtool.fit.run_recipe import FitOutput, run_recipe
 from benchtool.report.fit.page import write_fit
@@ -33,6 +34,23 @@ def test_a_folder_tells_what_the_fit_told(output: FitOutput, tmp_path: Path) -> 
     assert again.comparison is not None
     assert again.sentence.startswith("96 of 96 points, model quad_bench on rig pquad, basis thrust")
     assert list(figure_files(tmp_path / "fit")) == ["ratio", "thrust", "residuals", "budget"]
+
+
+def test_a_comparison_of_laws_is_kept_with_what_was_not_scored(
+    output: FitOutput, tmp_path: Path
+) -> None:
+    scores = (
+        LawScore(law="rotor_images", verdict="best", behind=0.0, losses=(0.0, 0.0)),
+        LawScore(law="hayden", verdict="refused", reason="rejected", one_with=("other",)),
+    )
+    laws = LawComparison(scores=scores, distances=(0.6, 2.0))
+    write_fit(tmp_path / "fit", replace(output, laws=laws))
+    assert "follows rotor_images; refused: hayden" in laws.sentence
+    found = read_stored(tmp_path / "fit")
+    assert found.blocks == stored(replace(output, laws=laws)).blocks
+    assert found.laws is not None
+    assert found.laws.scores[1].one_with == ("other",)
+    assert laws.sentence in (tmp_path / "fit" / "report.html").read_text("utf-8")
 
 
 def test_a_fit_of_an_older_version_is_read(output: FitOutput) -> None:

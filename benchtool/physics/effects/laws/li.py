@@ -44,5 +44,6 @@ EFFECT = law_effect(
         singular=lambda p: 0.25 * p["c"] ** 0.5,
         compared=("c",),
         same_as="rotor_images",
+        whole_vehicle=True,
     ),
 )

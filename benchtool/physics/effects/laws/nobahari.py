@@ -43,5 +43,6 @@ EFFECT = law_effect(
         singular=lambda p: 0.25 * p["R_e_over_R"],
         compared=("R_e_over_R",),
         same_as="rotor_images",
+        whole_vehicle=True,
     ),
 )

@@ -1,0 +1,136 @@
+"""Laws of thrust against distance on held-out distances, against known truths."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from benchtool.core.errors import InputError
+from benchtool.core.rig import Rig
+from benchtool.core.rig_file import rig_named
+from benchtool.fit.compare_laws import compare_laws, contestants, distance_groups
+from benchtool.fit.law_scores import LawComparison
+from benchtool.fit.model_problem import problem_from_model
+from benchtool.fit.problem import Problem
+from benchtool.physics.conditions import Conditions
+from benchtool.physics.model import Model
+
+SINGLE = rig_named("pquad_single")
+FROM_HALF = (0.5, 0.6, 0.75, 0.9, 1.1, 1.4, 1.8, 2.5, 4.0, 8.0)
+REPEATS = 3
+
+
+def asked(rig: Rig = SINGLE) -> Model:
+    """Return eq. (2) with k and R free, as a user starts."""
+    return Model.single(rig, "asked").freed("k", "R_m")
+
+
+def compared(
+    truth: Model, *, sd: float, seed: int = 1, at: tuple[float, ...] = FROM_HALF, bump: float = 0.0
+) -> LawComparison:
+    """Compare all laws on a simulated sweep of a truth, errors relative and stated.
+
+    `bump` raises the thrust by that share at z/R 1.1 only.
+    """
+    z_over_R = np.repeat(np.array(at), REPEATS)
+    rig = truth.rig
+    conditions = Conditions.of(
+        rig,
+        speed_rad_s=np.full((rig.n_rotors, len(z_over_R)), 550.0),
+        plate_z_m=z_over_R * rig.propulsion.radius_m,
+    )
+    thrust = np.asarray(truth.thrust_N(conditions))
+    error = sd * thrust
+    observed = thrust * (1.0 + bump * (z_over_R == 1.1))
+    observed = observed + error * np.random.default_rng(seed).standard_normal(len(error))
+
+    def problem_of(model: Model) -> Problem:
+        return problem_from_model(model, conditions, observed, error, nearest_z_over_R=None)
+
+    return compare_laws(asked(rig), problem_of, z_over_R)
+
+
+@pytest.mark.parametrize(
+    ("law", "values"),
+    [
+        ("rotor_images", {}),
+        ("exponential_law", {"Ca": 0.8, "Cb": 1.5}),
+        ("power_law", {"a": 0.09, "p": 1.3}),
+        ("hayden", {}),
+    ],
+)
+def test_the_law_that_made_the_data_is_the_one_that_the_bench_follows(
+    law: str, values: dict[str, float]
+) -> None:
+    found = compared(asked().with_law(law, **values), sd=3e-4)
+    assert found.scores[0].law == law
+    assert found.scores[0].behind == 0.0
+    told_apart = [score for score in found.scores[1:] if score.verdict in ("behind", "refused")]
+    assert len(told_apart) >= 6
+    assert (
+        f"(z/R 0.5 to 8) the bench follows {law}" in found.sentence
+        or "cannot be told apart" in (found.sentence)
+    )
+
+
+def test_what_the_scatter_hides_is_not_told_apart() -> None:
+    found = compared(asked(), sd=0.01, at=(1.0, 1.5, 2.0, 3.0, 5.0))
+    assert found.named("refused") == []
+    assert len(found.named("not told apart")) >= 5
+    assert "cannot be told apart from it" in found.sentence
+
+
+def test_a_bench_that_follows_no_formula_follows_the_table_or_none() -> None:
+    found = compared(asked(), sd=3e-4, bump=0.01)
+    assert found.named("best") in ([], ["monotone_table"])
+    assert "follows no" in found.sentence
+    assert "rotor_images" in found.named("refused")
+
+
+def test_laws_that_are_one_by_another_parameter_count_once() -> None:
+    single = {effect.name: same for effect, same in contestants(asked())}
+    assert set(single["rotor_images"]) == {"cheeseman_bennett", "li", "nobahari"}
+    assert not set(single["rotor_images"]) & set(single)
+    quad = {effect.name: same for effect, same in contestants(asked(rig_named("pquad")))}
+    assert quad["rotor_images"] == ("cheeseman_bennett",)
+    assert quad["li"] == ("nobahari",)
+    own = {effect.name: same for effect, same in contestants(asked().with_law("nobahari"))}
+    assert "rotor_images" in own["nobahari"]
+
+
+def test_nearer_than_half_a_radius_only_laws_that_are_finite_there_are_tried() -> None:
+    truth = asked().with_law("exponential_law", Ca=0.8, Cb=1.5)
+    found = compared(truth, sd=3e-4, at=(0.1, 0.3, *FROM_HALF))
+    assert set(found.named("not applied")) == {"rotor_images", "hayden", "power_law"}
+    reasons = {score.reason for score in found.scores if score.verdict == "not applied"}
+    assert reasons == {"points at z/R 0.1, valid from 0.5"}
+    assert found.scores[0].law == "exponential_law"
+
+
+def test_distances_are_grouped_within_two_per_cent_and_a_plate_gone_is_none() -> None:
+    z_over_R = np.array([1.0, 0.5, 1.005, 8.0, 1e7, 0.505])
+    assert distance_groups(z_over_R).tolist() == [1, 0, 1, 2, -1, 0]
+    with pytest.raises(
+        InputError, match="lie at 3 distances of the plate, and comparing laws needs"
+    ):
+        compared(asked(), sd=1e-3, at=(0.6, 1.0, 2.0))
+
+
+def test_an_error_of_a_loss_counts_that_folds_overlap() -> None:
+    """The paired losses' standard error times sqrt(1 + J/(J - 1)), J distances."""
+    found = compared(asked(), sd=3e-3)
+    for score in found.scores[1:]:
+        if score.losses:
+            spread = np.std(score.losses, ddof=1)
+            assert score.behind == pytest.approx(np.mean(score.losses))
+            assert score.behind_se == pytest.approx(spread * np.sqrt(1 / 10 + 1 / 9))
+    assert found.scores[1].losses
+
+
+def test_the_true_law_is_seldom_called_behind_or_refused() -> None:
+    """Chances of 5 % (t), 1 % (signed ranks) and 0.1 % (chi2) allow 5 of 40."""
+    wrong = []
+    for seed in range(40):
+        found = compared(asked(), sd=2e-3, seed=seed)
+        wrong.append("rotor_images" not in found.named("best", "not told apart"))
+    assert sum(wrong) <= 5
