@@ -14,13 +14,14 @@ from benchtool.core.parameter import Parameter, full_name
 from benchtool.core.rig import Rig
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.effects.effect import Effect
+from benchtool.physics.effects.neighbour_images import EFFECT as NEIGHBOURS
 from benchtool.physics.mixer import mixer_matrix
 from benchtool.physics.model import Model
 from benchtool.simulate.flight.records import Craft
 from benchtool.simulate.flight.rigid_body import GRAVITY_M_S2
 from benchtool.simulate.ranges import refuse_outside
 
-SHORT_NAMES = {"K_b": "K_b", "neighbours": "strength", "lag_s": "tau_s"}
+SHORT_NAMES = {"K_b": "K_b", "neighbours": f"{NEIGHBOURS.name}.strength", "lag_s": "tau_s"}
 """What a flight calls some effects' numbers, and their own names."""
 
 RANGES = {
@@ -59,8 +60,11 @@ class FlightVehicle:
 
     @classmethod
     def of_rig(cls, rig: Rig, **numbers: float) -> FlightVehicle:
-        """Return a rig's vehicle with eq. (4): the effects that act at their default values."""
-        model = Model.single(rig)
+        """Return a rig's vehicle with eq. (4): the effects that act at their default values.
+
+        The rig's blades are among them where it states any.
+        """
+        model = Model.single(rig).with_blades_of_rig()
         usual = (effect for effect in EFFECTS.values() if _acts_by_default(effect))
         for effect in usual:
             if all(effect.name != present.name for present in model.effects):
@@ -207,6 +211,6 @@ def _at(model: Model, name: str, value: float) -> Model:
 
 
 def _acts_by_default(effect: Effect) -> bool:
-    if effect.distance_law is not None:  # a model has its own
+    if effect.distance_law is not None or effect.rig_values is not None:  # model or rig decides
         return False
     return any(item.neutral is not None and not item.is_neutral for item in effect.parameters)

@@ -12,6 +12,7 @@ from benchtool.simulate.flight.cases import GUST_DRAG_N_S_M, flight_case
 from benchtool.simulate.flight.setup import CHANGEABLE, FlightSetup, changed, full_name
 from benchtool.simulate.flight.vehicle import FlightVehicle
 from benchtool.simulate.gain_file import gains_named
+from tests.unit.physics.blades import bladed
 
 VEHICLE = FlightVehicle.of_rig(rig_named("pquad"))
 SETUP = FlightSetup(case="over", vehicle=VEHICLE, gains=gains_named("s3"))
@@ -80,3 +81,11 @@ def test_the_unit_of_a_name_may_be_left_out_where_one_name_is_left() -> None:
 def test_a_number_that_no_flight_has_is_refused(name: str, value: float, says: str) -> None:
     with pytest.raises(InputError, match=says):
         changed(SETUP, {name: value}).flown("pid")
+
+
+def test_a_shipped_vehicle_flies_eq_10_as_printed_and_a_bladed_one_its_blades() -> None:
+    names = [effect.name for effect in VEHICLE.model.present_effects]
+    assert names == ["rotor_images", "neighbour_images", "body_lift"]
+    bladed_model = FlightVehicle.of_rig(bladed("pquad")).model
+    assert {effect.name for effect in bladed_model.present_effects} == {*names, "blade_inflow"}
+    assert bladed_model.parameters["blade_inflow.response"].value == pytest.approx(0.9016, abs=1e-4)
