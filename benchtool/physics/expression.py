@@ -121,9 +121,15 @@ def replaced(values: Any, i: int, value: Any) -> Any:
 
 def numbers_of(record: Any) -> list[Any]:
     """Return the numbers of a record in the order of their rows."""
-    if isinstance(record, tuple):
-        return [number for part in record for number in numbers_of(part)]
-    return [record]
+    if not isinstance(record, tuple):
+        return [record]
+    found = []
+    for part in record:
+        if isinstance(part, tuple):
+            found += numbers_of(part)
+        else:
+            found.append(part)
+    return found
 
 
 def _filled(like: Any, places: Iterator[int], flat: Any) -> Any:

@@ -28,6 +28,14 @@ def next_state(state: Quantity) -> Quantity:
 
 
 @expression
+def later_state(state: Quantity, steps: int) -> Quantity:
+    """Return the generator's state so many steps on."""
+    for _ in range(steps):
+        state = next_state(state)
+    return state
+
+
+@expression
 def bits(state: Quantity) -> Quantity:
     """Return 32 random bits of a state."""
     return (state & LOW_32) ^ (state >> 32)

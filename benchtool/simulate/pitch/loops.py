@@ -19,6 +19,7 @@ from benchtool.simulate.controllers.controller import PitchLaw
 from benchtool.simulate.hooks import identities, joined_hooks
 from benchtool.simulate.kernel import PULSES, Build, Phases, always, nothing, run_ticks
 from benchtool.simulate.layout import Layout
+from benchtool.simulate.noise import later_state
 from benchtool.simulate.pitch.filter_ticks import GAINS, correct_lane, logged_slot
 from benchtool.simulate.pitch.lane import sense_lane, step_lane
 from benchtool.simulate.pitch.law import (
@@ -136,8 +137,12 @@ def pitch_loops(
             )
             write_record(w, to.delayed, lane, lanes, late)
         fresh = read_record(a.fresh, FRESH, now.tick, a.fresh.shape[1])
-        for lane in range(lanes):
-            sense_lane(w, lane, lanes, a.states, fresh, now.fixed, to, hooks())
+        if fresh.theta + fresh.gyro + fresh.plate + fresh.speed > 0.0:
+            for lane in range(lanes):
+                sense_lane(w, lane, lanes, a.states, fresh, now.fixed, to, hooks())
+        else:  # the readings stay, and the noise goes on as if they were read
+            for lane in range(lanes):
+                a.states[lane] = later_state(a.states[lane], 2 * (3 + n_discs))
 
     closed: Any = expression(lambda: Phases(fixed, wanted, control, mix, move, sense, always))
     along: Any = expression(lambda: Phases(fixed, shown, correct, drive, move, nothing, always))

@@ -99,8 +99,8 @@ class PitchLoop:
         neutral_too: bool = False,
         log: Array | None = None,
     ) -> None:
-        first = jobs[0]
-        for other in {id(job): job for job in jobs}.values():
+        first, each = jobs[0], {id(job): job for job in jobs}
+        for other in each.values():
             if other is not first and shared_key(other) != shared_key(first):
                 raise InputError(
                     "runs side by side must share rig, rates, delays, and what observer and "
@@ -109,7 +109,7 @@ class PitchLoop:
         bench, model = first.bench, first.bench.model
         self.lanes, self.schedule = len(jobs), schedule
         self.n_discs = model.rig.n_discs
-        models = [model for job in jobs for model in (job.bench.model, job.nominal_model)]
+        models = [at for job in each.values() for at in (job.bench.model, job.nominal_model)]
         effects = loop_effects(*models, neutral_too=neutral_too)
         control, law = first.control, first.control.law
         n_numbers = sum(len(effect.parameters) for effect in effects)
@@ -120,8 +120,8 @@ class PitchLoop:
             effects, self.layout, self.n_discs, self.lanes, model.wake_rule, arms, law
         )
         packed = {
-            id(job): pack(job.bench, job.control, job.nominal_model, effects, self.layout)
-            for job in jobs
+            key: pack(job.bench, job.control, job.nominal_model, effects, self.layout)
+            for key, job in each.items()
         }
         columns = [packed[id(job)] for job in jobs]
         self.substeps = substeps_of(bench, schedule.rate_Hz)
