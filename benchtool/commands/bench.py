@@ -213,7 +213,7 @@ def _pitch(
     inputs: ServeInputs, rig: Rig, link: ServerLink, faults: list[Fault], speak: Speak
 ) -> tuple[BenchServer, str]:
     from benchtool.commands.terminal.messages import announce_code
-    from benchtool.simulate.controllers.pitch import PITCH_CONTROLLERS
+    from benchtool.simulate.controllers.laws import PITCH_CONTROLLERS
     from benchtool.simulate.own_controller import controller_class
     from benchtool.simulate.pitch.setup import changed_job
     from benchtool.virtual.devices import device_server, pitch_hello, pitch_plant

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, get_args
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from annotated_types import Ge, Gt, Le, Len
 
@@ -76,13 +76,13 @@ def flight(inputs: FlightInputs) -> None:
     from benchtool.commands.terminal.messages import announce_code
     from benchtool.report.flight.flight import fly_each, report_lines, write_flights
     from benchtool.simulate.campaign_flight import OGE, flight_campaign
-    from benchtool.simulate.flight.flight import FlightControl
+    from benchtool.simulate.controllers.laws import FLIGHT_CONTROLLERS
     from benchtool.simulate.flight.setup import full_name
     from benchtool.simulate.own_controller import controller_class
 
     say_if_slow()
     study, several = inputs.study, bool(inputs.study.campaign.vary)
-    known = get_args(FlightControl)
+    known = tuple(FLIGHT_CONTROLLERS)
     usual = ("oge", "pid") if several else ("pid", "observer", "feedforward")
     names = inputs.controllers or usual
     refuse_twice("--controllers", names)

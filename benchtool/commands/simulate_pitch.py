@@ -39,7 +39,7 @@ def pitch(inputs: PitchInputs) -> None:
     """
     from benchtool.commands.terminal.messages import announce_code
     from benchtool.report.flight.pitch_study import pitch_study, report_lines, write_study
-    from benchtool.simulate.controllers.pitch import PITCH_CONTROLLERS
+    from benchtool.simulate.controllers.laws import PITCH_CONTROLLERS
     from benchtool.simulate.own_controller import controller_class
 
     say_if_slow()
@@ -69,7 +69,8 @@ def pitch(inputs: PitchInputs) -> None:
 def setup_of(inputs: PitchInputs, gains: str) -> PitchSetup:
     """Return what runs with one gain set."""
     from benchtool.commands.terminal.messages import announce_code, print_notes
-    from benchtool.simulate.controllers.pitch import PITCH_CONTROLLERS, Feedforward
+    from benchtool.simulate.controllers.laws import PITCH_CONTROLLERS
+    from benchtool.simulate.controllers.pitch import Feedforward
     from benchtool.simulate.pitch.setup import changed, pitch_setup
 
     setup = pitch_setup(

@@ -29,7 +29,7 @@ from benchtool.report.preview import (
 from benchtool.report.side_view import Scene, Surface
 from benchtool.simulate.campaign import results_in_order
 from benchtool.simulate.flight.environment import Block
-from benchtool.simulate.flight.flight import FlightCase, FlightControl
+from benchtool.simulate.flight.flight import FlightCase
 from benchtool.simulate.flight.setup import FlightSetup
 from benchtool.simulate.flight.study import Flown, fly_and_measure, name_of, verdict
 from benchtool.simulate.flight.warnings import warnings_of
@@ -43,7 +43,7 @@ move by less than 1 mm and 0.03 deg, which no screen shows (measured)."""
 
 
 def flight_preview(
-    setup: FlightSetup, controls: Sequence[FlightControl], seed: int, *, quick: bool = False
+    setup: FlightSetup, controls: Sequence[str], seed: int, *, quick: bool = False
 ) -> SimulationPreview:
     """Fly under every controller and return what a page shows.
 

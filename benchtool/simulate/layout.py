@@ -7,11 +7,12 @@ one array.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from functools import cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from benchtool.core.array import Array
 from benchtool.physics.expression import Slot, numbers_of
@@ -40,6 +41,19 @@ class Layout:
             record, _, field = path.partition(".")
             self._rows[path] = rows_in(getattr(self.places, record), field)
         return self._rows[path]
+
+    def row_numbers(self, fields: Iterable[str]) -> NDArray[np.int64]:
+        """Return the rows of fields in turn; of `nothing` for what a law's state has no field."""
+        found: list[int] = []
+        for field in fields:
+            try:
+                rows = self.rows(field)
+            except (ValueError, AttributeError):
+                if not field.startswith("law_state."):
+                    raise
+                rows = self.rows("nothing")
+            found += range(self.n_rows)[rows]
+        return np.array(found, np.int64)
 
     def column(self, **records: Any) -> Array:
         """Return one lane's block (n_rows,) with these records; as at the beginning elsewhere."""

@@ -9,7 +9,7 @@ from typing import Any
 
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.own_code import CodePermit, own_module, refuse_code
-from benchtool.simulate.controllers.pitch import PITCH_CONTROLLERS
+from benchtool.simulate.controllers.laws import PITCH_CONTROLLERS
 
 
 def made(controller: type[Any], name: str) -> Any:

@@ -3,22 +3,38 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from pkgutil import iter_modules
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 
+from benchtool.core.rig_file import rig_named
+from benchtool.physics.expression import loop_part
 from benchtool.simulate import controllers
+from benchtool.simulate.controllers import laws
 from benchtool.simulate.controllers.controller import (
+    ControlLaw,
+    FlightCommand,
     LawController,
-    PitchLaw,
     PitchMeasurement,
     PitchPlant,
     PitchReference,
 )
-from benchtool.simulate.controllers.pitch import LAWS, PITCH_CONTROLLERS, pitch_controller
+from benchtool.simulate.controllers.laws import (
+    FLIGHT_CONTROLLERS,
+    LAWS,
+    PITCH_CONTROLLERS,
+    law_of,
+)
+from benchtool.simulate.controllers.pitch import pitch_controller
+from benchtool.simulate.flight.cases import flight_case
+from benchtool.simulate.flight.flight import FlightCase, Goal, fly
+from benchtool.simulate.flight.own import fly_own
+from benchtool.simulate.flight.vehicle import FlightVehicle
 from benchtool.simulate.gain_file import gain_names, gains_named
 from benchtool.simulate.pitch.pack import torque_limit_Nm
 from benchtool.simulate.pitch.run import PitchJob
@@ -29,6 +45,13 @@ PAGE = Path(__file__).parents[2] / "docs/how-to/write-a-controller.md"
 
 EACH = pytest.mark.parametrize("name", PITCH_CONTROLLERS)
 SETS = pytest.mark.parametrize("gains", gain_names())
+
+
+def over(name: str) -> FlightCase:
+    """Return a short flight towards an edge with a noisy gyro."""
+    vehicle = FlightVehicle.of_rig(rig_named("pquad"), lag_s=0.02)
+    case = flight_case("over", vehicle, gains_named("s3"), control=name, gyro_noise_rad_s=0.015)
+    return replace(case, duration_s=3.0)
 
 
 def plant() -> PitchPlant:
@@ -86,19 +109,68 @@ def test_it_holds_the_reference_out_of_ground_effect(name: str, gains: str) -> N
     assert np.degrees(np.max(np.abs(run.column("true_theta_rad")))) < 0.3
 
 
-@EACH
-def test_it_has_a_row_on_the_page_of_controllers(name: str) -> None:
-    title = PITCH_CONTROLLERS[name]
-    assert f"| `{name}` | {title} |" in PAGE.read_text(encoding="utf-8")
+@pytest.mark.parametrize("name", [n for n in FLIGHT_CONTROLLERS if not over(n).feeds_forward])
+def test_the_loop_and_the_seam_give_the_same_flight(name: str) -> None:
+    case = over(name)
+    law = law_of(name, "free")
+    compiled = fly(case)
+    stepped = fly_own(case, LawController(law, law.numbers(case, case.vehicle.rig.body)), name)
+    assert np.ptp(compiled["x_m"]) > 0.05
+    for column in ("x_m", "z_m", "roll_rad", "pitch_rad", "speed1_rad_s"):
+        np.testing.assert_allclose(stepped[column], compiled[column], rtol=1e-9, atol=1e-11)
 
 
-def test_the_page_has_no_row_of_an_unknown_controller() -> None:
-    table = PAGE.read_text(encoding="utf-8").partition("| controller | what it does |")[2]
-    rows = re.findall(r"^\| `([\w+]+)` \|", table, re.MULTILINE)
-    assert set(rows) == set(PITCH_CONTROLLERS)
+class ClimbState(NamedTuple):
+    integral_N: float = 0.0
+
+
+@loop_part
+def climb(
+    p: tuple[float, float], state: ClimbState, measured: Any, reference: Any, dt_s: float
+) -> tuple[ClimbState, FlightCommand]:
+    error_m = reference.z_m - measured.z_m
+    thrust_N = reference.hover_N + p[0] * error_m - p[1] * measured.vz_m_s + state.integral_N
+    return ClimbState(state.integral_N + error_m * dt_s), FlightCommand(thrust_N, 0.0, 0.0, 0.0)
+
+
+def test_a_flight_law_of_any_state_goes_the_way_of_the_cascade(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    law = ControlLaw(
+        name="climb", title="climb", body="free", step=climb, state=ClimbState(),
+        numbers=lambda case, body: (8.0 * body.mass_kg, 4.0 * body.mass_kg),
+    )  # fmt: skip
+    monkeypatch.setattr(laws, "LAWS", (*LAWS, law))
+    monkeypatch.setitem(FLIGHT_CONTROLLERS, "climb", law.title)
+    case = replace(over("climb"), start_m=(0.0, 0.0, 2.0), goals=(Goal(x_m=0.0, z_m=2.5),))
+    case = replace(case, duration_s=1.0, gyro_noise_rad_s=0.0)
+    built_in = fly(case)
+    own = fly_own(case, LawController(law, law.numbers(case, case.vehicle.rig.body)), "climb")
+    assert built_in["z_m"][-1] > 2.3
+    assert np.isnan(built_in["pitch_ref_rad"]).all()
+    np.testing.assert_allclose(own["z_m"], built_in["z_m"], rtol=1e-12)
+
+
+@pytest.mark.parametrize("name", FLIGHT_CONTROLLERS)
+def test_in_flight_it_holds_a_place_out_of_ground_effect(name: str) -> None:
+    high = replace(over(name), start_m=(0.0, 0.0, 2.0), goals=(), gyro_noise_rad_s=0.0)
+    flight = fly(high)
+    assert np.abs(np.stack([flight["x_m"], flight["y_m"], flight["z_m"] - 2.0])).max() < 1e-3
+
+
+@pytest.mark.parametrize(
+    ("heading", "controllers"),
+    [("controller", PITCH_CONTROLLERS), ("controller in flight", FLIGHT_CONTROLLERS)],
+)
+def test_the_page_has_a_row_of_every_controller(heading: str, controllers: dict[str, str]) -> None:
+    table = PAGE.read_text(encoding="utf-8").partition(f"| {heading} | what it does |\n")[2]
+    rows = re.findall(r"^\| `([\w+]+)` \| (.*) \|$", table.partition("\n\n")[0], re.MULTILINE)
+    assert dict(rows) == controllers
 
 
 def test_every_law_in_the_folder_is_registered() -> None:
     names = [info.name for info in iter_modules(controllers.__path__, f"{controllers.__name__}.")]
     found = (getattr(import_module(name), "LAW", None) for name in names)
-    assert {law.name for law in found if isinstance(law, PitchLaw)} == {law.name for law in LAWS}
+    assert {(law.name, law.body) for law in found if isinstance(law, ControlLaw)} == {
+        (law.name, law.body) for law in LAWS
+    }

@@ -24,7 +24,7 @@ from benchtool.report.files import refuse_existing, save_figure
 from benchtool.report.palette import BLUE, GREEN, GREY, VERMILION
 from benchtool.report.panels import DASHED, DOTTED, OVER, spans
 from benchtool.simulate.campaign import results_in_order
-from benchtool.simulate.flight.flight import FlightCase, FlightControl
+from benchtool.simulate.flight.flight import FlightCase
 from benchtool.simulate.flight.measures import measure
 from benchtool.simulate.flight.own import fly_own
 from benchtool.simulate.flight.study import (
@@ -175,7 +175,7 @@ FLIGHT = Page("flight", [("The flight", ["flight"])])
 
 def fly_each(
     case: FlightCase,
-    controls: Sequence[FlightControl],
+    controls: Sequence[str],
     own: Sequence[tuple[str, type[Any]]] = (),
 ) -> list[Flown]:
     """Fly a case out of ground effect with PID first, then under each controller.

@@ -21,8 +21,9 @@ from benchtool.report.flight.pitch_study import (
     trace_of,
 )
 from benchtool.report.page import FigureBlock
+from benchtool.simulate.controllers.laws import FLIGHT_CONTROLLERS
 from benchtool.simulate.flight.cases import GYRO_NOISE_RAD_S, OBSTACLE_X_M
-from benchtool.simulate.flight.study import CONTROL_NAMES, Flown
+from benchtool.simulate.flight.study import Flown
 from benchtool.simulate.pitch.setup import PitchSetup, changed, pitch_setup
 
 UNTIL_S = 60.0
@@ -87,7 +88,7 @@ def _heights(case: str, control: str) -> Columns:
 
 def _controllers(case: str) -> Columns:
     names = ("pid", "observer", "feedforward")
-    return lambda flights: {CONTROL_NAMES[name]: flights.fly(case, name) for name in names}
+    return lambda flights: {FLIGHT_CONTROLLERS[name]: flights.fly(case, name) for name in names}
 
 
 FLIGHTS = (
@@ -100,7 +101,7 @@ FLIGHTS = (
 for _number, _control, _case in FLIGHTS:
     _register(
         f"fig{_number}-{_control}-{_case}",
-        f"{CONTROL_NAMES[_control]}: {CASES[_case]}, 0.2 m/s (Fig. {_number})",
+        f"{FLIGHT_CONTROLLERS[_control]}: {CASES[_case]}, 0.2 m/s (Fig. {_number})",
         "The same flight far from the obstacle, and at two heights over it.",
         _heights(_case, _control),
         3,

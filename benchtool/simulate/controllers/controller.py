@@ -1,15 +1,15 @@
 """The seam for controllers: one method, called once per control period.
 
 A user's controller is any class with `step`; it may keep state, and a simulation makes a new one
-for every run. A built-in law is a function of numbers and states (`PitchLaw`), so that it also runs
-inside the compiled loop; `LawController` makes a controller of it.
+for every run. A built-in law is a function of numbers and states (`ControlLaw`), so that it runs
+inside the compiled loop too; `LawController` makes a controller of it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol, TypeAlias, TypeVar
+from typing import Any, Literal, NamedTuple, Protocol, TypeAlias, TypeVar
 
 MeasurementT = TypeVar("MeasurementT", contravariant=True)
 ReferenceT = TypeVar("ReferenceT", contravariant=True)
@@ -80,36 +80,38 @@ class PitchPlant(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PitchLaw:
-    """Describe a built-in law of the pitch bench.
+class ControlLaw:
+    """Describe a built-in law.
 
     Attributes:
         name, title: as on the command line, and one line for people.
-        step: step(p, state, measurement, reference, dt_s) -> state, PitchCommand; marked
-            `@expression`, so that the same source runs in Python and in the compiled loop.
+        body: what it controls: "hinged" is a pitch bench, "free" a vehicle in flight.
+        step: step(p, state, measurement, reference, dt_s) -> state, command: a `PitchCommand` or a
+            `FlightCommand`. Marked `@expression`, so that the same source runs in Python and in the
+            compiled loop; in flight `@loop_part` does too, because a flight has one lane.
         state: at the beginning, a named tuple of floats and tuples of them. A field `estimate_Nm`
-            is logged as the disturbance that the law sees.
-        numbers: numbers(control, plant) -> p, a named tuple of floats and tuples of them.
+            is logged as the disturbance that the law sees; in flight, what `flight.LOGGED` names.
+        numbers: numbers(control, plant) -> p, a named tuple of floats and tuples of them; of a
+            `PitchControl` and a `PitchPlant`, or of a `FlightCase` and the rig's `Body`.
     """
 
     name: str
     title: str
+    body: Literal["hinged", "free"] = "hinged"
     step: Callable[..., Any]
     state: Any
-    numbers: Callable[[Any, PitchPlant], Any]
+    numbers: Callable[[Any, Any], Any]
 
 
 class LawController:
     """Run a built-in law as a `Controller`, outside of a compiled loop."""
 
-    def __init__(self, law: PitchLaw, numbers: Any) -> None:
+    def __init__(self, law: ControlLaw, numbers: Any) -> None:
         self.law, self.numbers, self.state = law, numbers, law.state
 
-    def step(
-        self, measurement: PitchMeasurement, reference: PitchReference, dt_s: float
-    ) -> PitchCommand:
+    def step(self, measurement: Any, reference: Any, dt_s: float) -> Any:
         self.state, command = self.law.step(self.numbers, self.state, measurement, reference, dt_s)
-        return PitchCommand(*map(float, command))
+        return command
 
 
 class FlightMeasurement(NamedTuple):

@@ -24,7 +24,7 @@ from benchtool.simulate.controllers.cascade import (
     pitch_command,
     velocity_command,
 )
-from benchtool.simulate.controllers.controller import FlightCommand
+from benchtool.simulate.controllers.controller import ControlLaw, FlightCommand
 from benchtool.simulate.controllers.limits import integrated
 from benchtool.simulate.controllers.observer import next_explained, observed
 from benchtool.simulate.controllers.pid import (
@@ -207,10 +207,9 @@ def flight_step(
     return after, FlightCommand(thrust, tx, ty, tz, ())
 
 
-def flight_numbers(
-    gains: Gains, body: Body, compensate: bool, from_s: float, ramp: bool
-) -> FlightNumbers:
-    """Return the law's numbers for gains and the body as it is known; see `FlightNumbers`."""
+def flight_numbers(case: Any, body: Body) -> FlightNumbers:
+    """Return the law's numbers for a `FlightCase` and the body as it is known."""
+    gains: Gains = case.gains
     a, y, p = gains.attitude, gains.yaw, gains.position
 
     def tilt(inertia_kgm2: float) -> AttitudePid:
@@ -247,9 +246,19 @@ def flight_numbers(
         gains.altitude.k_iz_per_s3,
         gains.altitude.limit_m_s2,
         gains.observer.rate_per_s,
-        float(compensate),
-        from_s,
-        float(ramp),
+        float(case.observes),
+        case.compensation_from_s,
+        float(case.ramp),
         body.mass_kg,
         GRAVITY_M_S2,
     )
+
+
+LAW = ControlLaw(
+    name="pid",
+    title="PID",
+    body="free",
+    step=flight_step,
+    state=FlightLawState(),
+    numbers=flight_numbers,
+)

@@ -6,21 +6,9 @@ from dataclasses import dataclass
 
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.simulate.controllers import pitch_law
-from benchtool.simulate.controllers.controller import PitchLaw
+from benchtool.simulate.controllers.controller import ControlLaw
+from benchtool.simulate.controllers.laws import PITCH_CONTROLLERS, law_of
 from benchtool.simulate.gain_file import Gains
-
-LAWS: tuple[PitchLaw, ...] = (pitch_law.LAW,)
-"""The built-in laws; one of one's own is added here."""
-
-PITCH_CONTROLLERS = {
-    "pid": pitch_law.LAW.title,
-    "observer": "PID with the disturbance observer of eq. (12)",
-    "feedforward": "PID with each rotor's thrust divided by the expected factor",
-    "observer+feedforward": "PID with both",
-    **{law.name: law.title for law in LAWS[1:]},
-    **{f"{law.name}+feedforward": f"{law.title}; with the feedforward" for law in LAWS[1:]},
-}
-"""The built-in controllers by name, each with one line."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,7 +61,7 @@ class PitchControl:
     feedforward: Feedforward = Feedforward()
     pulses: PulseLaw = PulseLaw()
     rate_Hz: float | None = None
-    law: PitchLaw = pitch_law.LAW
+    law: ControlLaw = pitch_law.LAW
 
     @property
     def control_rate_Hz(self) -> float:
@@ -105,5 +93,5 @@ def pitch_controller(
         gains=gains,
         observer="observer" in parts,
         feedforward=known if "feedforward" in parts else Feedforward(),
-        law=next((law for law in LAWS if law.name in parts), pitch_law.LAW),
+        law=law_of(name, "hinged"),
     )

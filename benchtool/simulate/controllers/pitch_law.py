@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from benchtool.physics.expression import expression
-from benchtool.simulate.controllers.controller import PitchCommand, PitchLaw, PitchPlant
+from benchtool.simulate.controllers.controller import ControlLaw, PitchCommand, PitchPlant
 from benchtool.simulate.controllers.limits import limited
 from benchtool.simulate.controllers.observer import next_explained, observed
 from benchtool.simulate.controllers.pid import (
@@ -82,7 +82,7 @@ def attitude_numbers(control: Any, plant: PitchPlant) -> AttitudeNumbers:
     )
 
 
-LAW = PitchLaw(
+LAW = ControlLaw(
     name="pid",
     title="cascaded PID alone",
     step=attitude_step,

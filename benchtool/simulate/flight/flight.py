@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import lru_cache
 from math import inf, isfinite
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from benchtool.core.array import Array
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.physics.expression import numbers_of
 from benchtool.simulate.controllers.controller import FlightReference
-from benchtool.simulate.controllers.flight_law import FlightLawState, flight_numbers, flight_step
+from benchtool.simulate.controllers.laws import FLIGHT_CONTROLLERS, law_of
 from benchtool.simulate.flight import records as r
 from benchtool.simulate.flight.environment import Environment
 from benchtool.simulate.flight.ground import DiscBelow
@@ -27,7 +27,6 @@ from benchtool.simulate.layout import lent, zeroed
 from benchtool.simulate.motors import Rotors, motion_of
 from benchtool.simulate.noise import lane_states
 
-FlightControl = Literal["pid", "observer", "feedforward", "both"]
 Ending = Literal["flown", "struck", "lost"]
 
 LOGGED = {
@@ -78,7 +77,7 @@ class FlightCase:
         vehicle: what flies.
         below: what it flies over.
         gains: of every loop.
-        control: PID alone, with observer, with feedforward, or with both.
+        control: one of `FLIGHT_CONTROLLERS`.
         start_m: x, y, z where it hovers at first.
         goals: where to go.
         duration_s: how long.
@@ -101,7 +100,7 @@ class FlightCase:
     gains: Gains
     below: Environment = field(default_factory=Environment)
     title: str = ""
-    control: FlightControl = "pid"
+    control: str = "pid"
     start_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     goals: tuple[Goal, ...] = ()
     duration_s: float = 60.0
@@ -118,8 +117,8 @@ class FlightCase:
     log_Hz: float = 50.0
 
     def __post_init__(self) -> None:
-        if self.control not in get_args(FlightControl):
-            raise UnknownChoice("flight control", self.control, get_args(FlightControl))
+        if self.control not in FLIGHT_CONTROLLERS:
+            raise UnknownChoice("flight control", self.control, FLIGHT_CONTROLLERS)
         period = 1.0 / self.gains.control_rate_Hz
         numbers = {
             "duration_s": (self.duration_s, period, 1e5),
@@ -144,6 +143,16 @@ class FlightCase:
                 f"step_s is {self.step_s:g}, too large for a motor lag of {lag_s:g} s; "
                 f"give at most {lag_s / 2.0:g}"
             )
+
+    @property
+    def observes(self) -> bool:
+        """Whether the observer acts."""
+        return self.control in ("observer", "both")
+
+    @property
+    def feeds_forward(self) -> bool:
+        """Whether thrusts are divided by what the map makes expect."""
+        return self.control == "both" or "feedforward" in self.control.split("+")
 
     def path_m(self) -> Array:
         """Return start and goals in plan (m, 2): m."""
@@ -217,17 +226,17 @@ class FlightLoop:
         self.log_every = max(1, round(gains.control_rate_Hz / case.log_Hz))
         dt_s = period_s / substeps
         effects, craft = loop_effects(model, in_flight=True), vehicle.craft()
-        watched = case.control in ("observer", "both")
-        law = flight_numbers(gains, rig.body, watched, case.compensation_from_s, case.ramp)
+        law = law_of(case.control, "free")
+        law_numbers = law.numbers(case, rig.body)
         n_numbers = sum(len(effect.parameters) for effect in effects)
         disc_of = tuple(int(disc) for disc in rig.disc_of_rotor)
         self.layout = r.flight_layout(
-            rig.n_discs, rig.n_rotors, n_numbers, zeroed(law), FlightLawState()
+            rig.n_discs, rig.n_rotors, n_numbers, zeroed(law_numbers), law.state
         )
         self.loops = flight_loops(
-            effects, self.layout, disc_of, model.wake_rule, model.arm_counts, flight_step
+            effects, self.layout, disc_of, model.wake_rule, model.arm_counts, law.step
         )
-        helped = case.control in ("feedforward", "both")
+        helped = case.feeds_forward
         chart = r.MapUse(
             case.map_strength if helped and not external else 0.0,
             -inf if external else case.compensation_from_s,
@@ -243,13 +252,15 @@ class FlightLoop:
             craft=craft,
             chart=chart,
             motion=motion,
-            law=law,
+            law=law_numbers,
             effects=loop_numbers(model, effects),
         )
         rows = (self.n_ticks + self.log_every - 1) // self.log_every
         fields = [*LOGGED.values(), "below.coverage", "below.height_m", "below.factor"]
         fields.append("rotors.speed_rad_s")
-        logged = [row for field in fields for row in range(len(w))[self.layout.rows(field)]]
+        if external:  # what no law of ours asks for or estimates stands in no log
+            fields = ["nothing" if "law_state" in field else field for field in fields]
+        logged = self.layout.row_numbers(fields)
         gusts = np.array([[g.from_s, g.length_s, *g.wind_m_s] for g in case.gusts], float)
         noise = np.zeros((3, 1))
         if case.gyro_noise_rad_s:
@@ -261,7 +272,7 @@ class FlightLoop:
             states=lane_states(case.seed, [0]),
             sent=np.zeros((rig.n_rotors, int(motion.delay_steps) // substeps + 3, 1)),
             log=np.zeros((rows, len(logged), 1)),
-            logged=np.array(logged, np.int64),
+            logged=logged,
             schedule=schedule_of(
                 (Goal(x_m=case.start_m[0], y_m=case.start_m[1], z_m=case.start_m[2]), *case.goals),
                 self.n_ticks, gains.control_rate_Hz, case.ramp, float(case.yaw_rad),

@@ -37,8 +37,6 @@ def fly_own(case: FlightCase, controller: FlightController, name: str) -> Flight
         InputError: as `fly`; or the controller raised, or returned what is no command.
     """
     loop = FlightLoop(case, external=True)
-    # What nobody asks for and nobody estimates stands in no log.
-    loop.view("law_state.estimate")[:] = loop.view("law_state.attitude")[:] = np.nan
     run, plan, n_discs = loop.loops.run, loop.plan, case.vehicle.rig.n_discs
     arrays = lent(run, loop.arrays)
     n_scalars, rate_Hz = len(FlightMeasurement._fields) - 2, case.gains.control_rate_Hz

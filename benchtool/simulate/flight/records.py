@@ -143,6 +143,7 @@ class FlightPlaces(NamedTuple):
     motion: Slot
     law: Slot
     effects: Slot
+    nothing: Slot
 
 
 class FlightArrays(NamedTuple):
@@ -206,6 +207,7 @@ def flight_layout(n_discs: int, n_rotors: int, n_numbers: int, law: Any, law_sta
         motion=Motion(),
         law=law,
         effects=(0.0,) * max(n_numbers, 1),
+        nothing=float("nan"),
     )
 
 

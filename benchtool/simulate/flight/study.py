@@ -8,17 +8,10 @@ import numpy as np
 
 from benchtool.core.channel import Channel
 from benchtool.core.recording import Recording
+from benchtool.simulate.controllers.laws import FLIGHT_CONTROLLERS
 from benchtool.simulate.flight.environment import Environment
 from benchtool.simulate.flight.flight import Flight, FlightCase, fly
 from benchtool.simulate.flight.measures import Measures, measure
-
-CONTROL_NAMES = {
-    "pid": "PID",
-    "observer": "PID + observer",
-    "feedforward": "PID + feedforward",
-    "both": "PID + observer + feedforward",
-}
-"""Controllers as figures name them."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,7 +40,7 @@ def out_of_ground_effect(case: FlightCase) -> FlightCase:
 
 def name_of(flown: Flown) -> str:
     """Return what tables and figures call a flight's controller."""
-    return flown.flight.own or CONTROL_NAMES[flown.case.control]
+    return flown.flight.own or FLIGHT_CONTROLLERS[flown.case.control]
 
 
 def recording_of(flight: Flight) -> Recording:

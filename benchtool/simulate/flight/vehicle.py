@@ -190,6 +190,7 @@ def owner_of(model: Model, name: str) -> tuple[Effect, Parameter]:
         f"{one.name}.{item.name}": (one, item)
         for one in effects.values()
         for item in one.parameters
+        if name not in SHORT_NAMES or one.distance_law is None
     }
     full = full_name(SHORT_NAMES.get(name, name), known, "number of a vehicle")
     return known[full]

@@ -58,7 +58,7 @@ def warnings_of(flights: Sequence[Flown]) -> list[str]:
         out.append(f"{names}: of the model, but not of a vehicle in flight; left out")
     if nothing := _nothing_acts(flights[1:]):
         out.append(nothing)
-    mapped = [flown for flown in flights if flown.case.control in ("feedforward", "both")]
+    mapped = [flown for flown in flights if flown.case.feeds_forward]
     if any(not flown.flight.own for flown in mapped) and not any(case.map_offset_m):
         out.append(
             "feedforward: its map is the plant's own model, so that it is best by construction"

@@ -15,7 +15,7 @@ from benchtool.physics.expression import (
     write_record,
 )
 from benchtool.physics.fold import identity
-from benchtool.simulate.controllers.controller import PitchLaw
+from benchtool.simulate.controllers.controller import ControlLaw
 from benchtool.simulate.hooks import identities, joined_hooks
 from benchtool.simulate.kernel import PULSES, Build, Phases, always, nothing, run_ticks
 from benchtool.simulate.layout import Layout
@@ -60,7 +60,7 @@ def pitch_loops(
     lanes: int,
     rule: str,
     arms: tuple[int, ...],
-    law: PitchLaw,
+    law: ControlLaw,
 ) -> PitchLoops:
     """Return the loops of these effects and this law.
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import lru_cache, partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchtool.core.array import Array
 from benchtool.core.errors import InputError
@@ -19,7 +18,7 @@ from benchtool.simulate.controllers.pitch import Feedforward, PitchControl
 from benchtool.simulate.hooks import loop_effects
 from benchtool.simulate.imperfections import due
 from benchtool.simulate.kernel import BUILT_IN, CALLER, PULSES, LoopPlan
-from benchtool.simulate.layout import Layout, lent, rows_in, zeroed
+from benchtool.simulate.layout import lent, rows_in, zeroed
 from benchtool.simulate.noise import lane_states
 from benchtool.simulate.pitch import records as r
 from benchtool.simulate.pitch.bench import SENSOR_NAMES, PitchBench, PitchSensor
@@ -67,13 +66,6 @@ FILTERED = (
     "hinge.wake_Nm", "readings.speed_rad_s", "rotors.speed_rad_s",
 )  # fmt: skip
 """Records' fields that filtering a log gives, in the order of `Predictions`."""
-
-
-def _row_numbers(layout: Layout, fields: Sequence[str]) -> NDArray[np.int64]:
-    if not hasattr(layout.places.law_state.like, "estimate_Nm"):
-        fields = ["nothing" if field == "law_state.estimate_Nm" else field for field in fields]
-    found = [row for field in fields for row in range(layout.n_rows)[layout.rows(field)]]
-    return np.array(found, np.int64)
 
 
 class PitchLoop:
@@ -134,7 +126,7 @@ class PitchLoop:
         self.states = lane_states(seed, list(runs))
         self.sent = np.zeros((self.n_discs, self.ring, self.lanes))
         self.past = np.zeros((3, r.PAST, self.lanes))
-        self.rows = _row_numbers(self.layout, LOGGED)
+        self.rows = self.layout.row_numbers(LOGGED)
         shape = (ticks, len(self.rows), self.lanes)
         self.log = log if log is not None and log.shape == shape else np.empty(shape)
         self.table = scheduled(
@@ -207,7 +199,7 @@ class PitchLoop:
             span: the row from which pulses are sent, so that a delay has them when the plant begins
                 to move; the first row to filter, and the one to stop before.
         """
-        rows = _row_numbers(self.layout, FILTERED)
+        rows = self.layout.row_numbers(FILTERED)
         found = np.empty((len(self.schedule), len(rows), self.lanes))
         arrays = self.arrays()._replace(log=found, logged=rows, schedule=log, gains=gains)
         run = self.loops.filter

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from math import nan
 
 from benchtool.simulate.flight.cases import GYRO_NOISE_RAD_S, flight_case
-from benchtool.simulate.flight.flight import FlightCase, FlightControl
+from benchtool.simulate.flight.flight import FlightCase
 from benchtool.simulate.flight.measures import Measures
 from benchtool.simulate.flight.vehicle import FlightVehicle
 from benchtool.simulate.gain_file import Gains
@@ -33,7 +33,7 @@ class Row:
 
     flight: str
     speed_m_s: float
-    control: FlightControl
+    control: str
     z_over_R: float | None
     arrives: str
     arrives_s: float
@@ -116,7 +116,7 @@ class Row:
 
 
 def _over(
-    speed: float, control: FlightControl, z: float | None, at: float, x: float, backs: int,
+    speed: float, control: str, z: float | None, at: float, x: float, backs: int,
     pitch: float, rms: float, early: float = 0.0,
 ) -> Row:  # fmt: skip
     return Row(
@@ -127,7 +127,7 @@ def _over(
 
 
 def _edge(
-    speed: float, control: FlightControl, z: float | None, arrives: str, at: float, x: float,
+    speed: float, control: str, z: float | None, arrives: str, at: float, x: float,
     pitch: float, rms: float, low: float, high: float, early: float = 0.0, noisy: bool = False,
 ) -> Row:  # fmt: skip
     return Row(

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from html import escape
 from itertools import count
-from typing import Any, get_args
+from typing import Any
 
 from nicegui import background_tasks, json, ui
 from nicegui.element import Element
@@ -21,9 +21,8 @@ from benchtool.core.rig_file import rig_named, rig_names
 from benchtool.core.schedule_file import schedule_names
 from benchtool.report.palette import BLUE, VERMILION
 from benchtool.report.side_view import ADDED_TIMES
-from benchtool.simulate.controllers.pitch import PITCH_CONTROLLERS
+from benchtool.simulate.controllers.laws import FLIGHT_CONTROLLERS, PITCH_CONTROLLERS
 from benchtool.simulate.flight.cases import FLIGHTS
-from benchtool.simulate.flight.flight import FlightControl
 from benchtool.simulate.gain_file import gain_names
 from benchtool.web.context import PageContext
 from benchtool.web.tabs.simulate.save_card import SaveCard
@@ -59,7 +58,7 @@ class SideViews(Element, component=STATIC / "side_views.js"):
 
 PITCH, FLIGHT = "pitch bench", "flight"
 
-FLIGHT_CONTROLLERS = ("pid", "observer", "feedforward")
+FLOWN_FIRST = ("pid", "observer", "feedforward")
 """Chosen at first for a flight, as the command has them."""
 
 STILL_S = 0.25
@@ -129,9 +128,9 @@ class SimulateTab:
         for each in (self._schedule, self._length, self._hidden):
             each.set_visibility(not flying)
         self._case.set_visibility(flying)
-        known = list(get_args(FlightControl)) if flying else list(PITCH_CONTROLLERS)
+        known = list(FLIGHT_CONTROLLERS if flying else PITCH_CONTROLLERS)
         if list(self._controllers.options) != known:
-            first = FLIGHT_CONTROLLERS if flying else PitchInputs().controllers
+            first = FLOWN_FIRST if flying else PitchInputs().controllers
             self._rig.set_options(_flying_rigs() if flying else _pitch_rigs(), value="pquad")
             self._controllers.set_options(known, value=list(first))
         if flying:

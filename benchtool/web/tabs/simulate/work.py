@@ -7,7 +7,7 @@ from dataclasses import fields
 from io import BytesIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, get_args
+from typing import Any
 from zipfile import ZIP_DEFLATED, ZipFile
 
 import numpy as np
@@ -21,7 +21,7 @@ from benchtool.data.run.recording_file import beside
 from benchtool.report.palette import BLUE, GREEN, GREY, VERMILION
 from benchtool.report.preview import ChartLine, DrawnMotion, Role, SimulationPreview
 from benchtool.report.side_view import side_view_svg
-from benchtool.simulate.flight.flight import FlightControl
+from benchtool.simulate.controllers.laws import FLIGHT_CONTROLLERS
 from benchtool.web.jobs import complete_folder, partial_folder
 
 Shown = dict[str, Any]
@@ -133,8 +133,8 @@ def write(inputs: Simulation, folder: Path) -> list[Path]:
     return write_flights(folder, fly_each(flown, _controls(inputs)))
 
 
-def _controls(inputs: FlightInputs) -> list[FlightControl]:
-    return [known for known in get_args(FlightControl) if known in inputs.controllers]
+def _controls(inputs: FlightInputs) -> list[str]:
+    return [known for known in FLIGHT_CONTROLLERS if known in inputs.controllers]
 
 
 def zipped(inputs: Simulation) -> bytes:

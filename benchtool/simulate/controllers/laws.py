@@ -1,0 +1,39 @@
+"""The built-in laws, and the controllers that they make up by name."""
+
+from __future__ import annotations
+
+from benchtool.simulate.controllers import flight_law, pitch_law
+from benchtool.simulate.controllers.controller import ControlLaw
+
+LAWS: tuple[ControlLaw, ...] = (pitch_law.LAW, flight_law.LAW)
+"""The built-in laws; one of one's own is added here."""
+
+_HINGED, _FREE = (
+    {law.name: law.title for law in LAWS if law.body == body and law.name != "pid"}
+    for body in ("hinged", "free")
+)
+PITCH_CONTROLLERS = {
+    "pid": pitch_law.LAW.title,
+    "observer": "PID with the disturbance observer of eq. (12)",
+    "feedforward": "PID with each rotor's thrust divided by the expected factor",
+    "observer+feedforward": "PID with both",
+    **_HINGED,
+    **{f"{name}+feedforward": f"{title}; with the feedforward" for name, title in _HINGED.items()},
+}
+"""The built-in controllers of the pitch bench by name, each with one line."""
+
+FLIGHT_CONTROLLERS = {
+    "pid": flight_law.LAW.title,
+    "observer": "PID + observer",
+    "feedforward": "PID + feedforward",
+    "both": "PID + observer + feedforward",
+    **_FREE,
+    **{f"{name}+feedforward": f"{title} + feedforward" for name, title in _FREE.items()},
+}
+"""The built-in controllers of a flight by name, each as figures name it."""
+
+
+def law_of(controller: str, body: str) -> ControlLaw:
+    """Return the law of a built-in controller of a body; PID where the name holds no law."""
+    of_body = [law for law in LAWS if law.body == body]
+    return next((law for law in of_body if law.name in controller.split("+")), of_body[0])
